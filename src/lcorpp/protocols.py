@@ -5,27 +5,35 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Protocol
 
-from lcorpp.values import Belief, Distribution, Instance, Label
+from lcorpp.values import Array, Belief, Distribution, Label, SharedValue
 
 
 class Classifier(Protocol):
-    """rho of Algorithm 2: predicts the class of a trajectory."""
+    """rho of Algorithm 2, for one sense: predicts the class of a signal, e.g. of a trajectory."""
 
-    def classify(self, instance: Instance) -> Label | None:
-        """Return the person's class or the likelihood of each class; None if the robot does not classify."""
+    def classify(self, signal: Array) -> Label | None:
+        """Return the person's class or the likelihood of each class; None if the robot does not classify.
+
+        Args:
+            signal: (channels, time points) or (features,), see `values.Instance`.
+        """
 
 
 class Reasoner(Protocol):
-    """theta of Algorithm 2: computes the marginal of an attribute from evidence."""
+    """theta of Algorithm 2: computes the marginal of the shared variables from evidence."""
 
-    def posterior(self, attribute: str, evidence: Mapping[str, Label]) -> Distribution | None:
-        """Return the marginal of `attribute` given the evidence; None if the robot does not reason.
+    def posterior(self, attribute: str | Sequence[str], evidence: Mapping[str, Label]) -> Distribution | None:
+        """Return the marginal of an attribute, or the joint marginal of several, given the evidence.
 
         Args:
+            attribute: `DomainInterface.shared`.
             evidence: attribute -> value, or -> likelihood of its values (soft evidence).
+
+        Returns:
+            The marginal; its values are tuples for several attributes. None if the robot does not reason.
 
         Raises:
             UndefinedError: the evidence is impossible.
@@ -61,32 +69,35 @@ class World(Protocol):
 
 
 class DomainInterface(Protocol):
-    """Translates between the names of classifier, reasoner and planner; `domains.Domain` implements it."""
+    """Translates between the names of classifiers, reasoner and planner; `domains.Domain` implements it."""
 
     @property
-    def target(self) -> str:
-        """The attribute shared by reasoner and planner."""
+    def shared(self) -> str | tuple[str, ...]:
+        """The attribute, or the attributes, shared by reasoner and planner."""
 
     @property
-    def values(self) -> tuple[str, ...]:
-        """The values of the target."""
+    def values(self) -> tuple[SharedValue, ...]:
+        """The values of the shared attribute; of several, all tuples of their values."""
 
-    def evidence(self, context: Mapping[str, str], predicted: Label | None) -> Mapping[str, Label]:
-        """Return the reasoner's evidence: the observed facts and, if there is one, the predicted class."""
+    def evidence(self, context: Mapping[str, str], labels: Mapping[str, Label]) -> Mapping[str, Label]:
+        """Return the reasoner's evidence: the observed facts and the predicted class of each sense."""
 
-    def target_of_label(self, evidence: Mapping[str, Label]) -> Label | None:
-        """Return the target value (or likelihood of the values) of the label in the evidence, if any."""
+    def label_marginal(self, evidence: Mapping[str, Label]) -> Distribution | None:
+        """Return the marginal of the shared variables by the labels alone; None if none is about them."""
+
+    def class_of(self, sense: str, value: SharedValue) -> str:
+        """Return the class that a sense should predict for a person of this shared value."""
 
     def prior(self, marginal: Distribution) -> Belief:
-        """Return the planner's belief (S,) with the reasoner's marginal over the target."""
+        """Return the planner's belief (S,) with the reasoner's marginal over the shared variables."""
 
     def marginal(self, belief: Belief) -> Distribution:
-        """Return the target's distribution under a planner's belief (S,)."""
+        """Return the distribution of the shared variables under a planner's belief (S,)."""
 
-    def reported_value(self, action: str) -> str | None:
-        """Return the target value that `action` reports, None if `action` is no report."""
+    def reported_value(self, action: str) -> SharedValue | None:
+        """Return the shared value that `action` reports, None if `action` is no report."""
 
-    def report_action(self, value: str) -> str:
+    def report_action(self, value: SharedValue) -> str:
         """Return the action that reports `value`."""
 
     def is_terminal(self, belief: Belief) -> bool:

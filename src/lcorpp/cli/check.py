@@ -11,6 +11,7 @@ from lcorpp.cli import console, model_files
 from lcorpp.errors import DataError, FileError, TooLargeError
 
 if TYPE_CHECKING:
+    from lcorpp.domains import Domain
     from lcorpp.planning import Pomdp
 
 KINDS = (
@@ -112,8 +113,16 @@ def _check_domain(folder: Path) -> None:
         name = f"{domain.name}, preset {preset}" if preset else domain.name
         console.out.print(
             f"{folder} ({name}): observes {', '.join(domain.observed) or 'nothing'};"
-            f" decides {domain.target} among {', '.join(domain.values)}; {_format_size(domain.pomdp)}: OK"
+            f" decides {_format_shared(domain)}; {_format_size(domain.pomdp)}: OK"
         )
+
+
+def _format_shared(domain: Domain) -> str:
+    """Return "item among cup, pen", or "item, person among 6 combinations"."""
+    shared = domain.reasoning.shared
+    if len(shared) == 1:
+        return f"{shared[0]} among {', '.join(map(str, domain.values))}"
+    return f"{', '.join(shared)} among {len(domain.values)} combinations"
 
 
 def _format_size(pomdp: Pomdp) -> str:

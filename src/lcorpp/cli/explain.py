@@ -5,19 +5,25 @@ from __future__ import annotations
 import itertools
 import sys
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import replace
 from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 import typer
 
 from lcorpp.cli import console, options
-from lcorpp.errors import DecisionError, DomainError, expected_one_of
+from lcorpp.cli.decision_options import (
+    parse_answers,
+    parse_facts,
+    parse_labels,
+    parse_likelihoods,
+    parse_truth,
+)
+from lcorpp.errors import DecisionError, DomainError
 
 if TYPE_CHECKING:
     from lcorpp.decision import Robot
     from lcorpp.domains import Domain
     from lcorpp.protocols import World
-    from lcorpp.values import Label, Likelihood, Step
+    from lcorpp.values import Label, SharedValue, Step
 
 
 def explain(
@@ -27,17 +33,25 @@ def explain(
         list[str] | None, typer.Option(metavar="NAME=VALUE", help="An observed fact; repeatable.")
     ] = None,
     label: Annotated[
-        str | None, typer.Option(help="The classifier's label: a value of the attribute that it feeds.")
+        list[str] | None,
+        typer.Option(
+            metavar="[SENSE=]VALUE",
+            help="The classifier's label: a value of the attribute that it feeds; one for each sense.",
+        ),
     ] = None,
     likelihood: Annotated[
         list[str] | None,
         typer.Option(
-            metavar="VALUE=NUMBER",
+            metavar="[SENSE:]VALUE=NUMBER",
             help="Soft evidence instead of a label: the likelihood of a value, by default 1; repeatable.",
         ),
     ] = None,
     truth: Annotated[
-        str | None, typer.Option(metavar="VALUE", help="The person's true value; by default it is drawn.")
+        str | None,
+        typer.Option(
+            metavar="VALUE,...",
+            help="The person's true value, one for each shared variable; by default it is drawn.",
+        ),
     ] = None,
     answers: Annotated[
         str | None,
@@ -63,45 +77,47 @@ def explain(
     if interactive and (truth is not None or answers is not None):
         raise DomainError("--truth and --answers describe a simulated person; --interactive has none")
     loaded = load_domain(domain, preset=preset)
-    facts = _parse_facts(loaded, fact or [])
-    if label is not None and likelihood:
-        raise DomainError("--label and --likelihood are both evidence of the classifier; expected one")
-    if truth is not None and truth not in loaded.values:
-        raise DomainError(f"--truth {truth!r}: {expected_one_of(loaded.values)}")
-    script = None if answers is None else _parse_answers(loaded, answers)
-    predicted: Label | None = None if label is None else _parse_class(loaded, label)
-    setup = from_channel(loaded)
-    if likelihood:
-        predicted = _parse_likelihood(loaded, likelihood)
-        setup = replace(setup, program=loaded.soft_program)
+    facts = parse_facts(loaded, fact or [])
+    value = None if truth is None else parse_truth(loaded, truth)
+    script = None if answers is None else parse_answers(loaded, answers)
+    labels = parse_labels(loaded, label or [])
+    likelihoods = parse_likelihoods(loaded, likelihood or [])
+    for sense in labels.keys() & likelihoods.keys():
+        raise DomainError(
+            f"--label and --likelihood are both evidence of the classifier {sense}; expected one"
+        )
+    predicted: dict[str, Label] = {**labels, **likelihoods}
+    senses = {sense.name: from_channel(loaded, sense) for sense in loaded.senses}
     print_domain(loaded)
-    print_classifier(setup, "channel")
+    for name, setup in senses.items():
+        print_classifier(setup, "channel", name if len(senses) > 1 else "")
     with console.show_progress("solving the POMDP"):
         solution = solve_domain(loaded)
     print_solution(solution)
-    robot = make_robot(loaded, setup, Planner(solution))
+    program = loaded.soft_program(likelihoods)
+    robot = make_robot(loaded, senses, program, Planner(solution))
     if interactive:
         case = _ask_case(loaded, facts, predicted)
     else:
-        case = _simulate_case(loaded, facts, predicted, truth, script, seed)
+        case = _simulate_case(loaded, facts, predicted, value, script, seed)
     _print_decision(loaded, robot, case)
 
 
 class _Case(NamedTuple):
     """One person to decide about.
 
-    facts: observed attribute -> value. predicted: the classifier's output, a class or a likelihood.
-    world: answers the robot's actions. truth: the true value of the target, None if it is unknown.
+    facts: observed attribute -> value. predicted: sense -> its output, a class or a likelihood.
+    world: answers the robot's actions. truth: the true shared value, None if it is unknown.
     """
 
     facts: Mapping[str, str]
-    predicted: Label
+    predicted: Mapping[str, Label]
     world: World
-    truth: str | None
+    truth: SharedValue | None
 
 
-def _ask_case(domain: Domain, facts: Mapping[str, str], predicted: Label | None) -> _Case:
-    """Ask the user, who is the person, for the facts and the label that no option gives."""
+def _ask_case(domain: Domain, facts: Mapping[str, str], predicted: Mapping[str, Label]) -> _Case:
+    """Ask the user, who is the person, for the facts and the labels that no option gives."""
     from lcorpp.worlds import ConsoleWorld, choose
 
     complete = dict(facts)
@@ -109,63 +125,74 @@ def _ask_case(domain: Domain, facts: Mapping[str, str], predicted: Label | None)
         if name not in complete:
             values = domain.program.attributes[name].values
             complete[name] = choose(values, f"What is the {name}?", show=console.out.print)
-    if predicted is None:
-        class_of = {label: name for name, label in domain.learning.label_of.items()}
-        question = f"What is the classifier's label ({domain.learning.attribute})?"
-        predicted = class_of[choose(tuple(class_of), question, show=console.out.print)]
-    return _Case(complete, predicted, ConsoleWorld(domain.pomdp.observations, show=console.out.print), None)
+    labels = dict(predicted)
+    for sense in domain.senses:
+        if sense.name not in labels:
+            class_of = {label: name for name, label in sense.label_of.items()}
+            question = f"What is the classifier's label ({sense.attribute})?"
+            labels[sense.name] = class_of[choose(tuple(class_of), question, show=console.out.print)]
+    return _Case(complete, labels, ConsoleWorld(domain.pomdp.observations, show=console.out.print), None)
 
 
 def _simulate_case(
     domain: Domain,
     facts: Mapping[str, str],
-    predicted: Label | None,
-    truth: str | None,
+    predicted: Mapping[str, Label],
+    truth: SharedValue | None,
     answers: Sequence[str] | None,
     seed: int,
 ) -> _Case:
-    """Draw what is None and the facts that are not given; print what the robot cannot observe."""
+    """Draw what is None, and the facts and labels that are not given; print what the robot cannot observe."""
     import numpy as np
 
     from lcorpp.simulation import NoisyChannel, Population, SimulationModel
 
     rng = np.random.default_rng([seed, 0])
-    given = facts if truth is None else {**facts, domain.target: truth}
+    given = facts if truth is None else {**facts, **domain.reasoning.split(truth)}
     person = Population(domain).sample(1, rng, given)[0]
-    if predicted is None:
-        channel = NoisyChannel.of(domain)
-        predicted = channel.classify_many(channel.trajectories([person], rng))[0]
+    labels = dict(predicted)
+    for sense in domain.senses:
+        if sense.name not in labels:
+            channel = NoisyChannel.from_domain(domain, sense)
+            labels[sense.name] = channel.classify_many(channel.simulate([person], rng))[0]
     world = SimulationModel(domain).make_world(person, rng) if answers is None else ScriptedWorld(answers)
-    observable = (*domain.observed, domain.learning.attribute)
+    observable = (*domain.observed, *[sense.attribute for sense in domain.senses])
     hidden = ", ".join(f"{name}={value}" for name, value in person.items() if name not in observable)
     console.out.print(f"a simulated person; hidden from the robot: {hidden}", style="dim")
-    return _Case({name: person[name] for name in domain.observed}, predicted, world, person[domain.target])
+    return _Case(
+        {name: person[name] for name in domain.observed}, labels, world, domain.reasoning.join(person)
+    )
 
 
 def _print_decision(domain: Domain, robot: Robot, case: _Case) -> None:
     """Run Algorithm 2 and print each of its steps."""
     from lcorpp.decision.dt_control import act_until_report
+    from lcorpp.values import format_value
 
     evidence = domain.evidence(case.facts, case.predicted)
-    if isinstance(case.predicted, str):
-        attribute = domain.learning.attribute
-        console.print_heading(1, "learning", "the classifier's label")
-        console.out.print(f"     {case.predicted} ({attribute} = {evidence[attribute]})")
-    else:
-        console.print_heading(1, "learning", "the classifier's likelihood, scaled to a maximum of 1")
-        _print_bars(case.predicted)
+    for name, predicted in case.predicted.items():
+        owner = f"{name}'s classifier's" if len(case.predicted) > 1 else "the classifier's"
+        if isinstance(predicted, str):
+            attribute = domain.find_sense(name).attribute
+            console.print_heading(1, "learning", f"{owner} label")
+            console.out.print(f"     {predicted} ({attribute} = {evidence[attribute]})")
+        else:
+            console.print_heading(1, "learning", f"{owner} likelihood, scaled to a maximum of 1")
+            _print_bars(predicted)
     subtitle = "given " + ", ".join(f"{name} = {value}" for name, value in evidence.items())
     console.print_heading(2, "reasoning", subtitle)
     hidden = [
         name
         for name, attribute in domain.program.attributes.items()
-        if not attribute.arguments and name not in evidence and name != domain.target
+        if not attribute.arguments and name not in evidence and name != domain.shared
     ]
-    for name in (*hidden, domain.target):
-        marginal = robot.reasoner.posterior(name, evidence)
+    for subject in (*hidden, domain.shared):
+        marginal = robot.reasoner.posterior(subject, evidence)
         if marginal is not None:
-            console.out.print(f"   {name}")
-            _print_bars(marginal)
+            console.out.print(f"   {subject if isinstance(subject, str) else ', '.join(subject)}")
+            _print_bars(
+                [(format_value(value), p) for value, p in marginal], possible=subject is domain.shared
+            )
     prior = robot.planner.start if marginal is None else domain.prior(marginal)
     console.print_heading(3, "planning", "the prior belief")
     states = domain.pomdp.states
@@ -180,9 +207,12 @@ def _print_decision(domain: Domain, robot: Robot, case: _Case) -> None:
         _print_bars(zip(states, step.belief.tolist(), strict=True), possible=True)
 
     _, report = act_until_report(robot, prior, case.world, listener=print_step)
-    verdict = " (correct)" if case.truth == report else f" (wrong: {case.truth})"
+    verdict = " (correct)" if case.truth == report else f" (wrong: {format_value(case.truth or '')})"
     console.out.print()
-    console.out.print(f"{domain.target} = {report}{'' if case.truth is None else verdict}", style="bold")
+    shared = ", ".join(domain.reasoning.shared)
+    console.out.print(
+        f"{shared} = {format_value(report or '')}{'' if case.truth is None else verdict}", style="bold"
+    )
 
 
 class ScriptedWorld:
@@ -201,59 +231,6 @@ class ScriptedWorld:
 
     def report(self, action: str) -> None:
         pass
-
-
-def _parse_answers(domain: Domain, text: str) -> list[str]:
-    """Return the answers in a text such as "pos,neg"; each is an observation of the POMDP."""
-    answers = [part.strip() for part in text.split(",")]
-    for answer in answers:
-        if answer not in domain.pomdp.observations:
-            raise DomainError(f"--answers {answer!r}: {expected_one_of(domain.pomdp.observations)}")
-    return answers
-
-
-def _parse_facts(domain: Domain, pairs: list[str]) -> dict[str, str]:
-    """Return the facts in texts such as "time=afternoon": attribute -> value."""
-    facts: dict[str, str] = {}
-    for pair in pairs:
-        name, equals, value = (part.strip() for part in pair.partition("="))
-        if not equals:
-            raise DomainError(
-                f"--fact {pair!r}: expected NAME=VALUE with NAME among {', '.join(domain.observed)}"
-            )
-        if name in facts:
-            raise DomainError(f"--fact {pair!r}: {name} is given twice")
-        facts[name] = value
-    domain.evidence(facts, None)  # raises DomainError for an unknown fact
-    return facts
-
-
-def _parse_class(domain: Domain, text: str, option: str = "--label") -> str:
-    """Return the class that a text names: by itself, or by its label in the program."""
-    for class_name, label in domain.learning.label_of.items():
-        if text in (label, class_name):
-            return class_name
-    raise DomainError(f"{option} {text!r}: {expected_one_of(domain.learning.label_of.values())}")
-
-
-def _parse_likelihood(domain: Domain, pairs: list[str]) -> Likelihood:
-    """Return the likelihood of each class: the given weight, 1 by default."""
-    import numpy as np
-
-    from lcorpp.values import Likelihood
-
-    weights: dict[str, float] = {}
-    for pair in pairs:
-        name, _, number = (part.strip() for part in pair.partition("="))
-        try:
-            weight = float(number)
-        except ValueError:
-            raise DomainError(f"--likelihood {pair!r}: expected VALUE=NUMBER") from None
-        class_name = _parse_class(domain, name, "--likelihood")
-        if class_name in weights:
-            raise DomainError(f"--likelihood {pair!r}: {name} is given twice")
-        weights[class_name] = weight
-    return Likelihood(domain.values, np.array([weights.get(value, 1.0) for value in domain.values]))
 
 
 def _print_bars(pairs: Iterable[tuple[str, float]], *, possible: bool = False) -> None:

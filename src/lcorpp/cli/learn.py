@@ -60,14 +60,20 @@ def learn(
     """
     from lcorpp.cli.robot_output import print_domain, print_solution, print_storage_problem
     from lcorpp.domains import load_domain
-    from lcorpp.experiments.active_learning import ActiveLearningOptions, open_run_store, run_active_learning
+    from lcorpp.experiments.active_learning import (
+        ActiveLearningOptions,
+        find_learning_sense,
+        open_run_store,
+        run_active_learning,
+    )
     from lcorpp.experiments.results import FORMATS, write_batches
     from lcorpp.experiments.setup import TrainingOptions, solve_domain
     from lcorpp.experiments.training_data import make_training_data
     from lcorpp.planning import Planner
 
     loaded = load_domain(domain, preset=preset)
-    default = loaded.learning.classifier if loaded.learning.classifier != "channel" else "lstm"
+    sense = find_learning_sense(loaded, ActiveLearningOptions())
+    default = sense.classifier if sense.classifier != "channel" else "lstm"
     training = TrainingOptions(
         learner=learner or default, epochs=epochs, device=device, tracks=tracks, data=data
     )
@@ -86,7 +92,7 @@ def learn(
     output_files.check_results(out, formats)
     print_domain(loaded)
     problem = None if out is None else print_storage_problem(training)
-    initial = make_training_data(loaded, training, seed)
+    initial = make_training_data(loaded, sense, training, seed)
     for text in initial.dataset.notes:
         console.print_note(text)
     written, has_complete_batch = None, False

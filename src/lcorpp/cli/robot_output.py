@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
     from lcorpp.domains import Domain
     from lcorpp.experiments.metrics import Scores
-    from lcorpp.experiments.setup import ClassifierSetup, TrainingOptions
+    from lcorpp.experiments.setup import SenseSetup, TrainingOptions
     from lcorpp.learning import EvaluationReport
     from lcorpp.planning import Solution
     from lcorpp.values import Interval
@@ -72,24 +72,26 @@ def _format_interval(interval: Interval, digits: int) -> str:
     return f"{text}\n[dim]\\[{low}, {high}][/dim]"
 
 
-def print_classifier(setup: ClassifierSetup, source: str) -> None:
+def print_classifier(setup: SenseSetup, source: str, sense: str = "") -> None:
     """Print the error rates of a classifier and, if it was trained now, its evaluation.
 
     Args:
         source: where it comes from: "channel", a learner or a file.
+        sense: its name, if there are several.
     """
+    title = f"classifier of {sense}" if sense else "classifier"
     if setup.trained is None:
-        console.out.print("classifier: a noisy channel with the domain's rates")
+        console.out.print(f"{title}: a noisy channel with the domain's rates")
         for actual, row in setup.rates.items():
             rates = ", ".join(f"{predicted} {rate:.3f}" for predicted, rate in row.items())
             console.out.print(f"  true class {actual}; predicted: {rates}")
         return
     report = setup.report
     if report is None:
-        console.out.print(f"classifier: {source}", markup=False)
+        console.out.print(f"{title}: {source}", markup=False)
     else:
         console.out.print(
-            f"classifier: {source}, five-fold cross-validation on {report.source}: {setup.n_tracks} tracks of"
+            f"{title}: {source}, five-fold cross-validation on {report.source}: {setup.n_tracks} tracks of"
             f" {report.people} people; \\[95% intervals]"
         )
         console.out.print(f"  accuracy {report.accuracy}", markup=False)

@@ -11,7 +11,7 @@ from lcorpp.cli import console, options, output_files
 from lcorpp.errors import DomainError
 
 if TYPE_CHECKING:
-    from lcorpp.domains import Domain
+    from lcorpp.domains.sections.learning import Sense
     from lcorpp.experiments.setup import ClassifierOptions
 
 TRIALS = 5000
@@ -84,16 +84,17 @@ def run(
     from lcorpp.decision import strategies
     from lcorpp.domains import load_domain
     from lcorpp.experiments.comparison import ComparisonOptions, compare_strategies
-    from lcorpp.experiments.results import FORMATS, describe_run, write_comparison
-    from lcorpp.experiments.setup import EvidenceOptions, TrainingOptions
+    from lcorpp.experiments.results import FORMATS, describe_run, describe_source, write_comparison
+    from lcorpp.experiments.setup import EvidenceOptions, StoredOptions, TrainingOptions
     from lcorpp.values import JEFFREYS, LAPLACE
 
     loaded = load_domain(domain, preset=preset)
-    kind = _find_classifier_kind(loaded, classifier, learner, data)
     soft, laplace = evidence is options.Evidence.soft, smoothing is options.Smoothing.laplace
-    rows = strategies(strategy or [])
+    rows = strategies(strategy or [], [sense.name for sense in loaded.senses])
+    used = [sense for sense in loaded.senses if any(row.uses(sense.name) for row in rows)]
+    kinds = {sense.name: _find_classifier_kind(sense, classifier, learner, data) for sense in loaded.senses}
     training = {
-        "learner": None if any(row.learns for row in rows) else learner,
+        "learner": None if used else learner,
         "tracks": tracks,
         "epochs": epochs,
         "threshold": threshold,
@@ -103,24 +104,31 @@ def run(
     }
     if exact:
         _reject_given("nothing is sampled with --exact", trials=trials)
-    _check_combination(kind, exact=exact, soft=soft, laplace=laplace, threshold=threshold)
-    source: ClassifierOptions = None
+    channels_only = set(kinds.values()) <= {"channel"}
+    _check_combination(channels_only, exact=exact, soft=soft, laplace=laplace, threshold=threshold)
     number = TRIALS if trials is None else trials
-    if kind == "channel":
+    if not loaded.senses:
+        given = {"classifier": classifier, "data": data, **training}
+        _reject_given("the domain has no [learning], so nothing is classified", **given)
+    elif channels_only:
         _reject_given("nothing is trained, as the classifier is a channel", data=data, **training)
-    elif not any(row.learns for row in rows):
+    elif not used:
         _reject_given("nothing is trained, as no strategy learns", **training)
-    elif kind == "file":
-        from lcorpp.experiments.setup import StoredOptions
-
+    elif "file" in kinds.values():
         _reject_given("nothing is trained, as --classifier gives a file", **training)
-        source = StoredOptions(Path(classifier or ""), data)
-    else:
-        names = tuple(name.strip() for name in features.split(","))
-        source = TrainingOptions(kind, epochs, device, names, threshold, prevalence, tracks, data)
+    names = tuple(name.strip() for name in features.split(","))
+    sources: dict[str, ClassifierOptions] = {}
+    for sense in used:
+        kind = kinds[sense.name]
+        if kind == "file":
+            sources[sense.name] = StoredOptions(Path(classifier or ""), data)
+        elif kind != "channel":
+            sources[sense.name] = TrainingOptions(
+                kind, epochs, device, names, threshold, prevalence, tracks, data
+            )
     chosen = ComparisonOptions(
         strategies=rows,
-        classifier=source,
+        classifiers=sources,
         evidence=EvidenceOptions(soft, LAPLACE if laplace else JEFFREYS),
         trials=None if exact else number,
         seed=seed,
@@ -128,23 +136,25 @@ def run(
     )
     output_files.check_results(out, formats)
     print_domain(loaded)
-    if out is not None and isinstance(source, TrainingOptions):
-        print_storage_problem(source)
+    for source in sources.values():
+        if out is not None and isinstance(source, TrainingOptions):
+            print_storage_problem(source)
     given_policy = None
     if policy is not None:
         from lcorpp.cli.model_files import read_policy
 
         given_policy = read_policy(policy, loaded.pomdp)
     comparison = compare_strategies(loaded, chosen, policy=given_policy, progress=console.show_progress)
-    print_scores(comparison.scores, loaded.learning.positive, comparison.trials)
-    label = str(classifier) if kind == "file" else kind
-    print_classifier(comparison.classifier, label)
+    print_scores(comparison.scores, loaded.positive, comparison.trials)
+    for name, setup in comparison.senses.items():
+        print_classifier(setup, describe_source(sources.get(name)), name if len(loaded.senses) > 1 else "")
     if comparison.solution is not None:
         print_solution(comparison.solution)
-    for text in comparison.classifier.notes:
-        console.print_note(text)
+    for setup in comparison.senses.values():
+        for text in setup.notes:
+            console.print_note(text)
     if out is not None:
-        configuration = describe_run(loaded, chosen, comparison, label, policy)
+        configuration = describe_run(loaded, chosen, comparison, policy)
         written = write_comparison(out, comparison, configuration, formats=formats or FORMATS)
         if written.problem is not None:
             console.print_note(f"the classifier is not saved: {written.problem}")
@@ -154,7 +164,7 @@ def run(
 
 
 def _find_classifier_kind(
-    domain: Domain, classifier: str | None, learner: str | None, data: Path | None
+    sense: Sense, classifier: str | None, learner: str | None, data: Path | None
 ) -> str:
     """Return "channel", "file", or the name of a learner."""
     from lcorpp.domains.sections.learning import CLASSIFIERS
@@ -167,22 +177,24 @@ def _find_classifier_kind(
         return classifier if classifier in CLASSIFIERS else "file"
     if learner is not None:
         return learner
-    default = domain.learning.classifier
+    default = sense.classifier
     return "lstm" if data is not None and default == "channel" else default
 
 
-def _check_combination(kind: str, *, exact: bool, soft: bool, laplace: bool, threshold: str | None) -> None:
+def _check_combination(
+    channels_only: bool, *, exact: bool, soft: bool, laplace: bool, threshold: str | None
+) -> None:
     """Reject options that exclude each other."""
-    if exact and kind != "channel":
+    if exact and not channels_only:
         raise DomainError(
             "--exact needs --classifier channel: the error rates of a trained classifier are known from"
             " trials only"
         )
-    if soft and kind == "channel":
+    if soft and channels_only:
         raise DomainError("--evidence soft needs a trained classifier: a channel has labels only")
     if soft and threshold is not None:
         raise DomainError("--threshold determines labels; --evidence soft uses none")
-    if laplace and (soft or kind == "channel"):
+    if laplace and (soft or channels_only):
         raise DomainError("--smoothing applies to the labels of a trained classifier only")
 
 

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import reprlib
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 from lcorpp.errors import DecisionError
 from lcorpp.protocols import Classifier, DomainInterface, Planner, Reasoner, World
-from lcorpp.values import Belief, Episode, Instance, Step
+from lcorpp.values import Belief, Episode, Instance, Label, SharedValue, Step
 
 MAX_STEPS = 500
 """Maximum number of actions in one decision; a longer one indicates a policy that never reports."""
@@ -23,31 +23,51 @@ MEMBERS = {part: [name for name in vars(protocol) if name[0] != "_"] for part, p
 class Robot:
     """The parts of a deciding robot.
 
-    classifier: rho. reasoner: theta. planner: pi, with its model M. domain: translates between them.
+    classifiers: sense -> its classifier, rho; none for a robot that does not learn.
+    reasoner: theta. planner: pi, with its model M. domain: translates between them.
 
     Raises:
         DecisionError: a part lacks a method of its protocol.
     """
 
-    classifier: Classifier
+    classifiers: Mapping[str, Classifier]
     reasoner: Reasoner
     planner: Planner
     domain: DomainInterface
 
     def __post_init__(self) -> None:
-        for part, members in MEMBERS.items():
-            value = getattr(self, part)
-            missing = [name for name in members if not hasattr(value, name)]
-            if missing or isinstance(value, type):
-                raise DecisionError(
-                    f"the {part} of a robot is {reprlib.repr(value)}; expected an object with"
-                    f" {', '.join(members)}"
-                )
+        if not isinstance(self.classifiers, Mapping):
+            raise DecisionError(
+                f"the classifiers of a robot are {reprlib.repr(self.classifiers)}; expected sense -> classifier"
+            )
+        for classifier in self.classifiers.values():
+            _check_part("classifier", classifier)
+        for part in ("reasoner", "planner", "domain"):
+            _check_part(part, getattr(self, part))
 
     def __repr__(self) -> str:
-        parts = ("classifier", "reasoner", "planner")
-        names = ", ".join(f"{part}: {type(getattr(self, part)).__name__}" for part in parts)
-        return f"Robot({names}, target: {self.domain.target})"
+        senses = ", ".join(f"{sense}: {type(part).__name__}" for sense, part in self.classifiers.items())
+        parts = ", ".join(f"{part}: {type(getattr(self, part)).__name__}" for part in ("reasoner", "planner"))
+        shared = self.domain.shared
+        names = shared if isinstance(shared, str) else ", ".join(shared)
+        return f"Robot(classifiers: {senses or 'none'}; {parts}; shared: {names})"
+
+    def classify(self, instance: Instance) -> dict[str, Label]:
+        """Return the output of the classifier of each sense that perceived the person."""
+        outputs = {
+            sense: classifier.classify(instance.signals[sense])
+            for sense, classifier in self.classifiers.items()
+            if sense in instance.signals
+        }
+        return {sense: label for sense, label in outputs.items() if label is not None}
+
+
+def _check_part(part: str, value: object) -> None:
+    if isinstance(value, type) or not all(hasattr(value, name) for name in MEMBERS[part]):
+        raise DecisionError(
+            f"the {part} of a robot is {reprlib.repr(value)}; expected an object with"
+            f" {', '.join(MEMBERS[part])}"
+        )
 
 
 def dt_control(robot: Robot, instance: Instance, world: World, *, max_steps: int = MAX_STEPS) -> Episode:
@@ -67,16 +87,16 @@ def dt_control(robot: Robot, instance: Instance, world: World, *, max_steps: int
         ObservationError: the world returned an observation that is impossible in the planner's model.
         DecisionError: no report within `max_steps` actions.
 
-    Source: Algorithm 2. Line 1 is `classify`, 2 `evidence`, 3 to 6 `posterior` of the shared variable,
+    Source: Algorithm 2. Line 1 is `classify`, 2 `evidence`, 3 to 6 `posterior` of the shared variables,
     7 `prior`, 8 to 12 `act_until_report`, 13 the value reported by the last action.
     """
     domain = robot.domain
-    label = robot.classifier.classify(instance)
-    evidence = domain.evidence(instance.context, label)
-    marginal = robot.reasoner.posterior(domain.target, evidence)
+    labels = robot.classify(instance)
+    evidence = domain.evidence(instance.context, labels)
+    marginal = robot.reasoner.posterior(domain.shared, evidence)
     prior = robot.planner.start if marginal is None else domain.prior(marginal)
     steps, report = act_until_report(robot, prior, world, max_steps=max_steps)
-    return Episode(label, evidence, marginal, prior, steps, report)
+    return Episode(labels, evidence, marginal, prior, steps, report)
 
 
 def act_until_report(
@@ -86,7 +106,7 @@ def act_until_report(
     *,
     max_steps: int = MAX_STEPS,
     listener: Callable[[Step], None] = lambda _: None,
-) -> tuple[tuple[Step, ...], str | None]:
+) -> tuple[tuple[Step, ...], SharedValue | None]:
     """Run the loop of Algorithm 2, lines 8 to 13.
 
     Args:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -59,6 +59,7 @@ class ResumePoint:
 def lcorpp(
     dataset: Dataset,
     *,
+    sense: str,
     train: Callable[[Dataset], tuple[Classifier, ConfusionMatrix]],
     make_reasoner: Callable[[ConfusionMatrix], Reasoner],
     planner: Planner,
@@ -66,6 +67,7 @@ def lcorpp(
     collect: Callable[[], tuple[Instance, World]],
     batch_size: int,
     epsilon: float,
+    other_classifiers: Mapping[str, Classifier] = {},
     listener: Callable[[Instance, Episode], None] = lambda _instance, _episode: None,
     resume_point: ResumePoint | None = None,
 ) -> Iterator[Batch]:
@@ -76,6 +78,7 @@ def lcorpp(
 
     Args:
         dataset: Omega, the initial training data.
+        sense: the sense that learns.
         train: trains and cross-validates a classifier; returns it and its confusion matrix: lines 1 and 2,
             and again 14 and 15.
         make_reasoner: returns a reasoner whose rules contain a confusion matrix: lines 3 and 16.
@@ -84,6 +87,7 @@ def lcorpp(
         collect: returns a new instance and the world in which to act on it: line 8.
         batch_size: K, the number of decisions between two trainings.
         epsilon: the loop ends when the confusion matrix changes by at most this much.
+        other_classifiers: of the senses that do not learn.
         listener: called after every decision.
         resume_point: state in which an earlier run ended; `dataset` is Omega as of then. The first batch
             yielded is the last complete one of that run, without a training; its decisions are not repeated.
@@ -110,7 +114,8 @@ def lcorpp(
     yield Batch(number, dataset, classifier, confusion, change, (), (), change <= epsilon)
     while change > epsilon:
         number += 1
-        robot = Robot(classifier, make_reasoner(confusion), planner, domain)
+        classifiers = {**other_classifiers, sense: classifier}
+        robot = Robot(classifiers, make_reasoner(confusion), planner, domain)
         instances, episodes = list[Instance](), list[Episode]()
         while decided + len(episodes) < batch_size:
             instance, world = collect()
@@ -119,7 +124,7 @@ def lcorpp(
             episodes.append(episode)
             listener(instance, episode)
         decided = 0
-        dataset = augment(dataset, instances, episodes)
+        dataset = augment(dataset, domain, sense, instances, episodes)
         previous = confusion
         classifier, confusion = train(dataset)
         change = compute_ssub(previous.probabilities, confusion.probabilities)
@@ -134,13 +139,21 @@ def compute_ssub(first: Array, second: Array) -> float:
     return float(np.abs(first - second).sum())
 
 
-def augment(dataset: Dataset, instances: list[Instance], episodes: list[Episode]) -> Dataset:
-    """Return Omega with the (instance, reported label) pairs appended.
+def augment(
+    dataset: Dataset,
+    domain: DomainInterface,
+    sense: str,
+    instances: list[Instance],
+    episodes: list[Episode],
+) -> Dataset:
+    """Return Omega with the (signal of a sense, reported class) pairs appended.
 
     Each new case is its own group, but equal trajectories share a group: a repeated track must not be in
-    both the training and the test part of a fold. A decision without a report adds nothing.
+    both the training and the test part of a fold. A decision without a report or signal adds nothing.
     """
     pairs = [
-        (i.trajectory, e.report) for i, e in zip(instances, episodes, strict=True) if e.report is not None
+        (instance.signals[sense], domain.class_of(sense, episode.report))
+        for instance, episode in zip(instances, episodes, strict=True)
+        if episode.report is not None and sense in instance.signals
     ]
-    return dataset.append(pairs, [track_hash(trajectory) for trajectory, _ in pairs])
+    return dataset.append(pairs, [track_hash(signal) for signal, _ in pairs])

@@ -2,28 +2,36 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
 
 from lcorpp.decision.dt_control import Robot
 from lcorpp.errors import DecisionError, expected_one_of
 from lcorpp.protocols import DomainInterface, Planner
-from lcorpp.values import Belief, Distribution, Instance, Label, Likelihood
+from lcorpp.values import Belief, Distribution, Label
 
 
 @dataclass(frozen=True)
 class Strategy:
-    """One row of the table: a name, and whether the robot learns, reasons and plans."""
+    """One row of the table: a name, and whether the robot learns, reasons and plans.
+
+    without: senses that the robot does not use although it learns.
+    """
 
     name: str
     learns: bool
     reasons: bool
     plans: bool
+    without: tuple[str, ...] = ()
+
+    def uses(self, sense: str) -> bool:
+        """Whether the robot uses the classifier of a sense."""
+        return self.learns and sense not in self.without
 
     def robot(self, full: Robot) -> Robot:
-        """The robot `full` with each unused part replaced by its trivial substitute."""
+        """The robot `full` with each unused part left out or replaced by its trivial substitute."""
         return Robot(
-            classifier=full.classifier if self.learns else NullClassifier(),
+            classifiers={name: part for name, part in full.classifiers.items() if self.uses(name)},
             reasoner=full.reasoner if self.reasons else LabelOnlyReasoner(full.domain),
             planner=full.planner if self.plans else ImmediateReport(full.planner, full.domain),
             domain=full.domain,
@@ -41,42 +49,53 @@ STRATEGIES = (
 """The strategies of section "Experimental Results" of the paper, in its order."""
 
 
-def strategies(names: Iterable[str]) -> tuple[Strategy, ...]:
+def list_strategies(senses: Sequence[str]) -> tuple[Strategy, ...]:
+    """Return the strategies of a domain with these senses.
+
+    Without senses no strategy learns. With several, a row for each shows LCORPP without it, e.g.
+    "LCORPP-gaze".
+    """
+    rows = tuple(row for row in STRATEGIES if senses or not row.learns)
+    if len(senses) < 2:
+        return rows
+    full = STRATEGIES[-1]
+    return (*rows, *[replace(full, name=f"{full.name}-{sense}", without=(sense,)) for sense in senses])
+
+
+def strategies(names: Iterable[str], senses: Sequence[str] = ("",)) -> tuple[Strategy, ...]:
     """The rows with the given names, in the order of the table; all rows if no name is given.
+
+    Args:
+        senses: of the domain, see `list_strategies`; by default one.
 
     Raises:
         DecisionError: an unknown name.
     """
-    selected = [name.upper() for name in names]
-    known = [row.name for row in STRATEGIES]
+    selected, rows = [name.upper() for name in names], list_strategies(senses)
+    known = [row.name.upper() for row in rows]
     for name in selected:
         if name not in known:
-            raise DecisionError(f"unknown strategy {name!r}; {expected_one_of(known)}")
-    return tuple(row for row in STRATEGIES if not selected or row.name in selected)
-
-
-class NullClassifier:
-    """A classifier that never returns a label."""
-
-    def classify(self, instance: Instance) -> str | None:
-        return None
+            needs = ""
+            if name in [row.name for row in STRATEGIES]:
+                needs = " in a domain without classifiers"
+            raise DecisionError(
+                f"unknown strategy {name!r}{needs}; {expected_one_of([r.name for r in rows])}"
+            )
+    return tuple(row for row in rows if not selected or row.name.upper() in selected)
 
 
 @dataclass(frozen=True, eq=False)
 class LabelOnlyReasoner:
-    """A reasoner without knowledge: its posterior is the classifier's label.
+    """A reasoner without knowledge: its posterior comes from the labels of the senses alone.
 
-    A hard label gets probability 1; a likelihood is normalised, i.e. combined with a uniform prior. Without a
-    label there is no posterior, and the planner starts from its model's initial belief (strategy P).
+    Without a label there is no posterior, and the planner starts from its model's initial belief (strategy
+    P). See `DomainInterface.label_marginal`.
     """
 
     domain: DomainInterface
 
-    def posterior(self, attribute: str, evidence: Mapping[str, Label]) -> Distribution | None:
-        label = self.domain.target_of_label(evidence)
-        if isinstance(label, Likelihood):
-            return Distribution(label.values, label.weights / label.weights.sum())
-        return None if label is None else Distribution.certain(label, self.domain.values)
+    def posterior(self, attribute: str | Sequence[str], evidence: Mapping[str, Label]) -> Distribution | None:
+        return self.domain.label_marginal(evidence)
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,8 +1,8 @@
-"""A domain: translates between the names of classifier, reasoner and planner."""
+"""A domain: translates between the names of classifiers, reasoner and planner."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from fractions import Fraction
 from itertools import combinations_with_replacement
@@ -11,14 +11,24 @@ from pathlib import Path
 
 import numpy as np
 
-from lcorpp.domains.sections.learning import LearningSection
+from lcorpp.domains.sections.learning import Sense
 from lcorpp.domains.sections.planning import PlanningSection
 from lcorpp.domains.sections.reasoning import ReasoningSection
 from lcorpp.domains.sections.simulation import SimulationSection
 from lcorpp.errors import DomainError, expected_one_of
 from lcorpp.planning import Pomdp
 from lcorpp.reasoning import Program, with_classifier
-from lcorpp.values import JEFFREYS, Array, Belief, ConfusionMatrix, Distribution, Label, Likelihood
+from lcorpp.values import (
+    JEFFREYS,
+    Array,
+    Belief,
+    ConfusionMatrix,
+    Distribution,
+    Label,
+    Likelihood,
+    SharedValue,
+    format_value,
+)
 
 MAX_GRID_STEPS, MAX_PRIORS = 10, 36
 """Limits of the grid of priors in `Domain.start_beliefs`: grid steps from 0 to 1, and number of priors."""
@@ -33,7 +43,8 @@ class Domain:
 
     name, description: for reports. folder: its path.
     preset: name of the chosen preset, None without one.
-    reasoning, learning, planning, simulation: the sections of its `domain.toml`.
+    reasoning, planning, simulation: the sections of its `domain.toml`.
+    senses: the sections `[[learning]]`, none for a robot without classifiers.
     """
 
     name: str
@@ -41,16 +52,18 @@ class Domain:
     folder: Path
     preset: str | None
     reasoning: ReasoningSection
-    learning: LearningSection
+    senses: tuple[Sense, ...]
     planning: PlanningSection
     simulation: SimulationSection
 
     def __repr__(self) -> str:
         preset = f", preset {self.preset!r}" if self.preset else ""
-        pomdp = self.pomdp
+        pomdp, shared = self.pomdp, self.reasoning.shared
+        values = ", ".join(map(str, self.values)) if len(shared) == 1 else f"{len(self.values)} values"
+        senses = f"; senses {', '.join(sense.name for sense in self.senses)}" if self.senses else ""
         return (
-            f"Domain({self.name!r}{preset}: observes {', '.join(self.observed) or 'nothing'}; target"
-            f" {self.target} ({', '.join(self.values)}); POMDP with {len(pomdp.states)} states,"
+            f"Domain({self.name!r}{preset}: observes {', '.join(self.observed) or 'nothing'}{senses}; shares"
+            f" {', '.join(shared)} ({values}); POMDP with {len(pomdp.states)} states,"
             f" {len(pomdp.actions)} actions, {len(pomdp.observations)} observations)"
         )
 
@@ -65,13 +78,14 @@ class Domain:
         return self.reasoning.observed
 
     @property
-    def target(self) -> str:
-        """The attribute shared by reasoner and planner."""
-        return self.reasoning.target
+    def shared(self) -> str | tuple[str, ...]:
+        """The attribute shared by reasoner and planner, or the tuple of several."""
+        shared = self.reasoning.shared
+        return shared[0] if len(shared) == 1 else shared
 
     @property
-    def values(self) -> tuple[str, ...]:
-        """The values of the target, in the order of their declaration."""
+    def values(self) -> tuple[SharedValue, ...]:
+        """The values of the shared attribute, in the order of their declaration; of several, all tuples."""
         return self.reasoning.values
 
     @property
@@ -79,19 +93,38 @@ class Domain:
         """The planner's model: M."""
         return self.planning.pomdp
 
-    def evidence(self, context: Mapping[str, str], predicted: Label | None) -> Mapping[str, Label]:
-        """The reasoner's evidence: the observed facts and the label of the predicted class.
+    @property
+    def positive(self) -> str | None:
+        """The positive class of decisions: that of the senses of the only shared variable; None without."""
+        given = [sense.positive for sense in self.senses if sense.of == self.shared and sense.positive]
+        return given[0] if given else None
+
+    def find_sense(self, name: str) -> Sense:
+        """Return a sense by its name.
+
+        Raises:
+            DomainError: the domain has no such sense.
+        """
+        for sense in self.senses:
+            if sense.name == name:
+                return sense
+        names = [sense.name for sense in self.senses]
+        expected = expected_one_of(names) if names else "the domain has no [learning]"
+        raise DomainError(f"{self.folder}/domain.toml: no sense {name!r}; {expected}")
+
+    def evidence(self, context: Mapping[str, str], labels: Mapping[str, Label]) -> Mapping[str, Label]:
+        """The reasoner's evidence: the observed facts and the labels of the predicted classes.
 
         Args:
             context: observed attribute -> value.
-            predicted: the classifier's output: a class, or a likelihood over all classes, which becomes a
-                likelihood over their labels, as `soft_program` expects; None adds no label.
+            labels: sense -> its classifier's output: a class, or a likelihood over all classes, which becomes
+                a likelihood over their labels, as `soft_program` expects.
 
         Returns:
-            Attribute -> value; the classifier's attribute -> label, or -> likelihood over its labels.
+            Attribute -> value; the attribute of each sense -> label, or -> likelihood over its labels.
 
         Raises:
-            DomainError: an unknown fact or class, or a likelihood over other classes.
+            DomainError: an unknown fact, sense or class, or a likelihood over other classes.
         """
         for name, value in context.items():
             if name not in self.observed:
@@ -101,37 +134,73 @@ class Domain:
             known = self.program.attributes[name].values
             if value not in known:
                 raise DomainError(f"{name} cannot be {value!r}; {expected_one_of(known)}")
-        if predicted is None:
-            return dict(context)
-        attribute, label_of_class = self.learning.attribute, self.learning.label_of
-        if isinstance(predicted, Likelihood):
-            if set(predicted.values) != set(label_of_class):
-                raise DomainError(
-                    f"a likelihood over {', '.join(predicted.values)}; expected the classes"
-                    f" {', '.join(label_of_class)}"
-                )
-            return {**context, attribute: predicted.rename(label_of_class)}
-        if predicted not in label_of_class:
-            raise DomainError(f"unknown class {predicted!r}; {expected_one_of(label_of_class)}")
-        return {**context, attribute: label_of_class[predicted]}
+        evidence: dict[str, Label] = dict(context)
+        for name, predicted in labels.items():
+            sense = self.find_sense(name)
+            label_of = sense.label_of
+            if isinstance(predicted, Likelihood):
+                if set(predicted.values) != set(label_of):
+                    raise DomainError(
+                        f"a likelihood over {', '.join(predicted.values)}; expected the classes"
+                        f" {', '.join(label_of)}"
+                    )
+                evidence[sense.attribute] = predicted.rename(label_of)
+            elif predicted in label_of:
+                evidence[sense.attribute] = label_of[predicted]
+            else:
+                raise DomainError(f"unknown class {predicted!r}; {expected_one_of(label_of)}")
+        return evidence
 
-    def target_of_label(self, evidence: Mapping[str, Label]) -> Label | None:
-        """The target value of the label in the evidence, None without a label: the inverse of `evidence`.
+    def label_marginal(self, evidence: Mapping[str, Label]) -> Distribution | None:
+        """The marginal of the shared variables by the labels in the evidence alone.
 
-        A likelihood over labels becomes a likelihood over the target values, in their order.
+        A label gives its class probability 1; a likelihood is normalised, i.e. combined with a uniform prior.
+        Several senses about one variable are averaged, variables without a label are uniform, and variables
+        are independent: without knowledge nothing says how far to trust whom.
+
+        Returns:
+            None if no label is about a shared variable.
         """
-        label, label_of_class = evidence.get(self.learning.attribute), self.learning.label_of
-        if isinstance(label, Likelihood):
-            weight_of_label = dict(label)
-            weights = [weight_of_label[label_of_class[value]] for value in self.values]
-            return Likelihood(self.values, np.array(weights))
-        return next((value for value, name in label_of_class.items() if name == label), None)
+        estimates: dict[str, list[Array]] = {name: [] for name in self.reasoning.shared}
+        for sense in self.senses:
+            label = evidence.get(sense.attribute)
+            if label is None or sense.of not in estimates:
+                continue
+            if isinstance(label, Likelihood):
+                weight_of = dict(label)
+                weights = np.array([weight_of[sense.label_of[value]] for value in sense.classes])
+            else:
+                weights = np.array([float(sense.label_of[value] == label) for value in sense.classes])
+            estimates[sense.of].append(weights / weights.sum())
+        if not any(estimates.values()):
+            return None
+        joint = np.ones(1)
+        for name, own in estimates.items():
+            size = len(self.program.attributes[name].values)
+            marginal = np.mean(own, axis=0) if own else np.full(size, 1 / size)
+            joint = np.outer(joint, marginal).ravel()
+        return Distribution(self.values, joint)
+
+    def class_of(self, sense: str, value: SharedValue) -> str:
+        """The class that a sense should predict for a person of this shared value.
+
+        Raises:
+            DomainError: the sense does not classify a shared variable.
+        """
+        of = self.find_sense(sense).of
+        values = self.reasoning.split(value)
+        if of not in values:
+            raise DomainError(
+                f"{self.folder}/domain.toml: the sense {sense!r} classifies {of}, which is not shared; a report"
+                f" names {', '.join(values)}"
+            )
+        return values[of]
 
     def prior(self, marginal: Distribution) -> Belief:
         """(S,) the planner's belief with the reasoner's marginal; other variables at their initial values.
 
         Args:
-            marginal: over the values of the target, in their order.
+            marginal: over `values`, in their order.
         """
         return marginal.probabilities @ self.planning.initial_states
 
@@ -151,7 +220,7 @@ class Domain:
         return np.vstack([self.pomdp.start, np.array(grid) @ self.planning.initial_states])
 
     def marginal(self, belief: Belief) -> Distribution:
-        """The target's distribution under a belief (S,), given that the state is not terminal.
+        """The distribution of the shared variables under a belief (S,), given that it is not terminal.
 
         The distribution is uniform if the terminal state has probability 1.
         """
@@ -159,11 +228,21 @@ class Domain:
         total = mass.sum()
         return Distribution(self.values, mass / total if total > 0 else np.full(len(mass), 1 / len(mass)))
 
-    def reported_value(self, action: str) -> str | None:
-        """The target value that an action reports, None if it is no report."""
+    def marginalise(self, joint: Distribution, attribute: str) -> Distribution:
+        """The marginal of one shared variable, from a distribution of all."""
+        shared = self.reasoning.shared
+        if len(shared) == 1:
+            return joint
+        values = self.program.attributes[attribute].values
+        shape = [len(self.program.attributes[name].values) for name in shared]
+        others = tuple(axis for axis, name in enumerate(shared) if name != attribute)
+        return Distribution(values, joint.probabilities.reshape(shape).sum(axis=others))
+
+    def reported_value(self, action: str) -> SharedValue | None:
+        """The shared value that an action reports, None if it is no report."""
         return self.planning.reports.get(action)
 
-    def report_action(self, value: str) -> str:
+    def report_action(self, value: SharedValue) -> str:
         """The first action that reports `value`.
 
         Raises:
@@ -172,28 +251,39 @@ class Domain:
         for action, reported in self.planning.reports.items():
             if reported == value:
                 return action
-        raise DomainError(f"no action reports {value!r}; {expected_one_of(self.planning.reports.values())}")
+        known = list(map(format_value, self.planning.reports.values()))
+        raise DomainError(f"no action reports {format_value(value)!r}; {expected_one_of(known)}")
 
     def is_terminal(self, belief: Belief) -> bool:
         """Whether the terminal state has probability 1 under a belief (S,)."""
         terminal = self.planning.terminal
         return terminal is not None and bool(belief[terminal] > 1 - TERMINAL_TOLERANCE)
 
-    def program_for(self, confusion: ConfusionMatrix, smoothing: Fraction = JEFFREYS) -> Program:
-        """The P-log program with the classifier's rules replaced by a confusion matrix.
+    def program_for(
+        self, confusions: Mapping[str, ConfusionMatrix], smoothing: Fraction = JEFFREYS
+    ) -> Program:
+        """The P-log program with the rules of some senses replaced by their confusion matrices.
 
         Args:
-            confusion: its classes are the values of the target.
+            confusions: sense -> matrix, whose classes are those of the sense.
             smoothing: pseudo-count, see `ConfusionMatrix.rates`.
         """
-        attribute, label_of = self.learning.attribute, self.learning.label_of
-        return with_classifier(self.program, attribute, self.target, confusion, label_of, smoothing=smoothing)
+        program = self.program
+        for name, confusion in confusions.items():
+            sense = self.find_sense(name)
+            program = with_classifier(
+                program, sense.attribute, sense.of, confusion, sense.label_of, smoothing=smoothing
+            )
+        return program
 
-    @property
-    def soft_program(self) -> Program:
-        """The P-log program for soft evidence: the label equals the target value.
+    def soft_program(self, senses: Iterable[str] | None = None) -> Program:
+        """The P-log program for soft evidence: the label of each sense equals what it classifies.
 
         The likelihood in each person's evidence then expresses the classifier's uncertainty.
+
+        Args:
+            senses: those with soft evidence, by default all; the others keep their rules.
         """
-        never_wrong = ConfusionMatrix(self.values, np.eye(len(self.values)))
-        return self.program_for(never_wrong, smoothing=Fraction(0))
+        chosen = [sense for sense in self.senses if senses is None or sense.name in senses]
+        matrices = {s.name: ConfusionMatrix(s.classes, np.eye(len(s.classes))) for s in chosen}
+        return self.program_for(matrices, smoothing=Fraction(0))

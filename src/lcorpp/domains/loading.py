@@ -6,7 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from lcorpp.domains.domain import Domain
-from lcorpp.domains.sections.learning import read_learning
+from lcorpp.domains.sections.learning import read_senses
 from lcorpp.domains.sections.planning import read_planning
 from lcorpp.domains.sections.reasoning import read_reasoning
 from lcorpp.domains.sections.simulation import read_simulation
@@ -46,10 +46,12 @@ def load_domain(name_or_folder: str | Path, *, preset: str | None = None) -> Dom
     name = table.text("name", folder.resolve().name)
     description = table.text("description", name)
     reasoning = read_reasoning(table.section("reasoning", required=True), folder)
-    learning = read_learning(table.section("learning", required=True), reasoning)
+    senses = read_senses(table.sections("learning"), reasoning)
     planning = read_planning(table.section("planning", required=True), folder, reasoning)
-    simulation = read_simulation(table.section("simulation"), folder, reasoning, learning, planning)
+    simulation = read_simulation(table.section("simulation"), folder, reasoning, senses, planning)
     table.reject_unknown_keys()
-    if simulation.trajectories is None:  # nothing to train on
-        learning = replace(learning, classifier="channel")
-    return Domain(name, description, folder, preset_name, reasoning, learning, planning, simulation)
+    senses = tuple(  # without simulated signals nothing can be trained
+        sense if sense.name in simulation.signals else replace(sense, classifier="channel")
+        for sense in senses
+    )
+    return Domain(name, description, folder, preset_name, reasoning, senses, planning, simulation)

@@ -1,19 +1,21 @@
-"""The domain's own `people.py`: simulated motion and reactions of people."""
+"""The domain's own `people.py`: simulated signals and reactions of people."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from lcorpp.domains.sections.learning import Sense
 from lcorpp.errors import DomainError
 from lcorpp.user_code import describe_failure, load_file
 from lcorpp.values import Array
 
 FUNCTIONS = ("trajectory", "trajectories", "reaction")
-"""Functions of a plug-in, of which it defines at least one; `recordings` comes in addition."""
+"""Functions of a plug-in, beside those with the names of senses; it defines at least one."""
 
 
 class SimulationPlugin:
@@ -21,18 +23,20 @@ class SimulationPlugin:
 
     A person is a mapping from the attributes of the truth program to values. The file may define:
 
-    - ``trajectory(person, rng)`` -> (channels, time points);
-    - ``trajectories(people, rng)`` -> (people, channels, time points), its batch form;
+    - for each sense a function of its name ``motion(people, rng)`` -> one signal for each person:
+      (people, channels, time points) or (people, features). The first sense may also have
+      ``trajectories(people, rng)`` or ``trajectory(person, rng)`` -> (channels, time points);
     - ``reaction(person, action, rng)`` -> observation;
     - ``recordings(people, rng, *, seconds)`` -> one array (samples, columns) for each person, with
       COLUMNS, the names of the columns, "time" first.
     """
 
-    def __init__(self, path: Path) -> None:
-        self.path = path
+    def __init__(self, path: Path, senses: Sequence[Sense]) -> None:
+        self.path, self._senses = path, senses
         self._module = load_file(path, f"lcorpp_people_{path.parent.name}", DomainError)
-        if not self.defines(*FUNCTIONS):
-            raise DomainError(f"{path}: defines none of {', '.join(FUNCTIONS)}")
+        names = (*FUNCTIONS, *[sense.name for sense in senses])
+        if not self.defines(*names):
+            raise DomainError(f"{path}: defines none of {', '.join(names)}")
 
     def defines(self, *names: str) -> bool:
         """Return whether the file defines one of the names."""
@@ -56,23 +60,32 @@ class SimulationPlugin:
             )
         return columns
 
-    def trajectories(self, people: Sequence[Mapping[str, str]], rng: np.random.Generator) -> Array:
-        """Return simulated trajectories (people, channels, time points)."""
-        if self.defines("trajectories"):
-            tracks = self._call("trajectories", people, rng)
+    @property
+    def signals(self) -> dict[str, Callable[[Sequence[Mapping[str, str]], np.random.Generator], Array]]:
+        """The simulations of the signals of the senses that have one."""
+        functions = {sense.name: sense.name for sense in self._senses if self.defines(sense.name)}
+        for name in ("trajectory", "trajectories"):
+            if self._senses and self.defines(name):  # of both functions, `trajectories`
+                functions[self._senses[0].name] = name
+        return {sense: partial(self._simulate, name) for sense, name in functions.items()}
+
+    def _simulate(self, name: str, people: Sequence[Mapping[str, str]], rng: np.random.Generator) -> Array:
+        """Return the signals of people by the function of this name."""
+        if name == "trajectory":
+            signals = [self._call(name, person, rng) for person in people]
         else:
-            tracks = [self._call("trajectory", person, rng) for person in people]
+            signals = self._call(name, people, rng)
         try:
-            array = np.array(tracks, dtype=np.float64)
+            array = np.array(signals, dtype=np.float64)
         except (TypeError, ValueError):
             array = np.empty(0)
-        if array.ndim != 3 or len(array) != len(people) or 0 in array.shape:
+        if array.ndim not in (2, 3) or len(array) != len(people) or 0 in array.shape:
             raise DomainError(
-                f"{self.path}: expected tracks of shape ({len(people)}, channels, time points),"
-                f" not {array.shape if array.size else 'of unequal shapes'}"
+                f"{self.path}: {name}(): expected signals of shape ({len(people)}, channels, time points) or"
+                f" ({len(people)}, features), not {array.shape if array.size else 'of unequal shapes'}"
             )
         if not np.isfinite(array).all():
-            raise DomainError(f"{self.path}: a track has a coordinate that is not a number")
+            raise DomainError(f"{self.path}: {name}(): a signal has a value that is not a number")
         return array
 
     def recordings(
@@ -121,5 +134,5 @@ class SimulationPlugin:
             message = describe_failure(error, str(self.path), self._module, f"{name}() failed")
             raise DomainError(message) from error
 
-    def __reduce__(self) -> tuple[type[SimulationPlugin], tuple[Path]]:
-        return SimulationPlugin, (self.path,)  # another process loads the file again
+    def __reduce__(self) -> tuple[type[SimulationPlugin], tuple[Path, Sequence[Sense]]]:
+        return SimulationPlugin, (self.path, self._senses)  # another process loads the file again

@@ -55,14 +55,18 @@ class TomlTable:
         expected = f"a whole number of at least {min_value}"
         return int(self._get(key, default, lambda v: type(v) is int and v >= min_value, expected))
 
-    def names(self, key: str, *, required: bool = True) -> tuple[str, ...]:
-        """A list of different names; if it is not `required`, it may be empty or missing."""
+    def is_text(self, key: str) -> bool:
+        """Whether a key has a string as its value."""
+        return isinstance(self._table.get(key), str)
+
+    def names(self, key: str, *, required: bool = True, distinct: bool = True) -> tuple[str, ...]:
+        """A list of names, `distinct` or not; if it is not `required`, it may be empty or missing."""
 
         def is_valid(value: Any) -> bool:
             return isinstance(value, list) and all(isinstance(name, str) and name for name in value)
 
         value = self._get(key, None if required else [], is_valid, "a list of names")
-        if len(set(value)) < len(value):
+        if distinct and len(set(value)) < len(value):
             raise DomainError(f"{self.location(key)}: a name is repeated in {value!r}")
         if not value and required:
             raise DomainError(f"{self.location(key)}: expected at least one name")
@@ -79,6 +83,19 @@ class TomlTable:
         """A subtable; an empty one if it is missing and not required."""
         value = self._get(key, None if required else {}, lambda v: isinstance(v, dict), "a table")
         return TomlTable(value, self._lines, (*self._path, key))
+
+    def sections(self, key: str) -> tuple[TomlTable, ...]:
+        """Subtables ``[[key]]``, or the only one ``[key]``; none if the key is missing."""
+        value = self._get(
+            key,
+            [],
+            lambda v: isinstance(v, dict) or (isinstance(v, list) and all(isinstance(t, dict) for t in v)),
+            f"a table [{key}] or tables [[{key}]]",
+        )
+        if isinstance(value, dict):
+            return (TomlTable(value, self._lines, (*self._path, key)),)
+        paths = [(*self._path, f"{key}[{number}]") for number in range(1, len(value) + 1)]
+        return tuple(TomlTable(part, self._lines, path) for part, path in zip(value, paths, strict=True))
 
     def reject_unknown_keys(self) -> None:
         """Raise `DomainError` if the table has a key that was never accessed."""
@@ -175,9 +192,16 @@ class _KeyLines:
         self._preset: Keys = ("presets", preset) if preset else ()
         self._lines: dict[Keys, int] = {}
         header: Keys = ()
+        counts: dict[str, int] = {}  # of the tables [[name]] so far
         for number, line in enumerate(text.splitlines(), 1):
-            if match := re.match(r"\s*\[\s*([^\[\]]+?)\s*\]", line):
-                header = _split_key(match[1])
+            if match := re.match(r"\s*\[\[\s*([^\[\]]+?)\s*\]\]", line):
+                counts[match[1]] = counts.get(match[1], 0) + 1
+                *above, name = _split_key(match[1])
+                header = (*above, f"{name}[{counts[match[1]]}]")
+                self._lines.setdefault(header, number)
+            elif match := re.match(r"\s*\[\s*([^\[\]]+?)\s*\]", line):
+                first, *rest = _split_key(match[1])
+                header = (f"{first}[{counts[first]}]" if first in counts else first, *rest)
                 self._lines.setdefault(header, number)
             elif match := re.match(r"""\s*([\w"'][\w\s."'-]*?)\s*=""", line):
                 self._lines.setdefault(header + _split_key(match[1]), number)

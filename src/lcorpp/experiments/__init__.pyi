@@ -14,8 +14,8 @@ from .metrics import Scores as Scores
 from .results import write_batches as write_batches, write_comparison as write_comparison
 from .run_store import RunStore as RunStore
 from .setup import (
-    ClassifierSetup as ClassifierSetup,
     EvidenceOptions as EvidenceOptions,
+    SenseSetup as SenseSetup,
     StoredOptions as StoredOptions,
     TrainingOptions as TrainingOptions,
     make_robot as make_robot,

@@ -10,6 +10,7 @@ import numpy as np
 
 from lcorpp.decision import Batch, lcorpp
 from lcorpp.domains import Domain
+from lcorpp.domains.sections.learning import Sense
 from lcorpp.errors import DecisionError, DomainError, check_type
 from lcorpp.experiments.metrics import Scores, score_decisions
 from lcorpp.experiments.run_store import RunStore
@@ -19,6 +20,7 @@ from lcorpp.learning import train_and_validate
 from lcorpp.protocols import Classifier, Planner
 from lcorpp.reasoning import Reasoner
 from lcorpp.simulation.people_stream import DecisionResult, PeopleStream
+from lcorpp.simulation.simulated_classifier import NoisyChannel
 from lcorpp.values import ConfusionMatrix, Dataset, Episode, Instance
 
 Row = dict[str, float | int | str]
@@ -28,7 +30,10 @@ Row = dict[str, float | int | str]
 class ActiveLearningOptions:
     """Options of Algorithm 1.
 
-    training: the learner and the initial data. soft: likelihoods instead of labels as evidence.
+    training: the learner and the initial data.
+    sense: the sense that learns; None takes the first one that classifies a shared variable. The others are
+        noisy channels.
+    soft: likelihoods instead of labels as evidence.
     batch_size: K, decisions between two trainings.
     epsilon: the run ends when the confusion matrix changes by at most this much.
     max_batches: the run ends after this many batches.
@@ -36,6 +41,7 @@ class ActiveLearningOptions:
     """
 
     training: TrainingOptions = field(default_factory=TrainingOptions)
+    sense: str | None = None
     soft: bool = False
     batch_size: int = 100
     epsilon: float = 0.05
@@ -92,7 +98,25 @@ def open_run_store(
         "seed": options.seed,
         "epochs": options.training.epochs,
     }
-    return RunStore(path, data.dataset, domain.values, settings)
+    return RunStore(path, data.dataset, find_learning_sense(domain, options).classes, settings)
+
+
+def find_learning_sense(domain: Domain, options: ActiveLearningOptions) -> Sense:
+    """Return the sense that learns from the reports.
+
+    Raises:
+        DomainError: there is none of this name, or it classifies no shared variable.
+    """
+    if options.sense is not None:
+        sense = domain.find_sense(options.sense)
+        domain.class_of(sense.name, domain.values[0])
+        return sense
+    for sense in domain.senses:
+        if sense.of in domain.reasoning.shared:
+            return sense
+    raise DomainError(
+        f"{domain.folder}/domain.toml: no sense classifies a shared variable, so reports are no labels"
+    )
 
 
 def run_active_learning(
@@ -117,7 +141,13 @@ def run_active_learning(
     check_type(domain, Domain, "the domain", DomainError)
     check_type(data, TrainingData, "the initial data", DecisionError)
     check_type(options, ActiveLearningOptions, "`options`", DecisionError)
-    estimator = make_estimator(data, options.training, options.seed)
+    sense, estimator = (
+        find_learning_sense(domain, options),
+        make_estimator(data, options.training, options.seed),
+    )
+    channels = {
+        other.name: NoisyChannel.from_domain(domain, other) for other in domain.senses if other is not sense
+    }
 
     def train(dataset: Dataset) -> tuple[Classifier, ConfusionMatrix]:
         with progress(f"training on {len(dataset)} tracks", FOLDS + 1) as advance:
@@ -127,7 +157,9 @@ def run_active_learning(
         return (trained.soft() if options.soft else trained), validation.confusion
 
     def make_reasoner(confusion: ConfusionMatrix) -> Reasoner:
-        return Reasoner(domain.soft_program if options.soft else domain.program_for(confusion))
+        return Reasoner(
+            domain.soft_program([sense.name]) if options.soft else domain.program_for({sense.name: confusion})
+        )
 
     dataset, resume_point, position = data.dataset, None, 0
     results, rows = list[DecisionResult](), list[Row]()  # the decisions since the last batch; all batches
@@ -135,17 +167,23 @@ def run_active_learning(
         resume_point = run_store.resume(train)
         dataset, position, rows = run_store.dataset(), run_store.n_people, run_store.rows
         results = [result for track in run_store.pending if (result := DecisionResult.from_stored(track))]
-    stream = PeopleStream(domain, data.trajectories, options.seed, position=position)
+    stream = PeopleStream(domain, {sense.name: data.signals, **channels}, options.seed, position=position)
 
     def record(instance: Instance, episode: Episode) -> None:
         result = stream.result(episode)
         results.append(result)
         if run_store is not None:
-            belief = domain.marginal(episode.steps[-1].belief if episode.steps else episode.prior)
-            run_store.append_decision(instance, episode, belief, result.to_extra())
+            joint = domain.marginal(episode.steps[-1].belief if episode.steps else episode.prior)
+            belief = domain.marginalise(joint, sense.of)
+            label = None if episode.report is None else domain.class_of(sense.name, episode.report)
+            run_store.append_decision(
+                instance.signals[sense.name], instance.context, label, belief, result.to_extra()
+            )
 
     batches = lcorpp(
         dataset,
+        sense=sense.name,
+        other_classifiers=channels,
         train=train,
         make_reasoner=make_reasoner,
         planner=planner,
@@ -181,4 +219,4 @@ def _score_batch(domain: Domain, results: Sequence[DecisionResult]) -> Scores:
         counts[values.index(result.actual), reported] += 1
     cost = np.array([result.cost for result in results])
     return_ = np.array([result.return_ for result in results])
-    return score_decisions("LCORPP", counts, cost, return_, values=values, positive=domain.learning.positive)
+    return score_decisions("LCORPP", counts, cost, return_, values=values, positive=domain.positive)

@@ -6,12 +6,13 @@ from dataclasses import replace
 from typing import Any
 
 from lcorpp.domains import Domain
+from lcorpp.domains.sections.learning import Sense
 from lcorpp.errors import DataError, DomainError, check_type
 from lcorpp.experiments.setup import (
     HARD_LABELS,
-    ClassifierSetup,
     EvidenceOptions,
     ProgressDisplay,
+    SenseSetup,
     StoredOptions,
     TrainingOptions,
     nest_rates,
@@ -35,35 +36,39 @@ from lcorpp.learning import (
     train_and_validate,
 )
 from lcorpp.learning.classifiers.storage import check_storable
-from lcorpp.simulation.people import SimulatedTrajectories, TrajectorySource
+from lcorpp.simulation.people import SignalSource, SimulatedSignals
 from lcorpp.values import ConfusionMatrix
 
 
 def train_classifier(
     domain: Domain,
+    sense: Sense,
     options: TrainingOptions,
     evidence: EvidenceOptions = HARD_LABELS,
     *,
     seed: int = 0,
     jobs: int = 1,
     progress: ProgressDisplay = no_progress,
-) -> ClassifierSetup:
-    """Train a classifier, cross-validate it and put its confusion matrix into the rules.
+) -> SenseSetup:
+    """Train and cross-validate the classifier of a sense; its confusion matrix becomes the rules.
 
     Raises:
         DataError, FileError: an option or the data are wrong.
-        DomainError: the domain cannot simulate trajectories.
+        DomainError: the domain cannot simulate signals.
     """
     check_type(domain, Domain, "the domain", DomainError)
-    goal = None if options.threshold is None else parse_goal(domain, options.threshold)
+    goal = None if options.threshold is None else parse_goal(sense, options.threshold)
     learner(options.learner, epochs=options.epochs, device=options.device)  # reject options before the work
-    data = make_training_data(domain, options, seed)
+    data = make_training_data(domain, sense, options, seed)
     estimator = make_estimator(data, options, seed)
     with progress(f"training and cross-validating {options.learner}", FOLDS + 1) as advance:
         trained, validation = train_and_validate(
             estimator, data.dataset, folds=FOLDS, seed=seed, jobs=jobs, progress=advance
         )
-    positive, prevalence = find_positive_class(domain), compute_class_prevalence(domain, options.prevalence)
+    positive, prevalence = (
+        find_positive_class(sense),
+        compute_class_prevalence(domain, sense, options.prevalence),
+    )
     if goal is not None:
         threshold = select_threshold(validation, positive, prevalence[positive], goal)
         validation = validation.with_predictions(
@@ -79,31 +84,38 @@ def train_classifier(
         source=data.dataset.source,
     )
     about = {"n_tracks": len(data.dataset), "report": report, "notes": data.dataset.notes}
-    return _make_setup(domain, trained, validation.confusion, evidence, data.trajectories, **about)
+    return _make_setup(trained, validation.confusion, evidence, data.signals, **about)
 
 
 def load_trained(
-    domain: Domain, options: StoredOptions, evidence: EvidenceOptions = HARD_LABELS, *, seed: int = 0
-) -> ClassifierSetup:
-    """Load a stored classifier and put its confusion matrix into the rules.
+    domain: Domain,
+    sense: Sense,
+    options: StoredOptions,
+    evidence: EvidenceOptions = HARD_LABELS,
+    *,
+    seed: int = 0,
+) -> SenseSetup:
+    """Load a stored classifier of a sense; its confusion matrix becomes the rules.
 
     Raises:
-        DataError, FileError: the file is no classifier of the domain's classes, or the recorded tracks have
+        DataError, FileError: the file is no classifier of the sense's classes, or the recorded tracks have
             another interval or other channels than its training data.
     """
     check_type(domain, Domain, "the domain", DomainError)
     trained = load_classifier(options.file)
     confusion = trained.confusion
-    if confusion is None or set(confusion.classes) != set(domain.values):
+    if confusion is None or set(confusion.classes) != set(sense.classes):
         classes = "unknown classes" if confusion is None else ", ".join(confusion.classes)
         raise DataError(
             f"{options.file}: the classifier's classes are {classes}; {domain.name} needs"
-            f" {', '.join(domain.values)}"
+            f" {', '.join(sense.classes)}"
         )
     if options.data is None:
-        return _make_setup(domain, trained, confusion, evidence, SimulatedTrajectories.of(domain))
+        return _make_setup(trained, confusion, evidence, SimulatedSignals.from_domain(domain, sense))
     motion = trained.estimator.steps[0][1]
-    recorded = read_training_data(domain, options.data, seed, features=getattr(motion, "inputs", ("x", "y")))
+    recorded = read_training_data(
+        domain, sense, options.data, seed, features=getattr(motion, "inputs", ("x", "y"))
+    )
     interval, channels = recorded.dataset.interval, recorded.dataset.channels
     if isinstance(motion, Motion) and (motion.interval, tuple(motion.inputs)) != (interval, channels):
         raise DataError(
@@ -111,7 +123,7 @@ def load_trained(
             f" the data have {', '.join(channels)} every {interval:g} s"
         )
     notes = recorded.dataset.notes
-    return _make_setup(domain, trained, confusion, evidence, recorded.trajectories, notes=notes)
+    return _make_setup(trained, confusion, evidence, recorded.signals, notes=notes)
 
 
 def find_storage_problem(options: TrainingOptions) -> str | None:
@@ -124,23 +136,22 @@ def find_storage_problem(options: TrainingOptions) -> str | None:
 
 
 def _make_setup(
-    domain: Domain,
     trained: TrainedClassifier,
     confusion: ConfusionMatrix,
     evidence: EvidenceOptions,
-    trajectories: TrajectorySource,
+    signals: SignalSource,
     **about: Any,
-) -> ClassifierSetup:
+) -> SenseSetup:
     """Return the setup of a trained classifier: its rates become rules, or likelihoods replace its labels.
 
-    about: fields of `ClassifierSetup` that only some setups have.
+    about: fields of `SenseSetup` that only some setups have.
     """
     rows = [[float(rate) for rate in row] for row in confusion.rates(evidence.smoothing)]
-    return ClassifierSetup(
+    return SenseSetup(
         trained.soft() if evidence.soft else trained,
-        trajectories,
-        domain.soft_program if evidence.soft else domain.program_for(confusion, evidence.smoothing),
+        signals,
         nest_rates(confusion.classes, rows),
+        confusion,
         estimate_rates(confusion, smoothing=evidence.smoothing),
         trained,
         **about,

@@ -1,10 +1,12 @@
-"""Comparison of strategies: set up the classifier and the planner of a domain and score the strategies."""
+"""Comparison of strategies: set up the classifiers and the planner of a domain and score the strategies."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 
-from lcorpp.decision import STRATEGIES, Strategy
+from lcorpp.decision import Strategy
+from lcorpp.decision.strategies import list_strategies
 from lcorpp.domains import Domain
 from lcorpp.errors import DecisionError, DomainError, check_type
 from lcorpp.experiments.exact_evaluation import evaluate_exactly
@@ -12,12 +14,14 @@ from lcorpp.experiments.metrics import Scores, scores_to_html
 from lcorpp.experiments.setup import (
     HARD_LABELS,
     ClassifierOptions,
-    ClassifierSetup,
     EvidenceOptions,
     ProgressDisplay,
+    Senses,
+    SenseSetup,
     StoredOptions,
     TrainingOptions,
     from_channel,
+    make_program,
     make_robot,
     no_progress,
     solve_domain,
@@ -31,14 +35,16 @@ from lcorpp.simulation import NoisyChannel
 class ComparisonOptions:
     """Options of a comparison.
 
-    classifier: options for training or loading the classifier; None takes the domain's noisy channel.
-    evidence: labels or likelihoods as the classifier's evidence for the reasoner.
-    trials: the number of simulated people; None computes exact scores, for the noisy channel only.
+    strategies: () takes all of the domain.
+    classifiers: sense -> options for training or loading its classifier; None, and for other senses, takes
+        the domain's noisy channel.
+    evidence: labels or likelihoods as the classifiers' evidence for the reasoner.
+    trials: the number of simulated people; None computes exact scores, for noisy channels only.
     seed: of all random numbers. jobs: processes; the results are the same for any number.
     """
 
-    strategies: tuple[Strategy, ...] = STRATEGIES
-    classifier: ClassifierOptions = None
+    strategies: tuple[Strategy, ...] = ()
+    classifiers: Mapping[str, ClassifierOptions] = field(default_factory=dict)
     evidence: EvidenceOptions = HARD_LABELS
     trials: int | None = 5000
     seed: int = 0
@@ -47,8 +53,10 @@ class ComparisonOptions:
     def __post_init__(self) -> None:
         for strategy in self.strategies:
             check_type(strategy, Strategy, "a strategy", DecisionError)
+        check_type(self.classifiers, Mapping, "the option `classifiers`", DecisionError)
         kinds = (TrainingOptions, StoredOptions, type(None))
-        check_type(self.classifier, kinds, "the option `classifier`", DecisionError)
+        for options in self.classifiers.values():
+            check_type(options, kinds, "an option of `classifiers`", DecisionError)
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,13 +65,13 @@ class Comparison:
 
     scores: one for each strategy, in the order of the options.
     trials: the number of completed trials, less than requested after an interrupt; None for exact scores.
-    classifier: the classifier and its error rates.
+    senses: sense -> its classifier and error rates, for the senses that a strategy uses.
     solution: the solution of the POMDP; None if a policy was given.
     """
 
     scores: tuple[Scores, ...]
     trials: int | None
-    classifier: ClassifierSetup
+    senses: Senses
     solution: Solution | None
 
     def __repr__(self) -> str:
@@ -88,50 +96,69 @@ def compare_strategies(
         policy: a policy for the domain's POMDP; None solves it.
 
     Raises:
-        DomainError: exact scores are requested of a classifier other than the noisy channel; the domain has
-            no noisy channel or no trajectories.
+        DomainError: exact scores are requested of a classifier other than a noisy channel; a sense has no
+            noisy channel, or no signals to train on.
         DataError, FileError: the training options or files are wrong.
         KeyboardInterrupt: an interrupt before the first trial was complete.
     """
     check_type(domain, Domain, "the domain", DomainError)
     check_type(options, ComparisonOptions, "`options`", DecisionError)
-    if options.trials is None and options.classifier is not None:
+    for name in options.classifiers:
+        domain.find_sense(name)
+    if options.trials is None and any(options.classifiers.values()):
         raise DomainError(
             "exact scores require the noisy channel: the error rates of a trained classifier are known from"
             " trials only"
         )
-    setup, solution = _make_classifier(domain, options, progress), None
+    strategies = options.strategies or list_strategies([sense.name for sense in domain.senses])
+    senses, solution = _set_up_senses(domain, strategies, options, progress), None
     if policy is not None:
         planner = Planner(policy, domain.pomdp)
     else:
         with progress("solving the POMDP"):
             solution = solve_domain(domain)
         planner = Planner(solution)
-    robot = make_robot(domain, setup, planner)
+    robot = make_robot(domain, senses, make_program(domain, senses, options.evidence), planner)
     if options.trials is None:
-        channel = NoisyChannel.of(domain)
+        channels = {sense.name: NoisyChannel.from_domain(domain, sense) for sense in domain.senses}
         with progress("enumerating people and answers"):
-            exact_scores = evaluate_exactly(domain, robot, channel, options.strategies)
-        return Comparison(tuple(exact_scores), None, setup, solution)
+            exact_scores = evaluate_exactly(domain, robot, channels, strategies)
+        return Comparison(tuple(exact_scores), None, senses, solution)
     experiment = Experiment(
-        domain, robot, setup.classifier, setup.trajectories, options.strategies, options.seed
+        domain,
+        robot,
+        {name: setup.classifier for name, setup in senses.items()},
+        {name: setup.signals for name, setup in senses.items()},
+        strategies,
+        options.seed,
     )
     with progress("simulating trials", options.trials) as advance:
         scores, completed = run_trials(experiment, options.trials, jobs=options.jobs, progress=advance)
-    return Comparison(tuple(scores), completed, setup, solution)
+    return Comparison(tuple(scores), completed, senses, solution)
 
 
-def _make_classifier(
-    domain: Domain, options: ComparisonOptions, progress: ProgressDisplay
-) -> ClassifierSetup:
-    """Train or load the classifier, or make the noisy channel, as the options require."""
-    if options.classifier is None:
-        return from_channel(domain)
-    from lcorpp.experiments.classifier_training import load_trained, train_classifier  # loads scikit-learn
+def _set_up_senses(
+    domain: Domain, strategies: tuple[Strategy, ...], options: ComparisonOptions, progress: ProgressDisplay
+) -> dict[str, SenseSetup]:
+    """Train or load the classifiers that a strategy uses, or make their noisy channels."""
+    senses = {}
+    for sense in domain.senses:
+        if not any(strategy.uses(sense.name) for strategy in strategies):
+            continue
+        how = options.classifiers.get(sense.name)
+        if how is None:
+            senses[sense.name] = from_channel(domain, sense)
+            continue
+        from lcorpp.experiments.classifier_training import (
+            load_trained,
+            train_classifier,
+        )  # loads scikit-learn
 
-    evidence, seed = options.evidence, options.seed
-    if isinstance(options.classifier, StoredOptions):
-        return load_trained(domain, options.classifier, evidence, seed=seed)
-    return train_classifier(
-        domain, options.classifier, evidence, seed=seed, jobs=options.jobs, progress=progress
-    )
+        evidence, seed = options.evidence, options.seed
+        if isinstance(how, StoredOptions):
+            senses[sense.name] = load_trained(domain, sense, how, evidence, seed=seed)
+        else:
+            senses[sense.name] = train_classifier(
+                domain, sense, how, evidence, seed=seed, jobs=options.jobs, progress=progress
+            )
+    return senses

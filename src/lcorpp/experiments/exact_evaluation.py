@@ -1,7 +1,7 @@
 """Exact scores of the strategies, by enumeration of people and answers.
 
-These scores are the reference for the simulated trials. The evaluation requires a noisy channel as the
-classifier and a feedback model of known probabilities, not a `people.py` that draws reactions.
+These scores are the reference for the simulated trials. The evaluation requires noisy channels as the
+classifiers and a feedback model of known probabilities, not a `people.py` that draws reactions.
 """
 
 from __future__ import annotations
@@ -9,6 +9,8 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
 from functools import cache
+from itertools import product
+from math import prod
 
 import numpy as np
 
@@ -25,12 +27,13 @@ MIN_PROBABILITY = 1e-12
 
 
 def evaluate_exactly(
-    domain: Domain, robot: Robot, channel: NoisyChannel, strategies: tuple[Strategy, ...]
+    domain: Domain, robot: Robot, channels: Mapping[str, NoisyChannel], strategies: tuple[Strategy, ...]
 ) -> list[Scores]:
     """Compute the exact scores of some strategies.
 
     Args:
-        robot: the full robot; `channel` replaces its classifier.
+        robot: the full robot.
+        channels: sense -> the noisy channel that replaces its classifier.
         strategies: the strategies, in the order of the result.
 
     Raises:
@@ -38,14 +41,20 @@ def evaluate_exactly(
     """
     check_type(domain, Domain, "the domain", DomainError)
     check_type(robot, Robot, "the robot", DecisionError)
-    check_type(channel, NoisyChannel, "the channel", DecisionError)
+    for channel in channels.values():
+        check_type(channel, NoisyChannel, "a channel", DecisionError)
     if domain.simulation.reaction is not None:
         raise DomainError(
             f"{domain.folder}: people.py draws reactions, so only simulated trials can score this domain"
         )
-    people = compute_joint_distribution(domain, (*domain.observed, domain.target))
+    classified = [channel.of for channel in channels.values()]
+    attributes = tuple(dict.fromkeys([*domain.observed, *classified, *domain.reasoning.shared]))
+    people = [
+        (dict(zip(attributes, values, strict=True)), mass)
+        for values, mass in compute_joint_distribution(domain, attributes).items()
+    ]
     return [
-        _score_strategy(domain, strategy.robot(robot), strategy, channel, people) for strategy in strategies
+        _score_strategy(domain, strategy.robot(robot), strategy, channels, people) for strategy in strategies
     ]
 
 
@@ -62,20 +71,20 @@ def _score_strategy(
     domain: Domain,
     robot: Robot,
     strategy: Strategy,
-    channel: NoisyChannel,
-    people: Mapping[tuple[str, ...], float],
+    channels: Mapping[str, NoisyChannel],
+    people: Sequence[tuple[Mapping[str, str], float]],
 ) -> Scores:
-    """Score the robot of a strategy; `people`: the observed values and, last, the true one -> probability."""
+    """Score the robot of a strategy; `people`: attribute -> value, and its probability."""
+    used = {sense: channel for sense, channel in channels.items() if strategy.uses(sense)}
     # distribution over (prior belief (S,) as bytes, index of the true value)
     priors: dict[tuple[bytes, int], float] = defaultdict(float)
-    for (*context, value), mass in people.items():
-        v = domain.values.index(value)
-        rates = dict(zip(channel.classes, channel.rates[v].tolist(), strict=True))
-        for label, rate in (rates if strategy.learns else {None: 1.0}).items():
+    for person, mass in people:
+        v = domain.values.index(domain.reasoning.join(person))
+        context = {name: person[name] for name in domain.observed}
+        for labels, rate in _enumerate_labels(used, person):
             if mass * rate == 0:
                 continue
-            evidence = domain.evidence(dict(zip(domain.observed, context, strict=True)), label)
-            marginal = robot.reasoner.posterior(domain.target, evidence)
+            marginal = robot.reasoner.posterior(domain.shared, domain.evidence(context, labels))
             prior = robot.planner.start if marginal is None else domain.prior(marginal)
             priors[prior.tobytes(), v] += mass * rate
     tree = _EpisodeTree(domain, robot)
@@ -90,10 +99,23 @@ def _score_strategy(
             squared_cost += p * cost**2
             return_ += p * (reward - cost)
     sd = float(np.sqrt(max(squared_cost - total_cost**2, 0.0)))
-    values, positive = domain.values, domain.learning.positive
+    values, positive = domain.values, domain.positive
     return score_probabilities(
         strategy.name, joint, total_cost, return_, sd, values=values, positive=positive
     )
+
+
+def _enumerate_labels(
+    channels: Mapping[str, NoisyChannel], person: Mapping[str, str]
+) -> Iterator[tuple[dict[str, str], float]]:
+    """Yield the labels that the senses may give a person, sense -> class, and their probability."""
+    rows = [channel.rates[channel.classes.index(person[channel.of])] for channel in channels.values()]
+    choices = [
+        zip(c.classes, row.tolist(), strict=True) for c, row in zip(channels.values(), rows, strict=True)
+    ]
+    for combination in product(*choices):
+        labels = {sense: label for sense, (label, _) in zip(channels, combination, strict=True)}
+        yield labels, prod([rate for _, rate in combination])
 
 
 class _EpisodeTree:

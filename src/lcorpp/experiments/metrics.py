@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from lcorpp.notebook import html_table
-from lcorpp.values import Z95, Array, Interval
+from lcorpp.values import Z95, Array, Interval, SharedValue
 
 METRICS = ("f1", "precision", "recall", "accuracy", "cost", "return")
 """The names of the scores in tables and files."""
@@ -52,14 +52,20 @@ class Scores:
 
 
 def score_decisions(
-    strategy: str, counts: Array, cost: Array, return_: Array, *, values: Sequence[str], positive: str | None
+    strategy: str,
+    counts: Array,
+    cost: Array,
+    return_: Array,
+    *,
+    values: Sequence[SharedValue],
+    positive: str | None,
 ) -> Scores:
     """Score simulated decisions.
 
     Args:
         counts: (V, V + 1) as in `Scores`.
         cost, return_: (n,) one number per decision.
-        values: the V target values.
+        values: the V shared values.
         positive: the positive class of F1, precision and recall; None takes the macro average over all
             values. The ends of the intervals are averaged as well, which makes them wide.
 
@@ -79,7 +85,7 @@ def score_probabilities(
     return_: float,
     cost_sd: float,
     *,
-    values: Sequence[str],
+    values: Sequence[SharedValue],
     positive: str | None,
 ) -> Scores:
     """Score exact probabilities instead of counts; the intervals have zero width.
@@ -106,7 +112,7 @@ def _compute_sd(numbers: Array) -> float:
 
 def _score_classification(
     counts: Array,
-    values: Sequence[str],
+    values: Sequence[SharedValue],
     positive: str | None,
     make_proportion: Callable[[float, float], Interval],
 ) -> tuple[Interval, Interval, Interval, Interval]:

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 from lcorpp.errors import DataError
 from lcorpp.experiments.comparison import Comparison, ComparisonOptions
 from lcorpp.experiments.metrics import METRICS, Scores
-from lcorpp.experiments.setup import StoredOptions, TrainingOptions
+from lcorpp.experiments.setup import ClassifierOptions, SenseSetup, TrainingOptions
 from lcorpp.files import make_folder, write_atomically
 from lcorpp.values import LAPLACE
 
@@ -43,33 +43,48 @@ class WrittenFiles:
 
 
 def describe_run(
-    domain: Domain, options: ComparisonOptions, comparison: Comparison, classifier: str, policy: Path | None
+    domain: Domain, options: ComparisonOptions, comparison: Comparison, policy: Path | None
 ) -> dict[str, Any]:
     """Return the configuration of a comparison, for results.json.
 
     Args:
-        classifier: "channel", the learner or the file. policy: the file of the policy, None if it was solved.
+        policy: the file of the policy, None if it was solved.
     """
-    source = options.classifier
-    training = source if isinstance(source, TrainingOptions) else TrainingOptions()
-    data = source.data if isinstance(source, TrainingOptions | StoredOptions) else None
     return {
         "domain": domain.name,
         "preset": domain.preset,
-        "classifier": classifier,
+        "senses": {
+            name: _describe_sense(options.classifiers.get(name), setup)
+            for name, setup in comparison.senses.items()
+        },
         "evidence": "soft" if options.evidence.soft else "hard",
         "smoothing": "laplace" if options.evidence.smoothing == LAPLACE else "jeffreys",
+        "policy": str(policy) if policy else "solved",
+        "trials": "exact" if comparison.trials is None else comparison.trials,
+        "seed": options.seed,
+    }
+
+
+def describe_source(options: ClassifierOptions) -> str:
+    """Return "channel", the learner or the file of a classifier."""
+    if options is None:
+        return "channel"
+    return options.learner if isinstance(options, TrainingOptions) else str(options.file)
+
+
+def _describe_sense(options: ClassifierOptions, setup: SenseSetup) -> dict[str, Any]:
+    training = options if isinstance(options, TrainingOptions) else TrainingOptions()
+    data = None if options is None else options.data
+    return {
+        "classifier": describe_source(options),
         "features": ",".join(training.features),
         "threshold": training.threshold,
         "prevalence": training.prevalence,
         "device": training.device,
-        "rates": comparison.classifier.rates,
+        "rates": setup.rates,
         "data": str(data) if data else None,
-        "tracks": comparison.classifier.n_tracks,
+        "tracks": setup.n_tracks,
         "epochs": training.epochs,
-        "policy": str(policy) if policy else "solved",
-        "trials": "exact" if comparison.trials is None else comparison.trials,
-        "seed": options.seed,
     }
 
 
@@ -80,7 +95,9 @@ def write_comparison(
     *,
     formats: Sequence[str] = FORMATS,
 ) -> WrittenFiles:
-    """Write results.csv, results.json, the figures and, if it was trained now, the report and the classifier.
+    """Write results.csv, results.json, the figures and, if trained now, the reports and the classifiers.
+
+    With several senses, the files of each are in a folder of its name.
 
     Args:
         folder: created if missing.
@@ -93,9 +110,8 @@ def write_comparison(
     from lcorpp.experiments.figures.strategies import plot_strategies
 
     make_folder(folder)
-    classifier = comparison.classifier
-    saved = _save_if_trained(classifier.trained, folder)
-    title = f"{configuration['domain']}, {configuration['classifier']}, {configuration['trials']} trials"
+    sources = [sense["classifier"] for sense in configuration["senses"].values()]
+    title = ", ".join([configuration["domain"], *sources, f"{configuration['trials']} trials"])
     rows = [_make_row(scores) for scores in comparison.scores]
     _write_csv(folder / "results.csv", COLUMNS, rows)
     detailed = [
@@ -105,14 +121,21 @@ def write_comparison(
     _write_json(folder / "results.json", {"configuration": dict(configuration), "strategies": detailed})
     written = [folder / "results.csv", folder / "results.json"]
     written += _write_figure(plot_strategies(comparison.scores, title), folder, "results", formats)
-    if classifier.report is not None:
-        from lcorpp.learning import plot_report, write_report
+    problems = []
+    for name, setup in comparison.senses.items():
+        own = folder if len(comparison.senses) == 1 else folder / name
+        make_folder(own)
+        if setup.report is not None:
+            from lcorpp.learning import plot_report, write_report
 
-        written += write_report(classifier.report, folder)
-        for figure in [folder / f"report.{suffix}" for suffix in formats]:
-            plot_report(classifier.report, figure)
-            written.append(figure)
-    return WrittenFiles((*written, *saved.paths), saved.problem)
+            written += write_report(setup.report, own)
+            for figure in [own / f"report.{suffix}" for suffix in formats]:
+                plot_report(setup.report, figure)
+                written.append(figure)
+        saved = _save_if_trained(setup.trained, own)
+        written += saved.paths
+        problems += [saved.problem] if saved.problem else []
+    return WrittenFiles(tuple(written), "; ".join(problems) or None)
 
 
 def write_batches(

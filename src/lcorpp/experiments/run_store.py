@@ -24,7 +24,7 @@ from lcorpp.files import make_folder, read_bytes, read_text, sync_folder, write_
 from lcorpp.learning import SoftClassifier, TrainedClassifier, load_classifier, save_classifier
 from lcorpp.learning.store import NewTrack, Snapshot, Store, StoredTrack, TrackSchema
 from lcorpp.protocols import Classifier
-from lcorpp.values import ConfusionMatrix, Dataset, Distribution, Episode, Instance, track_hash
+from lcorpp.values import Array, ConfusionMatrix, Dataset, Distribution, track_hash
 
 FORMAT, VERSION = "lcorpp checkpoint", 1
 
@@ -65,7 +65,7 @@ class RunStore:
 
         Args:
             dataset: the initial data; the tracks of the store have the same schema.
-            classes: the values of the target.
+            classes: the classes of the sense that learns.
             settings: everything else that a training depends on, as JSON can represent it, e.g. the seed; a
                 checkpoint with other settings is not used.
 
@@ -136,24 +136,30 @@ class RunStore:
         )
 
     def append_decision(
-        self, instance: Instance, episode: Episode, belief: Distribution, extra: Mapping[str, Any]
+        self,
+        signal: Array,
+        context: Mapping[str, str],
+        label: str | None,
+        belief: Distribution,
+        extra: Mapping[str, Any],
     ) -> str:
-        """Store a decision: the track, the reported label and the belief behind it.
+        """Store a decision: the signal, the reported class and the belief behind it.
 
         The decision is on the disk when this method returns.
 
         Args:
-            belief: over the target's values, when the robot reported.
+            label: the class by the robot's report, None without a report.
+            belief: over the classes, when the robot reported.
             extra: further data to store, e.g. the simulated truth.
 
         Returns:
             The id of the track.
         """
         track = NewTrack(
-            instance.trajectory,
-            episode.report,
+            signal,
+            label,
             belief=belief,
-            context=instance.context,
+            context=context,
             id=f"{self._run}-{self.n_people}",
             extra={"run": self._run, "batch": self._number + 1, "met": self.n_people, **extra},
         )

@@ -1,11 +1,11 @@
-"""Composition of a run: the classifier with its error rates, the reasoner, the planner and the robot.
+"""Composition of a run: the classifiers with their error rates, the reasoner, the planner and the robot.
 
 Classifiers that are trained or loaded come from `classifier_training`.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
 from fractions import Fraction
@@ -14,12 +14,13 @@ from typing import TYPE_CHECKING, Protocol
 
 from lcorpp.decision import Robot
 from lcorpp.domains import Domain
+from lcorpp.domains.sections.learning import Sense
 from lcorpp.planning import Solution, solve
 from lcorpp.protocols import Planner
 from lcorpp.reasoning import Program, Reasoner
-from lcorpp.simulation.people import TrajectorySource
+from lcorpp.simulation.people import SignalSource
 from lcorpp.simulation.simulated_classifier import BatchClassifier, NoisyChannel
-from lcorpp.values import JEFFREYS
+from lcorpp.values import JEFFREYS, ConfusionMatrix
 
 if TYPE_CHECKING:  # scikit-learn takes seconds to load, and a noisy channel does without
     from lcorpp.learning import EvaluationReport, Rate, TrainedClassifier
@@ -96,10 +97,11 @@ HARD_LABELS = EvidenceOptions()
 
 
 @dataclass(frozen=True, eq=False)
-class ClassifierSetup:
-    """A classifier, the source of its test trajectories, and the program with its error rates.
+class SenseSetup:
+    """The classifier of a sense, the source of its test signals, and its error rates.
 
     rates: true class -> predicted class -> probability, as the rules contain them.
+    confusion: the matrix that replaces the rules; None for a noisy channel, whose rules the program has.
     intervals: one row of rates with intervals per true class; () for a noisy channel.
     trained: the trained classifier, without soft evidence; None for a noisy channel.
     n_tracks: number of training tracks, report: evaluation of the classifier; None if it was not trained now.
@@ -107,9 +109,9 @@ class ClassifierSetup:
     """
 
     classifier: BatchClassifier
-    trajectories: TrajectorySource
-    program: Program
+    signals: SignalSource
     rates: dict[str, dict[str, float]]
+    confusion: ConfusionMatrix | None = None
     intervals: Sequence[Sequence[Rate]] = ()
     trained: TrainedClassifier | None = None
     n_tracks: int | None = None
@@ -119,19 +121,29 @@ class ClassifierSetup:
     def __repr__(self) -> str:
         kind = "channel" if self.trained is None else "trained"
         rates = ", ".join(f"{value} {row[value]:.3f}" for value, row in self.rates.items())
-        return f"<ClassifierSetup {kind}; recall: {rates}>"
+        return f"<SenseSetup {kind}; recall: {rates}>"
 
 
-def from_channel(domain: Domain) -> ClassifierSetup:
-    """Return the domain's noisy channel; the program keeps its own rules.
+Senses = Mapping[str, SenseSetup]
+"""Name of a sense -> its setup, for the senses that some strategy uses."""
+
+
+def from_channel(domain: Domain, sense: Sense) -> SenseSetup:
+    """Return the noisy channel of a sense; the program keeps its own rules.
 
     Raises:
         DomainError: the domain has no noisy channel.
     """
-    channel = NoisyChannel.of(domain)
-    return ClassifierSetup(
-        channel, channel, domain.program, nest_rates(domain.values, channel.rates.tolist())
-    )
+    channel = NoisyChannel.from_domain(domain, sense)
+    return SenseSetup(channel, channel, nest_rates(sense.classes, channel.rates.tolist()))
+
+
+def make_program(domain: Domain, senses: Senses, evidence: EvidenceOptions = HARD_LABELS) -> Program:
+    """Return the domain's program with the error rates of trained classifiers as rules."""
+    confusions = {name: setup.confusion for name, setup in senses.items() if setup.confusion is not None}
+    if evidence.soft and confusions:
+        return domain.soft_program(confusions)
+    return domain.program_for(confusions, evidence.smoothing)
 
 
 def solve_domain(domain: Domain) -> Solution:
@@ -139,9 +151,10 @@ def solve_domain(domain: Domain) -> Solution:
     return solve(domain.pomdp, domain.start_beliefs())
 
 
-def make_robot(domain: Domain, setup: ClassifierSetup, planner: Planner) -> Robot:
-    """Return the full robot: classifier, reasoner with the classifier's rules, planner and domain."""
-    return Robot(setup.classifier, Reasoner(setup.program), planner, domain)
+def make_robot(domain: Domain, senses: Senses, program: Program, planner: Planner) -> Robot:
+    """Return the full robot: classifiers, reasoner with the classifiers' rules, planner and domain."""
+    classifiers = {name: setup.classifier for name, setup in senses.items()}
+    return Robot(classifiers, Reasoner(program), planner, domain)
 
 
 def nest_rates(classes: Sequence[str], rows: Iterable[Iterable[float]]) -> dict[str, dict[str, float]]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from lcorpp.domains import Domain
+from lcorpp.domains.sections.learning import Sense
 from lcorpp.errors import DataError
 from lcorpp.learning import DecisionThreshold, Validation, choose_threshold
 from lcorpp.learning.evaluation.thresholds import resolve_goal
@@ -17,43 +18,45 @@ Goal = str | tuple[float, float] | float
 """A goal by name, the costs of a miss and of a false alarm, or the threshold itself."""
 
 
-def parse_goal(domain: Domain, text: str) -> Goal:
+def parse_goal(sense: Sense, text: str) -> Goal:
     """Parse a goal: a number, the name of a metric, or two costs as MISS:ALARM.
 
     Raises:
-        DataError: the text is no goal, or the domain has more than two classes.
+        DataError: the text is no goal, or the sense has more than two classes.
     """
-    if len(domain.values) != 2:
-        raise DataError(f"--threshold is for two classes, and there are {len(domain.values)}")
+    if len(sense.classes) != 2:
+        raise DataError(f"--threshold is for two classes, and there are {len(sense.classes)}")
     try:
         numbers = [float(part) for part in text.split(":")]
     except ValueError:
         numbers = []
     if len(numbers) == 1:
-        return DecisionThreshold(find_positive_class(domain), numbers[0]).probability
+        return DecisionThreshold(find_positive_class(sense), numbers[0]).probability
     goal = (numbers[0], numbers[1]) if len(numbers) == 2 else text
     resolve_goal(goal)
     return goal
 
 
-def find_positive_class(domain: Domain) -> str:
-    """Return the domain's positive class, or the last in alphabetical order if it has none."""
-    return domain.learning.positive or max(domain.values)
+def find_positive_class(sense: Sense) -> str:
+    """Return the positive class of a sense, or the last in alphabetical order if it has none."""
+    return sense.positive or max(sense.classes)
 
 
-def compute_class_prevalence(domain: Domain, positive_prevalence: float | None = None) -> dict[str, float]:
+def compute_class_prevalence(
+    domain: Domain, sense: Sense, positive_prevalence: float | None = None
+) -> dict[str, float]:
     """Return the prevalence of each class: from the domain's knowledge, or with a given positive class.
 
     Args:
         positive_prevalence: replaces the prevalence of the positive class; the others keep their ratios.
     """
-    marginal = Reasoner(domain.program).posterior(domain.target, {})
+    marginal = Reasoner(domain.program).posterior(sense.of, {})
     shares = {value: max(share, MIN_PREVALENCE) for value, share in marginal}
     total = sum(shares.values())
     prevalence = {value: share / total for value, share in shares.items()}
     if positive_prevalence is None:
         return prevalence
-    positive, given = find_positive_class(domain), positive_prevalence
+    positive, given = find_positive_class(sense), positive_prevalence
     others = 1 - prevalence[positive]
     return {v: given if v == positive else p * (1 - given) / others for v, p in prevalence.items()}
 

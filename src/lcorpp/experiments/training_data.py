@@ -10,13 +10,14 @@ from typing import Any
 import numpy as np
 
 from lcorpp.domains import Domain
+from lcorpp.domains.sections.learning import Sense
 from lcorpp.errors import DataError, DomainError, check_type
 from lcorpp.experiments.setup import TrainingOptions
 from lcorpp.learning import format_leakage_warning, learner, read_data, split
 from lcorpp.simulation.people import (
-    RecordedTrajectories,
-    SimulatedTrajectories,
-    TrajectorySource,
+    RecordedSignals,
+    SignalSource,
+    SimulatedSignals,
     simulate_dataset,
 )
 from lcorpp.values import Dataset
@@ -30,21 +31,21 @@ PAPER_EPOCHS = 300
 
 @dataclass(frozen=True, eq=False)
 class TrainingData:
-    """A training set and the source of the test trajectories, which never contains a training track.
+    """A training set and the source of the test signals, which never contains a training case.
 
     epochs: the number of epochs that suits the data.
     """
 
     dataset: Dataset
-    trajectories: TrajectorySource
+    signals: SignalSource
     epochs: int
 
 
-def make_training_data(domain: Domain, options: TrainingOptions, seed: int) -> TrainingData:
+def make_training_data(domain: Domain, sense: Sense, options: TrainingOptions, seed: int) -> TrainingData:
     """Return the training data that the options describe, recorded or simulated."""
     if options.data is not None:
-        return read_training_data(domain, options.data, seed, features=options.features)
-    return simulate_training_data(domain, seed, tracks=options.tracks)
+        return read_training_data(domain, sense, options.data, seed, features=options.features)
+    return simulate_training_data(domain, sense, seed, tracks=options.tracks)
 
 
 def make_estimator(data: TrainingData, options: TrainingOptions, seed: int) -> Any:
@@ -67,24 +68,26 @@ def make_estimator(data: TrainingData, options: TrainingOptions, seed: int) -> A
     )
 
 
-def simulate_training_data(domain: Domain, seed: int, *, tracks: int | None = None) -> TrainingData:
+def simulate_training_data(
+    domain: Domain, sense: Sense, seed: int, *, tracks: int | None = None
+) -> TrainingData:
     """Simulate a training set; the trials simulate new trajectories.
 
     Args:
-        tracks: the number of tracks; None takes the domain's number.
+        tracks: the number of tracks; None takes the sense's number.
 
     Raises:
-        DomainError: the domain has no `people.py` with a function `trajectories`.
+        DomainError: the domain has no `people.py` with a function for the sense.
     """
     check_type(domain, Domain, "the domain", DomainError)
-    source = SimulatedTrajectories.of(domain)
+    source = SimulatedSignals.from_domain(domain, sense)
     rng = np.random.default_rng([seed, 0])
-    dataset = simulate_dataset(domain, source, tracks or domain.learning.tracks, rng)
-    return TrainingData(dataset, source, domain.learning.epochs)
+    dataset = simulate_dataset(domain, sense, source, tracks or sense.tracks, rng)
+    return TrainingData(dataset, source, sense.epochs)
 
 
 def read_training_data(
-    domain: Domain, path: Path, seed: int, *, features: Sequence[str] = ("x", "y")
+    domain: Domain, sense: Sense, path: Path, seed: int, *, features: Sequence[str] = ("x", "y")
 ) -> TrainingData:
     """Read recorded tracks and split them: 70 % for training, the other people's 30 % for the trials.
 
@@ -94,15 +97,15 @@ def read_training_data(
             the classifier also works where they are not measured.
 
     Raises:
-        DataError: a class is none of the domain's values, x or y is missing, or there are too few tracks.
+        DataError: a class is none of the sense's, x or y is missing, or there are too few tracks.
         FileError, ParseError: the data are missing or malformed.
     """
     check_type(domain, Domain, "the domain", DomainError)
-    labels = domain.learning.data_labels or {value: value for value in domain.values}
+    labels = sense.data_labels or {value: value for value in sense.classes}
     dataset = _drop_unused_channels(read_data(path, labels=labels), features)
     try:
         train, test = split(dataset, seed=seed)
-        leak = format_leakage_warning(train) if len(domain.values) == 2 else None
+        leak = format_leakage_warning(train) if len(sense.classes) == 2 else None
     except DataError as error:
         raise DataError(f"{path}: {error}") from None
     split_note = (
@@ -110,7 +113,7 @@ def read_training_data(
         f" {len(set(test.groups))} other people, so their intervals do not cover people outside of the data"
     )
     notes = (*train.notes, split_note, *([] if leak is None else [leak]))
-    return TrainingData(replace(train, notes=notes), RecordedTrajectories(domain.target, test), PAPER_EPOCHS)
+    return TrainingData(replace(train, notes=notes), RecordedSignals(sense.of, test), PAPER_EPOCHS)
 
 
 def _drop_unused_channels(dataset: Dataset, features: Sequence[str]) -> Dataset:

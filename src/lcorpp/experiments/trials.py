@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping
 from contextlib import closing
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -16,10 +16,10 @@ from lcorpp.decision import Robot, Strategy, dt_control
 from lcorpp.domains import Domain
 from lcorpp.errors import DecisionError, check_type
 from lcorpp.experiments.metrics import Scores, score_decisions
-from lcorpp.simulation.people import Population, TrajectorySource
+from lcorpp.simulation.people import Population, SignalSource
 from lcorpp.simulation.simulated_classifier import BatchClassifier
 from lcorpp.simulation.world import SimulationModel
-from lcorpp.values import Instance, Label
+from lcorpp.values import Array, Instance, Label
 from lcorpp.workers import ignore_sigint
 
 CHUNK_SIZE = 100
@@ -35,16 +35,17 @@ V for no report. cost, return_: (k,) as in `Scores`.
 
 @dataclass(frozen=True, eq=False)
 class Experiment:
-    """The full robot, the source of the trajectories and the strategies to compare.
+    """The full robot, the sources of its signals and the strategies to compare.
 
+    classifiers, signals: sense -> its classifier for many people at once, and the source of its signals.
     seed: of the people and their answers. All strategies get the same people and the same random numbers, so
         that differences between strategies are not differences between samples.
     """
 
     domain: Domain
     robot: Robot
-    classifier: BatchClassifier
-    trajectories: TrajectorySource
+    classifiers: Mapping[str, BatchClassifier]
+    signals: Mapping[str, SignalSource]
     strategies: tuple[Strategy, ...]
     seed: int
 
@@ -117,22 +118,26 @@ def run_chunk(experiment: Experiment, number: int, results: Trials) -> int:
     domain, strategies, model = experiment.domain, experiment.strategies, SimulationModel(experiment.domain)
     rng = np.random.default_rng([experiment.seed, number])
     people = Population(domain).sample(len(results), rng)
-    tracks = experiment.trajectories.trajectories(people, rng)
-    labels: Sequence[Label | None] = [None] * len(people)
-    if any(strategy.learns for strategy in strategies):
-        labels = experiment.classifier.classify_many(tracks)
-    recall = PrecomputedLabel()
-    full = replace(experiment.robot, classifier=recall, domain=domain)
+    signals = {sense: source.simulate(people, rng) for sense, source in experiment.signals.items()}
+    labels = {
+        sense: classifier.classify_many(signals[sense])
+        for sense, classifier in experiment.classifiers.items()
+    }
+    recall = {sense: PrecomputedLabel() for sense in labels}
+    full = replace(experiment.robot, classifiers=recall, domain=domain)
     robots = [strategy.robot(full) for strategy in strategies]
-    for i, (person, track, recall.label) in enumerate(zip(people, tracks, labels, strict=True)):
-        instance = Instance(track, {name: person[name] for name in domain.observed})
+    for i, person in enumerate(people):
+        for sense, precomputed in recall.items():
+            precomputed.label = labels[sense][i]
+        perceived = {sense: own[i] for sense, own in signals.items()}
+        instance = Instance(perceived, {name: person[name] for name in domain.observed})
         for k, robot in enumerate(robots):
             # every strategy gets the same answers: each has a new generator with the same seed
             world = model.make_world(person, np.random.default_rng([experiment.seed, number, i]))
             report = dt_control(robot, instance, world).report
             results["reported"][i, k] = len(domain.values) if report is None else domain.values.index(report)
             results["cost"][i, k], results["return_"][i, k] = world.cost, world.return_
-        results["truth"][i] = domain.values.index(person[domain.target])
+        results["truth"][i] = domain.values.index(domain.reasoning.join(person))
     return len(people)
 
 
@@ -143,7 +148,7 @@ def _score_trials(experiment: Experiment, results: Trials) -> list[Scores]:
         counts = np.zeros((len(domain.values), len(domain.values) + 1))
         np.add.at(counts, (results["truth"], results["reported"][:, k]), 1)
         cost, return_ = (np.ascontiguousarray(results[name][:, k]) for name in ("cost", "return_"))
-        values, positive = domain.values, domain.learning.positive
+        values, positive = domain.values, domain.positive
         scores.append(score_decisions(strategy.name, counts, cost, return_, values=values, positive=positive))
     return scores
 
@@ -154,5 +159,5 @@ class PrecomputedLabel:
 
     label: Label | None = None
 
-    def classify(self, instance: Instance) -> Label | None:
+    def classify(self, signal: Array) -> Label | None:
         return self.label

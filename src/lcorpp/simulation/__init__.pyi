@@ -1,7 +1,7 @@
 from .people import (
     Population as Population,
-    RecordedTrajectories as RecordedTrajectories,
-    SimulatedTrajectories as SimulatedTrajectories,
+    RecordedSignals as RecordedSignals,
+    SimulatedSignals as SimulatedSignals,
     simulate_dataset as simulate_dataset,
 )
 from .people_stream import DecisionResult as DecisionResult, PeopleStream as PeopleStream

@@ -9,6 +9,7 @@ from typing import Protocol
 import numpy as np
 
 from lcorpp.domains import Domain
+from lcorpp.domains.sections.learning import Sense
 from lcorpp.errors import DataError, DomainError
 from lcorpp.reasoning import Reasoner
 from lcorpp.values import Array, Dataset
@@ -31,74 +32,74 @@ class Population:
         return [self._reasoner.sample(rng, given) for _ in range(count)]
 
 
-class TrajectorySource(Protocol):
-    """A generator of one trajectory per person."""
+class SignalSource(Protocol):
+    """A source of the signals of one sense, one for each person."""
 
-    def trajectories(self, people: Sequence[Person], rng: np.random.Generator) -> Array:
-        """Return an array (people, channels, time points)."""
+    def simulate(self, people: Sequence[Person], rng: np.random.Generator) -> Array:
+        """Return an array (people, channels, time points) or (people, features)."""
 
 
 @dataclass(frozen=True, eq=False)
-class SimulatedTrajectories:
-    """Trajectories from the `trajectories` function of a domain's `people.py`."""
+class SimulatedSignals:
+    """Signals from a function of a domain's `people.py`."""
 
-    simulate: Callable[[Sequence[Person], np.random.Generator], Array]
+    function: Callable[[Sequence[Person], np.random.Generator], Array]
 
     @classmethod
-    def of(cls, domain: Domain) -> SimulatedTrajectories:
-        """Return the trajectory source of a domain.
+    def from_domain(cls, domain: Domain, sense: Sense) -> SimulatedSignals:
+        """Return the source of a sense.
 
         Raises:
-            DomainError: the domain has no `people.py` with a function `trajectories`.
+            DomainError: the domain has no `people.py` with a function for the sense.
         """
-        if domain.simulation.trajectories is None:
+        if sense.name not in domain.simulation.signals:
             raise DomainError(
-                f"{domain.folder}: no people.py with trajectories; give --data, or --classifier channel to"
-                " `lcorpp run`"
+                f"{domain.folder}: no people.py with a function {sense.name!r} or 'trajectories'; give"
+                " --data, or --classifier channel to `lcorpp run`"
             )
-        return cls(domain.simulation.trajectories)
+        return cls(domain.simulation.signals[sense.name])
 
-    def trajectories(self, people: Sequence[Person], rng: np.random.Generator) -> Array:
-        return self.simulate(people, rng)
+    def simulate(self, people: Sequence[Person], rng: np.random.Generator) -> Array:
+        return self.function(people, rng)
 
 
 @dataclass(frozen=True, eq=False)
-class RecordedTrajectories:
-    """Trajectories sampled from a recorded data set, e.g. a held-out test set.
+class RecordedSignals:
+    """Signals sampled from a recorded data set, e.g. a held-out test set.
 
-    Each person gets a track whose label equals the person's value of `target`.
+    Each person gets a signal whose label equals the person's value of the attribute `of`.
     """
 
-    target: str
+    of: str
     dataset: Dataset
 
-    def trajectories(self, people: Sequence[Person], rng: np.random.Generator) -> Array:
+    def simulate(self, people: Sequence[Person], rng: np.random.Generator) -> Array:
         labels, rows = np.array(self.dataset.labels), []
         for person in people:
-            candidates = np.flatnonzero(labels == person[self.target])
+            candidates = np.flatnonzero(labels == person[self.of])
             if not len(candidates):
-                raise DataError(f"no recorded track of class {person[self.target]!r} is left for the trials")
+                raise DataError(f"no recorded track of class {person[self.of]!r} is left for the trials")
             rows.append(int(rng.choice(candidates)))
         return self.dataset.trajectories[rows]
 
 
 def simulate_dataset(
-    domain: Domain, source: SimulatedTrajectories, count: int, rng: np.random.Generator
+    domain: Domain, sense: Sense, source: SignalSource, count: int, rng: np.random.Generator
 ) -> Dataset:
-    """Simulate a balanced, shuffled training set.
+    """Simulate a balanced, shuffled training set of a sense.
 
     Args:
-        count: the number of tracks, rounded up to a multiple of the number of classes.
+        count: the number of cases, rounded up to a multiple of the number of classes.
     """
-    population, values = Population(domain), domain.values
-    per_class = -(-count // len(values))
+    population = Population(domain)
+    per_class = -(-count // len(sense.classes))
     people = [
-        person for value in values for person in population.sample(per_class, rng, {domain.target: value})
+        person for value in sense.classes for person in population.sample(per_class, rng, {sense.of: value})
     ]
     people = [people[i] for i in rng.permutation(len(people))]
     return Dataset(
-        source.trajectories(people, rng),
-        tuple(person[domain.target] for person in people),
+        source.simulate(people, rng),
+        tuple(person[sense.of] for person in people),
         source=f"{len(people)} simulated tracks ({domain.folder.name}/people.py)",
-        interval=domain.learning.interval,
+        interval=sense.interval,
     )

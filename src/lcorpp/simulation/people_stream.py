@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -9,9 +10,9 @@ import numpy as np
 
 from lcorpp.domains import Domain
 from lcorpp.learning.store import StoredTrack
-from lcorpp.simulation.people import Person, Population, TrajectorySource
+from lcorpp.simulation.people import Person, Population, SignalSource
 from lcorpp.simulation.world import SimulatedWorld, SimulationModel
-from lcorpp.values import Array, Episode, Instance
+from lcorpp.values import Array, Episode, Instance, SharedValue
 
 GROUP_SIZE = 50
 """People whose trajectories are simulated together; one by one takes twenty times longer."""
@@ -21,12 +22,12 @@ GROUP_SIZE = 50
 class DecisionResult:
     """The result of a decision, scored from the hidden truth.
 
-    actual: the true target value. report: the reported value, None without a report.
+    actual: the true shared value. report: the reported value, None without a report.
     cost, return_: as in `SimulatedWorld`.
     """
 
-    actual: str
-    report: str | None
+    actual: SharedValue
+    report: SharedValue | None
     cost: float
     return_: float
 
@@ -49,11 +50,13 @@ class PeopleStream:
     Each person depends only on the seed and the position, so a resumed run continues the same sequence.
     """
 
-    def __init__(self, domain: Domain, source: TrajectorySource, seed: int, *, position: int = 0) -> None:
-        """position: of the first person, counted from 0."""
-        self._domain, self._source, self._seed = domain, source, seed
+    def __init__(
+        self, domain: Domain, sources: Mapping[str, SignalSource], seed: int, *, position: int = 0
+    ) -> None:
+        """sources: sense -> its signals. position: of the first person, counted from 0."""
+        self._domain, self._sources, self._seed = domain, sources, seed
         self._population, self._model = Population(domain), SimulationModel(domain)
-        self._group: list[tuple[Person, Array]] = []
+        self._group: list[tuple[Person, dict[str, Array]]] = []
         self._position = position
         self._current: tuple[Person, SimulatedWorld] | None = None
 
@@ -63,15 +66,18 @@ class PeopleStream:
         if not self._group or index == 0:
             rng = np.random.default_rng([self._seed, 1, group])
             people = self._population.sample(GROUP_SIZE, rng)
-            self._group = list(zip(people, self._source.trajectories(people, rng), strict=True))
-        person, track = self._group[index]
+            signals = {sense: source.simulate(people, rng) for sense, source in self._sources.items()}
+            self._group = [
+                (person, {sense: own[i] for sense, own in signals.items()}) for i, person in enumerate(people)
+            ]
+        person, perceived = self._group[index]
         world = self._model.make_world(person, np.random.default_rng([self._seed, 2, self._position]))
         self._position += 1
         self._current = person, world
-        return Instance(track, {name: person[name] for name in self._domain.observed}), world
+        return Instance(perceived, {name: person[name] for name in self._domain.observed}), world
 
     def result(self, episode: Episode) -> DecisionResult:
         """Score the decision about the latest person."""
         assert self._current is not None
         person, world = self._current
-        return DecisionResult(person[self._domain.target], episode.report, world.cost, world.return_)
+        return DecisionResult(self._domain.reasoning.join(person), episode.report, world.cost, world.return_)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from lcorpp.domains import Domain
+from lcorpp.domains.sections.learning import Sense
 from lcorpp.errors import DomainError
 from lcorpp.learning.data.tracks import COLUMNS, Recording, Track
 from lcorpp.reasoning import Reasoner
@@ -39,34 +40,44 @@ def simulate_recording(
         raise DomainError(f"{domain.folder}: no people.py with recordings to simulate a recording with")
     if positives is None:
         positives = max(1, round(tracks * PAPER_POSITIVES / PAPER_TRACKS))
-    people = _sample_people(domain, tracks, positives, rng)
+    sense = find_recorded_sense(domain)
+    people = _sample_people(domain, sense, tracks, positives, rng)
     options = {} if seconds is None else {"seconds": seconds}
     simulated = list[Track]()
     for person, array in zip(people, domain.simulation.recordings(people, rng, **options), strict=True):
         table = dict(zip(domain.simulation.columns, array.T, strict=True))
         columns = {name: table[name] for name in COLUMNS if name in table}
-        simulated.append(Track(str(len(simulated) + 1), table["time"], columns, person[domain.target]))
+        simulated.append(Track(str(len(simulated) + 1), table["time"], columns, person[sense.of]))
     source = f"{tracks} simulated tracks ({domain.folder.name}/people.py)"
     return Recording(tuple(simulated), source=source)
 
 
-def _sample_people(domain: Domain, tracks: int, positives: int, rng: np.random.Generator) -> list[Person]:
+def find_recorded_sense(domain: Domain) -> Sense:
+    """Return the sense that a recording is for: the first, which classifies motion."""
+    if not domain.senses:
+        raise DomainError(f"{domain.folder}/domain.toml: no [learning], so there is nothing to record")
+    return domain.senses[0]
+
+
+def _sample_people(
+    domain: Domain, sense: Sense, tracks: int, positives: int, rng: np.random.Generator
+) -> list[Person]:
     """Draw `positives` people of the positive class and the rest of the other classes, in random order."""
-    if domain.learning.positive is None:
+    if sense.positive is None:
         raise DomainError(
             f"{domain.folder}/domain.toml: [learning] positive is missing; a recording needs the rare class"
         )
     if not 0 <= positives <= tracks:
         raise DomainError(f"{positives} of {tracks} tracks cannot be positive")
-    shares = dict(Reasoner(domain.simulation.true_program).posterior(domain.target, {}))
-    others = [value for value in domain.values if value != domain.learning.positive]
+    shares = dict(Reasoner(domain.simulation.true_program).posterior(sense.of, {}))
+    others = [value for value in sense.classes if value != sense.positive]
     weights = np.array([shares[value] for value in others])
     counts = rng.multinomial(tracks - positives, weights / weights.sum())
-    count_of = {domain.learning.positive: positives, **dict(zip(others, counts.tolist(), strict=True))}
+    count_of = {sense.positive: positives, **dict(zip(others, counts.tolist(), strict=True))}
     population = Population(domain)
     people = [
         person
         for value, count in count_of.items()
-        for person in population.sample(count, rng, {domain.target: value})
+        for person in population.sample(count, rng, {sense.of: value})
     ]
     return [people[i] for i in rng.permutation(len(people))]

@@ -37,7 +37,7 @@ class SimulationModel:
 class SimulatedWorld:
     """A world with one simulated person (`lcorpp.protocols.World`).
 
-    The hidden state starts where the domain places the person's target value and moves by the planner's
+    The hidden state starts where the domain places the person's shared value and moves by the planner's
     transition model. The person answers by the simulation's feedback model, not by the planner's
     observation model.
 
@@ -47,7 +47,7 @@ class SimulatedWorld:
 
     def __init__(self, model: SimulationModel, person: Mapping[str, str], rng: np.random.Generator) -> None:
         self._model, self._person, self._rng = model, person, rng
-        value = model.domain.values.index(person[model.domain.target])
+        value = model.domain.values.index(model.domain.reasoning.join(person))
         self._state = self._draw(model.initial_states[value])
         self.cost = 0.0
         self.return_ = 0.0

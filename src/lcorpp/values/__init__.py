@@ -13,5 +13,11 @@ from lcorpp.values.confusion import (
     ConfusionMatrix as ConfusionMatrix,
 )
 from lcorpp.values.dataset import CHANNELS as CHANNELS, Dataset as Dataset, track_hash as track_hash
-from lcorpp.values.distribution import Distribution as Distribution, Label as Label, Likelihood as Likelihood
+from lcorpp.values.distribution import (
+    Distribution as Distribution,
+    Label as Label,
+    Likelihood as Likelihood,
+    SharedValue as SharedValue,
+    format_value as format_value,
+)
 from lcorpp.values.episode import Episode as Episode, Instance as Instance, Step as Step

@@ -72,7 +72,11 @@ class Distribution:
         return self.values[int(np.argmax(self.probabilities))]
 
 
-def format_value(value: str | tuple[str, ...]) -> str:
+SharedValue = str | tuple[str, ...]
+"""A value of what reasoner and planner share: of one variable, or a tuple of one value for each variable."""
+
+
+def format_value(value: SharedValue) -> str:
     """Format a value: ``cup``, or that of a joint distribution, ``(cup, ann)``."""
     return value if isinstance(value, str) else f"({', '.join(value)})"
 

@@ -10,43 +10,49 @@ from types import MappingProxyType
 from lcorpp.errors import DataError
 from lcorpp.notebook import html_table, join_some
 from lcorpp.values.arrays import Array, Belief, freeze
-from lcorpp.values.distribution import Distribution, Label
+from lcorpp.values.distribution import Distribution, Label, SharedValue, format_value
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Instance:
     """What the robot perceives of one person before it acts: I of Algorithm 1.
 
-    trajectory: (channels, time points) the motion, the classifier's input.
+    signals: sense -> what it perceived, the input of its classifier: a trajectory (channels, time points) or
+        features (n,). A sense that perceived nothing is left out.
     context: the observed facts, P-log attribute -> value; beta of Algorithm 2.
 
     Raises:
-        DataError: the trajectory is no array of that shape, or the context is no mapping.
+        DataError: a signal is no array of numbers of one or two dimensions, or a part is no mapping.
     """
 
-    trajectory: Array
+    signals: Mapping[str, Array]
     context: Mapping[str, str]
 
     def __post_init__(self) -> None:
-        try:
-            trajectory = freeze(self.trajectory)
-        except (TypeError, ValueError):
-            trajectory = freeze(())
-        if trajectory.ndim != 2:
-            raise DataError(
-                f"the trajectory of an instance is {reprlib.repr(self.trajectory)}; expected numbers of shape"
-                " (channels, time points)"
-            )
-        if not isinstance(self.context, Mapping):
-            raise DataError(
-                f"the context of an instance is {reprlib.repr(self.context)}; expected attribute -> value"
-            )
-        object.__setattr__(self, "trajectory", trajectory)
+        for part, content in (("signals", "sense -> numbers"), ("context", "attribute -> value")):
+            if not isinstance(value := getattr(self, part), Mapping):
+                raise DataError(f"the {part} of an instance: {reprlib.repr(value)}; expected {content}")
+        signals = {sense: _freeze_signal(sense, signal) for sense, signal in self.signals.items()}
+        object.__setattr__(self, "signals", MappingProxyType(signals))
         object.__setattr__(self, "context", MappingProxyType(dict(self.context)))
 
     def __repr__(self) -> str:
+        signals = join_some([f"{sense} {signal.shape}" for sense, signal in self.signals.items()])
         context = join_some([f"{name}={value}" for name, value in self.context.items()])
-        return f"Instance(trajectory {self.trajectory.shape}, context: {context or 'empty'})"
+        return f"Instance(signals: {signals or 'none'}, context: {context or 'empty'})"
+
+
+def _freeze_signal(sense: str, signal: Array) -> Array:
+    try:
+        array = freeze(signal)
+    except (TypeError, ValueError):
+        array = freeze(0)
+    if array.ndim not in (1, 2):
+        raise DataError(
+            f"the signal of the sense {sense!r} is {reprlib.repr(signal)}; expected numbers of shape"
+            " (channels, time points) or (features,)"
+        )
+    return array
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -69,37 +75,39 @@ class Step:
 class Episode:
     """One decision from perception to report; it contains only what a robot can know.
 
-    label: the classifier's output, None without a classifier.
+    labels: sense -> the output of its classifier, for the senses that perceived something.
     evidence: the reasoner's input, P-log attribute -> value or likelihood of each value.
-    marginal: the reasoner's posterior over the target attribute, None without a reasoner's posterior.
+    marginal: the reasoner's posterior over the shared variables, None without a reasoner's posterior.
     prior: (S,) the planner's initial belief.
     steps: the actions, observations and beliefs in order, the report last.
-    report: the reported value of the target attribute, L of Algorithm 2; None if the terminal state was
+    report: the reported value of the shared variables, L of Algorithm 2; None if the terminal state was
         reached without a report.
     """
 
-    label: Label | None
+    labels: Mapping[str, Label]
     evidence: Mapping[str, Label]
     marginal: Distribution | None
     prior: Belief
     steps: tuple[Step, ...]
-    report: str | None
+    report: SharedValue | None
 
     def __post_init__(self) -> None:
+        object.__setattr__(self, "labels", MappingProxyType(dict(self.labels)))
         object.__setattr__(self, "evidence", MappingProxyType(dict(self.evidence)))
 
     def __repr__(self) -> str:
         evidence = join_some([f"{name}={value}" for name, value in self.evidence.items()])
+        labels = join_some([f"{sense} {label}" for sense, label in self.labels.items()])
         actions = join_some([step.action for step in self.steps])
         return (
-            f"Episode(label={self.label!r}, evidence: {evidence or 'none'}, marginal={self.marginal},"
+            f"Episode(labels: {labels or 'none'}, evidence: {evidence or 'none'}, marginal={self.marginal},"
             f" {len(self.steps)} steps: {actions or 'none'}, report={self.report!r})"
         )
 
     def _repr_html_(self) -> str:
         evidence = join_some([f"{name} = {value}" for name, value in self.evidence.items()])
         rows = [
-            ("label", str(self.label), ""),
+            *[(sense, str(label), "") for sense, label in self.labels.items()],
             ("evidence", evidence, ""),
             ("marginal", "" if self.marginal is None else repr(self.marginal), ""),
             ("prior", "", _describe_belief(self.prior)),
@@ -108,7 +116,7 @@ class Episode:
             rows.append((step.action, step.observation or "", _describe_belief(step.belief)))
         if len(self.steps) > SHOWN_STEPS:
             rows.append(("...", f"{len(self.steps)} steps in all", ""))
-        rows.append(("report", str(self.report), ""))
+        rows.append(("report", "" if self.report is None else format_value(self.report), ""))
         return html_table(("part or action", "value or observation", "belief"), rows)
 
 

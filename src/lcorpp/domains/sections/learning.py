@@ -1,4 +1,4 @@
-"""The `[learning]` section of a domain: the classifier, its labels and its training data."""
+"""The `[learning]` section of a domain, or several `[[learning]]`: the senses with their classifiers."""
 
 from __future__ import annotations
 
@@ -18,20 +18,26 @@ MIN_INTERVAL, DEFAULT_INTERVAL, MAX_INTERVAL = 1e-3, 0.033, 10.0
 
 
 @dataclass(frozen=True)
-class LearningSection:
-    """The classifier, its labels and its training data: rho of the paper.
+class Sense:
+    """A sense of the robot: a classifier, its labels and its training data: rho of the paper.
 
+    name: for options and reports, by default that of the attribute.
     attribute: the attribute whose values are the classifier's labels.
-    label_of: class (a target value) -> label (a value of `attribute`).
-    positive: the target value that F1, precision and recall refer to; None averages over all values.
+    of: the attribute that it classifies.
+    label_of: class (a value of `of`) -> label (a value of `attribute`), in the order of `classes`.
+    classes: the values of `of`, in the order of their declaration.
+    positive: the class that F1, precision and recall refer to; None averages over all classes.
     classifier: name of the default classifier.
     tracks, epochs: number of simulated training tracks, and of passes over them.
     interval: seconds between two points of simulated tracks.
-    data_labels: class name in recorded data -> target value.
+    data_labels: class name in recorded data -> class.
     """
 
+    name: str
     attribute: str
+    of: str
     label_of: Mapping[str, str]
+    classes: tuple[str, ...]
     positive: str | None
     classifier: str
     tracks: int
@@ -40,28 +46,54 @@ class LearningSection:
     data_labels: Mapping[str, str]
 
 
-def read_learning(table: TomlTable, reasoning: ReasoningSection) -> LearningSection:
-    """Read the section.
+def read_senses(tables: tuple[TomlTable, ...], reasoning: ReasoningSection) -> tuple[Sense, ...]:
+    """Read the sections, one for each sense; none for a robot without classifiers.
 
     Raises:
-        DomainError: a name does not fit the P-log program.
+        DomainError: a name does not fit the P-log program, or two senses have the same name or attribute.
     """
-    attribute = table.text("attribute")
-    labels = find_attribute_values(table.location("attribute"), attribute, reasoning.program)
-    if attribute == reasoning.target or attribute in reasoning.observed:
-        raise DomainError(f"{table.location('attribute')}: {attribute!r} is already the target or observed")
-    target, declaration = reasoning.target, reasoning.target_declaration
+    senses: list[Sense] = []
+    for table in tables:
+        sense = _read_sense(table, reasoning)
+        for other, earlier in zip(senses, tables, strict=False):
+            for key in ("attribute", "name"):
+                if getattr(other, key) == getattr(sense, key):
+                    raise DomainError(
+                        f"{table.location(key)}: {getattr(sense, key)!r} is already the {key} of the sense at"
+                        f" {earlier.location(key)}; expected another {key} for each"
+                    )
+            if other.attribute == sense.of or sense.attribute == other.of:
+                raise DomainError(
+                    f"{table.location('of')}: a sense classifies what another sense predicts"
+                    f" ({earlier.location('of')})"
+                )
+        senses.append(sense)
+    return tuple(senses)
+
+
+def _read_sense(table: TomlTable, reasoning: ReasoningSection) -> Sense:
+    attribute, program = table.text("attribute"), reasoning.program
+    labels = find_attribute_values(table.location("attribute"), attribute, program)
+    if attribute in reasoning.shared or attribute in reasoning.observed:
+        raise DomainError(f"{table.location('attribute')}: {attribute!r} is already shared or observed")
+    of = table.text("of", reasoning.shared[0] if len(reasoning.shared) == 1 else None)
+    classes = find_attribute_values(table.location("of"), of, program)
+    if of == attribute or of in reasoning.observed:
+        raise DomainError(
+            f"{table.location('of')}: {of!r} is the sense's own label or observed; expected another attribute"
+        )
     value_of = table.mapping("labels")
     location = table.location("labels")
-    declared = f"{reasoning.program.file}:{reasoning.program.attributes[attribute].line}"
-    check_same_names(location, tuple(value_of), labels, f"the values of {attribute} at {declared}")
+    check_same_names(
+        location, tuple(value_of), labels, f"the values of {attribute} at {reasoning.locate(attribute)}"
+    )
     values = tuple(value_of.values())
-    check_same_names(location, values, reasoning.values, f"the values of {target} at {declaration}")
+    check_same_names(location, values, classes, f"the values of {of} at {reasoning.locate(of)}")
     if len(set(values)) < len(values):
         raise DomainError(f"{location}: two labels have the same value")
     positive = table.text("positive") if "positive" in table else None
     if positive is not None:
-        reasoning.check_value(table.location("positive"), positive)
+        reasoning.check_value(table.location("positive"), of, positive)
     classifier = table.text("classifier", "lstm")
     if classifier not in CLASSIFIERS:
         raise DomainError(
@@ -70,14 +102,19 @@ def read_learning(table: TomlTable, reasoning: ReasoningSection) -> LearningSect
         )
     data_labels = table.mapping("data_labels") if "data_labels" in table else {}
     for name, value in data_labels.items():
-        if value not in reasoning.values:
-            raise DomainError(
-                f"{table.location('data_labels')}: {name!r} means {value!r}, but {target} cannot be {value!r}"
-                f" ({declaration}); {expected_one_of(reasoning.values)}"
-            )
-    tracks = table.count("tracks", 2 * len(reasoning.values), 1600)
-    epochs = table.count("epochs", 1, 20)
-    interval = table.number("interval", MIN_INTERVAL, MAX_INTERVAL, DEFAULT_INTERVAL)
+        reasoning.check_value(table.location("data_labels", name), of, value)
+    sense = Sense(
+        name=table.text("name", attribute),
+        attribute=attribute,
+        of=of,
+        label_of={value: label for label, value in value_of.items()},
+        classes=classes,
+        positive=positive,
+        classifier=classifier,
+        tracks=table.count("tracks", 2 * len(classes), 1600),
+        epochs=table.count("epochs", 1, 20),
+        interval=table.number("interval", MIN_INTERVAL, MAX_INTERVAL, DEFAULT_INTERVAL),
+        data_labels=data_labels,
+    )
     table.reject_unknown_keys()
-    label_of = {value: label for label, value in value_of.items()}
-    return LearningSection(attribute, label_of, positive, classifier, tracks, epochs, interval, data_labels)
+    return sense

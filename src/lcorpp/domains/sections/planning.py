@@ -1,4 +1,4 @@
-"""The `[planning]` section of a domain: the POMDP, its states' target values, and the report actions."""
+"""The `[planning]` section of a domain: the POMDP, the shared values of its states, and the reports."""
 
 from __future__ import annotations
 
@@ -15,22 +15,22 @@ from lcorpp.domains.sections.reasoning import ReasoningSection
 from lcorpp.domains.toml import TomlTable
 from lcorpp.errors import DomainError, expected_one_of
 from lcorpp.planning import Pomdp, read_pomdp
-from lcorpp.values import Array
+from lcorpp.values import Array, SharedValue, format_value
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class PlanningSection:
-    """What the robot plans with: M of the paper. A POMDP state is a target value with local variables.
+    """What the robot plans with: M of the paper. A POMDP state is a shared value with local variables.
 
     pomdp: the model, S states.
-    reports: report action -> target value.
-    initial_states: (V, S) 1 if a state has target value v and the initial values of the local variables.
-    state_values: (S, V) 1 if a state has target value v; zeros for the terminal state.
+    reports: report action -> shared value.
+    initial_states: (V, S) 1 if a state has shared value v and the initial values of the local variables.
+    state_values: (S, V) 1 if a state has shared value v; zeros for the terminal state.
     terminal: index of the terminal state, None without one.
     """
 
     pomdp: Pomdp
-    reports: Mapping[str, str]
+    reports: Mapping[str, SharedValue]
     initial_states: Array
     state_values: Array
     terminal: int | None
@@ -46,9 +46,9 @@ def read_planning(table: TomlTable, folder: Path, reasoning: ReasoningSection) -
         DomainError: the state names do not match the template, or a name is unknown.
     """
     pomdp = read_pomdp(folder / table.text("model"))
-    template = table.text("states", "{" + reasoning.target + "}")
-    variables, initial = _read_local_variables(table.section("local"), reasoning.target)
-    _check_template(table, template, {reasoning.target, *variables})
+    template = table.text("states", "_".join(f"{{{name}}}" for name in reasoning.shared))
+    variables, initial = _read_local_variables(table.section("local"), reasoning.shared)
+    _check_template(table, "states", template, {*reasoning.shared, *variables})
     terminal = None
     if "terminal" in table:
         name = table.text("terminal")
@@ -62,16 +62,16 @@ def read_planning(table: TomlTable, folder: Path, reasoning: ReasoningSection) -
     return PlanningSection(pomdp, reports, initial_states, state_values, terminal)
 
 
-def _check_template(table: TomlTable, template: str, variables: set[str]) -> None:
-    """Check that the template of state names contains each variable in braces, and no other field."""
+def _check_template(table: TomlTable, key: str, template: str, variables: set[str]) -> None:
+    """Check that a template of names contains each variable in braces, and no other field."""
     try:
         parts = [part for part in Formatter().parse(template) if part[1] is not None]
     except ValueError as error:
-        raise DomainError(f"{table.location('states')}: {template!r}: {error}") from None
+        raise DomainError(f"{table.location(key)}: {template!r}: {error}") from None
     fields = {f"{field}{':' if spec else ''}{conversion or ''}" for _, field, spec, conversion in parts}
     if fields != variables:
         raise DomainError(
-            f"{table.location('states')}: {template!r} has to name each of {', '.join(sorted(variables))} in"
+            f"{table.location(key)}: {template!r} has to name each of {', '.join(sorted(variables))} in"
             f" braces, and nothing else"
         )
 
@@ -87,18 +87,19 @@ def _match_states(
 ) -> tuple[Array, Array]:
     """Return `initial_states` (V, S) and `state_values` (S, V), from the names of the POMDP's states."""
     location, declaration = table.location("states"), locate_declaration(pomdp, "states")
+    index_of = {state: s for s, state in enumerate(pomdp.states)}
     initial_states = np.zeros((len(reasoning.values), len(pomdp.states)))
     state_values = np.zeros((len(pomdp.states), len(reasoning.values)))
     for v, value in enumerate(reasoning.values):
         for combination in product(*variables.values()):
             local = dict(zip(variables, combination, strict=True))
-            state = template.format_map({reasoning.target: value, **local})
-            if state not in pomdp.states or pomdp.states.index(state) == terminal:
+            state = template.format_map({**reasoning.split(value), **local})
+            s = index_of.get(state)
+            if s is None or s == terminal:
                 raise DomainError(
                     f"{location}: {template!r} makes {state!r}, which is not a state of"
                     f" {declaration}; {expected_one_of(pomdp.states)}"
                 )
-            s = pomdp.states.index(state)
             if state_values[s].any():
                 raise DomainError(f"{location}: {template!r} makes {state!r} twice")
             state_values[s, v] = 1
@@ -112,16 +113,16 @@ def _match_states(
     return initial_states, state_values
 
 
-def _read_local_variables(table: TomlTable, target: str) -> tuple[dict[str, tuple[str, ...]], dict[str, str]]:
+def _read_local_variables(
+    table: TomlTable, shared: tuple[str, ...]
+) -> tuple[dict[str, tuple[str, ...]], dict[str, str]]:
     """Return the values and the initial value of each variable that only the planner has."""
     values: dict[str, tuple[str, ...]] = {}
     initial: dict[str, str] = {}
     for name in table:
         variable = table.section(name)
-        if name == target:
-            raise DomainError(
-                f"{table.location(name)}: {name!r} is the target, not the planner's own variable"
-            )
+        if name in shared:
+            raise DomainError(f"{table.location(name)}: {name!r} is shared, not the planner's own variable")
         values[name] = variable.names("values")
         initial[name] = variable.text("start", values[name][0])
         if initial[name] not in values[name]:
@@ -133,12 +134,35 @@ def _read_local_variables(table: TomlTable, target: str) -> tuple[dict[str, tupl
     return values, initial
 
 
-def _read_reports(table: TomlTable, pomdp: Pomdp, reasoning: ReasoningSection) -> dict[str, str]:
-    reports = table.mapping("reports")
-    for action, value in reports.items():
-        check_declared(table.location("reports", action), action, pomdp, "actions")
-        reasoning.check_value(table.location("reports", action), value)
+def _read_reports(table: TomlTable, pomdp: Pomdp, reasoning: ReasoningSection) -> dict[str, SharedValue]:
+    """Read `reports`: a template of the report actions, or a table action -> value (of several: a list)."""
+    reports: dict[str, SharedValue] = {}
+    if table.is_text("reports"):
+        template, location = table.text("reports"), table.location("reports")
+        _check_template(table, "reports", template, set(reasoning.shared))
+        for value in reasoning.values:
+            action = template.format_map(reasoning.split(value))
+            check_declared(location, action, pomdp, "actions")
+            if action in reports:
+                raise DomainError(f"{location}: {template!r} makes {action!r} twice")
+            reports[action] = value
+        return reports
+    section = table.section("reports", required=True)
+    for action in section:
+        location = section.location(action)
+        check_declared(location, action, pomdp, "actions")
+        one = len(reasoning.shared) == 1
+        names = (section.text(action),) if one else section.names(action, distinct=False)
+        if len(names) != len(reasoning.shared):
+            raise DomainError(
+                f"{location}: {list(names)} has {len(names)} values; expected one for each of"
+                f" {', '.join(reasoning.shared)}"
+            )
+        for attribute, value in zip(reasoning.shared, names, strict=True):
+            reasoning.check_value(location, attribute, value)
+        reports[action] = reasoning.join(dict(zip(reasoning.shared, names, strict=True)))
+    reported = set(reports.values())
     for value in reasoning.values:
-        if value not in reports.values():
-            raise DomainError(f"{table.location('reports')}: no action reports {value!r}")
+        if value not in reported:
+            raise DomainError(f"{table.location('reports')}: no action reports {format_value(value)!r}")
     return reports

@@ -1,14 +1,21 @@
-"""The `[reasoning]` section of a domain: the P-log program, the observed attributes and the target."""
+"""The `[reasoning]` section of a domain: the P-log program, the observed and the shared attributes."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
+from itertools import product
 from pathlib import Path
 
 from lcorpp.domains.sections.names import find_attribute_values
 from lcorpp.domains.toml import TomlTable
 from lcorpp.errors import DomainError, expected_one_of
 from lcorpp.reasoning import Program, read_plog
+from lcorpp.values import SharedValue
+
+MAX_SHARED_VALUES = 10_000
+"""Maximal number of combinations of values of the shared variables."""
 
 
 @dataclass(frozen=True)
@@ -17,29 +24,39 @@ class ReasoningSection:
 
     program: the P-log program.
     observed: attributes that the robot observes as facts; beta of Algorithm 2.
-    target: the attribute shared by reasoner and planner.
+    shared: attributes shared by reasoner and planner, at least one.
     """
 
     program: Program
     observed: tuple[str, ...]
-    target: str
+    shared: tuple[str, ...]
 
-    @property
-    def values(self) -> tuple[str, ...]:
-        """The values of the target, in the order of their declaration."""
-        return self.program.attributes[self.target].values
+    @cached_property
+    def values(self) -> tuple[SharedValue, ...]:
+        """The values of the shared attribute, in the order of their declaration; of several, all tuples."""
+        ranges = [self.program.attributes[name].values for name in self.shared]
+        return ranges[0] if len(ranges) == 1 else tuple(product(*ranges))
 
-    @property
-    def target_declaration(self) -> str:
-        """``file:line`` of the declaration of the target."""
-        return f"{self.program.file}:{self.program.attributes[self.target].line}"
+    def split(self, value: SharedValue) -> dict[str, str]:
+        """Return a shared value as attribute -> value."""
+        return dict(zip(self.shared, (value,) if isinstance(value, str) else value, strict=True))
 
-    def check_value(self, location: str, value: str) -> None:
-        """Raise `DomainError` if a name of `domain.toml` is no value of the target."""
-        if value not in self.values:
+    def join(self, values: Mapping[str, str]) -> SharedValue:
+        """Return the shared value of attribute -> value, which may have other attributes."""
+        joint = tuple([values[name] for name in self.shared])
+        return joint[0] if len(joint) == 1 else joint
+
+    def locate(self, attribute: str) -> str:
+        """``file:line`` of the declaration of an attribute."""
+        return f"{self.program.file}:{self.program.attributes[attribute].line}"
+
+    def check_value(self, location: str, attribute: str, value: str) -> None:
+        """Raise `DomainError` if a name of `domain.toml` is no value of an attribute."""
+        values = self.program.attributes[attribute].values
+        if value not in values:
             raise DomainError(
-                f"{location}: {self.target} cannot be {value!r} ({self.target_declaration});"
-                f" {expected_one_of(self.values)}"
+                f"{location}: {attribute} cannot be {value!r} ({self.locate(attribute)});"
+                f" {expected_one_of(values)}"
             )
 
 
@@ -47,15 +64,26 @@ def read_reasoning(table: TomlTable, folder: Path) -> ReasoningSection:
     """Read the section and the program.
 
     Raises:
-        DomainError: an attribute is not in the program, or the target is observed.
+        DomainError: an attribute is not in the program, or a shared one is observed; or the shared ones have
+            too many values.
     """
     program = read_plog(folder / table.text("program"))
-    target = table.text("target")
+    key = "shared" if "shared" in table else "target"  # for one variable
+    shared = table.names("shared") if key == "shared" else (table.text("target"),)
     observed = table.names("observed", required=False)
-    for key, names in (("target", (target,)), ("observed", observed)):
-        for name in names:
-            find_attribute_values(table.location(key), name, program)
-    if target in observed:
-        raise DomainError(f"{table.location('observed')}: {target!r} is the target, so it cannot be observed")
+    size = 1
+    for name in shared:
+        size *= len(find_attribute_values(table.location(key), name, program))
+    for name in observed:
+        find_attribute_values(table.location("observed"), name, program)
+        if name in shared:
+            raise DomainError(
+                f"{table.location('observed')}: {name!r} is in [reasoning] {key}, so it cannot be observed"
+            )
+    if size > MAX_SHARED_VALUES:
+        raise DomainError(
+            f"{table.location(key)}: the variables have {size} values together; expected at most"
+            f" {MAX_SHARED_VALUES}"
+        )
     table.reject_unknown_keys()
-    return ReasoningSection(program, observed, target)
+    return ReasoningSection(program, observed, shared)

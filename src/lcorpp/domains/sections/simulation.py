@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 
 from lcorpp.domains.plugin import SimulationPlugin
-from lcorpp.domains.sections.learning import LearningSection
+from lcorpp.domains.sections.learning import Sense
 from lcorpp.domains.sections.names import check_declared, check_same_names, find_attribute_values
 from lcorpp.domains.sections.planning import PlanningSection
 from lcorpp.domains.sections.reasoning import ReasoningSection
@@ -18,6 +18,9 @@ from lcorpp.errors import DomainError
 from lcorpp.reasoning import Program, read_plog
 from lcorpp.values import Array
 
+Simulate = Callable[[Sequence[Mapping[str, str]], np.random.Generator], Array]
+"""Maps people (attribute -> value) and a generator to the signals of a sense, one for each person."""
+
 
 @dataclass(frozen=True, eq=False, repr=False)
 class SimulationSection:
@@ -25,33 +28,33 @@ class SimulationSection:
 
     true_program: the P-log program from which people are drawn.
     feedback_model: (A, S, O) P(o | a, s') of people's answers.
-    noisy_channel: target value -> label -> probability: the error rates of a simulated classifier; None if
-        they are unknown, so that classification needs trajectories.
-    trajectories: maps people (attribute -> value) and a generator to (people, channels, time points); None
-        without a people.py that defines it.
+    noisy_channels: sense -> class -> label -> probability: the error rates of a simulated classifier; a sense
+        is missing if they are unknown, so that its classification needs signals.
+    signals: sense -> the simulation of its signals, e.g. trajectories (people, channels, time points), for
+        the senses for which a people.py defines it.
     reaction: maps a person, an action and a generator to an observation, replacing `feedback_model`; None
         without a people.py that defines it.
-    recordings: like `trajectories`, with the keyword `seconds` (min, max: the duration); returns one array
-        (samples, columns) for each person, as a tracker records it.
+    recordings: like `signals` of the motion, with the keyword `seconds` (min, max: the duration); returns one
+        array (samples, columns) for each person, as a tracker records it.
     columns: the names of these columns; () without recordings.
     """
 
     true_program: Program
     feedback_model: Array
-    noisy_channel: Mapping[str, Mapping[str, float]] | None
-    trajectories: Callable[[Sequence[Mapping[str, str]], np.random.Generator], Array] | None
-    reaction: Callable[[Mapping[str, str], str, np.random.Generator], str] | None
+    noisy_channels: Mapping[str, Mapping[str, Mapping[str, float]]] = field(default_factory=dict)
+    signals: Mapping[str, Simulate] = field(default_factory=dict)
+    reaction: Callable[[Mapping[str, str], str, np.random.Generator], str] | None = None
     recordings: Callable[..., list[Array]] | None = None
     columns: tuple[str, ...] = ()
 
     def __repr__(self) -> str:
         parts = {
-            "noisy channel": self.noisy_channel,
-            "trajectories": self.trajectories,
+            "noisy channels": self.noisy_channels,
+            "signals": self.signals,
             "reaction": self.reaction,
             "recordings": self.recordings,
         }
-        defined = ", ".join(name for name, part in parts.items() if part is not None)
+        defined = ", ".join(name for name, part in parts.items() if part)
         return f"SimulationSection({self.true_program!r}, defines: {defined or 'nothing'})"
 
 
@@ -59,7 +62,7 @@ def read_simulation(
     table: TomlTable,
     folder: Path,
     reasoning: ReasoningSection,
-    learning: LearningSection,
+    senses: Sequence[Sense],
     planning: PlanningSection,
 ) -> SimulationSection:
     """Read the section, the true program and the plug-in.
@@ -68,18 +71,17 @@ def read_simulation(
         DomainError: the true program has other values than the robot's, or a name is unknown.
     """
     program = read_plog(folder / table.text("truth")) if "truth" in table else reasoning.program
-    for name in (reasoning.target, *reasoning.observed):
+    for name in dict.fromkeys([*reasoning.shared, *[sense.of for sense in senses], *reasoning.observed]):
         values = find_attribute_values(table.location("truth"), name, program)
-        robot_attribute = reasoning.program.attributes[name]
-        what = f"the values of {name} at {reasoning.program.file}:{robot_attribute.line}"
+        what = f"the values of {name} at {reasoning.locate(name)}"
         location = f"{program.file}:{program.attributes[name].line}"
-        check_same_names(location, values, robot_attribute.values, what)
-    plugin = SimulationPlugin(folder / table.text("people")) if "people" in table else None
+        check_same_names(location, values, reasoning.program.attributes[name].values, what)
+    plugin = SimulationPlugin(folder / table.text("people"), senses) if "people" in table else None
     section = SimulationSection(
         true_program=program,
         feedback_model=_make_feedback_model(table, reasoning, planning),
-        noisy_channel=_make_noisy_channel(table, program, reasoning, learning),
-        trajectories=plugin.trajectories if plugin and plugin.defines("trajectory", "trajectories") else None,
+        noisy_channels=_make_noisy_channels(table, program, senses),
+        signals=plugin.signals if plugin else {},
         reaction=plugin.reaction if plugin and plugin.defines("reaction") else None,
         recordings=plugin.recordings if plugin and plugin.defines("recordings") else None,
         columns=plugin.columns if plugin else (),
@@ -98,7 +100,7 @@ def _make_feedback_model(table: TomlTable, reasoning: ReasoningSection, planning
         return pomdp.observation.dense
     answer_probabilities = _compute_answer_probabilities(table, noise, reasoning, planning)
     model = pomdp.observation.dense.copy()
-    states = planning.state_values.any(axis=1)  # (S,) not the terminal state, which has no target value
+    states = planning.state_values.any(axis=1)  # (S,) not the terminal state, which has no shared value
     for a, action in enumerate(pomdp.actions):
         if action in planning.reports:
             continue
@@ -119,52 +121,69 @@ def _compute_answer_probabilities(
 ) -> Array:
     """Return P(o | v) (V, O): the feedback of value v with probability 1 - noise, else another answer."""
     pomdp = planning.pomdp
-    feedback = table.mapping("feedback")
-    what = f"the values of {reasoning.target}"
-    check_same_names(table.location("feedback"), tuple(feedback), reasoning.values, what)
+    if len(reasoning.shared) > 1:
+        raise DomainError(
+            f"{table.location('feedback')}: `feedback` is for one shared variable; without it people"
+            f" answer by the observation model of {pomdp.file}, or by reaction() in people.py"
+        )
+    feedback, values = table.mapping("feedback"), reasoning.program.attributes[reasoning.shared[0]].values
+    what = f"the values of {reasoning.shared[0]}"
+    check_same_names(table.location("feedback"), tuple(feedback), values, what)
     for value, observation in feedback.items():
         check_declared(table.location("feedback", value), observation, pomdp, "observations")
     answers = list(dict.fromkeys(feedback.values()))
     if noise and len(answers) < 2:
         raise DomainError(f"{table.location('noise')}: noise needs at least two different answers")
-    probabilities = np.zeros((len(reasoning.values), len(pomdp.observations)))
-    for v, value in enumerate(reasoning.values):
+    probabilities = np.zeros((len(values), len(pomdp.observations)))
+    for v, value in enumerate(values):
         for answer in answers:
             p = 1 - noise if answer == feedback[value] else noise / (len(answers) - 1)
             probabilities[v, pomdp.observations.index(answer)] = p
     return probabilities
 
 
-def _make_noisy_channel(
-    table: TomlTable, true_program: Program, reasoning: ReasoningSection, learning: LearningSection
-) -> dict[str, dict[str, float]] | None:
-    """Return P(label | target value) of the simulated classifier: from `channel`, else the true program."""
-    if "channel" in table:
-        return _read_noisy_channel(table.section("channel"), table.location("channel"), reasoning, learning)
-    if learning.attribute not in true_program.attributes:
-        return None
+def _make_noisy_channels(
+    table: TomlTable, true_program: Program, senses: Sequence[Sense]
+) -> dict[str, dict[str, dict[str, float]]]:
+    """Return P(label | class) of the simulated classifiers: from `channel`, else the true program.
+
+    `channel` is the table of the only sense, or has a table for each of some senses.
+    """
+    channels = {}
+    given = table.section("channel") if "channel" in table else None
+    for sense in senses:
+        if given is not None and (len(senses) == 1 or sense.name in given):
+            own = given if len(senses) == 1 else given.section(sense.name)
+            channels[sense.name] = _read_noisy_channel(own, sense)
+        elif sense.attribute in true_program.attributes:
+            channels[sense.name] = _compute_noisy_channel(true_program, sense)
+    if given is not None:
+        given.reject_unknown_keys()
+    return channels
+
+
+def _compute_noisy_channel(true_program: Program, sense: Sense) -> dict[str, dict[str, float]]:
+    """Compute P(label | class) among the people of the true program."""
     from lcorpp.reasoning import Reasoner  # imports the grounder and the compiler
 
-    reasoner, labels = Reasoner(true_program), learning.label_of.values()
-    marginal = reasoner.posterior(reasoning.target, {})
+    reasoner, labels = Reasoner(true_program), sense.label_of.values()
+    marginal = reasoner.posterior(sense.of, {})
     return {
-        value: {k: float(p) for k, p in reasoner.exact(learning.attribute, {reasoning.target: value}).items()}
+        value: {k: float(p) for k, p in reasoner.exact(sense.attribute, {sense.of: value}).items()}
         if marginal[value]
         else dict.fromkeys(labels, 1 / len(labels))  # an impossible value: its row is never used
-        for value in reasoning.values
+        for value in sense.classes
     }
 
 
-def _read_noisy_channel(
-    table: TomlTable, location: str, reasoning: ReasoningSection, learning: LearningSection
-) -> dict[str, dict[str, float]]:
-    """Read the table `channel`: a row of label probabilities for each target value."""
-    labels = tuple(learning.label_of.values())
-    check_same_names(location, tuple(table), reasoning.values, f"the values of {reasoning.target}")
+def _read_noisy_channel(table: TomlTable, sense: Sense) -> dict[str, dict[str, float]]:
+    """Read the table of a channel: a row of label probabilities for each class."""
+    labels = tuple(sense.label_of.values())
+    check_same_names(table.location(), tuple(table), sense.classes, f"the values of {sense.of}")
     rates = {}
-    for value in reasoning.values:
+    for value in sense.classes:
         row = table.section(value)
-        check_same_names(table.location(value), tuple(row), labels, f"the values of {learning.attribute}")
+        check_same_names(table.location(value), tuple(row), labels, f"the values of {sense.attribute}")
         rates[value] = {label: row.number(label, 0, 1) for label in labels}
         row.reject_unknown_keys()
         total = sum(rates[value].values())

@@ -14,7 +14,7 @@ from lcorpp.learning.data.dataset import check_trainable
 from lcorpp.learning.evaluation.calibration import Calibration, fit_calibration
 from lcorpp.learning.evaluation.thresholds import DecisionThreshold, apply_threshold
 from lcorpp.learning.evaluation.validation import Progress, Validation, fit_and_validate
-from lcorpp.values import Array, ConfusionMatrix, Dataset, Instance, Likelihood
+from lcorpp.values import Array, ConfusionMatrix, Dataset, Likelihood
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,13 +41,13 @@ class TrainedClassifier:
             parts.append(str(self.threshold))
         return f"<TrainedClassifier: {'; '.join(parts)}>"
 
-    def classify(self, instance: Instance) -> str:
+    def classify(self, signal: Array) -> str:
         """Return the hard label of one person's trajectory (channels, time points).
 
         Raises:
             DataError: the trajectory does not match the training data or is not finite.
         """
-        return self.classify_many(instance.trajectory[None])[0]
+        return self.classify_many(signal[None])[0]
 
     def classify_many(self, trajectories: npt.ArrayLike) -> list[str]:
         """Return the hard labels of (n, channels, time points); raises as `classify`."""
@@ -88,13 +88,13 @@ class SoftClassifier:
     def __repr__(self) -> str:
         return f"<SoftClassifier of {self.trained!r}>"
 
-    def classify(self, instance: Instance) -> Likelihood:
+    def classify(self, signal: Array) -> Likelihood:
         """Return the likelihood of each class for one person's trajectory (channels, time points).
 
         Raises:
             DataError: the trajectory does not match the training data or is not finite.
         """
-        return self.classify_many(instance.trajectory[None])[0]
+        return self.classify_many(signal[None])[0]
 
     def classify_many(self, trajectories: npt.ArrayLike) -> list[Likelihood]:
         """Return the likelihoods of (n, channels, time points); raises as `classify`."""
