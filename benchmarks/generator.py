@@ -28,7 +28,7 @@ from scipy.stats import ks_2samp, t
 from lcorpp.domains import Domain, load_domain
 from lcorpp.files import make_folder, write_atomically
 from lcorpp.learning import Validation, cross_validate, measure_leakage, paper_pipeline
-from lcorpp.simulation.people import SimulatedTrajectories, simulate_dataset
+from lcorpp.simulation.people import SimulatedSignals, simulate_dataset
 from lcorpp.simulation.recordings import simulate_recording
 from lcorpp.values import Array, Dataset
 
@@ -98,7 +98,7 @@ def all_tracks(scenes: dict[str, list[Array]]) -> list[Array]:
 def passers_by(domain: Domain, count: int, seed: int) -> list[Array]:
     """Tracks (samples, 2) of people who are not interested, at the sampling rate of the pedestrians."""
     people = [{"intention": "not_interested"}] * count
-    tracks = SimulatedTrajectories(domain.simulation.trajectories).trajectories(
+    tracks = SimulatedSignals(domain.simulation.signals["motion"]).trajectories(
         people, np.random.default_rng(seed)
     )
     return [track.T for track in tracks[:, :, ::EVERY]]
@@ -109,7 +109,7 @@ def imbalanced(domain: Domain, seed: int) -> Dataset:
     rng = np.random.default_rng(seed)
     positive = rng.permutation(np.arange(CASES) < POSITIVE)
     labels = tuple("interested" if flag else "not_interested" for flag in positive)
-    return Dataset(domain.simulation.trajectories([{"intention": name} for name in labels], rng), labels)
+    return Dataset(domain.simulation.signals["motion"]([{"intention": name} for name in labels], rng), labels)
 
 
 def take_points(dataset: Dataset, points: int) -> Dataset:
@@ -168,7 +168,7 @@ def _work(
 ) -> list[tuple[str, Callable[[], Any], Callable[[], Dataset]]]:
     """(name, classifier, data set) of one seed."""
     rng = np.random.default_rng([seed, 0])
-    balanced = simulate_dataset(domain, SimulatedTrajectories(domain.simulation.trajectories), tracks, rng)
+    balanced = simulate_dataset(domain, SimulatedSignals(domain.simulation.signals["motion"]), tracks, rng)
     work = []
     for epochs in (domain.learning.epochs, PAPER_EPOCHS):
 
@@ -279,7 +279,7 @@ def _plot(domain: Domain, scenes: dict[str, list[Array]], path: Path) -> None:
         axis.set(xlabel=f"{name} ({unit})", ylabel="share below", ylim=(0, 1), xlim=(0, end))
         axis.grid(alpha=0.3)
     axes[0, 0].legend(fontsize=8)
-    tracks_of = SimulatedTrajectories(domain.simulation.trajectories).trajectories
+    tracks_of = SimulatedSignals(domain.simulation.signals["motion"]).trajectories
     speeds = axes[1, 2]
     for axis, intention, colour in zip(
         axes[1], ("interested", "not_interested"), ("#1b6ca8", "#d68910"), strict=False

@@ -11,21 +11,21 @@ from lcorpp import ConsoleWorld, Instance, Planner, Reasoner, Robot, dt_control,
 
 
 class Classifier:
-    """Placeholder for your classifier: any object that maps an instance to a class."""
+    """Placeholder for your classifier: any object that maps a signal, here a trajectory, to a class."""
 
-    def classify(self, instance: Instance) -> str:
+    def classify(self, signal: np.ndarray) -> str:
         return "not_interested"
 
 
 domain = load_domain("intention")
 planner = Planner(solve(domain.pomdp, domain.start_beliefs()))
-robot = Robot(Classifier(), Reasoner(domain.program), planner, domain)
+robot = Robot({"motion": Classifier()}, Reasoner(domain.program), planner, domain)
 
-person = Instance(trajectory=np.zeros((2, 304)), context={"time": "afternoon", "location": "classroom"})
+person = Instance({"motion": np.zeros((2, 304))}, {"time": "afternoon", "location": "classroom"})
 answer = input if "--ask" in sys.argv else lambda question: "pos"
 episode = dt_control(robot, person, ConsoleWorld(domain.pomdp.observations, ask=answer))
 
-print("label:    ", episode.label)
+print("label:    ", episode.labels["motion"])
 print("evidence: ", dict(episode.evidence))
 print("posterior:", {value: round(p, 6) for value, p in episode.marginal})
 print("prior:    ", np.round(episode.prior, 2))

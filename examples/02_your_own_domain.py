@@ -17,9 +17,9 @@ for value, probability in reasoner.posterior("wish", {"daytime": "morning", "gaz
     print(f"  {value:<7} {probability:.3f}")
 
 # Exact scores of the six strategies: all guests and all answers are enumerated.
-channel = NoisyChannel.of(domain)
+channels = {"gaze": NoisyChannel.from_domain(domain, domain.senses[0])}
 planner = Planner(solve(domain.pomdp, domain.start_beliefs()))
-robot = Robot(channel, reasoner, planner, domain)
-for scores in evaluate_exactly(domain, robot, channel, STRATEGIES):
+robot = Robot(channels, reasoner, planner, domain)
+for scores in evaluate_exactly(domain, robot, channels, STRATEGIES):
     accuracy, return_ = scores.accuracy.estimate, scores.return_.estimate
     print(f"  {scores.strategy:<7} accuracy {accuracy:.3f}  return {return_:6.2f}")

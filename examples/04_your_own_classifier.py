@@ -22,7 +22,8 @@ def nearest(interval: float):
 
 def main() -> None:
     domain = load_domain("intention")
-    training = simulate_training_data(domain, seed=0, tracks=600)
+    (sense,) = domain.senses  # "motion"
+    training = simulate_training_data(domain, sense, seed=0, tracks=600)
     classifier, validation = train_and_validate(nearest(training.dataset.interval), training.dataset)
 
     report = build_report(validation, positive="interested", prevalence={"interested": 0.4})
@@ -34,10 +35,12 @@ def main() -> None:
 
     # Hard evidence is the predicted label; soft evidence is the likelihood of each class.
     planner = Planner(solve(domain.pomdp, domain.start_beliefs()))
-    hard = Robot(classifier, Reasoner(domain.program_for(validation.confusion)), planner, domain)
-    soft = Robot(classifier.soft(), Reasoner(domain.soft_program), planner, domain)
+    trained = Reasoner(domain.program_for({"motion": validation.confusion}))
+    hard = Robot({"motion": classifier}, trained, planner, domain)
+    soft = Robot({"motion": classifier.soft()}, Reasoner(domain.soft_program()), planner, domain)
     for name, robot in (("hard", hard), ("soft", soft)):
-        trials = Experiment(domain, robot, robot.classifier, training.trajectories, strategies(["L+R"]), 1)
+        signals = {"motion": training.signals}
+        trials = Experiment(domain, robot, robot.classifiers, signals, strategies(["L+R"]), 1)
         scores = run_trials(trials, 1000)[0][0]
         print(f"{name} evidence: accuracy {scores.accuracy.estimate:.3f}, F1 {scores.f1.estimate:.3f}")
 

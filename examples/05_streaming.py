@@ -6,7 +6,7 @@ length. The cost of a sample does not depend on the length of the track.
 
 import numpy as np
 
-from lcorpp import Instance, load_domain
+from lcorpp import load_domain
 from lcorpp.learning import (
     StreamingClassifier,
     calibrate_prefixes,
@@ -47,13 +47,13 @@ def simulate_tracker(name: str, walk: np.ndarray) -> list[tuple[float, tuple]]:
 walks = dict(zip(("Ada", "Bo"), walkers([INTERESTED, OTHER], RNG), strict=True))
 arriving = sorted(one for name, walk in walks.items() for one in simulate_tracker(name, walk))
 
-# The decision loop needs a classifier and an instance: this classifier contains one person's samples so far.
-view = Instance(trajectory=np.zeros((2, 2)), context={"time": "afternoon", "location": "classroom"})
+# The decision loop needs a classifier: this one contains a person's samples so far, and reads no other signal.
+no_signal = np.zeros((2, 2))
 second = 1
 for arrival, sample in arriving:
     streams.push(*sample)
     if arrival >= second:
-        likelihoods = {name: streams.classifier(name).soft().classify(view) for name in walks}
+        likelihoods = {name: streams.classifier(name).soft().classify(no_signal) for name in walks}
         print(
             f"{second:2} s: likelihood of interested to not interested:",
             *(

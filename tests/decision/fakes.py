@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from lcorpp.values import Belief, Distribution, Instance
+from lcorpp.values import Array, Belief, Distribution, Instance, Label, Likelihood
 
 VALUES = ("yes", "no")
 
@@ -14,14 +14,20 @@ VALUES = ("yes", "no")
 class FakeDomain:
     """Two states, one for each value; facts and labels keep their names."""
 
-    target = "wish"
+    shared = "wish"
     values = VALUES
 
-    def evidence(self, context: Mapping[str, str], predicted: str | None) -> dict[str, str]:
-        return {**context, **({} if predicted is None else {"label": predicted})}
+    def evidence(self, context: Mapping[str, str], labels: Mapping[str, Label]) -> dict[str, Label]:
+        return {**context, **({"label": labels["eyes"]} if "eyes" in labels else {})}
 
-    def target_of_label(self, evidence: Mapping[str, str]) -> str | None:
-        return evidence.get("label")
+    def label_marginal(self, evidence: Mapping[str, Label]) -> Distribution | None:
+        label = evidence.get("label")
+        if isinstance(label, Likelihood):
+            return Distribution(label.values, label.weights / label.weights.sum())
+        return None if label is None else Distribution.certain(label, VALUES)
+
+    def class_of(self, sense: str, value: str) -> str:
+        return value
 
     def prior(self, marginal: Distribution) -> Belief:
         return marginal.probabilities
@@ -42,8 +48,8 @@ class FakeDomain:
 class FakeClassifier:
     """Returns the value whose index is the first number of the trajectory."""
 
-    def classify(self, instance: Instance) -> str | None:
-        return VALUES[int(instance.trajectory[0, 0])]
+    def classify(self, signal: Array) -> str | None:
+        return VALUES[int(signal[0, 0])]
 
 
 class FakeReasoner:
@@ -90,4 +96,4 @@ class FakeWorld:
 
 def make_instance(index: int, sky: str = "grey") -> Instance:
     """An instance of the value with this index."""
-    return Instance(np.full((1, 2), float(index)), {"sky": sky})
+    return Instance({"eyes": np.full((1, 2), float(index))}, {"sky": sky})

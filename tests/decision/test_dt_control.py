@@ -19,9 +19,11 @@ from tests.decision.fakes import (
 def test_a_decision_step_by_step():
     reasoner, world = FakeReasoner(), FakeWorld("nod", "nod")
     episode = dt_control(
-        Robot(FakeClassifier(), reasoner, FakePlanner(), FakeDomain()), make_instance(0, "sunny"), world
+        Robot({"eyes": FakeClassifier()}, reasoner, FakePlanner(), FakeDomain()),
+        make_instance(0, "sunny"),
+        world,
     )
-    assert episode.label == "yes"
+    assert episode.labels == {"eyes": "yes"}
     assert reasoner.queries == [("wish", {"sky": "sunny", "label": "yes"})]
     assert episode.marginal is not None
     assert episode.marginal["yes"] == pytest.approx(0.8)
@@ -36,18 +38,18 @@ def test_a_decision_step_by_step():
 
 def test_answers_overrule_a_wrong_label():
     episode = dt_control(
-        Robot(FakeClassifier(), FakeReasoner(), FakePlanner(), FakeDomain()),
+        Robot({"eyes": FakeClassifier()}, FakeReasoner(), FakePlanner(), FakeDomain()),
         make_instance(1),
         FakeWorld("nod", "nod", "nod", "nod"),
     )
     # 1 : 4 needs four nods to reach 81 : 4
     assert [step.observation for step in episode.steps] == ["nod", "nod", "nod", "nod", None]
-    assert (episode.label, episode.report) == ("no", "yes")
+    assert (episode.labels["eyes"], episode.report) == ("no", "yes")
 
 
 def test_a_policy_that_never_reports_is_an_error():
     world = FakeWorld(*["nod", "shake"] * 10)
-    robot = Robot(FakeClassifier(), FakeReasoner(), FakePlanner(), FakeDomain())
+    robot = Robot({"eyes": FakeClassifier()}, FakeReasoner(), FakePlanner(), FakeDomain())
     with pytest.raises(DecisionError, match="no report after 7 actions; the last one was 'ask'"):
         dt_control(robot, make_instance(1), world, max_steps=7)
 
@@ -58,7 +60,9 @@ def test_a_terminal_state_ends_the_decision_without_a_report():
             return bool(belief[0] > 0.85)
 
     episode = dt_control(
-        Robot(FakeClassifier(), FakeReasoner(), FakePlanner(), Leaving()), make_instance(0), FakeWorld("nod")
+        Robot({"eyes": FakeClassifier()}, FakeReasoner(), FakePlanner(), Leaving()),
+        make_instance(0),
+        FakeWorld("nod"),
     )
     assert episode.report is None
     assert [step.action for step in episode.steps] == ["ask"]
@@ -66,7 +70,7 @@ def test_a_terminal_state_ends_the_decision_without_a_report():
 
 def test_an_episode_cannot_be_changed():
     episode = dt_control(
-        Robot(FakeClassifier(), FakeReasoner(), FakePlanner(), FakeDomain()),
+        Robot({"eyes": FakeClassifier()}, FakeReasoner(), FakePlanner(), FakeDomain()),
         make_instance(0),
         FakeWorld("nod"),
     )
@@ -78,7 +82,7 @@ def test_an_episode_cannot_be_changed():
 
 def test_beliefs_of_an_episode_are_distributions():
     episode = dt_control(
-        Robot(FakeClassifier(), FakeReasoner(), FakePlanner(), FakeDomain()),
+        Robot({"eyes": FakeClassifier()}, FakeReasoner(), FakePlanner(), FakeDomain()),
         make_instance(1),
         FakeWorld("shake"),
     )
@@ -89,14 +93,19 @@ def test_beliefs_of_an_episode_are_distributions():
 @pytest.mark.parametrize(
     ("part", "wrong", "words"),
     [
-        ("classifier", "lstm", "the classifier of a robot is 'lstm'; expected an object with classify"),
-        ("classifier", FakeClassifier, "expected an object with classify"),
+        ("classifiers", "lstm", "the classifiers of a robot are 'lstm'; expected sense -> classifier"),
+        (
+            "classifiers",
+            {"eyes": "lstm"},
+            "the classifier of a robot is 'lstm'; expected an object with clas",
+        ),
+        ("classifiers", {"eyes": FakeClassifier}, "expected an object with classify"),
         ("reasoner", None, "the reasoner of a robot is None; expected an object with posterior"),
         ("planner", FakeReasoner(), "expected an object with start, action, update"),
-        ("domain", "intention", "the domain of a robot is 'intention'; expected an object with target, val"),
+        ("domain", "intention", "the domain of a robot is 'intention'; expected an object with shared, val"),
     ],
 )
 def test_a_wrong_part_is_rejected_at_once(part, wrong, words):
-    parts = {"classifier": FakeClassifier(), "reasoner": FakeReasoner(), "planner": FakePlanner()}
+    parts = {"classifiers": {}, "reasoner": FakeReasoner(), "planner": FakePlanner()}
     with pytest.raises(DecisionError, match=words):
         Robot(**{**parts, "domain": FakeDomain(), part: wrong})

@@ -40,6 +40,7 @@ def run(
     batches = list(
         lcorpp(
             START,
+            sense="eyes",
             train=train,
             make_reasoner=make_reasoner,
             planner=FakePlanner(),
@@ -86,6 +87,7 @@ def test_the_caller_may_stop_at_any_batch():
     rng = np.random.default_rng(1)
     loop = lcorpp(
         START,
+        sense="eyes",
         train=lambda _: (FakeClassifier(), ConfusionMatrix(VALUES, rng.random((2, 2)) * 9)),
         make_reasoner=lambda _: FakeReasoner(),
         planner=FakePlanner(),
@@ -104,6 +106,7 @@ def resume(
     given = iter(matrices)
     return lcorpp(
         dataset,
+        sense="eyes",
         train=lambda _: (FakeClassifier(), ConfusionMatrix(VALUES, np.array(next(given)))),
         make_reasoner=lambda _: FakeReasoner(),
         planner=FakePlanner(),

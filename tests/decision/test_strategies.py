@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from lcorpp.decision import STRATEGIES, Robot, dt_control, strategies
+from lcorpp.decision.strategies import list_strategies
 from lcorpp.errors import DecisionError
 from lcorpp.values import Likelihood
 from tests.decision.fakes import (
@@ -22,7 +23,7 @@ FULL = {row.name: row for row in STRATEGIES}
 
 def decide(name: str, index: int, sky: str = "grey", *answers: str):
     reasoner = FakeReasoner()
-    robot = FULL[name].robot(Robot(FakeClassifier(), reasoner, FakePlanner(), FakeDomain()))
+    robot = FULL[name].robot(Robot({"eyes": FakeClassifier()}, reasoner, FakePlanner(), FakeDomain()))
     return dt_control(robot, make_instance(index, sky), FakeWorld(*answers)), reasoner
 
 
@@ -34,7 +35,8 @@ def test_the_six_strategies_of_the_paper():
 @pytest.mark.parametrize(("index", "label"), [(0, "yes"), (1, "no")])
 def test_l_reports_the_label(index, label):
     episode, reasoner = decide("L", index)
-    assert (episode.label, episode.report, len(episode.steps), reasoner.queries) == (label, label, 1, [])
+    assert (episode.labels["eyes"], episode.report) == (label, label)
+    assert (len(episode.steps), reasoner.queries) == (1, [])
 
 
 @dataclass(frozen=True)
@@ -43,26 +45,28 @@ class LikelihoodClassifier:
 
     weights: tuple[float, float]
 
-    def classify(self, instance):
+    def classify(self, signal):
         return Likelihood(FakeDomain.values, self.weights)
 
 
 def test_l_normalises_a_likelihood():
-    robot = FULL["L"].robot(Robot(LikelihoodClassifier((1, 4)), FakeReasoner(), FakePlanner(), FakeDomain()))
+    robot = FULL["L"].robot(
+        Robot({"eyes": LikelihoodClassifier((1, 4))}, FakeReasoner(), FakePlanner(), FakeDomain())
+    )
     episode = dt_control(robot, make_instance(0), FakeWorld())
-    assert (episode.label.most_likely(), episode.report) == ("no", "no")
+    assert (episode.labels["eyes"].most_likely(), episode.report) == ("no", "no")
     np.testing.assert_allclose(episode.marginal.probabilities, [0.2, 0.8])
 
 
 def test_r_reports_the_most_likely_value_given_the_facts():
     episode, reasoner = decide("R", 1, "sunny")
-    assert (episode.label, episode.report) == (None, "yes")
+    assert (episode.labels, episode.report) == ({}, "yes")
     assert reasoner.queries == [("wish", {"sky": "sunny"})]
 
 
 def test_p_starts_where_its_model_starts():
     episode, reasoner = decide("P", 0, "sunny", "shake", "shake")
-    assert (episode.label, episode.marginal, reasoner.queries) == (None, None, [])
+    assert (episode.labels, episode.marginal, reasoner.queries) == ({}, None, [])
     np.testing.assert_array_equal(episode.prior, FakePlanner.start)
     assert episode.report == "no"
 
@@ -75,14 +79,14 @@ def test_l_and_r_weigh_label_and_facts():
 
 def test_r_and_p_starts_from_the_facts():
     episode, _ = decide("R+P", 0, "sunny", "nod", "nod")
-    assert episode.label is None
+    assert episode.labels == {}
     assert episode.prior == pytest.approx([0.6, 0.4])
     assert episode.report == "yes"
 
 
 def test_lcorpp_uses_all_parts():
     episode, _ = decide("LCORPP", 0, "sunny", "nod")
-    assert (episode.label, episode.report) == ("yes", "yes")
+    assert (episode.labels["eyes"], episode.report) == ("yes", "yes")
     assert episode.prior == pytest.approx([0.8, 0.2])
 
 
@@ -91,3 +95,27 @@ def test_names_are_found_in_any_order_and_case():
     assert strategies([]) == STRATEGIES
     with pytest.raises(DecisionError, match=r"unknown strategy 'CORPP'; expected one of L, R, P, L\+R"):
         strategies(["corpp"])
+
+
+def test_without_senses_no_strategy_learns():
+    assert [row.name for row in list_strategies([])] == ["R", "P", "R+P"]
+    with pytest.raises(
+        DecisionError, match=r"unknown strategy 'L' in a domain without classifiers; expected"
+    ):
+        strategies(["L"], [])
+
+
+def test_with_several_senses_each_is_left_out_in_turn():
+    rows = list_strategies(["eyes", "ears"])
+    assert [row.name for row in rows[6:]] == ["LCORPP-eyes", "LCORPP-ears"]
+    parts = {"eyes": FakeClassifier(), "ears": FakeClassifier()}
+    full = Robot(parts, FakeReasoner(), FakePlanner(), FakeDomain())
+    assert [list(row.robot(full).classifiers) for row in rows[5:]] == [["eyes", "ears"], ["ears"], ["eyes"]]
+    assert [row.name for row in strategies(["lcorpp-EARS"], ["eyes", "ears"])] == ["LCORPP-ears"]
+
+
+def test_a_sense_that_perceives_nothing_gives_no_label():
+    robot = Robot(
+        {"eyes": FakeClassifier(), "ears": FakeClassifier()}, FakeReasoner(), FakePlanner(), FakeDomain()
+    )
+    assert robot.classify(make_instance(1)) == {"eyes": "no"}

@@ -41,7 +41,7 @@ TABLE = {
 def parts(preset: str):
     domain = load_domain("intention", preset=preset)
     policy = planning.solve(domain.pomdp, domain.start_beliefs()).policy
-    channel = NoisyChannel.of(domain)
+    channel = NoisyChannel.from_domain(domain, domain.senses[0])
     robot = Robot(channel, Enumeration(domain.program), planning.Planner(policy, domain.pomdp), domain)
     return domain, robot, channel
 

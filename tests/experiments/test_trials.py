@@ -26,8 +26,8 @@ from lcorpp.reasoning import Enumeration, Reasoner
 from lcorpp.simulation import (
     NoisyChannel,
     Population,
-    RecordedTrajectories,
-    SimulatedTrajectories,
+    RecordedSignals,
+    SimulatedSignals,
     SimulationModel,
     simulate_dataset,
 )
@@ -39,7 +39,7 @@ ROOMS = Path(__file__).parents[1] / "domains" / "rooms"
 @pytest.fixture(scope="module")
 def rooms() -> Experiment:
     domain = load_domain(ROOMS)
-    channel = NoisyChannel.of(domain)
+    channel = NoisyChannel.from_domain(domain, domain.senses[0])
     planner = planning.Planner(planning.solve(domain.pomdp, domain.start_beliefs()))
     robot = Robot(channel, Enumeration(domain.program), planner, domain)
     return Experiment(domain, robot, channel, channel, STRATEGIES, 3)
@@ -84,7 +84,7 @@ class Column:
 def test_the_likelihood_of_a_label_decides_like_the_label(place):
     """Both go through the same program; the rules of the hard one hold the same rates."""
     domain = load_domain(place)
-    channel = NoisyChannel.of(domain)
+    channel = NoisyChannel.from_domain(domain, domain.senses[0])
     planner = planning.Planner(planning.solve(domain.pomdp, domain.start_beliefs()))
     rows = tuple(row for row in STRATEGIES if row.reasons)
     counts = []
@@ -225,15 +225,15 @@ def test_people_py_replaces_the_feedback_model():
 
 def test_recorded_tracks_have_the_class_of_the_person():
     data = Dataset(np.arange(8.0).reshape(4, 1, 2), ("a", "b", "a", "b"), channels=("x",))
-    tracks = RecordedTrajectories("wish", data).trajectories([{"wish": "b"}] * 20, np.random.default_rng(0))
+    tracks = RecordedSignals("wish", data).trajectories([{"wish": "b"}] * 20, np.random.default_rng(0))
     assert {float(track[0, 0]) for track in tracks} == {2.0, 6.0}
     with pytest.raises(DataError, match="no recorded track of class 'c' is left"):
-        RecordedTrajectories("wish", data).trajectories([{"wish": "c"}], np.random.default_rng(0))
+        RecordedSignals("wish", data).trajectories([{"wish": "c"}], np.random.default_rng(0))
 
 
 def test_simulated_tracks_are_balanced_and_shuffled(rooms):
-    assert rooms.domain.simulation.trajectories is not None
-    motion = SimulatedTrajectories(rooms.domain.simulation.trajectories)
+    assert rooms.domain.simulation.signals["motion"] is not None
+    motion = SimulatedSignals(rooms.domain.simulation.signals["motion"])
     data = simulate_dataset(rooms.domain, motion, 31, np.random.default_rng(0))
     assert [data.labels.count(value) for value in rooms.domain.values] == [11, 11, 11]
     assert len(set(data.labels[:11])) > 1

@@ -6,7 +6,7 @@ import numpy as np
 
 from lcorpp.domains import load_domain
 from lcorpp.learning.store import NewTrack, Store, TrackSchema
-from lcorpp.simulation.people import SimulatedTrajectories
+from lcorpp.simulation.people import SimulatedSignals
 from lcorpp.simulation.people_stream import GROUP_SIZE, DecisionResult, PeopleStream
 from lcorpp.values import Episode
 
@@ -27,15 +27,24 @@ def test_a_resumed_run_draws_the_people_of_an_uninterrupted_run():
             met.append((instance.trajectory, dict(instance.context), answers, outcome))
         return met
 
-    stream = PeopleStream(domain, SimulatedTrajectories.of(domain), seed=4)
+    stream = PeopleStream(domain, SimulatedSignals.from_domain(domain, domain.senses[0]), seed=4)
     whole = meet(stream, 3, 1) + meet(stream, GROUP_SIZE, 2)
     for first in (3, GROUP_SIZE - 1, GROUP_SIZE):
-        again = meet(PeopleStream(domain, SimulatedTrajectories.of(domain), seed=4, position=first), 3, 2)
+        again = meet(
+            PeopleStream(
+                domain, SimulatedSignals.from_domain(domain, domain.senses[0]), seed=4, position=first
+            ),
+            3,
+            2,
+        )
         for one, other in zip(whole[first : first + 3], again, strict=True):
             assert np.array_equal(one[0], other[0])
             assert one[1:] == other[1:]
     assert not np.array_equal(
-        whole[0][0], PeopleStream(domain, SimulatedTrajectories.of(domain), seed=5).next()[0].trajectory
+        whole[0][0],
+        PeopleStream(domain, SimulatedSignals.from_domain(domain, domain.senses[0]), seed=5)
+        .next()[0]
+        .trajectory,
     )
 
 

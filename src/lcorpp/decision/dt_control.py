@@ -38,7 +38,8 @@ class Robot:
     def __post_init__(self) -> None:
         if not isinstance(self.classifiers, Mapping):
             raise DecisionError(
-                f"the classifiers of a robot are {reprlib.repr(self.classifiers)}; expected sense -> classifier"
+                f"the classifiers of a robot are {reprlib.repr(self.classifiers)};"
+                " expected sense -> classifier"
             )
         for classifier in self.classifiers.values():
             _check_part("classifier", classifier)

@@ -191,8 +191,8 @@ class Domain:
         values = self.reasoning.split(value)
         if of not in values:
             raise DomainError(
-                f"{self.folder}/domain.toml: the sense {sense!r} classifies {of}, which is not shared; a report"
-                f" names {', '.join(values)}"
+                f"{self.folder}/domain.toml: the sense {sense!r} classifies {of}, which is not shared; a"
+                f" report names {', '.join(values)}"
             )
         return values[of]
 

@@ -13,7 +13,7 @@ import pytest
 
 from lcorpp.domains import load_domain
 from lcorpp.learning import cross_validate, measure_leakage, paper_pipeline
-from lcorpp.simulation.people import SimulatedTrajectories, simulate_dataset
+from lcorpp.simulation.people import SimulatedSignals, simulate_dataset
 from lcorpp.simulation.recordings import simulate_recording
 
 ROOT = Path(__file__).parents[3]
@@ -66,7 +66,7 @@ def test_quantities_of_a_known_walk(benchmark):
 @pytest.mark.parametrize("seed", range(3))
 def test_rates_of_the_papers_lstm(benchmark, seed):
     domain = load_domain("intention")
-    motion = SimulatedTrajectories(domain.simulation.trajectories)
+    motion = SimulatedSignals(domain.simulation.signals["motion"])
     balanced = simulate_dataset(domain, motion, domain.learning.tracks, np.random.default_rng([seed, 0]))
     found = {
         name: benchmark.rates(

@@ -20,7 +20,6 @@ from lcorpp.learning import (
 from lcorpp.learning.contract import SigmoidScores, fit_clone
 from lcorpp.learning.features.resampling import resample
 from lcorpp.protocols import Classifier
-from lcorpp.values import Instance
 from tests.learning.walkers import walkers
 
 from .people import ByWay, batch, by_way, lstm, walk
@@ -384,7 +383,7 @@ def test_any_samples_are_counted_and_predictions_are_distributions(samples, name
 
 def test_the_decision_loop_classifies_one_person():
     streams = StreamingClassifier.from_trained(TrainedClassifier(PIPELINES["lstm"]))
-    anything = Instance(np.zeros((0, 0)), {})
+    anything = np.zeros((0, 0))
     with pytest.raises(DataError, match="there is no prediction for 'p', who has no samples"):
         streams.classifier("p")
     streams.push(0.0, "p", 0, 0)
@@ -405,7 +404,7 @@ def test_threshold_and_calibration_of_a_trained_classifier_are_used():
     track = walkers(60).trajectories[0]
     for frame in range(40):
         streams.push(frame * INTERVAL, "p", *track[:, frame])
-    heard, instance = streams.classifier("p"), Instance(track, {})
+    heard, instance = streams.classifier("p"), track
     assert heard.classify(instance) == trained.classify(instance)
     assert heard.confusion is trained.confusion
     soft, expected = heard.soft().classify(instance), trained.soft().classify(instance)
