@@ -98,7 +98,7 @@ def all_tracks(scenes: dict[str, list[Array]]) -> list[Array]:
 def passers_by(domain: Domain, count: int, seed: int) -> list[Array]:
     """Tracks (samples, 2) of people who are not interested, at the sampling rate of the pedestrians."""
     people = [{"intention": "not_interested"}] * count
-    tracks = SimulatedSignals(domain.simulation.signals["motion"]).trajectories(
+    tracks = SimulatedSignals.from_domain(domain, domain.senses[0]).simulate(
         people, np.random.default_rng(seed)
     )
     return [track.T for track in tracks[:, :, ::EVERY]]
@@ -145,7 +145,8 @@ def main(
     """Measure, then write a table and a picture."""
     console = Console(stderr=True)
     domain = load_domain("intention")
-    tracks = tracks or domain.learning.tracks
+    (sense,) = domain.senses
+    tracks = tracks or sense.tracks
     make_folder(out.parent)
     scenes = pedestrians(pedestrians_folder) if pedestrians_folder else {}
     likeness = _likeness(domain, scenes) if scenes else []
@@ -167,10 +168,10 @@ def _work(
     domain: Domain, tracks: int, seed: int, weighted: bool
 ) -> list[tuple[str, Callable[[], Any], Callable[[], Dataset]]]:
     """(name, classifier, data set) of one seed."""
-    rng = np.random.default_rng([seed, 0])
-    balanced = simulate_dataset(domain, SimulatedSignals(domain.simulation.signals["motion"]), tracks, rng)
+    (sense,), rng = domain.senses, np.random.default_rng([seed, 0])
+    balanced = simulate_dataset(domain, sense, SimulatedSignals.from_domain(domain, sense), tracks, rng)
     work = []
-    for epochs in (domain.learning.epochs, PAPER_EPOCHS):
+    for epochs in (sense.epochs, PAPER_EPOCHS):
 
         def lstm(epochs: int = epochs) -> Any:
             return paper_pipeline(epochs=epochs, random_state=seed, class_weight="balanced")
@@ -279,7 +280,7 @@ def _plot(domain: Domain, scenes: dict[str, list[Array]], path: Path) -> None:
         axis.set(xlabel=f"{name} ({unit})", ylabel="share below", ylim=(0, 1), xlim=(0, end))
         axis.grid(alpha=0.3)
     axes[0, 0].legend(fontsize=8)
-    tracks_of = SimulatedSignals(domain.simulation.signals["motion"]).trajectories
+    tracks_of = SimulatedSignals.from_domain(domain, domain.senses[0]).simulate
     speeds = axes[1, 2]
     for axis, intention, colour in zip(
         axes[1], ("interested", "not_interested"), ("#1b6ca8", "#d68910"), strict=False

@@ -95,10 +95,8 @@ def main(
 
 def _tracks(count: int, rng: np.random.Generator) -> tuple[Array, list[str]]:
     simulation = load_domain("intention").simulation
-    assert simulation is not None
-    assert simulation.trajectories is not None
     labels = ["interested", "not_interested"] * (count // 2)
-    return np.array(simulation.trajectories([{"intention": label} for label in labels], rng)), labels
+    return np.array(simulation.signals["motion"]([{"intention": label} for label in labels], rng)), labels
 
 
 def _sample(tracks: Array, seconds: float) -> Frames:

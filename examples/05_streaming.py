@@ -21,7 +21,7 @@ RNG = np.random.default_rng(1)
 INTERESTED, OTHER = {"intention": "interested"}, {"intention": "not_interested"}
 
 people = [INTERESTED, OTHER] * 200
-walkers = load_domain("intention").simulation.trajectories
+walkers = load_domain("intention").simulation.signals["motion"]
 tracks = Dataset(walkers(people, RNG), tuple(person["intention"] for person in people))
 learner = with_prefix_ensemble(paper_pipeline(epochs=30), fractions=(0.25, 0.5, 1.0))
 timeline = cross_predict_over_time(learner, tracks, folds=3)
@@ -47,7 +47,7 @@ def simulate_tracker(name: str, walk: np.ndarray) -> list[tuple[float, tuple]]:
 walks = dict(zip(("Ada", "Bo"), walkers([INTERESTED, OTHER], RNG), strict=True))
 arriving = sorted(one for name, walk in walks.items() for one in simulate_tracker(name, walk))
 
-# The decision loop needs a classifier: this one contains a person's samples so far, and reads no other signal.
+# The decision loop needs a classifier: this one has a person's samples so far, and reads no other signal.
 no_signal = np.zeros((2, 2))
 second = 1
 for arrival, sample in arriving:

@@ -115,9 +115,9 @@ def test_repr_and_html_are_short_and_escaped():
         Likelihood(("a", "b"), np.array([1, 2])),
         ConfusionMatrix(("a", "b"), np.array([[3, 1], [0, 2]])),
         Dataset(np.zeros((300, 2, 304)), ("a", "b") * 150),
-        Instance(np.zeros((2, 304)), {"time": "noon"}),
+        Instance({"motion": np.zeros((2, 304))}, {"time": "noon"}),
         step,
-        Episode("a", {"c": "a"}, None, np.full(1000, 1e-3), (step,) * 200, "a"),
+        Episode({"motion": "a"}, {"c": "a"}, None, np.full(1000, 1e-3), (step,) * 200, "a"),
     ]
     for value in values:
         assert len(repr(value)) < 300
@@ -133,9 +133,19 @@ def test_repr_and_html_are_short_and_escaped():
     assert repr(step) == "Step('ask', 'yes', belief [0.25, 0.75])"
 
 
-@pytest.mark.parametrize("trajectory", [None, "track", [0.0, 1.0], [["a"]], np.zeros((1, 2, 3))])
-def test_an_instance_needs_a_trajectory_of_two_dimensions(trajectory):
-    with pytest.raises(DataError, match=r"trajectory of an instance is .*channels, time points"):
-        Instance(trajectory, {})
-    with pytest.raises(DataError, match="context of an instance is None; expected attribute -> value"):
-        Instance(np.zeros((2, 3)), None)
+@pytest.mark.parametrize("signal", [None, "track", 3.0, [["a"]], [[1.0], [1.0, 2.0]], np.zeros((1, 2, 3))])
+def test_a_signal_has_one_or_two_dimensions(signal):
+    words = r"the signal of the sense 'motion' is .*\(channels, time points\) or \(features,\)"
+    with pytest.raises(DataError, match=words):
+        Instance({"motion": signal}, {})
+
+
+def test_an_instance_has_a_signal_of_each_sense():
+    person = Instance({"motion": np.zeros((2, 3)), "gaze": [0.5, 1.0]}, {"time": "noon"})
+    assert repr(person) == "Instance(signals: motion (2, 3), gaze (2,), context: time=noon)"
+    assert not person.signals["gaze"].flags.writeable
+    assert repr(Instance({}, {})) == "Instance(signals: none, context: empty)"
+    with pytest.raises(DataError, match=r"the signals of an instance: array.*; expected sense -> numbers"):
+        Instance(np.zeros((2, 3)), {})
+    with pytest.raises(DataError, match="the context of an instance: None; expected attribute -> value"):
+        Instance({}, None)

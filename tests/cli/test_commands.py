@@ -81,7 +81,9 @@ def test_run_writes_table_figure_and_configuration(lcorpp, tmp_path):
     content = json.loads((tmp_path / "results.json").read_text())
     assert content["configuration"]["seed"] == 4
     assert content["configuration"]["trials"] == 150
-    assert content["configuration"]["rates"]["interested"]["interested"] == pytest.approx(0.76)
+    assert content["configuration"]["senses"]["motion"]["rates"]["interested"]["interested"] == pytest.approx(
+        0.76
+    )
     assert content["versions"]["lcorpp"]
     assert content["strategies"][0]["f1"] == float(rows[0]["f1"])
     assert (tmp_path / "results.png").read_bytes().startswith(b"\x89PNG")

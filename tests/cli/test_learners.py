@@ -36,7 +36,10 @@ def test_every_learner_gives_the_same_report(lcorpp, tmp_path, name):
     ]
     assert content["classes"]["interested"]["thresholds"][0]["prevalence"] == pytest.approx(0.4)  # as known
     assert (tmp_path / "report.png").read_bytes().startswith(b"\x89PNG")
-    assert json.loads((tmp_path / "results.json").read_text())["configuration"]["classifier"] == name
+    assert (
+        json.loads((tmp_path / "results.json").read_text())["configuration"]["senses"]["motion"]["classifier"]
+        == name
+    )
     kept = (tmp_path / "classifier.npz").exists()
     assert kept or "the classifier is not saved" in ended.out
 

@@ -47,11 +47,10 @@ def test_presets_of_the_paper_s_domain():
     assert (paper.preset, authors.preset) == ("paper", "authors")
     np.testing.assert_allclose(paper.pomdp.start, [0.5, 0.5, 0, 0, 0])
     np.testing.assert_allclose(authors.pomdp.start, [0.2] * 5)
-    channel = authors.simulation.noisy_channel
-    assert channel is not None
+    channel = authors.simulation.noisy_channels["motion"]
     assert channel["interested"]["one"] == 0.594
     assert channel["not_interested"]["one"] == 0.119
-    assert paper.simulation.noisy_channel == {
+    assert paper.simulation.noisy_channels["motion"] == {
         "interested": {"one": 0.76, "zero": 0.24},
         "not_interested": {"one": 0.29, "zero": 0.71},
     }
@@ -68,16 +67,18 @@ def test_presets_of_the_paper_s_domain():
 def test_a_domain_with_three_values():
     rooms = load_domain(ROOMS)
     assert (rooms.values, rooms.planning.terminal, rooms.preset) == (("lab", "office", "store"), 3, "calm")
-    assert rooms.evidence({"badge": "staff"}, "store") == {"badge": "staff", "heading": "right"}
-    assert rooms.target_of_label({"heading": "right"}) == "store"
-    assert rooms.target_of_label({"badge": "staff"}) is None
+    assert rooms.evidence({"badge": "staff"}, {"heading": "store"}) == {"badge": "staff", "heading": "right"}
+    assert dict(rooms.label_marginal({"heading": "right"})) == {"lab": 0, "office": 0, "store": 1}
+    assert rooms.label_marginal({"badge": "staff"}) is None
     likelihood = Likelihood(("store", "lab", "office"), [4, 2, 1])
-    evidence = rooms.evidence({"badge": "staff"}, likelihood)
+    evidence = rooms.evidence({"badge": "staff"}, {"heading": likelihood})
     assert dict(evidence["heading"]) == {"right": 1, "left": 0.5, "ahead": 0.25}
-    assert list(rooms.target_of_label(evidence)) == [("lab", 0.5), ("office", 0.25), ("store", 1)]
+    assert dict(rooms.label_marginal(evidence)) == pytest.approx(
+        {"lab": 2 / 7, "office": 1 / 7, "store": 4 / 7}
+    )
     with pytest.raises(DomainError, match="a likelihood over a, b; expected the classes lab, office, store"):
-        rooms.evidence({}, Likelihood(("a", "b"), [1, 1]))
-    sure = Reasoner(rooms.soft_program).posterior("goal", {"badge": "staff", "heading": "right"})
+        rooms.evidence({}, {"heading": Likelihood(("a", "b"), [1, 1])})
+    sure = Reasoner(rooms.soft_program()).posterior("goal", {"badge": "staff", "heading": "right"})
     assert sure["store"] == 1  # there the label equals the target
     assert (rooms.reported_value("to_office"), rooms.reported_value("point")) == ("office", None)
     assert rooms.report_action("store") == "to_store"
@@ -87,15 +88,15 @@ def test_a_domain_with_three_values():
         load_domain(ROOMS, preset="hectic").simulation.feedback_model[0, 0], [0.6, 0.2, 0.2, 0]
     )
     # goal=lab has .7 for staff; the other headings share what 'left' leaves
-    assert rooms.simulation.noisy_channel is not None
-    assert rooms.simulation.noisy_channel["lab"] == pytest.approx({"left": 0.8, "ahead": 0.1, "right": 0.1})
+    channel = rooms.simulation.noisy_channels["heading"]
+    assert channel["lab"] == pytest.approx({"left": 0.8, "ahead": 0.1, "right": 0.1})
 
 
 def test_a_new_confusion_matrix_gives_a_new_program():
     rooms = load_domain(ROOMS)
     before = str(rooms.program)
     confusion = ConfusionMatrix(("lab", "office", "store"), np.array([[9, 0, 0], [4, 4, 1], [0, 0, 9]]))
-    assert str(rooms.program_for(confusion)) != before
+    assert str(rooms.program_for({"heading": confusion})) != before
     assert str(rooms.program) == before
 
 
@@ -122,7 +123,7 @@ WRONG_TOML = [
     ('target = "goal"', 'target = "gaol"', r"domain\.toml:7: \[reasoning\] target: .*badges\.plog has no"),
     ('"weekday"]', '"week"]', r"domain\.toml:6: \[reasoning\] observed: .*no attribute 'week'"),
     ('"badge", "weekday"', '"badge", "badge"', r"a name is repeated"),
-    ('"badge", "weekday"', '"badge", "goal"', r"'goal' is the target, so it cannot be observed"),
+    ('"badge", "weekday"', '"badge", "goal"', r"'goal' is in \[reasoning\] target, so it cannot be observed"),
     (
         "left = ",
         "wrong = ",
@@ -245,7 +246,7 @@ def test_a_people_file_that_cannot_be_loaded(folder, text, words):
         ),
         (
             "def trajectory(p, rng):\n    return [1, 2]\n",
-            r"expected tracks of shape \(2, channels, time points\)",
+            r"expected signals of shape \(2, channels, time points\), not \(2, 2\)",
         ),
         ("def trajectories(p, rng):\n    return [[[1.0, float('nan')]]] * 2\n", r"is not a number"),
         (
@@ -256,20 +257,19 @@ def test_a_people_file_that_cannot_be_loaded(folder, text, words):
 )
 def test_a_people_file_that_fails_when_called(folder, text, words):
     (folder / "people.py").write_text(text)
-    trajectories = load_domain(folder).simulation.trajectories
-    assert trajectories is not None
+    simulate = load_domain(folder).simulation.signals["heading"]
     with pytest.raises(DomainError, match=words):
-        trajectories([{"goal": "lab"}, {"goal": "store"}], np.random.default_rng(0))
+        simulate([{"goal": "lab"}, {"goal": "store"}], np.random.default_rng(0))
 
 
 def test_unknown_evidence():
     rooms = load_domain(ROOMS)
     with pytest.raises(DomainError, match="'mood' is not observed in rooms; expected one of badge, weekday"):
-        rooms.evidence({"mood": "good"}, None)
+        rooms.evidence({"mood": "good"}, {})
     with pytest.raises(DomainError, match="badge cannot be 'king'; expected one of staff, guest"):
-        rooms.evidence({"badge": "king"}, None)
+        rooms.evidence({"badge": "king"}, {})
     with pytest.raises(DomainError, match="unknown class 'left'; expected one of lab, office, store"):
-        rooms.evidence({}, "left")
+        rooms.evidence({}, {"heading": "left"})
 
 
 def test_a_preset_of_a_missing_table(folder):
@@ -284,8 +284,9 @@ def test_a_preset_of_a_missing_table(folder):
 def test_the_domain_sets_the_interval_of_simulated_tracks(folder):
     edit(folder / TOML, "tracks = 60", "tracks = 60\ninterval = 0.45")
     changed = load_domain(folder)
-    assert (load_domain(ROOMS).learning.interval, changed.learning.interval) == (0.033, 0.45)
-    assert simulate_training_data(changed, 0).dataset.interval == 0.45
+    (before,), (after,) = load_domain(ROOMS).senses, changed.senses
+    assert (before.interval, after.interval) == (0.033, 0.45)
+    assert simulate_training_data(changed, after, 0).dataset.interval == 0.45
     edit(folder / TOML, "0.45", "0")
     with pytest.raises(DomainError, match="interval"):
         load_domain(folder)
@@ -294,10 +295,10 @@ def test_the_domain_sets_the_interval_of_simulated_tracks(folder):
 def test_repr_is_one_line():
     domain = load_domain("intention")
     assert repr(domain) == (
-        "Domain('intention', preset 'paper': observes time, location; target intention (interested,"
-        " not_interested); POMDP with 5 states, 5 actions, 3 observations)"
+        "Domain('intention', preset 'paper': observes time, location; senses motion; shares intention"
+        " (interested, not_interested); POMDP with 5 states, 5 actions, 3 observations)"
     )
-    for section in (domain.reasoning, domain.learning, domain.planning, domain.simulation):
+    for section in (domain.reasoning, *domain.senses, domain.planning, domain.simulation):
         assert "array" not in repr(section)
         assert "\n" not in repr(section)
 

@@ -24,7 +24,7 @@ CROWD = [{"goal": "lab"}, {"goal": "store"}]
 
 def people(folder: Path, text: str) -> SimulationPlugin:
     (folder / "people.py").write_text(text)
-    return SimulationPlugin(folder / "people.py")
+    return SimulationPlugin(folder / "people.py", ())
 
 
 def test_recordings_of_a_plug_in(tmp_path):

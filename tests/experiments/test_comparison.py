@@ -30,16 +30,17 @@ def test_a_comparison_prints_nothing_and_returns_everything(capsys):
     assert [scores.strategy for scores in comparison.scores] == ["L", "LCORPP"]
     assert comparison.trials is None
     assert comparison.solution is not None
-    assert comparison.classifier.trained is None
+    assert comparison.senses["heading"].trained is None
     assert len(repr(comparison).splitlines()) == 3
     assert comparison._repr_html_().count("<tr>") == 3
-    assert repr(comparison.classifier).startswith("<ClassifierSetup channel; recall: lab ")
+    assert repr(comparison.senses["heading"]).startswith("<SenseSetup channel; recall: lab ")
     assert capsys.readouterr() == ("", "")
 
 
 def test_exact_scores_need_a_channel():
+    options = ComparisonOptions(classifiers={"heading": TrainingOptions()}, trials=None)
     with pytest.raises(DomainError, match="exact scores require the noisy channel"):
-        compare_strategies(load_domain(ROOMS), ComparisonOptions(classifier=TrainingOptions(), trials=None))
+        compare_strategies(load_domain(ROOMS), options)
 
 
 def test_arguments_of_another_type_are_rejected_at_once():
@@ -49,14 +50,18 @@ def test_arguments_of_another_type_are_rejected_at_once():
         (lambda: compare_strategies("rooms", options), "the domain is 'rooms'; expected Domain"),
         (lambda: compare_strategies(domain, {}), "`options` is {}; expected ComparisonOptions"),
         (lambda: ComparisonOptions(strategies=("L",)), "a strategy is 'L'; expected Strategy"),
-        (lambda: ComparisonOptions(classifier="lstm"), "expected TrainingOptions or StoredOptions"),
-        (lambda: train_classifier(ROOMS, TrainingOptions()), "expected Domain"),
-        (lambda: load_trained(None, StoredOptions(ROOMS)), "the domain is None; expected Domain"),
-        (lambda: simulate_training_data("rooms", 0), "expected Domain"),
+        (lambda: ComparisonOptions(classifiers="lstm"), "`classifiers` is 'lstm'; expected Mapping"),
+        (
+            lambda: ComparisonOptions(classifiers={"motion": "lstm"}),
+            "expected TrainingOptions or StoredOptions",
+        ),
+        (lambda: train_classifier(ROOMS, None, TrainingOptions()), "expected Domain"),
+        (lambda: load_trained(None, None, StoredOptions(ROOMS)), "the domain is None; expected Domain"),
+        (lambda: simulate_training_data("rooms", None, 0), "expected Domain"),
         (lambda: next(run_active_learning("rooms", None, None, None)), "expected Domain"),
-        (lambda: evaluate_exactly(domain, domain, None, ()), "the robot is .*; expected Robot"),
+        (lambda: evaluate_exactly(domain, domain, {}, ()), "the robot is .*; expected Robot"),
         (lambda: run_trials("rooms", 10), "the experiment is 'rooms'; expected Experiment"),
-        (lambda: Experiment(domain, None, None, None, (), 0), "the robot .* is None; expected Robot"),
+        (lambda: Experiment(domain, None, {}, {}, (), 0), "the robot .* is None; expected Robot"),
     ]
     for call, words in calls:
         with pytest.raises(LcorppError, match=words):

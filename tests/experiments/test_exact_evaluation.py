@@ -41,15 +41,15 @@ TABLE = {
 def parts(preset: str):
     domain = load_domain("intention", preset=preset)
     policy = planning.solve(domain.pomdp, domain.start_beliefs()).policy
-    channel = NoisyChannel.from_domain(domain, domain.senses[0])
-    robot = Robot(channel, Enumeration(domain.program), planning.Planner(policy, domain.pomdp), domain)
-    return domain, robot, channel
+    channels = {"motion": NoisyChannel.from_domain(domain, domain.senses[0])}
+    robot = Robot(channels, Enumeration(domain.program), planning.Planner(policy, domain.pomdp), domain)
+    return domain, robot, channels
 
 
 @cache
 def exactly(preset: str) -> dict[str, Scores]:
-    domain, robot, channel = parts(preset)
-    return {scores.strategy: scores for scores in evaluate_exactly(domain, robot, channel, STRATEGIES)}
+    domain, robot, channels = parts(preset)
+    return {scores.strategy: scores for scores in evaluate_exactly(domain, robot, channels, STRATEGIES)}
 
 
 @pytest.mark.parametrize("preset", TABLE)
@@ -67,8 +67,8 @@ def test_the_table_to_its_last_digit(preset, strategy):
 @pytest.mark.parametrize("preset", TABLE)
 def test_simulation_agrees_with_enumeration(preset):
     """3000 decisions; 36 figures in both presets, each within 4 standard errors (1 chance in 400 for all)."""
-    domain, robot, channel = parts(preset)
-    results, done = run_trials(Experiment(domain, robot, channel, channel, STRATEGIES, 5), 3000)
+    domain, robot, channels = parts(preset)
+    results, done = run_trials(Experiment(domain, robot, channels, channels, STRATEGIES, 5), 3000)
     assert done == 3000
     for result in results:
         truth = exactly(preset)[result.strategy]
@@ -91,9 +91,9 @@ def test_return_is_report_reward_minus_cost():
 
 
 def test_reactions_drawn_by_python_cannot_be_enumerated():
-    domain, robot, channel = parts("paper")
+    domain, robot, channels = parts("paper")
     drawn = replace(domain.simulation, reaction=lambda person, action, rng: "pos")
     with pytest.raises(
         DomainError, match=r"people\.py draws reactions, so only simulated trials can score this"
     ):
-        evaluate_exactly(replace(domain, simulation=drawn), robot, channel, STRATEGIES)
+        evaluate_exactly(replace(domain, simulation=drawn), robot, channels, STRATEGIES)

@@ -15,7 +15,7 @@ from lcorpp.errors import DataError, FileError
 from lcorpp.experiments.run_store import RunStore
 from lcorpp.learning import learner, train_and_validate
 from lcorpp.learning.store import NewTrack, Store, read_store
-from lcorpp.values import ConfusionMatrix, Dataset, Distribution, Episode, Instance
+from lcorpp.values import ConfusionMatrix, Dataset, Distribution
 
 CLASSES = ("slow", "fast")
 BELIEF = Distribution(CLASSES, np.array([0.9, 0.1]))
@@ -52,10 +52,8 @@ def never(_dataset):
 
 
 def decide(run_store: RunStore, row: int, report: str | None = "slow", **extra: object) -> str:
-    instance = Instance(walks(1, seed=row).trajectories[0], {"time": "noon"})
-    return run_store.append_decision(
-        instance, Episode("fast", {}, None, np.array([1.0]), (), report), BELIEF, extra
-    )
+    signal = walks(1, seed=row).trajectories[0]
+    return run_store.append_decision(signal, {"time": "noon"}, report, BELIEF, extra)
 
 
 @pytest.fixture
@@ -145,7 +143,7 @@ def test_a_classifier_that_cannot_be_stored_is_trained_again(opened, path):
     """On its own training data, without the decisions since, as in a run without a crash."""
 
     class Odd:
-        def classify(self, instance):
+        def classify(self, signal):
             return "slow"
 
     run_store = opened()

@@ -39,10 +39,10 @@ ROOMS = Path(__file__).parents[1] / "domains" / "rooms"
 @pytest.fixture(scope="module")
 def rooms() -> Experiment:
     domain = load_domain(ROOMS)
-    channel = NoisyChannel.from_domain(domain, domain.senses[0])
+    channels = {"heading": NoisyChannel.from_domain(domain, domain.senses[0])}
     planner = planning.Planner(planning.solve(domain.pomdp, domain.start_beliefs()))
-    robot = Robot(channel, Enumeration(domain.program), planner, domain)
-    return Experiment(domain, robot, channel, channel, STRATEGIES, 3)
+    robot = Robot(channels, Enumeration(domain.program), planner, domain)
+    return Experiment(domain, robot, channels, channels, STRATEGIES, 3)
 
 
 def test_all_strategies_run_on_another_domain(rooms):
@@ -69,11 +69,11 @@ class Column:
 
     channel: NoisyChannel
 
-    def classify(self, instance):
-        return self.classify_many(instance.trajectory[None])[0]
+    def classify(self, signal):
+        return self.classify_many(signal[None])[0]
 
-    def classify_many(self, trajectories):
-        said = self.channel.classify_many(trajectories)
+    def classify_many(self, signals):
+        said = self.channel.classify_many(signals)
         columns = self.channel.rates.T
         return [
             Likelihood(self.channel.classes, columns[self.channel.classes.index(label)]) for label in said
@@ -84,13 +84,16 @@ class Column:
 def test_the_likelihood_of_a_label_decides_like_the_label(place):
     """Both go through the same program; the rules of the hard one hold the same rates."""
     domain = load_domain(place)
-    channel = NoisyChannel.from_domain(domain, domain.senses[0])
+    (sense,) = domain.senses
+    channel = NoisyChannel.from_domain(domain, sense)
     planner = planning.Planner(planning.solve(domain.pomdp, domain.start_beliefs()))
     rows = tuple(row for row in STRATEGIES if row.reasons)
     counts = []
-    for reader, program in ((channel, domain.program), (Column(channel), domain.soft_program)):
-        robot = Robot(reader, Reasoner(program), planner, domain)
-        results, _ = run_trials(Experiment(domain, robot, reader, channel, rows, 3), 200)
+    for reader, program in ((channel, domain.program), (Column(channel), domain.soft_program())):
+        readers = {sense.name: reader}
+        robot = Robot(readers, Reasoner(program), planner, domain)
+        experiment = Experiment(domain, robot, readers, {sense.name: channel}, rows, 3)
+        results, _ = run_trials(experiment, 200)
         counts.append([(result.counts.tolist(), result.cost.estimate) for result in results])
     assert counts[0] == counts[1]
 
@@ -188,7 +191,7 @@ def test_the_joint_distribution_is_exact():
 def test_a_channel_errs_at_its_rates():
     channel = NoisyChannel("wish", ("a", "b"), np.array([[0.76, 0.24], [0.29, 0.71]]))
     people = [{"wish": "a"}] * 20_000 + [{"wish": "b"}] * 20_000
-    said = np.array(channel.classify_many(channel.trajectories(people, np.random.default_rng(0))))
+    said = np.array(channel.classify_many(channel.simulate(people, np.random.default_rng(0))))
     # standard errors are .003
     assert np.mean(said[:20_000] == "a") == pytest.approx(0.76, abs=0.012)
     assert np.mean(said[20_000:] == "a") == pytest.approx(0.29, abs=0.013)
@@ -225,16 +228,16 @@ def test_people_py_replaces_the_feedback_model():
 
 def test_recorded_tracks_have_the_class_of_the_person():
     data = Dataset(np.arange(8.0).reshape(4, 1, 2), ("a", "b", "a", "b"), channels=("x",))
-    tracks = RecordedSignals("wish", data).trajectories([{"wish": "b"}] * 20, np.random.default_rng(0))
+    tracks = RecordedSignals("wish", data).simulate([{"wish": "b"}] * 20, np.random.default_rng(0))
     assert {float(track[0, 0]) for track in tracks} == {2.0, 6.0}
     with pytest.raises(DataError, match="no recorded track of class 'c' is left"):
-        RecordedSignals("wish", data).trajectories([{"wish": "c"}], np.random.default_rng(0))
+        RecordedSignals("wish", data).simulate([{"wish": "c"}], np.random.default_rng(0))
 
 
 def test_simulated_tracks_are_balanced_and_shuffled(rooms):
-    assert rooms.domain.simulation.signals["motion"] is not None
-    motion = SimulatedSignals(rooms.domain.simulation.signals["motion"])
-    data = simulate_dataset(rooms.domain, motion, 31, np.random.default_rng(0))
+    (sense,) = rooms.domain.senses
+    source = SimulatedSignals.from_domain(rooms.domain, sense)
+    data = simulate_dataset(rooms.domain, sense, source, 31, np.random.default_rng(0))
     assert [data.labels.count(value) for value in rooms.domain.values] == [11, 11, 11]
     assert len(set(data.labels[:11])) > 1
 
@@ -250,7 +253,7 @@ def test_deciding_needs_no_torch_and_no_matplotlib():
 class Scores:
     """Trajectories of one number, normal around .6 for interested people and -.6 for others: AUC .80."""
 
-    def trajectories(self, people, rng):
+    def simulate(self, people, rng):
         means = [0.6 if person["intention"] == "interested" else -0.6 for person in people]
         return rng.normal(means)[:, None, None] * np.ones((1, 1, 2))
 
@@ -270,7 +273,7 @@ def test_soft_evidence_decides_better_than_the_label():
     """At AUC .80; how much is gained depends on the knowledge, that something is does not."""
     domain, rng = load_domain("intention"), np.random.default_rng(0)
     labels = np.array(Sigmoid.classes_)[np.arange(4000) % 2]
-    tracks = Scores().trajectories([{"intention": name} for name in labels], rng)
+    tracks = Scores().simulate([{"intention": name} for name in labels], rng)
     probabilities = Sigmoid().predict_proba(tracks)
     counts = confusion_matrix(labels, Sigmoid.classes_[probabilities.argmax(axis=1)])
     calibration = fit_calibration(tuple(Sigmoid.classes_), probabilities, labels.tolist())
@@ -278,11 +281,12 @@ def test_soft_evidence_decides_better_than_the_label():
     planner = planning.Planner(planning.solve(domain.pomdp, domain.start_beliefs()))
     found = []
     for reader, program in (
-        (trained, domain.program_for(trained.confusion)),
-        (trained.soft(), domain.soft_program),
+        (trained, domain.program_for({"motion": trained.confusion})),
+        (trained.soft(), domain.soft_program()),
     ):
-        robot = Robot(reader, Reasoner(program), planner, domain)
-        experiment = Experiment(domain, robot, reader, Scores(), strategies(["L+R", "LCORPP"]), 3)
+        readers, rows = {"motion": reader}, strategies(["L+R", "LCORPP"])
+        robot = Robot(readers, Reasoner(program), planner, domain)
+        experiment = Experiment(domain, robot, readers, {"motion": Scores()}, rows, 3)
         found.append(run_trials(experiment, 8000)[0])
     for hard, soft in zip(*found, strict=True):
         assert soft.accuracy.estimate > hard.accuracy.estimate

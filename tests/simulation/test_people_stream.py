@@ -23,29 +23,20 @@ def test_a_resumed_run_draws_the_people_of_an_uninterrupted_run():
         for _ in range(count):
             instance, world = stream.next()
             answers = [world.act(ask) for _ in range(asked)]
-            outcome = stream.result(Episode(None, {}, None, domain.pomdp.start, (), "lab"))
-            met.append((instance.trajectory, dict(instance.context), answers, outcome))
+            outcome = stream.result(Episode({}, {}, None, domain.pomdp.start, (), "lab"))
+            met.append((instance.signals["heading"], dict(instance.context), answers, outcome))
         return met
 
-    stream = PeopleStream(domain, SimulatedSignals.from_domain(domain, domain.senses[0]), seed=4)
+    sources = {"heading": SimulatedSignals.from_domain(domain, domain.senses[0])}
+    stream = PeopleStream(domain, sources, seed=4)
     whole = meet(stream, 3, 1) + meet(stream, GROUP_SIZE, 2)
     for first in (3, GROUP_SIZE - 1, GROUP_SIZE):
-        again = meet(
-            PeopleStream(
-                domain, SimulatedSignals.from_domain(domain, domain.senses[0]), seed=4, position=first
-            ),
-            3,
-            2,
-        )
+        again = meet(PeopleStream(domain, sources, seed=4, position=first), 3, 2)
         for one, other in zip(whole[first : first + 3], again, strict=True):
             assert np.array_equal(one[0], other[0])
             assert one[1:] == other[1:]
-    assert not np.array_equal(
-        whole[0][0],
-        PeopleStream(domain, SimulatedSignals.from_domain(domain, domain.senses[0]), seed=5)
-        .next()[0]
-        .trajectory,
-    )
+    other, _ = PeopleStream(domain, sources, seed=5).next()
+    assert not np.array_equal(whole[0][0], other.signals["heading"])
 
 
 def test_the_result_of_a_decision_is_stored_with_the_track(tmp_path):

@@ -43,7 +43,7 @@ def test_impossible_recordings_are_rejected(intention):
     rng = np.random.default_rng(0)
     with pytest.raises(DomainError, match="7 of 6 tracks cannot be positive"):
         simulate_recording(intention, rng, tracks=6, positives=7)
-    unlabelled = replace(intention, learning=replace(intention.learning, positive=None))
+    unlabelled = replace(intention, senses=(replace(intention.senses[0], positive=None),))
     with pytest.raises(DomainError, match="positive is missing"):
         simulate_recording(unlabelled, rng, tracks=6)
     still = replace(intention, simulation=replace(intention.simulation, recordings=None))

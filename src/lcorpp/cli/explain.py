@@ -10,13 +10,6 @@ from typing import TYPE_CHECKING, Annotated, NamedTuple
 import typer
 
 from lcorpp.cli import console, options
-from lcorpp.cli.decision_options import (
-    parse_answers,
-    parse_facts,
-    parse_labels,
-    parse_likelihoods,
-    parse_truth,
-)
 from lcorpp.errors import DecisionError, DomainError
 
 if TYPE_CHECKING:
@@ -77,11 +70,11 @@ def explain(
     if interactive and (truth is not None or answers is not None):
         raise DomainError("--truth and --answers describe a simulated person; --interactive has none")
     loaded = load_domain(domain, preset=preset)
-    facts = parse_facts(loaded, fact or [])
-    value = None if truth is None else parse_truth(loaded, truth)
-    script = None if answers is None else parse_answers(loaded, answers)
-    labels = parse_labels(loaded, label or [])
-    likelihoods = parse_likelihoods(loaded, likelihood or [])
+    facts = options.parse_facts(loaded, fact or [])
+    value = None if truth is None else options.parse_truth(loaded, truth)
+    script = None if answers is None else options.parse_answers(loaded, answers)
+    labels = options.parse_labels(loaded, label or [])
+    likelihoods = options.parse_likelihoods(loaded, likelihood or [])
     for sense in labels.keys() & likelihoods.keys():
         raise DomainError(
             f"--label and --likelihood are both evidence of the classifier {sense}; expected one"

@@ -71,6 +71,10 @@ class SimulationPlugin:
 
     def _simulate(self, name: str, people: Sequence[Mapping[str, str]], rng: np.random.Generator) -> Array:
         """Return the signals of people by the function of this name."""
+        ranks: tuple[int, ...] = (2, 3)
+        shapes = f"({len(people)}, channels, time points) or ({len(people)}, features)"
+        if name in ("trajectory", "trajectories"):
+            ranks, shapes = (3,), f"({len(people)}, channels, time points)"
         if name == "trajectory":
             signals = [self._call(name, person, rng) for person in people]
         else:
@@ -79,10 +83,10 @@ class SimulationPlugin:
             array = np.array(signals, dtype=np.float64)
         except (TypeError, ValueError):
             array = np.empty(0)
-        if array.ndim not in (2, 3) or len(array) != len(people) or 0 in array.shape:
+        if array.ndim not in ranks or len(array) != len(people) or 0 in array.shape:
             raise DomainError(
-                f"{self.path}: {name}(): expected signals of shape ({len(people)}, channels, time points) or"
-                f" ({len(people)}, features), not {array.shape if array.size else 'of unequal shapes'}"
+                f"{self.path}: {name}(): expected signals of shape {shapes}, not"
+                f" {array.shape if array.size else 'of unequal shapes'}"
             )
         if not np.isfinite(array).all():
             raise DomainError(f"{self.path}: {name}(): a signal has a value that is not a number")

@@ -23,7 +23,7 @@ from lcorpp.learning import (
     train_and_validate,
 )
 from lcorpp.learning.contract import SigmoidScores, ensure_predict_proba
-from lcorpp.values import Dataset, Instance
+from lcorpp.values import Dataset
 from tests.learning.walkers import walkers
 
 DATA = walkers(60)
@@ -52,9 +52,9 @@ def test_each_learner_is_validated_alike(name, extra):
     assert validation.confusion.counts.sum() == 60
     if not extra:
         assert validation.auc > 0.95
-    one = trained.classify(Instance(data.trajectories[7], {}))
+    one = trained.classify(data.trajectories[7])
     assert [one] == trained.classify_many(data.trajectories[7:8])
-    said = trained.soft().classify(Instance(data.trajectories[7], {}))
+    said = trained.soft().classify(data.trajectories[7])
     assert said.values == ("fast", "slow")
 
 

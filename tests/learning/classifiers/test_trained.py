@@ -9,7 +9,7 @@ import pytest
 from lcorpp.errors import DataError
 from lcorpp.learning import Calibration, DecisionThreshold, TrainedClassifier, train, train_and_validate
 from lcorpp.protocols import Classifier
-from lcorpp.values import Dataset, Instance
+from lcorpp.values import Dataset
 from tests.learning.walkers import walkers
 
 
@@ -29,7 +29,7 @@ def test_one_and_many_agree():
     many = TrainedClassifier(ByLength()).classify_many(data.trajectories)
     assert many == list(data.labels)
     assert all(type(label) is str for label in many)
-    assert [classifier.classify(Instance(t, {})) for t in data.trajectories] == many
+    assert [classifier.classify(t) for t in data.trajectories] == many
 
 
 @pytest.mark.parametrize(("name", "probability"), [("fast", 0.1), ("slow", 0.05)])
@@ -49,7 +49,7 @@ def test_soft_evidence_is_the_calibrated_likelihood():
     for likelihood, row in zip(likelihoods, right, strict=True):
         weight = dict(likelihood)
         assert weight["fast"] / weight["slow"] == pytest.approx(row[0] / row[1] * 0.9 / 0.1)
-    assert dict(trained.soft().classify(Instance(tracks[0], {}))) == dict(likelihoods[0])
+    assert dict(trained.soft().classify(tracks[0])) == dict(likelihoods[0])
     with pytest.raises(DataError, match="trained without cross-validation"):
         TrainedClassifier(ByLength()).soft()
 

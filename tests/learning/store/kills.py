@@ -55,7 +55,7 @@ def meet(number: int) -> tuple[Instance, FakeWorld]:
     rng = np.random.default_rng([1, number])
     slow = bool(rng.random() < 0.5)
     answers = ["nod" if (rng.random() < 0.75) == slow else "shake" for _ in range(200)]
-    return Instance(walk(slow, rng), {"sky": "grey"}), FakeWorld(*answers)
+    return Instance({"eyes": walk(slow, rng)}, {"sky": "grey"}), FakeWorld(*answers)
 
 
 def run(path: Path, report, batches: int | None = None) -> None:
@@ -70,7 +70,9 @@ def run(path: Path, report, batches: int | None = None) -> None:
 
     def decided(instance: Instance, episode: Episode) -> None:
         belief = Distribution(VALUES, episode.steps[-1].belief)
-        report(f"kept {run_store.append_decision(instance, episode, belief, {})} {episode.report}")
+        signal, context = instance.signals["eyes"], instance.context
+        id = run_store.append_decision(signal, context, episode.report, belief, {})
+        report(f"kept {id} {episode.report}")
 
     with RunStore(path, data, VALUES, {"seed": 0}) as run_store:
         for note in run_store.notes:
@@ -78,6 +80,7 @@ def run(path: Path, report, batches: int | None = None) -> None:
         line = itertools.count(run_store.n_people)
         loop = lcorpp(
             run_store.dataset(),
+            sense="eyes",
             train=train,
             make_reasoner=lambda _: FakeReasoner(),
             planner=FakePlanner(),

@@ -16,7 +16,7 @@ from lcorpp.learning import (
     truncate,
 )
 from lcorpp.learning.evaluation.calibration import fit_calibration
-from lcorpp.values import Dataset, Instance
+from lcorpp.values import Dataset
 
 from .people import by_way, lstm, walk
 
@@ -73,12 +73,11 @@ def test_a_stream_gives_the_likelihood_for_its_number_of_points():
     tracks = np.stack([walk(seed) for seed in range(80)])
     early = calibrate_prefixes(predict_over_time(lstm(), Dataset(tracks, LABELS)))
     streams = StreamingClassifier.from_trained(TrainedClassifier(lstm()), prefix_calibration=early)
-    instance = Instance(np.zeros((0, 0)), {})
     for frame, values in enumerate(tracks[0].T.tolist()):
         answer = streams.push(frame * 0.033, "p", *values)
         if answer.probabilities is not None:
             expected = early.at(answer.points).likelihoods(answer.probabilities[None])[0]
-            found = streams.classifier("p").soft().classify(instance)
+            found = streams.classifier("p").soft().classify(np.zeros((2, 0)))
             np.testing.assert_allclose(found.weights, expected.weights)
 
 
