@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 
-from lcorpp.domains.sections.learning import Sense
 from lcorpp.errors import DomainError
 from lcorpp.user_code import describe_failure, load_file
 from lcorpp.values import Array
@@ -31,10 +30,11 @@ class SimulationPlugin:
       COLUMNS, the names of the columns, "time" first.
     """
 
-    def __init__(self, path: Path, senses: Sequence[Sense]) -> None:
-        self.path, self._senses = path, senses
+    def __init__(self, path: Path, senses: Sequence[str]) -> None:
+        """senses: their names."""
+        self.path, self._senses = path, tuple(senses)
         self._module = load_file(path, f"lcorpp_people_{path.parent.name}", DomainError)
-        names = (*FUNCTIONS, *[sense.name for sense in senses])
+        names = (*FUNCTIONS, *senses)
         if not self.defines(*names):
             raise DomainError(f"{path}: defines none of {', '.join(names)}")
 
@@ -63,10 +63,10 @@ class SimulationPlugin:
     @property
     def signals(self) -> dict[str, Callable[[Sequence[Mapping[str, str]], np.random.Generator], Array]]:
         """The simulations of the signals of the senses that have one."""
-        functions = {sense.name: sense.name for sense in self._senses if self.defines(sense.name)}
+        functions = {sense: sense for sense in self._senses if self.defines(sense)}
         for name in ("trajectory", "trajectories"):
             if self._senses and self.defines(name):  # of both functions, `trajectories`
-                functions[self._senses[0].name] = name
+                functions[self._senses[0]] = name
         return {sense: partial(self._simulate, name) for sense, name in functions.items()}
 
     def _simulate(self, name: str, people: Sequence[Mapping[str, str]], rng: np.random.Generator) -> Array:
@@ -138,5 +138,5 @@ class SimulationPlugin:
             message = describe_failure(error, str(self.path), self._module, f"{name}() failed")
             raise DomainError(message) from error
 
-    def __reduce__(self) -> tuple[type[SimulationPlugin], tuple[Path, Sequence[Sense]]]:
+    def __reduce__(self) -> tuple[type[SimulationPlugin], tuple[Path, Sequence[str]]]:
         return SimulationPlugin, (self.path, self._senses)  # another process loads the file again

@@ -76,7 +76,9 @@ def read_simulation(
         what = f"the values of {name} at {reasoning.locate(name)}"
         location = f"{program.file}:{program.attributes[name].line}"
         check_same_names(location, values, reasoning.program.attributes[name].values, what)
-    plugin = SimulationPlugin(folder / table.text("people"), senses) if "people" in table else None
+    plugin = None
+    if "people" in table:
+        plugin = SimulationPlugin(folder / table.text("people"), [sense.name for sense in senses])
     section = SimulationSection(
         true_program=program,
         feedback_model=_make_feedback_model(table, reasoning, planning),
