@@ -197,7 +197,7 @@ def test_files_with_lost_weights_are_compiled_again(circuit, tmp_path):
 
 
 STORED = Path(__file__).parent / "stored"
-"""Files written by lcorpp before its modules were renamed; format version 1."""
+"""Files written by earlier versions of lcorpp."""
 
 
 def test_old_files_can_be_read(circuit):
@@ -219,3 +219,12 @@ def test_old_files_with_sparse_matrices_can_be_read():
     given = {"p(1)": "true", "p(2)": "true"}
     assert old(given)["true"] == pytest.approx(cubes / squares / 65, abs=1e-12)
     assert old.exact(given)["true"] == Fraction(cubes, 65 * squares)
+
+
+def test_old_files_with_exponents_can_be_read(tmp_path):
+    """A weight of 10^-598 has an exponent of 2 in the file; new files have its digits."""
+    old = load_circuit(STORED / "version_2_exponents.circuit")
+    save_circuit(old, tmp_path / "a")
+    for circuit in (old, load_circuit(tmp_path / "a")):
+        assert circuit({"c": "true"})["true"] == 1
+        assert circuit({"c": "false"})["true"] == pytest.approx(1e-299, rel=1e-12, abs=0)

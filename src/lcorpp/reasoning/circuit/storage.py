@@ -5,7 +5,7 @@ inputs, queries and interventions, and for each layer its variable (key `label`)
 outcomes and the layers before it (key `sources`). The entries `<layer>/<outcome>`, or `<layer>/every` without
 outcomes, are tables of output, input and weight, as text if weights are below the range of floating point
 (earlier files have an exponent of 2 as a fourth column); `<layer>/from/<source>` are the nodes that are its
-inputs. Version 1 had a chain of layers, applied the other way round, and a last row `ending`.
+inputs. Files of version 1, a chain of layers, are compiled again.
 """
 
 from __future__ import annotations
@@ -16,8 +16,8 @@ import struct
 import tokenize
 import zipfile
 import zlib
-from collections.abc import Mapping, Sequence
-from decimal import Decimal, localcontext
+from collections.abc import Mapping
+from decimal import Decimal
 from pathlib import Path
 from typing import Any
 
@@ -109,13 +109,10 @@ def load_circuit(path: str | Path) -> Circuit:
             raise DataError(f"its format is {head['format']!r}")
         if head["version"] not in (1, VERSION):
             raise DataError(f"its version is {head['version']!r}; this lcorpp reads version {VERSION}")
-        if head["version"] == 1:
-            head["layers"], arrays = _reverse_chain(head["layers"], arrays)
         program = _parse_program(head)
         query = head["queries"][0] if head["single"] else head["queries"]
-        with localcontext(WIDE):
-            layers, has_zeros = _read_layers(head, arrays, program)
-        if has_zeros:  # an earlier lcorpp may have lost tiny weights
+        layers = _read_layers(head, arrays, program) if head["version"] == VERSION else None
+        if layers is None:
             return compile_program(program, head["inputs"], query, head["do"])
         return Circuit(program, head["inputs"], query, head["do"], layers)
     except LcorppError as error:
@@ -137,26 +134,10 @@ def _parse_program(head: dict[str, Any]) -> Program:
     return program
 
 
-_Arrays = dict[str, npt.NDArray[Any]]
-
-
-def _reverse_chain(layers: Sequence[dict[str, Any]], arrays: _Arrays) -> tuple[list[dict[str, Any]], _Arrays]:
-    """Convert the layers of version 1: transposed, in reverse, after the last row."""
-    ending = arrays["ending"]
-    places = np.arange(len(ending))
-    reverse = [{"label": -1, "shape": [len(ending), 1], "outcomes": [], "sources": []}]
-    tables = {"0/every": np.stack([places, 0 * places, ending], axis=1)[ending != 0]}
-    for number, layer in reversed(list(enumerate(layers))):
-        last, new = len(reverse) - 1, len(reverse)
-        reverse.append({**layer, "shape": layer["shape"][::-1], "sources": [last]})
-        tables[f"{new}/from/{last}"] = np.arange(layer["shape"][0])
-        for outcome in layer["outcomes"] or ["every"]:
-            tables[f"{new}/{outcome}"] = arrays[f"{number}/{outcome}"][:, [1, 0, 2]]
-    return reverse, tables
-
-
-def _read_layers(head: Mapping[str, Any], arrays: _Arrays, program: Program) -> tuple[list[Layer], bool]:
-    """Read the layers; return them, and whether a weight is 0.
+def _read_layers(
+    head: Mapping[str, Any], arrays: Mapping[str, npt.NDArray[Any]], program: Program
+) -> list[Layer] | None:
+    """Read the layers; None if a weight is 0: an earlier lcorpp may have lost tiny weights.
 
     Raises:
         DataError: a term has not one layer, with outcomes in its range, or the layers do not form a tree.
@@ -176,7 +157,7 @@ def _read_layers(head: Mapping[str, Any], arrays: _Arrays, program: Program) -> 
             for output, start, weight, *exponent in arrays[f"{number}/{outcome}"].tolist():
                 key = int(output), 0 if outcome == "every" else int(outcome), int(start)
                 if isinstance(weight, str) or exponent:
-                    weight = Decimal(weight) * Decimal(2) ** int(*exponent)
+                    weight = WIDE.multiply(Decimal(weight), WIDE.power(2, int(*exponent)))
                 inside = all(0 <= i < size for i, size in zip(key, shape, strict=True))
                 if not (inside and 0 <= weight < MAX_WEIGHT):
                     raise DataError(f"a matrix has entries outside of {shape}, or that are no weights")
@@ -198,4 +179,4 @@ def _read_layers(head: Mapping[str, Any], arrays: _Arrays, program: Program) -> 
         raise DataError(f"its layers are those of {variables}, not of the {len(names)} terms")
     if sorted(used) != list(range(len(layers) - 1)) or layers[-1].matrix.rows.size != 1:
         raise DataError("its layers do not end in one number")
-    return layers, has_zeros
+    return None if has_zeros else layers
