@@ -89,6 +89,7 @@ def _eliminate(
     for number in range(len(needs), len(scopes)):
         for member in scopes[number]:
             scopes_of[member].append(number)
+            merged[member] |= scopes[member] <= scopes[number]
 
     def compute_degree(i: int) -> float:
         """The bits of all components that share a scope with a component."""
@@ -97,7 +98,7 @@ def _eliminate(
             return 0.0
         members = scopes[own[0]]
         if len(own) == 1 and len(members) > MAX_EXACT_DEGREE:
-            return len(members)
+            return MAX_EXACT_DEGREE
         if len(own) > 1:
             members = members.union(*[scopes[number] for number in own])
         return sum([sizes[member] for member in members]) - sizes[i]

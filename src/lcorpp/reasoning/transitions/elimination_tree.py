@@ -23,8 +23,8 @@ from math import log2
 from lcorpp.reasoning.grounding.ground_program import SELECT, Clause, GroundProgram
 from lcorpp.reasoning.grounding.strong_components import find_strongly_connected_components
 from lcorpp.reasoning.transitions.elimination_order import eliminate
-from lcorpp.reasoning.transitions.linear_recursion import find_linear_components
-from lcorpp.reasoning.transitions.recursion_order import rank_components
+from lcorpp.reasoning.transitions.linear_recursion import LinearRecursion, describe_recursion
+from lcorpp.reasoning.transitions.recursion_order import order_terms, rank_components
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -35,14 +35,14 @@ class EliminationTree:
     children: step -> the first steps of the independent parts that remain after it.
     roots: the first steps of the parts that are independent from the start.
     ends: step -> the end of the range of its subtree.
-    linear: the components of several terms with linear rules, see `linear_recursion`.
+    recursions: the components without a step of their own, see `linear_recursion`.
     """
 
     order: Sequence[tuple[int, ...]]
     children: Sequence[Sequence[int]]
     roots: Sequence[int]
     ends: Sequence[int]
-    linear: Collection[tuple[int, ...]]
+    recursions: Sequence[LinearRecursion]
 
     def list_branches(self, step: int) -> list[range]:
         """List the steps of each branch that follows a step."""
@@ -54,7 +54,11 @@ class EliminationTree:
 
 
 def build_elimination_tree(
-    program: GroundProgram, clauses: Sequence[Clause], outcomes: Sequence[int], queried: Collection[int]
+    program: GroundProgram,
+    clauses: Sequence[Clause],
+    outcomes: Sequence[int],
+    queried: Collection[int],
+    max_frontier: int,
 ) -> EliminationTree:
     """Build the elimination tree of a ground program.
 
@@ -62,6 +66,7 @@ def build_elimination_tree(
         clauses: the simplified clauses.
         outcomes: the mask of the possible outcomes of each term.
         queried: the terms whose outcomes queries read.
+        max_frontier: linear recursions with a larger frontier are decided as a whole.
     """
     needs: defaultdict[int, set[int]] = defaultdict(set)  # term -> the terms in the bodies of its clauses
     joint: set[frozenset[int]] = set()  # the terms of each constraint
@@ -81,6 +86,14 @@ def build_elimination_tree(
     components: list[tuple[int, ...]] = [(term,) for term in terms]
     if any(own and max(own) > term for term, own in needs.items()):  # cycles are possible
         components = sorted(find_strongly_connected_components(needs))
+    recursions = _find_recursions(program, components, clauses, queried, max_frontier)
+    if recursions:
+        whole = {own.terms for own, _ in recursions}
+        guessed = [(term,) for own, _ in recursions for term in own.guesses]
+        components = sorted([*[own for own in components if own not in whole], *guessed])
+        for recursion, _ in recursions:
+            needs.update(recursion.needs)
+            joint.add(recursion.scope)
     component_needs: Sequence[set[int]]
     constraints: Iterable[Collection[int]] = joint
     if len(components) == len(outcomes):
@@ -92,8 +105,7 @@ def build_elimination_tree(
             for i, own in enumerate(components)
         ]
         constraints = {frozenset([component_of[term] for term in group]) for group in joint}
-    linear = find_linear_components(program, components, clauses)
-    ranks = rank_components(components, linear, queried, clauses)
+    ranks = rank_components(components, recursions)
     bits = {mask: log2(mask.bit_count() or 1) for mask in set(outcomes)}
     bits_of = [bits[mask] for mask in outcomes]
     sizes = [bits_of[own[0]] if len(own) == 1 else sum([bits_of[term] for term in own]) for own in components]
@@ -103,8 +115,36 @@ def build_elimination_tree(
         children[parent].append(i)
     if len(components) < len(terms):
         random = {clause.term for clause in clauses if clause.kind is SELECT} | program.do.keys()
-        _merge_deterministic(components, children, random.union(*linear))
-    return _number_nodes(components, children, frozenset(linear))
+        _merge_deterministic(components, children, random.union(*[own.guesses for own, _ in recursions]))
+    return _number_nodes(components, children, [recursion for recursion, _ in recursions])
+
+
+def _find_recursions(
+    program: GroundProgram,
+    components: Iterable[tuple[int, ...]],
+    clauses: Sequence[Clause],
+    queried: Collection[int],
+    max_frontier: int,
+) -> list[tuple[LinearRecursion, list[int]]]:
+    """Find the linear recursions with a small frontier, and the orders of their terms."""
+    component_of = {term: own for own in components if len(own) > 1 for term in own}
+    if not component_of:
+        return []
+    clauses_of: dict[tuple[int, ...], list[Clause]] = {own: [] for own in component_of.values()}
+    read = set(queried)
+    for clause in clauses:
+        own = component_of.get(clause.term, ())
+        if own:
+            clauses_of[own].append(clause)
+        read.update([literal[0] for literal in clause.body if component_of.get(literal[0]) is not own])
+    found = []
+    for terms, rules in clauses_of.items():
+        recursion = describe_recursion(program, terms, rules, read)
+        if recursion:
+            width, order = order_terms(terms, rules, recursion.guesses.keys())
+            if width <= max_frontier:
+                found.append((recursion, order))
+    return found
 
 
 def _merge_deterministic(
@@ -134,7 +174,7 @@ def _merge_deterministic(
 
 
 def _number_nodes(
-    components: Sequence[tuple[int, ...]], children: list[list[int]], linear: Collection[tuple[int, ...]]
+    components: Sequence[tuple[int, ...]], children: list[list[int]], recursions: Sequence[LinearRecursion]
 ) -> EliminationTree:
     """Number the nodes of a tree depth first; brothers keep their order. The last children are the roots."""
     nodes: list[int] = []  # step -> node
@@ -151,4 +191,4 @@ def _number_nodes(
         if numbered[step]:  # the subtree ends with that of the last child
             ends[step] = ends[numbered[step][-1]]
     order = [components[node] for node in nodes]
-    return EliminationTree(order, numbered, [step_of[root] for root in children[-1]], ends, linear)
+    return EliminationTree(order, numbered, [step_of[root] for root in children[-1]], ends, recursions)

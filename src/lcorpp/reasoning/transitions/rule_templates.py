@@ -150,7 +150,7 @@ class RuleTemplate:
                 group.bodies = ()
                 continue
             if terms:
-                group.satisfied_slot = template._add_slot()
+                group.satisfied_slot = template.add_slot()
                 parents[min([body[-1][0] for body in group.bodies])].allocates.append(group.satisfied_slot)
             template._register_bodies(group)
             if not recursive:
@@ -172,7 +172,7 @@ class RuleTemplate:
             for i in range(1, len(body)):
                 (rank, conditions), rest = body[i - 1], body[i:]
                 known = pending.get(rest)
-                target, first, last = known or (self._add_slot(), rank, rest[0][0])
+                target, first, last = known or (self.add_slot(), rank, rest[0][0])
                 if not known or rank < first:
                     pending[rest] = target, rank, last
                 parents[rank].updates.append((conditions, slot, target))
@@ -190,7 +190,8 @@ class RuleTemplate:
             for rank in {rank for body in group.bodies for rank, _ in body}:
                 parents[rank].clause_groups.append(group)
 
-    def _add_slot(self) -> int:
+    def add_slot(self) -> int:
+        """Return a new slot."""
         self.n_slots += 1
         return self.n_slots - 1
 

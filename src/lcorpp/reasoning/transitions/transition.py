@@ -112,7 +112,7 @@ class Transition:
         return self._effects[key]
 
     def advance(self, state: int, effect: Effect) -> int | None:
-        """Return the state after an outcome, for all branches; None if a constraint forbids it."""
+        """Return the state after an outcome, for all branches; None if the outcome is impossible in it."""
         sets, forbids, moves, targets_of = effect
         if state & forbids:
             return None
@@ -126,7 +126,10 @@ class Transition:
             if reached & satisfied:
                 reached &= ~redundant
         for closure in self.closures:
-            reached = closure.apply(reached)
+            after = closure.apply(reached)
+            if after is None:
+                return None
+            reached = after
         return reached
 
     def _compute_effect(self, updates: _Updates) -> Effect | None:

@@ -28,7 +28,7 @@ own steps read; other branches may use the same bits otherwise.
 
 from __future__ import annotations
 
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -36,18 +36,29 @@ from lcorpp.reasoning.grounding.ground_program import Clause, GroundProgram
 from lcorpp.reasoning.grounding.simplification import simplify
 from lcorpp.reasoning.transitions.closure import Closure
 from lcorpp.reasoning.transitions.elimination_tree import EliminationTree, build_elimination_tree
-from lcorpp.reasoning.transitions.linear_recursion import MAX_FRONTIER, LinearRecursion
+from lcorpp.reasoning.transitions.linear_recursion import LinearRecursion
 from lcorpp.reasoning.transitions.local_distribution import (
     AcyclicTermDistribution,
     LocalDistribution,
     Outcome,
     ProbabilityCache,
 )
+from lcorpp.reasoning.transitions.recursion_frontier import Claim, RecursionFrontier
 from lcorpp.reasoning.transitions.recursive_components import build_component
 from lcorpp.reasoning.transitions.relevance import DerivedComponent, separate_irrelevant_rules
-from lcorpp.reasoning.transitions.rule_templates import Child, RuleTemplate, describe_structure
+from lcorpp.reasoning.transitions.rule_templates import (
+    NO_SLOT,
+    Child,
+    Parent,
+    RuleTemplate,
+    describe_structure,
+)
 from lcorpp.reasoning.transitions.stratified import Stratified
 from lcorpp.reasoning.transitions.transition import Transition
+
+
+MAX_FRONTIER = 24
+"""The maximal estimated frontier of a linear recursion."""
 
 
 @dataclass(slots=True, eq=False)
@@ -81,18 +92,22 @@ class TransitionSystem:
         )
 
 
-def build_transition_system(program: GroundProgram, queried: Iterable[str] = ()) -> TransitionSystem:
+def build_transition_system(
+    program: GroundProgram, queried: Iterable[str] = (), max_frontier: int = MAX_FRONTIER
+) -> TransitionSystem:
     """Simplify a ground program, order its components and build the transitions.
 
     Args:
         queried: the terms whose outcomes queries read.
+        max_frontier: recursive components with a larger frontier are decided as a whole, see
+            `linear_recursion`; with 0 all are, so that no step guesses.
     """
     program, term_numbers = program.number_terms(set(queried))
     clauses, outcomes = simplify(program)
     needed = set(term_numbers.values())
     clauses, facts, irrelevant = separate_irrelevant_rules(program, clauses, needed)
     program = replace(program, clauses=[])  # the transitions contain what they need of the clauses
-    tree = build_elimination_tree(program, clauses, outcomes, needed)
+    tree = build_elimination_tree(program, clauses, outcomes, needed, max_frontier)
     builder = _TransitionBuilder(program, clauses, outcomes, tree, needed)
     transitions, consistent, derived = builder.build(), builder.consistent, [*builder.recursions, *irrelevant]
     return TransitionSystem(
@@ -131,16 +146,18 @@ class _TransitionBuilder:
         self._index_of = {term: i for terms in order if len(terms) > 1 for i, term in enumerate(terms)}
         self._template_of: dict[object, RuleTemplate] = {}  # description of the structure -> template
         self._children: list[list[Child]] = [[] for _ in order]  # of each step
-        self._constraint_bits: dict[int, list[int]] = {}  # the last step of the body -> slot -> bit
+        # step -> the bits of constraints and recursions of which it decides the last body
+        self._final_bits: defaultdict[int, list[list[int]]] = defaultdict(list)
         self._outcomes_of: dict[RuleTemplate, dict[tuple[int, ...], list[Outcome]]] = {}
         self.probabilities: ProbabilityCache = {}
         self._own_clauses: list[list[Clause]] = [[] for _ in order]
+        recursive = {term for recursion in tree.recursions for term in recursion.terms}
         constraints: dict[int, list[Clause]] = {}  # the last step of the body -> clauses
         for clause in clauses:
             if clause.term < 0:  # a constraint has no head
                 last = max([self._step_of[literal[0]] for literal in clause.body], default=-1)
                 constraints.setdefault(last, []).append(clause)
-            else:
+            elif clause.term not in recursive:
                 self._own_clauses[self._step_of[clause.term]].append(clause)
         self.consistent = -1 not in constraints
         members = [*zip(order, self._own_clauses, strict=True), *[((), own) for own in constraints.values()]]
@@ -148,10 +165,11 @@ class _TransitionBuilder:
         added = [self._add_child(terms, own, count_by_size[len(own)] > 1) for terms, own in members]
         self._components = added[: len(order)]  # step -> (template, bits)
         self.recursions: list[DerivedComponent] = []
-        self._recursion_of: dict[RuleTemplate, LinearRecursion] = {}
-        for step, terms in enumerate(order):
-            if len(terms) > 1 and terms in tree.linear:
-                self._add_recursion(step)
+        self._guesses = {term: guess for own in tree.recursions for term, guess in own.guesses.items()}
+        # step -> the recursions that it changes
+        self._frontiers_at: defaultdict[int, list[RecursionFrontier]] = defaultdict(list)
+        for recursion in tree.recursions:
+            self._add_recursion(recursion)
 
     def _add_child(
         self, terms: tuple[int, ...], clauses: Sequence[Clause], has_equal_sized: bool
@@ -199,24 +217,34 @@ class _TransitionBuilder:
             template.is_shared = True
         bits = [0] * template.n_slots
         if not terms and steps:
-            self._constraint_bits[max(steps)] = bits
+            self._final_bits[max(steps)].append(bits)
         for parent in template.parents:
             self._children[steps[parent.rank]].append((template, parent, bits))
         return template, bits
 
-    def _add_recursion(self, step: int) -> None:
-        """Decide a component with linear rules along its parents, unless its frontier is too large."""
-        template, _ = self._components[step]
-        steps = sorted(
-            {self._step_of[x[0]] for clause in self._own_clauses[step] for x in clause.body} - {step}
-        )
-        recursion = LinearRecursion(
-            self._program, template, step, steps, self._find_read_terms(template, step)
-        )
-        if 0 < recursion.width <= MAX_FRONTIER:
-            self._recursion_of[template] = recursion
-            for parent in template.parents:
-                parent.releases += recursion.finished.get(parent.rank, ())
+    def _add_recursion(self, recursion: LinearRecursion) -> None:
+        """Add the rules of a recursion to the children of its inputs, and the claims to those of its guesses."""
+        template, bits = self._add_child(recursion.terms, recursion.clauses, False)
+        steps = sorted({self._step_of[term] for term in recursion.scope if term not in recursion.guesses})
+        claims: list[Claim] = []
+        for term, guess in recursion.guesses.items():
+            step = self._step_of[term]
+            parent = Parent(len(template.parents))
+            for mask, value, is_derived in guess.claims:
+                slot = template.add_slot()
+                parent.allocates.append(slot)
+                parent.releases.append(slot)
+                parent.updates.append((((0, mask),), NO_SLOT, slot))
+                bits.append(0)
+                claims.append((step, slot, (term, value), is_derived))
+            self._children[step].append((template, parent, bits))
+        frontier = RecursionFrontier(self._program, template, bits, steps, claims)
+        for parent in template.parents:
+            parent.releases += frontier.finished.get(parent.rank, ())
+        for step in frontier.steps:
+            self._frontiers_at[step].append(frontier)
+        self._final_bits[max(frontier.steps)] += bits, frontier.bits
+        self.recursions.append((recursion.terms, recursion.clauses))
 
     def _find_read_terms(self, template: RuleTemplate, step: int) -> set[int]:
         """Find the terms of a component whose outcomes queries or children read."""
@@ -242,11 +270,9 @@ class _TransitionBuilder:
                     bits[slot] = ~live & (live + 1)  # the lowest bit that is not in use
                     live |= bits[slot]
             closures: list[Closure] = []
-            for other, _, bits in children if self._recursion_of else ():
-                recursion = self._recursion_of.get(other)
-                if recursion and recursion.is_touched_at(step):
-                    closure, live = recursion.advance(step, bits, live)
-                    closures.append(closure)
+            for frontier in self._frontiers_at.get(step, ()):
+                closure, live = frontier.advance(step, live)
+                closures.append(closure)
             # all bodies of the component are decided, so only bits for "satisfied" are left
             input_mask = sum(own_bits)
             # a bit is free again only now, as the transition reads it together with those allocated above
@@ -287,8 +313,8 @@ class _TransitionBuilder:
         largest = max(range(len(branches)), key=lambda i: len(branches[i]), default=-1)
         for i, branch in enumerate(branches):
             for reader in branch if i != largest else ():  # the largest reads the rest
-                for bit in (*self._components[reader][1], *self._constraint_bits.get(reader, ())):
-                    masks[i] |= bit & live
+                for bits in (self._components[reader][1], *self._final_bits.get(reader, ())):
+                    masks[i] |= sum(bits) & live
         if branches:
             masks[largest] = live ^ sum(masks)
         return tuple(masks)
@@ -296,19 +322,16 @@ class _TransitionBuilder:
     def _build_distribution(
         self, template: RuleTemplate, bits: list[int], step: int, terms: tuple[int, ...]
     ) -> LocalDistribution:
+        if len(terms) == 1 and terms[0] in self._guesses:
+            return self._guesses[terms[0]]
         if not template.recursive:
             cache = self._outcomes_of.setdefault(template, {})
             return AcyclicTermDistribution(self._program, template, bits, cache, self.probabilities)
         # a single term always counts, as others share its distribution
         read_terms = self._find_read_terms(template, step) if len(terms) > 1 else set(template.terms)
-        recursion = self._recursion_of.get(template)
-        if recursion:
-            clauses = recursion.list_clauses()
-        else:
-            clauses = [
-                (bits[group.satisfied_slot], group.clause, group.own_literals)
-                for group in template.clause_groups
-            ]
+        clauses = [
+            (bits[group.satisfied_slot], group.clause, group.own_literals) for group in template.clause_groups
+        ]
         component = build_component(self._program, template.terms, clauses, self.probabilities, read_terms)
         if isinstance(component, Stratified) and len(terms) > 1:
             self.recursions.append((terms, self._own_clauses[step]))
