@@ -15,7 +15,9 @@ from lcorpp.errors import TooLargeError
 from lcorpp.notebook import html_table, join_some
 from lcorpp.reasoning.answers import QueryAnswer, Value, answer_query
 from lcorpp.reasoning.query_model import QueryModel
+from lcorpp.reasoning.questions import list_questions
 from lcorpp.reasoning.transitions.rejection_sampling import MIN_EFFECTIVE_SAMPLES, sample_worlds
+from lcorpp.reasoning.transitions.transition_system import build_transition_system
 from lcorpp.values import Z95, Distribution, Interval
 from lcorpp.values.distribution import format_value
 
@@ -132,8 +134,11 @@ def estimate_answer(model: QueryModel, reason: TooLargeError, samples: int, seed
         TooLargeError: too few sampled worlds satisfy the observations.
     """
 
+    # worlds are drawn without guesses, which may turn out wrong
+    system = build_transition_system(model.ground, list_questions(model.query), max_frontier=0)
+
     def weigh(question: str) -> Mapping[Value, int]:
-        found = sample_worlds(model.ground, model.system, question, samples, seed)
+        found = sample_worlds(model.ground, system, question, samples, seed)
         if not found.possible:
             return {}
         worlds = f"{found.drawn} worlds drawn at random"

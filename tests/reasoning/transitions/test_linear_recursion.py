@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from fractions import Fraction
+from itertools import product
+from math import inf, prod
 
 import pytest
 
 from lcorpp.reasoning import Program, Reasoner, parse_plog
 from lcorpp.reasoning.circuit.decision_diagram import build_decision_diagram
 from lcorpp.reasoning.grounding.grounder import ground_program
-from lcorpp.reasoning.transitions import transition_system
+from lcorpp.reasoning.transitions import elimination_tree
 from lcorpp.reasoning.transitions.closure import Closure
 from lcorpp.reasoning.transitions.transition_system import build_transition_system
 
@@ -94,21 +96,84 @@ def test_worlds_have_the_values_of_all_terms():
 def test_a_large_frontier_is_decided_as_a_whole(monkeypatch):
     program = make_map(make_grid(2, 3))
     answer = Reasoner(program).exact("reach(6)", {})
-    monkeypatch.setattr(transition_system, "MAX_FRONTIER", 1)
-    system = build_transition_system(ground_program(program, {}), ["reach(6)"])
+    system = build_transition_system(ground_program(program, {}), ["reach(6)"], max_frontier=1)
     assert not any(transition.closures for transition in system.transitions)
+    monkeypatch.setattr(elimination_tree, "order_terms", lambda terms, *_: (inf, list(terms)))
     assert Reasoner(program).exact("reach(6)", {}) == answer
+
+
+def test_a_term_that_is_read_leaves_the_frontier():
+    """Evidence on each room of a corridor, and a lamp in each: the states do not grow with the rooms."""
+    lamps = """
+        lamp, on : room -> boolean. [p(R)] random(on(R)). [p(R)] pr(on(R)) = 4/10.
+        lamp(R) :- reach(R), on(R)."""
+    sizes = []
+    for n in (10, 40):
+        program = parse_plog(str(make_map([(i, i + 1) for i in range(1, n)])) + lamps)
+        terms = [f"lamp({i})" for i in range(1, n + 1)]
+        system = build_transition_system(ground_program(program, {}), terms)
+        sizes.append(max(build_decision_diagram(system).sizes))
+        reasoner = Reasoner(program)
+        assert reasoner.exact(f"reach({n})", {terms[n // 2]: "true"})["true"] == (OPEN ** (n - 1 - n // 2))
+    assert sizes[0] == sizes[1] <= 8
+
+
+def test_people_who_influence_each_other():
+    """The sum over the 2^9 worlds in which person 1 is prone to asthma."""
+    program = parse_plog("""
+        person = {1..3}. #domain person(X; Y). influences : person, person -> boolean.
+        stress, smokes, prone, asthma : person -> boolean.
+        [s(X)] random(stress(X)). [s(X)] pr(stress(X)) = 3/10. [p(X)] random(prone(X)).
+        [p(X)] pr(prone(X)) = 4/10.
+        [i(X,Y)] random(influences(X,Y)) :- X != Y. [i(X,Y)] pr(influences(X,Y)) = 2/10.
+        smokes(X) :- stress(X). smokes(X) :- influences(Y,X), smokes(Y), X != Y.
+        asthma(X) :- smokes(X), prone(X). smokes(X) = false :- not smokes(X).""")
+    totals = {True: Fraction(0), False: Fraction(0)}
+    pairs = [(x, y) for x in (1, 2, 3) for y in (1, 2, 3) if x != y]
+    for coins in product((True, False), repeat=9):
+        smoke = {x for x in (1, 2, 3) if coins[x - 1]}
+        for _ in range(2):
+            smoke |= {
+                y for (x, y), influences in zip(pairs, coins[3:], strict=True) if influences and x in smoke
+            }
+        numbers = [Fraction(3, 10)] * 3 + [Fraction(2, 10)] * 6
+        if {1, 2} <= smoke:
+            totals[3 in smoke] += prod(p if coin else 1 - p for p, coin in zip(numbers, coins, strict=True))
+    evidence = {"asthma(1)": "true", "smokes(2)": "true"}
+    found = Reasoner(program).exact("smokes(3)", evidence)
+    assert found["true"] == totals[True] / (totals[True] + totals[False])
 
 
 def test_the_closure_forgets_what_has_left_the_frontier():
     """Atom 2 follows from 1 (bit 1), 3 from 2 (bit 2), 1 is true (bit 4); then atom 2 leaves."""
     closure = Closure(
-        4,
         closed=[(4, 0, 1)],
         added=[(1, 1, 2), (2, 2, 3)],
         targets=[(4, 0, 1), (8, 0, 3), (1, 1, 3), (2, 3, 1)],
+        false=4,
+        n_atoms=5,
+        goals=[],
     )
     assert [closure.apply(state) for state in (0b000, 0b001, 0b011, 0b100, 0b101, 0b111)] == [
         0, 0, 0b0001, 0b0100, 0b0100, 0b1100
     ]  # fmt: skip
     assert closure.apply(0b10000 | 0b011) == 0b10000 | 0b0001  # other bits stay
+
+
+def test_the_closure_keeps_the_goals_that_imply_the_others():
+    """Atoms 1 to 3 may become true; 4 follows from 1 or 2 (bits 1, 2) and is a goal (bit 4), as is 3 (8)."""
+    closure = Closure(
+        closed=[(1, 1, 4), (2, 2, 4)],
+        added=[(4, 4, 6), (8, 3, 7), (16, 2, 5), (32, 3, 4)],
+        targets=[],
+        false=5,
+        n_atoms=8,
+        goals=[{1: 1, 2: 2, 3: 4}, {1: 8, 2: 16, 3: 32}],
+    )
+    assert closure.apply(0b000011) == 0  # no goal
+    assert closure.apply(0b000111) == 0b011
+    assert closure.apply(0b001111) == 0b100011  # 3 is the larger mask
+    assert closure.apply(0b101111) == 0b100  # 4 follows from 3
+    assert closure.apply(0b010111) == 0b001  # 2 implies a contradiction
+    assert closure.apply(0b000100) is None
+    assert closure.apply(0b010110) is None

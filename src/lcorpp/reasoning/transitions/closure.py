@@ -22,8 +22,8 @@ class Closure:
     """Replaces the bits of rules that a step satisfied by the closure of what they imply.
 
     Atoms are numbered: 0 is `TRUE`, then follow those before and after the step, then the contradiction
-    (`false`), and then *goals*, which must become true. Nothing follows from the contradiction and goals. Only
-    the atoms from which a goal would follow matter, so a goal is redundant if it follows from all of another.
+    (`false`), and then *goals*, which must become true; nothing follows from these. Only the atoms from which
+    a goal would follow matter, so a goal is redundant if each atom that implies some other goal implies it.
 
     closed: the implications before the step, which are closed. added: those that the step adds.
     targets: the implications after the step, without goals.
@@ -76,7 +76,7 @@ class Closure:
         for body, targets in self._targets_of.items():
             own = follows[body]
             if body != TRUE:
-                # what is true needs no other reason, what follows from it is true, and the false has no effect
+                # what is true needs no other reason, what follows from it is true; the false has no effect
                 own = 0 if true >> body & 1 else 1 << false if own >> false & 1 else own & ~true
             for bit, head in targets if own else ():
                 if own & head:
@@ -90,12 +90,14 @@ class Closure:
         open_goals = reduce(or_, follows) & ~follows[TRUE]
         for goal in range(self.false + 1, self.n_atoms):
             if open_goals >> goal & 1:
-                masks.add(sum([1 << x for x in possible if follows[x] >> goal & ~follows[x] >> self.false & 1]))
+                masks.add(
+                    sum([1 << x for x in possible if follows[x] >> goal & ~follows[x] >> self.false & 1])
+                )
         if 0 in masks:
             return None
         smallest: list[int] = []
         for mask in sorted(masks, key=int.bit_count):
-            if not any([own & mask == own for own in smallest]):
+            if not any(own & mask == own for own in smallest):
                 smallest.append(mask)
         bits = [
             bit

@@ -11,7 +11,7 @@ Source: Amestoy, Davis and Duff, "An approximate minimum degree ordering algorit
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from heapq import heappop, heappush
 from math import inf
 
@@ -21,13 +21,19 @@ MAX_GREEDY_WIDTH = 10
 MAX_EXACT_DEGREE = 32
 """The degrees of the members of larger scopes are updated only when one of them is about to be eliminated."""
 
+ORDERED_DEGREE = 1e9
+"""The degree of components that are eliminated after all others, in the order of their ranks."""
 
 _Order = tuple[list[int], float]
 """The tree, and its width: the largest number of bits of the components that share a scope with another."""
 
 
 def eliminate(
-    needs: Sequence[set[int]], groups: Sequence[Iterable[int]], sizes: Sequence[float], ranks: Sequence[int]
+    needs: Sequence[set[int]],
+    groups: Sequence[Iterable[int]],
+    sizes: Sequence[float],
+    ranks: Sequence[int],
+    ordered: Collection[int],
 ) -> list[int]:
     """Eliminate components from the leaves of the tree to the roots.
 
@@ -37,13 +43,15 @@ def eliminate(
         sizes: the bits of each component.
         ranks: a permutation; of equally good components the one with the highest rank is eliminated.
 
+        ordered: components with `ORDERED_DEGREE`, as they share one group.
+
     Returns:
         Component -> the one before it in the tree, -1 for roots.
     """
-    best = _eliminate(needs, groups, sizes, ranks, [0] * len(needs), inf)
+    best = _eliminate(needs, groups, sizes, ranks, ordered, [0] * len(needs), inf)
     if best[1] > max([MAX_GREEDY_WIDTH, *[len(own) + 1 for own in needs]]):  # no order divides a clause
         for levels in _list_levels(needs):
-            order = _eliminate(needs, groups, sizes, ranks, levels, best[1])
+            order = _eliminate(needs, groups, sizes, ranks, ordered, levels, best[1])
             if order[1] < best[1]:
                 best = order
     return best[0]
@@ -72,6 +80,7 @@ def _eliminate(
     groups: Iterable[Iterable[int]],
     sizes: Sequence[float],
     ranks: Sequence[int],
+    ordered: Collection[int],
     levels: Sequence[int],
     limit: float,
 ) -> _Order:
@@ -89,16 +98,17 @@ def _eliminate(
     for number in range(len(needs), len(scopes)):
         for member in scopes[number]:
             scopes_of[member].append(number)
-            merged[member] |= scopes[member] <= scopes[number]
 
     def compute_degree(i: int) -> float:
         """The bits of all components that share a scope with a component."""
+        if i in ordered:
+            return ORDERED_DEGREE
         own = scopes_of[i] = [number for number in scopes_of[i] if not merged[number]]
         if not own:
             return 0.0
         members = scopes[own[0]]
         if len(own) == 1 and len(members) > MAX_EXACT_DEGREE:
-            return MAX_EXACT_DEGREE
+            return len(members)
         if len(own) > 1:
             members = members.union(*[scopes[number] for number in own])
         return sum([sizes[member] for member in members]) - sizes[i]

@@ -105,13 +105,13 @@ def build_elimination_tree(
             for i, own in enumerate(components)
         ]
         constraints = {frozenset([component_of[term] for term in group]) for group in joint}
-    ranks = rank_components(components, recursions)
+    ranks, ordered = rank_components(components, recursions)
     bits = {mask: log2(mask.bit_count() or 1) for mask in set(outcomes)}
     bits_of = [bits[mask] for mask in outcomes]
     sizes = [bits_of[own[0]] if len(own) == 1 else sum([bits_of[term] for term in own]) for own in components]
     groups = [group for group in constraints if len(group) > 1]
     children: list[list[int]] = [[] for _ in (*components, "roots")]  # last, as they have the parent -1
-    for i, parent in enumerate(eliminate(component_needs, groups, sizes, ranks)):
+    for i, parent in enumerate(eliminate(component_needs, groups, sizes, ranks, ordered)):
         children[parent].append(i)
     if len(components) < len(terms):
         random = {clause.term for clause in clauses if clause.kind is SELECT} | program.do.keys()

@@ -25,6 +25,9 @@ from lcorpp.reasoning.grounding.ground_program import (
 from lcorpp.reasoning.transitions.local_distribution import Outcome
 from lcorpp.reasoning.transitions.recursive_components import RecursiveComponent
 
+MAX_FRONTIER = 24
+"""Recursions with a larger estimated frontier are decided as a whole."""
+
 Edge = tuple[Atom | None, Atom]
 """(body, head): the head follows from the body, or from nothing if the body is None."""
 
@@ -106,7 +109,9 @@ def describe_recursion(
             guesses[term] = guess
     inputs = {literal[0] for clause, _ in edges_of for literal in clause.body} - own
     needs = _find_needs(own, [clause for clause, _ in edges_of], guesses)
-    return LinearRecursion(terms, clauses, guesses, needs, frozenset(inputs.union(guesses))) if inputs else None
+    return (
+        LinearRecursion(terms, clauses, guesses, needs, frozenset(inputs.union(guesses))) if inputs else None
+    )
 
 
 def find_edges(
@@ -134,7 +139,7 @@ def find_edges(
 def _make_guess(
     program: GroundProgram, term: int, values: Collection[int], defaults: Sequence[Clause], is_read: bool
 ) -> Guess | None:
-    """List what can become of a term of which rules derive values; None if it is not read and has no conflict."""
+    """List what can become of a term whose rules derive values; None if it needs no step."""
 
     def decide(*derived: int) -> dict[int, Outcome]:
         facts = [(0, Clause(DERIVE, term, value, ()), ()) for value in derived]
@@ -156,9 +161,7 @@ def _make_guess(
     return Guess(list(outcomes.values()), claims)
 
 
-def _find_needs(
-    own: Collection[int], rules: Iterable[Clause], guessed: Iterable[int]
-) -> dict[int, set[int]]:
+def _find_needs(own: Collection[int], rules: Iterable[Clause], guessed: Iterable[int]) -> dict[int, set[int]]:
     """Find the inputs of the rules of terms, and of the terms from which they follow without a condition."""
     inputs: dict[int, set[int]] = {term: set() for term in own}
     follows_from: dict[int, set[int]] = {term: set() for term in own}

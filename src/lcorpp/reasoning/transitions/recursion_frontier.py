@@ -7,8 +7,8 @@ each pair of an atom that may become true and an atom still used, "follows from"
 If doors open both ways, these are the partitions of the frontier. The number of states then depends on the
 frontier, not on the number of doors.
 
-If an atom is guessed to be true, one of the atoms from which it follows must become true: they imply a *goal*.
-If it is guessed to be false, none of them may: they imply a contradiction.
+If an atom is guessed to be true, one of the atoms from which it follows must become true: they imply a
+*goal*. If it is guessed to be false, none of them may: they imply a contradiction.
 
 Source: the frontier method for network reliability, Hardy, Lucet and Limnios, IEEE Trans. Reliability 56,
 2007; closed under implication instead of partitions, as rules have a direction.

@@ -1,7 +1,8 @@
 """Order of the inputs of linear recursions, so that their frontiers are small.
 
 The frontier after a step has the atoms that may still become true (undecided rules have them as head) and
-those that are still used (undecided rules have them in the body); see `recursion_frontier`. The number of its states grows exponentially with both.
+those that are still used (undecided rules have them in the body); see `recursion_frontier`. The number of its
+states grows exponentially with both.
 """
 
 from __future__ import annotations
@@ -19,38 +20,44 @@ _Graph = Mapping[int, set[int]]
 
 def rank_components(
     components: Sequence[tuple[int, ...]], recursions: Iterable[tuple[LinearRecursion, Sequence[int]]]
-) -> list[int]:
+) -> tuple[list[int], set[int]]:
     """Rank components in the order of the program, but the inputs of linear recursions by their terms.
 
     Args:
         recursions: each with the order of its terms.
+
+    Returns:
+        (ranks, ordered): component -> rank; the inputs and guessed terms of recursions.
     """
-    ranks = list(range(len(components)))
+    ranks, ordered = list(range(len(components))), set[int]()
     component_of = {term: i for i, terms in enumerate(components) for term in terms}
     for recursion, order in recursions:
         position = {term: i for i, term in enumerate(order)}
-        last = position.copy()  # term -> position of the last term that shares a rule with it
-        named_by = [(rule, [term for term in (rule.term, *[x[0] for x in rule.body])]) for rule in recursion.clauses]
-        for _, named in named_by:
-            at = max([position.get(term, 0) for term in named])
-            for term in named:
-                last[term] = max(last.get(term, 0), at)
+        rules: list[
+            tuple[set[int], set[int]]
+        ] = []  # the terms of the component and the inputs that each names
+        last: dict[int, int] = {}  # term -> position of the last term that shares a rule with it
+        for rule in recursion.clauses:
+            named = {rule.term, *[literal[0] for literal in rule.body]}
+            own = named & position.keys()
+            rules.append((own, named - own))
+            for term in own:
+                last[term] = max(last.get(term, 0), *[position[other] for other in own])
         key: dict[int, int] = {}  # input -> position of the last term of its first rule
-        for _, named in named_by:
-            own = {term for term in named if term in position}
-            at = max([position[term] for term in own]) if len(own) > 1 else last[own.pop()]
-            for term in named:
-                if term not in position:
-                    i = component_of[term]
-                    key[i] = min(key.get(i, at), at)
+        for own, inputs in rules:
+            at = max([position[term] for term in own]) if len(own) > 1 else last[min(own)]
+            for term in inputs:
+                i = component_of[term]
+                key[i] = min(key.get(i, at), at)
         keys = {i: (at, 0, i) for i, at in key.items()}
         for term, needs in recursion.needs.items():  # a guess follows the last input
             i = component_of[term]
             keys[i] = max([key[component_of[need]] for need in needs], default=0), 1, i
-        ordered = sorted(keys, key=keys.__getitem__)
-        for i, rank in zip(ordered, sorted([ranks[i] for i in ordered]), strict=True):
+        order = sorted(keys, key=keys.__getitem__)
+        for i, rank in zip(order, sorted([ranks[i] for i in order]), strict=True):
             ranks[i] = rank
-    return ranks
+        ordered.update(keys)
+    return ranks, ordered
 
 
 def order_terms(terms: Sequence[int], rules: Sequence[Clause], guessed: Set[int]) -> tuple[int, list[int]]:

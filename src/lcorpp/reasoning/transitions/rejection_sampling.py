@@ -71,7 +71,7 @@ def sample_worlds(
 
     Args:
         ground: the program, with the evidence.
-        system: its transition system.
+        system: its transition system, without guesses: built with a maximal frontier of 0.
         samples: the number of worlds to draw.
 
     Raises:

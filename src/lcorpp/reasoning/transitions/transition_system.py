@@ -36,7 +36,7 @@ from lcorpp.reasoning.grounding.ground_program import Clause, GroundProgram
 from lcorpp.reasoning.grounding.simplification import simplify
 from lcorpp.reasoning.transitions.closure import Closure
 from lcorpp.reasoning.transitions.elimination_tree import EliminationTree, build_elimination_tree
-from lcorpp.reasoning.transitions.linear_recursion import LinearRecursion
+from lcorpp.reasoning.transitions.linear_recursion import MAX_FRONTIER, LinearRecursion
 from lcorpp.reasoning.transitions.local_distribution import (
     AcyclicTermDistribution,
     LocalDistribution,
@@ -53,12 +53,7 @@ from lcorpp.reasoning.transitions.rule_templates import (
     RuleTemplate,
     describe_structure,
 )
-from lcorpp.reasoning.transitions.stratified import Stratified
 from lcorpp.reasoning.transitions.transition import Transition
-
-
-MAX_FRONTIER = 24
-"""The maximal estimated frontier of a linear recursion."""
 
 
 @dataclass(slots=True, eq=False)
@@ -109,7 +104,8 @@ def build_transition_system(
     program = replace(program, clauses=[])  # the transitions contain what they need of the clauses
     tree = build_elimination_tree(program, clauses, outcomes, needed, max_frontier)
     builder = _TransitionBuilder(program, clauses, outcomes, tree, needed)
-    transitions, consistent, derived = builder.build(), builder.consistent, [*builder.recursions, *irrelevant]
+    derived = [*[(own.terms, own.clauses) for own in tree.recursions], *irrelevant]
+    transitions, consistent = builder.build(), builder.consistent
     return TransitionSystem(
         program, tree, transitions, consistent, term_numbers, facts, derived, builder.probabilities
     )
@@ -125,7 +121,6 @@ class _TransitionBuilder:
         queried: the terms whose outcomes queries read.
 
     consistent, probabilities: as in `TransitionSystem`.
-    recursions: the components of which some terms are not decided, see `TransitionSystem.derived`.
     """
 
     def __init__(
@@ -150,7 +145,7 @@ class _TransitionBuilder:
         self._final_bits: defaultdict[int, list[list[int]]] = defaultdict(list)
         self._outcomes_of: dict[RuleTemplate, dict[tuple[int, ...], list[Outcome]]] = {}
         self.probabilities: ProbabilityCache = {}
-        self._own_clauses: list[list[Clause]] = [[] for _ in order]
+        own_clauses: list[list[Clause]] = [[] for _ in order]
         recursive = {term for recursion in tree.recursions for term in recursion.terms}
         constraints: dict[int, list[Clause]] = {}  # the last step of the body -> clauses
         for clause in clauses:
@@ -158,15 +153,14 @@ class _TransitionBuilder:
                 last = max([self._step_of[literal[0]] for literal in clause.body], default=-1)
                 constraints.setdefault(last, []).append(clause)
             elif clause.term not in recursive:
-                self._own_clauses[self._step_of[clause.term]].append(clause)
+                own_clauses[self._step_of[clause.term]].append(clause)
         self.consistent = -1 not in constraints
-        members = [*zip(order, self._own_clauses, strict=True), *[((), own) for own in constraints.values()]]
+        members = [*zip(order, own_clauses, strict=True), *[((), own) for own in constraints.values()]]
         count_by_size = Counter([len(own) for _, own in members])
         added = [self._add_child(terms, own, count_by_size[len(own)] > 1) for terms, own in members]
         self._components = added[: len(order)]  # step -> (template, bits)
-        self.recursions: list[DerivedComponent] = []
         self._guesses = {term: guess for own in tree.recursions for term, guess in own.guesses.items()}
-        # step -> the recursions that it changes
+        # step -> the frontiers that it changes
         self._frontiers_at: defaultdict[int, list[RecursionFrontier]] = defaultdict(list)
         for recursion in tree.recursions:
             self._add_recursion(recursion)
@@ -223,7 +217,7 @@ class _TransitionBuilder:
         return template, bits
 
     def _add_recursion(self, recursion: LinearRecursion) -> None:
-        """Add the rules of a recursion to the children of its inputs, and the claims to those of its guesses."""
+        """Add a recursion to the children of its inputs (its rules) and of its guesses (their claims)."""
         template, bits = self._add_child(recursion.terms, recursion.clauses, False)
         steps = sorted({self._step_of[term] for term in recursion.scope if term not in recursion.guesses})
         claims: list[Claim] = []
@@ -244,16 +238,6 @@ class _TransitionBuilder:
         for step in frontier.steps:
             self._frontiers_at[step].append(frontier)
         self._final_bits[max(frontier.steps)] += bits, frontier.bits
-        self.recursions.append((recursion.terms, recursion.clauses))
-
-    def _find_read_terms(self, template: RuleTemplate, step: int) -> set[int]:
-        """Find the terms of a component whose outcomes queries or children read."""
-        read_terms = self._queried.intersection(template.terms)
-        for _, parent, _ in self._children[step]:
-            read_terms.update(
-                [template.terms[i] for conditions, _, _ in parent.updates for i, _ in conditions]
-            )
-        return read_terms
 
     def build(self) -> list[Transition]:
         """Allocate the bits step by step and build the transitions."""
@@ -276,10 +260,7 @@ class _TransitionBuilder:
             # all bodies of the component are decided, so only bits for "satisfied" are left
             input_mask = sum(own_bits)
             # a bit is free again only now, as the transition reads it together with those allocated above
-            live ^= input_mask
-            for _, parent, bits in children:
-                for slot in parent.releases:
-                    live ^= bits[slot]
+            live ^= input_mask + sum([bits[slot] for _, parent, bits in children for slot in parent.releases])
             following = self._tree.children[step]
             live_masks = (live,) if len(following) == 1 else self._split_live_bits(step, live)
             for child, mask in zip(following, live_masks, strict=True):
@@ -327,12 +308,7 @@ class _TransitionBuilder:
         if not template.recursive:
             cache = self._outcomes_of.setdefault(template, {})
             return AcyclicTermDistribution(self._program, template, bits, cache, self.probabilities)
-        # a single term always counts, as others share its distribution
-        read_terms = self._find_read_terms(template, step) if len(terms) > 1 else set(template.terms)
         clauses = [
             (bits[group.satisfied_slot], group.clause, group.own_literals) for group in template.clause_groups
         ]
-        component = build_component(self._program, template.terms, clauses, self.probabilities, read_terms)
-        if isinstance(component, Stratified) and len(terms) > 1:
-            self.recursions.append((terms, self._own_clauses[step]))
-        return component
+        return build_component(self._program, template.terms, clauses, self.probabilities)
