@@ -231,6 +231,10 @@ def test_lenient_parsing_drops_ill_sorted_rules() -> None:
         parse_plog(text)
     with pytest.raises(ProgramError, match=r"a record in a sort; .*--lenient"):
         parse_plog("sorts #t = {a}. #s = f(#t). attributes f : #t -> #boolean. statements f(a).")
+    with pytest.raises(ProgramError, match=r"f is an attribute and, .* a record in a sort"):
+        parse_plog(
+            "sorts #s = {a, f(a,b)}. attributes f : #s -> #boolean. f : #s, #s -> #s. statements f(a)."
+        )
     with pytest.raises(ProgramError, match=r"'z' is not declared; expected one of x$"):
         parse_plog("s={a,b}. x : s. random(x). z.")  # not in the lenient mode, either
     lenient = parse_plog(text, strict=False)

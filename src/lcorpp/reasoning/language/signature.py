@@ -191,7 +191,15 @@ def build_signature(statements: Sequence[Statement]) -> Signature:
             raise SourceIssue(  # plog 2.0 requires `boolean = {true, false}`
                 sort.at, "the sort boolean is built in as {true, false} and cannot be declared otherwise"
             )
-    attributes = _collect_attributes(statements, sorts.known)
+    values = {name: tuple(members) for name, members in sorts.known.items()}  # shared by attributes
+    attributes: dict[str, Attribute] = {}
+    places = {}
+    for declared in (s for s in statements if isinstance(s, AttributeDeclaration)):
+        name, arguments, target, at = declared.name, declared.arguments, declared.range, declared.at
+        _check_new(name, at, places)
+        for sort_name in (*arguments, target):
+            _check_sort(sort_name, at, sorts.known)
+        attributes[name] = Attribute(name, arguments, target, values[target], at=at)
     domains: dict[str, str] = {}
     for domain in (s for s in statements if isinstance(s, DomainDirective)):
         _check_sort(domain.sort, domain.at, sorts.known)
@@ -208,22 +216,6 @@ def build_signature(statements: Sequence[Statement]) -> Signature:
         MappingProxyType(selections),
         frozenset(sorts.records),
     )
-
-
-def _collect_attributes(
-    statements: Sequence[Statement], sorts: Mapping[str, Mapping[str, None]]
-) -> dict[str, Attribute]:
-    values = {name: tuple(members) for name, members in sorts.items()}  # shared by the attributes of a sort
-    attributes: dict[str, Attribute] = {}
-    places: dict[str, Place] = {}
-    for declared in (s for s in statements if isinstance(s, AttributeDeclaration)):
-        _check_new(declared.name, declared.at, places)
-        for name in (*declared.arguments, declared.range):
-            _check_sort(name, declared.at, sorts)
-        attributes[declared.name] = Attribute(
-            declared.name, declared.arguments, declared.range, values[declared.range], at=declared.at
-        )
-    return attributes
 
 
 def _check_new(name: str, at: Place, places: dict[str, Place]) -> None:
@@ -248,7 +240,7 @@ def check_record_names(signature: Signature) -> None:
     Source: the manual of plog 2.0, section on errors in attribute declarations.
     """
     for attribute in signature.attributes.values():
-        if (attribute.name, len(attribute.arguments)) in signature.records:
+        if (str(attribute.name), len(attribute.arguments)) in signature.records:
             raise SourceIssue(
                 attribute.at,
                 f"{attribute.name} is an attribute and, with as many arguments, a record in a sort;"
