@@ -122,7 +122,7 @@ def _find_joined_variables(clause: Clause, signature: Signature) -> set[str]:
     return find_variables(*(argument for term in terms for argument in term.arguments))
 
 
-@dataclass
+@dataclass(eq=False, repr=False)
 class _Bounds:
     """Upper bounds on the absolute values of the variables of a clause.
 
