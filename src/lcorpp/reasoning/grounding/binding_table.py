@@ -44,19 +44,16 @@ class Memo(dict[_Key, _Item], Generic[_Key, _Item]):
 
 
 class BindingTable:
-    """The bindings of variables; without variables there is one, the empty binding.
+    """The bindings of variables; at first there is one, the empty binding.
 
     at: the place of the statement.
     count: the number of bindings.
     columns: variable -> its value in each binding.
     """
 
-    def __init__(
-        self, at: Place, variables: Sequence[str] = (), bindings: Sequence[tuple[Value, ...]] = ((),)
-    ) -> None:
-        self.at, self.count = at, len(bindings)
-        columns = zip(*bindings, strict=True) if bindings else repeat((), len(variables))
-        self.columns: dict[str, list[Value]] = dict(zip(variables, map(list, columns), strict=True))
+    def __init__(self, at: Place) -> None:
+        self.at, self.count = at, 1
+        self.columns: dict[str, list[Value]] = {}
 
     def iterate(self, part: Any) -> Iterable[Any]:
         """Iterate over the values of a part in all bindings."""

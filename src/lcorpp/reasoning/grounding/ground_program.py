@@ -15,11 +15,9 @@ from collections.abc import Iterable, Set
 from dataclasses import dataclass, field, replace
 from enum import Enum
 from fractions import Fraction
-from itertools import product
 from typing import Any
 
 from lcorpp.reasoning.language.program import Program
-from lcorpp.reasoning.questions import list_terms, list_values
 
 
 class ClauseKind(Enum):
@@ -92,18 +90,6 @@ class GroundProgram:
 
     def __repr__(self) -> str:
         return f"GroundProgram({self.source.file}: {len(self.names)} terms, {len(self.clauses)} clauses)"
-
-    def define_joint(self, name: str) -> None:
-        """Add the joint `name` of some terms; it has no value if one of them has none."""
-        numbers = {term: number for number, term in enumerate(self.names)}
-        for term in list_terms(name):
-            if term not in numbers:
-                numbers[term] = len(self.names)
-                self.names.append(term)
-                self.values.append(list_values(self.source, term))
-        terms = [numbers[term] for term in list_terms(name)]
-        literals = [[(term, 1 << i, False) for i in range(len(self.values[term]))] for term in terms]
-        self.define(name, list_values(self.source, name), enumerate(product(*literals)))
 
     def define(
         self, name: str, values: tuple[Any, ...], cases: Iterable[tuple[int, tuple[GroundLiteral, ...]]]

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from fractions import Fraction
+from itertools import product
 
 from lcorpp.errors import ProgramError
 from lcorpp.reasoning.grounding.binding_table import BindingTable, Key, Memo, Part
@@ -56,7 +57,7 @@ from lcorpp.reasoning.language.syntax import (
     Variable,
 )
 from lcorpp.reasoning.language.traversal import iter_expressions, list_expressions
-from lcorpp.reasoning.questions import QUERY_TERM, is_joint
+from lcorpp.reasoning.questions import QUERY_TERM, is_joint, list_terms, list_values
 
 
 def ground_program(
@@ -114,8 +115,6 @@ class _Grounder:
             name, arguments = self._split_term(term)
             number = self.terms.number_term(name, arguments)
             self.result.do[number] = self.terms.indexes[name][as_value(value)]
-        if self._contradictory and self.result.do_is_fact:  # no world satisfies both interventions
-            self._forbid(())
         for index, statement in enumerate(self.program.statements):
             if isinstance(statement, Rule):
                 self._ground_rule(index, statement)
@@ -127,18 +126,19 @@ class _Grounder:
                 self._observe(statement.formula)
         for formula in observed:
             self._observe(formula)
-        if self._contradictory and not self.result.do_is_fact:  # nor a world in which the term is selected
-            names = self.result.names
-            for clause in list(self.result.clauses):
-                if clause.kind is SELECT and names[clause.term] in self._contradictory:
-                    self._forbid(clause.body, clause.statement)
+        if (
+            self._contradictory
+        ):  # no world, or none in which the term is selected, satisfies both interventions
+            selections = [x for x in self.result.clauses if x.kind is SELECT]
+            bodies = [x.body for x in selections if self.result.names[x.term] in self._contradictory]
+            for body in [()] if self.result.do_is_fact else bodies:
+                self._forbid(body)
         if asked:
             self.result.define(
                 QUERY_TERM, ("true",), [(0, tuple(map(self._translate, case))) for case in asked]
             )
-        for name in queried:
-            if is_joint(name):
-                self.result.define_joint(name)
+        for name in filter(is_joint, queried):
+            self._define_joint(name)
         return self.result
 
     # atoms
@@ -184,7 +184,7 @@ class _Grounder:
         return Atoms(Relation.from_rows(rows, width), arity, is_certain)
 
     def _instantiate(
-        self, statement: Rule | Selection | Probability, body: Body, sources: Iterable[Source] = ()
+        self, statement: Rule | Selection | Probability, body: Body, sources: Sequence[Source] = ()
     ) -> BindingTable:
         slots, scope = self.signature.iter_slots(statement), list_expressions(statement)
         return self._instantiator.instantiate(slots, scope, body, statement.at, sources=sources)
@@ -227,16 +227,18 @@ class _Grounder:
         used.extend(iter_expressions(condition))
         shared = sorted(find_variables(*used) & find_variables(*list_expressions(selection)))
         label = table.evaluate_all(selection.label.arguments if selection.label else ())
-        instances = table.evaluate_all(list(map(Variable, shared)))
+        variables = list(map(Variable, shared))
+        instances = table.evaluate_all(variables)
         number = self.terms.number_terms(table, selection.term)
         self._emit(table, SELECT, number, 0, selection.body, index, label, instances)
         if dynamic_range:
             term_of = dict(zip(table.iterate(instances), table.iterate(number), strict=True))
-            bindings = list(dict.fromkeys(table.iter_rows([table.columns[name] for name in shared])))
+            bindings = Relation.from_rows(table.iter_rows([table.columns[x] for x in shared]), len(shared))
             slots = self.signature.iter_range_slots(selection)
             scope = [dynamic_range.variable, *iter_expressions(condition)]
-            table = self._instantiator.instantiate(slots, scope, condition, selection.at, shared, bindings)
-            instances = table.evaluate_all(list(map(Variable, shared)))
+            sources = [(variables, bindings)]
+            table = self._instantiator.instantiate(slots, scope, condition, selection.at, sources)
+            instances = table.evaluate_all(variables)
             terms = [term_of[instance] for instance in table.iterate(instances)]
             value = self.terms.index_values(table, selection.term, dynamic_range.variable)
             self._emit(table, RANGE, terms, value, condition, index, (), instances)
@@ -260,6 +262,13 @@ class _Grounder:
             full_mask = make_full_mask(len(self.result.values[term]))
             self._forbid(((term, full_mask & ~mask, not negated),))
 
+    def _define_joint(self, name: str) -> None:
+        """Define the joint of some terms; it has no value if one of them has none."""
+        values = list_values(self.program, name)
+        terms = [self.terms.number_term(*self._split_term(term)) for term in list_terms(name)]
+        literals = [[(term, 1 << i, False) for i in range(len(self.result.values[term]))] for term in terms]
+        self.result.define(name, values, enumerate(product(*literals)))
+
     def _translate(self, literal: Literal) -> GroundLiteral:
         return self.terms.translate(BindingTable(literal.at), literal)  # type: ignore[return-value]  # no column
 
@@ -269,8 +278,8 @@ class _Grounder:
         """Split a ground term into its attribute and its arguments."""
         return self.signature.find_attribute(term).name, tuple(map(as_value, split_record(term)[1]))
 
-    def _forbid(self, body: tuple[GroundLiteral, ...], statement: int = -1) -> None:
-        self.result.clauses.append(Clause(FORBID, -1, 0, body, statement))
+    def _forbid(self, body: tuple[GroundLiteral, ...]) -> None:
+        self.result.clauses.append(Clause(FORBID, -1, 0, body))
 
     def _emit(
         self,
@@ -305,9 +314,7 @@ def _evaluate_numbers(table: BindingTable, number: Expression) -> Part[Fraction]
     """Evaluate the number of a pr-atom in each binding; equal values share one fraction."""
     names = sorted(find_variables(number))
 
-    def evaluate(key: Key) -> Fraction:
-        values = key if isinstance(key, tuple) else (key,)
+    def evaluate(values: tuple[Value, ...]) -> Fraction:
         return evaluate_number(number, dict(zip(names, map(str, values), strict=True)))
 
-    fractions = Memo(evaluate)
-    return table.look_up(fractions, *[table.columns[name] for name in names])
+    return table.look_up(Memo(evaluate), table.zip([table.columns[name] for name in names]))

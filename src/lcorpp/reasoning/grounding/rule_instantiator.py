@@ -11,7 +11,6 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import cached_property
 from itertools import repeat
 from operator import not_
-from typing import NamedTuple
 
 from lcorpp.reasoning.grounding.binding_table import BindingTable, Memo
 from lcorpp.reasoning.grounding.relation import Relation, list_matched_variables
@@ -53,13 +52,8 @@ class Atoms:
 Source = tuple[Sequence[Expression], Relation]
 """Patterns, and the relation of which their values are a row."""
 
-
-class _Source(NamedTuple):
-    """A source, and the test whether the values are a row."""
-
-    patterns: Sequence[Expression]
-    relation: Relation
-    test: Callable[[], Iterable[bool]]
+_Test = Callable[[], Iterable[bool]]
+"""A test of each binding."""
 
 
 class RuleInstantiator:
@@ -83,9 +77,7 @@ class RuleInstantiator:
         scope: Iterable[Expression],
         body: Iterable[BodyLiteral],
         at: Place,
-        bound: Sequence[str] = (),
-        bindings: Sequence[tuple[Value, ...]] = ((),),
-        sources: Iterable[Source] = (),
+        sources: Sequence[Source] = (),
     ) -> BindingTable:
         """Return the bindings of a statement's variables.
 
@@ -95,14 +87,13 @@ class RuleInstantiator:
             scope: all expressions of the statement; each of their variables is bound.
             body: the conditions.
             at: the place of the statement.
-            bound: variables that the caller binds.
-            bindings: their values.
             sources: further conditions.
         """
-        join = _Join(BindingTable(at, bound, bindings))
-        for patterns, relation in sources:
-            join.add_source(patterns, relation)
+        join = _Join(BindingTable(at))
         variables = find_variables(*scope)
+        for patterns, relation in sources:
+            variables |= find_variables(*patterns)
+            join.add_source(patterns, relation)
         domains = [(Variable(x), sort) for x, sort in self.signature.domains.items() if x in variables]
         distinct = {(str(expression), sort): expression for expression, sort in (*domains, *slots)}
         for (_, sort), expression in distinct.items():
@@ -137,20 +128,18 @@ class _Join:
 
     def __init__(self, table: BindingTable) -> None:
         self.table = table
-        self._sources: list[_Source] = []
-        self._tests: list[tuple[set[str], Callable[[], Iterable[bool]]]] = []  # (variables, test)
+        self._sources: list[tuple[Source, _Test]] = []
+        self._tests: list[tuple[set[str], _Test]] = []  # (variables, test)
         # (variable, expression that it equals, test of the equation)
-        self._equations: list[tuple[str, Expression, Callable[[], Iterable[bool]]]] = []
+        self._equations: list[tuple[str, Expression, _Test]] = []
 
     # conditions
 
     def add_source(self, patterns: Sequence[Expression], relation: Relation) -> None:
         """Add the condition that the values of expressions are a row of a relation."""
-        self._sources.append(_Source(patterns, relation, self.add_membership(patterns, relation, False)))
+        self._sources.append(((patterns, relation), self.add_membership(patterns, relation, False)))
 
-    def add_membership(
-        self, patterns: Sequence[Expression], relation: Relation, negated: bool
-    ) -> Callable[[], Iterable[bool]]:
+    def add_membership(self, patterns: Sequence[Expression], relation: Relation, negated: bool) -> _Test:
         """Add the test whether the values of expressions are (not) a row of a relation."""
 
         def test() -> Iterable[bool]:
@@ -214,9 +203,8 @@ class _Join:
                 self._drop_test(test)  # the assignment makes the equation true
                 return
         computable = {name for name, other, _ in self._equations if find_variables(other) - {name}}
-        best: tuple[tuple[bool, float], _Source, bool] | None = None
-        for source in self._sources:
-            patterns, relation, _ = source
+        best: tuple[tuple[bool, float], Source, _Test | None] | None = None
+        for (patterns, relation), test in self._sources:
             free = [x for x in patterns if not find_variables(x) <= bound]
             names = {x.name for x in free if isinstance(x, Variable)}
             is_plain = len(names) == len(free)
@@ -226,11 +214,11 @@ class _Join:
                 n_matches = relation.count ** (len(free) / len(patterns))
                 rank = (not is_plain or names <= computable, n_matches)
                 if best is None or rank < best[0]:
-                    best = rank, source, is_plain
+                    best = rank, (patterns, relation), test if is_plain else None
         assert best, "the checker rejects statements with unsafe variables"
-        patterns, relation, test = best[1]
-        if best[2]:
-            self._drop_test(test)
+        _, (patterns, relation), implied = best
+        if implied:
+            self._drop_test(implied)
         else:
             patterns, relation = relation.match(patterns)
         self._join(patterns, relation)
@@ -242,5 +230,5 @@ class _Join:
         columns = {str(x): relation.columns[i] for i, x in enumerate(patterns) if i not in bound}
         self.table.join(keys, relation.indexes[tuple(bound)], columns)
 
-    def _drop_test(self, test: Callable[[], Iterable[bool]]) -> None:
+    def _drop_test(self, test: _Test) -> None:
         self._tests = [pair for pair in self._tests if pair[1] is not test]
