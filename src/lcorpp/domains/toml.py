@@ -192,16 +192,21 @@ class _KeyLines:
         self._preset: Keys = ("presets", preset) if preset else ()
         self._lines: dict[Keys, int] = {}
         header: Keys = ()
-        counts: dict[str, int] = {}  # of the tables [[name]] so far
+        counts: dict[Keys, int] = {}  # of the tables [[name]] so far
+
+        def add_numbers(path: Keys) -> Keys:
+            """Return a path with the number of the latest table after each name of [[tables]]."""
+            parents = [path[: length + 1] for length in range(len(path))]
+            return tuple(f"{p[-1]}[{counts[p]}]" if p in counts else p[-1] for p in parents)
+
         for number, line in enumerate(text.splitlines(), 1):
             if match := re.match(r"\s*\[\[\s*([^\[\]]+?)\s*\]\]", line):
-                counts[match[1]] = counts.get(match[1], 0) + 1
-                *above, name = _split_key(match[1])
-                header = (*above, f"{name}[{counts[match[1]]}]")
+                path = _split_key(match[1])
+                counts[path] = counts.get(path, 0) + 1
+                header = add_numbers(path)
                 self._lines.setdefault(header, number)
             elif match := re.match(r"\s*\[\s*([^\[\]]+?)\s*\]", line):
-                first, *rest = _split_key(match[1])
-                header = (f"{first}[{counts[first]}]" if first in counts else first, *rest)
+                header = add_numbers(_split_key(match[1]))
                 self._lines.setdefault(header, number)
             elif match := re.match(r"""\s*([\w"'][\w\s."'-]*?)\s*=""", line):
                 self._lines.setdefault(header + _split_key(match[1]), number)

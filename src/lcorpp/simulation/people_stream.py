@@ -32,8 +32,9 @@ class DecisionResult:
     return_: float
 
     def to_extra(self) -> dict[str, Any]:
-        """Return the truth as JSON, for the `extra` field of a stored track; its label is the report."""
-        return {"simulated": {"actual": self.actual, "cost": self.cost, "earned": self.return_}}
+        """Return the result as JSON, for the `extra` field of a stored track."""
+        result = {"actual": self.actual, "report": self.report, "cost": self.cost, "earned": self.return_}
+        return {"simulated": result}
 
     @classmethod
     def from_stored(cls, track: StoredTrack) -> DecisionResult | None:
@@ -41,7 +42,10 @@ class DecisionResult:
         extra = track.extra.get("simulated")
         if not isinstance(extra, dict) or not {"actual", "cost", "earned"} <= set(extra):
             return None
-        return cls(extra["actual"], track.label_history[0].label, extra["cost"], extra["earned"])
+        # earlier versions stored the report as the label only; JSON makes a list of a tuple
+        report = extra.get("report", track.label_history[0].label)
+        values = [tuple(value) if isinstance(value, list) else value for value in (extra["actual"], report)]
+        return cls(*values, extra["cost"], extra["earned"])
 
 
 class PeopleStream:
