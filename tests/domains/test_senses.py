@@ -27,7 +27,7 @@ WRONG = [
     ),
     (
         GAZE + VOICE.replace('name = "voice"', 'name = "gaze"'),
-        r"toml:13: \[learning\[2\]\] name: 'gaze' is already the name of the sense at .*toml:7: \[learning\[1",
+        r"toml:13: \[learning\[2\]\] name: 'gaze' is already the name of the sense at .*toml:7: ",
     ),
     (GAZE + VOICE.replace('of = "person"', ""), r"toml:12: \[learning\[2\]\] of is missing"),
     (GAZE + VOICE.replace('"bob"', '"bill"'), r"toml:16: \[learning\[2\]\] labels: 'bill' is not among"),

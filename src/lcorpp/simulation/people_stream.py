@@ -44,8 +44,12 @@ class DecisionResult:
             return None
         # earlier versions stored the report as the label only; JSON makes a list of a tuple
         report = extra.get("report", track.label_history[0].label)
-        values = [tuple(value) if isinstance(value, list) else value for value in (extra["actual"], report)]
-        return cls(*values, extra["cost"], extra["earned"])
+        read = DecisionResult._read_value
+        return cls(read(extra["actual"]), read(report), extra["cost"], extra["earned"])
+
+    @staticmethod
+    def _read_value(value: Any) -> Any:
+        return tuple(value) if isinstance(value, list) else value
 
 
 class PeopleStream:
