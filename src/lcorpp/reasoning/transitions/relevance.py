@@ -99,4 +99,4 @@ def _has_one_model(program: GroundProgram, terms: tuple[int, ...], rules: Sequen
             ):
                 return False
     guarded = [(0, rule, rule.body) for rule in rules]
-    return Stratified.from_clauses(program, terms, guarded) is not None
+    return Stratified.from_clauses(program, terms, guarded, terms) is not None

@@ -8,7 +8,7 @@ is. With three states and p true in states 0 and 2, q in state 2: ``r :- p, not 
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 from lcorpp.reasoning.grounding.ground_program import DERIVE, Atom, Clause, GroundLiteral, GroundProgram
@@ -29,12 +29,14 @@ class Stratified:
     """The local distribution of a recursive component with stratified rules and no selections.
 
     atoms: the atoms in the heads of rules. strata: the rules, in the order of evaluation.
+    decided: the terms whose outcomes are computed; the others have no value, see `derive_values`.
     """
 
     program: GroundProgram
     terms: tuple[int, ...]
     atoms: Sequence[Atom]
     strata: Sequence[Sequence[_Rule]]
+    decided: Sequence[int]
 
     @classmethod
     def from_clauses(
@@ -42,6 +44,7 @@ class Stratified:
         program: GroundProgram,
         terms: tuple[int, ...],
         clauses: Sequence[GuardedClause],
+        decided: Collection[int],
     ) -> Stratified | None:
         """Stratify the clauses of a component; None if an atom depends on its own negation."""
         derivations = [guarded for guarded in clauses if guarded[1].kind is DERIVE]
@@ -79,18 +82,22 @@ class Stratified:
         strata: list[list[_Rule]] = [[] for _ in order]
         for rule in rules:
             strata[stratum_of[rule[0]]].append(rule)
-        return cls(program, terms, tuple(number_of), strata)
+        return cls(program, terms, tuple(number_of), strata, [term for term in terms if term in decided])
 
     def list_outcomes(self, states: Iterable[int]) -> Mapping[int, list[Outcome]]:
         """Return for each state the one outcome, or none if a term would have two values."""
         rows = list(states)
         truth, contradictory = self._compute_fixed_points(rows)
-        columns = [self._decode_values(term, truth, len(rows)) for term in self.terms]
+        columns = [self._decode_values(term, truth, len(rows)) for term in self.decided]
+        no_value = {term: len(self.program.values[term]) for term in self.terms}
         known: dict[tuple[int, ...], list[Outcome]] = {}
         outcomes: dict[int, list[Outcome]] = {}
         for row, state in enumerate(rows):
-            values = tuple([column[row] for column in columns])
-            outcomes[state] = known.setdefault(values, [Outcome(values, ONE)])
+            key = tuple([column[row] for column in columns])
+            if key not in known:
+                values = no_value | dict(zip(self.decided, key, strict=True))
+                known[key] = [Outcome(tuple(values.values()), ONE)]
+            outcomes[state] = known[key]
         for row in _list_set_bits(contradictory):
             outcomes[rows[row]] = []
         return outcomes
@@ -152,7 +159,7 @@ def derive_values(
     if not any(own_literals for _, _, own_literals in true):  # usual, and faster
         outcomes = {term: len(program.values[term]) for term in terms}
         return outcomes | {clause.term: clause.value for _, clause, _ in true}
-    component = Stratified.from_clauses(program, terms, true)
+    component = Stratified.from_clauses(program, terms, true, own)
     assert component, "each component whose values are derived is stratified"
     return dict(zip(terms, component.list_outcomes([0])[0][0].values, strict=True))
 

@@ -53,6 +53,7 @@ from lcorpp.reasoning.transitions.rule_templates import (
     RuleTemplate,
     describe_structure,
 )
+from lcorpp.reasoning.transitions.stratified import Stratified
 from lcorpp.reasoning.transitions.transition import Transition
 
 
@@ -66,8 +67,7 @@ class TransitionSystem:
     consistent: False if a constraint without body shows that there is no world.
     term_numbers: queried term as text -> its number in `program`.
     facts: term -> its value in every world, for terms without a step.
-    derived: the components that `stratified.derive_values` completes if a world is listed: those of which the
-        transitions decide only the terms that other rules or queries read, and those without a step.
+    derived: the components that `derive_values` completes if a world is listed, as not all terms have a step.
     probabilities: those computed so far by local distributions.
     """
 
@@ -104,8 +104,7 @@ def build_transition_system(
     program = replace(program, clauses=[])  # the transitions contain what they need of the clauses
     tree = build_elimination_tree(program, clauses, outcomes, needed, max_frontier)
     builder = _TransitionBuilder(program, clauses, outcomes, tree, needed)
-    derived = [*[(own.terms, own.clauses) for own in tree.recursions], *irrelevant]
-    transitions, consistent = builder.build(), builder.consistent
+    transitions, consistent, derived = builder.build(), builder.consistent, [*builder.derived, *irrelevant]
     return TransitionSystem(
         program, tree, transitions, consistent, term_numbers, facts, derived, builder.probabilities
     )
@@ -120,7 +119,7 @@ class _TransitionBuilder:
         tree: the steps.
         queried: the terms whose outcomes queries read.
 
-    consistent, probabilities: as in `TransitionSystem`.
+    consistent, derived, probabilities: as in `TransitionSystem`.
     """
 
     def __init__(
@@ -145,7 +144,7 @@ class _TransitionBuilder:
         self._final_bits: defaultdict[int, list[list[int]]] = defaultdict(list)
         self._outcomes_of: dict[RuleTemplate, dict[tuple[int, ...], list[Outcome]]] = {}
         self.probabilities: ProbabilityCache = {}
-        own_clauses: list[list[Clause]] = [[] for _ in order]
+        self._own_clauses: list[list[Clause]] = [[] for _ in order]
         recursive = {term for recursion in tree.recursions for term in recursion.terms}
         constraints: dict[int, list[Clause]] = {}  # the last step of the body -> clauses
         for clause in clauses:
@@ -153,15 +152,15 @@ class _TransitionBuilder:
                 last = max([self._step_of[literal[0]] for literal in clause.body], default=-1)
                 constraints.setdefault(last, []).append(clause)
             elif clause.term not in recursive:
-                own_clauses[self._step_of[clause.term]].append(clause)
+                self._own_clauses[self._step_of[clause.term]].append(clause)
         self.consistent = -1 not in constraints
-        members = [*zip(order, own_clauses, strict=True), *[((), own) for own in constraints.values()]]
+        members = [*zip(order, self._own_clauses, strict=True), *[((), own) for own in constraints.values()]]
         count_by_size = Counter([len(own) for _, own in members])
         added = [self._add_child(terms, own, count_by_size[len(own)] > 1) for terms, own in members]
         self._components = added[: len(order)]  # step -> (template, bits)
         self._guesses = {term: guess for own in tree.recursions for term, guess in own.guesses.items()}
-        # step -> the frontiers that it changes
-        self._frontiers_at: defaultdict[int, list[RecursionFrontier]] = defaultdict(list)
+        self.derived: list[DerivedComponent] = [(own.terms, own.clauses) for own in tree.recursions]
+        self._frontiers_at: defaultdict[int, list[RecursionFrontier]] = defaultdict(list)  # by step
         for recursion in tree.recursions:
             self._add_recursion(recursion)
 
@@ -311,4 +310,11 @@ class _TransitionBuilder:
         clauses = [
             (bits[group.satisfied_slot], group.clause, group.own_literals) for group in template.clause_groups
         ]
-        return build_component(self._program, template.terms, clauses, self.probabilities)
+        # a single term always counts, as others share its distribution
+        read = set(terms) if len(terms) == 1 else self._queried.copy()
+        for _, parent, _ in self._children[step] if len(terms) > 1 else ():
+            read.update([template.terms[i] for conditions, _, _ in parent.updates for i, _ in conditions])
+        component = build_component(self._program, template.terms, clauses, self.probabilities, read)
+        if isinstance(component, Stratified) and len(terms) > 1:
+            self.derived.append((terms, self._own_clauses[step]))
+        return component
