@@ -2,12 +2,12 @@
 
 `0.4::edge(a,b).` becomes `random(edge(a,b)). pr(edge(a,b)) = 0.4.` if only such clauses have the predicate.
 In general the choice is an attribute of its own, with the variables of the clause as arguments, as ProbLog
-chooses once for each instance. `0.3::p(X); 0.5::q(X) :- r(X,Y), s(Y).` in line 7 becomes, if r is certain,
+chooses once for each instance. `0.3::p(X); 0.5::q(X) :- r(X,Y), s(Y).` at line 7, column 1, becomes, if r is certain,
 
-    random(choice_7(X,Y)) :- r(X,Y).
-    pr(choice_7(X,Y)=1) = 0.3.  pr(choice_7(X,Y)=2) = 0.5.  pr(choice_7(X,Y)=0) = 0.2.
-    p(X) :- r(X,Y), s(Y), choice_7(X,Y)=1.
-    q(X) :- r(X,Y), s(Y), choice_7(X,Y)=2.
+    random(choice'7_1(X,Y)) :- r(X,Y).
+    pr(choice'7_1(X,Y)=1) = 0.3.  pr(choice'7_1(X,Y)=2) = 0.5.  pr(choice'7_1(X,Y)=0) = 0.2.
+    p(X) :- r(X,Y), s(Y), choice'7_1(X,Y)=1.
+    q(X) :- r(X,Y), s(Y), choice'7_1(X,Y)=2.
 
 The selection does not depend on s, as s may depend on p; where s(Y) is false the choice has no effect.
 Where ProbLog has a well-founded model with two values it is the only stable model. It refuses programs with a
