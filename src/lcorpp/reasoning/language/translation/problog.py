@@ -2,7 +2,8 @@
 
 `0.4::edge(a,b).` becomes `random(edge(a,b)). pr(edge(a,b)) = 0.4.` if only such clauses have the predicate.
 In general the choice is an attribute of its own, with the variables of the clause as arguments, as ProbLog
-chooses once for each instance. `0.3::p(X); 0.5::q(X) :- r(X,Y), s(Y).` at line 7, column 1, becomes, if r is certain,
+chooses once for each instance. `0.3::p(X); 0.5::q(X) :- r(X,Y), s(Y).` at line 7, column 1, becomes, if r is
+certain,
 
     random(choice'7_1(X,Y)) :- r(X,Y).
     pr(choice'7_1(X,Y)=1) = 0.3.  pr(choice'7_1(X,Y)=2) = 0.5.  pr(choice'7_1(X,Y)=0) = 0.2.
