@@ -88,3 +88,13 @@ def test_a_cycle_without_any_world():
     )
     with pytest.raises(UndefinedError):
         Reasoner(program).compile([], "p")({})
+
+
+def test_terms_with_a_shared_default():
+    """Both derived values share their template, and the second has another term than the first."""
+    reasoner = Reasoner(
+        parse_plog("""
+        n = {1..3}. #domain n(N). p : n -> boolean. s : boolean. random(s). pr(s) = 3/10.
+        p(1) :- s. p(2) :- p(1). p(3) :- p(2). p(N) = false :- not p(N).""")
+    )
+    assert reasoner.exact("p(3)", {}) == {"true": Fraction(3, 10), "false": Fraction(7, 10)}

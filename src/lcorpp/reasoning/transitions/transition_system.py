@@ -311,7 +311,7 @@ class _TransitionBuilder:
             (bits[group.satisfied_slot], group.clause, group.own_literals) for group in template.clause_groups
         ]
         # a single term always counts, as others share its distribution
-        read = set(terms) if len(terms) == 1 else self._queried.copy()
+        read = set(template.terms) if len(terms) == 1 else self._queried.copy()
         for _, parent, _ in self._children[step] if len(terms) > 1 else ():
             read.update([template.terms[i] for conditions, _, _ in parent.updates for i, _ in conditions])
         component = build_component(self._program, template.terms, clauses, self.probabilities, read)
