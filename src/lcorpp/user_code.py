@@ -7,8 +7,54 @@ import sys
 import traceback
 from pathlib import Path
 from types import ModuleType
+from typing import Any
 
-from lcorpp.errors import LcorppError
+from lcorpp.errors import LcorppError, expected_one_of
+
+
+class UserFunction:
+    """A function in the user's file; a call that fails raises a typed error with the file and the line.
+
+    Args:
+        path: the file. name: of the function. error: type of the errors.
+
+    Raises:
+        error: the file cannot be loaded, or has no such function.
+    """
+
+    def __init__(self, path: Path, name: str, error: type[LcorppError]) -> None:
+        self.path, self.name, self._error = path, name, error
+        self._module = load_file(path, f"lcorpp_user_{path.stem}", error)
+        self.function = getattr(self._module, name, None)
+        if not callable(self.function):
+            known = [key for key, value in vars(self._module).items() if callable(value) and key[0] != "_"]
+            raise error(f"{path} has no function {name!r}; {expected_one_of(known)}")
+
+    def __repr__(self) -> str:
+        return f"UserFunction({self.path}:{self.name})"
+
+    @property
+    def location(self) -> str:
+        """``file:line`` of the definition."""
+        code = getattr(self.function, "__code__", None)
+        return str(self.path) if code is None else f"{self.path}:{code.co_firstlineno}"
+
+    def __call__(self, *arguments: Any, **options: Any) -> Any:
+        """Call the function. Raises `error` if it fails."""
+        try:
+            return self.function(*arguments, **options)  # type: ignore[misc]
+        except (Exception, SystemExit) as failure:
+            what = f"{self.name}() failed"
+            raise self._error(describe_failure(failure, str(self.path), self._module, what)) from failure
+
+    def __reduce__(self) -> tuple[type[UserFunction], tuple[Path, str, type[LcorppError]]]:
+        return UserFunction, (self.path, self.name, self._error)  # another process loads the file again
+
+
+def split_function(text: str) -> tuple[Path, str] | None:
+    """Return the file and the function of ``FILE.py:NAME``; None if the text is something else."""
+    file, _, name = text.rpartition(":")
+    return (Path(file), name) if file.endswith(".py") and name else None
 
 
 def load_file(path: Path, name: str, error: type[LcorppError], *, importable: bool = False) -> ModuleType:

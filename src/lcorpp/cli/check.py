@@ -64,7 +64,9 @@ def check(
         pomdp = read_pomdp(path)
         console.out.print(f"{path}: {_format_size(pomdp)}, discount {pomdp.discount:g}: OK")
     elif suffix in model_files.POLICIES and model is not None:
-        policy = model_files.read_policy(path, *model_files.read_model(model))
+        from lcorpp.planning.formats.model_file import read_model
+
+        policy = model_files.read_policy(path, *read_model(model))
         console.out.print(f"{path}: {len(policy)} vectors for {model}: OK")
     elif suffix in model_files.POLICIES:
         raise FileError(f"{path}: a policy is checked against its model; give --model FILE.pomdp")

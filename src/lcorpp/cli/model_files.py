@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from lcorpp.cli.output_files import check_writable
-from lcorpp.errors import FileError, ModelError, expected_one_of
+from lcorpp.errors import FileError, expected_one_of
 
 if TYPE_CHECKING:
     from lcorpp.planning import Factored, Policy, Pomdp
@@ -20,21 +20,6 @@ MODELS = (".pomdp", ".pomdpx")
 POLICIES = (".policy", ".xml", ".alpha")
 
 ModelArgument = Annotated[Path, typer.Argument(metavar="MODEL", help="A .pomdp or .pomdpx file.")]
-
-
-def read_model(path: Path) -> tuple[Pomdp, Factored | None]:
-    """Read a model, and its variables if the file has them (.pomdpx)."""
-    from lcorpp import planning
-
-    if path.suffix.lower() != ".pomdpx":
-        return planning.read_pomdp(path), None
-    from lcorpp.planning.formats.pomdpx.reader import read_factored
-
-    problem = read_factored(path)
-    try:
-        return planning.flatten(problem), problem
-    except ModelError as error:
-        raise ModelError(f"{path}: {error}") from None
 
 
 def read_policy(path: Path, pomdp: Pomdp, problem: Factored | None = None) -> Policy:

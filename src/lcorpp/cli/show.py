@@ -49,6 +49,8 @@ def show(
 
     The facts are sizes, sparsity, rewards, discount and start belief.
     """
+    from lcorpp.planning.formats.model_file import read_model
+
     for option, given in (("-o", out), ("--graph", graph)):
         if given is not None and policy is None:
             raise FileError(f"{option} draws a policy; give one after {model}")
@@ -58,7 +60,7 @@ def show(
         output_files.check_figure(out)
     if graph is not None:
         output_files.check_figure(graph, also=[".dot"])
-    pomdp, problem = model_files.read_model(model)
+    pomdp, problem = read_model(model)
     if policy is None:
         _print_model(model, pomdp, problem)
         return

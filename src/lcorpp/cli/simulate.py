@@ -43,8 +43,9 @@ def simulate(
     Prints the mean discounted reward with its 95% interval, the policy's lower bound and its evaluated value.
     """
     from lcorpp.planning import evaluate, simulate as simulate_policy
+    from lcorpp.planning.formats.model_file import read_model
 
-    pomdp, problem = model_files.read_model(model)
+    pomdp, problem = read_model(model)
     tested = model_files.read_policy(policy, pomdp, problem)
     max_steps = steps or math.ceil(math.log(NEGLIGIBLE) / math.log(pomdp.discount))
     result = simulate_policy(pomdp, tested, trials=trials, steps=max_steps, seed=seed, traces=trace)

@@ -15,7 +15,7 @@ from lcorpp.domains.sections.learning import Sense
 from lcorpp.domains.sections.planning import PlanningSection
 from lcorpp.domains.sections.reasoning import ReasoningSection
 from lcorpp.domains.sections.simulation import SimulationSection
-from lcorpp.errors import DomainError, expected_one_of
+from lcorpp.errors import DomainError, TooLargeError, expected_one_of
 from lcorpp.planning import Pomdp
 from lcorpp.reasoning import Program, with_classifier
 from lcorpp.values import (
@@ -34,7 +34,7 @@ MAX_GRID_STEPS, MAX_PRIORS = 10, 36
 """Limits of the grid of priors in `Domain.start_beliefs`: grid steps from 0 to 1, and number of priors."""
 
 TERMINAL_TOLERANCE = 1e-9
-"""Rounding error of the probability 1 of the terminal state."""
+"""Rounding error of the probability 1 of the terminal states."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -205,10 +205,12 @@ class Domain:
         return marginal.probabilities @ self.planning.initial_states
 
     def start_beliefs(self) -> Array:
-        """(N, S) beliefs to solve the model for: its own initial belief, and a grid of priors.
+        """(N, S) beliefs to solve the model for: its own initial belief, and priors.
 
         The prior differs from person to person, and a policy is only good near the beliefs it was computed
-        for. The grid covers the simplex of priors, hence every marginal that a reasoner may return.
+        for. The priors are a grid that covers the simplex, hence every marginal that a reasoner may return.
+        With so many values that only the corners are left of it, they are also the reasoner's marginals given
+        the most probable observed facts.
         """
         n = len(self.values)
         # the finest grid of at most MAX_PRIORS priors; one step gives a prior for each value, however many
@@ -217,7 +219,20 @@ class Domain:
             np.bincount(values, minlength=n) / steps
             for values in combinations_with_replacement(range(n), steps)
         ]
-        return np.vstack([self.pomdp.start, np.array(grid) @ self.planning.initial_states])
+        priors = np.array(grid if steps > 1 else [*grid, *self._compute_likely_marginals()])
+        return np.vstack([self.pomdp.start, priors @ self.planning.initial_states])
+
+    def _compute_likely_marginals(self) -> list[Array]:
+        """The marginals (V,) of the shared variables given each of the most probable observed facts."""
+        from lcorpp.reasoning import Reasoner  # imports the grounder and the compiler
+
+        reasoner, subject = Reasoner(self.program), list(self.reasoning.shared)
+        try:
+            likely = reasoner.most_probable(count=MAX_PRIORS, of=self.observed) if self.observed else ()
+        except TooLargeError:  # each marginal would take seconds of sampling
+            return []
+        facts = [world.values for world in likely] or [{}]
+        return [reasoner.posterior(subject, context).probabilities for context in facts]
 
     def marginal(self, belief: Belief) -> Distribution:
         """The distribution of the shared variables under a belief (S,), given that it is not terminal.
@@ -255,9 +270,8 @@ class Domain:
         raise DomainError(f"no action reports {format_value(value)!r}; {expected_one_of(known)}")
 
     def is_terminal(self, belief: Belief) -> bool:
-        """Whether the terminal state has probability 1 under a belief (S,)."""
-        terminal = self.planning.terminal
-        return terminal is not None and bool(belief[terminal] > 1 - TERMINAL_TOLERANCE)
+        """Whether the terminal states have probability 1 under a belief (S,)."""
+        return bool(belief @ self.planning.terminal > 1 - TERMINAL_TOLERANCE)
 
     def program_for(
         self, confusions: Mapping[str, ConfusionMatrix], smoothing: Fraction = JEFFREYS

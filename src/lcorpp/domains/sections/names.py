@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from pathlib import Path
 from typing import Literal
 
 from lcorpp.errors import DomainError, expected_one_of
@@ -54,10 +55,21 @@ def check_same_names(location: str, names: tuple[str, ...], known: tuple[str, ..
 
 def locate_declaration(pomdp: Pomdp, kind: Kind) -> str:
     """Return ``file:line`` of the declaration of the states, actions or observations in a POMDP file."""
-    for number, line in enumerate(read_text(pomdp.file).splitlines(), 1):
-        if re.match(rf"\s*{kind}\s*:", line):
-            return f"{pomdp.file}:{number}"
-    return pomdp.file
+    return _locate_line(pomdp.file, rf"\s*{kind}\s*:")
+
+
+def locate_variable(pomdp: Pomdp, name: str) -> str:
+    """Return ``file:line`` of the declaration of a state variable in a PomdpX file."""
+    return _locate_line(pomdp.file, rf""".*vnamePrev\s*=\s*["']{re.escape(name)}(_?0)?["']""")
+
+
+def _locate_line(file: str, pattern: str) -> str:
+    """Return ``file:line`` of the first line that begins with a pattern, else the place of the model."""
+    if Path(file).is_file():  # the place of a function is file:line already
+        for number, line in enumerate(read_text(file).splitlines(), 1):
+            if re.match(pattern, line):
+                return f"{file}:{number}"
+    return file
 
 
 def check_declared(
