@@ -22,7 +22,9 @@ from lcorpp.cli.main import main
 DOCS = Path(__file__).parents[1] / "docs"
 
 
-@pytest.mark.parametrize(("guide", "min_values"), [("planning.md", 16), ("learning.md", 15), ("data.md", 10)])
+@pytest.mark.parametrize(
+    ("guide", "min_values"), [("planning.md", 16), ("learning.md", 15), ("data.md", 10), ("domains.md", 2)]
+)
 def test_a_guide_is_true(
     guide: str,
     min_values: int,

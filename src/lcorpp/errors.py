@@ -53,6 +53,10 @@ class ProgramError(LcorppError):
     """A P-log program that parses but violates a condition of the language."""
 
 
+class NoValueError(ProgramError):
+    """An attribute of a P-log program has no value in some possible worlds, so it has no distribution."""
+
+
 class TooLargeError(ProgramError):
     """A P-log program is too large to be compiled: its decision diagram would fill the memory."""
 

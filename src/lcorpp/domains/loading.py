@@ -7,6 +7,7 @@ from pathlib import Path
 
 from lcorpp.domains.domain import Domain
 from lcorpp.domains.sections.learning import read_senses
+from lcorpp.domains.sections.names import check_defined
 from lcorpp.domains.sections.planning import read_planning
 from lcorpp.domains.sections.reasoning import read_reasoning
 from lcorpp.domains.sections.simulation import read_simulation
@@ -29,8 +30,8 @@ def load_domain(name_or_folder: str | Path, *, preset: str | None = None) -> Dom
         preset: name of a preset; None for the first, if the domain has any.
 
     Raises:
-        DomainError: a file is missing, or one file uses a name that another does not declare; the message
-            names both places.
+        DomainError: a file is missing, one file uses a name that another does not declare, or a shared
+            variable has no value in some possible world; the message names both places.
         ParseError, ProgramError, ModelError, FileError: a file of the folder is itself wrong.
     """
     check_type(name_or_folder, (str, Path), "the domain", DomainError)
@@ -45,11 +46,16 @@ def load_domain(name_or_folder: str | Path, *, preset: str | None = None) -> Dom
     table, preset_name = read_domain_toml(folder / "domain.toml", preset)
     name = table.text("name", folder.resolve().name)
     description = table.text("description", name)
-    reasoning = read_reasoning(table.section("reasoning", required=True), folder)
+    knowledge = table.section("reasoning", required=True)
+    reasoning = read_reasoning(knowledge, folder)
     senses = read_senses(table.sections("learning"), reasoning)
     planning = read_planning(table.section("planning", required=True), folder, reasoning)
     simulation = read_simulation(table.section("simulation"), folder, reasoning, senses, planning)
     table.reject_unknown_keys()
+    shared = knowledge.location("shared" if "shared" in knowledge else "target")
+    check_defined(shared, reasoning.shared, reasoning.program)
+    if simulation.true_program is not reasoning.program:
+        check_defined(table.location("simulation", "truth"), reasoning.shared, simulation.true_program)
     senses = tuple(  # without simulated signals nothing can be trained
         sense if sense.name in simulation.signals else replace(sense, classifier="channel")
         for sense in senses

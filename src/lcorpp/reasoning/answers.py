@@ -9,7 +9,7 @@ from heapq import nsmallest
 from operator import mul, truediv
 from typing import TYPE_CHECKING, Any
 
-from lcorpp.errors import ProgramError, UndefinedError
+from lcorpp.errors import NoValueError, ProgramError, UndefinedError
 from lcorpp.reasoning.language.arithmetic import evaluate_number
 from lcorpp.reasoning.language.issues import SourceIssue
 from lcorpp.reasoning.language.program import Program
@@ -72,7 +72,7 @@ def normalise_marginal(
 
     Raises:
         UndefinedError: all weights are 0.
-        ProgramError: the term may have no value.
+        NoValueError: the term may have no value.
     """
     total = sum(weights.values())
     if not total:
@@ -158,14 +158,14 @@ def make_no_world_error(program: Program, conditions: str) -> UndefinedError:
     return UndefinedError(f"{program.file}: no possible world of positive measure{conditions}")
 
 
-def make_no_value_error(program: Program, term: str, probability: object, where: str = "") -> ProgramError:
+def make_no_value_error(program: Program, term: str, probability: object, where: str = "") -> NoValueError:
     """Make the error for a term that may have no value, so that its distribution does not sum to 1.
 
     Args:
         probability: that the term has no value.
         where: the row of a batch, at the beginning of the message.
     """
-    return ProgramError(
+    return NoValueError(
         f"{program.file}: {where}{term.removeprefix('?')} has no value with probability {probability};"
         f" ask for {term.removeprefix('?').replace(', ', '=value, ')}=value instead"
     )

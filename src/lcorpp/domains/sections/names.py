@@ -6,7 +6,7 @@ import re
 from pathlib import Path
 from typing import Literal
 
-from lcorpp.errors import DomainError, expected_one_of
+from lcorpp.errors import DomainError, NoValueError, TooLargeError, expected_one_of
 from lcorpp.files import read_text
 from lcorpp.planning import Pomdp
 from lcorpp.reasoning import Program
@@ -33,6 +33,33 @@ def find_attribute_values(location: str, name: str, program: Program) -> tuple[s
             f"{location}: {name!r} takes arguments ({program.file}:{attribute.line}); expected one without"
         )
     return attribute.values
+
+
+def check_defined(location: str, names: tuple[str, ...], program: Program) -> None:
+    """Check that attributes have a value in every possible world, as shared variables must.
+
+    A program that is too large to be compiled is not checked here; its first question is.
+
+    Args:
+        location: ``file:line: key`` that uses the attributes, the start of an error message.
+
+    Raises:
+        DomainError: an attribute may have no value.
+        ProgramError, UndefinedError: the program has no possible world, or violates a condition of P-log.
+    """
+    from lcorpp.reasoning import Reasoner  # imports the grounder and the compiler
+
+    reasoner = Reasoner(program)
+    for name in names:
+        try:
+            reasoner.exact(name)
+        except TooLargeError:
+            return
+        except NoValueError as error:
+            raise DomainError(
+                f"{location}: {name!r} needs a value in every possible world"
+                f" ({program.file}:{program.attributes[name].line}): {str(error).partition(';')[0]}"
+            ) from None
 
 
 def check_same_names(location: str, names: tuple[str, ...], known: tuple[str, ...], what: str) -> None:

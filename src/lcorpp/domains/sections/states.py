@@ -1,4 +1,4 @@
-"""The shared values of the planner's states: by a pattern of their names, or by the variables of the model."""
+"""The shared values of the planner's states: by a pattern of their names, or by the model's variables."""
 
 from __future__ import annotations
 

@@ -1,0 +1,193 @@
+"""The planner's states by patterns, by variables and from functions: one model in three forms, and errors."""
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from lcorpp.decision import strategies
+from lcorpp.domains import load_domain
+from lcorpp.errors import DomainError, LcorppError, ModelError
+from lcorpp.experiments import ComparisonOptions, compare_strategies
+from tests.domains.test_loading import edit
+
+PAGE = Path(__file__).parents[2] / "docs" / "domains.md"
+PRESETS = ("pattern", "variables", "function")
+
+
+@pytest.fixture
+def errands(tmp_path):
+    """The domain of docs/domains.md, which has one model in three forms."""
+    blocks = re.findall(r"^```(?!python)\w+ (\S+)\n(.*?)^```$", PAGE.read_text(), re.MULTILINE | re.DOTALL)
+    for name, text in blocks:
+        (tmp_path / name).write_text(text)
+    return tmp_path
+
+
+def test_three_forms_of_a_model_are_one(errands):
+    options = ComparisonOptions(strategies=strategies(["R", "P", "R+P"], []), trials=None)
+    tables = [compare_strategies(load_domain(errands, preset=name), options).scores for name in PRESETS]
+    for row in zip(*tables, strict=True):
+        for scores in row[1:]:
+            assert scores.return_.estimate == pytest.approx(row[0].return_.estimate, abs=1e-9)
+            assert scores.cost.estimate == pytest.approx(row[0].cost.estimate, abs=1e-9)
+
+
+def test_variables_in_another_order_with_one_of_the_planner_s_own(errands):
+    """Variables and values may have any order; `near` starts as in the model, given the item."""
+    (errands / "interaction.py").write_text(
+        "from lcorpp.planning import Factored, cpt\n"
+        "def make_model():\n"
+        "    return Factored.of(\n"
+        "        states={'near': 'no yes', 'room': 'hall lab over', 'item': 'book tea'},\n"
+        "        actions='deliver_tea_lab deliver_tea_hall deliver_book_lab deliver_book_hall',\n"
+        "        observations='none',\n"
+        "        start={'item': {'tea': 1}, 'room': {'hall': 0.5, 'lab': 0.5},\n"
+        "               'near': cpt('item', {'tea': {'no': 0.75, 'yes': 0.25}, 'book': 'yes'})},\n"
+        "        transition={'near': 'same', 'room': 'over', 'item': 'same'},\n"
+        "        observation='none', reward=0, discount=0.5)\n"
+    )
+    edit(errands / "domain.toml", 'make_model"\nterminal = "over=yes"', 'make_model"\nterminal = "room=over"')
+    domain = load_domain(errands, preset="function")
+    states, planning = domain.pomdp.states, domain.planning
+    assert domain.values[0] == ("tea", "lab")
+    starts = {state: p for state, p in zip(states, planning.initial_states[0], strict=True) if p}
+    assert starts == {"near=no,room=lab,item=tea": 0.75, "near=yes,room=lab,item=tea": 0.25}
+    # books have probability 0 at the start of the model: `near` starts there as it does over all
+    starts = {state: p for state, p in zip(states, planning.initial_states[3], strict=True) if p}
+    assert starts == {"near=no,room=hall,item=book": 0.75, "near=yes,room=hall,item=book": 0.25}
+    over = ["room=over" in state for state in states]
+    np.testing.assert_array_equal(planning.terminal, over)
+    np.testing.assert_array_equal(planning.state_values.sum(axis=1), np.logical_not(over))
+    assert domain.is_terminal(planning.terminal / planning.terminal.sum())
+    assert domain.marginal(domain.pomdp.start)["tea", "lab"] == 0.5
+
+
+def test_a_function_without_parameters_may_return_a_pomdp(errands):
+    (errands / "own.py").write_text(
+        "from pathlib import Path\nfrom lcorpp.planning import read_pomdp\n"
+        "def model():\n    return read_pomdp(Path(__file__).parent / 'delivery.pomdp')\n"
+    )
+    edit(errands / "domain.toml", '"delivery.pomdp"', '"own.py:model"')
+    made = load_domain(errands).pomdp
+    assert made.file == f"{errands / 'own.py'}:3"
+    edit(errands / "domain.toml", '"own.py:model"', '"delivery.pomdp"')
+    assert made.fingerprint == load_domain(errands).pomdp.fingerprint
+
+
+XML, FUNCTION = "variables", "function"
+WRONG = [
+    (XML, "delivery.pomdpx", "tea book</Value", "tea pen</Value", r"pomdpx:4: unknown|delivery\.pomdpx:\d+"),
+    (
+        XML,
+        "knowledge.plog",
+        "{tea, book}",
+        "{tea, book, pen}",
+        r"delivery\.pomdpx:4: variable 'item' has the values tea, book; expected tea, book, pen, as at .*"
+        r"knowledge\.plog:2",
+    ),
+    (
+        XML,
+        "domain.toml",
+        'observed = ["time"]\nshared = ["item", "room"]',
+        'shared = ["time", "room"]',
+        r"delivery\.pomdpx has no state variable 'time', which is shared \(.*knowledge\.plog:2\); expected"
+        r" one of item, room, over, or a pattern in .*domain\.toml:\d+: \[planning\] states",
+    ),
+    (
+        XML,
+        "domain.toml",
+        'model = "delivery.pomdpx"\nterminal = "over=yes"',
+        'model = "delivery.pomdpx"\nterminal = "done"',
+        r"domain\.toml:19: \[planning\] terminal: .*delivery\.pomdpx has no 'done'; expected one of item=tea",
+    ),
+    (
+        XML,
+        "delivery.pomdpx",
+        "<ProbTable>1 0</ProbTable></Entry></Parameter></CondProb>\n</Init",
+        "<ProbTable>0 1</ProbTable></Entry></Parameter></CondProb>\n</Init",
+        r"delivery\.pomdpx: the start belief is terminal",
+    ),
+    (
+        XML,
+        "domain.toml",
+        'model = "delivery.pomdpx"',
+        'model = "delivery.pomdpx"\nlocal.over.values = ["no", "yes"]',
+        r"\[planning\] local: unknown key",
+    ),
+    (
+        FUNCTION,
+        "domain.toml",
+        "y:make_model",
+        "y:model",
+        r"interaction\.py has no function 'model'; expected one",
+    ),
+    (FUNCTION, "domain.toml", "n.py:make_model", ".py:model", r"interactio\.py: not a Python file"),
+    (
+        FUNCTION,
+        "interaction.py",
+        'values["item"]',
+        'values["wish"]',
+        r"interaction\.py:10: make_model\(\) failed:",
+    ),
+    (
+        FUNCTION,
+        "interaction.py",
+        "else 0.2 /",
+        "else 0.3 /",
+        r"interaction\.py:\d+: make_model\(\) failed: ModelError: .*sums to 1\.1",
+    ),
+    (
+        FUNCTION,
+        "interaction.py",
+        "    return Factored.of(",
+        "    return dict(",
+        r"returned dict; expected a Pomdp",
+    ),
+    (
+        FUNCTION,
+        "interaction.py",
+        "def make_model(values)",
+        "def make_model(a, b)",
+        r"make_model\(\) failed: TypeE",
+    ),
+    (FUNCTION, "interaction.py", "import Factored", "import Factord", r"interaction\.py:1: cannot be loaded"),
+    (
+        FUNCTION,
+        "domain.toml",
+        'reports = "deliver_',
+        'reports = "bring_',
+        r"domain\.toml:10: \[planning\] reports: .*interaction\.py:9 has no action 'bring_tea_lab'",
+    ),
+]
+
+
+@pytest.mark.parametrize(("preset", "file", "old", "new", "message"), WRONG)
+def test_errors_name_both_places(errands, preset, file, old, new, message):
+    edit(errands / file, old, new)
+    with pytest.raises(LcorppError, match=message):
+        load_domain(errands, preset=preset)
+
+
+def test_a_shared_variable_without_a_value_in_some_world(errands):
+    edit(errands / "knowledge.plog", "random(item).", "random(item) :- time=morning.")
+    message = (
+        r"domain\.toml:7: \[reasoning\] shared: 'item' needs a value in every possible world"
+        r" \(.*knowledge\.plog:2\): .*knowledge\.plog: item has no value with probability 1/2$"
+    )
+    with pytest.raises(DomainError, match=message):
+        load_domain(errands)
+
+
+def test_a_model_that_is_too_large(errands):
+    (errands / "own.py").write_text(
+        "from lcorpp.planning import Factored\n"
+        "def model(values):\n"
+        "    states = values | {f'bit{i}': 'no yes' for i in range(40)}\n"
+        "    return Factored.of(states=states, actions='a', start=dict.fromkeys(states, 'uniform'),\n"
+        "        transition=dict.fromkeys(states, 'same'), reward=0, discount=0.5)\n"
+    )
+    edit(errands / "domain.toml", "interaction.py:make_model", "own.py:model")
+    with pytest.raises(ModelError, match=r"own\.py:2: \d+ states are too many to be written out"):
+        load_domain(errands, preset="function")
