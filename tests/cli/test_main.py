@@ -139,7 +139,7 @@ def test_outputs_are_checked_before_the_work(lcorpp, monkeypatch, tmp_path):
 
 
 def test_the_options_of_learn_are_checked_before_the_work(lcorpp, monkeypatch, tmp_path):
-    monkeypatch.setattr("lcorpp.experiments.setup.solve", None)
+    monkeypatch.setattr("lcorpp.experiments.setup.solve_cached", None)
     (tmp_path / "file").write_text("")
     refused(lcorpp("learn", *SMALL, "--store", tmp_path / "file" / "x.tracks"), "file is a file")
     refused(lcorpp("learn", *SMALL, "--store", tmp_path / "no" / "x.tracks"), "there is no folder")

@@ -54,22 +54,30 @@ def explain(
     interactive: Annotated[
         bool, typer.Option("--interactive", help="You are the person: type the facts and answers.")
     ] = False,
+    solver: options.SolverOption = None,
+    precision: options.PrecisionOption = None,
+    time_limit: options.TimeLimitOption = None,
+    no_cache: options.NoCacheOption = False,
 ) -> None:
     """Print one decision, step by step.
 
     The steps are label, evidence, posterior, prior, then every action with its observation and belief.
     The person is simulated; values that are not given are drawn. With --interactive you are the person.
+    Ctrl-C while it solves goes on with the best policy so far.
     """
     from lcorpp.cli.robot_output import print_classifier, print_domain, print_solution
     from lcorpp.domains import load_domain
     from lcorpp.experiments.setup import from_channel, make_robot, solve_domain
     from lcorpp.planning import Planner
+    from lcorpp.planning.policy_cache import find_cache_folder
 
     if interactive and sys.stdin is None:
         raise DecisionError("--interactive needs an input to read your answers from; it is closed")
     if interactive and (truth is not None or answers is not None):
         raise DomainError("--truth and --answers describe a simulated person; --interactive has none")
     loaded = load_domain(domain, preset=preset)
+    chosen = options.choose_solver(loaded.planning.solver, solver, precision, time_limit)
+    cache = None if no_cache else find_cache_folder()
     facts = options.parse_facts(loaded, fact or [])
     value = None if truth is None else options.parse_truth(loaded, truth)
     script = None if answers is None else options.parse_answers(loaded, answers)
@@ -84,8 +92,8 @@ def explain(
     print_domain(loaded)
     for name, setup in senses.items():
         print_classifier(setup, "channel", name if len(senses) > 1 else "")
-    with console.show_progress("solving the POMDP"):
-        solution = solve_domain(loaded)
+    with console.show_progress("solving the POMDP") as advance:
+        solution = solve_domain(loaded, chosen, cache=cache, advance=advance)
     print_solution(solution)
     program = loaded.soft_program(likelihoods)
     robot = make_robot(loaded, senses, program, Planner(solution))

@@ -49,6 +49,10 @@ def learn(
             help="Store every decision in this file (suffix .tracks). If it exists, the run resumes.",
         ),
     ] = None,
+    solver: options.SolverOption = None,
+    precision: options.PrecisionOption = None,
+    time_limit: options.TimeLimitOption = None,
+    no_cache: options.NoCacheOption = False,
     out: options.OutOption = None,
     formats: options.FormatOption = None,
     jobs: options.JobsOption = None,
@@ -70,8 +74,11 @@ def learn(
     from lcorpp.experiments.setup import TrainingOptions, solve_domain
     from lcorpp.experiments.training_data import make_training_data
     from lcorpp.planning import Planner
+    from lcorpp.planning.policy_cache import find_cache_folder
 
     loaded = load_domain(domain, preset=preset)
+    solving = options.choose_solver(loaded.planning.solver, solver, precision, time_limit)
+    cache = None if no_cache else find_cache_folder()
     sense = find_learning_sense(loaded, ActiveLearningOptions())
     default = sense.classifier if sense.classifier != "channel" else "lstm"
     training = TrainingOptions(
@@ -103,8 +110,8 @@ def learn(
             _print_run_store(run_store)
         notes_printed = len(run_store.notes) if run_store else 0
         try:
-            with console.show_progress("solving the POMDP"):
-                solution = solve_domain(loaded)
+            with console.show_progress("solving the POMDP") as advance:
+                solution = solve_domain(loaded, solving, cache=cache, advance=advance)
             print_solution(solution)
             results = run_active_learning(
                 loaded,
@@ -122,7 +129,9 @@ def learn(
                 title = "resumed" if result.resumed else f"batch {batch.number}"
                 console.out.print(f"{title}: {result.summary()}")
                 if out is not None:
-                    written = write_batches(out, loaded.name, result, formats=formats or FORMATS)
+                    written = write_batches(
+                        out, loaded.name, result, solution=solution, formats=formats or FORMATS
+                    )
                 if batch.converged:
                     console.out.print(
                         f"converged: the confusion matrix changed by {batch.change:.3f}, at most {epsilon:g}"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -13,6 +13,7 @@ from lcorpp.errors import DomainError, expected_one_of
 if TYPE_CHECKING:
     from lcorpp.domains import Domain
     from lcorpp.domains.sections.learning import Sense
+    from lcorpp.planning import SolverOptions
     from lcorpp.values import Likelihood, SharedValue
 
 MAX_TRIALS = 10_000_000
@@ -92,6 +93,44 @@ TracksOption = Annotated[
 DataOption = Annotated[
     Path | None, typer.Option(help="Recorded tracks for training: a folder or a file, see docs/learning.md.")
 ]
+
+SolverOption = Annotated[
+    str | None,
+    typer.Option(
+        metavar="NAME",
+        help="The solver: sarsop, exact, perseus, qmdp or fib, or your own as FILE.py:NAME. By default the"
+        " domain's, or sarsop.",
+    ),
+]
+PrecisionOption = Annotated[
+    float | None,
+    typer.Option(
+        help="Stop solving at this gap between the bounds, in reward units; by default the domain's, or"
+        " 0.0005."
+    ),
+]
+TimeLimitOption = Annotated[
+    float | None,
+    typer.Option(help="Stop solving after this many seconds; by default the domain's limit, or 60."),
+]
+NoCacheOption = Annotated[
+    bool,
+    typer.Option("--no-cache", help="Solve again, and keep nothing, instead of using the cache of policies."),
+]
+
+
+def choose_solver(
+    default: SolverOptions, name: str | None, precision: float | None, time_limit: float | None
+) -> SolverOptions:
+    """Return the domain's solver with the values of the options.
+
+    Raises:
+        ModelError: the solver is unknown, or a number is not positive.
+    """
+    from dataclasses import replace
+
+    given: dict[str, Any] = {"name": name, "precision": precision, "time_limit": time_limit}
+    return replace(default, **{key: value for key, value in given.items() if value is not None})
 
 
 def _parse_folder(text: str) -> Path:

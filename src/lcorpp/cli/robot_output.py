@@ -18,9 +18,6 @@ if TYPE_CHECKING:
     from lcorpp.planning import Solution
     from lcorpp.values import Interval
 
-CONVERGED = "precision reached"
-"""The reason of a solution whose bounds are as close as requested."""
-
 
 def print_domain(domain: Domain) -> None:
     """Print the name, preset and description of a domain."""
@@ -107,16 +104,19 @@ def print_classifier(setup: SenseSetup, source: str, sense: str = "") -> None:
 
 def print_solution(solution: Solution) -> None:
     """Print the bounds of a solution, and a warning with the remaining gap if it has not converged."""
+    name = "SARSOP" if solution.solver == "sarsop" else f"solver {solution.solver}"
     lower, gap = solution.policy.value(solution.pomdp.start), solution.gap(solution.pomdp.start)
+    cached = "; from the cache of policies (--no-cache solves again)" if solution.cached else ""
     console.out.print(
-        f"SARSOP: value in [{lower:.3f}, {lower + gap:.3f}] at the start belief; {solution.vectors} vectors,"
-        f" {solution.seconds:.1f} s",
+        f"{name}: value in [{lower:.3f}, {lower + gap:.3f}] at the start belief; {solution.vectors} vectors,"
+        f" {solution.seconds:.1f} s{cached}",
         markup=False,
     )
-    if solution.reason != CONVERGED:
+    if not solution.converged:
+        kept = "; this is the best policy so far" if solution.reason == "interrupted" else ""
         console.warn(
-            f"SARSOP has not converged ({solution.reason}): a gap of {solution.upper - solution.lower:.4g}"
-            " remains, so a better policy may exist"
+            f"{name} has not converged ({solution.reason}{kept}): a gap of"
+            f" {solution.upper - solution.lower:.4g} remains, so a better policy may exist"
         )
 
 

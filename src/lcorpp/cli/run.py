@@ -62,6 +62,10 @@ def run(
     policy: Annotated[
         Path | None, typer.Option(help="A policy for the domain's POMDP, instead of solving it.")
     ] = None,
+    solver: options.SolverOption = None,
+    precision: options.PrecisionOption = None,
+    time_limit: options.TimeLimitOption = None,
+    no_cache: options.NoCacheOption = False,
     exact: Annotated[
         bool, typer.Option("--exact", help="Enumerate people and answers instead of sampling (channel only).")
     ] = False,
@@ -72,7 +76,8 @@ def run(
     """Compare the paper's strategies on simulated people.
 
     Trains or loads the classifier, solves the POMDP, simulates the strategies and prints their scores.
-    Ctrl-C during the trials keeps those that are complete.
+    Ctrl-C while it solves goes on with the best policy so far; during the trials it keeps those that are
+    complete.
     """
     from lcorpp.cli.robot_output import (
         print_classifier,
@@ -86,6 +91,7 @@ def run(
     from lcorpp.experiments.comparison import ComparisonOptions, compare_strategies
     from lcorpp.experiments.results import FORMATS, describe_run, describe_source, write_comparison
     from lcorpp.experiments.setup import EvidenceOptions, StoredOptions, TrainingOptions
+    from lcorpp.planning.policy_cache import find_cache_folder
     from lcorpp.values import JEFFREYS, LAPLACE
 
     loaded = load_domain(domain, preset=preset)
@@ -102,6 +108,9 @@ def run(
         "device": device if device != "cpu" else None,
         "features": features if features != "x,y" else None,
     }
+    if policy is not None:
+        limits = {"precision": precision, "time-limit": time_limit}
+        _reject_given("nothing is solved, as --policy gives a policy", solver=solver, **limits)
     if exact:
         _reject_given("nothing is sampled with --exact", trials=trials)
     channels_only = set(kinds.values()) <= {"channel"}
@@ -133,6 +142,8 @@ def run(
         trials=None if exact else number,
         seed=seed,
         jobs=console.count_processes(jobs),
+        solver=options.choose_solver(loaded.planning.solver, solver, precision, time_limit),
+        cache=None if no_cache else find_cache_folder(),
     )
     output_files.check_results(out, formats)
     print_domain(loaded)

@@ -32,7 +32,12 @@ def solve(
     ] = 5e-4,
     time_limit: Annotated[float, typer.Option(help="Stop after this many seconds.")] = 60.0,
     name: Annotated[
-        str, typer.Option("--solver", metavar="NAME", help="sarsop, exact, perseus, qmdp or fib.")
+        str,
+        typer.Option(
+            "--solver",
+            metavar="NAME",
+            help="sarsop, exact, perseus, qmdp or fib, or your own as FILE.py:NAME.",
+        ),
     ] = "sarsop",
     plot: Annotated[
         Path | None, typer.Option(metavar="PICTURE", help="Draw the bounds over time: .png, .svg or .pdf.")

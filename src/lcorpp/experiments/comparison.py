@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from pathlib import Path
 
 from lcorpp.decision import Strategy
 from lcorpp.decision.strategies import list_strategies
@@ -27,7 +28,7 @@ from lcorpp.experiments.setup import (
     solve_domain,
 )
 from lcorpp.experiments.trials import Experiment, run_trials
-from lcorpp.planning import Planner, Policy, Solution
+from lcorpp.planning import Planner, Policy, Solution, SolverOptions
 from lcorpp.simulation import NoisyChannel
 
 
@@ -41,6 +42,7 @@ class ComparisonOptions:
     evidence: labels or likelihoods as the classifiers' evidence for the reasoner.
     trials: the number of simulated people; None computes exact scores, for noisy channels only.
     seed: of all random numbers. jobs: processes; the results are the same for any number.
+    solver: of the POMDP; None takes the domain's. cache: a folder that keeps policies, None for none.
     """
 
     strategies: tuple[Strategy, ...] = ()
@@ -49,6 +51,8 @@ class ComparisonOptions:
     trials: int | None = 5000
     seed: int = 0
     jobs: int = 1
+    solver: SolverOptions | None = None
+    cache: Path | None = None
 
     def __post_init__(self) -> None:
         for strategy in self.strategies:
@@ -57,6 +61,7 @@ class ComparisonOptions:
         kinds = (TrainingOptions, StoredOptions, type(None))
         for options in self.classifiers.values():
             check_type(options, kinds, "an option of `classifiers`", DecisionError)
+        check_type(self.solver, (SolverOptions, type(None)), "the option `solver`", DecisionError)
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,8 +120,8 @@ def compare_strategies(
     if policy is not None:
         planner = Planner(policy, domain.pomdp)
     else:
-        with progress("solving the POMDP"):
-            solution = solve_domain(domain)
+        with progress("solving the POMDP") as advance:
+            solution = solve_domain(domain, options.solver, cache=options.cache, advance=advance)
         planner = Planner(solution)
     robot = make_robot(domain, senses, make_program(domain, senses, options.evidence), planner)
     if options.trials is None:

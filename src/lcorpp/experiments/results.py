@@ -17,6 +17,8 @@ from lcorpp.experiments.comparison import Comparison, ComparisonOptions
 from lcorpp.experiments.metrics import METRICS, Scores
 from lcorpp.experiments.setup import ClassifierOptions, SenseSetup, TrainingOptions
 from lcorpp.files import make_folder, write_atomically
+from lcorpp.planning import Solution
+from lcorpp.planning.solution import describe_start
 from lcorpp.values import LAPLACE
 
 if TYPE_CHECKING:
@@ -60,8 +62,26 @@ def describe_run(
         "evidence": "soft" if options.evidence.soft else "hard",
         "smoothing": "laplace" if options.evidence.smoothing == LAPLACE else "jeffreys",
         "policy": str(policy) if policy else "solved",
+        "solution": describe_solution(comparison.solution),
         "trials": "exact" if comparison.trials is None else comparison.trials,
         "seed": options.seed,
+    }
+
+
+def describe_solution(solution: Solution | None) -> dict[str, Any] | None:
+    """Return the bounds of a solution and how its search ended; None if a policy was given."""
+    if solution is None:
+        return None
+    return {
+        "solver": solution.solver,
+        "lower": solution.lower,
+        "upper": solution.upper,
+        "gap": solution.upper - solution.lower,
+        "bounds_at": describe_start(solution.start_count),
+        "converged": solution.converged,
+        "reason": solution.reason,
+        "seconds": solution.seconds,
+        "cached": solution.cached,
     }
 
 
@@ -139,16 +159,25 @@ def write_comparison(
 
 
 def write_batches(
-    folder: Path, domain_name: str, result: BatchResult, *, formats: Sequence[str] = FORMATS
+    folder: Path,
+    domain_name: str,
+    result: BatchResult,
+    *,
+    solution: Solution | None = None,
+    formats: Sequence[str] = FORMATS,
 ) -> WrittenFiles:
     """Write batches.csv, batches.json, the latest classifier and the figure of all batches so far.
+
+    Args:
+        solution: of the POMDP, for batches.json.
 
     Raises:
         FileError: a file cannot be written.
     """
     make_folder(folder)
     _write_csv(folder / "batches.csv", ("batch", "tracks", "change", *METRICS), result.rows)
-    _write_json(folder / "batches.json", {"domain": domain_name, "batches": list(result.rows)})
+    head = {"domain": domain_name, "solution": describe_solution(solution)}
+    _write_json(folder / "batches.json", {**head, "batches": list(result.rows)})
     saved = _save_if_trained(result.batch.classifier, folder)
     written = [folder / "batches.csv", folder / "batches.json", *saved.paths]
     scored = [row for row in result.rows if "f1" in row]

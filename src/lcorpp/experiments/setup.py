@@ -9,13 +9,15 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
 from fractions import Fraction
+from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Protocol
 
 from lcorpp.decision import Robot
 from lcorpp.domains import Domain
 from lcorpp.domains.sections.learning import Sense
-from lcorpp.planning import Solution, solve
+from lcorpp.planning import Progress, Solution, SolverOptions
+from lcorpp.planning.policy_cache import solve_cached
 from lcorpp.protocols import Planner
 from lcorpp.reasoning import Program, Reasoner
 from lcorpp.simulation.people import SignalSource
@@ -146,9 +148,33 @@ def make_program(domain: Domain, senses: Senses, evidence: EvidenceOptions = HAR
     return domain.program_for(confusions, evidence.smoothing)
 
 
-def solve_domain(domain: Domain) -> Solution:
-    """Solve the domain's POMDP with SARSOP, for all its start beliefs."""
-    return solve(domain.pomdp, domain.start_beliefs())
+def solve_domain(
+    domain: Domain,
+    solver: SolverOptions | None = None,
+    *,
+    cache: Path | None = None,
+    advance: Advance = lambda done, total: None,
+) -> Solution:
+    """Solve the domain's POMDP for all its start beliefs.
+
+    At the time limit or after Ctrl-C, the result is the best policy so far.
+
+    Args:
+        solver: None takes that of the domain.
+        cache: a folder that keeps solutions; None solves.
+        advance: receives the seconds and the time limit.
+
+    Raises:
+        ModelError: an own solver fails, or returns no policy for this model.
+    """
+    options = solver or domain.planning.solver
+    limit = options.time_limit
+
+    def show(now: Progress) -> None:
+        advance(round(now.seconds), round(limit))
+
+    callback = show if isfinite(limit) else None
+    return solve_cached(domain.pomdp, domain.start_beliefs(), options, folder=cache, callback=callback)
 
 
 def make_robot(domain: Domain, senses: Senses, program: Program, planner: Planner) -> Robot:

@@ -12,6 +12,9 @@ from lcorpp.planning.policy import Policy
 from lcorpp.planning.pomdp import Pomdp
 from lcorpp.values import Array, Belief
 
+CONVERGED = "precision reached"
+"""The reason of a solution whose bounds are as close as requested."""
+
 
 @dataclass(frozen=True)
 class Progress:
@@ -44,6 +47,7 @@ class Solution:
     trials: number of sampled paths (trials) of SARSOP, of backups or steps of other solvers.
     start: (S,) the belief of `lower` and `upper`; the model's own when None.
     start_count: number of start beliefs.
+    solver: its name, if it was chosen by `SolverOptions`. cached: whether it is from the cache of policies.
     """
 
     pomdp: Pomdp
@@ -57,6 +61,13 @@ class Solution:
     trials: int
     start: Belief | None = None
     start_count: int = 1
+    solver: str = ""
+    cached: bool = False
+
+    @property
+    def converged(self) -> bool:
+        """Whether the bounds are as close as requested."""
+        return self.reason == CONVERGED
 
     @property
     def vectors(self) -> int:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from math import inf
 from pathlib import Path
 
 from lcorpp.domains.sections.names import check_declared
@@ -11,9 +12,13 @@ from lcorpp.domains.sections.planner_model import read_planner_model
 from lcorpp.domains.sections.reasoning import ReasoningSection
 from lcorpp.domains.sections.states import check_template, read_states
 from lcorpp.domains.toml import TomlTable
-from lcorpp.errors import DomainError
-from lcorpp.planning import Pomdp
+from lcorpp.errors import DomainError, ModelError
+from lcorpp.planning import Pomdp, SolverOptions
+from lcorpp.user_code import split_function
 from lcorpp.values import Array, SharedValue, format_value
+
+MIN_LIMIT = 1e-9
+"""Minimum of a solver's precision and time limit."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -25,6 +30,7 @@ class PlanningSection:
     initial_states: (V, S) the probability of each state, given shared value v, before the first action.
     state_values: (S, V) 1 if a state has shared value v; zeros for terminal states.
     terminal: (S,) 1 for terminal states, 0 for the others.
+    solver: the solver of the model, and its limits.
     """
 
     pomdp: Pomdp
@@ -32,6 +38,7 @@ class PlanningSection:
     initial_states: Array
     state_values: Array
     terminal: Array
+    solver: SolverOptions
 
     def __repr__(self) -> str:
         return f"PlanningSection({self.pomdp!r}, reports: {', '.join(self.reports)})"
@@ -47,8 +54,24 @@ def read_planning(table: TomlTable, folder: Path, reasoning: ReasoningSection) -
     pomdp, problem = read_planner_model(table, folder, reasoning)
     states = read_states(table, pomdp, problem, reasoning)
     reports = _read_reports(table, pomdp, reasoning)
+    solver = _read_solver(table, folder)
     table.reject_unknown_keys()
-    return PlanningSection(pomdp, reports, states.initial_states, states.state_values, states.terminal)
+    return PlanningSection(
+        pomdp, reports, states.initial_states, states.state_values, states.terminal, solver
+    )
+
+
+def _read_solver(table: TomlTable, folder: Path) -> SolverOptions:
+    """Read `solver`, a name or ``FILE.py:NAME`` in the folder, and its limits."""
+    default = SolverOptions()
+    name = table.text("solver", default.name)
+    parts = split_function(name)
+    precision = table.number("precision", MIN_LIMIT, inf, default.precision)
+    time_limit = table.number("time_limit", MIN_LIMIT, inf, default.time_limit)
+    try:
+        return SolverOptions(f"{folder / parts[0]}:{parts[1]}" if parts else name, precision, time_limit)
+    except ModelError as error:
+        raise DomainError(f"{table.location('solver')}: {error}") from None
 
 
 def _read_reports(table: TomlTable, pomdp: Pomdp, reasoning: ReasoningSection) -> dict[str, SharedValue]:

@@ -4,6 +4,7 @@ Infinite horizon, one signature, by name in `load_solver`:
 perseus       randomised point-based backups
 table_policy  QMDP and the fast informed bound as policies
 exact         value iteration with incremental pruning: the value at every belief, for small problems
+own           a function in the user's file
 
 finite_horizon    one policy per number of remaining steps
 heuristic_search  online planning with bounds
@@ -13,10 +14,13 @@ pomcp             online planning by simulation
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from importlib import import_module
+from numbers import Real
 
-from lcorpp.errors import ModelError, expected_one_of
+from lcorpp.errors import ModelError, check_type, expected_one_of
 from lcorpp.planning.solution import Solution
+from lcorpp.user_code import split_function
 
 _FUNCTIONS = {
     "sarsop": ("lcorpp.planning.sarsop", "solve"),
@@ -30,14 +34,48 @@ SOLVER_NAMES = tuple(_FUNCTIONS)
 """The names that `load_solver` accepts. To add one: a row above, and its name in `lcorpp solve --help`."""
 
 
+@dataclass(frozen=True)
+class SolverOptions:
+    """The choice of a solver and its limits.
+
+    name: one of `SOLVER_NAMES`, or ``FILE.py:NAME``, see `load_solver`.
+    precision: stop at this gap between the bounds, in reward units. time_limit: wall-clock seconds.
+
+    Raises:
+        ModelError: the name is unknown, the file of an own solver is wrong, or a number is not positive.
+    """
+
+    name: str = "sarsop"
+    precision: float = 5e-4
+    time_limit: float = 60.0
+
+    def __post_init__(self) -> None:
+        check_type(self.name, str, "the solver", ModelError)
+        for what, number in (("precision", self.precision), ("time limit", self.time_limit)):
+            check_type(number, Real, f"the {what}", ModelError)
+            if not number > 0:
+                raise ModelError(f"the {what} is {number}; expected a positive number")
+        if self.name not in _FUNCTIONS:
+            load_solver(self.name)
+
+
 def load_solver(name: str) -> Callable[..., Solution]:
     """Import a solver and return its function `solve(pomdp, start=None, *, precision, time_limit, callback)`.
 
+    Args:
+        name: one of `SOLVER_NAMES`, or ``FILE.py:NAME``, a function in the user's file: see
+            `lcorpp.planning.solvers.own`.
+
     Raises:
-        ModelError: the name is unknown.
+        ModelError: the name is unknown, or the user's file cannot be loaded or has no such function.
     """
-    if name not in _FUNCTIONS:
-        raise ModelError(f"unknown solver {name!r}; {expected_one_of(SOLVER_NAMES)}")
-    module, function = _FUNCTIONS[name]
-    solver: Callable[..., Solution] = getattr(import_module(module), function)
-    return solver
+    if name in _FUNCTIONS:
+        module, function = _FUNCTIONS[name]
+        solver: Callable[..., Solution] = getattr(import_module(module), function)
+        return solver
+    parts = split_function(name)
+    if parts is None:
+        raise ModelError(f"unknown solver {name!r}; {expected_one_of(SOLVER_NAMES)}, or FILE.py:NAME")
+    from lcorpp.planning.solvers.own import OwnSolver  # imports the kernels
+
+    return OwnSolver(*parts)
