@@ -138,7 +138,7 @@ def _read(path: Path, pomdp: Pomdp) -> Solution | None:
     if not path.exists():
         return None
     try:
-        with np.load(path) as data:
+        with np.load(io.BytesIO(path.read_bytes())) as data:
             facts = json.loads(str(data["facts"]))
             sets = [
                 AlphaVectors(*(data[f"{field.name}_{number}"] for field in fields(AlphaVectors)))
