@@ -1,11 +1,13 @@
 """The user's Python files: errors name the file and the user's own line."""
 
+import pickle
 import sys
+from pathlib import Path
 
 import pytest
 
 from lcorpp.errors import DataError, DomainError
-from lcorpp.user_code import describe_failure, load_file
+from lcorpp.user_code import UserFunction, describe_failure, load_file, split_function
 
 
 def test_a_file_becomes_a_module(tmp_path):
@@ -45,3 +47,22 @@ def test_the_deepest_line_of_the_users_file(tmp_path):
         module.outer(lambda: 1 / 0)
     message = describe_failure(caught.value, "own.py", module, "outer() failed")
     assert message == "own.py:5: outer() failed: ZeroDivisionError: division by zero"
+
+
+def test_a_function_of_a_file(tmp_path):
+    (tmp_path / "own.py").write_text("\ndef half(x, *, of=1):\n    return of / x\nVALUE = 3\n")
+    half = UserFunction(tmp_path / "own.py", "half", DataError)
+    assert (half(4, of=2), half.location) == (0.5, f"{tmp_path / 'own.py'}:2")
+    again = pickle.loads(pickle.dumps(half))
+    assert again(2) == 0.5
+    with pytest.raises(DataError, match=r"own\.py:3: half\(\) failed: ZeroDivisionError: "):
+        again(0)
+    with pytest.raises(DataError, match=r"own\.py has no function 'VALUE'; expected one of half"):
+        UserFunction(tmp_path / "own.py", "VALUE", DataError)
+
+
+def test_names_of_functions():
+    assert split_function("a/own.py:solve") == (Path("a/own.py"), "solve")
+    assert [split_function(text) for text in ("sarsop", "own.py", "own.py:", "module:solve", ":x")] == [
+        None
+    ] * 5

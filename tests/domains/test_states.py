@@ -10,6 +10,7 @@ from lcorpp.decision import strategies
 from lcorpp.domains import load_domain
 from lcorpp.errors import DomainError, LcorppError, ModelError
 from lcorpp.experiments import ComparisonOptions, compare_strategies
+from lcorpp.reasoning import Reasoner
 from tests.domains.test_loading import edit
 
 PAGE = Path(__file__).parents[2] / "docs" / "domains.md"
@@ -62,6 +63,20 @@ def test_variables_in_another_order_with_one_of_the_planner_s_own(errands):
     np.testing.assert_array_equal(planning.state_values.sum(axis=1), np.logical_not(over))
     assert domain.is_terminal(planning.terminal / planning.terminal.sum())
     assert domain.marginal(domain.pomdp.start)["tea", "lab"] == 0.5
+
+
+def test_start_beliefs_for_many_values_are_the_reasoners_marginals(errands):
+    edit(errands / "knowledge.plog", "{tea, book}", "{tea, book, pen}")
+    edit(errands / "knowledge.plog", "{lab, hall}", "{lab, hall, attic}")
+    domain = load_domain(errands, preset="function")
+    starts = domain.start_beliefs()
+    assert len(starts) == 1 + 9 + 2  # of the model, the corners, and the marginals at the two times
+    reasoner = Reasoner(domain.program)
+    marginals = [reasoner.posterior(["item", "room"], {"time": time}) for time in ("morning", "evening")]
+    np.testing.assert_allclose(starts[10:], [domain.prior(marginal) for marginal in marginals], atol=1e-15)
+    edit(errands / "domain.toml", 'observed = ["time"]\n', "")
+    starts = load_domain(errands, preset="function").start_beliefs()
+    np.testing.assert_allclose(starts[10:], [domain.prior(reasoner.posterior(["item", "room"]))], atol=1e-15)
 
 
 def test_a_function_without_parameters_may_return_a_pomdp(errands):

@@ -94,12 +94,14 @@ DataOption = Annotated[
     Path | None, typer.Option(help="Recorded tracks for training: a folder or a file, see docs/learning.md.")
 ]
 
+SOLVERS = "sarsop, exact, perseus, qmdp or fib, or your own as FILE.py:NAME"
+"""The solvers, for help: those of `lcorpp.planning.SOLVER_NAMES`, which takes longer to load."""
+
 SolverOption = Annotated[
     str | None,
     typer.Option(
         metavar="NAME",
-        help="The solver: sarsop, exact, perseus, qmdp or fib, or your own as FILE.py:NAME. By default the"
-        " domain's, or sarsop.",
+        help=f"The solver: {SOLVERS}; by default the domain's, or sarsop.",
     ),
 ]
 PrecisionOption = Annotated[

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from lcorpp.cli import console, model_files, output_files
+from lcorpp.cli import console, model_files, options, output_files
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -33,11 +33,7 @@ def solve(
     time_limit: Annotated[float, typer.Option(help="Stop after this many seconds.")] = 60.0,
     name: Annotated[
         str,
-        typer.Option(
-            "--solver",
-            metavar="NAME",
-            help="sarsop, exact, perseus, qmdp or fib, or your own as FILE.py:NAME.",
-        ),
+        typer.Option("--solver", metavar="NAME", help=f"The solver: {options.SOLVERS}."),
     ] = "sarsop",
     plot: Annotated[
         Path | None, typer.Option(metavar="PICTURE", help="Draw the bounds over time: .png, .svg or .pdf.")

@@ -1,0 +1,178 @@
+"""The solver of a robot's commands: domain.toml, options, own functions, the cache, interrupts."""
+
+import json
+import re
+from pathlib import Path
+
+import pytest
+
+from lcorpp.domains import load_domain
+from lcorpp.errors import DomainError
+from lcorpp.experiments import ComparisonOptions, compare_strategies, solve_domain
+from lcorpp.planning import SolverOptions, solve
+from tests.cli.planner import refused
+from tests.domains.test_loading import edit, folder as rooms  # noqa: F401
+
+EXPLAIN = ("explain", "--fact", "time=morning", "--label", "one", "--truth", "interested", "--seed", 1)
+OWN = """
+from lcorpp.planning import solve as sarsop
+
+def thorough(pomdp, start, **options):
+    return sarsop(pomdp, start, **options).policy
+
+def broken(pomdp, start, **options):
+    return {}["x"]
+"""
+
+
+@pytest.fixture
+def own(tmp_path):
+    (tmp_path / "own.py").write_text(OWN)
+    return tmp_path / "own.py"
+
+
+def test_the_bounds_are_in_the_results(lcorpp, tmp_path):
+    command = (
+        "run",
+        "--exact",
+        "--classifier",
+        "channel",
+        "--strategy",
+        "P",
+        "--format",
+        "svg",
+        "--out",
+        tmp_path,
+    )
+    ended = lcorpp(*command)
+    found = json.loads((tmp_path / "results.json").read_text())["configuration"]["solution"]
+    assert (ended.code, ended.err) == (0, "")
+    assert (found["solver"], found["reason"], found["converged"]) == ("sarsop", "precision reached", True)
+    assert found["gap"] == found["upper"] - found["lower"] <= 5e-4
+    ended = lcorpp(*command, "--solver", "qmdp", "--precision", 0.1, "--time-limit", 9)
+    assert ended.code == 0
+    assert "solver qmdp: value in [" in ended.out
+    assert "warning: solver qmdp has not converged (policy evaluated): a gap of" in ended.err
+    found = json.loads((tmp_path / "results.json").read_text())["configuration"]["solution"]
+    assert (found["solver"], found["reason"], found["converged"]) == ("qmdp", "policy evaluated", False)
+    assert found["gap"] > 0.1
+
+
+def test_learn_states_the_bounds(lcorpp, tmp_path):
+    options = ("--learner", "summaries", "--tracks", 40, "--batch-size", 20, "--max-batches", 1, "--jobs", 1)
+    ended = lcorpp("learn", *options, "--precision", 1, "--format", "svg", "--out", tmp_path)
+    assert ended.code == 0
+    found = json.loads((tmp_path / "batches.json").read_text())["solution"]
+    assert (found["converged"], found["cached"]) == (True, False)
+    assert 5e-4 < found["gap"] <= 1
+
+
+def test_the_second_explain_takes_the_policy_from_the_cache(lcorpp, tmp_path, monkeypatch):
+    monkeypatch.setenv("LCORPP_CACHE", str(tmp_path))
+    first, second, again = lcorpp(*EXPLAIN), lcorpp(*EXPLAIN), lcorpp(*EXPLAIN, "--no-cache")
+    words = "; from the cache of policies (--no-cache solves again)"
+    assert [words in ended.out for ended in (first, second, again)] == [False, True, False]
+    assert second.out.replace(words, "") == first.out
+    assert len(list((tmp_path / "policies").iterdir())) == 1
+
+
+def test_the_library_keeps_nothing_unasked(tmp_path, monkeypatch):
+    monkeypatch.setenv("LCORPP_CACHE", str(tmp_path))
+    domain = load_domain("intention")
+    assert not solve_domain(domain, SolverOptions(precision=1)).cached
+    assert list(tmp_path.iterdir()) == []
+    assert [solve_domain(domain, cache=tmp_path / "mine").cached for _ in range(2)] == [False, True]
+
+
+@pytest.mark.parametrize(
+    "command", [EXPLAIN, ("run", "--classifier", "channel", "--exact", "--strategy", "P")]
+)
+def test_ctrl_c_goes_on_with_the_best_policy_so_far(lcorpp, monkeypatch, command):
+    def stop(_):
+        raise KeyboardInterrupt
+
+    def interrupted(pomdp, starts, options, **_):
+        return solve(pomdp, starts, callback=stop)
+
+    monkeypatch.setattr("lcorpp.experiments.setup.solve_cached", interrupted)
+    ended = lcorpp(*command)
+    assert ended.code == 0
+    assert "has not converged (interrupted; this is the best policy so far): a gap of" in ended.err
+
+
+def test_an_own_solver(lcorpp, own, tmp_path):
+    ended = lcorpp(*EXPLAIN, "--solver", f"{own}:thorough")
+    expected = lcorpp(*EXPLAIN)
+    assert ended.code == 0
+    assert f"solver {own}:thorough: value in [66.498, 66.498] at the start belief" in ended.out
+    steps = [output.out.partition("1  learning")[2] for output in (ended, expected)]
+    assert steps[0] == steps[1] != ""
+    model = Path(load_domain("intention").pomdp.file)
+    ended = lcorpp("solve", model, "-o", tmp_path / "a.policy", "--solver", f"{own}:thorough", "--check")
+    assert ended.code == 0
+    assert "verdict: confirmed" in ended.out
+
+
+@pytest.mark.parametrize("command", [("explain",), ("run", "--learner", "summaries"), ("learn",)])
+def test_solvers_are_checked_before_the_work(lcorpp, own, monkeypatch, command):
+    for name in (
+        "setup.solve_cached",
+        "classifier_training.train_and_validate",
+        "active_learning.train_and_validate",
+    ):
+        monkeypatch.setattr(f"lcorpp.experiments.{name}", None)
+    refused(lcorpp(*command, "--solver", "pbvi"), "unknown solver 'pbvi'; expected one of sarsop")
+    refused(lcorpp(*command, "--solver", f"{own}:none"), "own.py has no function 'none'; expected one of")
+    refused(lcorpp(*command, "--precision", 0), "the precision is 0.0; expected a positive number")
+    refused(lcorpp(*command, "--time-limit", "nan"), "the time limit is nan; expected a positive number")
+
+
+def test_an_own_solver_that_fails(lcorpp, own, tmp_path):
+    ended = lcorpp(*EXPLAIN, "--solver", f"{own}:broken")
+    assert (ended.code, ended.err) == (2, f"lcorpp: {own}:8: broken() failed: KeyError: 'x'\n")
+    model = Path(load_domain("intention").pomdp.file)
+    command = ("solve", model, "-o", tmp_path / "a.policy", "--solver", f"{own}:broken")
+    refused(lcorpp(*command), "own.py:8: broken() failed: KeyError: 'x'")
+
+
+def test_a_policy_needs_no_solver(lcorpp, tmp_path):
+    refused(
+        lcorpp("run", "--policy", tmp_path / "a.policy", "--solver", "qmdp"),
+        "--solver: nothing is solved, as --policy gives a policy",
+    )
+
+
+def test_domain_toml_names_the_solver(rooms, own):  # noqa: F811
+    (rooms / "own.py").write_text(own.read_text())
+    chosen = 'terminal = "gone"\nsolver = "own.py:thorough"\nprecision = 1\ntime_limit = 5'
+    edit(rooms / "domain.toml", 'terminal = "gone"', chosen)
+    domain = load_domain(rooms)
+    assert domain.planning.solver == SolverOptions(f"{rooms / 'own.py'}:thorough", 1, 5)
+    solution = compare_strategies(domain, ComparisonOptions(trials=None)).solution
+    assert solution.solver == f"{rooms / 'own.py'}:thorough"
+    assert solution.upper - solution.lower <= 1
+    for old, new, message in (
+        (
+            "own.py:thorough",
+            "own.py:quick",
+            r"domain\.toml:18: \[planning\] solver: .*own\.py has no function 'quick'",
+        ),
+        ("own.py:quick", "magic", r"domain\.toml:18: \[planning\] solver: unknown solver 'magic'"),
+        (
+            "time_limit = 5",
+            "time_limit = 0",
+            r"domain\.toml:20: \[planning\] time_limit: expected a number from",
+        ),
+        ("precision = 1", 'precision = "1"', r"domain\.toml:19: \[planning\] precision: expected a number"),
+    ):
+        edit(rooms / "domain.toml", old, new)
+        with pytest.raises(DomainError, match=message):
+            load_domain(rooms)
+
+
+def test_help_names_the_solvers(lcorpp):
+    for command in ("run", "learn", "explain", "solve"):
+        text = re.sub(r"[\s│]+", " ", lcorpp(command, "--help").out)
+        assert "sarsop, exact, perseus, qmdp or fib, or your own as FILE.py:NAME" in text
+        assert "--time-limit" in text
+        assert "--precision" in text
