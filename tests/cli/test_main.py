@@ -202,11 +202,11 @@ def test_a_search_that_has_not_converged_is_reported(lcorpp, monkeypatch):
     from lcorpp.experiments import setup
     from lcorpp.planning import solve
 
-    def stop_early(pomdp, beliefs):
+    def stop_early(pomdp, beliefs, options, **_):
         solution = solve(pomdp, beliefs)
-        return replace(solution, reason="time limit", upper=solution.lower + 0.25)
+        return replace(solution, reason="time limit", upper=solution.lower + 0.25, solver=options.name)
 
-    monkeypatch.setattr(setup, "solve", stop_early)
+    monkeypatch.setattr(setup, "solve_cached", stop_early)
     for command in (("run", "--exact", "--strategy", "P"), ("explain", "--label", "zero")):
         ended = lcorpp(*command, "--preset", "authors")
         assert ended.code == 0
