@@ -1,8 +1,9 @@
 """Run the guides in docs/ from top to bottom: commands succeed, outputs and values are as printed there.
 
 Blocks: ``sh`` is run, the ``text`` after it is its output (``...`` matches anything); each line of ``python``
-with ``# =`` has that value; blocks of another kind with a name are files. A second word after ``sh`` or
-``text`` is the reason why the block is not run; after ``python`` it names a required package.
+with ``# =`` has that value; blocks of another kind with a name are files, those without are not used. A
+second word after ``sh`` or ``text`` is the reason why the block is not run; after ``python`` it names a
+required package.
 """
 
 from __future__ import annotations
@@ -48,7 +49,7 @@ def test_a_guide_is_true(
         elif kind == "text" and not note:
             pattern = re.escape(text).replace(re.escape("..."), ".*")
             assert re.fullmatch(pattern, printed, re.DOTALL), printed
-        elif kind not in ("sh", "text"):
+        elif note and kind not in ("sh", "text"):
             Path(note).write_text(text)
     assert values >= min_values
 
