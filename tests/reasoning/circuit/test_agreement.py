@@ -14,7 +14,7 @@ from tests.reasoning.circuit.maps import maps
 from tests.reasoning.circuit.programs import Case, cases
 from tests.reasoning.circuit.trees import trees
 
-from lcorpp.errors import ProgramError, UndefinedError
+from lcorpp.errors import NoValueError, ProgramError, UndefinedError
 from lcorpp.reasoning import Enumeration, parse_plog, parse_query
 from lcorpp.reasoning.circuit.circuit import Circuit
 from lcorpp.reasoning.reasoner import Reasoner
@@ -24,11 +24,11 @@ SUITE = settings(max_examples=120, suppress_health_check=list(HealthCheck))
 
 
 def outcome(answer: Callable[[], object]) -> object:
-    """Return the answer, or the type of the error."""
+    """Return the answer, or the type of the error; no value is an error of the program like others."""
     try:
         return answer()
     except (ProgramError, UndefinedError) as error:
-        return type(error)
+        return ProgramError if isinstance(error, NoValueError) else type(error)
 
 
 def close(found: object, expected: object) -> None:
