@@ -138,6 +138,13 @@ WRONG = [
         "y:model",
         r"interaction\.py has no function 'model'; expected one",
     ),
+    (
+        FUNCTION,
+        "domain.toml",
+        "n.py:make_model",
+        "n.py",
+        r"domain\.toml:22: \[planning\] model: 'interaction\.py' names no function; expected interaction\.py:N",
+    ),
     (FUNCTION, "domain.toml", "n.py:make_model", ".py:model", r"interactio\.py: not a Python file"),
     (
         FUNCTION,
@@ -206,3 +213,13 @@ def test_a_model_that_is_too_large(errands):
     edit(errands / "domain.toml", "interaction.py:make_model", "own.py:model")
     with pytest.raises(ModelError, match=r"own\.py:2: \d+ states are too many to be written out"):
         load_domain(errands, preset="function")
+
+
+def test_a_shared_variable_without_a_value_among_the_simulated_people(errands):
+    text = (errands / "knowledge.plog").read_text()
+    (errands / "people.plog").write_text(text.replace("random(item).", "random(item) :- time=morning."))
+    with (errands / "domain.toml").open("a") as file:
+        file.write('\n[simulation]\ntruth = "people.plog"\n')
+    message = r"domain\.toml:26: \[simulation\] truth: 'item' needs a value in every .* \(.*people\.plog:2\)"
+    with pytest.raises(DomainError, match=message):
+        load_domain(errands)

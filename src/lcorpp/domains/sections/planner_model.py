@@ -5,13 +5,17 @@ from __future__ import annotations
 import inspect
 from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from lcorpp.domains.sections.reasoning import ReasoningSection
 from lcorpp.domains.toml import TomlTable
 from lcorpp.errors import DomainError, ModelError
-from lcorpp.planning import Factored, Pomdp, flatten
+from lcorpp.planning import Pomdp
 from lcorpp.planning.formats.model_file import read_model
 from lcorpp.user_code import UserFunction, split_function
+
+if TYPE_CHECKING:
+    from lcorpp.planning import Factored
 
 
 def read_planner_model(
@@ -29,9 +33,14 @@ def read_planner_model(
         DomainError: the function fails, or returns something else.
         FileError, ParseError, ModelError: the file is wrong, or the flat model too large.
     """
-    parts = split_function(table.text("model"))
+    name = table.text("model")
+    parts = split_function(name)
+    if parts is None and name.endswith(".py"):
+        raise DomainError(f"{table.location('model')}: {name!r} names no function; expected {name}:NAME")
     if parts is None:
-        return read_model(folder / table.text("model"))
+        return read_model(folder / name)
+    from lcorpp.planning import Factored, flatten  # files without variables do without
+
     function = UserFunction(folder / parts[0], parts[1], DomainError)
     values = {name: reasoning.program.attributes[name].values for name in reasoning.shared}
     model = function(values) if _has_parameter(function) else function()

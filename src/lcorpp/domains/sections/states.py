@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import product
 from string import Formatter
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -13,9 +14,11 @@ from lcorpp.domains.sections.names import check_declared, locate_declaration, lo
 from lcorpp.domains.sections.reasoning import ReasoningSection
 from lcorpp.domains.toml import TomlTable
 from lcorpp.errors import DomainError, expected_one_of
-from lcorpp.planning import Factored, Pomdp
-from lcorpp.planning.factored.variables import Variable
+from lcorpp.planning import Pomdp
 from lcorpp.values import Array
+
+if TYPE_CHECKING:
+    from lcorpp.planning import Factored, Variable
 
 
 @dataclass(frozen=True, eq=False)
