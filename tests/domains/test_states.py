@@ -59,9 +59,10 @@ def test_variables_in_another_order_with_one_of_the_planner_s_own(errands):
     starts = {state: p for state, p in zip(states, planning.initial_states[3], strict=True) if p}
     assert starts == {"near=no,room=hall,item=book": 0.75, "near=yes,room=hall,item=book": 0.25}
     over = ["room=over" in state for state in states]
-    np.testing.assert_array_equal(planning.terminal, over)
+    assert planning.terminal == tuple(np.flatnonzero(over))
     np.testing.assert_array_equal(planning.state_values.sum(axis=1), np.logical_not(over))
-    assert domain.is_terminal(planning.terminal / planning.terminal.sum())
+    assert domain.is_terminal(np.array(over) / sum(over))
+    assert not domain.is_terminal(domain.pomdp.start)
     assert domain.marginal(domain.pomdp.start)["tea", "lab"] == 0.5
 
 
@@ -143,7 +144,7 @@ WRONG = [
         "domain.toml",
         "n.py:make_model",
         "n.py",
-        r"domain\.toml:22: \[planning\] model: 'interaction\.py' names no function; expected interaction\.py:N",
+        r"domain\.toml:22: \[planning\] model: 'interaction\.py' names no function; expected interaction",
     ),
     (FUNCTION, "domain.toml", "n.py:make_model", ".py:model", r"interactio\.py: not a Python file"),
     (

@@ -60,7 +60,7 @@ class SimulatedWorld:
         self.cost -= reward
         self.return_ += reward
         self._state = self._draw(model.transition[a][self._state])
-        if domain.simulation.reaction is None or domain.planning.terminal[self._state]:
+        if domain.simulation.reaction is None or self._state in domain.planning.terminal:
             return domain.pomdp.observations[self._draw(model.feedback[a][self._state])]
         answer = domain.simulation.reaction(self._person, action, self._rng)
         if answer not in domain.pomdp.observations:

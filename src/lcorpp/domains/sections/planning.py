@@ -29,7 +29,7 @@ class PlanningSection:
     reports: report action -> shared value.
     initial_states: (V, S) the probability of each state, given shared value v, before the first action.
     state_values: (S, V) 1 if a state has shared value v; zeros for terminal states.
-    terminal: (S,) 1 for terminal states, 0 for the others.
+    terminal: the indices of the terminal states.
     solver: the solver of the model, and its limits.
     """
 
@@ -37,7 +37,7 @@ class PlanningSection:
     reports: Mapping[str, SharedValue]
     initial_states: Array
     state_values: Array
-    terminal: Array
+    terminal: tuple[int, ...]
     solver: SolverOptions
 
     def __repr__(self) -> str:

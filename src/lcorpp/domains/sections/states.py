@@ -27,12 +27,12 @@ class StateMap:
 
     initial_states: (V, S) the probability of each state, given the shared value v, before the first action.
     state_values: (S, V) 1 if a state has shared value v; zeros for terminal states.
-    terminal: (S,) 1 for terminal states, 0 for the others.
+    terminal: the indices of the terminal states.
     """
 
     initial_states: Array
     state_values: Array
-    terminal: Array
+    terminal: tuple[int, ...]
 
 
 def read_states(
@@ -51,11 +51,11 @@ def read_states(
     template = table.text("states", "_".join(f"{{{name}}}" for name in reasoning.shared))
     variables, initial = _read_local_variables(table.section("local"), reasoning.shared)
     check_template(table, "states", template, {*reasoning.shared, *variables})
-    terminal = np.zeros(len(pomdp.states))
+    terminal: tuple[int, ...] = ()
     if "terminal" in table:
         name = table.text("terminal")
         check_declared(table.location("terminal"), name, pomdp, "states")
-        terminal[pomdp.states.index(name)] = 1
+        terminal = (pomdp.states.index(name),)
     return _match_names(table, template, pomdp, terminal, reasoning, variables, initial)
 
 
@@ -77,7 +77,7 @@ def _match_names(
     table: TomlTable,
     template: str,
     pomdp: Pomdp,
-    terminal: Array,
+    terminal: tuple[int, ...],
     reasoning: ReasoningSection,
     variables: Mapping[str, tuple[str, ...]],
     initial: Mapping[str, str],
@@ -92,7 +92,7 @@ def _match_names(
             local = dict(zip(variables, combination, strict=True))
             state = template.format_map({**reasoning.split(value), **local})
             s = index_of.get(state)
-            if s is None or terminal[s]:
+            if s is None or s in terminal:
                 raise DomainError(
                     f"{location}: {template!r} makes {state!r}, which is not a state of"
                     f" {declaration}; {expected_one_of(pomdp.states)}"
@@ -102,7 +102,7 @@ def _match_names(
             state_values[s, v] = 1
             initial_states[v, s] = local == initial
     for s, state in enumerate(pomdp.states):
-        if not terminal[s] and not state_values[s].any():
+        if s not in terminal and not state_values[s].any():
             raise DomainError(
                 f"{declaration}: state {state!r} is neither made by {template!r} ({location})"
                 f" nor the terminal state"
@@ -142,13 +142,13 @@ def _match_variables(
     shape = [len(variable.values) for variable in problem.states]
     names = [variable.name for variable in problem.states]
     indices = np.unravel_index(np.arange(len(pomdp.states)), shape)  # (S,) of the values of each variable
-    terminal = np.zeros(len(pomdp.states))
+    alive = np.ones(len(pomdp.states))  # (S,) 0 for terminal states
     final: dict[str, str] = {}  # variable -> value that makes a state terminal
     if "terminal" in table:
         name, value = _read_terminal(table, pomdp, problem)
         final[name] = value
         axis = names.index(name)
-        terminal[indices[axis] == problem.states[axis].index(value)] = 1
+        alive[indices[axis] == problem.states[axis].index(value)] = 0
     shared_index = np.zeros(len(pomdp.states), dtype=np.intp)
     for name in reasoning.shared:
         values = reasoning.program.attributes[name].values
@@ -162,8 +162,9 @@ def _match_variables(
         order = [values.index(value) if value in values else 0 for value in variable.values]
         shared_index = shared_index * len(values) + np.array(order)[indices[names.index(name)]]
     state_values = np.zeros((len(pomdp.states), len(reasoning.values)))
-    state_values[np.arange(len(pomdp.states)), shared_index] = 1 - terminal
-    return StateMap(_spread_start(pomdp, state_values, shape, names, reasoning), state_values, terminal)
+    state_values[np.arange(len(pomdp.states)), shared_index] = alive
+    initial_states = _spread_start(pomdp, state_values, shape, names, reasoning)
+    return StateMap(initial_states, state_values, tuple(np.flatnonzero(alive == 0).tolist()))
 
 
 def _read_terminal(table: TomlTable, pomdp: Pomdp, problem: Factored) -> tuple[str, str]:
