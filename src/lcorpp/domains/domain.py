@@ -222,17 +222,22 @@ class Domain:
         priors = np.array(grid if steps > 1 else [*grid, *self._compute_likely_marginals()])
         return np.vstack([self.pomdp.start, priors @ self.planning.initial_states])
 
-    def _compute_likely_marginals(self) -> list[Array]:
-        """The marginals (V,) of the shared variables given each of the most probable observed facts."""
+    def _compute_likely_marginals(self) -> Array:
+        """The marginals (n, V) of the shared variables given each of the most probable observed facts.
+
+        They are distinct, sorted, and rounded far above the reasoner's errors, so that programs that are
+        equivalent get the same policy.
+        """
         from lcorpp.reasoning import Reasoner  # imports the grounder and the compiler
 
         reasoner, subject = Reasoner(self.program), list(self.reasoning.shared)
         try:
             likely = reasoner.most_probable(count=MAX_PRIORS, of=self.observed) if self.observed else ()
         except TooLargeError:  # each marginal would take seconds of sampling
-            return []
+            return np.zeros((0, len(self.values)))
         facts = [world.values for world in likely] or [{}]
-        return [reasoner.posterior(subject, context).probabilities for context in facts]
+        marginals = [reasoner.posterior(subject, context).probabilities for context in facts]
+        return np.unique(np.round(marginals, 12), axis=0)
 
     def marginal(self, belief: Belief) -> Distribution:
         """The distribution of the shared variables under a belief (S,), given that it is not terminal.
