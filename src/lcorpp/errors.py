@@ -58,7 +58,7 @@ class NoValueError(ProgramError):
 
 
 class TooLargeError(ProgramError):
-    """A P-log program is too large to be compiled: its decision diagram would fill the memory."""
+    """A P-log program is too large: its decision diagram would fill the memory, or it has too many worlds."""
 
 
 class UndefinedError(LcorppError):

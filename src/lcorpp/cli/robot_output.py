@@ -36,37 +36,57 @@ def print_storage_problem(training: TrainingOptions) -> str | None:
 
 
 def print_scores(scores: Sequence[Scores], positive: str | None, trials: int | None) -> None:
-    """Print one row of scores per strategy.
+    """Print one row of scores per strategy, and the differences to the reference strategy.
 
     Args:
         positive: the positive class, None for macro averages. trials: their number, None for exact scores.
     """
+    from lcorpp.experiments.metrics import get_format
+
+    if scores[0].variables:
+        metrics = "accuracy of each variable and of all"
+    else:
+        metrics = (
+            f"F1, precision and recall of {positive!r}" if positive else "macro averages over all values"
+        )
+    count = "exact values" if trials is None else f"{trials} trials, 95% intervals in brackets"
+    table = _make_score_table(f"{count}; {metrics}", list(scores[0].shown))
+    for row in scores:
+        cells = (_format_interval(cell, get_format(name)) for name, cell in row.shown.items())
+        table.add_row(row.strategy, *cells)
+    console.out.print(table)
+    others = [(row.strategy, row.difference) for row in scores if row.difference is not None]
+    if others:
+        title = f"{others[0][1].reference} minus each other strategy, on the same people"
+        table = _make_score_table(title, ["cost", "return"])
+        for name, gap in others:
+            table.add_row(name, *(_format_interval(cell, ".2f", " ") for cell in (gap.cost, gap.return_)))
+        console.out.print(table)
+
+
+def _make_score_table(title: str, columns: Sequence[str]) -> Table:
+    """Return an empty table: strategies and numbers."""
     from rich import box
     from rich.table import Table
 
-    metrics = f"F1, precision and recall of {positive!r}" if positive else "macro averages over all values"
-    count = "exact values" if trials is None else f"{trials} trials, 95% intervals in brackets"
-    table = Table(title=f"{count}; {metrics}", title_style="", title_justify="left", box=box.SIMPLE_HEAD)
+    table = Table(title=title, title_style="", title_justify="left", box=box.SIMPLE_HEAD)
     table.padding = 0
     table.add_column("strategy", style="bold", min_width=len("strategy"))
-    for name in ("F1", "precision", "recall", "accuracy", "cost", "return"):
+    for name in columns:
         # in a narrow terminal numbers break, not names
         table.add_column(name, justify="right", min_width=len(name), overflow="fold")
-    for row in scores:
-        digits = {"cost": 2, "return": 2}
-        cells = (_format_interval(cell, digits.get(name, 3)) for name, cell in row.metrics.items())
-        table.add_row(row.strategy, *cells)
-    console.out.print(table)
+    return table
 
 
-def _format_interval(interval: Interval, digits: int) -> str:
-    """Return the estimate and, below it, the interval with one digit less: six columns fit into 80."""
-    text = f"{interval.estimate:.{digits}f}"
+def _format_interval(interval: Interval, number_format: str, separator: str = "\n") -> str:
+    """Return the estimate and the interval with one digit less; below each other six columns fit into 80."""
+    text = f"{interval.estimate:{number_format}}"
     if interval.low == interval.high:
         return text
-    ends = (f"{end:.{digits - 1}f}" for end in (interval.low, interval.high))
+    coarse = f".{int(number_format[1]) - 1}f"
+    ends = (f"{end:{coarse}}" for end in (interval.low, interval.high))
     low, high = (end.removeprefix("0") if end.startswith("0.") else end for end in ends)
-    return f"{text}\n[dim]\\[{low}, {high}][/dim]"
+    return f"{text}{separator}[dim]\\[{low}, {high}][/dim]"
 
 
 def print_classifier(setup: SenseSetup, source: str, sense: str = "") -> None:

@@ -219,4 +219,12 @@ def _score_batch(domain: Domain, results: Sequence[DecisionResult]) -> Scores:
         counts[values.index(result.actual), reported] += 1
     cost = np.array([result.cost for result in results])
     return_ = np.array([result.return_ for result in results])
-    return score_decisions("LCORPP", counts, cost, return_, values=values, positive=domain.positive)
+    return score_decisions(
+        "LCORPP",
+        counts,
+        cost,
+        return_,
+        values=values,
+        positive=domain.positive,
+        variables=domain.reasoning.shared,
+    )

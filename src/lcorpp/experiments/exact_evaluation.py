@@ -16,14 +16,21 @@ import numpy as np
 
 from lcorpp.decision import Robot, Strategy
 from lcorpp.domains import Domain
-from lcorpp.errors import DecisionError, DomainError, check_type
+from lcorpp.errors import DecisionError, DomainError, TooLargeError, check_type
+from lcorpp.experiments.differences import add_differences
 from lcorpp.experiments.metrics import Scores, score_probabilities
-from lcorpp.reasoning import Enumeration
+from lcorpp.reasoning import Enumeration, Reasoner
 from lcorpp.simulation.simulated_classifier import NoisyChannel
 from lcorpp.values import Belief
 
 MIN_PROBABILITY = 1e-12
 """Branches of an episode less likely than this are pruned."""
+
+MAX_WORLDS = 1000
+"""Maximum number of worlds of a truth program that are summed one by one; larger programs are compiled.
+
+The two agree but for rounding; the sum over worlds keeps the last digits of published results.
+"""
 
 
 def evaluate_exactly(
@@ -53,15 +60,22 @@ def evaluate_exactly(
         (dict(zip(attributes, values, strict=True)), mass)
         for values, mass in compute_joint_distribution(domain, attributes).items()
     ]
-    return [
+    scores = [
         _score_strategy(domain, strategy.robot(robot), strategy, channels, people) for strategy in strategies
     ]
+    means = [[[getattr(row, name).estimate for row in scores]] for name in ("cost", "return_")]
+    return add_differences(scores, np.array(means[0]), np.array(means[1]))
 
 
 def compute_joint_distribution(domain: Domain, attributes: Sequence[str]) -> dict[tuple[str, ...], float]:
     """Compute the joint distribution of some attributes of the people: value tuple -> probability."""
+    program = domain.simulation.true_program
+    try:
+        worlds = Enumeration(program, limit=MAX_WORLDS).worlds
+    except TooLargeError:
+        return {values: float(p) for values, p in Reasoner(program).exact(list(attributes)).items()}
     joint: dict[tuple[str, ...], float] = {}
-    for world in Enumeration(domain.simulation.true_program).worlds:
+    for world in worlds:
         values = tuple(world.values[name] for name in attributes)
         joint[values] = joint.get(values, 0.0) + float(world.measure)
     return joint
@@ -78,15 +92,19 @@ def _score_strategy(
     used = {sense: channel for sense, channel in channels.items() if strategy.uses(sense)}
     # distribution over (prior belief (S,) as bytes, index of the true value)
     priors: dict[tuple[bytes, int], float] = defaultdict(float)
+
+    @cache
+    def find_prior(context: tuple[str, ...], labels: tuple[tuple[str, str], ...]) -> bytes:
+        facts = dict(zip(domain.observed, context, strict=True))
+        marginal = robot.reasoner.posterior(domain.shared, domain.evidence(facts, dict(labels)))
+        return (robot.planner.start if marginal is None else domain.prior(marginal)).tobytes()
+
     for person, mass in people:
         v = domain.values.index(domain.reasoning.join(person))
-        context = {name: person[name] for name in domain.observed}
+        context = tuple([person[name] for name in domain.observed])
         for labels, rate in _enumerate_labels(used, person):
-            if mass * rate == 0:
-                continue
-            marginal = robot.reasoner.posterior(domain.shared, domain.evidence(context, labels))
-            prior = robot.planner.start if marginal is None else domain.prior(marginal)
-            priors[prior.tobytes(), v] += mass * rate
+            if mass * rate > 0:
+                priors[find_prior(context, tuple(labels.items())), v] += mass * rate
     tree = _EpisodeTree(domain, robot)
     # (V, V + 1) probability of each true value and reported value; the last column is for no report
     joint = np.zeros((len(domain.values), len(domain.values) + 1))
@@ -99,9 +117,15 @@ def _score_strategy(
             squared_cost += p * cost**2
             return_ += p * (reward - cost)
     sd = float(np.sqrt(max(squared_cost - total_cost**2, 0.0)))
-    values, positive = domain.values, domain.positive
     return score_probabilities(
-        strategy.name, joint, total_cost, return_, sd, values=values, positive=positive
+        strategy.name,
+        joint,
+        total_cost,
+        return_,
+        sd,
+        values=domain.values,
+        positive=domain.positive,
+        variables=domain.reasoning.shared,
     )
 
 

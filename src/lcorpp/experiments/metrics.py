@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -12,6 +12,18 @@ from lcorpp.values import Z95, Array, Interval, SharedValue
 
 METRICS = ("f1", "precision", "recall", "accuracy", "cost", "return")
 """The names of the scores in tables and files."""
+
+
+@dataclass(frozen=True)
+class Difference:
+    """The mean of what a reference strategy costs and returns more than another, with paired intervals.
+
+    reference: its name. cost, return_: the reference's minus the other's, as in `Scores`.
+    """
+
+    reference: str
+    cost: Interval
+    return_: Interval
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,6 +35,8 @@ class Scores:
     cost: mean cost of the actions before the report.
     return_: mean return: reward of the report minus cost, undiscounted.
     cost_sd: standard deviation of the cost of single decisions.
+    variables: with several shared variables, the accuracy of each; `accuracy` is that of all together.
+    difference: to the reference strategy on the same people; None for the reference itself.
     """
 
     strategy: str
@@ -34,12 +48,25 @@ class Scores:
     cost: Interval
     return_: Interval
     cost_sd: float
+    variables: Mapping[str, Interval] = field(default_factory=dict)
+    difference: Difference | None = None
 
     @property
     def metrics(self) -> dict[str, Interval]:
-        """The scores by their names in tables, `METRICS`."""
+        """The scores by their names in files: `METRICS`, and `accuracy_NAME` of each of several variables."""
         scores = (self.f1, self.precision, self.recall, self.accuracy, self.cost, self.return_)
-        return dict(zip(METRICS, scores, strict=True))
+        named = dict(zip(METRICS, scores, strict=True))
+        return named | {f"accuracy_{name}": accuracy for name, accuracy in self.variables.items()}
+
+    @property
+    def shown(self) -> dict[str, Interval]:
+        """The scores of a table: of several variables the accuracy of each and of all together.
+
+        Precision and recall of single combinations of values say little there.
+        """
+        if not self.variables:
+            return {"F1": self.f1} | {name: self.metrics[name] for name in METRICS[1:]}
+        return {**self.variables, "all": self.accuracy, "cost": self.cost, "return": self.return_}
 
     def __repr__(self) -> str:
         return (
@@ -59,6 +86,7 @@ def score_decisions(
     *,
     values: Sequence[SharedValue],
     positive: str | None,
+    variables: Sequence[str] = (),
 ) -> Scores:
     """Score simulated decisions.
 
@@ -68,6 +96,7 @@ def score_decisions(
         values: the V shared values.
         positive: the positive class of F1, precision and recall; None takes the macro average over all
             values. The ends of the intervals are averaged as well, which makes them wide.
+        variables: names of the shared variables; each value is a tuple if they are several.
 
     Accuracy, precision and recall have Wilson intervals. F1 = 2p / (1 + p) grows with p, the share of true
     positives among all decisions that are positive or reported as positive, so its interval is the
@@ -75,7 +104,8 @@ def score_decisions(
     """
     shares = _score_classification(counts, values, positive, Interval.from_count)
     means = compute_mean_interval(cost), compute_mean_interval(return_)
-    return Scores(strategy, counts, *shares, *means, _compute_sd(cost))
+    parts = _score_variables(counts, values, variables, Interval.from_count)
+    return Scores(strategy, counts, *shares, *means, _compute_sd(cost), parts)
 
 
 def score_probabilities(
@@ -87,16 +117,20 @@ def score_probabilities(
     *,
     values: Sequence[SharedValue],
     positive: str | None,
+    variables: Sequence[str] = (),
 ) -> Scores:
     """Score exact probabilities instead of counts; the intervals have zero width.
 
     Args:
         joint: (V, V + 1) probability of true value i and reported value j.
     """
-    shares = _score_classification(
-        joint, values, positive, lambda hits, total: Interval.exact(hits / total if total else 0.0)
-    )
-    return Scores(strategy, joint, *shares, Interval.exact(cost), Interval.exact(return_), cost_sd)
+
+    def make_proportion(hits: float, total: float) -> Interval:
+        return Interval.exact(hits / total if total else 0.0)
+
+    shares = _score_classification(joint, values, positive, make_proportion)
+    parts = _score_variables(joint, values, variables, make_proportion)
+    return Scores(strategy, joint, *shares, Interval.exact(cost), Interval.exact(return_), cost_sd, parts)
 
 
 def compute_mean_interval(numbers: Array) -> Interval:
@@ -136,6 +170,23 @@ def _score_classification(
     return _average_intervals(f1), _average_intervals(precision), _average_intervals(recall), accuracy
 
 
+def _score_variables(
+    counts: Array,
+    values: Sequence[SharedValue],
+    variables: Sequence[str],
+    make_proportion: Callable[[float, float], Interval],
+) -> dict[str, Interval]:
+    """Return the accuracy of each of several shared variables; arguments as of `_score_classification`."""
+    if len(variables) < 2:
+        return {}
+    square, total = counts[:, : len(values)], float(counts.sum())
+    accuracies = {}
+    for name, column in zip(variables, np.array(values).T, strict=True):
+        hits = float(square[column[:, None] == column].sum())
+        accuracies[name] = make_proportion(hits, total)
+    return accuracies
+
+
 def _average_intervals(estimates: Sequence[Interval]) -> Interval:
     means = (np.mean([getattr(e, end) for e in estimates]) for end in ("estimate", "low", "high"))
     return Interval(*map(float, means))
@@ -143,6 +194,13 @@ def _average_intervals(estimates: Sequence[Interval]) -> Interval:
 
 def scores_to_html(scores: Sequence[Scores]) -> str:
     """Return the scores of several strategies as an HTML table, intervals included."""
-    digits = dict.fromkeys(METRICS, 3) | {"cost": 2, "return": 2}
-    rows = [(row.strategy, *(f"{row.metrics[name]:.{n}f}" for name, n in digits.items())) for row in scores]
-    return html_table(("strategy", "F1", *METRICS[1:]), rows)
+    rows = [
+        (row.strategy, *(format(cell, get_format(name)) for name, cell in row.shown.items()))
+        for row in scores
+    ]
+    return html_table(("strategy", *(scores[0].shown if scores else METRICS)), rows)
+
+
+def get_format(name: str) -> str:
+    """Return the format of the numbers of a score: two digits for rewards, three for proportions."""
+    return ".2f" if name in ("cost", "return") else ".3f"

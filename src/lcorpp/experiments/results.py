@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 from lcorpp.errors import DataError
 from lcorpp.experiments.comparison import Comparison, ComparisonOptions
-from lcorpp.experiments.metrics import METRICS, Scores
+from lcorpp.experiments.metrics import METRICS, Difference, Scores
 from lcorpp.experiments.setup import ClassifierOptions, SenseSetup, TrainingOptions
 from lcorpp.files import make_folder, write_atomically
 from lcorpp.planning import Solution
@@ -30,7 +30,7 @@ FORMATS = ("png", "pdf")
 """The formats in which figures are written by default."""
 
 COLUMNS = ("strategy", *(f"{name}{end}" for name in METRICS for end in ("", "_low", "_high")))
-"""The columns of results.csv."""
+"""The columns of results.csv; with several shared variables also accuracy_NAME of each."""
 
 PACKAGES = ("lcorpp", "numpy", "scipy", "clingo", "scikit-learn", "torch")
 """Packages that determine a result; their versions are in each JSON file."""
@@ -133,9 +133,14 @@ def write_comparison(
     sources = [sense["classifier"] for sense in configuration["senses"].values()]
     title = ", ".join([configuration["domain"], *sources, f"{configuration['trials']} trials"])
     rows = [_make_row(scores) for scores in comparison.scores]
-    _write_csv(folder / "results.csv", COLUMNS, rows)
+    _write_csv(folder / "results.csv", list(rows[0]) if rows else COLUMNS, rows)
     detailed = [
-        {**row, "cost_sd": scores.cost_sd, "counts": scores.counts.tolist()}
+        {
+            **row,
+            "cost_sd": scores.cost_sd,
+            "difference": _describe_difference(scores.difference),
+            "counts": scores.counts.tolist(),
+        }
         for row, scores in zip(rows, comparison.scores, strict=True)
     ]
     _write_json(folder / "results.json", {"configuration": dict(configuration), "strategies": detailed})
@@ -175,7 +180,10 @@ def write_batches(
         FileError: a file cannot be written.
     """
     make_folder(folder)
-    _write_csv(folder / "batches.csv", ("batch", "tracks", "change", *METRICS), result.rows)
+    columns = dict.fromkeys(
+        ["batch", "tracks", "change", *METRICS, *[key for row in result.rows for key in row]]
+    )
+    _write_csv(folder / "batches.csv", list(columns), result.rows)
     head = {"domain": domain_name, "solution": describe_solution(solution)}
     _write_json(folder / "batches.json", {**head, "batches": list(result.rows)})
     saved = _save_if_trained(result.batch.classifier, folder)
@@ -212,6 +220,16 @@ def _make_row(scores: Scores) -> dict[str, str | float]:
     """Return the scores of a strategy as a row with the columns `COLUMNS`."""
     cells: dict[str, str | float] = {"strategy": scores.strategy}
     for name, interval in scores.metrics.items():
+        cells |= {name: interval.estimate, f"{name}_low": interval.low, f"{name}_high": interval.high}
+    return cells
+
+
+def _describe_difference(difference: Difference | None) -> dict[str, Any] | None:
+    """Return what the reference strategy costs and returns more, with paired intervals; None for itself."""
+    if difference is None:
+        return None
+    cells: dict[str, Any] = {"reference": difference.reference}
+    for name, interval in (("cost", difference.cost), ("return", difference.return_)):
         cells |= {name: interval.estimate, f"{name}_low": interval.low, f"{name}_high": interval.high}
     return cells
 

@@ -15,6 +15,7 @@ from joblib import Parallel, delayed
 from lcorpp.decision import Robot, Strategy, dt_control
 from lcorpp.domains import Domain
 from lcorpp.errors import DecisionError, check_type
+from lcorpp.experiments.differences import add_differences
 from lcorpp.experiments.metrics import Scores, score_decisions
 from lcorpp.simulation.people import Population, SignalSource
 from lcorpp.simulation.simulated_classifier import BatchClassifier
@@ -144,13 +145,22 @@ def run_chunk(experiment: Experiment, number: int, results: Trials) -> int:
 def _score_trials(experiment: Experiment, results: Trials) -> list[Scores]:
     """Return the scores of each strategy, in the order of the experiment."""
     domain, scores = experiment.domain, []
+    cost, return_ = (np.asfortranarray(results[name]) for name in ("cost", "return_"))
     for k, strategy in enumerate(experiment.strategies):
         counts = np.zeros((len(domain.values), len(domain.values) + 1))
         np.add.at(counts, (results["truth"], results["reported"][:, k]), 1)
-        cost, return_ = (np.ascontiguousarray(results[name][:, k]) for name in ("cost", "return_"))
-        values, positive = domain.values, domain.positive
-        scores.append(score_decisions(strategy.name, counts, cost, return_, values=values, positive=positive))
-    return scores
+        scores.append(
+            score_decisions(
+                strategy.name,
+                counts,
+                cost[:, k],
+                return_[:, k],
+                values=domain.values,
+                positive=domain.positive,
+                variables=domain.reasoning.shared,
+            )
+        )
+    return add_differences(scores, cost, return_)
 
 
 @dataclass

@@ -16,6 +16,7 @@ from lcorpp.values import Interval
 def plot_strategies(scores: Sequence[Scores], title: str) -> Figure:
     """Draw F1 score, return and cost of each strategy, with 95 % confidence intervals as error bars.
 
+    With several shared variables the accuracy of all together takes the place of the F1 score.
     The cost panel leaves out strategies that do not plan, as the paper does.
     """
     planning = [result for result in scores if result.cost.estimate > 0]
@@ -23,7 +24,9 @@ def plot_strategies(scores: Sequence[Scores], title: str) -> Figure:
     figure = Figure(figsize=(10, 4.2), layout="constrained")
     axes = figure.subplots(1, len(widths), width_ratios=widths)
     names = [result.strategy for result in scores]
-    _draw_bars(axes[0], names, [result.f1 for result in scores], "F1 score", "{:.3f}")
+    label = "accuracy" if scores and scores[0].variables else "F1 score"
+    shares = [result.f1 if label == "F1 score" else result.accuracy for result in scores]
+    _draw_bars(axes[0], names, shares, label, "{:.3f}")
     axes[0].set_ylim(0, 1)
     _draw_bars(axes[1], names, [result.return_ for result in scores], "mean return", "{:.1f}")
     if planning:

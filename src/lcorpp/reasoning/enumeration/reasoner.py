@@ -114,7 +114,7 @@ class Enumeration(Inference):
 
     Args:
         program: the program.
-        limit: the maximum number of worlds; methods raise a `ProgramError` if there are more.
+        limit: the maximum number of worlds; methods raise a `TooLargeError` if there are more.
 
     Raises:
         ProgramError: `limit` is not positive.

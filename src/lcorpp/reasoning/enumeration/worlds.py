@@ -12,7 +12,7 @@ from typing import Any
 
 import clingo
 
-from lcorpp.errors import ProgramError
+from lcorpp.errors import ProgramError, TooLargeError
 from lcorpp.reasoning.answers import format_world
 from lcorpp.reasoning.conditions import (
     ConditionViolation,
@@ -43,8 +43,8 @@ def enumerate_worlds(program: Program, limit: int) -> Iterator[tuple[dict[str, s
         limit: the maximum number of worlds.
 
     Raises:
-        ProgramError: there are more than `limit` worlds, an operation is undefined, or a world breaks a
-            condition of the language.
+        TooLargeError: there are more than `limit` worlds.
+        ProgramError: an operation is undefined, or a world breaks a condition of the language.
     """
     lines, places = translate_program(program)
     messages: list[str] = []
@@ -63,7 +63,7 @@ def enumerate_worlds(program: Program, limit: int) -> Iterator[tuple[dict[str, s
         optimal = (model for model in models if not program.has_cr_rules or model.optimality_proven)
         for count, model in enumerate(optimal):
             if count == limit:
-                raise ProgramError(
+                raise TooLargeError(
                     f"{program.file}: more than {limit} possible worlds; raise the limit to enumerate them"
                 )
             symbols = model.symbols(shown=True)
