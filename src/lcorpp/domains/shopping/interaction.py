@@ -12,8 +12,7 @@ from itertools import product
 
 import numpy as np
 
-from lcorpp.planning import Pomdp
-from lcorpp.planning.sparse import SparseTables
+from lcorpp.planning import Pomdp, SparseTables
 
 WH_COST, CONFIRM_COST = 1.5, 1.0
 """Costs of the two kinds of questions; the paper's."""
