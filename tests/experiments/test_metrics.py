@@ -105,3 +105,22 @@ def test_exact_scores_have_intervals_of_width_0():
     )
     assert result.f1.low == result.f1.estimate == result.f1.high == pytest.approx(0.6 / 0.9)
     assert (result.cost.estimate, result.return_.estimate, result.cost_sd) == (9.0, 50.0, 7.0)
+
+
+def test_accuracy_of_each_of_several_variables():
+    values = (("tea", "lab"), ("tea", "hall"), ("book", "lab"), ("book", "hall"))
+    counts = np.zeros((4, 5))
+    counts[0] = [5, 2, 1, 1, 1]  # tea, lab: 5 right, 2 with the other room, 1 other item, 1 both, 1 no report
+    counts[3, 3] = 10
+    zeros = np.zeros(20)
+    result = score_decisions(
+        "X", counts, zeros, zeros, values=values, positive=None, variables=("item", "room")
+    )
+    assert {name: row.estimate for name, row in result.variables.items()} == {"item": 0.85, "room": 0.8}
+    assert result.variables["item"] == Interval.from_count(17, 20)
+    assert result.accuracy.estimate == 0.75
+    assert list(result.shown) == ["item", "room", "all", "cost", "return"]
+    exact = score_probabilities(
+        "X", counts / 20, 0, 0, 0, values=values, positive=None, variables=("item", "room")
+    )
+    assert exact.variables["room"] == Interval.exact(0.8)

@@ -50,29 +50,29 @@ def print_scores(scores: Sequence[Scores], positive: str | None, trials: int | N
             f"F1, precision and recall of {positive!r}" if positive else "macro averages over all values"
         )
     count = "exact values" if trials is None else f"{trials} trials, 95% intervals in brackets"
-    table = _make_score_table(f"{count}; {metrics}", list(scores[0].shown))
+    table = _make_score_table(f"{count}; {metrics}", ["strategy", *scores[0].shown])
     for row in scores:
         cells = (_format_interval(cell, get_format(name)) for name, cell in row.shown.items())
         table.add_row(row.strategy, *cells)
     console.out.print(table)
     others = [(row.strategy, row.difference) for row in scores if row.difference is not None]
     if others:
-        title = f"{others[0][1].reference} minus each other strategy, on the same people"
-        table = _make_score_table(title, ["cost", "return"])
+        title = "differences on the same people" + ("" if trials is None else ", paired intervals")
+        table = _make_score_table(title, [f"{others[0][1].reference} minus", "cost", "return"])
         for name, gap in others:
             table.add_row(name, *(_format_interval(cell, ".2f", " ") for cell in (gap.cost, gap.return_)))
         console.out.print(table)
 
 
 def _make_score_table(title: str, columns: Sequence[str]) -> Table:
-    """Return an empty table: strategies and numbers."""
+    """Return an empty table; its first column is that of strategies."""
     from rich import box
     from rich.table import Table
 
     table = Table(title=title, title_style="", title_justify="left", box=box.SIMPLE_HEAD)
     table.padding = 0
-    table.add_column("strategy", style="bold", min_width=len("strategy"))
-    for name in columns:
+    table.add_column(columns[0], style="bold", min_width=len(columns[0]))
+    for name in columns[1:]:
         # in a narrow terminal numbers break, not names
         table.add_column(name, justify="right", min_width=len(name), overflow="fold")
     return table

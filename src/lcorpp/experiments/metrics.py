@@ -53,10 +53,9 @@ class Scores:
 
     @property
     def metrics(self) -> dict[str, Interval]:
-        """The scores by their names in files: `METRICS`, and `accuracy_NAME` of each of several variables."""
+        """The scores by their names in tables, `METRICS`."""
         scores = (self.f1, self.precision, self.recall, self.accuracy, self.cost, self.return_)
-        named = dict(zip(METRICS, scores, strict=True))
-        return named | {f"accuracy_{name}": accuracy for name, accuracy in self.variables.items()}
+        return dict(zip(METRICS, scores, strict=True))
 
     @property
     def shown(self) -> dict[str, Interval]:

@@ -180,10 +180,7 @@ def write_batches(
         FileError: a file cannot be written.
     """
     make_folder(folder)
-    columns = dict.fromkeys(
-        ["batch", "tracks", "change", *METRICS, *[key for row in result.rows for key in row]]
-    )
-    _write_csv(folder / "batches.csv", list(columns), result.rows)
+    _write_csv(folder / "batches.csv", ("batch", "tracks", "change", *METRICS), result.rows)
     head = {"domain": domain_name, "solution": describe_solution(solution)}
     _write_json(folder / "batches.json", {**head, "batches": list(result.rows)})
     saved = _save_if_trained(result.batch.classifier, folder)
@@ -217,9 +214,10 @@ def _save_if_trained(classifier: Classifier | None, folder: Path) -> WrittenFile
 
 
 def _make_row(scores: Scores) -> dict[str, str | float]:
-    """Return the scores of a strategy as a row with the columns `COLUMNS`."""
+    """Return the scores of a strategy as a row with the columns `COLUMNS`, and those of several variables."""
     cells: dict[str, str | float] = {"strategy": scores.strategy}
-    for name, interval in scores.metrics.items():
+    parts = {f"accuracy_{name}": accuracy for name, accuracy in scores.variables.items()}
+    for name, interval in (scores.metrics | parts).items():
         cells |= {name: interval.estimate, f"{name}_low": interval.low, f"{name}_high": interval.high}
     return cells
 

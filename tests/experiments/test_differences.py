@@ -1,0 +1,71 @@
+"""Paired differences between strategies: by hand, and the coverage of their intervals."""
+
+import numpy as np
+import pytest
+
+from lcorpp.experiments.differences import add_differences, find_reference
+from lcorpp.experiments.metrics import score_decisions
+from lcorpp.values import Z95
+
+
+def score(name: str, cost: np.ndarray, return_: np.ndarray):
+    counts = np.array([[len(cost), 0, 0], [0, 0, 0]], float)
+    return score_decisions(name, counts, cost, return_, values=("yes", "no"), positive=None)
+
+
+def test_differences_by_hand():
+    cost = np.array([[1.0, 2.0], [2.0, 2.0], [3.0, 5.0]])
+    return_ = np.array([[10.0, 12.0], [8.0, 8.0], [6.0, 10.0]])
+    rows = [score("P", cost[:, 0], return_[:, 0]), score("R+P", cost[:, 1], return_[:, 1])]
+    worse, reference = add_differences(rows, cost, return_)
+    assert reference.difference is None
+    assert worse.difference.reference == "R+P"
+    half = Z95 * 1 / np.sqrt(3)  # the costs differ by 1, 0 and 2: mean 1, standard deviation 1
+    found = worse.difference.cost
+    assert (found.estimate, found.low, found.high) == pytest.approx((1, 1 - half, 1 + half))
+    assert worse.difference.return_.estimate == 2
+
+
+def test_one_row_is_exact():
+    rows = [score(name, np.zeros(1), np.zeros(1)) for name in ("L", "LCORPP")]
+    first, _ = add_differences(rows, np.array([[0.0, 9.5]]), np.array([[36.8, 51.5]]))
+    assert (first.difference.cost.low, first.difference.cost.high) == (9.5, 9.5)
+    assert first.difference.return_.estimate == pytest.approx(14.7)
+
+
+def test_one_strategy_has_no_difference():
+    (row,) = add_differences([score("P", np.ones(3), np.ones(3))], np.ones((3, 1)), np.ones((3, 1)))
+    assert row.difference is None
+
+
+@pytest.mark.parametrize(
+    ("names", "reference"),
+    [
+        (["L", "R", "P", "LCORPP", "LCORPP-gaze"], "LCORPP"),
+        (["R+P", "P", "R"], "R+P"),
+        (["P", "ask-twice"], "P"),
+        (["mine", "ask-twice"], "ask-twice"),
+    ],
+)
+def test_the_reference_uses_most_parts(names, reference):
+    assert find_reference(names) == reference
+
+
+def test_paired_intervals_cover_the_true_difference_in_95_of_100_samples():
+    """1000 experiments of 100 people; the number of hits is binomial(1000, .95), so 922 is 4 SD below.
+
+    The costs of one person are strongly correlated, as both strategies meet the same person: the paired
+    interval is far narrower than one of independent samples.
+    """
+    rng = np.random.default_rng(11)
+    hits, width, independent = 0, 0.0, 0.0
+    for _ in range(1000):
+        person = rng.exponential(5, size=(100, 1))
+        cost = person + rng.normal([0.0, 0.5], 1, size=(100, 2))
+        rows = [score(name, cost[:, k], -cost[:, k]) for k, name in enumerate(("P", "R+P"))]
+        found = add_differences(rows, cost, -cost)[0].difference.cost
+        hits += found.low <= 0.5 <= found.high
+        width += found.high - found.low
+        independent += sum(row.cost.high - row.cost.low for row in rows)
+    assert 922 <= hits <= 978
+    assert width < independent / 4
