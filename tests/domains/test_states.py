@@ -79,6 +79,11 @@ def test_start_beliefs_for_many_values_are_the_reasoners_marginals(errands):
     edit(errands / "domain.toml", 'observed = ["time"]\n', "")
     starts = load_domain(errands, preset="function").start_beliefs()
     np.testing.assert_allclose(starts[10:], [domain.prior(reasoner.posterior(["item", "room"]))], atol=1e-12)
+    edit(errands / "domain.toml", "shared = [", 'observed = ["badge"]\nshared = [')
+    with (errands / "knowledge.plog").open("a") as file:
+        file.write("badges = {staff, guest}.\nbadge : badges.\n[b] random(badge) :- time=morning.\n")
+    again = load_domain(errands, preset="function").start_beliefs()  # not everybody has a badge
+    np.testing.assert_array_equal(again, starts)
 
 
 def test_one_record_and_two_variables_have_the_same_start_beliefs(errands):

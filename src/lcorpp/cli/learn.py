@@ -59,8 +59,9 @@ def learn(
 ) -> None:
     """Run Algorithm 1: decide, store the reports, retrain.
 
-    Each batch is written to --out when it is complete; Ctrl-C keeps the complete batches. With --store every
-    decision survives any interruption, and the same command resumes the run.
+    Each batch is written to --out when it is complete; Ctrl-C keeps the complete batches, and while the POMDP
+    is solved it goes on with the best policy so far. With --store every decision survives any interruption,
+    and the same command resumes the run.
     """
     from lcorpp.cli.robot_output import print_domain, print_solution, print_storage_problem
     from lcorpp.domains import load_domain

@@ -15,7 +15,7 @@ from lcorpp.domains.sections.learning import Sense
 from lcorpp.domains.sections.planning import PlanningSection
 from lcorpp.domains.sections.reasoning import ReasoningSection
 from lcorpp.domains.sections.simulation import SimulationSection
-from lcorpp.errors import DomainError, TooLargeError, expected_one_of
+from lcorpp.errors import DomainError, NoValueError, TooLargeError, expected_one_of
 from lcorpp.planning import Pomdp
 from lcorpp.reasoning import Program, with_classifier
 from lcorpp.values import (
@@ -233,6 +233,8 @@ class Domain:
         reasoner, subject = Reasoner(self.program), list(self.reasoning.shared)
         try:
             likely = reasoner.most_probable(count=MAX_PRIORS, of=self.observed) if self.observed else ()
+        except NoValueError:  # not all facts can be observed of everybody
+            likely = ()
         except TooLargeError:  # each marginal would take seconds of sampling
             return np.zeros((0, len(self.values)))
         facts = [world.values for world in likely] or [{}]
