@@ -5,6 +5,9 @@ from __future__ import annotations
 import importlib.util
 import sys
 import traceback
+from collections.abc import Iterator
+from contextlib import contextmanager
+from operator import attrgetter
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -16,7 +19,8 @@ class UserFunction:
     """A function in the user's file; a call that fails raises a typed error with the file and the line.
 
     Args:
-        path: the file. name: of the function. error: type of the errors.
+        path: the file. name: of the function, or of a method of an object: OBJECT.METHOD.
+        error: type of the errors.
 
     Raises:
         error: the file cannot be loaded, or has no such function.
@@ -25,7 +29,10 @@ class UserFunction:
     def __init__(self, path: Path, name: str, error: type[LcorppError]) -> None:
         self.path, self.name, self._error = path, name, error
         self._module = load_file(path, f"lcorpp_user_{path.stem}", error)
-        self.function = getattr(self._module, name, None)
+        try:
+            self.function: Any = attrgetter(name)(self._module)
+        except AttributeError:
+            self.function = None
         if not callable(self.function):
             known = [key for key, value in vars(self._module).items() if callable(value) and key[0] != "_"]
             raise error(f"{path} has no function {name!r}; {expected_one_of(known)}")
@@ -36,16 +43,30 @@ class UserFunction:
     @property
     def location(self) -> str:
         """``file:line`` of the definition."""
-        code = getattr(self.function, "__code__", None)
+        return self.locate(self.function)
+
+    def locate(self, function: object) -> str:
+        """``file:line`` of the definition of another function or method of the file."""
+        code = getattr(function, "__code__", None)
         return str(self.path) if code is None else f"{self.path}:{code.co_firstlineno}"
 
     def __call__(self, *arguments: Any, **options: Any) -> Any:
         """Call the function. Raises `error` if it fails."""
+        with self.locate_failures(f"{self.name}()"):
+            return self.function(*arguments, **options)
+
+    @contextmanager
+    def locate_failures(self, what: str) -> Iterator[None]:
+        """Raise `error` with the file and the line if the user's code fails, e.g. a method of its object.
+
+        Args:
+            what: what fails, for the message.
+        """
         try:
-            return self.function(*arguments, **options)  # type: ignore[misc]
+            yield
         except (Exception, SystemExit) as failure:
-            what = f"{self.name}() failed"
-            raise self._error(describe_failure(failure, str(self.path), self._module, what)) from failure
+            message = describe_failure(failure, str(self.path), self._module, f"{what} failed")
+            raise self._error(message) from failure
 
     def __reduce__(self) -> tuple[type[UserFunction], tuple[Path, str, type[LcorppError]]]:
         return UserFunction, (self.path, self.name, self._error)  # another process loads the file again

@@ -15,6 +15,7 @@ from lcorpp.experiments.metrics import Scores
 from lcorpp.experiments.trials import Experiment, run_trials
 from lcorpp.reasoning import Enumeration
 from lcorpp.simulation.simulated_classifier import NoisyChannel
+from tests.decision.fakes import FakeWorld
 
 # strategy: F1, accuracy, cost, its standard deviation, return
 TABLE = {
@@ -92,8 +93,8 @@ def test_return_is_report_reward_minus_cost():
 
 def test_reactions_drawn_by_python_cannot_be_enumerated():
     domain, robot, channels = parts("paper")
-    drawn = replace(domain.simulation, reaction=lambda person, action, rng: "pos")
+    drawn = replace(domain.simulation, world=lambda person, rng: FakeWorld("pos"))
     with pytest.raises(
-        DomainError, match=r"people\.py draws reactions, so only simulated trials can score this"
+        DomainError, match=r"reaction\(\) in people\.py, so only simulated trials can score this"
     ):
         evaluate_exactly(replace(domain, simulation=drawn), robot, channels, STRATEGIES)

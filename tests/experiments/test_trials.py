@@ -32,6 +32,7 @@ from lcorpp.simulation import (
     simulate_dataset,
 )
 from lcorpp.values import ConfusionMatrix, Dataset, Likelihood
+from tests.decision.fakes import FakeWorld
 
 ROOMS = Path(__file__).parents[1] / "domains" / "rooms"
 
@@ -211,18 +212,24 @@ def test_answers_are_flipped_with_the_noise_and_scored_by_the_truth():
     assert (worlds[1].cost, worlds[1].return_) == (2.0, -82.0)
 
 
-def test_people_py_replaces_the_feedback_model():
+def answers(*texts):
+    return lambda person, rng: FakeWorld(*texts)
+
+
+def test_an_own_world_replaces_the_feedback_model():
     domain = load_domain("intention")
-    honest = replace(domain.simulation, reaction=lambda person, action, rng: "neg")
+    honest = replace(domain.simulation, world=answers("neg"))
     world = SimulationModel(replace(domain, simulation=honest)).make_world(
         {"intention": "interested"}, np.random.default_rng(0)
     )
     assert world.act("greet") == "neg"
-    odd = replace(domain.simulation, reaction=lambda person, action, rng: "perhaps")
+    odd = replace(domain.simulation, world=answers("perhaps"))
     world = SimulationModel(replace(domain, simulation=odd)).make_world(
         {"intention": "interested"}, np.random.default_rng(0)
     )
-    with pytest.raises(DomainError, match=r"reaction\(\) answered 'perhaps'; expected one of pos, neg, none"):
+    with pytest.raises(
+        DomainError, match=r"FakeWorld\.act\(\) answered 'perhaps' to 'greet'; expected one of pos, neg, none"
+    ):
         world.act("greet")
 
 

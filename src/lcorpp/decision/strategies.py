@@ -1,13 +1,18 @@
-"""The six strategies of the paper's experiments: a table of the parts that each one uses."""
+"""Strategies: the table of the paper's six, with the parts that each one uses, and changes of a robot."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+import reprlib
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from lcorpp.decision.dt_control import Robot
-from lcorpp.errors import DecisionError, expected_one_of
+from lcorpp.errors import DecisionError, LcorppError, expected_one_of
 from lcorpp.protocols import DomainInterface, Planner
+from lcorpp.user_code import UserFunction
 from lcorpp.values import Belief, Distribution, Label
 
 
@@ -16,6 +21,9 @@ class Strategy:
     """One row of the table: a name, and whether the robot learns, reasons and plans.
 
     without: senses that the robot does not use although it learns.
+    change: returns another robot in place of that with these parts, e.g. with a planner of its own; None
+        changes nothing. It is called for each decision, so that its parts may remember the decision's steps.
+    draws: whether `change` takes a random generator, too, and the robot's actions are random.
     """
 
     name: str
@@ -23,19 +31,64 @@ class Strategy:
     reasons: bool
     plans: bool
     without: tuple[str, ...] = ()
+    change: Callable[..., object] | None = None
+    draws: bool = False
 
     def uses(self, sense: str) -> bool:
         """Whether the robot uses the classifier of a sense."""
         return self.learns and sense not in self.without
 
-    def robot(self, full: Robot) -> Robot:
-        """The robot `full` with each unused part left out or replaced by its trivial substitute."""
-        return Robot(
+    def robot(self, full: Robot, rng: np.random.Generator | None = None) -> Robot:
+        """The robot `full` with each unused part left out or replaced by its trivial substitute, and changed.
+
+        Args:
+            rng: draws the actions of a strategy that draws; required by these only.
+
+        Raises:
+            DecisionError: `change` fails or returns no robot; or `rng` is missing.
+        """
+        robot = Robot(
             classifiers={name: part for name, part in full.classifiers.items() if self.uses(name)},
             reasoner=full.reasoner if self.reasons else LabelOnlyReasoner(full.domain),
             planner=full.planner if self.plans else ImmediateReport(full.planner, full.domain),
             domain=full.domain,
         )
+        if self.change is None:
+            return robot
+        if self.draws and rng is None:
+            raise DecisionError(f"the strategy {self.name!r} draws its actions; expected a random generator")
+        changed = self.change(robot, rng) if self.draws else self.change(robot)
+        if not isinstance(changed, Robot):
+            raise DecisionError(f"{self.location} returned {reprlib.repr(changed)}; expected a Robot")
+        return changed
+
+    @property
+    def location(self) -> str:
+        """Where an own strategy is defined, ``FILE:LINE: strategy 'NAME'``, for messages."""
+        place = getattr(self.change, "location", "")
+        return f"{place}: strategy {self.name!r}" if place else f"strategy {self.name!r}"
+
+    @contextmanager
+    def locate_failures(self) -> Iterator[None]:
+        """Name this strategy in the errors of its robot's decisions, unless it is a row of the table.
+
+        Raises:
+            DecisionError: an own strategy's part fails, or the decision cannot be completed.
+        """
+        try:
+            yield
+        except DecisionError as error:
+            path = str(getattr(self.change, "path", self.location))
+            if self.change is None or str(error).startswith(path):  # the user's file is already named
+                raise
+            raise DecisionError(f"{self.location}: {error}") from error
+        except LcorppError:
+            raise
+        except Exception:
+            if not isinstance(self.change, UserFunction):
+                raise
+            with self.change.locate_failures(f"strategy {self.name!r}"):
+                raise
 
 
 STRATEGIES = (
@@ -62,16 +115,20 @@ def list_strategies(senses: Sequence[str]) -> tuple[Strategy, ...]:
     return (*rows, *[replace(full, name=f"{full.name}-{sense}", without=(sense,)) for sense in senses])
 
 
-def strategies(names: Iterable[str], senses: Sequence[str] = ("",)) -> tuple[Strategy, ...]:
+def strategies(
+    names: Iterable[str], senses: Sequence[str] = ("",), *, more: Sequence[Strategy] = ()
+) -> tuple[Strategy, ...]:
     """The rows with the given names, in the order of the table; all rows if no name is given.
 
     Args:
         senses: of the domain, see `list_strategies`; by default one.
+        more: rows below the table that are found by their names only.
 
     Raises:
         DecisionError: an unknown name.
     """
-    selected, rows = [name.upper() for name in names], list_strategies(senses)
+    selected, table = [name.upper() for name in names], list_strategies(senses)
+    rows = (*table, *more) if selected else table
     known = [row.name.upper() for row in rows]
     for name in selected:
         if name not in known:

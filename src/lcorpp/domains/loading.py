@@ -6,6 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from lcorpp.domains.domain import Domain
+from lcorpp.domains.own_world import OwnWorlds
 from lcorpp.domains.sections.learning import read_senses
 from lcorpp.domains.sections.names import check_defined
 from lcorpp.domains.sections.planning import read_planning
@@ -13,6 +14,7 @@ from lcorpp.domains.sections.reasoning import read_reasoning
 from lcorpp.domains.sections.simulation import read_simulation
 from lcorpp.domains.toml import read_domain_toml
 from lcorpp.errors import DomainError, check_type, expected_one_of
+from lcorpp.user_code import split_function
 
 SHIPPED_FOLDER = Path(__file__).parent
 
@@ -61,3 +63,15 @@ def load_domain(name_or_folder: str | Path, *, preset: str | None = None) -> Dom
         for sense in senses
     )
     return Domain(name, description, folder, preset_name, reasoning, senses, planning, simulation)
+
+
+def with_world(domain: Domain, text: str) -> Domain:
+    """Return the domain with people who answer as the worlds of ``FILE.py:NAME`` do, see `OwnWorlds`.
+
+    Raises:
+        DomainError: the text is something else, or the file is wrong.
+    """
+    parts = split_function(text)
+    if parts is None:
+        raise DomainError(f"the world {text!r}: expected FILE.py:NAME")
+    return replace(domain, simulation=replace(domain.simulation, world=OwnWorlds(*parts)))

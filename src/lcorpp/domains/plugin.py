@@ -9,7 +9,9 @@ from typing import Any
 
 import numpy as np
 
+from lcorpp.domains.own_world import ReactionWorld
 from lcorpp.errors import DomainError
+from lcorpp.protocols import World
 from lcorpp.user_code import describe_failure, load_file
 from lcorpp.values import Array
 
@@ -129,6 +131,10 @@ class SimulationPlugin:
         if not isinstance(answer, str):
             raise DomainError(f"{self.path}: reaction() returned {answer!r}, expected an observation")
         return answer
+
+    def make_world(self, person: Mapping[str, str], rng: np.random.Generator) -> World:
+        """Return the world of a person who answers by `reaction`."""
+        return ReactionWorld(self.reaction, f"{self.path}: reaction", person, rng)
 
     def _call(self, name: str, *arguments: Any, **options: Any) -> Any:
         function: Callable[..., Any] = getattr(self._module, name)

@@ -10,7 +10,7 @@ from lcorpp.decision import Strategy
 from lcorpp.decision.strategies import list_strategies
 from lcorpp.domains import Domain
 from lcorpp.errors import DecisionError, DomainError, check_type
-from lcorpp.experiments.exact_evaluation import evaluate_exactly
+from lcorpp.experiments.exact_evaluation import check_enumerable, evaluate_exactly
 from lcorpp.experiments.metrics import Scores, scores_to_html
 from lcorpp.experiments.setup import (
     HARD_LABELS,
@@ -116,6 +116,8 @@ def compare_strategies(
             " trials only"
         )
     strategies = options.strategies or list_strategies([sense.name for sense in domain.senses])
+    if options.trials is None:
+        check_enumerable(domain, strategies)
     senses, solution = _set_up_senses(domain, strategies, options, progress), None
     if policy is not None:
         planner = Planner(policy, domain.pomdp)

@@ -1,13 +1,13 @@
 """Exact scores of the strategies, by enumeration of people and answers.
 
 These scores are the reference for the simulated trials. The evaluation requires noisy channels as the
-classifiers and a feedback model of known probabilities, not a `people.py` that draws reactions.
+classifiers and a feedback model of known probabilities, not a world of the domain's own.
 """
 
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Hashable, Iterator, Mapping, Sequence
 from functools import cache
 from itertools import product
 from math import prod
@@ -17,11 +17,11 @@ import numpy as np
 from lcorpp.decision import Robot, Strategy
 from lcorpp.domains import Domain
 from lcorpp.errors import DecisionError, DomainError, TooLargeError, check_type
+from lcorpp.experiments.decision_nodes import BeliefNodes, DecisionNodes, HistoryNodes
 from lcorpp.experiments.differences import add_differences
 from lcorpp.experiments.metrics import Scores, score_probabilities
 from lcorpp.reasoning import Enumeration, Reasoner
 from lcorpp.simulation.simulated_classifier import NoisyChannel
-from lcorpp.values import Belief
 
 MIN_PROBABILITY = 1e-12
 """Branches of an episode less likely than this are pruned."""
@@ -44,27 +44,43 @@ def evaluate_exactly(
         strategies: the strategies, in the order of the result.
 
     Raises:
-        DomainError: the domain's `people.py` draws reactions, whose probabilities are unknown.
+        DomainError: the domain has a world of its own, whose probabilities are unknown.
+        DecisionError: a strategy draws its actions, acts differently after equal histories, or an own
+            strategy has too many histories.
     """
     check_type(domain, Domain, "the domain", DomainError)
     check_type(robot, Robot, "the robot", DecisionError)
     for channel in channels.values():
         check_type(channel, NoisyChannel, "a channel", DecisionError)
-    if domain.simulation.reaction is not None:
-        raise DomainError(
-            f"{domain.folder}: people.py draws reactions, so only simulated trials can score this domain"
-        )
+    check_enumerable(domain, strategies)
     classified = [channel.of for channel in channels.values()]
     attributes = tuple(dict.fromkeys([*domain.observed, *classified, *domain.reasoning.shared]))
     people = [
         (dict(zip(attributes, values, strict=True)), mass)
         for values, mass in compute_joint_distribution(domain, attributes).items()
     ]
-    scores = [
-        _score_strategy(domain, strategy.robot(robot), strategy, channels, people) for strategy in strategies
-    ]
+    scores = [_score_strategy(domain, robot, strategy, channels, people) for strategy in strategies]
     means = [[[getattr(row, name).estimate for row in scores]] for name in ("cost", "return_")]
     return add_differences(scores, np.array(means[0]), np.array(means[1]))
+
+
+def check_enumerable(domain: Domain, strategies: Sequence[Strategy]) -> None:
+    """Check that the probabilities of all actions and answers are known.
+
+    Raises:
+        DomainError: the domain has a world of its own.
+        DecisionError: a strategy draws its actions.
+    """
+    if domain.simulation.world is not None:
+        raise DomainError(
+            f"{domain.folder}: people answer by a world of their own or by reaction() in people.py, so only"
+            " simulated trials can score this domain"
+        )
+    for strategy in strategies:
+        if strategy.draws:
+            raise DecisionError(
+                f"{strategy.location} draws its actions, so it has no exact scores; expected simulated trials"
+            )
 
 
 def compute_joint_distribution(domain: Domain, attributes: Sequence[str]) -> dict[tuple[str, ...], float]:
@@ -83,34 +99,37 @@ def compute_joint_distribution(domain: Domain, attributes: Sequence[str]) -> dic
 
 def _score_strategy(
     domain: Domain,
-    robot: Robot,
+    full: Robot,
     strategy: Strategy,
     channels: Mapping[str, NoisyChannel],
     people: Sequence[tuple[Mapping[str, str], float]],
 ) -> Scores:
-    """Score the robot of a strategy; `people`: attribute -> value, and its probability."""
+    """Score a strategy of the full robot; `people`: attribute -> value, and its probability."""
     used = {sense: channel for sense, channel in channels.items() if strategy.uses(sense)}
-    # distribution over (prior belief (S,) as bytes, index of the true value)
-    priors: dict[tuple[bytes, int], float] = defaultdict(float)
+    nodes: DecisionNodes
+    if strategy.change is None:
+        nodes = BeliefNodes(domain, strategy.robot(full))
+    else:
+        nodes = HistoryNodes(domain, full, strategy, used)
+    # distribution over (node before the first action, index of the true value)
+    roots: dict[tuple[Hashable, int], float] = defaultdict(float)
 
     @cache
-    def find_prior(context: tuple[str, ...], labels: tuple[tuple[str, str], ...]) -> bytes:
-        facts = dict(zip(domain.observed, context, strict=True))
-        marginal = robot.reasoner.posterior(domain.shared, domain.evidence(facts, dict(labels)))
-        return (robot.planner.start if marginal is None else domain.prior(marginal)).tobytes()
+    def find_root(context: tuple[str, ...], labels: tuple[tuple[str, str], ...]) -> Hashable:
+        return nodes.root(dict(zip(domain.observed, context, strict=True)), dict(labels))
 
     for person, mass in people:
         v = domain.values.index(domain.reasoning.join(person))
         context = tuple([person[name] for name in domain.observed])
         for labels, rate in _enumerate_labels(used, person):
             if mass * rate > 0:
-                priors[find_prior(context, tuple(labels.items())), v] += mass * rate
-    tree = _EpisodeTree(domain, robot)
+                roots[find_root(context, tuple(labels.items())), v] += mass * rate
+    tree = _EpisodeTree(domain, nodes)
     # (V, V + 1) probability of each true value and reported value; the last column is for no report
     joint = np.zeros((len(domain.values), len(domain.values) + 1))
     total_cost = squared_cost = return_ = 0.0
-    for (key, v), mass in priors.items():
-        for probability, reported, cost, reward in tree.enumerate_leaves(np.frombuffer(key), v):
+    for (root, v), mass in roots.items():
+        for probability, reported, cost, reward in tree.enumerate_leaves(root, v):
             p = mass * probability
             joint[v, reported] += p
             total_cost += p * cost
@@ -143,18 +162,11 @@ def _enumerate_labels(
 
 
 class _EpisodeTree:
-    """All episodes from a belief; actions, transitions and belief updates are cached.
+    """All episodes from a node; transitions are cached."""
 
-    Beliefs are passed as bytes, because arrays cannot be keys of a cache.
-    """
-
-    def __init__(self, domain: Domain, robot: Robot) -> None:
-        pomdp, planner, feedback = domain.pomdp, robot.planner, domain.simulation.feedback_model
-        self._domain = domain
-
-        @cache
-        def select_action(belief: bytes) -> str:
-            return planner.action(np.frombuffer(belief))
+    def __init__(self, domain: Domain, nodes: DecisionNodes) -> None:
+        pomdp, feedback = domain.pomdp, domain.simulation.feedback_model
+        self._domain, self._nodes = domain, nodes
 
         @cache
         def find_transitions(action: int, state: int) -> list[tuple[int, str, float]]:
@@ -165,32 +177,27 @@ class _EpisodeTree:
                 for o in np.flatnonzero(feedback[action, s])
             ]
 
-        @cache
-        def update(belief: bytes, action: str, observation: str) -> bytes:
-            after = planner.update(np.frombuffer(belief), action, observation)
-            return np.round(after, 12).tobytes()  # rounding merges beliefs that different paths reach
+        self._find_transitions = find_transitions
 
-        self._select_action, self._find_transitions, self._update = select_action, find_transitions, update
-
-    def enumerate_leaves(self, prior: Belief, v: int) -> Iterator[tuple[float, int, float, float]]:
-        """Yield the ends of all episodes from a prior belief (S,) with a person of true value v.
+    def enumerate_leaves(self, root: Hashable, v: int) -> Iterator[tuple[float, int, float, float]]:
+        """Yield the ends of all episodes from a root with a person of true value v.
 
         Each is the end of all episodes with the same last action and cost: their probability; the index of
         the reported value, V for no report; the cost of the actions before the report, positive; the reward
         of the report in the true state, 0 without a report.
         """
-        domain, pomdp = self._domain, self._domain.pomdp
-        # the episodes after the same number of actions: (belief as bytes, state, cost) -> probability
-        frontier: dict[tuple[bytes, int, float], float] = {}
+        domain, pomdp, nodes = self._domain, self._domain.pomdp, self._nodes
+        # the episodes after the same number of actions: (node, state, cost) -> probability
+        frontier: dict[tuple[Hashable, int, float], float] = {}
         for first in np.flatnonzero(domain.planning.initial_states[v]):
-            frontier[prior.tobytes(), int(first), 0.0] = float(domain.planning.initial_states[v, first])
+            frontier[root, int(first), 0.0] = float(domain.planning.initial_states[v, first])
         while frontier:
-            successors: dict[tuple[bytes, int, float], float] = defaultdict(float)
-            for (belief, s, cost), mass in frontier.items():
-                if domain.is_terminal(np.frombuffer(belief)):
+            successors: dict[tuple[Hashable, int, float], float] = defaultdict(float)
+            for (node, s, cost), mass in frontier.items():
+                action = nodes.find_action(node)
+                if action is None:
                     yield mass, len(domain.values), cost, 0.0
                     continue
-                action = self._select_action(belief)
                 a = pomdp.actions.index(action)
                 reward = float(pomdp.reward[a, s])
                 value = domain.reported_value(action)
@@ -201,5 +208,5 @@ class _EpisodeTree:
                 for s_next, observation, probability in self._find_transitions(a, s):
                     p = mass * probability
                     if p >= MIN_PROBABILITY:
-                        successors[self._update(belief, action, observation), s_next, next_cost] += p
+                        successors[nodes.extend(node, action, observation), s_next, next_cost] += p
             frontier = successors

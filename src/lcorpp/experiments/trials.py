@@ -126,20 +126,27 @@ def run_chunk(experiment: Experiment, number: int, results: Trials) -> int:
     }
     recall = {sense: PrecomputedLabel() for sense in labels}
     full = replace(experiment.robot, classifiers=recall, domain=domain)
-    robots = [strategy.robot(full) for strategy in strategies]
+    robots = [None if strategy.change else strategy.robot(full) for strategy in strategies]
     for i, person in enumerate(people):
         for sense, precomputed in recall.items():
             precomputed.label = labels[sense][i]
         perceived = {sense: own[i] for sense, own in signals.items()}
         instance = Instance(perceived, {name: person[name] for name in domain.observed})
-        for k, robot in enumerate(robots):
+        for k, strategy in enumerate(strategies):
             # every strategy gets the same answers: each has a new generator with the same seed
             world = model.make_world(person, np.random.default_rng([experiment.seed, number, i]))
-            report = dt_control(robot, instance, world).report
+            with strategy.locate_failures():
+                robot = robots[k] or strategy.robot(full, make_generator(experiment.seed, number, i))
+                report = dt_control(robot, instance, world).report
             results["reported"][i, k] = len(domain.values) if report is None else domain.values.index(report)
             results["cost"][i, k], results["return_"][i, k] = world.cost, world.return_
         results["truth"][i] = domain.values.index(domain.reasoning.join(person))
     return len(people)
+
+
+def make_generator(*seed: int) -> np.random.Generator:
+    """Return the generator of a strategy that draws its actions, independent of the world's answers."""
+    return np.random.default_rng([*seed, 1])
 
 
 def _score_trials(experiment: Experiment, results: Trials) -> list[Scores]:

@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from lcorpp.domains import Domain
-from lcorpp.errors import DomainError, expected_one_of
+from lcorpp.errors import DecisionError, DomainError, expected_one_of
 from lcorpp.values import Array
 
 
@@ -29,6 +29,18 @@ class SimulationModel:
         self.reward = pomdp.reward.tolist()
         self.action_index = {name: a for a, name in enumerate(pomdp.actions)}
 
+    def find_action(self, action: str) -> int:
+        """Return the index of an action that a robot chose.
+
+        Raises:
+            DecisionError: the POMDP has no such action.
+        """
+        index = self.action_index.get(action)
+        if index is None:
+            actions = self.domain.pomdp.actions
+            raise DecisionError(f"the robot chose the action {action!r}; {expected_one_of(actions)}")
+        return index
+
     def make_world(self, person: Mapping[str, str], rng: np.random.Generator) -> SimulatedWorld:
         """Return the world of one person; `rng` draws the person's answers."""
         return SimulatedWorld(self, person, rng)
@@ -39,40 +51,50 @@ class SimulatedWorld:
 
     The hidden state starts where the domain places the person's shared value and moves by the planner's
     transition model. The person answers by the simulation's feedback model, not by the planner's
-    observation model.
+    observation model. If the domain has worlds of its own (`SimulationSection.world`), these answer instead,
+    until the state is terminal; costs and return are scored from the hidden state all the same.
 
     cost: the sum of the costs of the actions before the report, positive.
     return_: the sum of all rewards, undiscounted.
     """
 
     def __init__(self, model: SimulationModel, person: Mapping[str, str], rng: np.random.Generator) -> None:
-        self._model, self._person, self._rng = model, person, rng
+        self._model, self._rng = model, rng
         value = model.domain.values.index(model.domain.reasoning.join(person))
         self._state = self._draw(model.initial_states[value])
+        make_answers = model.domain.simulation.world
+        self._answers = None if make_answers is None else make_answers(person, rng)
         self.cost = 0.0
         self.return_ = 0.0
 
     def act(self, action: str) -> str:
-        """Pay for an action, move the hidden state and return the person's answer."""
+        """Pay for an action, move the hidden state and return the person's answer.
+
+        Raises:
+            DecisionError: the POMDP has no such action.
+            DomainError: the domain's own world returns something else than an observation of the POMDP.
+        """
         model, domain = self._model, self._model.domain
-        a = model.action_index[action]
+        a = model.find_action(action)
         reward = model.reward[a][self._state]
         self.cost -= reward
         self.return_ += reward
         self._state = self._draw(model.transition[a][self._state])
-        if domain.simulation.reaction is None or self._state in domain.planning.terminal:
+        if self._answers is None or self._state in domain.planning.terminal:
             return domain.pomdp.observations[self._draw(model.feedback[a][self._state])]
-        answer = domain.simulation.reaction(self._person, action, self._rng)
+        answer = self._answers.act(action)
         if answer not in domain.pomdp.observations:
+            source = getattr(self._answers, "source", f"{type(self._answers).__name__}.act")
             raise DomainError(
-                f"{domain.folder}: people.py: reaction() answered {answer!r};"
-                f" {expected_one_of(domain.pomdp.observations)}"
+                f"{source}() answered {answer!r} to {action!r}; {expected_one_of(domain.pomdp.observations)}"
             )
         return answer
 
     def report(self, action: str) -> None:
         """Add the reward of the report."""
         self.return_ += self._model.reward[self._model.action_index[action]][self._state]
+        if self._answers is not None:
+            self._answers.report(action)
 
     def _draw(self, bounds: Sequence[float]) -> int:
         return bisect_right(bounds, self._rng.random())

@@ -61,6 +61,6 @@ def read_planner_model(
 def _has_parameter(function: UserFunction) -> bool:
     """Whether the user's function takes the values of the shared variables."""
     try:
-        return bool(inspect.signature(function.function).parameters)  # type: ignore[arg-type]
+        return bool(inspect.signature(function.function).parameters)
     except (TypeError, ValueError):  # a function without a signature, e.g. of C
         return False

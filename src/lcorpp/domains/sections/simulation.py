@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from lcorpp.domains.own_world import OwnWorlds
 from lcorpp.domains.plugin import SimulationPlugin
 from lcorpp.domains.sections.learning import Sense
 from lcorpp.domains.sections.names import check_declared, check_same_names, find_attribute_values
@@ -15,7 +16,9 @@ from lcorpp.domains.sections.planning import PlanningSection
 from lcorpp.domains.sections.reasoning import ReasoningSection
 from lcorpp.domains.toml import TomlTable
 from lcorpp.errors import DomainError
+from lcorpp.protocols import World
 from lcorpp.reasoning import Program, read_plog
+from lcorpp.user_code import split_function
 from lcorpp.values import Array
 
 Simulate = Callable[[Sequence[Mapping[str, str]], np.random.Generator], Array]
@@ -32,8 +35,8 @@ class SimulationSection:
         is missing if they are unknown, so that its classification needs signals.
     signals: sense -> the simulation of its signals, e.g. trajectories (people, channels, time points), for
         the senses for which a people.py defines it.
-    reaction: maps a person, an action and a generator to an observation, replacing `feedback_model`; None
-        without a people.py that defines it.
+    world: makes the world of a person, from the person and a generator; its answers replace
+        `feedback_model`. None without an own world and without reaction() in people.py.
     recordings: like `signals` of the motion, with the keyword `seconds` (min, max: the duration); returns one
         array (samples, columns) for each person, as a tracker records it.
     columns: the names of these columns; () without recordings.
@@ -43,7 +46,7 @@ class SimulationSection:
     feedback_model: Array
     noisy_channels: Mapping[str, Mapping[str, Mapping[str, float]]] = field(default_factory=dict)
     signals: Mapping[str, Simulate] = field(default_factory=dict)
-    reaction: Callable[[Mapping[str, str], str, np.random.Generator], str] | None = None
+    world: Callable[[Mapping[str, str], np.random.Generator], World] | None = None
     recordings: Callable[..., list[Array]] | None = None
     columns: tuple[str, ...] = ()
 
@@ -51,7 +54,7 @@ class SimulationSection:
         parts = {
             "noisy channels": self.noisy_channels,
             "signals": self.signals,
-            "reaction": self.reaction,
+            "world": self.world,
             "recordings": self.recordings,
         }
         defined = ", ".join(name for name, part in parts.items() if part)
@@ -84,12 +87,24 @@ def read_simulation(
         feedback_model=_make_feedback_model(table, reasoning, planning),
         noisy_channels=_make_noisy_channels(table, program, senses),
         signals=plugin.signals if plugin else {},
-        reaction=plugin.reaction if plugin and plugin.defines("reaction") else None,
+        world=_read_world(table, folder, plugin),
         recordings=plugin.recordings if plugin and plugin.defines("recordings") else None,
         columns=plugin.columns if plugin else (),
     )
     table.reject_unknown_keys()
     return section
+
+
+def _read_world(
+    table: TomlTable, folder: Path, plugin: SimulationPlugin | None
+) -> Callable[[Mapping[str, str], np.random.Generator], World] | None:
+    """Return the worlds of the key `world`, else of reaction() in people.py, else None."""
+    if "world" not in table:
+        return plugin.make_world if plugin and plugin.defines("reaction") else None
+    parts = split_function(table.text("world"))
+    if parts is None:
+        raise DomainError(f"{table.location('world')}: expected FILE.py:NAME, not {table.text('world')!r}")
+    return OwnWorlds(folder / parts[0], parts[1])
 
 
 def _make_feedback_model(table: TomlTable, reasoning: ReasoningSection, planning: PlanningSection) -> Array:

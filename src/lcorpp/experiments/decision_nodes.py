@@ -1,0 +1,142 @@
+"""The robot's side of decisions in the exact evaluation: its action after each sequence of observations."""
+
+from __future__ import annotations
+
+from collections.abc import Hashable, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import replace
+from functools import cache
+from typing import Any, NamedTuple, Protocol
+
+import numpy as np
+
+from lcorpp.decision import Robot, Strategy, dt_control
+from lcorpp.domains import Domain
+from lcorpp.errors import DecisionError, expected_one_of
+from lcorpp.simulation.simulated_classifier import NoisyChannel
+from lcorpp.values import Instance
+
+MAX_HISTORIES = 100_000
+"""Maximum number of histories of an own strategy; the number grows exponentially with their length."""
+
+
+class DecisionNodes(Protocol):
+    """The points of decisions at which a robot acts; equal nodes are merged."""
+
+    def root(self, context: Mapping[str, str], labels: Mapping[str, str]) -> Hashable:
+        """Return the node before the first action, given the facts and the class from each sense."""
+
+    def find_action(self, node: Any, /) -> str | None:
+        """Return the robot's action; None if the decision has ended without a report."""
+
+    def extend(self, node: Any, action: str, observation: str, /) -> Hashable:
+        """Return the node after an action and an observation."""
+
+
+class BeliefNodes:
+    """The nodes of a robot whose action depends on the belief alone: beliefs (S,), as bytes."""
+
+    def __init__(self, domain: Domain, robot: Robot) -> None:
+        self._domain, self._robot = domain, robot
+        self.find_action, self.extend = cache(self._find_action), cache(self._extend)
+
+    def root(self, context: Mapping[str, str], labels: Mapping[str, str]) -> Hashable:
+        marginal = self._robot.reasoner.posterior(self._domain.shared, self._domain.evidence(context, labels))
+        return (self._robot.planner.start if marginal is None else self._domain.prior(marginal)).tobytes()
+
+    def _find_action(self, node: bytes) -> str | None:
+        belief = np.frombuffer(node)
+        return None if self._domain.is_terminal(belief) else self._robot.planner.action(belief)
+
+    def _extend(self, node: bytes, action: str, observation: str) -> bytes:
+        after = self._robot.planner.update(np.frombuffer(node), action, observation)
+        return np.round(after, 12).tobytes()  # rounding merges beliefs that different paths reach
+
+
+class _History(NamedTuple):
+    """A case, and the actions and observations since."""
+
+    context: tuple[tuple[str, str], ...]
+    labels: tuple[tuple[str, str], ...]
+    steps: tuple[tuple[str, str], ...] = ()
+
+
+class HistoryNodes:
+    """The nodes of an own strategy, whose parts may remember a decision: histories, decided anew each time.
+
+    Raises:
+        DecisionError: the strategy acts differently after equal histories, chooses an unknown action or has
+            more than `MAX_HISTORIES` histories.
+    """
+
+    def __init__(
+        self, domain: Domain, full: Robot, strategy: Strategy, channels: Mapping[str, NoisyChannel]
+    ) -> None:
+        self._domain, self._strategy, self._channels = domain, strategy, channels
+        self._full = replace(full, classifiers=channels)
+        self._count = 0
+        self.find_action = cache(self._find_action)
+
+    def root(self, context: Mapping[str, str], labels: Mapping[str, str]) -> Hashable:
+        return _History(tuple(context.items()), tuple(labels.items()))
+
+    def extend(self, node: _History, action: str, observation: str) -> Hashable:
+        return node._replace(steps=(*node.steps, (action, observation)))
+
+    def _find_action(self, node: _History) -> str | None:
+        self._count += 1
+        if self._count > MAX_HISTORIES:
+            raise DecisionError(
+                f"{self._strategy.location}: more than {MAX_HISTORIES} histories of observations; its scores"
+                " need simulated trials"
+            )
+        signals = {
+            sense: np.array([[float(self._channels[sense].classes.index(label))]])
+            for sense, label in node.labels
+        }
+        world = _ReplayWorld(node.steps)
+        with self._strategy.locate_failures():
+            with suppress(_EndOfHistory):
+                dt_control(self._strategy.robot(self._full), Instance(signals, dict(node.context)), world)
+            if world.differs:
+                raise DecisionError(
+                    f"chose {world.action!r} after a history in which it chose {world.differs!r} before; a"
+                    " strategy that draws has a second parameter, the random generator"
+                )
+            if world.action is not None and world.action not in self._domain.pomdp.actions:
+                actions = self._domain.pomdp.actions
+                raise DecisionError(
+                    f"the robot chose the action {world.action!r}; {expected_one_of(actions)}"
+                )
+        return world.action
+
+
+class _EndOfHistory(BaseException):
+    """Ends a decision at the first action after its history; no part of a robot catches it."""
+
+
+class _ReplayWorld:
+    """A world that repeats the observations of a history.
+
+    action: the action after the history, None if the decision ended before. differs: the action that an
+    earlier decision chose at a step where this one chose `action`, "" if there is none.
+    """
+
+    def __init__(self, steps: Sequence[tuple[str, str]]) -> None:
+        self._rest = list(reversed(steps))
+        self.action: str | None = None
+        self.differs = ""
+
+    def act(self, action: str) -> str:
+        if not self._rest:
+            self.action = action
+            raise _EndOfHistory
+        earlier, observation = self._rest.pop()
+        if action != earlier:
+            self.action, self.differs = action, earlier
+            raise _EndOfHistory
+        return observation
+
+    def report(self, action: str) -> None:
+        self.action = action
+        self.differs = self._rest[-1][0] if self._rest else ""
