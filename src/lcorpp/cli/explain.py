@@ -14,7 +14,7 @@ from lcorpp.errors import DecisionError, DomainError
 
 if TYPE_CHECKING:
     from lcorpp.decision import Robot
-    from lcorpp.domains import Domain
+    from lcorpp.domains import Domain, Sense
     from lcorpp.protocols import World
     from lcorpp.values import Label, SharedValue, Step
 
@@ -54,6 +54,13 @@ def explain(
     interactive: Annotated[
         bool, typer.Option("--interactive", help="You are the person: type the facts and answers.")
     ] = False,
+    strategy: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAME", help=f"{options.STRATEGIES}. By default all parts decide, as in LCORPP."
+        ),
+    ] = None,
+    world: options.WorldOption = None,
     solver: options.SolverOption = None,
     precision: options.PrecisionOption = None,
     time_limit: options.TimeLimitOption = None,
@@ -66,8 +73,11 @@ def explain(
     Ctrl-C while it solves goes on with the best policy so far.
     """
     from lcorpp.cli.robot_output import print_classifier, print_domain, print_solution
-    from lcorpp.domains import load_domain
+    from lcorpp.decision import STRATEGIES
+    from lcorpp.domains import load_domain, with_world
+    from lcorpp.experiments.baselines import find_strategies
     from lcorpp.experiments.setup import from_channel, make_robot, solve_domain
+    from lcorpp.experiments.trials import make_generator
     from lcorpp.planning import Planner
     from lcorpp.planning.policy_cache import find_cache_folder
 
@@ -75,7 +85,15 @@ def explain(
         raise DecisionError("--interactive needs an input to read your answers from; it is closed")
     if interactive and (truth is not None or answers is not None):
         raise DomainError("--truth and --answers describe a simulated person; --interactive has none")
+    if world is not None and (interactive or answers is not None):
+        other = "--interactive" if interactive else "--answers"
+        raise DomainError(f"--world {world} and {other} both answer the robot; expected one")
     loaded = load_domain(domain, preset=preset)
+    if world is not None:
+        loaded = with_world(loaded, world)
+    row = STRATEGIES[-1]
+    if strategy is not None:
+        (row,) = find_strategies([strategy], [sense.name for sense in loaded.senses])
     chosen = options.choose_solver(loaded.planning.solver, solver, precision, time_limit)
     cache = None if no_cache else find_cache_folder()
     facts = options.parse_facts(loaded, fact or [])
@@ -88,7 +106,10 @@ def explain(
             f"--label and --likelihood are both evidence of the classifier {sense}; expected one"
         )
     predicted: dict[str, Label] = {**labels, **likelihoods}
-    senses = {sense.name: from_channel(loaded, sense) for sense in loaded.senses}
+    used = [sense for sense in loaded.senses if row.uses(sense.name)]
+    for name in predicted.keys() - {sense.name for sense in used}:
+        raise DomainError(f"the strategy {row.name} does not use the classifier {name}, whose label is given")
+    senses = {sense.name: from_channel(loaded, sense) for sense in used}
     print_domain(loaded)
     for name, setup in senses.items():
         print_classifier(setup, "channel", name if len(senses) > 1 else "")
@@ -98,10 +119,11 @@ def explain(
     program = loaded.soft_program(likelihoods)
     robot = make_robot(loaded, senses, program, Planner(solution))
     if interactive:
-        case = _ask_case(loaded, facts, predicted)
+        case = _ask_case(loaded, used, facts, predicted)
     else:
-        case = _simulate_case(loaded, facts, predicted, value, script, seed)
-    _print_decision(loaded, robot, case)
+        case = _simulate_case(loaded, used, facts, predicted, value, script, seed)
+    with row.locate_failures():
+        _print_decision(loaded, row.robot(robot, make_generator(seed, 0)), case)
 
 
 class _Case(NamedTuple):
@@ -117,7 +139,9 @@ class _Case(NamedTuple):
     truth: SharedValue | None
 
 
-def _ask_case(domain: Domain, facts: Mapping[str, str], predicted: Mapping[str, Label]) -> _Case:
+def _ask_case(
+    domain: Domain, senses: Sequence[Sense], facts: Mapping[str, str], predicted: Mapping[str, Label]
+) -> _Case:
     """Ask the user, who is the person, for the facts and the labels that no option gives."""
     from lcorpp.worlds import ConsoleWorld, choose
 
@@ -127,7 +151,7 @@ def _ask_case(domain: Domain, facts: Mapping[str, str], predicted: Mapping[str, 
             values = domain.program.attributes[name].values
             complete[name] = choose(values, f"What is the {name}?", show=console.out.print)
     labels = dict(predicted)
-    for sense in domain.senses:
+    for sense in senses:
         if sense.name not in labels:
             class_of = {label: name for name, label in sense.label_of.items()}
             question = f"What is the classifier's label ({sense.attribute})?"
@@ -137,6 +161,7 @@ def _ask_case(domain: Domain, facts: Mapping[str, str], predicted: Mapping[str, 
 
 def _simulate_case(
     domain: Domain,
+    senses: Sequence[Sense],
     facts: Mapping[str, str],
     predicted: Mapping[str, Label],
     truth: SharedValue | None,
@@ -160,19 +185,21 @@ def _simulate_case(
     observable = (*domain.observed, *[sense.attribute for sense in domain.senses])
     hidden = ", ".join(f"{name}={value}" for name, value in person.items() if name not in observable)
     console.out.print(f"a simulated person; hidden from the robot: {hidden}", style="dim")
-    return _Case(
-        {name: person[name] for name in domain.observed}, labels, world, domain.reasoning.join(person)
-    )
+    context = {name: person[name] for name in domain.observed}
+    known = {sense.name: labels[sense.name] for sense in senses}
+    return _Case(context, known, world, domain.reasoning.join(person))
 
 
 def _print_decision(domain: Domain, robot: Robot, case: _Case) -> None:
     """Run Algorithm 2 and print each of its steps."""
     from lcorpp.decision.dt_control import act_until_report
+    from lcorpp.decision.strategies import LabelOnlyReasoner
     from lcorpp.values import format_value
 
-    evidence = domain.evidence(case.facts, case.predicted)
-    for name, predicted in case.predicted.items():
-        owner = f"{name}'s classifier's" if len(case.predicted) > 1 else "the classifier's"
+    labels = {name: label for name, label in case.predicted.items() if name in robot.classifiers}
+    evidence = domain.evidence(case.facts, labels)
+    for name, predicted in labels.items():
+        owner = f"{name}'s classifier's" if len(labels) > 1 else "the classifier's"
         if isinstance(predicted, str):
             attribute = domain.find_sense(name).attribute
             console.print_heading(1, "learning", f"{owner} label")
@@ -187,6 +214,8 @@ def _print_decision(domain: Domain, robot: Robot, case: _Case) -> None:
         for name, attribute in domain.program.attributes.items()
         if not attribute.arguments and name not in evidence and name != domain.shared
     ]
+    if isinstance(robot.reasoner, LabelOnlyReasoner):
+        hidden = []
     for subject in (*hidden, domain.shared):
         marginal = robot.reasoner.posterior(subject, evidence)
         if marginal is not None:

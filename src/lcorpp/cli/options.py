@@ -94,6 +94,21 @@ DataOption = Annotated[
     Path | None, typer.Option(help="Recorded tracks for training: a folder or a file, see docs/learning.md.")
 ]
 
+STRATEGIES = (
+    "L, R, P, L+R, R+P or LCORPP; with several senses LCORPP-SENSE leaves one out; the baselines ask-twice,"
+    " random and always-report; or your own as FILE.py:NAME"
+)
+"""The strategies, for help: those of `lcorpp.experiments.baselines`, which takes longer to load."""
+
+WorldOption = Annotated[
+    str | None,
+    typer.Option(
+        metavar="FILE.py:NAME",
+        help="Your own world instead of the domain's simulated answers: NAME(person, rng) returns an object with"
+        " act(action) and report(action), see docs/worlds.md.",
+    ),
+]
+
 SOLVERS = "sarsop, exact, perseus, qmdp or fib, or your own as FILE.py:NAME"
 """The solvers, for help: those of `lcorpp.planning.SOLVER_NAMES`, which takes longer to load."""
 

@@ -22,8 +22,9 @@ def run(
     domain: options.DomainArgument = "intention",
     preset: options.PresetOption = None,
     strategy: Annotated[
-        list[str] | None, typer.Option(help="L, R, P, L+R, R+P or LCORPP; repeatable.")
+        list[str] | None, typer.Option(metavar="NAME", help=f"{options.STRATEGIES}; repeatable.")
     ] = None,
+    world: options.WorldOption = None,
     trials: Annotated[
         int | None,
         typer.Option(min=1, max=options.MAX_TRIALS, help=f"Number of simulated people; {TRIALS} by default."),
@@ -73,7 +74,7 @@ def run(
     formats: options.FormatOption = None,
     jobs: options.JobsOption = None,
 ) -> None:
-    """Compare the paper's strategies on simulated people.
+    """Compare strategies, by default the paper's, on simulated people.
 
     Trains or loads the classifier, solves the POMDP, simulates the strategies and prints their scores.
     Ctrl-C while it solves goes on with the best policy so far; during the trials it keeps those that are
@@ -86,8 +87,8 @@ def run(
         print_solution,
         print_storage_problem,
     )
-    from lcorpp.decision import strategies
-    from lcorpp.domains import load_domain
+    from lcorpp.domains import load_domain, with_world
+    from lcorpp.experiments.baselines import find_strategies
     from lcorpp.experiments.comparison import ComparisonOptions, compare_strategies
     from lcorpp.experiments.results import FORMATS, describe_run, describe_source, write_comparison
     from lcorpp.experiments.setup import EvidenceOptions, StoredOptions, TrainingOptions
@@ -95,8 +96,10 @@ def run(
     from lcorpp.values import JEFFREYS, LAPLACE
 
     loaded = load_domain(domain, preset=preset)
+    if world is not None:
+        loaded = with_world(loaded, world)
     soft, laplace = evidence is options.Evidence.soft, smoothing is options.Smoothing.laplace
-    rows = strategies(strategy or [], [sense.name for sense in loaded.senses])
+    rows = find_strategies(strategy or [], [sense.name for sense in loaded.senses])
     used = [sense for sense in loaded.senses if any(row.uses(sense.name) for row in rows)]
     kinds = {sense.name: _find_classifier_kind(sense, classifier, learner, data) for sense in loaded.senses}
     training = {

@@ -12,6 +12,7 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from lcorpp.domains.own_world import OwnWorlds
 from lcorpp.errors import DataError
 from lcorpp.experiments.comparison import Comparison, ComparisonOptions
 from lcorpp.experiments.metrics import METRICS, Difference, Scores
@@ -65,6 +66,7 @@ def describe_run(
         "solution": describe_solution(comparison.solution),
         "trials": "exact" if comparison.trials is None else comparison.trials,
         "seed": options.seed,
+        "world": repr(world) if isinstance(world := domain.simulation.world, OwnWorlds) else None,
     }
 
 
