@@ -24,7 +24,15 @@ DOCS = Path(__file__).parents[1] / "docs"
 
 
 @pytest.mark.parametrize(
-    ("guide", "min_values"), [("planning.md", 16), ("learning.md", 15), ("data.md", 10), ("domains.md", 2)]
+    ("guide", "min_values"),
+    [
+        ("planning.md", 16),
+        ("learning.md", 15),
+        ("data.md", 10),
+        ("domains.md", 2),
+        ("worlds.md", 4),
+        ("strategies.md", 1),
+    ],
 )
 def test_a_guide_is_true(
     guide: str,

@@ -104,8 +104,8 @@ WorldOption = Annotated[
     str | None,
     typer.Option(
         metavar="FILE.py:NAME",
-        help="Your own world instead of the domain's simulated answers: NAME(person, rng) returns an object with"
-        " act(action) and report(action), see docs/worlds.md.",
+        help="Your own world instead of the domain's simulated answers: NAME(person, rng) returns an object"
+        " with act(action) and report(action), see docs/worlds.md.",
     ),
 ]
 

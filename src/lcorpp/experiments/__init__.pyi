@@ -3,6 +3,11 @@ from .active_learning import (
     BatchResult as BatchResult,
     run_active_learning as run_active_learning,
 )
+from .baselines import (
+    BASELINES as BASELINES,
+    find_strategies as find_strategies,
+    load_strategy as load_strategy,
+)
 from .classifier_training import load_trained as load_trained, train_classifier as train_classifier
 from .comparison import (
     Comparison as Comparison,

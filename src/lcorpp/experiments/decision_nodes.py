@@ -16,7 +16,7 @@ from lcorpp.errors import DecisionError, expected_one_of
 from lcorpp.simulation.simulated_classifier import NoisyChannel
 from lcorpp.values import Instance
 
-MAX_HISTORIES = 100_000
+MAX_HISTORIES = 20_000
 """Maximum number of histories of an own strategy; the number grows exponentially with their length."""
 
 
@@ -94,7 +94,7 @@ class HistoryNodes:
             sense: np.array([[float(self._channels[sense].classes.index(label))]])
             for sense, label in node.labels
         }
-        world = _ReplayWorld(node.steps)
+        world = _ReplayWorld(node.steps, self._domain.pomdp.actions)
         with self._strategy.locate_failures():
             with suppress(_EndOfHistory):
                 dt_control(self._strategy.robot(self._full), Instance(signals, dict(node.context)), world)
@@ -102,11 +102,6 @@ class HistoryNodes:
                 raise DecisionError(
                     f"chose {world.action!r} after a history in which it chose {world.differs!r} before; a"
                     " strategy that draws has a second parameter, the random generator"
-                )
-            if world.action is not None and world.action not in self._domain.pomdp.actions:
-                actions = self._domain.pomdp.actions
-                raise DecisionError(
-                    f"the robot chose the action {world.action!r}; {expected_one_of(actions)}"
                 )
         return world.action
 
@@ -122,12 +117,14 @@ class _ReplayWorld:
     earlier decision chose at a step where this one chose `action`, "" if there is none.
     """
 
-    def __init__(self, steps: Sequence[tuple[str, str]]) -> None:
-        self._rest = list(reversed(steps))
+    def __init__(self, steps: Sequence[tuple[str, str]], actions: Sequence[str]) -> None:
+        self._rest, self._actions = list(reversed(steps)), actions
         self.action: str | None = None
         self.differs = ""
 
     def act(self, action: str) -> str:
+        if action not in self._actions:
+            raise DecisionError(f"the robot chose the action {action!r}; {expected_one_of(self._actions)}")
         if not self._rest:
             self.action = action
             raise _EndOfHistory
