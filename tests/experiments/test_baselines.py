@@ -175,7 +175,7 @@ def test_a_strategy_that_draws_has_no_exact_scores(intention, own):
             compare_strategies(domain, ComparisonOptions(strategies=rows, trials=None))
     with pytest.raises(DecisionError, match="'coin' draws its actions; expected a random generator"):
         rows[0].robot(robot)
-    with pytest.raises(DecisionError, match=r"own\.py:31: strategy 'moody': chose .* second parameter"):
+    with pytest.raises(DecisionError, match=r"own\.py:32: strategy 'moody': chose .* second parameter"):
         evaluate_exactly(domain, robot, channels, find_strategies([f"{own}moody"]))
 
 
