@@ -66,8 +66,9 @@ def test_quantities_of_a_known_walk(benchmark):
 @pytest.mark.parametrize("seed", range(3))
 def test_rates_of_the_papers_lstm(benchmark, seed):
     domain = load_domain("intention")
+    sense, rng = domain.senses[0], np.random.default_rng([seed, 0])
     motion = SimulatedSignals(domain.simulation.signals["motion"])
-    balanced = simulate_dataset(domain, motion, domain.learning.tracks, np.random.default_rng([seed, 0]))
+    balanced = simulate_dataset(domain, sense, motion, sense.tracks, rng)
     found = {
         name: benchmark.rates(
             cross_validate(
@@ -87,7 +88,7 @@ def test_rates_of_the_papers_lstm(benchmark, seed):
 def test_the_papers_63_of_2286_with_class_weights(benchmark):
     domain = load_domain("intention")
     validation = cross_validate(
-        paper_pipeline(epochs=domain.learning.epochs, class_weight="balanced"),
+        paper_pipeline(epochs=domain.senses[0].epochs, class_weight="balanced"),
         benchmark.imbalanced(domain, 0),
     )
     found = benchmark.rates(validation)
