@@ -110,7 +110,7 @@ def test_start_beliefs_cover_the_simplex_of_priors():
 
 
 def test_shipped_domains_load_by_name():
-    assert list_domains() == ("intention", "shopping")
+    assert list_domains() == ("intention", "museum", "shopping")
     with pytest.raises(
         DomainError,
         match=r"nowhere: no folder with a domain\.toml, and no shipped domain; expected one of intention",

@@ -18,6 +18,9 @@ if TYPE_CHECKING:
     from lcorpp.planning import Solution
     from lcorpp.values import Interval
 
+MAX_NAME_WIDTH = 13
+"""Characters of a strategy's name on one line: six scores with their intervals fit beside it into 80."""
+
 
 def print_domain(domain: Domain) -> None:
     """Print the name, preset and description of a domain."""
@@ -50,7 +53,8 @@ def print_scores(scores: Sequence[Scores], positive: str | None, trials: int | N
             f"F1, precision and recall of {positive!r}" if positive else "macro averages over all values"
         )
     count = "exact values" if trials is None else f"{trials} trials, 95% intervals in brackets"
-    table = _make_score_table(f"{count}; {metrics}", ["strategy", *scores[0].shown])
+    names = [row.strategy for row in scores]
+    table = _make_score_table(f"{count}; {metrics}", names, ["strategy", *scores[0].shown])
     for row in scores:
         cells = (_format_interval(cell, get_format(name)) for name, cell in row.shown.items())
         table.add_row(row.strategy, *cells)
@@ -58,20 +62,22 @@ def print_scores(scores: Sequence[Scores], positive: str | None, trials: int | N
     others = [(row.strategy, row.difference) for row in scores if row.difference is not None]
     if others:
         title = "differences on the same people" + ("" if trials is None else ", paired intervals")
-        table = _make_score_table(title, [f"{others[0][1].reference} minus", "cost", "return"])
+        table = _make_score_table(title, names, [f"{others[0][1].reference} minus", "cost", "return"])
         for name, gap in others:
             table.add_row(name, *(_format_interval(cell, ".2f", " ") for cell in (gap.cost, gap.return_)))
         console.out.print(table)
 
 
-def _make_score_table(title: str, columns: Sequence[str]) -> Table:
-    """Return an empty table; its first column is that of strategies."""
+def _make_score_table(title: str, names: Sequence[str], columns: Sequence[str]) -> Table:
+    """Return an empty table; its first column is for the names of strategies."""
     from rich import box
     from rich.table import Table
 
     table = Table(title=title, title_style="", title_justify="left", box=box.SIMPLE_HEAD)
     table.padding = 0
-    table.add_column(columns[0], style="bold", min_width=len(columns[0]))
+    longest = max(map(len, names))
+    width = max(len(columns[0]), min(longest, MAX_NAME_WIDTH))
+    table.add_column(columns[0], style="bold", min_width=width, overflow="fold")
     for name in columns[1:]:
         # in a narrow terminal numbers break, not names
         table.add_column(name, justify="right", min_width=len(name), overflow="fold")
