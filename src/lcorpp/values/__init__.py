@@ -12,7 +12,12 @@ from lcorpp.values.confusion import (
     LAPLACE as LAPLACE,
     ConfusionMatrix as ConfusionMatrix,
 )
-from lcorpp.values.dataset import CHANNELS as CHANNELS, Dataset as Dataset, track_hash as track_hash
+from lcorpp.values.dataset import (
+    CHANNELS as CHANNELS,
+    Dataset as Dataset,
+    Kind as Kind,
+    track_hash as track_hash,
+)
 from lcorpp.values.distribution import (
     Distribution as Distribution,
     Label as Label,

@@ -1,4 +1,4 @@
-"""Labelled trajectories, and hashes that identify equal trajectories."""
+"""Labelled trajectories or features, and hashes that identify equal trajectories."""
 
 from __future__ import annotations
 
@@ -6,16 +6,20 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from hashlib import sha256
+from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
 
-from lcorpp.errors import DataError, expected_one_of
+from lcorpp.errors import DataError
 from lcorpp.notebook import join_some
 from lcorpp.values.arrays import Array, freeze
 
 CHANNELS = ("x", "y", "velocity", "heading", "facing")
-"""Possible channels of a trajectory: position (m), speed (m/s), direction of motion and of the body (rad)."""
+"""The channels of motion: position (m), speed (m/s), direction of motion and of the body (rad)."""
+
+Kind = Literal["motion", "series", "table"]
+"""Kinds of data: channels of motion, or channels of a domain's own, over time; features without time."""
 
 
 def track_hash(trajectory: npt.ArrayLike) -> str:
@@ -26,16 +30,18 @@ def track_hash(trajectory: npt.ArrayLike) -> str:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Dataset:
-    """Labelled trajectories: Omega of Algorithm 1.
+    """Labelled trajectories or features: Omega of Algorithm 1.
 
-    trajectories: (cases, channels, time points), metres, metres per second and radians.
+    trajectories: (cases, channels, time points), or (cases, features). Motion is in metres, metres per second
+        and radians.
     labels: (cases,) class names.
     groups: (cases,) group names; cross-validation never splits a group between training and test. Default:
         each case is its own group.
     source: origin of the data, for reports.
     notes: warnings for the user, e.g. that the data leak their label.
-    interval: seconds between two time points.
-    channels: (channels,) names from `CHANNELS`; x and y are in the robot's frame.
+    interval: seconds between two time points; features have none, and ignore it.
+    channels: (channels,) or (features,) different names. Those in `CHANNELS` are motion, x and y in the
+        robot's frame. Default: x and y, and for features their numbers from 1.
     """
 
     trajectories: Array
@@ -44,31 +50,50 @@ class Dataset:
     source: str = ""
     notes: tuple[str, ...] = ()
     interval: float = 0.033
-    channels: tuple[str, ...] = ("x", "y")
+    channels: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "trajectories", freeze(self.trajectories))
-        object.__setattr__(self, "channels", tuple(self.channels))
+        object.__setattr__(self, "channels", tuple(self.channels) or self._name_channels())
         n = len(self.labels)
         if not self.groups:
             object.__setattr__(self, "groups", tuple(str(i) for i in range(n)))
-        if self.trajectories.ndim != 3 or len(self.trajectories) != n or len(self.groups) != n:
+        shape = self.trajectories.shape
+        if len(shape) not in (2, 3) or shape[0] != n or len(self.groups) != n:
             raise DataError(
                 f"{n} labels and {len(self.groups)} groups need trajectories of shape"
-                f" ({n}, channels, time points), not {self.trajectories.shape}"
+                f" ({n}, channels, time points), or features of shape ({n}, features), not {shape}"
             )
         if not 0 < self.interval < float("inf"):
             raise DataError(f"the interval is {self.interval} s; expected a finite number above 0")
-        unknown = [name for name in self.channels if name not in CHANNELS]
-        if unknown:
-            raise DataError(f"unknown channel {unknown[0]!r}; {expected_one_of(CHANNELS)}")
+        for name in self.channels:
+            if not isinstance(name, str) or not name.strip():
+                raise DataError(f"a channel is named {name!r}; expected a text that is not blank")
+        names = join_some(self.channels)
         if len(set(self.channels)) < len(self.channels):
-            raise DataError(f"the channels are {', '.join(self.channels)}; expected every name once")
-        if self.trajectories.shape[1] != len(self.channels):
+            raise DataError(f"the channels are {names}; expected every name once")
+        if shape[1] != len(self.channels):
             raise DataError(
-                f"{len(self.channels)} channels ({', '.join(self.channels)}) need trajectories of shape"
-                f" ({n}, {len(self.channels)}, time points), not {self.trajectories.shape}"
+                f"{len(self.channels)} channels ({names}) need trajectories of shape"
+                f" ({n}, {len(self.channels)}, time points), or features of shape ({n},"
+                f" {len(self.channels)}), not {shape}"
             )
+
+    def _name_channels(self) -> tuple[str, ...]:
+        is_table = self.trajectories.ndim == 2
+        return tuple(str(i + 1) for i in range(self.trajectories.shape[1])) if is_table else ("x", "y")
+
+    @property
+    def kind(self) -> Kind:
+        """Motion, if all channels are in `CHANNELS`; another series; or a table of features."""
+        if self.trajectories.ndim == 2:
+            return "table"
+        return "motion" if set(self.channels) <= set(CHANNELS) else "series"
+
+    @property
+    def unit(self) -> str:
+        """The plural noun of the cases, for reports."""
+        return "tracks" if self.kind == "motion" else "cases"
 
     def __len__(self) -> int:
         return len(self.labels)
@@ -76,16 +101,20 @@ class Dataset:
     def __repr__(self) -> str:
         counts = [f"{label}: {count}" for label, count in Counter(self.labels).items()]
         source = f", source={self.source!r}" if self.source else ""
+        groups, names = f"{len(set(self.groups))} groups{source}", join_some(self.channels)
+        if self.kind == "table":
+            return f"Dataset({len(self)} cases ({join_some(counts)}), features {names}, {groups})"
         return (
             f"Dataset({len(self)} trajectories ({join_some(counts)}), {self.trajectories.shape[2]} points of"
-            f" {', '.join(self.channels)} every {self.interval:g} s, {len(set(self.groups))} groups{source})"
+            f" {names} every {self.interval:g} s, {groups})"
         )
 
     def append(self, pairs: Sequence[tuple[npt.ArrayLike, str]], groups: Sequence[str]) -> Dataset:
         """Return the data set with more (trajectory, label) pairs at its end.
 
         Args:
-            pairs: trajectories (channels, time points) of the same shape, each with its label.
+            pairs: trajectories (channels, time points), or features (features,), of the same shape, each with
+                its label.
             groups: the group of each pair; cases of one person share a group.
 
         Raises:

@@ -1,10 +1,11 @@
-"""Learners by name: a table of classifiers of tracks, and classifiers supplied by the user.
+"""Learners by name: a table of classifiers of tracks or features, and classifiers supplied by the user.
 
 learner("lstm", interval=dataset.interval, inputs=dataset.channels)   -> a scikit-learn Pipeline
+learner("logistic", inputs=dataset.channels, kind=dataset.kind)
 learner("my_models.py:tuned", seed=3)                                 -> the result of your function
 
-Every learner follows scikit-learn's contract on arrays (cases, channels, time points) and contains its
-preprocessing, so that cross-validation estimates both from training folds only.
+Every learner follows scikit-learn's contract on arrays (cases, channels, time points), or (cases, features) of
+a table, and contains its preprocessing, so that cross-validation estimates both from training folds only.
 """
 
 from __future__ import annotations
@@ -21,11 +22,21 @@ from lcorpp.learning.contract import SigmoidScores, ensure_predict_proba
 from lcorpp.learning.features.motion import ChannelStandardizer, Motion
 from lcorpp.learning.features.summaries import SummaryFeatures
 from lcorpp.learning.lstm import LstmClassifier
+from lcorpp.notebook import join_some
+from lcorpp.values import Kind
 
 TREES = 100
 """Trees of the forest: more do not change the second digit of its AUC."""
 
 RENAMED = {"fast": "lstm-fast"}
+
+_DESCRIPTIONS = {
+    "motion": "tracks over time",
+    "series": "channels over time",
+    "table": "features without time",
+}
+
+KINDS: tuple[Kind, ...] = ("motion", "series", "table")
 
 
 @dataclass(frozen=True)
@@ -35,7 +46,7 @@ class LearnerConfig:
     interval: seconds between two time points of the tracks. inputs: the channels of the tracks.
     features: the motion features that the classifier uses, see `Motion`.
     seed: seed of everything random. epochs: passes over the data; None is the learner's default.
-    device: "cpu" or "cuda".
+    device: "cpu" or "cuda". kind: of the data, `Dataset.kind`.
     """
 
     interval: float
@@ -45,19 +56,33 @@ class LearnerConfig:
     epochs: int | None
     device: str
 
+    kind: Kind
+
     def pipeline(self, *steps: tuple[str, Any]) -> Pipeline:
-        """Return `Motion` and these steps."""
+        """Return these steps, for tracks after `Motion`."""
+        if self.kind != "motion":
+            return Pipeline(list(steps))
         motion = Motion(interval=self.interval, inputs=self.inputs, features=self.features)
         return Pipeline([("motion", motion), *steps])
+
+    def summarize(self, *steps: tuple[str, Any]) -> Pipeline:
+        """Return `pipeline` of summary features and these steps; features of a table need no summary."""
+        if self.kind == "table":
+            return self.pipeline(*steps)
+        return self.pipeline(("summaries", SummaryFeatures(motion=self.kind == "motion")), *steps)
 
 
 @dataclass(frozen=True)
 class Learner:
-    """A row of the table. iterative: the learner takes `epochs` and `device`."""
+    """A row of the table.
+
+    iterative: the learner takes `epochs` and `device`. kinds: the data that it learns from.
+    """
 
     about: str
     make: Callable[[LearnerConfig], Any]
     iterative: bool = False
+    kinds: tuple[Kind, ...] = ("motion", "series")
 
 
 def paper_pipeline(
@@ -94,13 +119,17 @@ def fast_pipeline(
 
 def _lstm(config: LearnerConfig, pipeline: Callable[..., Pipeline] = paper_pipeline) -> Pipeline:
     arguments = {name: value for name, value in vars(config).items() if value is not None}
-    return pipeline(random_state=arguments.pop("seed"), **arguments)
+    kind, seed = arguments.pop("kind"), arguments.pop("seed")
+    whole = pipeline(random_state=seed, **arguments)
+    return whole if kind == "motion" else whole[1:]  # without the step `Motion`
 
 
 def _summaries(config: LearnerConfig) -> Pipeline:
     from lcorpp.learning.classifiers.logistic import QuadraticLogistic
 
-    return config.pipeline(("summaries", SummaryFeatures()), ("logistic", QuadraticLogistic()))
+    # of many summaries, each of which depends little on the class, none may get a large weight
+    strength = {"C": 1.0} if config.kind == "table" else {}
+    return config.summarize(("logistic", QuadraticLogistic(**strength)))
 
 
 def _forest(config: LearnerConfig) -> Pipeline:
@@ -109,7 +138,7 @@ def _forest(config: LearnerConfig) -> Pipeline:
     forest = RandomForestClassifier(
         TREES, min_samples_leaf=5, class_weight="balanced_subsample", random_state=config.seed
     )
-    return config.pipeline(("summaries", SummaryFeatures()), ("forest", forest))
+    return config.summarize(("forest", forest))
 
 
 def _minirocket(config: LearnerConfig) -> Pipeline:
@@ -132,11 +161,15 @@ LEARNERS: Mapping[str, Learner] = {
     "lstm-fast": Learner(
         "the LSTM, trained in a tenth of the time", lambda c: _lstm(c, fast_pipeline), iterative=True
     ),
-    "summaries": Learner("logistic regression on summaries of the motion", _summaries),
-    "forest": Learner("a random forest on summaries of the motion", _forest),
+    "summaries": Learner("logistic regression on summaries of the motion", _summaries, kinds=KINDS),
+    "forest": Learner("a random forest on summaries of the motion", _forest, kinds=KINDS),
+    "logistic": Learner("logistic regression on a table of features", _summaries, kinds=("table",)),
     "minirocket": Learner("aeon's MiniRocket, random convolutions of the motion", _minirocket),
 }
 """The learners by name."""
+
+DEFAULTS: Mapping[Kind, str] = {"motion": "lstm", "series": "lstm", "table": "logistic"}
+"""The learner of each kind of data if none is chosen."""
 
 
 def learner(
@@ -148,6 +181,7 @@ def learner(
     seed: int = 0,
     epochs: int | None = None,
     device: str = "cpu",
+    kind: Kind = "motion",
 ) -> Any:
     """Return an unfitted classifier.
 
@@ -155,21 +189,22 @@ def learner(
         name: one of `LEARNERS`, or a function of your own as ``module:function`` or ``file.py:function`` that
             returns a classifier; it receives those of the arguments below that are among its parameters.
         interval: seconds between two time points of the tracks, `Dataset.interval`.
-        inputs: the channels of the tracks, `Dataset.channels`.
+        inputs: the channels of the tracks, or the features of a table, `Dataset.channels`.
         features: the motion features that the classifier uses, see `Motion`.
         seed: seed of everything random; it also sets parameters called random_state that are None.
         epochs: passes over the data; None is the learner's default.
         device: "cpu", or "cuda" for the LSTM.
+        kind: of the data, `Dataset.kind`: other channels than those of motion are used as they are.
 
     Returns:
         An estimator with `fit`, `predict_proba` and `get_params`.
 
     Raises:
         DataError: the learner is unknown, a package that it needs is missing, the function fails or does not
-            return a classifier, or `epochs`, `device` or `features` is given to a learner without that
-            option.
+            return a classifier, learns from another kind of data, or `epochs`, `device` or `features` is
+            given to a learner without that option.
     """
-    config = LearnerConfig(interval, tuple(inputs), tuple(features), seed, epochs, device)
+    config = LearnerConfig(interval, tuple(inputs), tuple(features), seed, epochs, device, kind)
     if ":" in name:
         defaults = {"features": ("x", "y"), "epochs": None, "device": "cpu"}
         required = [key for key, value in defaults.items() if getattr(config, key) != value]
@@ -188,6 +223,17 @@ def learner(
             raise DataError(f"learner {name!r} makes no passes over the data; epochs are for {iterative}")
         if device != "cpu":
             raise DataError(f"learner {name!r} runs on the cpu only; device {device!r} is for {iterative}")
+    if kind not in row.kinds:
+        suitable = ", ".join(known for known, other in LEARNERS.items() if kind in other.kinds)
+        needs, given = (_DESCRIPTIONS[some] for some in (row.kinds[0], kind))
+        raise DataError(
+            f"learner {name!r} needs {needs}; the data are {given}: {join_some(inputs)}; {given} are for"
+            f" {suitable}, or a learner of your own"
+        )
+    if kind != "motion" and config.features != ("x", "y"):
+        raise DataError(
+            f"features are computed from motion; the data are {_DESCRIPTIONS[kind]}: {join_some(inputs)}"
+        )
     return row.make(config)
 
 

@@ -1,9 +1,10 @@
 """Storage of a trained classifier in one file of numbers and JSON; loading it executes nothing.
 
 The file is a numpy archive (.npz). Its entry `classifier` is JSON: format and version, the kind and
-parameters of each step of the pipeline, the confusion matrix, the calibration and the decision threshold. The
-entries `<step>/<name>` are the fitted arrays of the steps. Steps of other libraries, such as forests, are
-stored by skops if it is installed, see `skops_storage`; pickles are neither written nor read.
+parameters of each step of the pipeline, the confusion matrix, the calibration, the decision threshold and the
+names of the channels or features. The entries `<step>/<name>` are the fitted arrays of the steps. Steps of
+other libraries, such as forests, are stored by skops if it is installed, see `skops_storage`; pickles are
+neither written nor read.
 """
 
 from __future__ import annotations
@@ -82,6 +83,7 @@ def save_classifier(classifier: TrainedClassifier, path: str | Path) -> None:
         "confusion": matrix and {"classes": list(matrix.classes), "counts": matrix.counts.tolist()},
         "calibration": classifier.calibration and classifier.calibration.to_json(),
         "cut": threshold and [threshold.name, threshold.probability],
+        "inputs": list(classifier.inputs),
     }
     buffer = io.BytesIO()
     np.savez(buffer, classifier=np.array(json.dumps(header)), **arrays)
@@ -120,7 +122,8 @@ def load_classifier(path: str | Path) -> TrainedClassifier:
                 f"the classes of its last step are {', '.join(classes)}; its calibration or threshold is for"
                 " others"
             )
-        return TrainedClassifier(Pipeline(steps), confusion, calibration, threshold)
+        inputs = tuple(map(str, header.get("inputs", ())))  # files of earlier releases name none
+        return TrainedClassifier(Pipeline(steps), confusion, calibration, threshold, inputs)
     except DataError as error:
         raise DataError(f"{path}: not a classifier that can be used: {error}") from None
     except DAMAGED as error:

@@ -21,16 +21,18 @@ from lcorpp.values import Array, ConfusionMatrix, Dataset, Likelihood
 class TrainedClassifier:
     """A fitted classifier with its measured errors; a `protocols.Classifier`.
 
-    estimator: a fitted scikit-learn classifier on (cases, channels, time points).
+    estimator: a fitted scikit-learn classifier on (cases, channels, time points), or (cases, features).
     confusion: cross-validated counts; None if it was not validated.
     calibration: calibration of its probabilities; None if it was not validated.
     threshold: decision threshold of one class; if None, the label is the most probable class.
+    inputs: the channels or features of its training data; () if they are unknown.
     """
 
     estimator: Any
     confusion: ConfusionMatrix | None = None
     calibration: Calibration | None = None
     threshold: DecisionThreshold | None = None
+    inputs: tuple[str, ...] = ()
 
     def __repr__(self) -> str:
         parts = [name_of(self.estimator), f"classes {', '.join(self.classes)}"]
@@ -42,7 +44,7 @@ class TrainedClassifier:
         return f"<TrainedClassifier: {'; '.join(parts)}>"
 
     def classify(self, signal: Array) -> str:
-        """Return the hard label of one person's trajectory (channels, time points).
+        """Return the hard label of one person's trajectory (channels, time points), or features (features,).
 
         Raises:
             DataError: the trajectory does not match the training data or is not finite.
@@ -109,7 +111,8 @@ def train(estimator: Any, dataset: Dataset) -> TrainedClassifier:
     """
     check_trainable(dataset)
     usable = ensure_predict_proba(estimator)
-    return TrainedClassifier(fit_clone(usable, dataset.trajectories, np.array(dataset.labels)))
+    fitted = fit_clone(usable, dataset.trajectories, np.array(dataset.labels))
+    return TrainedClassifier(fitted, inputs=dataset.channels)
 
 
 def train_and_validate(
@@ -128,4 +131,4 @@ def train_and_validate(
     """
     trained, validation = fit_and_validate(estimator, dataset, folds, seed, jobs, progress)
     calibration = fit_calibration(validation.classes, validation.probabilities, validation.labels)
-    return TrainedClassifier(trained, validation.confusion, calibration), validation
+    return TrainedClassifier(trained, validation.confusion, calibration, None, dataset.channels), validation

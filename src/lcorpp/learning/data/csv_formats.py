@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from lcorpp.errors import FileError, ParseError, expected_one_of
+from lcorpp.errors import FileError, ParseError
 from lcorpp.files import open_text
 from lcorpp.learning.data.csv_reader import CsvFile, column_of, parse_line
 from lcorpp.learning.data.ingest import ReadOptions, assemble_tracks
@@ -32,7 +32,7 @@ def read_long_csv(path: Path, options: ReadOptions) -> tuple[list[Track], tuple[
     """Read a file in the long format; return its tracks, in metres, and notes about it."""
     names = read_header(path)
     numbers, words = find_columns(names)
-    file = CsvFile(path, names, numbers, words, options.repair_log, header=1)
+    file = CsvFile(path, names, numbers, ("track", *words), options.repair_log, header=1)
     empty = ParseError(str(path), 2, 1, f"no rows after the heading; expected {', '.join(names)}")
     tracks = assemble_tracks(file, file.batches(options.progress), options, empty, numbers[1:], words)
     return tracks, (*note_unused_columns(names), *file.notes())
@@ -44,7 +44,7 @@ def read_atc(path: Path, options: ReadOptions) -> tuple[list[Track], tuple[str, 
     Only the requested rows and one batch of text are in memory.
     """
     numbers = tuple(name for name in ATC_COLUMNS if name != "track")
-    file = CsvFile(path, ATC_COLUMNS, numbers, (), options.repair_log)
+    file = CsvFile(path, ATC_COLUMNS, numbers, ("track",), options.repair_log)
     scale = dict.fromkeys(("x", "y", "z", "velocity"), MILLIMETRE)
     empty = ParseError(str(path), 1, 1, f"the file is empty; expected rows of {', '.join(ATC_COLUMNS)}")
     tracks = assemble_tracks(file, file.batches(options.progress), options, empty, numbers[1:], scale=scale)
@@ -63,7 +63,15 @@ def note_unused_columns(names: list[str]) -> tuple[str, ...]:
     return (f"columns that are not used: {', '.join(others)}",) if others else ()
 
 
-def read_header(path: Path) -> list[str]:
+def describe_missing_column(name: str) -> str:
+    """Return the message for a column that tracks need."""
+    return (
+        f"no column {name!r}; expected {', '.join(REQUIRED)} among {', '.join(LONG_COLUMNS)}; or, for a table"
+        " of features, a column 'label' and none named track or time"
+    )
+
+
+def read_header(path: Path, required: tuple[str, ...] = REQUIRED) -> list[str]:
     """Read the names of the columns, in lower case.
 
     Raises:
@@ -76,12 +84,11 @@ def read_header(path: Path) -> list[str]:
         except UnicodeDecodeError:
             raise FileError(f"{path}:1: not UTF-8 text") from None
     names = [name.lower() for name in parse_line(str(path), 1, text)]
-    for name in REQUIRED:
+    for name in required:
         if name not in names:
-            message = f"no column {name!r}; expected {', '.join(REQUIRED)} among {', '.join(LONG_COLUMNS)}"
-            raise ParseError(str(path), 1, 1, message, text)
+            raise ParseError(str(path), 1, 1, describe_missing_column(name), text)
     for cell, name in enumerate(names):
         if name in names[:cell]:
-            message = f"column {name!r} for the second time; {expected_one_of(list(LONG_COLUMNS))}, each once"
+            message = f"column {name!r} for the second time; expected every name once"
             raise ParseError(str(path), 1, column_of(text, cell), message, text)
     return names

@@ -18,6 +18,7 @@ import numpy.typing as npt
 from lcorpp.errors import FileError, LcorppError, ParseError
 from lcorpp.files import open_text
 from lcorpp.learning.data.repairs import RepairLog, RowSource
+from lcorpp.notebook import join_some
 from lcorpp.values import Array
 
 BATCH_LINES = 50_000
@@ -50,7 +51,7 @@ class CsvFile(RowSource):
 
     Args:
         path: the file, UTF-8.
-        names: all columns. numbers, words: those that are read, besides "track".
+        names: all columns. numbers, words: those that are read.
         repair_log: the requested repairs. header: number of lines before the first row.
     """
 
@@ -65,7 +66,7 @@ class CsvFile(RowSource):
         header: int = 0,
     ) -> None:
         super().__init__(path, repair_log)
-        self._numbers, self._texts, self._header = numbers, ("track", *words), header
+        self._numbers, self._texts, self._header = numbers, words, header
         self._width = len(names)
         self._cells = {name: cell for cell, name in enumerate(names) if name in (*numbers, *self._texts)}
         kinds = ("f8" if name in numbers else f"U{MAX_WORD}" for name in names)
@@ -149,7 +150,9 @@ class CsvFile(RowSource):
             self.repair_or_raise(reason, line, f"not a row of CSV ({error}){aside}")
             return None
         if len(row) != self._width:
-            message = f"{len(row)} columns; expected {self._width}, with {', '.join(self._cells)}{aside}"
+            message = (
+                f"{len(row)} columns; expected {self._width}, with {join_some(list(self._cells))}{aside}"
+            )
             self.repair_or_raise(reason, line, message)
             return None
         for name in self._numbers:

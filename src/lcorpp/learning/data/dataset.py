@@ -36,14 +36,32 @@ def check_tracks(tracks: npt.ArrayLike, channels: int | None = None) -> Array:
     return array
 
 
+def check_signals(signals: npt.ArrayLike) -> Array:
+    """Return tracks, see `check_tracks`, or features (cases, features) as float64 after checking them.
+
+    Raises:
+        DataError: another shape, no features, or a number that is NaN or infinite.
+    """
+    array = np.asarray(signals, dtype=np.float64)
+    if array.ndim != 2 or 0 in array.shape:
+        return check_tracks(array)
+    if not np.isfinite(array).all():
+        case, feature = (int(i) for i in np.argwhere(~np.isfinite(array))[0])
+        raise DataError(
+            f"case {case}, feature {feature} (counted from 0) is {array[case, feature]}; expected a finite"
+            " number"
+        )
+    return array
+
+
 def check_trainable(dataset: Dataset, *, folds: int = 1) -> None:
     """Check that a classifier can be trained on `dataset` and validated in `folds` grouped folds.
 
     Raises:
         DataError: fewer than two classes, a class in fewer groups than folds, a number that is not finite,
-            tracks of fewer than two points, or identical tracks only.
+            tracks of fewer than two points, or identical cases only.
     """
-    tracks = check_tracks(dataset.trajectories)
+    signals = check_signals(dataset.trajectories)
     classes = sorted(set(dataset.labels))
     if len(classes) < 2:
         raise DataError(
@@ -56,8 +74,8 @@ def check_trainable(dataset: Dataset, *, folds: int = 1) -> None:
     if min(groups.values()) < folds:
         counts = ", ".join(f"{name} in {count}" for name, count in groups.items())
         raise DataError(f"{folds} folds need every class in at least {folds} groups; there are: {counts}")
-    if np.all(tracks == tracks[:1]):
-        raise DataError(f"all {len(dataset)} tracks are the same; nothing can be learnt from them")
+    if np.all(signals == signals[:1]):
+        raise DataError(f"all {len(dataset)} {dataset.unit} are the same; nothing can be learnt from them")
 
 
 def split(dataset: Dataset, *, test: float = 0.3, seed: int) -> tuple[Dataset, Dataset]:

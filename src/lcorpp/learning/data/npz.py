@@ -13,9 +13,10 @@ import numpy as np
 
 from lcorpp.errors import DataError
 from lcorpp.files import read_bytes, write_atomically
-from lcorpp.learning.data.dataset import check_tracks
+from lcorpp.learning.data.dataset import check_signals
 from lcorpp.learning.data.tracks import Recording, Track
-from lcorpp.values import Array, Dataset
+from lcorpp.notebook import join_some
+from lcorpp.values import CHANNELS, Array, Dataset
 
 FORMAT, VERSION = "lcorpp dataset", 1
 SUFFIX = ".npz"
@@ -61,7 +62,7 @@ def load_dataset(path: str | Path) -> Dataset:
                 f"{header['format']!r} of version {header['version']!r}; expected {FORMAT!r} {VERSION}"
             )
         return Dataset(
-            check_tracks(tracks),
+            check_signals(tracks),
             tuple(header["labels"]),
             tuple(header["groups"]),
             str(header["source"]),
@@ -81,9 +82,13 @@ def to_recording(dataset: Dataset) -> Recording:
     """Convert a data set to tracks that begin at 0 s; a number distinguishes the tracks of one group.
 
     Raises:
-        DataError: the data set has no x and y, or a number is not finite.
+        DataError: the data set is no motion, has no x and y, or a number is not finite.
     """
-    check_tracks(dataset.trajectories)
+    if dataset.kind != "motion":
+        raise DataError(
+            f"the data are {join_some(dataset.channels)}; expected tracks of {', '.join(CHANNELS)}"
+        )
+    check_signals(dataset.trajectories)
     times: Array = np.arange(dataset.trajectories.shape[2], dtype=np.float64) * dataset.interval
     counts: dict[str, int] = {}
     tracks = []

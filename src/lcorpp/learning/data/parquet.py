@@ -8,13 +8,19 @@ from typing import Any
 
 import numpy as np
 
-from lcorpp.errors import DataError, expected_one_of
+from lcorpp.errors import DataError
 from lcorpp.files import open_text
-from lcorpp.learning.data.csv_formats import LONG_COLUMNS, REQUIRED, find_columns, note_unused_columns
+from lcorpp.learning.data.csv_formats import (
+    REQUIRED,
+    describe_missing_column,
+    find_columns,
+    note_unused_columns,
+)
 from lcorpp.learning.data.csv_reader import BATCH_LINES, Progress, RowBatch
 from lcorpp.learning.data.ingest import ReadOptions, assemble_tracks
 from lcorpp.learning.data.repairs import RepairLog, RowSource
 from lcorpp.learning.data.tracks import Track
+from lcorpp.notebook import join_some
 
 SUFFIXES = (".parquet", ".pq")
 
@@ -42,11 +48,6 @@ class ParquetFile(RowSource):
         except (OSError, ValueError) as error:  # pyarrow's own errors are both
             raise DataError(f"{path}: not a Parquet file, or a damaged one: {error}") from None
         self.names = [name.strip().lower() for name in self._table.schema_arrow.names]
-        for name in REQUIRED:
-            if name not in self.names:
-                raise DataError(
-                    f"{path}: no column {name!r}; {expected_one_of(list(LONG_COLUMNS))}, not {self.names}"
-                )
         if len(set(self.names)) < len(self.names):
             raise DataError(f"{path}: a column is there twice: {', '.join(self.names)}")
 
@@ -96,6 +97,9 @@ class ParquetFile(RowSource):
 def read_parquet(path: Path, options: ReadOptions) -> tuple[list[Track], tuple[str, ...]]:
     """Read a Parquet file of tracks; return the tracks, in metres, and notes about the file."""
     file = ParquetFile(path, options.repair_log)
+    for name in REQUIRED:
+        if name not in file.names:
+            raise DataError(f"{path}: {describe_missing_column(name)}; not {join_some(file.names)}")
     numbers, words = find_columns(file.names)
     batches = file.batches(numbers, ("track", *words), options.progress)
     tracks = assemble_tracks(file, batches, options, DataError(f"{path}: no rows"), numbers[1:], words)

@@ -18,20 +18,25 @@ from lcorpp.learning.data.csv_reader import Progress, is_number, parse_line
 from lcorpp.learning.data.ingest import ReadOptions
 from lcorpp.learning.data.labels import attach_labels, class_of_label, describe_unknown_label, read_labels
 from lcorpp.learning.data.npz import SUFFIX, load_dataset, to_recording
-from lcorpp.learning.data.parquet import SUFFIXES, read_parquet
+from lcorpp.learning.data.parquet import SUFFIXES, ParquetFile, read_parquet
 from lcorpp.learning.data.repairs import RepairLog, RowSource
+from lcorpp.learning.data.table import has_table_columns, read_table
 from lcorpp.learning.data.tracks import Recording, Track
 from lcorpp.learning.data.windows import INTERVAL, POINTS, to_dataset
 from lcorpp.learning.store import Snapshot, is_store, read_store
+from lcorpp.notebook import join_some
 from lcorpp.values import Dataset
 
-Format = Literal["authors", "npz", "store", "parquet", "atc", "long"]
+Format = Literal["authors", "npz", "store", "parquet", "atc", "long", "table"]
 
-RECTANGULAR = ("authors", "npz", "store")
-"""Formats whose tracks all have the same number of time points."""
+RECTANGULAR = ("authors", "npz", "store", "table")
+"""Formats whose tracks all have the same number of time points, and tables of features."""
 
 RAW_LABELS = {"0": "0", "1": "1"}
 """Labels of the authors' files, if the caller does not name their classes."""
+
+MAX_HEADING = 1_000_000
+"""Maximum length of a heading in letters."""
 
 Pose = tuple[float, float, float]
 
@@ -43,38 +48,49 @@ def read_data(
     label_file: str | Path | None = None,
     interval: float | None = None,
     points: int | None = None,
+    seconds: float | None = None,
     channels: Sequence[str] | None = None,
     repair: Collection[str] = (),
     robot: Pose | None = None,
     gap: float = MAX_GAP,
     progress: Progress | None = None,
 ) -> Dataset:
-    """Read labelled tracks of any format as a data set to learn from.
+    """Read labelled tracks of any format, or a table of features, as a data set to learn from.
 
     The authors' files, .npz and stores are rectangular and stay unchanged unless an argument changes them;
-    other formats are cut to the last ten seconds of each track, 304 points .033 s apart.
+    other formats of tracks are cut to the last ten seconds of each track, 304 points .033 s apart.
 
     Args:
-        interval, points, channels: as in `to_dataset`.
+        interval, points, channels: as in `to_dataset`. seconds: the duration, instead of points.
         others: as in `read_recording`.
 
     Raises:
-        FileError, ParseError, DataError: as `read_recording` and `to_dataset`.
+        FileError, ParseError, DataError: as `read_recording`, `read_table` and `to_dataset`; or an argument
+            for tracks is given for other data.
     """
     kind = detect_format(path)
-    changes = (interval, points, channels, robot, label_file)
+    if points is not None and seconds is not None:
+        raise DataError(f"{points} points and {seconds:g} seconds are given; expected one of them")
+    changes = (interval, points, seconds, channels, robot, label_file)
     if kind in RECTANGULAR:
-        whole = _read_rectangular(Path(path), kind, labels, RepairLog(repair))
+        whole = _read_rectangular(Path(path), kind, labels, RepairLog(repair), progress)
         if all(argument is None for argument in changes):
             return whole
-        interval, points = interval or whole.interval, points or whole.trajectories.shape[2]
+        if whole.kind != "motion":
+            raise DataError(
+                f"{path}: has no tracks of motion, but {join_some(whole.channels)}; durations, rates, poses"
+                " and files of labels are for tracks"
+            )
+        interval = interval or whole.interval
+        points = points or (None if seconds else whole.trajectories.shape[2])
+    interval = interval or INTERVAL
+    if seconds is not None:
+        points = round(seconds / interval) + 1
     recording = read_recording(
         path, labels=labels, label_file=label_file, repair=repair, robot=robot, gap=gap, progress=progress
     )
     try:
-        return to_dataset(
-            recording, interval=interval or INTERVAL, points=points or POINTS, channels=channels
-        )
+        return to_dataset(recording, interval=interval, points=points or POINTS, channels=channels)
     except DataError as error:
         reason = str(error).removeprefix(f"{recording.source}: ")
         raise DataError(f"{path}: {reason}") from None
@@ -117,7 +133,7 @@ def read_recording(
     if kind in RECTANGULAR:
         if classes is not None:
             raise DataError(f"{path}: has labels of its own; {label_file} cannot give others")
-        whole = to_recording(_read_rectangular(file, kind, labels, repair_log))
+        whole = to_recording(_read_rectangular(file, kind, labels, repair_log, progress))
         recording = replace(whole, repairs=tuple(repair_log.repairs))
     else:
         only = None if classes is None else classes.keys()
@@ -132,6 +148,25 @@ def read_recording(
             tracks = labelled
         recording = Recording(tuple(tracks), file.name, notes, tuple(repair_log.repairs))
     return recording if robot is None else recording.in_robot_frame(*robot)
+
+
+def read_features(
+    path: str | Path,
+    *,
+    labels: Mapping[str, str] | None,
+    repair_log: RepairLog,
+    progress: Progress | None = None,
+) -> Dataset | None:
+    """Read a table of features, or channels of a domain's own; return None if the file has tracks of motion.
+
+    Raises:
+        FileError, ParseError, DataError: as `read_data`.
+    """
+    kind = detect_format(path)
+    if kind not in ("npz", "table"):
+        return None
+    whole = _read_rectangular(Path(path), kind, labels, repair_log, progress)
+    return None if whole.kind == "motion" else whole
 
 
 def convert_snapshot(snapshot: Snapshot) -> Recording:
@@ -170,10 +205,12 @@ def detect_format(path: str | Path) -> Format:
     if is_store(file):
         return "store"
     if suffix in SUFFIXES:
-        return "parquet"
+        return "table" if has_table_columns(ParquetFile(file, RepairLog()).names) else "parquet"
     with open_text(file) as opened:
         try:
             start = opened.read(20_000)
+            if "\n" not in start:  # a heading of many features
+                start += opened.readline(MAX_HEADING)
         except UnicodeDecodeError:
             start = "\0"
     if "\0" in start:
@@ -188,7 +225,7 @@ def detect_format(path: str | Path) -> Format:
         if len(cells) == len(ATC_COLUMNS) and is_number(cells[0]):
             return "atc"
         if not all(map(is_number, cells)):
-            return "long"
+            return "table" if has_table_columns([cell.lower() for cell in cells]) else "long"
         hint = " (the authors' files are read as a folder)" if file.stem.startswith("interpos") else ""
         message = (
             f"{len(cells)} columns of numbers; expected a line that names {', '.join(REQUIRED)}, or the"
@@ -209,13 +246,21 @@ def _convert_dataset_to_metres(dataset: Dataset, source: RowSource) -> Dataset:
 
 
 def _read_rectangular(
-    file: Path, kind: Format, labels: Mapping[str, str] | None, repair_log: RepairLog
+    file: Path,
+    kind: Format,
+    labels: Mapping[str, str] | None,
+    repair_log: RepairLog,
+    progress: Progress | None,
 ) -> Dataset:
+    if kind == "table":
+        return read_table(file, labels, repair_log, progress)
     if kind == "authors":
         return read_authors(file, labels=labels or RAW_LABELS)
     source = RowSource(file, repair_log)
     if kind == "npz":
-        dataset = _convert_dataset_to_metres(load_dataset(file), source)
+        dataset = load_dataset(file)
+        if dataset.kind == "motion":
+            dataset = _convert_dataset_to_metres(dataset, source)
     else:
         dataset = read_store(file).dataset()
     classes = [class_of_label(word, labels) for word in dataset.labels]

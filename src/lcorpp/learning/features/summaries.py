@@ -37,13 +37,16 @@ class SummaryFeatures(TransformerMixin, BaseEstimator):  # type: ignore[misc]  #
 
     Args:
         rate: points per second of the tracks.
+        motion: whether the first two rows are x and y; if not, all rows are used as they are, and there are
+            no further features.
 
     Attributes:
         rows_: number of rows of the tracks, set by `fit`.
     """
 
-    def __init__(self, *, rate: float = 3.0) -> None:
+    def __init__(self, *, rate: float = 3.0, motion: bool = True) -> None:
         self.rate = rate
+        self.motion = motion
 
     def fit(self, X: npt.ArrayLike, y: object = None) -> Self:
         """Check X (cases, rows, points); nothing is estimated.
@@ -52,7 +55,7 @@ class SummaryFeatures(TransformerMixin, BaseEstimator):  # type: ignore[misc]  #
             DataError: X has fewer than two rows, or is not an array of finite tracks.
         """
         tracks = check_tracks(X)
-        if tracks.shape[1] < 2:
+        if self.motion and tracks.shape[1] < 2:
             raise DataError(f"summary features need x and y; the tracks have {tracks.shape[1]} channels")
         self.rows_ = int(tracks.shape[1])
         return self
@@ -67,6 +70,9 @@ class SummaryFeatures(TransformerMixin, BaseEstimator):  # type: ignore[misc]  #
         tracks = check_tracks(X)
         if tracks.shape[1] != self.rows_:
             raise DataError(f"fitted to tracks of {self.rows_} channels, given {tracks.shape[1]}")
+        rows = np.moveaxis(tracks, 1, 0)
+        if not self.motion:
+            return np.concatenate([_compute_statistics(values) for values in rows], axis=1)
         velocity = np.diff(tracks[:, :2], axis=2) * self.rate
         speed = np.hypot(velocity[:, 0], velocity[:, 1])
         turning = _compute_turning(velocity, speed)
@@ -80,7 +86,7 @@ class SummaryFeatures(TransformerMixin, BaseEstimator):  # type: ignore[misc]  #
             np.abs(velocity[:, 0]),
             velocity[:, 1],
             distance,
-            *(tracks[:, row] for row in range(2, self.rows_)),
+            *rows[2:],
         ]
         length = speed.sum(axis=1) / self.rate
         straightness = distance[:, -1] / np.maximum(length, MIN_SPEED)

@@ -15,6 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lcorpp.errors import DataError, expected_one_of
+from lcorpp.notebook import join_some
 from lcorpp.values import CHANNELS, Array, Dataset, Distribution, freeze, track_hash
 
 SOURCES = ("person", "robot")
@@ -63,7 +64,14 @@ class TrackSchema:
 
     @classmethod
     def from_dataset(cls, dataset: Dataset, classes: Sequence[str]) -> TrackSchema:
-        """Return the schema of the tracks in `dataset`, labelled with `classes`."""
+        """Return the schema of the tracks in `dataset`, labelled with `classes`.
+
+        Raises:
+            DataError: the data are no motion.
+        """
+        if dataset.kind != "motion":
+            names = join_some(dataset.channels)
+            raise DataError(f"a store is for tracks of {', '.join(CHANNELS)}; the data are {names}")
         return cls(dataset.channels, dataset.interval, tuple(classes), dataset.trajectories.shape[2])
 
     def check_equal(self, other: TrackSchema, where: str) -> None:
