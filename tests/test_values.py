@@ -81,7 +81,7 @@ def test_a_dataset_keeps_its_interval_and_channels():
         ({"interval": 0.0}, "the interval is 0.0 s; expected a finite number above 0"),
         ({"interval": float("nan")}, "the interval is nan s"),
         ({"interval": float("inf")}, "the interval is inf s"),
-        ({"channels": ("x", "z")}, "unknown channel 'z'; expected one of x, y, velocity, heading, facing"),
+        ({"channels": ("x", " ")}, "a channel is named ' '; expected a text that is not blank"),
         ({"channels": ("x", "x")}, "expected every name once"),
         ({"channels": ("x", "y", "facing")}, r"3 channels \(x, y, facing\) need .* \(2, 3, time points\)"),
     ],

@@ -237,7 +237,7 @@ def test_recorded_tracks_have_the_class_of_the_person():
     data = Dataset(np.arange(8.0).reshape(4, 1, 2), ("a", "b", "a", "b"), channels=("x",))
     tracks = RecordedSignals("wish", data).simulate([{"wish": "b"}] * 20, np.random.default_rng(0))
     assert {float(track[0, 0]) for track in tracks} == {2.0, 6.0}
-    with pytest.raises(DataError, match="no recorded track of class 'c' is left"):
+    with pytest.raises(DataError, match="no recorded case of class 'c' is left"):
         RecordedSignals("wish", data).simulate([{"wish": "c"}], np.random.default_rng(0))
 
 

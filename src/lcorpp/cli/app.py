@@ -6,7 +6,8 @@ from typing import Annotated
 
 import typer
 
-from lcorpp.cli import ask, check, data, explain, fit, learn, run, show, simulate, solve
+from lcorpp.cli import ask, check, explain, fit, learn, run, show, simulate, solve
+from lcorpp.cli.data.commands import app as data_app
 
 app = typer.Typer(
     name="lcorpp",
@@ -25,7 +26,7 @@ app.command()(simulate.simulate)
 app.command()(show.show)
 app.command()(learn.learn)
 app.command()(check.check)
-app.add_typer(data.app)
+app.add_typer(data_app)
 
 
 def _print_version(requested: bool) -> None:

@@ -112,7 +112,7 @@ def explain(
     senses = {sense.name: from_channel(loaded, sense) for sense in used}
     print_domain(loaded)
     for name, setup in senses.items():
-        print_classifier(setup, "channel", name if len(senses) > 1 else "")
+        print_classifier(setup, name if len(senses) > 1 else "")
     with console.show_progress("solving the POMDP") as advance:
         solution = solve_domain(loaded, chosen, cache=cache, advance=advance)
     print_solution(solution)

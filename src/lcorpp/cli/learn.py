@@ -81,7 +81,7 @@ def learn(
     solving = options.choose_solver(loaded.planning.solver, solver, precision, time_limit)
     cache = None if no_cache else find_cache_folder()
     sense = find_learning_sense(loaded, ActiveLearningOptions())
-    default = sense.classifier if sense.classifier != "channel" else "lstm"
+    default = sense.classifier if sense.classifier != "channel" else None
     training = TrainingOptions(
         learner=learner or default, epochs=epochs, device=device, tracks=tracks, data=data
     )
@@ -160,13 +160,15 @@ def _check_options(chosen: ActiveLearningOptions) -> None:
         DataError: the change that ends the run is no number, or the learner or the device is unknown.
     """
     from lcorpp.learning import learner
+    from lcorpp.learning.classifiers.registry import DEFAULTS
 
     if math.isnan(chosen.epsilon):
         raise DataError("--epsilon nan: expected a number from 0")
     training = chosen.training
-    if ":" not in training.learner and training.device.split(":")[0] not in DEVICES:
+    name = training.learner or DEFAULTS["motion"]
+    if ":" not in name and training.device.split(":")[0] not in DEVICES:
         raise DataError(f"--device {training.device}: {expected_one_of(DEVICES)}")
-    learner(training.learner, epochs=training.epochs, device=training.device, features=training.features)
+    learner(name, epochs=training.epochs, device=training.device, features=training.features)
 
 
 def _print_run_store(run_store: RunStore) -> None:

@@ -95,11 +95,10 @@ def _format_interval(interval: Interval, number_format: str, separator: str = "\
     return f"{text}{separator}[dim]\\[{low}, {high}][/dim]"
 
 
-def print_classifier(setup: SenseSetup, source: str, sense: str = "") -> None:
+def print_classifier(setup: SenseSetup, sense: str = "") -> None:
     """Print the error rates of a classifier and, if it was trained now, its evaluation.
 
     Args:
-        source: where it comes from: "channel", a learner or a file.
         sense: its name, if there are several.
     """
     title = f"classifier of {sense}" if sense else "classifier"
@@ -111,11 +110,11 @@ def print_classifier(setup: SenseSetup, source: str, sense: str = "") -> None:
         return
     report = setup.report
     if report is None:
-        console.out.print(f"{title}: {source}", markup=False)
+        console.out.print(f"{title}: {setup.source}", markup=False)
     else:
         console.out.print(
-            f"{title}: {source}, five-fold cross-validation on {report.source}: {setup.n_tracks} tracks of"
-            f" {report.people} people; \\[95% intervals]"
+            f"{title}: {setup.source}, five-fold cross-validation on {report.source}:"
+            f" {setup.n_tracks} {setup.unit} of {report.people} people; \\[95% intervals]"
         )
         console.out.print(f"  accuracy {report.accuracy}", markup=False)
     for cells in setup.intervals:

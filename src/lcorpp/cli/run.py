@@ -3,16 +3,27 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
 from lcorpp.cli import console, options, output_files
+from lcorpp.cli.data.options import (
+    GapOption,
+    LabelFileOption,
+    LabelOption,
+    RepairOption,
+    RobotOption,
+    parse_written_labels,
+)
+from lcorpp.cli.data.senses import (
+    ClassifiersOption,
+    DataOption,
+    LearnersOption,
+    choose_classifiers,
+    reject_given,
+)
 from lcorpp.errors import DomainError
-
-if TYPE_CHECKING:
-    from lcorpp.domains.sections.learning import Sense
-    from lcorpp.experiments.setup import ClassifierOptions
 
 TRIALS = 5000
 """Number of simulated people without --trials."""
@@ -30,16 +41,15 @@ def run(
         typer.Option(min=1, max=options.MAX_TRIALS, help=f"Number of simulated people; {TRIALS} by default."),
     ] = None,
     seed: options.SeedOption = 0,
-    classifier: Annotated[
-        str | None,
-        typer.Option(
-            help="Instead of training: channel (a noisy channel with the domain's rates) or a classifier.npz"
-            " of an earlier run."
-        ),
-    ] = None,
-    learner: options.LearnerOption = None,
+    classifier: ClassifiersOption = None,
+    learner: LearnersOption = None,
     evidence: options.EvidenceOption = options.Evidence.hard,
-    data: options.DataOption = None,
+    data: DataOption = None,
+    label: LabelOption = None,
+    label_file: LabelFileOption = None,
+    repair: RepairOption = None,
+    robot: RobotOption = None,
+    gap: GapOption = None,
     tracks: options.TracksOption = None,
     epochs: options.EpochsOption = None,
     device: options.DeviceOption = "cpu",
@@ -90,8 +100,8 @@ def run(
     from lcorpp.domains import load_domain, with_world
     from lcorpp.experiments.baselines import find_strategies
     from lcorpp.experiments.comparison import ComparisonOptions, compare_strategies
-    from lcorpp.experiments.results import FORMATS, describe_run, describe_source, write_comparison
-    from lcorpp.experiments.setup import EvidenceOptions, StoredOptions, TrainingOptions
+    from lcorpp.experiments.results import FORMATS, describe_run, write_comparison
+    from lcorpp.experiments.setup import EvidenceOptions, ReadingOptions, TrainingOptions
     from lcorpp.planning.policy_cache import find_cache_folder
     from lcorpp.values import JEFFREYS, LAPLACE
 
@@ -101,43 +111,32 @@ def run(
     soft, laplace = evidence is options.Evidence.soft, smoothing is options.Smoothing.laplace
     rows = find_strategies(strategy or [], [sense.name for sense in loaded.senses])
     used = [sense for sense in loaded.senses if any(row.uses(sense.name) for row in rows)]
-    kinds = {sense.name: _find_classifier_kind(sense, classifier, learner, data) for sense in loaded.senses}
     training = {
-        "learner": None if used else learner,
         "tracks": tracks,
         "epochs": epochs,
         "threshold": threshold,
         "prevalence": prevalence,
         "device": device if device != "cpu" else None,
-        "features": features if features != "x,y" else None,
+        "features": tuple(name.strip() for name in features.split(",")) if features != "x,y" else None,
     }
+    reading = ReadingOptions(parse_written_labels(label), label_file, tuple(repair or ()), robot, gap)
+    sources = choose_classifiers(
+        loaded,
+        used,
+        classifiers=classifier or [],
+        learners=learner or [],
+        data=data or [],
+        reading=reading,
+        training=training,
+    )
     if policy is not None:
         limits = {"precision": precision, "time-limit": time_limit}
-        _reject_given("nothing is solved, as --policy gives a policy", solver=solver, **limits)
+        reject_given("nothing is solved, as --policy gives a policy", solver=solver, **limits)
     if exact:
-        _reject_given("nothing is sampled with --exact", trials=trials)
-    channels_only = set(kinds.values()) <= {"channel"}
+        reject_given("nothing is sampled with --exact", trials=trials)
+    channels_only = not any(sources.values())
     _check_combination(channels_only, exact=exact, soft=soft, laplace=laplace, threshold=threshold)
     number = TRIALS if trials is None else trials
-    if not loaded.senses:
-        given = {"classifier": classifier, "data": data, **training}
-        _reject_given("the domain has no [learning], so nothing is classified", **given)
-    elif channels_only:
-        _reject_given("nothing is trained, as the classifier is a channel", data=data, **training)
-    elif not used:
-        _reject_given("nothing is trained, as no strategy learns", **training)
-    elif "file" in kinds.values():
-        _reject_given("nothing is trained, as --classifier gives a file", **training)
-    names = tuple(name.strip() for name in features.split(","))
-    sources: dict[str, ClassifierOptions] = {}
-    for sense in used:
-        kind = kinds[sense.name]
-        if kind == "file":
-            sources[sense.name] = StoredOptions(Path(classifier or ""), data)
-        elif kind != "channel":
-            sources[sense.name] = TrainingOptions(
-                kind, epochs, device, names, threshold, prevalence, tracks, data
-            )
     chosen = ComparisonOptions(
         strategies=rows,
         classifiers=sources,
@@ -161,7 +160,7 @@ def run(
     comparison = compare_strategies(loaded, chosen, policy=given_policy, progress=console.show_progress)
     print_scores(comparison.scores, loaded.positive, comparison.trials)
     for name, setup in comparison.senses.items():
-        print_classifier(setup, describe_source(sources.get(name)), name if len(loaded.senses) > 1 else "")
+        print_classifier(setup, name if len(loaded.senses) > 1 else "")
     if comparison.solution is not None:
         print_solution(comparison.solution)
     for setup in comparison.senses.values():
@@ -175,24 +174,6 @@ def run(
         console.out.print("wrote " + ", ".join(str(path) for path in written.paths), markup=False)
     if comparison.trials is not None and comparison.trials < number:
         console.err.print(f"interrupted: {comparison.trials} of {number} trials are kept")
-
-
-def _find_classifier_kind(
-    sense: Sense, classifier: str | None, learner: str | None, data: Path | None
-) -> str:
-    """Return "channel", "file", or the name of a learner."""
-    from lcorpp.domains.sections.learning import CLASSIFIERS
-
-    if classifier is not None:
-        if learner is not None:
-            raise DomainError(
-                f"--classifier {classifier} and --learner {learner} both choose the classifier; expected one"
-            )
-        return classifier if classifier in CLASSIFIERS else "file"
-    if learner is not None:
-        return learner
-    default = sense.classifier
-    return "lstm" if data is not None and default == "channel" else default
 
 
 def _check_combination(
@@ -210,10 +191,3 @@ def _check_combination(
         raise DomainError("--threshold determines labels; --evidence soft uses none")
     if laplace and (soft or channels_only):
         raise DomainError("--smoothing applies to the labels of a trained classifier only")
-
-
-def _reject_given(reason: str, **given: object) -> None:
-    """Reject options with a value: `reason` is why they would have no effect."""
-    for name, value in given.items():
-        if value is not None:
-            raise DomainError(f"--{name}: {reason}")

@@ -15,7 +15,7 @@ from lcorpp.errors import DecisionError, DomainError, check_type
 from lcorpp.experiments.metrics import Scores, score_decisions
 from lcorpp.experiments.run_store import RunStore
 from lcorpp.experiments.setup import ProgressDisplay, TrainingOptions, no_progress
-from lcorpp.experiments.training_data import FOLDS, TrainingData, make_estimator
+from lcorpp.experiments.training_data import FOLDS, TrainingData, choose_learner, make_estimator
 from lcorpp.learning import train_and_validate
 from lcorpp.protocols import Classifier, Planner
 from lcorpp.reasoning import Reasoner
@@ -93,7 +93,7 @@ def open_run_store(
     settings = {
         "domain": domain.name,
         "preset": domain.preset,
-        "learner": options.training.learner,
+        "learner": choose_learner(options.training, data.dataset).learner,
         "evidence": "soft" if options.soft else "hard",
         "seed": options.seed,
         "epochs": options.training.epochs,

@@ -24,7 +24,13 @@ from lcorpp.experiments.thresholds import (
     parse_goal,
     select_threshold,
 )
-from lcorpp.experiments.training_data import FOLDS, make_estimator, make_training_data, read_training_data
+from lcorpp.experiments.training_data import (
+    FOLDS,
+    choose_learner,
+    make_estimator,
+    make_training_data,
+    read_training_data,
+)
 from lcorpp.learning import (
     Motion,
     TrainedClassifier,
@@ -35,7 +41,9 @@ from lcorpp.learning import (
     load_classifier,
     train_and_validate,
 )
+from lcorpp.learning.classifiers.registry import DEFAULTS
 from lcorpp.learning.classifiers.storage import check_storable
+from lcorpp.notebook import join_some
 from lcorpp.simulation.people import SignalSource, SimulatedSignals
 from lcorpp.values import ConfusionMatrix
 
@@ -58,8 +66,9 @@ def train_classifier(
     """
     check_type(domain, Domain, "the domain", DomainError)
     goal = None if options.threshold is None else parse_goal(sense, options.threshold)
-    learner(options.learner, epochs=options.epochs, device=options.device)  # reject options before the work
+    _make_untrained(options)  # reject options before the work
     data = make_training_data(domain, sense, options, seed)
+    options = choose_learner(options, data.dataset)
     estimator = make_estimator(data, options, seed)
     with progress(f"training and cross-validating {options.learner}", FOLDS + 1) as advance:
         trained, validation = train_and_validate(
@@ -80,10 +89,17 @@ def train_classifier(
         positive=positive,
         prevalence=prevalence,
         costs=goal if isinstance(goal, tuple) else None,
-        learner=options.learner,
+        learner=options.learner or "",
         source=data.dataset.source,
     )
-    about = {"n_tracks": len(data.dataset), "report": report, "notes": data.dataset.notes}
+    about = {
+        "source": options.learner,
+        "n_tracks": len(data.dataset),
+        "report": report,
+        "unit": data.dataset.unit,
+        "data": data.path,
+        "notes": data.dataset.notes,
+    }
     return _make_setup(trained, validation.confusion, evidence, data.signals, **about)
 
 
@@ -98,8 +114,8 @@ def load_trained(
     """Load a stored classifier of a sense; its confusion matrix becomes the rules.
 
     Raises:
-        DataError, FileError: the file is no classifier of the sense's classes, or the recorded tracks have
-            another interval or other channels than its training data.
+        DataError, FileError: the file is no classifier of the sense's classes, or the recorded data have
+            another interval, other channels or other features than its training data.
     """
     check_type(domain, Domain, "the domain", DomainError)
     trained = load_classifier(options.file)
@@ -110,29 +126,39 @@ def load_trained(
             f"{options.file}: the classifier's classes are {classes}; {domain.name} needs"
             f" {', '.join(sense.classes)}"
         )
-    if options.data is None:
-        return _make_setup(trained, confusion, evidence, SimulatedSignals.from_domain(domain, sense))
+    path, source = options.data or sense.data, str(options.file)
+    if path is None:
+        signals = SimulatedSignals.from_domain(domain, sense)
+        return _make_setup(trained, confusion, evidence, signals, source=source)
     motion = trained.estimator.steps[0][1]
-    recorded = read_training_data(
-        domain, sense, options.data, seed, features=getattr(motion, "inputs", ("x", "y"))
-    )
+    inputs = trained.inputs or getattr(motion, "inputs", ("x", "y"))
+    recorded = read_training_data(domain, sense, path, seed, features=inputs, reading=options.reading)
     interval, channels = recorded.dataset.interval, recorded.dataset.channels
     if isinstance(motion, Motion) and (motion.interval, tuple(motion.inputs)) != (interval, channels):
         raise DataError(
             f"{options.file}: trained on {', '.join(motion.inputs)} every {motion.interval:g} s;"
             f" the data have {', '.join(channels)} every {interval:g} s"
         )
+    if trained.inputs and trained.inputs != channels:
+        raise DataError(
+            f"{options.file}: trained on {join_some(trained.inputs)}; the data have {join_some(channels)}"
+        )
     notes = recorded.dataset.notes
-    return _make_setup(trained, confusion, evidence, recorded.signals, notes=notes)
+    return _make_setup(trained, confusion, evidence, recorded.signals, source=source, data=path, notes=notes)
 
 
 def find_storage_problem(options: TrainingOptions) -> str | None:
     """Return the reason why the classifier cannot be stored after training; None if it can."""
     try:
-        check_storable(learner(options.learner, epochs=options.epochs, device=options.device))
+        check_storable(_make_untrained(options))
     except DataError as error:
         return str(error)
     return None
+
+
+def _make_untrained(options: TrainingOptions) -> Any:
+    """Return an estimator of the learner before the data are known; raises as `learner`."""
+    return learner(options.learner or DEFAULTS["motion"], epochs=options.epochs, device=options.device)
 
 
 def _make_setup(
@@ -153,6 +179,6 @@ def _make_setup(
         nest_rates(confusion.classes, rows),
         confusion,
         estimate_rates(confusion, smoothing=evidence.smoothing),
-        trained,
+        trained=trained,
         **about,
     )

@@ -87,24 +87,16 @@ def describe_solution(solution: Solution | None) -> dict[str, Any] | None:
     }
 
 
-def describe_source(options: ClassifierOptions) -> str:
-    """Return "channel", the learner or the file of a classifier."""
-    if options is None:
-        return "channel"
-    return options.learner if isinstance(options, TrainingOptions) else str(options.file)
-
-
 def _describe_sense(options: ClassifierOptions, setup: SenseSetup) -> dict[str, Any]:
     training = options if isinstance(options, TrainingOptions) else TrainingOptions()
-    data = None if options is None else options.data
     return {
-        "classifier": describe_source(options),
+        "classifier": setup.source,
         "features": ",".join(training.features),
         "threshold": training.threshold,
         "prevalence": training.prevalence,
         "device": training.device,
         "rates": setup.rates,
-        "data": str(data) if data else None,
+        "data": str(setup.data) if setup.data else None,
         "tracks": setup.n_tracks,
         "epochs": training.epochs,
     }

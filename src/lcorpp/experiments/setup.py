@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from fractions import Fraction
 from math import isfinite
 from pathlib import Path
@@ -44,20 +44,43 @@ def no_progress(title: str, total: int | None = None, /) -> Iterator[Advance]:
 
 
 @dataclass(frozen=True)
+class ReadingOptions:
+    """How to read recorded data; see `read_data`.
+
+    labels: label in the file -> class, besides the domain's `data_labels`.
+    label_file: a CSV of ids and labels. repair: the kinds of faults to repair.
+    robot: the robot's pose in the frame of the file.
+    gap: maximum number of seconds between two samples of one person; None for the default.
+    """
+
+    labels: Mapping[str, str] = field(default_factory=dict)
+    label_file: Path | None = None
+    repair: tuple[str, ...] = ()
+    robot: tuple[float, float, float] | None = None
+    gap: float | None = None
+
+
+READ_AS_IT_IS = ReadingOptions()
+"""Without repairs or other frames."""
+
+
+@dataclass(frozen=True)
 class TrainingOptions:
     """Options for training a classifier.
 
-    learner: a name in `lcorpp.learning.learner`'s table, MODULE:FUNCTION or FILE.py:FUNCTION.
+    learner: a name in `lcorpp.learning.learner`'s table, MODULE:FUNCTION or FILE.py:FUNCTION; None takes the
+        one that suits the data.
     epochs: None takes the number that suits the data. device: "cpu" or "cuda".
     features: the classifier's features of the motion.
     threshold: the decision threshold of the positive class: a number, the name of a metric to optimise, or
         the costs of a miss and of a false alarm as MISS:ALARM; None predicts the most probable class.
     prevalence: of the positive class, for thresholds; None takes it from the domain's knowledge.
     tracks: number of simulated training tracks; None takes the domain's number.
-    data: recorded tracks for training and trials, instead of simulated ones.
+    data: recorded data for training and trials; None takes the domain's, or simulates them.
+    reading: how to read them.
     """
 
-    learner: str = "lstm"
+    learner: str | None = None
     epochs: int | None = None
     device: str = "cpu"
     features: tuple[str, ...] = ("x", "y")
@@ -65,17 +88,20 @@ class TrainingOptions:
     prevalence: float | None = None
     tracks: int | None = None
     data: Path | None = None
+    reading: ReadingOptions = READ_AS_IT_IS
 
 
 @dataclass(frozen=True)
 class StoredOptions:
     """Options for loading a stored classifier.
 
-    file: the classifier. data: recorded tracks for the trials, instead of simulated ones.
+    file: the classifier.
+    data: recorded data for the trials; None takes the domain's, or simulates them. reading: how to read them.
     """
 
     file: Path
     data: Path | None = None
+    reading: ReadingOptions = READ_AS_IT_IS
 
 
 ClassifierOptions = TrainingOptions | StoredOptions | None
@@ -105,8 +131,10 @@ class SenseSetup:
     rates: true class -> predicted class -> probability, as the rules contain them.
     confusion: the matrix that replaces the rules; None for a noisy channel, whose rules the program has.
     intervals: one row of rates with intervals per true class; () for a noisy channel.
+    source: "channel", the learner, or the file of the classifier.
     trained: the trained classifier, without soft evidence; None for a noisy channel.
-    n_tracks: number of training tracks, report: evaluation of the classifier; None if it was not trained now.
+    n_tracks: number of training cases, report: evaluation of the classifier; None if it was not trained now.
+    unit: plural noun of the cases. data: the recorded data, None if they are simulated.
     notes: warnings about the data.
     """
 
@@ -115,9 +143,12 @@ class SenseSetup:
     rates: dict[str, dict[str, float]]
     confusion: ConfusionMatrix | None = None
     intervals: Sequence[Sequence[Rate]] = ()
+    source: str = "channel"
     trained: TrainedClassifier | None = None
     n_tracks: int | None = None
     report: EvaluationReport | None = None
+    unit: str = "tracks"
+    data: Path | None = None
     notes: tuple[str, ...] = ()
 
     def __repr__(self) -> str:

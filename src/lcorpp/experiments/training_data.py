@@ -11,9 +11,11 @@ import numpy as np
 
 from lcorpp.domains import Domain
 from lcorpp.domains.sections.learning import Sense
-from lcorpp.errors import DataError, DomainError, check_type
-from lcorpp.experiments.setup import TrainingOptions
+from lcorpp.errors import DataError, DomainError, check_type, expected_one_of
+from lcorpp.experiments.setup import READ_AS_IT_IS, ReadingOptions, TrainingOptions
 from lcorpp.learning import format_leakage_warning, learner, read_data, split
+from lcorpp.learning.classifiers.registry import DEFAULTS
+from lcorpp.learning.data.cleaning import MAX_GAP
 from lcorpp.simulation.people import (
     RecordedSignals,
     SignalSource,
@@ -33,19 +35,28 @@ PAPER_EPOCHS = 300
 class TrainingData:
     """A training set and the source of the test signals, which never contains a training case.
 
-    epochs: the number of epochs that suits the data.
+    epochs: the number of epochs that suits the data. path: of recorded data.
     """
 
     dataset: Dataset
     signals: SignalSource
     epochs: int
+    path: Path | None = None
 
 
 def make_training_data(domain: Domain, sense: Sense, options: TrainingOptions, seed: int) -> TrainingData:
-    """Return the training data that the options describe, recorded or simulated."""
-    if options.data is not None:
-        return read_training_data(domain, sense, options.data, seed, features=options.features)
+    """Return the training data that the options or the domain describe, recorded or simulated."""
+    path = options.data or sense.data
+    if path is not None:
+        return read_training_data(
+            domain, sense, path, seed, features=options.features, reading=options.reading
+        )
     return simulate_training_data(domain, sense, seed, tracks=options.tracks)
+
+
+def choose_learner(options: TrainingOptions, dataset: Dataset) -> TrainingOptions:
+    """Return the options with the learner that suits the data, if they name none."""
+    return replace(options, learner=options.learner or DEFAULTS[dataset.kind])
 
 
 def make_estimator(data: TrainingData, options: TrainingOptions, seed: int) -> Any:
@@ -56,15 +67,17 @@ def make_estimator(data: TrainingData, options: TrainingOptions, seed: int) -> A
     Raises:
         DataError: as `learner`.
     """
-    default_epochs = data.epochs if options.learner == "lstm" else None
+    chosen = options.learner or DEFAULTS[data.dataset.kind]
+    default_epochs = data.epochs if chosen == "lstm" else None
     return learner(
-        options.learner,
+        chosen,
         interval=data.dataset.interval,
         inputs=data.dataset.channels,
         features=options.features,
         epochs=options.epochs or default_epochs,
         seed=seed,
         device=options.device,
+        kind=data.dataset.kind,
     )
 
 
@@ -87,33 +100,59 @@ def simulate_training_data(
 
 
 def read_training_data(
-    domain: Domain, sense: Sense, path: Path, seed: int, *, features: Sequence[str] = ("x", "y")
+    domain: Domain,
+    sense: Sense,
+    path: Path,
+    seed: int,
+    *,
+    features: Sequence[str] = ("x", "y"),
+    reading: ReadingOptions = READ_AS_IT_IS,
 ) -> TrainingData:
-    """Read recorded tracks and split them: 70 % for training, the other people's 30 % for the trials.
+    """Read recorded data and split them: 70 % for training, the other people's 30 % for the trials.
 
     Args:
         path: a path that `read_data` accepts: a folder of the authors' files, CSV, Parquet or .npz.
-        features: the classifier's features, see `Motion`. Channels that no feature needs are dropped, so that
-            the classifier also works where they are not measured.
+        features: the classifier's features, see `Motion`. Channels of motion that no feature needs are
+            dropped, so that the classifier also works where they are not measured.
+        reading: how to read them. Tracks are cut and resampled to the sense's `seconds` and `rate`.
 
     Raises:
-        DataError: a class is none of the sense's, x or y is missing, or there are too few tracks.
+        DataError: a class is none of the sense's, or x or y is missing; there are too few cases; or the
+            options are for tracks, and the data are none.
         FileError, ParseError: the data are missing or malformed.
     """
     check_type(domain, Domain, "the domain", DomainError)
     labels = sense.data_labels or {value: value for value in sense.classes}
-    dataset = _drop_unused_channels(read_data(path, labels=labels), features)
+    dataset = read_data(
+        path,
+        labels={**labels, **reading.labels},
+        label_file=reading.label_file,
+        interval=sense.rate and 1 / sense.rate,
+        seconds=sense.seconds,
+        repair=reading.repair,
+        robot=reading.robot,
+        gap=MAX_GAP if reading.gap is None else reading.gap,
+    )
+    is_motion = dataset.kind == "motion"
+    if is_motion:
+        dataset = _drop_unused_channels(dataset, features)
+    unknown = sorted(set(dataset.labels) - set(sense.classes))
+    if unknown:
+        raise DataError(
+            f"{path}: class {unknown[0]!r} is none of {sense.of}; {expected_one_of(sense.classes)}"
+        )
     try:
         train, test = split(dataset, seed=seed)
-        leak = format_leakage_warning(train) if len(sense.classes) == 2 else None
+        leak = format_leakage_warning(train) if len(sense.classes) == 2 and is_motion else None
     except DataError as error:
         raise DataError(f"{path}: {error}") from None
+    unit = dataset.unit
     split_note = (
-        f"{len(train)} of {len(dataset)} tracks are training data; the trials sample tracks of the"
+        f"{len(train)} of {len(dataset)} {unit} are training data; the trials sample {unit} of the"
         f" {len(set(test.groups))} other people, so their intervals do not cover people outside of the data"
     )
     notes = (*train.notes, split_note, *([] if leak is None else [leak]))
-    return TrainingData(replace(train, notes=notes), RecordedSignals(sense.of, test), PAPER_EPOCHS)
+    return TrainingData(replace(train, notes=notes), RecordedSignals(sense.of, test), PAPER_EPOCHS, path)
 
 
 def _drop_unused_channels(dataset: Dataset, features: Sequence[str]) -> Dataset:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
@@ -78,7 +78,7 @@ class RecordedSignals:
         for person in people:
             candidates = np.flatnonzero(labels == person[self.of])
             if not len(candidates):
-                raise DataError(f"no recorded track of class {person[self.of]!r} is left for the trials")
+                raise DataError(f"no recorded case of class {person[self.of]!r} is left for the trials")
             rows.append(int(rng.choice(candidates)))
         return self.dataset.trajectories[rows]
 
@@ -90,6 +90,9 @@ def simulate_dataset(
 
     Args:
         count: the number of cases, rounded up to a multiple of the number of classes.
+
+    Raises:
+        DomainError: the signals have another number of channels than the sense names.
     """
     population = Population(domain)
     per_class = -(-count // len(sense.classes))
@@ -97,9 +100,11 @@ def simulate_dataset(
         person for value in sense.classes for person in population.sample(per_class, rng, {sense.of: value})
     ]
     people = [people[i] for i in rng.permutation(len(people))]
-    return Dataset(
-        source.simulate(people, rng),
-        tuple(person[sense.of] for person in people),
-        source=f"{len(people)} simulated tracks ({domain.folder.name}/people.py)",
-        interval=sense.interval,
-    )
+    signals, labels = source.simulate(people, rng), tuple(person[sense.of] for person in people)
+    try:
+        dataset = Dataset(signals, labels, interval=sense.interval, channels=sense.channels)
+    except DataError as error:
+        raise DomainError(
+            f"{domain.folder}: signals of {sense.name!r}: {error}; `channels` in [learning] names them"
+        ) from None
+    return replace(dataset, source=f"{len(people)} simulated {dataset.unit} ({domain.folder.name}/people.py)")

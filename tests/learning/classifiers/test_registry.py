@@ -78,7 +78,7 @@ def test_the_same_seed_is_the_same_classifier():
         (
             "lstn",
             {},
-            "unknown learner 'lstn'; expected one of lstm, lstm-fast, summaries, forest, minirocket",
+            "unknown learner 'lstn'; expected one of lstm, lstm-fast, summaries, forest, logistic",
         ),
         ("forest", {"epochs": 3}, "'forest' makes no passes over the data; epochs are for lstm, lstm-fast"),
         ("summaries", {"device": "cuda"}, "'summaries' runs on the cpu only"),

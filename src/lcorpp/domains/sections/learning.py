@@ -4,14 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from pathlib import Path
 
 from lcorpp.domains.sections.names import check_same_names, find_attribute_values
 from lcorpp.domains.sections.reasoning import ReasoningSection
 from lcorpp.domains.toml import TomlTable
 from lcorpp.errors import DomainError, expected_one_of
+from lcorpp.user_code import split_function
 
-CLASSIFIERS = ("lstm", "lstm-fast", "summaries", "forest", "minirocket", "channel")
+CLASSIFIERS = ("lstm", "lstm-fast", "summaries", "forest", "logistic", "minirocket", "channel")
 """Names in `learning.classifiers.registry`, and the simulated noisy classifier."""
+
+MAX_SECONDS, MAX_RATE = 3600.0, 1000.0
+"""Limits of the duration of recorded tracks, and of their points per second."""
 
 MIN_INTERVAL, DEFAULT_INTERVAL, MAX_INTERVAL = 1e-3, 0.033, 10.0
 """Seconds between two points of simulated tracks; the default is that of the paper's tracker."""
@@ -27,10 +32,15 @@ class Sense:
     label_of: class (a value of `of`) -> label (a value of `attribute`), in the order of `classes`.
     classes: the values of `of`, in the order of their declaration.
     positive: the class that F1, precision and recall refer to; None averages over all classes.
-    classifier: name of the default classifier.
-    tracks, epochs: number of simulated training tracks, and of passes over them.
+    classifier: name of the default classifier, "channel", or a learner of the domain's own as
+        FILE.py:FUNCTION or MODULE:FUNCTION; None takes the learner that suits the data.
+    tracks, epochs: number of simulated training cases, and of passes over them.
     interval: seconds between two points of simulated tracks.
+    channels: names of the simulated channels or features; () for x and y, or the numbers of the features.
     data_labels: class name in recorded data -> class.
+    data: recorded data for training and trials; None simulates them.
+    seconds, rate: duration and points per second to which recorded tracks are cut and resampled; None for
+        those of `read_data`.
     """
 
     name: str
@@ -39,22 +49,29 @@ class Sense:
     label_of: Mapping[str, str]
     classes: tuple[str, ...]
     positive: str | None
-    classifier: str
+    classifier: str | None
     tracks: int
     epochs: int
     interval: float
+    channels: tuple[str, ...]
     data_labels: Mapping[str, str]
+    data: Path | None
+    seconds: float | None
+    rate: float | None
 
 
-def read_senses(tables: tuple[TomlTable, ...], reasoning: ReasoningSection) -> tuple[Sense, ...]:
+def read_senses(
+    tables: tuple[TomlTable, ...], reasoning: ReasoningSection, folder: Path
+) -> tuple[Sense, ...]:
     """Read the sections, one for each sense; none for a robot without classifiers.
 
     Raises:
-        DomainError: a name does not fit the P-log program, or two senses have the same name or attribute.
+        DomainError: a name does not fit the P-log program, two senses have the same name or attribute, or a
+            file is missing.
     """
     senses: list[Sense] = []
     for table in tables:
-        sense = _read_sense(table, reasoning)
+        sense = _read_sense(table, reasoning, folder)
         for other, earlier in zip(senses, tables, strict=False):
             for key in ("attribute", "name"):
                 if getattr(other, key) == getattr(sense, key):
@@ -71,7 +88,7 @@ def read_senses(tables: tuple[TomlTable, ...], reasoning: ReasoningSection) -> t
     return tuple(senses)
 
 
-def _read_sense(table: TomlTable, reasoning: ReasoningSection) -> Sense:
+def _read_sense(table: TomlTable, reasoning: ReasoningSection, folder: Path) -> Sense:
     attribute, program = table.text("attribute"), reasoning.program
     labels = find_attribute_values(table.location("attribute"), attribute, program)
     if attribute in reasoning.shared or attribute in reasoning.observed:
@@ -94,12 +111,6 @@ def _read_sense(table: TomlTable, reasoning: ReasoningSection) -> Sense:
     positive = table.text("positive") if "positive" in table else None
     if positive is not None:
         reasoning.check_value(table.location("positive"), of, positive)
-    classifier = table.text("classifier", "lstm")
-    if classifier not in CLASSIFIERS:
-        raise DomainError(
-            f"{table.location('classifier')}: unknown classifier {classifier!r};"
-            f" {expected_one_of(CLASSIFIERS)}"
-        )
     data_labels = table.mapping("data_labels") if "data_labels" in table else {}
     for name, value in data_labels.items():
         reasoning.check_value(table.location("data_labels", name), of, value)
@@ -110,11 +121,35 @@ def _read_sense(table: TomlTable, reasoning: ReasoningSection) -> Sense:
         label_of={value: label for label, value in value_of.items()},
         classes=classes,
         positive=positive,
-        classifier=classifier,
+        classifier=_read_classifier(table, folder) if "classifier" in table else None,
         tracks=table.count("tracks", 2 * len(classes), 1600),
         epochs=table.count("epochs", 1, 20),
         interval=table.number("interval", MIN_INTERVAL, MAX_INTERVAL, DEFAULT_INTERVAL),
+        channels=table.names("channels", required=False),
         data_labels=data_labels,
+        data=_find_file(table, "data", folder / table.text("data")) if "data" in table else None,
+        seconds=table.number("seconds", MIN_INTERVAL, MAX_SECONDS) if "seconds" in table else None,
+        rate=table.number("rate", 1 / MAX_SECONDS, MAX_RATE) if "rate" in table else None,
     )
     table.reject_unknown_keys()
     return sense
+
+
+def _read_classifier(table: TomlTable, folder: Path) -> str:
+    """Read a name of the table, or a learner of the domain's own, whose file is relative to its folder."""
+    name, location = table.text("classifier"), table.location("classifier")
+    own = split_function(name)
+    if own is not None:
+        return f"{_find_file(table, 'classifier', folder / own[0])}:{own[1]}"
+    if name not in CLASSIFIERS and ":" not in name:
+        raise DomainError(
+            f"{location}: unknown classifier {name!r}; {expected_one_of(CLASSIFIERS)}, or one of your own as"
+            " FILE.py:FUNCTION or MODULE:FUNCTION"
+        )
+    return name
+
+
+def _find_file(table: TomlTable, key: str, path: Path) -> Path:
+    if not path.exists():
+        raise DomainError(f"{table.location(key)}: no file or folder {path}")
+    return path

@@ -4,8 +4,8 @@ learner("lstm", interval=dataset.interval, inputs=dataset.channels)   -> a sciki
 learner("logistic", inputs=dataset.channels, kind=dataset.kind)
 learner("my_models.py:tuned", seed=3)                                 -> the result of your function
 
-Every learner follows scikit-learn's contract on arrays (cases, channels, time points), or (cases, features) of
-a table, and contains its preprocessing, so that cross-validation estimates both from training folds only.
+Every learner follows scikit-learn's contract on arrays (cases, channels, time points), or (cases, features),
+and contains its preprocessing, so that cross-validation estimates both from training folds only.
 """
 
 from __future__ import annotations
@@ -69,7 +69,8 @@ class LearnerConfig:
         """Return `pipeline` of summary features and these steps; features of a table need no summary."""
         if self.kind == "table":
             return self.pipeline(*steps)
-        return self.pipeline(("summaries", SummaryFeatures(motion=self.kind == "motion")), *steps)
+        summaries = SummaryFeatures() if self.kind == "motion" else SummaryFeatures(rate=None)
+        return self.pipeline(("summaries", summaries), *steps)
 
 
 @dataclass(frozen=True)
@@ -181,7 +182,7 @@ def learner(
     seed: int = 0,
     epochs: int | None = None,
     device: str = "cpu",
-    kind: Kind = "motion",
+    kind: Kind | None = None,
 ) -> Any:
     """Return an unfitted classifier.
 
@@ -194,7 +195,8 @@ def learner(
         seed: seed of everything random; it also sets parameters called random_state that are None.
         epochs: passes over the data; None is the learner's default.
         device: "cpu", or "cuda" for the LSTM.
-        kind: of the data, `Dataset.kind`: other channels than those of motion are used as they are.
+        kind: of the data, `Dataset.kind`: other channels than those of motion are used as they are. None
+            takes the first one from which the learner learns.
 
     Returns:
         An estimator with `fit`, `predict_proba` and `get_params`.
@@ -204,7 +206,8 @@ def learner(
             return a classifier, learns from another kind of data, or `epochs`, `device` or `features` is
             given to a learner without that option.
     """
-    config = LearnerConfig(interval, tuple(inputs), tuple(features), seed, epochs, device, kind)
+    known = LEARNERS[name].kinds[0] if name in LEARNERS else "motion"
+    config = LearnerConfig(interval, tuple(inputs), tuple(features), seed, epochs, device, kind or known)
     if ":" in name:
         defaults = {"features": ("x", "y"), "epochs": None, "device": "cpu"}
         required = [key for key, value in defaults.items() if getattr(config, key) != value]
@@ -223,16 +226,17 @@ def learner(
             raise DataError(f"learner {name!r} makes no passes over the data; epochs are for {iterative}")
         if device != "cpu":
             raise DataError(f"learner {name!r} runs on the cpu only; device {device!r} is for {iterative}")
-    if kind not in row.kinds:
-        suitable = ", ".join(known for known, other in LEARNERS.items() if kind in other.kinds)
-        needs, given = (_DESCRIPTIONS[some] for some in (row.kinds[0], kind))
+    if config.kind not in row.kinds:
+        suitable = ", ".join(known for known, other in LEARNERS.items() if config.kind in other.kinds)
+        needs, given = (_DESCRIPTIONS[some] for some in (row.kinds[0], config.kind))
         raise DataError(
             f"learner {name!r} needs {needs}; the data are {given}: {join_some(inputs)}; {given} are for"
             f" {suitable}, or a learner of your own"
         )
-    if kind != "motion" and config.features != ("x", "y"):
+    if config.kind != "motion" and config.features != ("x", "y"):
         raise DataError(
-            f"features are computed from motion; the data are {_DESCRIPTIONS[kind]}: {join_some(inputs)}"
+            "features are computed from motion; the data are"
+            f" {_DESCRIPTIONS[config.kind]}: {join_some(inputs)}"
         )
     return row.make(config)
 

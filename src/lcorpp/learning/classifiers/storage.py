@@ -83,8 +83,9 @@ def save_classifier(classifier: TrainedClassifier, path: str | Path) -> None:
         "confusion": matrix and {"classes": list(matrix.classes), "counts": matrix.counts.tolist()},
         "calibration": classifier.calibration and classifier.calibration.to_json(),
         "cut": threshold and [threshold.name, threshold.probability],
-        "inputs": list(classifier.inputs),
     }
+    if classifier.inputs:
+        header["inputs"] = classifier.inputs
     buffer = io.BytesIO()
     np.savez(buffer, classifier=np.array(json.dumps(header)), **arrays)
     write_atomically(path, buffer.getvalue())
@@ -122,7 +123,7 @@ def load_classifier(path: str | Path) -> TrainedClassifier:
                 f"the classes of its last step are {', '.join(classes)}; its calibration or threshold is for"
                 " others"
             )
-        inputs = tuple(map(str, header.get("inputs", ())))  # files of earlier releases name none
+        inputs = tuple(map(str, header.get("inputs", ())))
         return TrainedClassifier(Pipeline(steps), confusion, calibration, threshold, inputs)
     except DataError as error:
         raise DataError(f"{path}: not a classifier that can be used: {error}") from None

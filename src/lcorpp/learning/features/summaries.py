@@ -36,17 +36,15 @@ class SummaryFeatures(TransformerMixin, BaseEstimator):  # type: ignore[misc]  #
     still.
 
     Args:
-        rate: points per second of the tracks.
-        motion: whether the first two rows are x and y; if not, all rows are used as they are, and there are
-            no further features.
+        rate: points per second of the tracks; None if they are no motion: then all rows are used as they are,
+            and there are no further features.
 
     Attributes:
         rows_: number of rows of the tracks, set by `fit`.
     """
 
-    def __init__(self, *, rate: float = 3.0, motion: bool = True) -> None:
+    def __init__(self, *, rate: float | None = 3.0) -> None:
         self.rate = rate
-        self.motion = motion
 
     def fit(self, X: npt.ArrayLike, y: object = None) -> Self:
         """Check X (cases, rows, points); nothing is estimated.
@@ -55,7 +53,7 @@ class SummaryFeatures(TransformerMixin, BaseEstimator):  # type: ignore[misc]  #
             DataError: X has fewer than two rows, or is not an array of finite tracks.
         """
         tracks = check_tracks(X)
-        if self.motion and tracks.shape[1] < 2:
+        if self.rate is not None and tracks.shape[1] < 2:
             raise DataError(f"summary features need x and y; the tracks have {tracks.shape[1]} channels")
         self.rows_ = int(tracks.shape[1])
         return self
@@ -71,7 +69,7 @@ class SummaryFeatures(TransformerMixin, BaseEstimator):  # type: ignore[misc]  #
         if tracks.shape[1] != self.rows_:
             raise DataError(f"fitted to tracks of {self.rows_} channels, given {tracks.shape[1]}")
         rows = np.moveaxis(tracks, 1, 0)
-        if not self.motion:
+        if self.rate is None:
             return np.concatenate([_compute_statistics(values) for values in rows], axis=1)
         velocity = np.diff(tracks[:, :2], axis=2) * self.rate
         speed = np.hypot(velocity[:, 0], velocity[:, 1])

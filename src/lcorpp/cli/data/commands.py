@@ -8,6 +8,14 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from lcorpp.cli import console, options, output_files
+from lcorpp.cli.data.options import (
+    GapOption,
+    LabelFileOption,
+    LabelOption,
+    RepairOption,
+    RobotOption,
+    parse_written_labels,
+)
 from lcorpp.errors import DataError, FileError, expected_one_of
 
 if TYPE_CHECKING:
@@ -32,27 +40,6 @@ PathArgument = Annotated[
         help="Recorded tracks: a long CSV (track, time, x, y, ...), ATC tracking data, .parquet, .npz, or the"
         " folder of the authors' files.",
     ),
-]
-LabelOption = Annotated[
-    list[str] | None, typer.Option(metavar="WORD=CLASS", help="The class of a written label; repeatable.")
-]
-LabelFileOption = Annotated[
-    Path | None, typer.Option(help="CSV of track ids and labels; other tracks are skipped.")
-]
-RepairOption = Annotated[
-    list[str] | None,
-    typer.Option(
-        metavar="NAME",
-        help="A kind of fault to repair instead of rejecting it: rows, cut, nonfinite, order, duplicates,"
-        " gaps, short, constant, units, labels or all; repeatable.",
-    ),
-]
-RobotOption = Annotated[
-    tuple[float, float, float] | None,
-    typer.Option(metavar="X Y ANGLE", help="The robot's pose, in metres and radians."),
-]
-GapOption = Annotated[
-    float, typer.Option(help="Seconds without samples after which a track id is a new person.")
 ]
 
 
@@ -137,7 +124,7 @@ def describe(
     label_file: LabelFileOption = None,
     repair: RepairOption = None,
     robot: RobotOption = None,
-    gap: GapOption = 5.0,
+    gap: GapOption = None,
     report: Annotated[Path | None, typer.Option(help="CSV file to write, one line per repair.")] = None,
     seed: options.SeedOption = 0,
 ) -> None:
@@ -148,7 +135,7 @@ def describe(
         output_files.check_writable(report)
     recording = _read(path, label, label_file, repair, robot, gap)
 
-    from lcorpp.cli.describe import print_description
+    from lcorpp.cli.data.describe import print_description
     from lcorpp.files import write_atomically
     from lcorpp.learning.data.writing import repairs_to_csv
 
@@ -166,7 +153,7 @@ def plot(
     label_file: LabelFileOption = None,
     repair: RepairOption = None,
     robot: RobotOption = None,
-    gap: GapOption = 5.0,
+    gap: GapOption = None,
 ) -> None:
     """Plot recorded tracks by class, and their speeds."""
     output_files.check_figure(out)
@@ -185,17 +172,12 @@ def _read(
     label_file: Path | None,
     repair: list[str] | None,
     robot: tuple[float, float, float] | None,
-    gap: float,
+    gap: float | None,
 ) -> Recording:
     from lcorpp.learning import read_recording
+    from lcorpp.learning.data.cleaning import MAX_GAP
 
-    labels: dict[str, str] = {}
-    for text in label or ():
-        word, sign, name = text.partition("=")
-        if not (sign and word and name):
-            raise DataError(f"--label {text!r}: expected WORD=CLASS, for example 1=interested")
-        if labels.setdefault(word, name) != name:
-            raise DataError(f"--label {word}: has the classes {labels[word]!r} and {name!r}; expected one")
+    labels = parse_written_labels(label)
     with console.show_progress(f"reading {path.name}") as advance:
         return read_recording(
             path,
@@ -203,6 +185,6 @@ def _read(
             label_file=label_file,
             repair=repair or (),
             robot=robot,
-            gap=gap,
+            gap=MAX_GAP if gap is None else gap,
             progress=advance,
         )

@@ -1,0 +1,163 @@
+"""Options of `lcorpp run` about the classifiers of the senses."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from lcorpp.errors import DomainError
+
+if TYPE_CHECKING:
+    from lcorpp.domains import Domain
+    from lcorpp.domains.sections.learning import Sense
+    from lcorpp.experiments.setup import ClassifierOptions, ReadingOptions
+
+ClassifiersOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        metavar="[SENSE=]channel|FILE",
+        help="Instead of training: channel (a noisy channel with the domain's rates) or a classifier.npz of"
+        " an earlier run; repeatable.",
+    ),
+]
+LearnersOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        metavar="[SENSE=]NAME",
+        help="The learner: lstm, lstm-fast, summaries, forest, logistic, minirocket, or your own as"
+        " MODULE:FUNCTION or FILE.py:FUNCTION; repeatable. By default the domain's.",
+    ),
+]
+DataOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        metavar="[SENSE=]PATH",
+        help="Recorded tracks or a table of features for training and trials: a folder or a file, see"
+        " docs/learning.md; one for each sense.",
+    ),
+]
+
+
+def choose_classifiers(
+    domain: Domain,
+    used: Sequence[Sense],
+    *,
+    classifiers: Sequence[str],
+    learners: Sequence[str],
+    data: Sequence[str],
+    reading: ReadingOptions,
+    training: Mapping[str, Any],
+) -> dict[str, ClassifierOptions]:
+    """Return the options of the classifier of each used sense: sense -> options, None for a noisy channel.
+
+    Args:
+        used: the senses that a strategy uses.
+        classifiers, learners, data: the texts of --classifier, --learner and --data.
+        training: fields of `TrainingOptions`; None is the default.
+
+    Raises:
+        DomainError: a sense is unknown, options exclude each other, or an option has no effect.
+    """
+    from lcorpp.domains.sections.learning import CLASSIFIERS
+    from lcorpp.experiments.setup import READ_AS_IT_IS, StoredOptions, TrainingOptions
+
+    learner_of, general_learner = _split_by_sense(domain, "--learner", learners)
+    file_of, general_file = _split_by_sense(domain, "--classifier", classifiers)
+    data_of, general_data = _split_by_sense(domain, "--data", data)
+    if len(domain.senses) > 1:  # one file belongs to one sense
+        _require_sense(domain, "--data", general_data)
+        _require_sense(domain, "--classifier", None if general_file in CLASSIFIERS else general_file)
+    chosen: dict[str, ClassifierOptions] = {}
+    for sense in used:
+        name = sense.name
+        own = file_of.get(name), learner_of.get(name)
+        kind, learner = own if any(own) else (general_file, general_learner)
+        if kind is not None and learner is not None:
+            raise DomainError(
+                f"--classifier {kind} and --learner {learner} both choose the classifier; expected one"
+            )
+        text = data_of.get(name, general_data)
+        path = None if text is None else Path(text)
+        if kind is not None and kind not in CLASSIFIERS:
+            chosen[name] = StoredOptions(Path(kind), path, reading)
+            continue
+        learner = kind or learner or sense.classifier
+        if learner == "channel" and kind is None and path is not None:
+            learner = None  # there are data to train on
+        if learner == "channel":
+            chosen[name] = None
+            reject_given("nothing is trained, as the classifier is a channel", data=data_of.get(name))
+        else:
+            given = {key: value for key, value in training.items() if value is not None}
+            chosen[name] = TrainingOptions(learner, data=path, reading=reading, **given)
+    _reject_unused(domain, chosen, learners=learners, classifiers=classifiers, data=data, training=training)
+    has_data = any(
+        options is not None and (options.data or domain.find_sense(name).data)
+        for name, options in chosen.items()
+    )
+    if reading != READ_AS_IT_IS and not has_data:
+        raise DomainError(
+            "--label, --label-file, --repair, --robot, --gap: no recorded data are read; expected --data"
+        )
+    return chosen
+
+
+def reject_given(reason: str, **given: object) -> None:
+    """Reject options with a value: `reason` is why they would have no effect."""
+    for name, value in given.items():
+        if value is not None and value != []:
+            raise DomainError(f"--{name}: {reason}")
+
+
+def _reject_unused(
+    domain: Domain,
+    chosen: Mapping[str, ClassifierOptions],
+    *,
+    learners: Sequence[str],
+    classifiers: Sequence[str],
+    data: Sequence[str],
+    training: Mapping[str, Any],
+) -> None:
+    """Reject options without effect on the chosen classifiers."""
+    from lcorpp.experiments.setup import TrainingOptions
+
+    kinds = {type(options) for options in chosen.values()}
+    if not domain.senses:
+        reason = "the domain has no [learning], so nothing is classified"
+        reject_given(reason, classifier=classifiers, learner=learners, data=data, **training)
+    elif not kinds:
+        reject_given("nothing is trained, as no strategy learns", learner=learners, **training)
+    elif kinds == {type(None)}:
+        reject_given("nothing is trained, as the classifier is a channel", data=data, **training)
+    elif TrainingOptions not in kinds:
+        reject_given("nothing is trained, as --classifier gives a file", **training)
+
+
+def _split_by_sense(domain: Domain, option: str, texts: Sequence[str]) -> tuple[dict[str, str], str | None]:
+    """Return sense -> value of texts such as "gaze=forest", and the value that names no sense.
+
+    A text with "=" that is an existing path names no sense.
+    """
+    values: dict[str, str] = {}
+    general: str | None = None
+    for text in texts:
+        name, equals, value = text.partition("=")
+        if not equals or Path(text).exists():
+            if general is not None:
+                raise DomainError(f"{option} {text!r}: {general!r} is already given for every sense")
+            general = text
+            continue
+        domain.find_sense(name)
+        if name in values:
+            raise DomainError(f"{option} {text!r}: {values[name]!r} is already given for {name}")
+        values[name] = value
+    return values, general
+
+
+def _require_sense(domain: Domain, option: str, text: str | None) -> None:
+    if text is not None:
+        names = ", ".join(sense.name for sense in domain.senses)
+        raise DomainError(f"{option} {text!r}: expected the name of a sense first, SENSE=FILE: {names}")
