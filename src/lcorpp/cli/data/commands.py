@@ -19,7 +19,9 @@ from lcorpp.cli.data.options import (
 from lcorpp.errors import DataError, FileError, expected_one_of
 
 if TYPE_CHECKING:
-    from lcorpp.learning.data.tracks import Recording
+    from collections.abc import Sequence
+
+    from lcorpp.learning.data.tracks import Recording, Repair
 
 app = typer.Typer(
     name="data",
@@ -38,7 +40,7 @@ PathArgument = Annotated[
     typer.Argument(
         metavar="PATH",
         help="Recorded tracks: a long CSV (track, time, x, y, ...), ATC tracking data, .parquet, .npz, or the"
-        " folder of the authors' files.",
+        " folder of the authors' files; or a table of features (columns of numbers, and label).",
     ),
 ]
 
@@ -128,21 +130,31 @@ def describe(
     report: Annotated[Path | None, typer.Option(help="CSV file to write, one line per repair.")] = None,
     seed: options.SeedOption = 0,
 ) -> None:
-    """Describe recorded tracks, their repairs and label leakage."""
+    """Describe recorded tracks, their repairs and label leakage, or a table of features."""
     if report is not None:
         if report.exists() and path.exists() and report.samefile(path):
             raise DataError(f"--report {report}: is the described file itself")
         output_files.check_writable(report)
-    recording = _read(path, label, label_file, repair, robot, gap)
-
-    from lcorpp.cli.data.describe import print_description
+    from lcorpp.cli.data.describe import print_description, print_features
     from lcorpp.files import write_atomically
+    from lcorpp.learning.data.reading import read_features
+    from lcorpp.learning.data.repairs import RepairLog
     from lcorpp.learning.data.writing import repairs_to_csv
 
-    print_description(recording, path, seed)
+    repair_log = RepairLog(repair or ())
+    repairs: Sequence[Repair] = repair_log.repairs
+    features = read_features(path, labels=parse_written_labels(label) or None, repair_log=repair_log)
+    if features is not None:
+        if label_file is not None or robot is not None or gap is not None:
+            raise DataError(f"{path}: has no tracks; --label-file, --robot and --gap are for tracks")
+        print_features(features, path, repairs)
+    else:
+        recording = _read(path, label, label_file, repair, robot, gap)
+        print_description(recording, path, seed)
+        repairs = recording.repairs
     if report is not None:
-        write_atomically(report, repairs_to_csv(recording.repairs))
-        console.out.print(f"wrote {report}: {len(recording.repairs)} repairs")
+        write_atomically(report, repairs_to_csv(repairs))
+        console.out.print(f"wrote {report}: {len(repairs)} repairs")
 
 
 @app.command()

@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 from lcorpp.cli import console
 from lcorpp.errors import DataError
 from lcorpp.learning.data.describe import Description, Quantiles, describe, join_pairs
 from lcorpp.learning.data.repairs import REPAIRS
-from lcorpp.learning.data.tracks import Recording, count_repairs
+from lcorpp.learning.data.tracks import Recording, Repair, count_repairs
 from lcorpp.learning.evaluation.leakage import MIN_SUSPICIOUS_AUC, measure_leakage
+from lcorpp.values import Dataset
+
+MAX_SHOWN = 20
+"""Maximal number of features of which the range is shown."""
 
 
 def print_description(recording: Recording, path: Path, seed: int) -> None:
@@ -20,7 +25,7 @@ def print_description(recording: Recording, path: Path, seed: int) -> None:
     """
     emit = console.out.print
     if not recording.tracks:
-        _print_repairs(recording)
+        _print_repairs(recording.repairs)
         raise DataError(f"{path}: no track remains")
     description = describe(recording)
     people = sum(part.groups for part in description.classes)
@@ -43,10 +48,43 @@ def print_description(recording: Recording, path: Path, seed: int) -> None:
     )
     emit(f"fastest: {speed:.3g} m/s between two samples, in track {track}")
     _print_duplicates(description)
-    _print_repairs(recording)
+    _print_repairs(recording.repairs)
     _print_leaks(recording, seed)
     for note in recording.notes:
         emit(f"note: {note}", style="yellow")
+
+
+def print_features(dataset: Dataset, path: Path, repairs: Sequence[Repair]) -> None:
+    """Print counts, the range of each channel or feature, and repairs, of data that are no motion."""
+    emit, people = console.out.print, len(set(dataset.groups))
+    over_time = "" if dataset.kind == "table" else f"; {dataset.trajectories.shape[2]} points"
+    over_time += "" if dataset.kind == "table" else f" every {dataset.interval:g} s"
+    kind = "features" if dataset.kind == "table" else "channels"
+    emit(
+        f"{path}: {len(dataset)} cases of {people} people; {len(dataset.channels)} {kind}{over_time}",
+        style="bold",
+        markup=False,
+    )
+    names = sorted(set(dataset.labels))
+    width = max(5, *map(len, names))
+    emit(f"  {'class':<{width}}   cases  people")
+    for name in names:
+        groups = [g for g, label in zip(dataset.groups, dataset.labels, strict=True) if label == name]
+        emit(f"  {name:<{width}}  {len(groups):6}  {len(set(groups)):6}", markup=False)
+    shown = dataset.channels[:MAX_SHOWN]
+    width = max(7, *map(len, shown))
+    emit(f"  {kind[:-1]:<{width}}  median [minimum, maximum]", markup=False)
+    for index, name in enumerate(shown):
+        spread = Quantiles.of(dataset.trajectories[:, index].ravel())
+        numbers = f"{spread.median:.4g} [{spread.min:.4g}, {spread.max:.4g}]"
+        emit(f"  {name:<{width}}  {numbers}", markup=False)
+    if len(dataset.channels) > MAX_SHOWN:
+        emit(f"  ... ({len(dataset.channels)} in all)")
+    repeated = len(dataset) - len({case.tobytes() for case in dataset.trajectories})
+    emit(f"repeated cases: {repeated or 'none'}")
+    _print_repairs(repairs)
+    for note in dataset.notes:
+        emit(f"note: {note}", style="yellow", markup=False)
 
 
 def _format_quantiles(spread: Quantiles, digits: int) -> str:
@@ -66,12 +104,12 @@ def _print_duplicates(description: Description) -> None:
     console.out.print(f"duplicates: {'; '.join(parts)}")
 
 
-def _print_repairs(recording: Recording) -> None:
-    if not recording.repairs:
+def _print_repairs(repairs: Sequence[Repair]) -> None:
+    if not repairs:
         return
     console.out.print("repaired:")
-    for reason, (rows, places) in count_repairs(recording.repairs).items():
-        first = next(repair for repair in recording.repairs if repair.reason == reason)
+    for reason, (rows, places) in count_repairs(repairs).items():
+        first = next(repair for repair in repairs if repair.reason == reason)
         whose = f" (track {first.track})" if first.track else ""
         console.out.print(
             f"  {reason}: {rows} rows in {places} places ({REPAIRS[reason]});"

@@ -133,7 +133,10 @@ def read_recording(
     if kind in RECTANGULAR:
         if classes is not None:
             raise DataError(f"{path}: has labels of its own; {label_file} cannot give others")
-        whole = to_recording(_read_rectangular(file, kind, labels, repair_log, progress))
+        data = _read_rectangular(file, kind, labels, repair_log, progress)
+        if data.kind != "motion":
+            raise DataError(f"{path}: has no tracks of motion, but {join_some(data.channels)}")
+        whole = to_recording(data)
         recording = replace(whole, repairs=tuple(repair_log.repairs))
     else:
         only = None if classes is None else classes.keys()
