@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from lcorpp.cli import ask, check, explain, fit, learn, run, show, simulate, solve
+from lcorpp.cli import ask, check, explain, fit, learn, new, run, show, simulate, solve
 from lcorpp.cli.data.commands import app as data_app
 
 app = typer.Typer(
@@ -25,6 +25,7 @@ app.command()(solve.solve)
 app.command()(simulate.simulate)
 app.command()(show.show)
 app.command()(learn.learn)
+app.command()(new.new)
 app.command()(check.check)
 app.add_typer(data_app)
 

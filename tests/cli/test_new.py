@@ -1,0 +1,74 @@
+"""`lcorpp new`: by flags and by six questions."""
+
+import io
+
+import pytest
+
+
+@pytest.fixture
+def answer(monkeypatch):
+    """Type lines at a terminal."""
+
+    def prepare(*lines):
+        terminal = io.StringIO("".join(f"{line}\n" for line in lines))
+        terminal.isatty = lambda: True
+        monkeypatch.setattr("sys.stdin", terminal)
+
+    return prepare
+
+
+def test_flags_write_a_domain_that_runs(tmp_path, lcorpp):
+    folder = tmp_path / "errands"
+    flags = ("--fact", "time=morning:0.3,evening", "--shared", "item=tea,book", "--shared", "room=lab,hall")
+    senses = ("--sense", "gaze:item:0.9", "--question", "ask:1:0.85", "--right", 30, "--wrong", -10)
+    ended = lcorpp("new", folder, *flags, *senses)
+    assert ended.code == 0, ended.err
+    assert f"then: lcorpp run {folder}" in ended.out
+    ended = lcorpp("check", folder)
+    assert (ended.code, "decides item, room among 4 combinations" in ended.out) == (0, True), ended.err
+    ended = lcorpp("run", folder, "--trials", 50, "--jobs", 1)
+    assert ended.code == 0, ended.err
+    assert "LCORPP" in ended.out
+    for arguments, words in (
+        ((folder, *flags), "errands: exists; expected a new or an empty folder"),
+        ((tmp_path / "x", "--right", 3), "--shared is missing; expected --shared NAME=VALUE"),
+        ((tmp_path / "x", "--shared", "tea"), "'tea': expected NAME=VALUE,VALUE"),
+        ((tmp_path / "x", "--shared", "wish=a,b", "--right", "nan"), "the rewards nan and -20"),
+    ):
+        refused = lcorpp("new", *arguments)
+        assert refused.code == 2
+        assert words in refused.err
+    assert not (tmp_path / "x").exists()
+
+
+def test_six_questions(tmp_path, lcorpp, answer):
+    answer("Drinks", "time=morning,evening", "wish=tea,coffee", "gaze:0.9", "", "20 -30")
+    ended = lcorpp("new", tmp_path / "drinks")
+    assert ended.code == 0, ended.err
+    assert [f"{number}. " in ended.out for number in range(1, 8)] == [True] * 6 + [False]
+    ended = lcorpp("run", tmp_path / "drinks", "--exact")
+    assert ended.code == 0, ended.err
+    assert "Drinks" in ended.out
+    assert "RIGHT, WRONG = 20.0, -30.0" in (tmp_path / "drinks" / "interaction.py").read_text()
+
+
+def test_wrong_answers_are_asked_again(tmp_path, lcorpp, answer):
+    answer("", "time", "", "", "wish=tea,coffee", "nose:ear", "", "ask:1:0.8", "20", "")
+    ended = lcorpp("new", tmp_path / "again")
+    assert ended.code == 0, ended.err
+    for words in ("'time': expected", "expected at least one variable", "is about 'ear'", "two numbers"):
+        assert words in ended.out
+    assert 'name = "again"' in (tmp_path / "again" / "domain.toml").read_text()
+
+
+def test_without_a_terminal_the_questions_are_refused(tmp_path, lcorpp, monkeypatch, answer):
+    answer("only one line")
+    refused = lcorpp("new", tmp_path / "x")
+    assert (refused.code, "the input ended at question 2" in refused.err) == (2, True)
+    monkeypatch.setattr("sys.stdin", io.StringIO("Drinks\n"))
+    refused = lcorpp("new", tmp_path / "x")
+    assert (refused.code, "which needs a terminal; or give --shared" in refused.err) == (2, True)
+    monkeypatch.setattr("sys.stdin", None)
+    refused = lcorpp("new", tmp_path / "x")
+    assert (refused.code, "which needs a terminal" in refused.err) == (2, True)
+    assert not (tmp_path / "x").exists()
