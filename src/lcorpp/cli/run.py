@@ -84,7 +84,7 @@ def run(
     formats: options.FormatOption = None,
     jobs: options.JobsOption = None,
 ) -> None:
-    """Compare strategies, by default the paper's, on simulated people.
+    """Compare strategies on simulated people; by default the paper's.
 
     Trains or loads the classifier, solves the POMDP, simulates the strategies and prints their scores.
     Ctrl-C while it solves goes on with the best policy so far; during the trials it keeps those that are
