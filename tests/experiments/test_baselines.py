@@ -1,6 +1,7 @@
 """Baselines and own strategies: known decisions, two ways to score them, errors with the user's line."""
 
-from dataclasses import replace
+import random
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +15,7 @@ from lcorpp.experiments import decision_nodes
 from lcorpp.experiments.baselines import BASELINES, compute_information, find_strategies
 from lcorpp.experiments.comparison import ComparisonOptions, compare_strategies
 from lcorpp.experiments.exact_evaluation import evaluate_exactly
+from lcorpp.experiments.part_state import NoKeyError, make_state_key
 from lcorpp.experiments.trials import Experiment, run_trials
 from lcorpp.reasoning import Reasoner
 from lcorpp.simulation import NoisyChannel
@@ -124,14 +126,14 @@ def test_always_report_is_l_and_r(intention):
 def test_histories_and_beliefs_give_the_same_exact_scores(rooms):
     """Of robots that act by the belief alone, once by beliefs and once by histories."""
     domain, robot, channels = rooms
-    rows = [row for row in STRATEGIES if not row.plans]
+    rows = STRATEGIES
     unchanged = [replace(row, change=lambda robot: robot) for row in rows]
-    by_belief = evaluate_exactly(domain, robot, channels, tuple(rows))
+    by_belief = evaluate_exactly(domain, robot, channels, rows)
     by_history = evaluate_exactly(domain, robot, channels, tuple(unchanged))
     for one, other in zip(by_belief, by_history, strict=True):
         np.testing.assert_allclose(one.counts, other.counts, atol=1e-9)
         assert other.return_.estimate == pytest.approx(one.return_.estimate, abs=1e-7)
-        assert other.cost_sd == pytest.approx(one.cost_sd, abs=1e-7)
+        assert other.cost_sd == pytest.approx(one.cost_sd, abs=1e-5)  # of rare, long decisions
 
 
 def test_exact_scores_of_an_own_strategy_are_those_of_trials(intention, own):
@@ -177,6 +179,96 @@ def test_a_strategy_that_draws_has_no_exact_scores(intention, own):
         rows[0].robot(robot)
     with pytest.raises(DecisionError, match=r"own\.py:32: strategy 'moody': chose .* second parameter"):
         evaluate_exactly(domain, robot, channels, find_strategies([f"{own}moody"]))
+
+
+@dataclass
+class Remembering:
+    """Greets three times, counting in a way that has a key or has none."""
+
+    robot: Robot
+    count: object
+
+    @property
+    def start(self):
+        return self.robot.planner.start
+
+    def action(self, belief):
+        if next(self.count, None) is None:
+            return self.robot.domain.report_action(self.robot.domain.marginal(belief).most_likely())
+        return "greet"
+
+    def update(self, belief, action, observation):
+        return self.robot.planner.update(belief, action, observation)
+
+
+class Countdown:
+    """An iterator whose state is an attribute."""
+
+    def __init__(self, rest):
+        self.rest = rest
+
+    def __next__(self):
+        if not self.rest:
+            raise StopIteration
+        self.rest -= 1
+        return self.rest
+
+
+def test_histories_are_merged_only_if_the_state_is_known(intention):
+    """The orders of equal answers end at one belief; of an iterator with unknown state none are merged."""
+    domain, robot, channels = intention
+    results, counts = [], []
+    for make in (lambda: Countdown(3), lambda: iter(range(3))):
+        nodes = decision_nodes.HistoryNodes(
+            domain,
+            robot,
+            Strategy("s", True, True, True, change=lambda r, m=make: replace(r, planner=Remembering(r, m()))),
+            channels,
+        )
+        level = {nodes.root({"time": "morning", "location": "library"}, {"motion": "interested"})}
+        for _ in range(3):
+            level = {
+                nodes.extend(n, nodes.find_action(n), answer) for n in level for answer in ("pos", "neg")
+            }
+            counts.append(len(level))
+        results.append(sorted(nodes.find_action(node) for node in level))
+    assert counts == [2, 3, 4, 2, 4, 8]
+    assert set(results[0]) == set(results[1]) == {"report_interested", "report_not_interested"}
+
+
+def test_keys_of_states():
+    def count():
+        total = 0
+
+        def add(step):
+            nonlocal total
+            total += step
+            return total
+
+        return add
+
+    first, second, shared = count(), count(), object()
+    key = make_state_key(first, ())
+    assert make_state_key(second, ()) == key
+    first(1)
+    assert make_state_key(first, ()) != key
+    for one, other in (
+        ([1, 2], (1, 2)),
+        ({"a": 1}, {"a": 2}),
+        (np.array([0.5, 0.5]), np.array([0.25, 0.75])),
+        (True, 1),
+        ({1, 2}, {1, 3}),
+        (Countdown(1), Countdown(2)),
+        (Countdown(1).__next__, Countdown(2).__next__),
+    ):
+        assert make_state_key(one, ()) == make_state_key(one, ()) != make_state_key(other, ())
+    assert make_state_key(np.array([0.1 + 0.2]), ()) == make_state_key(np.array([0.3]), ())
+    assert make_state_key([shared], {id(shared)}) == ("list", id(shared))
+    endless = [1]
+    endless.append(endless)
+    for value in (iter([1]), shared, np.random.default_rng(0), random.Random(0), endless):
+        with pytest.raises(NoKeyError):
+            make_state_key(value, ())
 
 
 def test_too_many_histories_are_refused(intention, own, monkeypatch):

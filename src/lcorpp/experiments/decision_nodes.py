@@ -10,11 +10,13 @@ from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
-from lcorpp.decision import Robot, Strategy, dt_control
+from lcorpp.decision import Robot, Strategy
+from lcorpp.decision.dt_control import act_until_report
 from lcorpp.domains import Domain
 from lcorpp.errors import DecisionError, expected_one_of
+from lcorpp.experiments.part_state import DIGITS, NoKeyError, make_state_key
 from lcorpp.simulation.simulated_classifier import NoisyChannel
-from lcorpp.values import Instance
+from lcorpp.values import Instance, Step
 
 MAX_HISTORIES = 20_000
 """Maximum number of histories of an own strategy; the number grows exponentially with their length."""
@@ -64,6 +66,8 @@ class _History(NamedTuple):
 class HistoryNodes:
     """The nodes of an own strategy, whose parts may remember a decision: histories, decided anew each time.
 
+    Histories are merged if they end with the same belief and action, and with equal states of all parts.
+
     Raises:
         DecisionError: the strategy acts differently after equal histories, chooses an unknown action or has
             more than `MAX_HISTORIES` histories.
@@ -74,16 +78,30 @@ class HistoryNodes:
     ) -> None:
         self._domain, self._strategy, self._channels = domain, strategy, channels
         self._full = replace(full, classifiers=channels)
+        self._shared = {id(part) for part in (full.reasoner, full.planner, full.domain, *channels.values())}
         self._count = 0
-        self.find_action = cache(self._find_action)
+        self._first: dict[Hashable, _History] = {}  # key of the point of a decision -> its first history
+        self._actions: dict[_History, str | None] = {}
+        self._merge = cache(self._find_first)
 
     def root(self, context: Mapping[str, str], labels: Mapping[str, str]) -> Hashable:
-        return _History(tuple(context.items()), tuple(labels.items()))
+        return self._merge(_History(tuple(context.items()), tuple(labels.items())))
+
+    def find_action(self, node: _History) -> str | None:
+        return self._actions[node]
 
     def extend(self, node: _History, action: str, observation: str) -> Hashable:
-        return node._replace(steps=(*node.steps, (action, observation)))
+        return self._merge(node._replace(steps=(*node.steps, (action, observation))))
 
-    def _find_action(self, node: _History) -> str | None:
+    def _find_first(self, node: _History) -> _History:
+        """Decide as in a history, and return the first one that ends at the same point."""
+        action, key = self._replay(node)
+        first = self._first.setdefault(key, node)
+        self._actions[first] = action
+        return first
+
+    def _replay(self, node: _History) -> tuple[str | None, Hashable]:
+        """Return the action after a history, and the key of the point that is reached."""
         self._count += 1
         if self._count > MAX_HISTORIES:
             raise DecisionError(
@@ -96,14 +114,26 @@ class HistoryNodes:
         }
         world = _ReplayWorld(node.steps, self._domain.pomdp.actions)
         with self._strategy.locate_failures():
+            robot = self._strategy.robot(self._full)
+            evidence = robot.domain.evidence(
+                dict(node.context), robot.classify(Instance(signals, dict(node.context)))
+            )
+            marginal = robot.reasoner.posterior(robot.domain.shared, evidence)
+            belief = robot.planner.start if marginal is None else robot.domain.prior(marginal)
+            steps = list[Step]()
             with suppress(_EndOfHistory):
-                dt_control(self._strategy.robot(self._full), Instance(signals, dict(node.context)), world)
+                act_until_report(robot, belief, world, listener=steps.append)
             if world.differs:
                 raise DecisionError(
                     f"chose {world.action!r} after a history in which it chose {world.differs!r} before; a"
                     " strategy that draws has a second parameter, the random generator"
                 )
-        return world.action
+        belief = steps[-1].belief if steps else belief
+        try:
+            state = make_state_key((robot.classifiers, robot.reasoner, robot.planner), self._shared)
+        except NoKeyError:
+            return world.action, node
+        return world.action, (world.action, np.round(belief, DIGITS).tobytes(), state)
 
 
 class _EndOfHistory(BaseException):
