@@ -21,7 +21,7 @@ TRAINED := $(wildcard out/demo/classifier.npz)
 .PHONY: demo test check lint format stubs check-slow sanitize bench clean help
 
 help:
-	@echo "make demo        set up, then run the paper's comparison with a trained classifier"
+	@echo "make demo        set up, then run the paper's comparison with a trained classifier, and CORPP's"
 	@echo "make test        set up, then run the tests"
 	@echo "make check       lint, types, import rules and tests"
 	@echo "make check-slow  the checks that take minutes"
@@ -33,6 +33,7 @@ help:
 demo: $(VENV)/.runtime
 	$(BIN)/lcorpp explain intention --fact time=afternoon --fact location=classroom --label zero --truth interested --answers pos,pos,pos
 	$(BIN)/lcorpp run intention --trials 1000 --out out/demo $(if $(TRAINED),--classifier $(TRAINED),--learner lstm-fast)
+	$(BIN)/lcorpp run shopping --trials 1000 --time-limit 10 --out out/demo-shopping
 
 test: $(VENV)/.dev
 	$(BIN)/python -m pytest -m "not slow" -n 2
