@@ -1,6 +1,7 @@
 """The program as a whole: help, version, interrupts, and checks of outputs before long work."""
 
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -260,6 +261,28 @@ def test_the_table_fits_into_80_columns(lcorpp, monkeypatch):
     after = next(i for i, line in enumerate(lines) if line.split()[:1] == ["LCORPP"]) + 1
     assert lines[after].count("[") == lines[after].count("]") == 6
     assert len(lines[after]) <= 80
+
+
+def test_tables_of_several_variables_and_senses_fit_into_80_columns(lcorpp, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "80")
+    small = lcorpp("run", "shopping", "--preset", "small", "--trials", 200, "--jobs", 1).out.splitlines()
+    museum = lcorpp("run", "museum", "--trials", 200, "--jobs", 1).out.splitlines()
+    for lines, reference, worse in ((small, "R+P", "P"), (museum, "LCORPP", "LCORPP-motion")):
+        tables = lines[: next(i for i, line in enumerate(lines) if re.match("classifier|SARSOP", line))]
+        assert max(map(len, tables)) <= 80
+        differences = lines[lines.index("differences on the same people, paired intervals") :]
+        assert any(line.split() == [reference, "minus", "cost", "return"] for line in differences)
+        (row,) = (line for line in differences if line.split()[:1] == [worse])
+        assert re.fullmatch(r" \S+ +-?[\d.]+ \[-?[\d.]+, -?[\d.]+\] +[\d.]+ \[[\d.]+, [\d.]+\] *", row), row
+    assert next(line.split() for line in small if "item" in line) == [
+        "strategy",
+        "item",
+        "person",
+        "room",
+        "all",
+        "cost",
+        "return",
+    ]
 
 
 def test_the_table_precedes_the_classifier_s_evaluation(lcorpp):

@@ -18,6 +18,9 @@ if TYPE_CHECKING:
     from lcorpp.planning import Solution
     from lcorpp.values import Interval
 
+STACKED, INLINE = "{}\n[dim]\\[{},{}][/dim]", "{} [dim]\\[{}, {}][/dim]"
+"""Layouts of an estimate with its interval; below each other, six columns fit into 80 characters."""
+
 MAX_NAME_WIDTH = 13
 """Characters of a strategy's name on one line: six scores with their intervals fit beside it into 80."""
 
@@ -56,7 +59,7 @@ def print_scores(scores: Sequence[Scores], positive: str | None, trials: int | N
     names = [row.strategy for row in scores]
     table = _make_score_table(f"{count}; {metrics}", names, ["strategy", *scores[0].shown])
     for row in scores:
-        cells = (_format_interval(cell, get_format(name)) for name, cell in row.shown.items())
+        cells = (_format_interval(cell, get_format(name), STACKED) for name, cell in row.shown.items())
         table.add_row(row.strategy, *cells)
     console.out.print(table)
     others = [(row.strategy, row.difference) for row in scores if row.difference is not None]
@@ -64,7 +67,7 @@ def print_scores(scores: Sequence[Scores], positive: str | None, trials: int | N
         title = "differences on the same people" + ("" if trials is None else ", paired intervals")
         table = _make_score_table(title, names, [f"{others[0][1].reference} minus", "cost", "return"])
         for name, gap in others:
-            table.add_row(name, *(_format_interval(cell, ".2f", " ") for cell in (gap.cost, gap.return_)))
+            table.add_row(name, *(_format_interval(cell, ".2f", INLINE) for cell in (gap.cost, gap.return_)))
         console.out.print(table)
 
 
@@ -84,15 +87,15 @@ def _make_score_table(title: str, names: Sequence[str], columns: Sequence[str]) 
     return table
 
 
-def _format_interval(interval: Interval, number_format: str, separator: str = "\n") -> str:
-    """Return the estimate and the interval with one digit less; below each other six columns fit into 80."""
+def _format_interval(interval: Interval, number_format: str, layout: str) -> str:
+    """Return the estimate and the interval with one digit less, as `STACKED` or `INLINE`."""
     text = f"{interval.estimate:{number_format}}"
     if interval.low == interval.high:
         return text
     coarse = f".{int(number_format[1]) - 1}f"
     ends = (f"{end:{coarse}}" for end in (interval.low, interval.high))
     low, high = (end.removeprefix("0") if end.startswith("0.") else end for end in ends)
-    return f"{text}{separator}[dim]\\[{low}, {high}][/dim]"
+    return layout.format(text, low, high)
 
 
 def print_classifier(setup: SenseSetup, sense: str = "") -> None:
