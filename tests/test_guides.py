@@ -32,6 +32,7 @@ DOCS = Path(__file__).parents[1] / "docs"
         ("domains.md", 2),
         ("worlds.md", 4),
         ("strategies.md", 1),
+        ("log.md", 6),
     ],
 )
 def test_a_guide_is_true(

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 from lcorpp.cli.console import format_bar
 from lcorpp.errors import ProgramError, UndefinedError
+from lcorpp.log_output import show_log
 from lcorpp.reasoning.language.parser import parse_query, read_plog
 from lcorpp.reasoning.language.syntax import Query
 from lcorpp.reasoning.reasoner import DEFAULT_SAMPLES, Reasoner
@@ -51,7 +52,7 @@ def print_answers(
         ProgramError: the program or the query is wrong, or there is no query.
         UndefinedError: no possible world satisfies the conditions of a query.
     """
-    _log_to_stderr()
+    show_log(logging.INFO, "lcorpp.reasoning")  # e.g. which engine answers
     program = read_plog(file, strict=not lenient)
     queries = [parse_query(query, program)] if query is not None else program.queries
     if not queries and not worlds:
@@ -99,16 +100,6 @@ def _warnings_to_stderr() -> Iterator[None]:
         finally:
             for warning in issued:
                 print(f"lcorpp: {warning.message}", file=sys.stderr)
-
-
-def _log_to_stderr() -> None:
-    """Print the reasoner's log, e.g. which engine answers, on standard error."""
-    log = logging.getLogger("lcorpp.reasoning")
-    if not log.handlers:
-        handler = logging.StreamHandler()
-        handler.setFormatter(logging.Formatter("lcorpp: %(message)s"))
-        log.addHandler(handler)
-        log.setLevel(logging.INFO)
 
 
 def _print_answer(query: Query, answer: QueryAnswer, exact: bool) -> None:

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import logging
 from typing import Annotated
 
 import typer
 
-from lcorpp.cli import ask, check, explain, fit, learn, new, run, show, simulate, solve
+from lcorpp.cli import ask, check, explain, fit, learn, new, replay, run, show, simulate, solve
+from lcorpp.log_output import show_log
 from lcorpp.cli.data.commands import app as data_app
+from lcorpp.log_output import show_log
 
 app = typer.Typer(
     name="lcorpp",
@@ -26,6 +29,7 @@ app.command()(simulate.simulate)
 app.command()(show.show)
 app.command()(learn.learn)
 app.command()(new.new)
+from lcorpp.log_output import show_log
 app.command()(check.check)
 app.add_typer(data_app)
 
@@ -44,5 +48,16 @@ def lcorpp(
         bool,
         typer.Option("--version", callback=_print_version, is_eager=True, help="Print the version and exit."),
     ] = False,
+    verbose: Annotated[
+        int,
+        typer.Option(
+            "--verbose",
+            "-v",
+            count=True,
+            help="Before the command: show each decision on standard error; twice (-vv): each step.",
+        ),
+    ] = 0,
 ) -> None:
     """Learn, reason and plan: decisions of a robot under uncertainty (LCORPP, AAAI 2020)."""
+    if verbose:
+        show_log(logging.INFO if verbose == 1 else logging.DEBUG)

@@ -5,6 +5,8 @@ from __future__ import annotations
 import itertools
 import sys
 from collections.abc import Iterable, Mapping, Sequence
+from contextlib import nullcontext
+from time import perf_counter
 from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 import typer
@@ -16,7 +18,7 @@ if TYPE_CHECKING:
     from lcorpp.decision import Robot
     from lcorpp.domains import Domain, Sense
     from lcorpp.protocols import World
-    from lcorpp.values import Label, SharedValue, Step
+    from lcorpp.values import Episode, Label, SharedValue, Step
 
 
 def explain(
@@ -61,6 +63,7 @@ def explain(
         ),
     ] = None,
     world: options.WorldOption = None,
+    log: options.LogOption = None,
     solver: options.SolverOption = None,
     precision: options.PrecisionOption = None,
     time_limit: options.TimeLimitOption = None,
@@ -74,8 +77,11 @@ def explain(
     """
     from lcorpp.cli.robot_output import print_classifier, print_domain, print_solution
     from lcorpp.decision import STRATEGIES
+    from lcorpp.decision.dt_control import log_decision
     from lcorpp.domains import load_domain, with_world
     from lcorpp.experiments.baselines import find_strategies
+    from lcorpp.experiments.decision_log import DecisionLog
+    from lcorpp.experiments.robot_parts import ClassifierPart, RobotParts
     from lcorpp.experiments.setup import from_channel, make_robot, solve_domain
     from lcorpp.experiments.trials import make_generator
     from lcorpp.planning import Planner
@@ -110,20 +116,32 @@ def explain(
     for name in predicted.keys() - {sense.name for sense in used}:
         raise DomainError(f"the strategy {row.name} does not use the classifier {name}, whose label is given")
     senses = {sense.name: from_channel(loaded, sense) for sense in used}
-    print_domain(loaded)
-    for name, setup in senses.items():
-        print_classifier(setup, name if len(senses) > 1 else "")
-    with console.show_progress("solving the POMDP") as advance:
-        solution = solve_domain(loaded, chosen, cache=cache, advance=advance)
-    print_solution(solution)
-    program = loaded.soft_program(likelihoods)
-    robot = make_robot(loaded, senses, program, Planner(solution))
-    if interactive:
-        case = _ask_case(loaded, used, facts, predicted)
-    else:
-        case = _simulate_case(loaded, used, facts, predicted, value, script, seed)
-    with row.locate_failures():
-        _print_decision(loaded, row.robot(robot, make_generator(seed, 0)), case)
+    with nullcontext() if log is None else DecisionLog(log) as decisions:
+        print_domain(loaded)
+        for name, setup in senses.items():
+            print_classifier(setup, name if len(senses) > 1 else "")
+        with console.show_progress("solving the POMDP") as advance:
+            solution = solve_domain(loaded, chosen, cache=cache, advance=advance)
+        print_solution(solution)
+        program = loaded.soft_program(likelihoods)
+        robot = make_robot(loaded, senses, program, Planner(solution))
+        if interactive:
+            case = _ask_case(loaded, used, facts, predicted)
+        else:
+            case = _simulate_case(loaded, used, facts, predicted, value, script, seed)
+        with row.locate_failures():
+            episode = _decide_and_print(loaded, row.robot(robot, make_generator(seed, 0)), case)
+        log_decision(episode)
+        if decisions is not None:
+            classifiers = {
+                name: ClassifierPart("given", soft=name in likelihoods)
+                if name in predicted
+                else ClassifierPart.of("channel", setup.classifier)
+                for name, setup in senses.items()
+            }
+            parts = RobotParts(loaded, solution.policy, classifiers, solver=chosen)
+            known = _describe_simulation(case)
+            decisions.append(parts, row, case.facts, episode, known, seed=(seed, 0))
 
 
 class _Case(NamedTuple):
@@ -131,12 +149,14 @@ class _Case(NamedTuple):
 
     facts: observed attribute -> value. predicted: sense -> its output, a class or a likelihood.
     world: answers the robot's actions. truth: the true shared value, None if it is unknown.
+    person: all that a simulation knows of the person, None without one.
     """
 
     facts: Mapping[str, str]
     predicted: Mapping[str, Label]
     world: World
     truth: SharedValue | None
+    person: Mapping[str, str] | None
 
 
 def _ask_case(
@@ -156,7 +176,9 @@ def _ask_case(
             class_of = {label: name for name, label in sense.label_of.items()}
             question = f"What is the classifier's label ({sense.attribute})?"
             labels[sense.name] = class_of[choose(tuple(class_of), question, show=console.out.print)]
-    return _Case(complete, labels, ConsoleWorld(domain.pomdp.observations, show=console.out.print), None)
+    return _Case(
+        complete, labels, ConsoleWorld(domain.pomdp.observations, show=console.out.print), None, None
+    )
 
 
 def _simulate_case(
@@ -187,17 +209,31 @@ def _simulate_case(
     console.out.print(f"a simulated person; hidden from the robot: {hidden}", style="dim")
     context = {name: person[name] for name in domain.observed}
     known = {sense.name: labels[sense.name] for sense in senses}
-    return _Case(context, known, world, domain.reasoning.join(person))
+    return _Case(context, known, world, domain.reasoning.join(person), person)
 
 
-def _print_decision(domain: Domain, robot: Robot, case: _Case) -> None:
+def _describe_simulation(case: _Case) -> dict[str, object] | None:
+    """Return what only the simulation knows, for the log; prepared answers have no cost and no return."""
+    from lcorpp.simulation import SimulatedWorld
+
+    if case.person is None:
+        return None
+    known: dict[str, object] = {"truth": dict(case.person)}
+    if isinstance(case.world, SimulatedWorld):
+        known |= {"cost": case.world.cost, "return": case.world.return_}
+    return known
+
+
+def _decide_and_print(domain: Domain, robot: Robot, case: _Case) -> Episode:
     """Run Algorithm 2 and print each of its steps."""
-    from lcorpp.decision.dt_control import act_until_report
+    from lcorpp.decision.dt_control import act_until_report, infer_prior
     from lcorpp.decision.strategies import LabelOnlyReasoner
-    from lcorpp.values import format_value
+    from lcorpp.values import Episode, format_value
 
     labels = {name: label for name, label in case.predicted.items() if name in robot.classifiers}
-    evidence = domain.evidence(case.facts, labels)
+    began = perf_counter()
+    evidence, marginal, prior = infer_prior(robot, case.facts, labels)
+    seconds = {"reason": perf_counter() - began}
     for name, predicted in labels.items():
         owner = f"{name}'s classifier's" if len(labels) > 1 else "the classifier's"
         if isinstance(predicted, str):
@@ -216,14 +252,11 @@ def _print_decision(domain: Domain, robot: Robot, case: _Case) -> None:
     ]
     if isinstance(robot.reasoner, LabelOnlyReasoner):
         hidden = []
-    for subject in (*hidden, domain.shared):
-        marginal = robot.reasoner.posterior(subject, evidence)
-        if marginal is not None:
-            console.out.print(f"   {subject if isinstance(subject, str) else ', '.join(subject)}")
-            _print_bars(
-                [(format_value(value), p) for value, p in marginal], possible=subject is domain.shared
-            )
-    prior = robot.planner.start if marginal is None else domain.prior(marginal)
+    answers = {name: robot.reasoner.posterior(name, evidence) for name in hidden}
+    for title, answer in (*answers.items(), (", ".join(domain.reasoning.shared), marginal)):
+        if answer is not None:
+            console.out.print(f"   {title}")
+            _print_bars([(format_value(value), p) for value, p in answer], possible=answer is marginal)
     console.print_heading(3, "planning", "the prior belief")
     states = domain.pomdp.states
     _print_bars(zip(states, prior.tolist(), strict=True), possible=True)
@@ -236,13 +269,15 @@ def _print_decision(domain: Domain, robot: Robot, case: _Case) -> None:
         console.print_heading(next(numbers), step.action, f"observes {step.observation}")
         _print_bars(zip(states, step.belief.tolist(), strict=True), possible=True)
 
-    _, report = act_until_report(robot, prior, case.world, listener=print_step)
+    steps, report = act_until_report(robot, prior, case.world, listener=print_step)
     verdict = " (correct)" if case.truth == report else f" (wrong: {format_value(case.truth or '')})"
     console.out.print()
     shared = ", ".join(domain.reasoning.shared)
     console.out.print(
         f"{shared} = {format_value(report or '')}{'' if case.truth is None else verdict}", style="bold"
     )
+    seconds["plan"] = sum(step.seconds for step in steps)
+    return Episode(labels, evidence, marginal, prior, steps, report, seconds)
 
 
 class ScriptedWorld:

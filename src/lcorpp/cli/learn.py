@@ -53,6 +53,7 @@ def learn(
     precision: options.PrecisionOption = None,
     time_limit: options.TimeLimitOption = None,
     no_cache: options.NoCacheOption = False,
+    log: options.LogOption = None,
     out: options.OutOption = None,
     formats: options.FormatOption = None,
     jobs: options.JobsOption = None,
@@ -71,7 +72,9 @@ def learn(
         open_run_store,
         run_active_learning,
     )
+    from lcorpp.experiments.decision_log import DecisionLog
     from lcorpp.experiments.results import FORMATS, write_batches
+    from lcorpp.experiments.robot_parts import RobotParts
     from lcorpp.experiments.setup import TrainingOptions, solve_domain
     from lcorpp.experiments.training_data import make_training_data
     from lcorpp.planning import Planner
@@ -98,13 +101,14 @@ def learn(
     if store is not None and not store.exists():
         output_files.check_writable(store)
     output_files.check_results(out, formats)
-    print_domain(loaded)
-    problem = None if out is None else print_storage_problem(training)
-    initial = make_training_data(loaded, sense, training, seed)
-    for text in initial.dataset.notes:
-        console.print_note(text)
     written, has_complete_batch = None, False
     with ExitStack() as stack:
+        decisions = None if log is None else stack.enter_context(DecisionLog(log))
+        print_domain(loaded)
+        problem = None if out is None else print_storage_problem(training)
+        initial = make_training_data(loaded, sense, training, seed)
+        for text in initial.dataset.notes:
+            console.print_note(text)
         run_store = None
         if store is not None:
             run_store = stack.enter_context(open_run_store(store, loaded, initial, chosen))
@@ -120,6 +124,8 @@ def learn(
                 Planner(solution),
                 chosen,
                 run_store=run_store,
+                log=decisions,
+                parts=RobotParts(loaded, solution.policy, solver=solving),
                 progress=console.show_progress,
             )
             for result in results:

@@ -166,6 +166,12 @@ FormatOption = Annotated[
 ]
 
 
+LogOption = Annotated[
+    Path | None,
+    typer.Option(metavar="FILE", help="Append each decision as a line of JSON, for `lcorpp replay`."),
+]
+
+
 def parse_answers(domain: Domain, text: str) -> list[str]:
     """Return the answers in a text such as "pos,neg"; each is an observation of the POMDP."""
     answers = [part.strip() for part in text.split(",")]

@@ -80,6 +80,7 @@ def run(
     exact: Annotated[
         bool, typer.Option("--exact", help="Enumerate people and answers instead of sampling (channel only).")
     ] = False,
+    log: options.LogOption = None,
     out: options.OutOption = None,
     formats: options.FormatOption = None,
     jobs: options.JobsOption = None,
@@ -100,6 +101,7 @@ def run(
     from lcorpp.domains import load_domain, with_world
     from lcorpp.experiments.baselines import find_strategies
     from lcorpp.experiments.comparison import ComparisonOptions, compare_strategies
+    from lcorpp.experiments.decision_log import DecisionLog
     from lcorpp.experiments.results import FORMATS, describe_run, write_comparison
     from lcorpp.experiments.setup import EvidenceOptions, ReadingOptions, TrainingOptions
     from lcorpp.planning.policy_cache import find_cache_folder
@@ -134,6 +136,7 @@ def run(
         reject_given("nothing is solved, as --policy gives a policy", solver=solver, **limits)
     if exact:
         reject_given("nothing is sampled with --exact", trials=trials)
+        reject_given("no single decisions are made with --exact", log=log)
     channels_only = not any(sources.values())
     _check_combination(channels_only, exact=exact, soft=soft, laplace=laplace, threshold=threshold)
     number = TRIALS if trials is None else trials
@@ -146,8 +149,11 @@ def run(
         jobs=console.count_processes(jobs),
         solver=options.choose_solver(loaded.planning.solver, solver, precision, time_limit),
         cache=None if no_cache else find_cache_folder(),
+        log=log,
     )
     output_files.check_results(out, formats)
+    if log is not None:
+        DecisionLog(log).close()  # raises an error before the work
     print_domain(loaded)
     for source in sources.values():
         if out is not None and isinstance(source, TrainingOptions):
@@ -157,7 +163,9 @@ def run(
         from lcorpp.cli.model_files import read_policy
 
         given_policy = read_policy(policy, loaded.pomdp)
-    comparison = compare_strategies(loaded, chosen, policy=given_policy, progress=console.show_progress)
+    comparison = compare_strategies(
+        loaded, chosen, policy=given_policy, policy_file=policy, progress=console.show_progress
+    )
     print_scores(comparison.scores, loaded.positive, comparison.trials)
     for name, setup in comparison.senses.items():
         print_classifier(setup, name if len(loaded.senses) > 1 else "")

@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+import logging
 import reprlib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from time import perf_counter
 
 from lcorpp.errors import DecisionError
 from lcorpp.protocols import Classifier, DomainInterface, Planner, Reasoner, World
-from lcorpp.values import Belief, Episode, Instance, Label, SharedValue, Step
+from lcorpp.values import Belief, Distribution, Episode, Instance, Label, SharedValue, Step, format_value
+
+LOG = logging.getLogger("lcorpp.decision")
+"""At INFO one line a decision, at DEBUG one line a step."""
 
 MAX_STEPS = 500
 """Maximum number of actions in one decision; a longer one indicates a policy that never reports."""
@@ -91,13 +96,36 @@ def dt_control(robot: Robot, instance: Instance, world: World, *, max_steps: int
     Source: Algorithm 2. Line 1 is `classify`, 2 `evidence`, 3 to 6 `posterior` of the shared variables,
     7 `prior`, 8 to 12 `act_until_report`, 13 the value reported by the last action.
     """
-    domain = robot.domain
+    began = perf_counter()
     labels = robot.classify(instance)
-    evidence = domain.evidence(instance.context, labels)
+    classified = perf_counter()
+    evidence, marginal, prior = infer_prior(robot, instance.context, labels)
+    reasoned = perf_counter()
+    steps, report = act_until_report(robot, prior, world, max_steps=max_steps)
+    seconds = {
+        "classify": classified - began,
+        "reason": reasoned - classified,
+        "plan": sum([step.seconds for step in steps]),
+    }
+    episode = Episode(labels, evidence, marginal, prior, steps, report, seconds)
+    log_decision(episode)
+    return episode
+
+
+def infer_prior(
+    robot: Robot, context: Mapping[str, str], labels: Mapping[str, Label]
+) -> tuple[Mapping[str, Label], Distribution | None, Belief]:
+    """Compute the planner's initial belief from facts and labels: Algorithm 2, lines 2 to 7.
+
+    Returns:
+        The evidence, the marginal of the shared variables, and the prior (S,), as in `Episode`.
+    """
+    domain = robot.domain
+    evidence = domain.evidence(context, labels)
     marginal = robot.reasoner.posterior(domain.shared, evidence)
     prior = robot.planner.start if marginal is None else domain.prior(marginal)
-    steps, report = act_until_report(robot, prior, world, max_steps=max_steps)
-    return Episode(labels, evidence, marginal, prior, steps, report)
+    LOG.debug("evidence %s: %s, prior %s", evidence, marginal, prior)
+    return evidence, marginal, prior
 
 
 def act_until_report(
@@ -117,20 +145,34 @@ def act_until_report(
     Returns:
         The steps and the reported value; None if the terminal state was reached without a report.
     """
+    domain, planner, debug = robot.domain, robot.planner, LOG.isEnabledFor(logging.DEBUG)
     belief, steps = prior, list[Step]()
-    while not robot.domain.is_terminal(belief):
+    value: SharedValue | None = None
+    while value is None and not domain.is_terminal(belief):
         if len(steps) == max_steps:
             raise DecisionError(f"no report after {max_steps} actions; the last one was {steps[-1].action!r}")
-        action = robot.planner.action(belief)
-        value = robot.domain.reported_value(action)
-        observation = None
+        began = perf_counter()
+        action = planner.action(belief)
+        seconds = perf_counter() - began
+        value, observation = domain.reported_value(action), None
         if value is not None:
             world.report(action)
         else:
             observation = world.act(action)
-            belief = robot.planner.update(belief, action, observation)
-        steps.append(Step(action, observation, belief))
+            began = perf_counter()
+            belief = planner.update(belief, action, observation)
+            seconds += perf_counter() - began
+        steps.append(Step(action, observation, belief, seconds))
+        if debug:
+            LOG.debug("%s: %s, belief %s", action, observation or "a report", belief)
         listener(steps[-1])
-        if value is not None:
-            return tuple(steps), value
-    return tuple(steps), None
+    return tuple(steps), value
+
+
+def log_decision(episode: Episode) -> None:
+    """Write a decision to the log of the standard library, in one line at INFO."""
+    if LOG.isEnabledFor(logging.INFO):
+        given = ", ".join(f"{name}={value}" for name, value in episode.evidence.items())
+        steps = ", ".join(f"{step.action} {step.observation or ''}".rstrip() for step in episode.steps)
+        report = "no report" if episode.report is None else format_value(episode.report)
+        LOG.info("given %s: %s; %s", given or "nothing", report, steps)

@@ -14,9 +14,16 @@ from .comparison import (
     ComparisonOptions as ComparisonOptions,
     compare_strategies as compare_strategies,
 )
+from .decision_log import DecisionLog as DecisionLog, LoggedDecision as LoggedDecision, read_log as read_log
 from .exact_evaluation import evaluate_exactly as evaluate_exactly
 from .metrics import Scores as Scores
+from .replay import (
+    ChangedPart as ChangedPart,
+    ReplayedDecision as ReplayedDecision,
+    replay_log as replay_log,
+)
 from .results import write_batches as write_batches, write_comparison as write_comparison
+from .robot_parts import ClassifierPart as ClassifierPart, RobotParts as RobotParts
 from .run_store import RunStore as RunStore
 from .setup import (
     EvidenceOptions as EvidenceOptions,

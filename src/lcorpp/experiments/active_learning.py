@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
 
-from lcorpp.decision import Batch, lcorpp
+from lcorpp.decision import STRATEGIES, Batch, lcorpp
 from lcorpp.domains import Domain
 from lcorpp.domains.sections.learning import Sense
 from lcorpp.errors import DecisionError, DomainError, check_type
+from lcorpp.experiments.decision_log import DecisionLog
 from lcorpp.experiments.metrics import Scores, score_decisions
+from lcorpp.experiments.robot_parts import ClassifierPart, RobotParts
 from lcorpp.experiments.run_store import RunStore
 from lcorpp.experiments.setup import ProgressDisplay, TrainingOptions, no_progress
 from lcorpp.experiments.training_data import FOLDS, TrainingData, choose_learner, make_estimator
@@ -126,6 +128,8 @@ def run_active_learning(
     options: ActiveLearningOptions,
     *,
     run_store: RunStore | None = None,
+    log: DecisionLog | None = None,
+    parts: RobotParts | None = None,
     progress: ProgressDisplay = no_progress,
 ) -> Iterator[BatchResult]:
     """Run Algorithm 1 and yield each batch after its training, the initial training first.
@@ -134,6 +138,7 @@ def run_active_learning(
         data: see `make_training_data`.
         run_store: stores every decision and a checkpoint of every batch; a run of the same options resumes
             where the last one ended, and its first batch is the last completed one.
+        log: receives every decision. parts: the domain and the planner's policy, which a log needs.
 
     Raises:
         DataError, DecisionError: an option is wrong; and whatever the robot's parts raise.
@@ -161,6 +166,8 @@ def run_active_learning(
             domain.soft_program([sense.name]) if options.soft else domain.program_for({sense.name: confusion})
         )
 
+    if log is not None and parts is None:
+        raise DecisionError("a log needs the `parts`, which determine the decisions")
     dataset, resume_point, position = data.dataset, None, 0
     results, rows = list[DecisionResult](), list[Row]()  # the decisions since the last batch; all batches
     if run_store is not None:
@@ -172,6 +179,8 @@ def run_active_learning(
     def record(instance: Instance, episode: Episode) -> None:
         result = stream.result(episode)
         results.append(result)
+        if log is not None and current is not None:
+            log.append(current, STRATEGIES[-1], instance.context, episode, stream.describe_truth())
         if run_store is not None:
             joint = domain.marginal(episode.steps[-1].belief if episode.steps else episode.prior)
             belief = domain.marginalise(joint, sense.of)
@@ -195,7 +204,10 @@ def run_active_learning(
         resume_point=resume_point,
     )
     resumed = resume_point is not None  # true of the first batch only
+    current: RobotParts | None = None
     for batch in batches:
+        if parts is not None:
+            current = replace(parts, classifiers=_describe_classifiers(batch, sense, channels, options))
         scores = _score_batch(domain, results) if results and not resumed else None
         if not resumed:
             results.clear()
@@ -209,6 +221,19 @@ def run_active_learning(
         resumed = False
         if batch.number >= options.max_batches:
             return
+
+
+def _describe_classifiers(
+    batch: Batch, sense: Sense, channels: Mapping[str, NoisyChannel], options: ActiveLearningOptions
+) -> dict[str, ClassifierPart]:
+    """Return the classifiers of the decisions after a batch, for the log."""
+    learner = choose_learner(options.training, batch.dataset).learner or ""
+    return {
+        **{name: ClassifierPart.of("channel", channel) for name, channel in channels.items()},
+        sense.name: ClassifierPart.of(
+            learner, batch.classifier, confusion=batch.confusion, soft=options.soft
+        ),
+    }
 
 
 def _score_batch(domain: Domain, results: Sequence[DecisionResult]) -> Scores:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from contextlib import ExitStack
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -10,8 +11,10 @@ from lcorpp.decision import Strategy
 from lcorpp.decision.strategies import list_strategies
 from lcorpp.domains import Domain
 from lcorpp.errors import DecisionError, DomainError, check_type
+from lcorpp.experiments.decision_log import DecisionLog
 from lcorpp.experiments.exact_evaluation import check_enumerable, evaluate_exactly
 from lcorpp.experiments.metrics import Scores, scores_to_html
+from lcorpp.experiments.robot_parts import ClassifierPart, RobotParts
 from lcorpp.experiments.setup import (
     HARD_LABELS,
     ClassifierOptions,
@@ -43,6 +46,7 @@ class ComparisonOptions:
     trials: the number of simulated people; None computes exact scores, for noisy channels only.
     seed: of all random numbers. jobs: processes; the results are the same for any number.
     solver: of the POMDP; None takes the domain's. cache: a folder that keeps policies, None for none.
+    log: a file to which the decisions of the trials are appended.
     """
 
     strategies: tuple[Strategy, ...] = ()
@@ -53,6 +57,7 @@ class ComparisonOptions:
     jobs: int = 1
     solver: SolverOptions | None = None
     cache: Path | None = None
+    log: Path | None = None
 
     def __post_init__(self) -> None:
         for strategy in self.strategies:
@@ -93,16 +98,17 @@ def compare_strategies(
     options: ComparisonOptions,
     *,
     policy: Policy | None = None,
+    policy_file: Path | None = None,
     progress: ProgressDisplay = no_progress,
 ) -> Comparison:
     """Set up the robot of a domain and score the strategies (section "Experimental Results" of the paper).
 
     Args:
-        policy: a policy for the domain's POMDP; None solves it.
+        policy: a policy for the domain's POMDP; None solves it. policy_file: its file, for the log.
 
     Raises:
-        DomainError: exact scores are requested of a classifier other than a noisy channel; a sense has no
-            noisy channel, or no signals to train on.
+        DomainError: exact scores are requested of a classifier other than a noisy channel, or with a log; a
+            sense has no noisy channel, or no signals to train on.
         DataError, FileError: the training options or files are wrong.
         KeyboardInterrupt: an interrupt before the first trial was complete.
     """
@@ -115,33 +121,66 @@ def compare_strategies(
             "exact scores require the noisy channel: the error rates of a trained classifier are known from"
             " trials only"
         )
+    if options.trials is None and options.log is not None:
+        raise DomainError(f"{options.log}: exact scores are computed without decisions that a log could list")
     strategies = options.strategies or list_strategies([sense.name for sense in domain.senses])
     if options.trials is None:
         check_enumerable(domain, strategies)
-    senses, solution = _set_up_senses(domain, strategies, options, progress), None
-    if policy is not None:
-        planner = Planner(policy, domain.pomdp)
-    else:
-        with progress("solving the POMDP") as advance:
-            solution = solve_domain(domain, options.solver, cache=options.cache, advance=advance)
-        planner = Planner(solution)
-    robot = make_robot(domain, senses, make_program(domain, senses, options.evidence), planner)
-    if options.trials is None:
-        channels = {sense.name: NoisyChannel.from_domain(domain, sense) for sense in domain.senses}
-        with progress("enumerating people and answers"):
-            exact_scores = evaluate_exactly(domain, robot, channels, strategies)
-        return Comparison(tuple(exact_scores), None, senses, solution)
-    experiment = Experiment(
-        domain,
-        robot,
-        {name: setup.classifier for name, setup in senses.items()},
-        {name: setup.signals for name, setup in senses.items()},
-        strategies,
-        options.seed,
-    )
-    with progress("simulating trials", options.trials) as advance:
-        scores, completed = run_trials(experiment, options.trials, jobs=options.jobs, progress=advance)
-    return Comparison(tuple(scores), completed, senses, solution)
+    with ExitStack() as stack:
+        log = None if options.log is None else stack.enter_context(DecisionLog(options.log))
+        senses, solution = _set_up_senses(domain, strategies, options, progress), None
+        if policy is not None:
+            planner = Planner(policy, domain.pomdp)
+        else:
+            with progress("solving the POMDP") as advance:
+                solution = solve_domain(domain, options.solver, cache=options.cache, advance=advance)
+            planner = Planner(solution)
+        robot = make_robot(domain, senses, make_program(domain, senses, options.evidence), planner)
+        if options.trials is None:
+            channels = {sense.name: NoisyChannel.from_domain(domain, sense) for sense in domain.senses}
+            with progress("enumerating people and answers"):
+                exact_scores = evaluate_exactly(domain, robot, channels, strategies)
+            return Comparison(tuple(exact_scores), None, senses, solution)
+        experiment = Experiment(
+            domain,
+            robot,
+            {name: setup.classifier for name, setup in senses.items()},
+            {name: setup.signals for name, setup in senses.items()},
+            strategies,
+            options.seed,
+            None
+            if log is None
+            else _describe_parts(domain, senses, solution or planner.policy, options, policy_file),
+        )
+        with progress("simulating trials", options.trials) as advance:
+            scores, completed = run_trials(
+                experiment, options.trials, jobs=options.jobs, progress=advance, log=log
+            )
+        return Comparison(tuple(scores), completed, senses, solution)
+
+
+def _describe_parts(
+    domain: Domain,
+    senses: Senses,
+    planned: Solution | Policy,
+    options: ComparisonOptions,
+    policy_file: Path | None,
+) -> RobotParts:
+    """Return the parts that determine the decisions, for the log; a policy alone was given, not solved."""
+    classifiers = {
+        name: ClassifierPart.of(
+            setup.source,
+            setup.classifier,
+            confusion=setup.confusion,
+            soft=options.evidence.soft and setup.confusion is not None,
+        )
+        for name, setup in senses.items()
+    }
+    smoothing = options.evidence.smoothing
+    if isinstance(planned, Policy):
+        return RobotParts(domain, planned, classifiers, smoothing, policy_file=policy_file)
+    solver = options.solver or domain.planning.solver
+    return RobotParts(domain, planned.policy, classifiers, smoothing, solver)
 
 
 def _set_up_senses(

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from contextlib import closing
+import logging
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import ExitStack, closing
 from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from time import perf_counter
 from typing import Any
 
 import numpy as np
@@ -15,8 +17,11 @@ from joblib import Parallel, delayed
 from lcorpp.decision import Robot, Strategy, dt_control
 from lcorpp.domains import Domain
 from lcorpp.errors import DecisionError, check_type
+from lcorpp.experiments.decision_log import DecisionLog, format_decision
 from lcorpp.experiments.differences import add_differences
 from lcorpp.experiments.metrics import Scores, score_decisions
+from lcorpp.experiments.robot_parts import RobotParts
+from lcorpp.log_output import find_log_level, show_log
 from lcorpp.simulation.people import Population, SignalSource
 from lcorpp.simulation.simulated_classifier import BatchClassifier
 from lcorpp.simulation.world import SimulationModel
@@ -41,6 +46,7 @@ class Experiment:
     classifiers, signals: sense -> its classifier for many people at once, and the source of its signals.
     seed: of the people and their answers. All strategies get the same people and the same random numbers, so
         that differences between strategies are not differences between samples.
+    parts: what determines the robot's decisions, for a log.
     """
 
     domain: Domain
@@ -49,6 +55,7 @@ class Experiment:
     signals: Mapping[str, SignalSource]
     strategies: tuple[Strategy, ...]
     seed: int
+    parts: RobotParts | None = None
 
     def __post_init__(self) -> None:
         check_type(self.domain, Domain, "the domain of an experiment", DecisionError)
@@ -63,6 +70,7 @@ def run_trials(
     *,
     jobs: int = 1,
     progress: Callable[[int, int], None] = lambda _done, _total: None,
+    log: DecisionLog | None = None,
 ) -> tuple[list[Scores], int]:
     """Simulate trials and score them.
 
@@ -70,6 +78,8 @@ def run_trials(
         trials: the number of people.
         jobs: processes; the result is the same for any number.
         progress: called with the number of completed trials and of all trials.
+        log: receives the decisions of the completed trials, in their order for any number of processes; the
+            experiment needs its `parts`.
 
     Returns:
         The scores in the order of the strategies and the number of completed trials: fewer than `trials`
@@ -82,65 +92,138 @@ def run_trials(
     check_type(experiment, Experiment, "the experiment", DecisionError)
     if trials < 1 or jobs < 1:
         raise DecisionError(f"trials and jobs must be at least 1, not {trials} and {jobs}")
+    if log is not None and experiment.parts is None:
+        raise DecisionError("a log of an experiment needs its `parts`, which determine the decisions")
     k = (len(experiment.strategies),)
     fields = [("truth", np.intp), ("reported", np.intp, k), ("cost", float, k), ("return_", float, k)]
     results: Trials = np.full(trials, -1, np.dtype(fields))
-    with TemporaryDirectory(prefix="lcorpp-", ignore_cleanup_errors=True) as folder:
+    with TemporaryDirectory(prefix="lcorpp-", ignore_cleanup_errors=True) as name:
+        folder = Path(name)
         if jobs > 1 and trials > CHUNK_SIZE:  # the processes write into one file
-            results.tofile(file := Path(folder) / "trials")
+            results.tofile(file := folder / "trials")
             results = np.memmap(file, results.dtype, "r+")
         chunks = [results[first : first + CHUNK_SIZE] for first in range(0, trials, CHUNK_SIZE)]
+        waiting = None if log is None else WaitingLines(log, folder, chunks, len(experiment.strategies))
+        work = [
+            (number, chunk, waiting.find_file(number) if waiting else None)
+            for number, chunk in enumerate(chunks)
+        ]
         done = 0
         try:
-            if jobs == 1 or len(chunks) == 1:
-                for number, chunk in enumerate(chunks):
-                    done += run_chunk(experiment, number, chunk)
+            with ExitStack() as stack:
+                if jobs == 1 or len(chunks) == 1:
+                    sizes = (run_chunk(experiment, *arguments) for arguments in work)
+                else:
+                    calls = (delayed(_run_in_worker)(find_log_level(), experiment, *each) for each in work)
+                    with ignore_sigint():
+                        started = Parallel(n_jobs=jobs, return_as="generator")(calls)
+                    sizes = stack.enter_context(closing(started))
+                for size in sizes:
+                    done += size
+                    if waiting is not None:
+                        waiting.append_next()
                     progress(done, trials)
-            else:
-                work = (delayed(run_chunk)(experiment, number, chunk) for number, chunk in enumerate(chunks))
-                with ignore_sigint():
-                    started = Parallel(n_jobs=jobs, return_as="generator")(work)
-                with closing(started) as sizes:
-                    for size in sizes:
-                        done += size
-                        progress(done, trials)
         except KeyboardInterrupt:
             if (results["truth"] < 0).all():
                 raise
+        finally:
+            if waiting is not None:
+                waiting.append_rest()
         completed = np.array(results[results["truth"] >= 0])
     return _score_trials(experiment, completed), len(completed)
 
 
-def run_chunk(experiment: Experiment, number: int, results: Trials) -> int:
+class WaitingLines:
+    """The lines of the chunks, each in a file, that wait to be appended to a log in order."""
+
+    def __init__(self, log: DecisionLog, folder: Path, chunks: Sequence[Trials], per_trial: int) -> None:
+        self._log, self._folder, self._chunks, self._per_trial = log, folder, chunks, per_trial
+        self._next = 0
+
+    def find_file(self, number: int) -> Path:
+        """Return the file of a chunk."""
+        return self._folder / f"{number}.jsonl"
+
+    def append_next(self) -> None:
+        """Append the lines of the completed trials of the next chunk."""
+        file, chunk = self.find_file(self._next), self._chunks[self._next]
+        self._next += 1
+        if file.exists():
+            completed = int(np.sum(chunk["truth"] >= 0))
+            lines = file.read_bytes().splitlines(keepends=True)[: completed * self._per_trial]
+            self._log.append_lines([b"".join(lines)])
+            file.unlink()
+
+    def append_rest(self) -> None:
+        """Append what is left after an interrupt or an error."""
+        while self._next < len(self._chunks):
+            self.append_next()
+
+
+def _run_in_worker(level: int, *work: Any) -> int:
+    """Run a chunk in another process, which shows messages of the same level."""
+    if level < logging.WARNING:
+        show_log(level)
+    return run_chunk(*work)
+
+
+def run_chunk(experiment: Experiment, number: int, results: Trials, file: Path | None = None) -> int:
     """Simulate trials, write each into `results` when it is complete, and return their number.
 
     The experiment's seed and the chunk's number determine every random draw.
+
+    Args:
+        file: receives the decisions, as lines of a log.
     """
     domain, strategies, model = experiment.domain, experiment.strategies, SimulationModel(experiment.domain)
     rng = np.random.default_rng([experiment.seed, number])
     people = Population(domain).sample(len(results), rng)
     signals = {sense: source.simulate(people, rng) for sense, source in experiment.signals.items()}
+    began = perf_counter()
     labels = {
         sense: classifier.classify_many(signals[sense])
         for sense, classifier in experiment.classifiers.items()
     }
+    classify_seconds = (perf_counter() - began) / len(people)
     recall = {sense: PrecomputedLabel() for sense in labels}
     full = replace(experiment.robot, classifiers=recall, domain=domain)
     robots = [None if strategy.change else strategy.robot(full) for strategy in strategies]
-    for i, person in enumerate(people):
-        for sense, precomputed in recall.items():
-            precomputed.label = labels[sense][i]
-        perceived = {sense: own[i] for sense, own in signals.items()}
-        instance = Instance(perceived, {name: person[name] for name in domain.observed})
-        for k, strategy in enumerate(strategies):
-            # every strategy gets the same answers: each has a new generator with the same seed
-            world = model.make_world(person, np.random.default_rng([experiment.seed, number, i]))
-            with strategy.locate_failures():
-                robot = robots[k] or strategy.robot(full, make_generator(experiment.seed, number, i))
-                report = dt_control(robot, instance, world).report
-            results["reported"][i, k] = len(domain.values) if report is None else domain.values.index(report)
-            results["cost"][i, k], results["return_"][i, k] = world.cost, world.return_
-        results["truth"][i] = domain.values.index(domain.reasoning.join(person))
+    with ExitStack() as stack:
+        log, parts = None, experiment.parts
+        if file is not None:
+            log = stack.enter_context(open(file, "wb", buffering=0))
+        for i, person in enumerate(people):
+            for sense, precomputed in recall.items():
+                precomputed.label = labels[sense][i]
+            perceived = {sense: own[i] for sense, own in signals.items()}
+            instance = Instance(perceived, {name: person[name] for name in domain.observed})
+            lines = []
+            for k, strategy in enumerate(strategies):
+                # every strategy gets the same answers: each has a new generator with the same seed
+                world = model.make_world(person, np.random.default_rng([experiment.seed, number, i]))
+                seed = experiment.seed, number, i
+                with strategy.locate_failures():
+                    robot = robots[k] or strategy.robot(full, make_generator(*seed))
+                    episode = dt_control(robot, instance, world)
+                report = episode.report
+                reported = len(domain.values) if report is None else domain.values.index(report)
+                results["reported"][i, k] = reported
+                results["cost"][i, k], results["return_"][i, k] = world.cost, world.return_
+                if log is not None and parts is not None:
+                    seconds = {**episode.seconds, "classify": classify_seconds if episode.labels else 0.0}
+                    simulated = {
+                        "trial": number * CHUNK_SIZE + i,
+                        "truth": dict(person),
+                        "cost": world.cost,
+                        "return": world.return_,
+                    }
+                    timed = replace(episode, seconds=seconds)
+                    lines.append(
+                        format_decision(parts, strategy, instance.context, timed, simulated, seed=seed)
+                    )
+            if log is not None:
+                log.write(b"".join(lines))
+            results["truth"][i] = domain.values.index(domain.reasoning.join(person))
     return len(people)
 
 

@@ -89,3 +89,10 @@ class PeopleStream:
         assert self._current is not None
         person, world = self._current
         return DecisionResult(self._domain.reasoning.join(person), episode.report, world.cost, world.return_)
+
+    def describe_truth(self) -> dict[str, Any]:
+        """Return what only the simulation knows of the latest decision, for a log."""
+        assert self._current is not None
+        person, world = self._current
+        truth = {"trial": self._position - 1, "truth": dict(person)}
+        return {**truth, "cost": world.cost, "return": world.return_}

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import reprlib
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from types import MappingProxyType
 
 from lcorpp.errors import DataError
@@ -61,11 +61,13 @@ class Step:
 
     action: the robot's action. observation: the observation that follows, None after a report.
     belief: (S,) the belief after both; a report leaves it unchanged.
+    seconds: of choosing the action and of the update, without the wait for the observation.
     """
 
     action: str
     observation: str | None
     belief: Belief
+    seconds: float = 0.0
 
     def __repr__(self) -> str:
         return f"Step({self.action!r}, {self.observation!r}, belief {_describe_belief(self.belief)})"
@@ -82,6 +84,7 @@ class Episode:
     steps: the actions, observations and beliefs in order, the report last.
     report: the reported value of the shared variables, L of Algorithm 2; None if the terminal state was
         reached without a report.
+    seconds: part -> wall-clock time: "classify", "reason", "plan"; empty if it was not measured.
     """
 
     labels: Mapping[str, Label]
@@ -90,6 +93,7 @@ class Episode:
     prior: Belief
     steps: tuple[Step, ...]
     report: SharedValue | None
+    seconds: Mapping[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "labels", MappingProxyType(dict(self.labels)))

@@ -1,0 +1,93 @@
+"""`lcorpp replay`: logged decisions, made again."""
+
+from __future__ import annotations
+
+from collections import Counter
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from lcorpp.cli import console, options
+from lcorpp.errors import DataError
+
+if TYPE_CHECKING:
+    from lcorpp.experiments.replay import ReplayedDecision
+
+MAX_SHOWN = 10
+"""Maximum number of messages about damaged lines."""
+
+
+def replay(
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="A log of decisions, written with --log.")],
+    domain: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FOLDER", help="The domain folder, if it is no longer where it was; by default the log's."
+        ),
+    ] = None,
+    quiet: Annotated[
+        bool, typer.Option("--quiet", "-q", help="Print the changes and the summary only.")
+    ] = False,
+    no_cache: options.NoCacheOption = False,
+) -> None:
+    """Check that logged decisions would be made again.
+
+    The domain's files are read as they are now; a part that has changed since is named. The robot gets the
+    facts, labels and observations of the log; its evidence, marginal, prior, actions, beliefs and report must
+    be those of the log. Exit code 1: there are differences; 2: lines that cannot be replayed.
+    """
+    from lcorpp.experiments.replay import ChangedPart, replay_log
+    from lcorpp.planning.policy_cache import find_cache_folder
+
+    count = different = differences = 0
+    damaged = list[DataError]()
+    for result in replay_log(file, domain, cache=None if no_cache else find_cache_folder()):
+        if isinstance(result, ChangedPart):
+            console.out.print(f"changed since the log: {result.what}", style="yellow", markup=False)
+        elif isinstance(result, DataError):
+            damaged.append(result)
+        else:
+            count += 1
+            different += bool(result.differences)
+            differences += len(result.differences)
+            if not quiet:
+                _print_decision(result)
+    where = f" in {different} of them" if different else ""
+    console.out.print(f"{count} decisions, {differences} differences{where}", markup=False)
+    if damaged:
+        raise DataError(_summarise(damaged, file))
+    if different:
+        raise typer.Exit(1)
+
+
+def _print_decision(result: ReplayedDecision) -> None:
+    """Print a decision in one line, and what differs below it."""
+    from lcorpp.values import format_value
+
+    episode = result.episode
+    given = ", ".join(f"{name}={value}" for name, value in episode.evidence.items())
+    steps = ", ".join(f"{step.action} {step.observation or ''}".rstrip() for step in episode.steps)
+    report = "no report" if episode.report is None else format_value(episode.report)
+    console.out.print(
+        f"{result.line}  {result.strategy}: {given or 'no evidence'}: {steps}; {report}", markup=False
+    )
+    for difference in result.differences:
+        console.out.print(f"    {difference}", style="red", markup=False)
+
+
+def _summarise(damaged: list[DataError], file: Path) -> str:
+    """Return one message about damaged lines: those of equal faults together."""
+    first: dict[str, str] = {}
+    faults = Counter[str]()
+    for error in damaged:
+        message = str(error)
+        fault = message.removeprefix(f"{file}:").partition(":")[2]
+        first.setdefault(fault, message)
+        faults[fault] += 1
+    lines = [first[fault] + (f" ({number} lines)" if number > 1 else "") for fault, number in faults.items()][
+        :MAX_SHOWN
+    ]
+    if len(faults) > MAX_SHOWN:
+        lines.append(f"... ({len(damaged)} lines in all)")
+    return "\n".join(lines)
