@@ -8,7 +8,6 @@ from typing import Annotated
 import typer
 
 from lcorpp.cli import ask, check, explain, fit, learn, new, replay, run, show, simulate, solve
-from lcorpp.log_output import show_log
 from lcorpp.cli.data.commands import app as data_app
 from lcorpp.log_output import show_log
 
@@ -29,7 +28,7 @@ app.command()(simulate.simulate)
 app.command()(show.show)
 app.command()(learn.learn)
 app.command()(new.new)
-from lcorpp.log_output import show_log
+app.command()(replay.replay)
 app.command()(check.check)
 app.add_typer(data_app)
 
@@ -54,6 +53,7 @@ def lcorpp(
             "--verbose",
             "-v",
             count=True,
+            show_default=False,
             help="Before the command: show each decision on standard error; twice (-vv): each step.",
         ),
     ] = 0,

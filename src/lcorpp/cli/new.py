@@ -60,9 +60,9 @@ def new(
         float | None, typer.Option(help=f"Reward of a wrong report; {WRONG:g} by default.")
     ] = None,
 ) -> None:
-    """Write a domain that `lcorpp check` and `lcorpp run` accept, to be edited.
+    """Write a domain to be edited, from answers or from options.
 
-    Without options it asks six questions.
+    `lcorpp check` and `lcorpp run` accept it as it is. Without options it asks six questions.
     """
     from lcorpp.domains.new_folder import check_new_folder, write_new_domain
 
