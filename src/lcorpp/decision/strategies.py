@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import reprlib
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -68,18 +68,23 @@ class Strategy:
         place = getattr(self.change, "location", "")
         return f"{place}: strategy {self.name!r}" if place else f"strategy {self.name!r}"
 
-    @contextmanager
-    def locate_failures(self) -> Iterator[None]:
-        """Name this strategy in the errors of its robot's decisions, unless it is a row of the table.
+    def locate_failures(self) -> AbstractContextManager[None]:
+        """Return a context that names this strategy in the errors of its robot's decisions.
+
+        A strategy that changes nothing leaves errors as they are.
 
         Raises:
             DecisionError: an own strategy's part fails, or the decision cannot be completed.
         """
+        return nullcontext() if self.change is None else self._locate_failures()
+
+    @contextmanager
+    def _locate_failures(self) -> Iterator[None]:
         try:
             yield
         except DecisionError as error:
             path = str(getattr(self.change, "path", self.location))
-            if self.change is None or str(error).startswith(path):  # the user's file is already named
+            if str(error).startswith(path):  # the user's file is already named
                 raise
             raise DecisionError(f"{self.location}: {error}") from error
         except LcorppError:
