@@ -60,12 +60,13 @@ class Robot:
 
     def classify(self, instance: Instance) -> dict[str, Label]:
         """Return the output of the classifier of each sense that perceived the person."""
-        outputs = {
-            sense: classifier.classify(instance.signals[sense])
-            for sense, classifier in self.classifiers.items()
-            if sense in instance.signals
-        }
-        return {sense: label for sense, label in outputs.items() if label is not None}
+        labels = {}
+        for sense, classifier in self.classifiers.items():
+            if sense in instance.signals:
+                label = classifier.classify(instance.signals[sense])
+                if label is not None:
+                    labels[sense] = label
+        return labels
 
 
 def _check_part(part: str, value: object) -> None:

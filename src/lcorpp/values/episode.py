@@ -29,12 +29,16 @@ class Instance:
     context: Mapping[str, str]
 
     def __post_init__(self) -> None:
-        for part, content in (("signals", "sense -> numbers"), ("context", "attribute -> value")):
-            if not isinstance(value := getattr(self, part), Mapping):
-                raise DataError(f"the {part} of an instance: {reprlib.repr(value)}; expected {content}")
-        signals = {sense: _freeze_signal(sense, signal) for sense, signal in self.signals.items()}
-        object.__setattr__(self, "signals", MappingProxyType(signals))
-        object.__setattr__(self, "context", MappingProxyType(dict(self.context)))
+        signals, context = self.signals, self.context
+        if not isinstance(signals, Mapping):
+            raise DataError(f"the signals of an instance: {reprlib.repr(signals)}; expected sense -> numbers")
+        if not isinstance(context, Mapping):
+            raise DataError(
+                f"the context of an instance: {reprlib.repr(context)}; expected attribute -> value"
+            )
+        frozen = {sense: _freeze_signal(sense, signal) for sense, signal in signals.items()}
+        object.__setattr__(self, "signals", MappingProxyType(frozen))
+        object.__setattr__(self, "context", MappingProxyType({**context}))
 
     def __repr__(self) -> str:
         signals = join_some([f"{sense} {signal.shape}" for sense, signal in self.signals.items()])
