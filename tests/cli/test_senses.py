@@ -3,6 +3,7 @@
 import csv
 import json
 import shutil
+from fractions import Fraction
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +12,8 @@ import pytest
 from lcorpp.domains import load_domain
 from lcorpp.errors import DomainError, LcorppError
 from lcorpp.experiments import TrainingOptions, train_classifier
+from lcorpp.reasoning import Reasoner
+from lcorpp.values import ConfusionMatrix
 from tests.cli.test_bad_input import refused
 from tests.domains.deliveries import GAZE, VOICE, write_domain
 
@@ -199,6 +202,37 @@ def test_a_channel_beside_a_trained_sense(lcorpp, tmp_path, two):
     assert "classifier of voice" not in without.out
 
 
+def test_each_sense_has_a_matrix_or_a_likelihood(lcorpp, tmp_path, two):
+    data = [f"--data={name}={tmp_path / name}.csv" for name in ("gaze", "voice")]
+    scores = {}
+    for evidence in ([], ["voice=soft"], ["soft", "gaze=hard"], ["soft"]):
+        options = [f"--evidence={text}" for text in evidence]
+        ended = lcorpp("run", two, *FEW, *data, *options, "--out", tmp_path / "out", "--format", "svg")
+        assert ended.code == 0, ended.err
+        kinds = tuple(sense["evidence"] for sense in read_results(tmp_path / "out").values())
+        scores.setdefault(kinds, []).append((tmp_path / "out" / "results.csv").read_text())
+    assert set(scores) == {("hard", "hard"), ("hard", "soft"), ("soft", "soft")}
+    assert len(set(scores["hard", "soft"])) == 1
+    refused(lcorpp("run", two, *FEW, *data, "--evidence", "firm"), "--evidence 'firm': expected one of hard")
+    channel = ("--classifier", "gaze=channel", *data[1:])
+    refused(
+        lcorpp("run", two, *FEW, *channel, "--evidence", "gaze=soft"),
+        "--evidence gaze=soft needs a trained classifier: a channel has labels only",
+    )
+
+
+def test_a_program_for_labels_of_one_sense_and_likelihoods_of_another(two):
+    domain = load_domain(two)
+    matrix = ConfusionMatrix(("tea", "soup"), np.array([[8.0, 2], [3, 7]]))
+    mixed = domain.program_for(
+        {"gaze": matrix, "voice": ConfusionMatrix(("ann", "bob"), np.eye(2))}, soft=["voice"]
+    )
+    assert mixed == domain.program_for({"gaze": matrix}, soft=["voice"])
+    found = Reasoner(mixed).exact("voice", {"person": "ann"})
+    assert found == {"low": 1, "high": 0}
+    assert Reasoner(mixed).exact("gaze", {"item": "tea"})["left"] == Fraction(17, 22)
+
+
 def test_options_that_belong_to_no_sense_are_refused(lcorpp, tmp_path, two, gaze):
     refused(
         lcorpp("run", two, "--data", gaze),
@@ -217,6 +251,8 @@ def test_options_that_belong_to_no_sense_are_refused(lcorpp, tmp_path, two, gaze
         lcorpp("run", two, "--learner", "gaze=forest", "--classifier", "gaze=channel"),
         "--classifier channel and --learner forest both choose the classifier",
     )
+    unused = ("--strategy", "LCORPP-gaze", "--learner", "gaze=forest")
+    refused(lcorpp("run", two, *unused), "no strategy uses the sense gaze")
     refused(lcorpp("run", DRINKS, "--repair", "all"), "no recorded data are read; expected --data")
     refused(
         lcorpp("run", DRINKS, "--data", gaze, "--learner", "lstm"),

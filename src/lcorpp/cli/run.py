@@ -19,8 +19,10 @@ from lcorpp.cli.data.options import (
 from lcorpp.cli.data.senses import (
     ClassifiersOption,
     DataOption,
+    EvidenceOption,
     LearnersOption,
     choose_classifiers,
+    choose_soft_senses,
     reject_given,
 )
 from lcorpp.errors import DomainError
@@ -43,7 +45,7 @@ def run(
     seed: options.SeedOption = 0,
     classifier: ClassifiersOption = None,
     learner: LearnersOption = None,
-    evidence: options.EvidenceOption = options.Evidence.hard,
+    evidence: EvidenceOption = None,
     data: DataOption = None,
     label: LabelOption = None,
     label_file: LabelFileOption = None,
@@ -110,7 +112,7 @@ def run(
     loaded = load_domain(domain, preset=preset)
     if world is not None:
         loaded = with_world(loaded, world)
-    soft, laplace = evidence is options.Evidence.soft, smoothing is options.Smoothing.laplace
+    laplace = smoothing is options.Smoothing.laplace
     rows = find_strategies(strategy or [], [sense.name for sense in loaded.senses])
     used = [sense for sense in loaded.senses if any(row.uses(sense.name) for row in rows)]
     training = {
@@ -137,8 +139,10 @@ def run(
     if exact:
         reject_given("nothing is sampled with --exact", trials=trials)
         reject_given("no single decisions are made with --exact", log=log)
-    channels_only = not any(sources.values())
-    _check_combination(channels_only, exact=exact, soft=soft, laplace=laplace, threshold=threshold)
+    soft = choose_soft_senses(loaded, sources, evidence or [])
+    trained = [name for name, source in sources.items() if source is not None]
+    only_soft = bool(trained) and set(trained) <= set(soft)
+    _check_combination(not trained, exact=exact, soft=only_soft, laplace=laplace, threshold=threshold)
     number = TRIALS if trials is None else trials
     chosen = ComparisonOptions(
         strategies=rows,
@@ -193,8 +197,6 @@ def _check_combination(
             "--exact needs --classifier channel: the error rates of a trained classifier are known from"
             " trials only"
         )
-    if soft and channels_only:
-        raise DomainError("--evidence soft needs a trained classifier: a channel has labels only")
     if soft and threshold is not None:
         raise DomainError("--threshold determines labels; --evidence soft uses none")
     if laplace and (soft or channels_only):

@@ -284,20 +284,27 @@ class Domain:
         return bool(mass > 1 - TERMINAL_TOLERANCE)
 
     def program_for(
-        self, confusions: Mapping[str, ConfusionMatrix], smoothing: Fraction = JEFFREYS
+        self,
+        confusions: Mapping[str, ConfusionMatrix],
+        smoothing: Fraction = JEFFREYS,
+        *,
+        soft: Iterable[str] = (),
     ) -> Program:
         """The P-log program with the rules of some senses replaced by their confusion matrices.
 
         Args:
             confusions: sense -> matrix, whose classes are those of the sense.
             smoothing: pseudo-count, see `ConfusionMatrix.rates`.
+            soft: senses with soft evidence, see `soft_program`; their matrices are not used.
         """
+        rules = {name: (confusion, smoothing) for name, confusion in confusions.items()}
+        for name in soft:
+            classes = self.find_sense(name).classes
+            rules[name] = ConfusionMatrix(classes, np.eye(len(classes))), Fraction(0)
         program = self.program
-        for name, confusion in confusions.items():
-            sense = self.find_sense(name)
-            program = with_classifier(
-                program, sense.attribute, sense.of, confusion, sense.label_of, smoothing=smoothing
-            )
+        for name, (matrix, count) in rules.items():
+            s = self.find_sense(name)
+            program = with_classifier(program, s.attribute, s.of, matrix, s.label_of, smoothing=count)
         return program
 
     def soft_program(self, senses: Iterable[str] | None = None) -> Program:
@@ -308,6 +315,4 @@ class Domain:
         Args:
             senses: those with soft evidence, by default all; the others keep their rules.
         """
-        chosen = [sense for sense in self.senses if senses is None or sense.name in senses]
-        matrices = {s.name: ConfusionMatrix(s.classes, np.eye(len(s.classes))) for s in chosen}
-        return self.program_for(matrices, smoothing=Fraction(0))
+        return self.program_for({}, soft=[s.name for s in self.senses] if senses is None else senses)

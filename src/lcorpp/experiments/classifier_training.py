@@ -100,7 +100,7 @@ def train_classifier(
         "data": data.path,
         "notes": data.dataset.notes,
     }
-    return _make_setup(trained, validation.confusion, evidence, data.signals, **about)
+    return _make_setup(sense, trained, validation.confusion, evidence, data.signals, **about)
 
 
 def load_trained(
@@ -129,7 +129,7 @@ def load_trained(
     path, source = options.data or sense.data, str(options.file)
     if path is None:
         signals = SimulatedSignals.from_domain(domain, sense)
-        return _make_setup(trained, confusion, evidence, signals, source=source)
+        return _make_setup(sense, trained, confusion, evidence, signals, source=source)
     motion = trained.estimator.steps[0][1]
     inputs = trained.inputs or getattr(motion, "inputs", ("x", "y"))
     recorded = read_training_data(domain, sense, path, seed, features=inputs, reading=options.reading)
@@ -144,7 +144,9 @@ def load_trained(
             f"{options.file}: trained on {join_some(trained.inputs)}; the data have {join_some(channels)}"
         )
     notes = recorded.dataset.notes
-    return _make_setup(trained, confusion, evidence, recorded.signals, source=source, data=path, notes=notes)
+    return _make_setup(
+        sense, trained, confusion, evidence, recorded.signals, source=source, data=path, notes=notes
+    )
 
 
 def find_storage_problem(options: TrainingOptions) -> str | None:
@@ -162,6 +164,7 @@ def _make_untrained(options: TrainingOptions) -> Any:
 
 
 def _make_setup(
+    sense: Sense,
     trained: TrainedClassifier,
     confusion: ConfusionMatrix,
     evidence: EvidenceOptions,
@@ -174,7 +177,7 @@ def _make_setup(
     """
     rows = [[float(rate) for rate in row] for row in confusion.rates(evidence.smoothing)]
     return SenseSetup(
-        trained.soft() if evidence.soft else trained,
+        trained.soft() if evidence.is_soft(sense.name) else trained,
         signals,
         nest_rates(confusion.classes, rows),
         confusion,

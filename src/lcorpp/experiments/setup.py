@@ -112,12 +112,17 @@ ClassifierOptions = TrainingOptions | StoredOptions | None
 class EvidenceOptions:
     """The classifier's evidence for the reasoner.
 
-    soft: a likelihood of each class instead of a label.
+    soft: whether the evidence is a likelihood of each class instead of a label; or the names of the senses of
+        which it is. A noisy channel has labels only.
     smoothing: added to the counts of the confusion matrix that becomes the rules for labels.
     """
 
-    soft: bool = False
+    soft: bool | tuple[str, ...] = False
     smoothing: Fraction = JEFFREYS
+
+    def is_soft(self, sense: str) -> bool:
+        """Whether the evidence of a trained sense is a likelihood."""
+        return self.soft if isinstance(self.soft, bool) else sense in self.soft
 
 
 HARD_LABELS = EvidenceOptions()
@@ -174,9 +179,8 @@ def from_channel(domain: Domain, sense: Sense) -> SenseSetup:
 def make_program(domain: Domain, senses: Senses, evidence: EvidenceOptions = HARD_LABELS) -> Program:
     """Return the domain's program with the error rates of trained classifiers as rules."""
     confusions = {name: setup.confusion for name, setup in senses.items() if setup.confusion is not None}
-    if evidence.soft and confusions:
-        return domain.soft_program(confusions)
-    return domain.program_for(confusions, evidence.smoothing)
+    soft = [name for name in confusions if evidence.is_soft(name)]
+    return domain.program_for(confusions, evidence.smoothing, soft=soft)
 
 
 def solve_domain(

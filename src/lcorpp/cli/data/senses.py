@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from lcorpp.errors import DomainError
+from lcorpp.errors import DomainError, expected_one_of
 
 if TYPE_CHECKING:
     from lcorpp.domains import Domain
@@ -29,6 +29,14 @@ LearnersOption = Annotated[
         metavar="[SENSE=]NAME",
         help="The learner: lstm, lstm-fast, summaries, forest, logistic, minirocket, or your own as"
         " MODULE:FUNCTION or FILE.py:FUNCTION; repeatable. By default the domain's.",
+    ),
+]
+EvidenceOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        metavar="[SENSE=]hard|soft",
+        help="The reasoner's evidence: the label (hard, the default) or a likelihood (soft) of a trained"
+        " classifier; repeatable.",
     ),
 ]
 DataOption = Annotated[
@@ -64,9 +72,10 @@ def choose_classifiers(
     from lcorpp.domains.sections.learning import CLASSIFIERS
     from lcorpp.experiments.setup import READ_AS_IT_IS, StoredOptions, TrainingOptions
 
-    learner_of, general_learner = _split_by_sense(domain, "--learner", learners)
-    file_of, general_file = _split_by_sense(domain, "--classifier", classifiers)
-    data_of, general_data = _split_by_sense(domain, "--data", data)
+    names = [sense.name for sense in used]
+    learner_of, general_learner = _split_by_sense(domain, names, "--learner", learners)
+    file_of, general_file = _split_by_sense(domain, names, "--classifier", classifiers)
+    data_of, general_data = _split_by_sense(domain, names, "--data", data)
     if len(domain.senses) > 1:  # one file belongs to one sense
         _require_sense(domain, "--data", general_data)
         _require_sense(domain, "--classifier", None if general_file in CLASSIFIERS else general_file)
@@ -105,6 +114,30 @@ def choose_classifiers(
     return chosen
 
 
+def choose_soft_senses(
+    domain: Domain, chosen: Mapping[str, ClassifierOptions], texts: Sequence[str]
+) -> tuple[str, ...]:
+    """Return the senses whose evidence is a likelihood, by the texts of --evidence.
+
+    Args:
+        chosen: the result of `choose_classifiers`.
+
+    Raises:
+        DomainError: a word is unknown, or the classifier has labels only.
+    """
+    kind_of, general = _split_by_sense(domain, chosen, "--evidence", texts)
+    for kind in (*kind_of.values(), general or "hard"):
+        if kind not in ("hard", "soft"):
+            raise DomainError(f"--evidence {kind!r}: {expected_one_of(('hard', 'soft'))}")
+    trained = [name for name, options in chosen.items() if options is not None]
+    for name, kind in kind_of.items():
+        if kind == "soft" and name not in trained:
+            raise DomainError(f"--evidence {name}=soft needs a trained classifier: a channel has labels only")
+    if general == "soft" and not trained:
+        raise DomainError("--evidence soft needs a trained classifier: a channel has labels only")
+    return tuple(name for name in trained if kind_of.get(name, general) == "soft")
+
+
 def reject_given(reason: str, **given: object) -> None:
     """Reject options with a value: `reason` is why they would have no effect."""
     for name, value in given.items():
@@ -136,7 +169,9 @@ def _reject_unused(
         reject_given("nothing is trained, as --classifier gives a file", **training)
 
 
-def _split_by_sense(domain: Domain, option: str, texts: Sequence[str]) -> tuple[dict[str, str], str | None]:
+def _split_by_sense(
+    domain: Domain, used: Collection[str], option: str, texts: Sequence[str]
+) -> tuple[dict[str, str], str | None]:
     """Return sense -> value of texts such as "gaze=forest", and the value that names no sense.
 
     A text with "=" that is an existing path names no sense.
@@ -150,7 +185,8 @@ def _split_by_sense(domain: Domain, option: str, texts: Sequence[str]) -> tuple[
                 raise DomainError(f"{option} {text!r}: {general!r} is already given for every sense")
             general = text
             continue
-        domain.find_sense(name)
+        if domain.find_sense(name).name not in used:
+            raise DomainError(f"{option} {text!r}: no strategy uses the sense {name}")
         if name in values:
             raise DomainError(f"{option} {text!r}: {values[name]!r} is already given for {name}")
         values[name] = value
