@@ -89,6 +89,24 @@ def test_run_writes_table_figure_and_configuration(lcorpp, tmp_path):
     assert (tmp_path / "results.png").read_bytes().startswith(b"\x89PNG")
 
 
+def test_files_have_the_accuracy_of_each_variable_and_paired_differences(lcorpp, tmp_path):
+    ended = lcorpp("run", "shopping", "--preset", "small", "--trials", 150, "--jobs", 1, "--out", tmp_path)
+    assert ended.code == 0
+    with (tmp_path / "results.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    names = [f"accuracy_{name}{end}" for name in ("item", "person", "room") for end in ("", "_low", "_high")]
+    assert tuple(rows[0]) == (*COLUMNS, *names)
+    found = json.loads((tmp_path / "results.json").read_text())["strategies"]
+    assert found[-1]["strategy"] == "R+P"
+    assert found[-1]["difference"] is None
+    for row in found[:-1]:
+        difference = row["difference"]
+        assert difference["reference"] == "R+P"
+        for name in ("cost", "return"):
+            assert difference[name] == pytest.approx(found[-1][name] - row[name])
+            assert difference[f"{name}_low"] <= difference[name] <= difference[f"{name}_high"]
+
+
 def test_run_exactly(lcorpp):
     ended = lcorpp("run", "--preset", "authors", "--exact", "--strategy", "lcorpp", "--strategy", "P")
     assert ended.code == 0

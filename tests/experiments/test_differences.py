@@ -3,6 +3,8 @@
 import numpy as np
 import pytest
 
+from lcorpp.domains import load_domain
+from lcorpp.experiments import ComparisonOptions, compare_strategies
 from lcorpp.experiments.differences import add_differences, find_reference
 from lcorpp.experiments.metrics import score_decisions
 from lcorpp.values import Z95
@@ -31,6 +33,12 @@ def test_one_row_is_exact():
     first, _ = add_differences(rows, np.array([[0.0, 9.5]]), np.array([[36.8, 51.5]]))
     assert (first.difference.cost.low, first.difference.cost.high) == (9.5, 9.5)
     assert first.difference.return_.estimate == pytest.approx(14.7)
+
+
+def test_a_notebook_shows_each_variable():
+    comparison = compare_strategies(load_domain("shopping", preset="small"), ComparisonOptions(trials=None))
+    html = comparison._repr_html_()
+    assert all(f"<th>{name}</th>" in html for name in ("item", "person", "room", "all", "cost", "return"))
 
 
 def test_one_strategy_has_no_difference():
