@@ -5,9 +5,10 @@ import subprocess
 import sys
 import threading
 
+import pytest
 from joblib import Parallel, delayed
 
-from lcorpp.workers import ignore_sigint
+from lcorpp.workers import delay_sigint, ignore_sigint
 
 
 def test_a_child_process_ignores_sigint():
@@ -43,3 +44,13 @@ def test_other_threads_change_no_handler():
     thread.start()
     thread.join()
     assert seen == [signal.getsignal(signal.SIGINT)]
+
+
+def test_an_interrupt_waits_for_the_end_of_a_block():
+    done = []
+    with pytest.raises(KeyboardInterrupt), delay_sigint():
+        signal.raise_signal(signal.SIGINT)
+        done.append(True)
+    assert done
+    with pytest.raises(KeyboardInterrupt):
+        signal.raise_signal(signal.SIGINT)

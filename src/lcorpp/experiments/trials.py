@@ -26,7 +26,7 @@ from lcorpp.simulation.people import Population, SignalSource
 from lcorpp.simulation.simulated_classifier import BatchClassifier
 from lcorpp.simulation.world import SimulationModel
 from lcorpp.values import Array, Instance, Label
-from lcorpp.workers import ignore_sigint
+from lcorpp.workers import delay_sigint, ignore_sigint
 
 CHUNK_SIZE = 100
 """Trials per chunk. Each chunk has its own random generator, so this number is part of every result."""
@@ -121,7 +121,8 @@ def run_trials(
                 for size in sizes:
                     done += size
                     if waiting is not None:
-                        waiting.append_next()
+                        with delay_sigint():
+                            waiting.append_next()
                     progress(done, trials)
         except KeyboardInterrupt:
             if (results["truth"] < 0).all():
