@@ -48,9 +48,14 @@ def test_other_threads_change_no_handler():
 
 def test_an_interrupt_waits_for_the_end_of_a_block():
     done = []
-    with pytest.raises(KeyboardInterrupt), delay_sigint():
-        signal.raise_signal(signal.SIGINT)
-        done.append(True)
+
+    def work():
+        with delay_sigint():
+            signal.raise_signal(signal.SIGINT)
+            done.append(True)
+
+    with pytest.raises(KeyboardInterrupt):
+        work()
     assert done
     with pytest.raises(KeyboardInterrupt):
         signal.raise_signal(signal.SIGINT)
