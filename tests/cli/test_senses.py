@@ -253,6 +253,8 @@ def test_options_that_belong_to_no_sense_are_refused(lcorpp, tmp_path, two, gaze
     )
     unused = ("--strategy", "LCORPP-gaze", "--learner", "gaze=forest")
     refused(lcorpp("run", two, *unused), "no strategy uses the sense gaze")
+    refused(lcorpp("run", two, "--data", "gaze="), "--data 'gaze=': expected [SENSE=]VALUE, found no value")
+    refused(lcorpp("run", two, "--classifier", ""), "--classifier '': expected [SENSE=]VALUE")
     refused(lcorpp("run", DRINKS, "--repair", "all"), "no recorded data are read; expected --data")
     refused(
         lcorpp("run", DRINKS, "--data", gaze, "--learner", "lstm"),

@@ -1,9 +1,12 @@
 """`lcorpp run` and `explain` on a domain with three shared variables, without senses and with two."""
 
+import json
+
+import numpy as np
 import pytest
 
 from lcorpp.decision.strategies import list_strategies
-from tests.domains.deliveries import GAZE, VOICE, write_domain
+from tests.domains.deliveries import GAZE, TRIPLES, VARIABLES, VOICE, write_domain
 
 
 @pytest.fixture
@@ -28,6 +31,8 @@ def test_a_domain_without_senses_runs_and_names_no_classifier(folder, lcorpp):
     assert ended.code == 0, ended.err
     assert "item, person, room" in ended.out
     assert "classifier" not in ended.out
+    refused = lcorpp("explain", folder, "--truth", "tea")
+    assert (refused.code, "expected one of tea,ann,lab, tea,ann,hall," in refused.err) == (2, True)
     refused = lcorpp("explain", folder, "--label", "left")
     assert (refused.code, "the domain has no [learning]" in refused.err) == (2, True)
 
@@ -56,3 +61,18 @@ def test_two_senses_each_have_their_rates_and_their_row(tmp_path, lcorpp):
         refused = lcorpp("explain", folder, *option)
         assert refused.code == 2
         assert words in refused.err
+
+
+def test_results_name_the_values_that_the_counts_are_about(folder, lcorpp, tmp_path):
+    assert lcorpp("run", folder, "--exact", "--out", tmp_path, "--format", "svg").code == 0
+    content = json.loads((tmp_path / "results.json").read_text())
+    assert content["configuration"]["shared"] == list(VARIABLES)
+    assert content["configuration"]["values"] == [list(triple) for triple in TRIPLES]
+    assert np.shape(content["strategies"][0]["counts"]) == (8, 9)  # the last column: no report
+
+
+def test_explain_leaves_out_attributes_that_may_have_no_value(lcorpp):
+    ended = lcorpp("explain", "museum", "--seed", 3, "--no-cache")
+    assert ended.code == 0, ended.err
+    assert "attention" in ended.out
+    assert "tours_are_over" not in ended.out

@@ -69,6 +69,11 @@ def test_recordings_that_are_wrong(tmp_path, old, new, words):
         people(tmp_path, GOOD.replace(old, new)).recordings(CROWD, np.random.default_rng(0))
 
 
+def test_a_name_that_is_no_function_is_not_defined(tmp_path):
+    with pytest.raises(DomainError, match=r"people\.py: defines none of trajectory, "):
+        people(tmp_path, "trajectory = 3\n")
+
+
 def test_recordings_of_the_domain_of_the_paper():
     simulation = load_domain("intention").simulation
     assert simulation.columns == ("time", "x", "y", "z", "velocity", "heading", "facing")

@@ -9,7 +9,7 @@ from lcorpp.errors import DomainError
 from lcorpp.experiments import ComparisonOptions, compare_strategies
 from lcorpp.values import Likelihood
 
-from .deliveries import GAZE, VOICE, write_domain
+from .deliveries import GAZE, PLOG, VOICE, write_domain
 
 
 @pytest.fixture
@@ -46,6 +46,14 @@ WRONG = [
         GAZE.replace('"gaze"\nof', '"item"\nof'),
         r"toml:8: \[learning\[1\]\] attribute: 'item' is already shared or obs",
     ),
+    (
+        GAZE.replace('name = "gaze"', 'name = "the gaze=1"'),
+        r"toml:7: \[learning\[1\]\] name: 'the gaze=1'; expected letters, digits and _",
+    ),
+    (
+        GAZE + VOICE + "[simulation.channel.smell]\nann = { low = 1, high = 0 }\n",
+        r"toml:18: \[simulation.channel\] smell: unknown key; expected one of gaze, voice",
+    ),
     (GAZE.replace('of = "item"', 'of = "time"'), r"toml:9: \[learning\[1\]\] of: 'time' is .*observed"),
 ]
 
@@ -54,6 +62,19 @@ WRONG = [
 def test_wrong_sections_are_located(tmp_path, senses, words):
     with pytest.raises(DomainError, match=words):
         load_domain(write_domain(tmp_path / "wrong", senses=senses))
+
+
+@pytest.mark.parametrize(("attribute", "line", "key"), [("gaze", 8, "attribute"), ("look", 9, "of")])
+def test_a_label_and_what_it_is_about_have_values_in_every_world(tmp_path, attribute, line, key):
+    plog = PLOG.replace("time : times.", "looks = {up, down}. look : looks. random(look). time : times.")
+    senses = GAZE.replace('of = "item"', 'of = "look"').replace('"tea"', '"up"').replace('"soup"', '"down"')
+    load_domain(write_domain(tmp_path / "good", senses=senses, plog=plog))
+    plog = plog.replace(f"random({attribute}).", f"random({attribute}) :- time=noon.")
+    words = (
+        rf"toml:{line}: \[learning\[1\]\] {key}: '{attribute}' needs a value in every possible world .*plog:4"
+    )
+    with pytest.raises(DomainError, match=words):
+        load_domain(write_domain(tmp_path / "wrong", senses=senses, plog=plog))
 
 
 def test_one_table_or_a_list_of_one_is_the_same(tmp_path):

@@ -169,6 +169,13 @@ WRONG = [
         r"\[planning\] local: unknown key",
     ),
     (
+        "pattern",
+        "domain.toml",
+        'terminal = "done"',
+        'terminal = "tea_in_lab"',
+        r"toml:14: .*makes 'tea_in_lab', the terminal state at .*toml:15: \[planning\] terminal",
+    ),
+    (
         FUNCTION,
         "domain.toml",
         "y:make_model",

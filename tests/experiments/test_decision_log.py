@@ -396,3 +396,12 @@ def test_content_of_another_form_is_an_error_of_its_line(rooms, tmp_path):
             assert result.differences
     left_out = results[::6]
     assert all("a field is missing" in str(result) for result in left_out)
+
+
+@pytest.mark.parametrize("content", [b"\x89PNG\r\n", b"name,value\n", b'{"format": "other"}\n'])
+def test_a_file_of_another_kind_is_left_as_it_is(tmp_path, content):
+    path = tmp_path / "other"
+    path.write_bytes(content)
+    with pytest.raises(DataError, match="other: exists and is no log of decisions"):
+        DecisionLog(path)
+    assert path.read_bytes() == content

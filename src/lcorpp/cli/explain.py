@@ -5,14 +5,14 @@ from __future__ import annotations
 import itertools
 import sys
 from collections.abc import Iterable, Mapping, Sequence
-from contextlib import nullcontext
+from contextlib import nullcontext, suppress
 from time import perf_counter
 from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 import typer
 
 from lcorpp.cli import console, options
-from lcorpp.errors import DecisionError, DomainError
+from lcorpp.errors import DecisionError, DomainError, NoValueError
 
 if TYPE_CHECKING:
     from lcorpp.decision import Robot
@@ -252,7 +252,10 @@ def _decide_and_print(domain: Domain, robot: Robot, case: _Case) -> Episode:
     ]
     if isinstance(robot.reasoner, LabelOnlyReasoner):
         hidden = []
-    answers = {name: robot.reasoner.posterior(name, evidence) for name in hidden}
+    answers = {}
+    for name in hidden:
+        with suppress(NoValueError):  # an attribute that may have no value has no distribution
+            answers[name] = robot.reasoner.posterior(name, evidence)
     for title, answer in (*answers.items(), (", ".join(domain.reasoning.shared), marginal)):
         if answer is not None:
             console.out.print(f"   {title}")

@@ -199,12 +199,11 @@ def parse_facts(domain: Domain, pairs: list[str]) -> dict[str, str]:
 
 def parse_truth(domain: Domain, text: str) -> SharedValue:
     """Return the shared value in a text such as "coffee,alice"."""
-    from lcorpp.values import format_value
-
     parts = [part.strip() for part in text.split(",")]
     value = parts[0] if len(parts) == len(domain.reasoning.shared) == 1 else tuple(parts)
     if value not in domain.values:
-        raise DomainError(f"--truth {text!r}: {expected_one_of([format_value(v) for v in domain.values])}")
+        known = [",".join(domain.reasoning.split(v).values()) for v in domain.values]
+        raise DomainError(f"--truth {text!r}: {expected_one_of(known)}")
     return value
 
 

@@ -50,14 +50,15 @@ def load_domain(name_or_folder: str | Path, *, preset: str | None = None) -> Dom
     description = table.text("description", name)
     knowledge = table.section("reasoning", required=True)
     reasoning = read_reasoning(knowledge, folder)
+    check_defined(
+        knowledge.location("shared" if "shared" in knowledge else "target"),
+        reasoning.shared,
+        reasoning.program,
+    )
     senses = read_senses(table.sections("learning"), reasoning, folder)
     planning = read_planning(table.section("planning", required=True), folder, reasoning)
     simulation = read_simulation(table.section("simulation"), folder, reasoning, senses, planning)
     table.reject_unknown_keys()
-    shared = knowledge.location("shared" if "shared" in knowledge else "target")
-    check_defined(shared, reasoning.shared, reasoning.program)
-    if simulation.true_program is not reasoning.program:
-        check_defined(table.location("simulation", "truth"), reasoning.shared, simulation.true_program)
     senses = tuple(  # without signals or data nothing can be trained
         sense if sense.data or sense.name in simulation.signals else replace(sense, classifier="channel")
         for sense in senses

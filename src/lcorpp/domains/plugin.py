@@ -41,8 +41,8 @@ class SimulationPlugin:
             raise DomainError(f"{path}: defines none of {', '.join(names)}")
 
     def defines(self, *names: str) -> bool:
-        """Return whether the file defines one of the names."""
-        return any(hasattr(self._module, name) for name in names)
+        """Return whether the file defines a function of one of the names."""
+        return any(callable(getattr(self._module, name, None)) for name in names)
 
     @property
     def columns(self) -> tuple[str, ...]:

@@ -31,6 +31,7 @@ class TomlTable:
         return f"{self._lines.file}:{self._lines.line(path)}: {key}"
 
     def __contains__(self, key: str) -> bool:
+        self._accessed[key] = None
         return key in self._table
 
     def __iter__(self) -> Iterator[str]:
@@ -57,6 +58,7 @@ class TomlTable:
 
     def is_text(self, key: str) -> bool:
         """Whether a key has a string as its value."""
+        self._accessed[key] = None
         return isinstance(self._table.get(key), str)
 
     def names(self, key: str, *, required: bool = True, distinct: bool = True) -> tuple[str, ...]:

@@ -21,18 +21,24 @@ from lcorpp.values import Array, Distribution, Episode, Label, Likelihood, Share
 
 FORMAT, VERSION = "lcorpp decision", 1
 
+START = f'{{"format": "{FORMAT}"'.encode()
+"""How the lines of `format_decision` begin."""
+
 
 class DecisionLog:
     """A file to which decisions are appended, each as one whole line.
 
-    A line that an earlier crash has cut is ended first, so that it does not damage the next one.
+    A line that an earlier crash has cut is ended first, so that it does not damage the next one. A file that
+    does not begin as a decision does is left as it is.
 
     Raises:
         FileError: the file cannot be written, or its disk is full.
+        DataError: the file is something else than a log of decisions.
     """
 
     def __init__(self, path: Path) -> None:
         self.path = path
+        _check_kind(path)
         try:
             self._file = open(path, "ab", buffering=0)  # noqa: SIM115  # closed by close()
         except (OSError, ValueError) as error:
@@ -94,6 +100,19 @@ class DecisionLog:
 
     def _make_error(self, error: OSError | ValueError) -> FileError:
         return FileError(f"{self.path}: cannot be written: {getattr(error, 'strerror', None) or error}")
+
+
+def _check_kind(path: Path) -> None:
+    """Raise `DataError` if a file is not empty and does not begin as a decision does."""
+    if not path.is_file():
+        return
+    try:
+        with open(path, "rb") as file:
+            start = file.read(len(START))
+    except OSError:  # opening it to write names the reason
+        return
+    if not START.startswith(start):
+        raise DataError(f"{path}: exists and is no log of decisions; expected such a log or a new file")
 
 
 def _ends_within_line(path: Path) -> bool:

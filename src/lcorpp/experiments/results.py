@@ -56,6 +56,8 @@ def describe_run(
     return {
         "domain": domain.name,
         "preset": domain.preset,
+        "shared": domain.reasoning.shared,
+        "values": domain.values,
         "senses": {
             name: _describe_sense(name, options.classifiers.get(name), setup, options.evidence)
             for name, setup in comparison.senses.items()

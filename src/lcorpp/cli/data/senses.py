@@ -180,6 +180,8 @@ def _split_by_sense(
     general: str | None = None
     for text in texts:
         name, equals, value = text.partition("=")
+        if not (value if equals else text):
+            raise DomainError(f"{option} {text!r}: expected [SENSE=]VALUE, found no value")
         if not equals or Path(text).exists():
             if general is not None:
                 raise DomainError(f"{option} {text!r}: {general!r} is already given for every sense")

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from lcorpp.domains.sections.names import check_same_names, find_attribute_values
+from lcorpp.domains.sections.names import check_defined, check_same_names, find_attribute_values
 from lcorpp.domains.sections.reasoning import ReasoningSection
 from lcorpp.domains.toml import TomlTable
 from lcorpp.errors import DomainError, expected_one_of
@@ -99,6 +99,8 @@ def _read_sense(table: TomlTable, reasoning: ReasoningSection, folder: Path) -> 
         raise DomainError(
             f"{table.location('of')}: {of!r} is the sense's own label or observed; expected another attribute"
         )
+    check_defined(table.location("of"), (of,), program)
+    check_defined(table.location("attribute"), (attribute,), program)
     value_of = table.mapping("labels")
     location = table.location("labels")
     check_same_names(
@@ -114,8 +116,14 @@ def _read_sense(table: TomlTable, reasoning: ReasoningSection, folder: Path) -> 
     data_labels = table.mapping("data_labels") if "data_labels" in table else {}
     for name, value in data_labels.items():
         reasoning.check_value(table.location("data_labels", name), of, value)
+    name = table.text("name", attribute)
+    if not name.isidentifier():
+        raise DomainError(
+            f"{table.location('name')}: {name!r}; expected letters, digits and _, as for a function in"
+            " people.py"
+        )
     sense = Sense(
-        name=table.text("name", attribute),
+        name=name,
         attribute=attribute,
         of=of,
         label_of={value: label for label, value in value_of.items()},

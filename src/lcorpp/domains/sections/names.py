@@ -36,7 +36,7 @@ def find_attribute_values(location: str, name: str, program: Program) -> tuple[s
 
 
 def check_defined(location: str, names: tuple[str, ...], program: Program) -> None:
-    """Check that attributes have a value in every possible world, as shared variables must.
+    """Check that attributes have a value in every possible world, as shared variables and labels must.
 
     A program that is too large to be compiled is not checked here; its first question is.
 

@@ -11,7 +11,12 @@ import numpy as np
 from lcorpp.domains.own_world import OwnWorlds
 from lcorpp.domains.plugin import SimulationPlugin
 from lcorpp.domains.sections.learning import Sense
-from lcorpp.domains.sections.names import check_declared, check_same_names, find_attribute_values
+from lcorpp.domains.sections.names import (
+    check_declared,
+    check_defined,
+    check_same_names,
+    find_attribute_values,
+)
 from lcorpp.domains.sections.planning import PlanningSection
 from lcorpp.domains.sections.reasoning import ReasoningSection
 from lcorpp.domains.toml import TomlTable
@@ -79,6 +84,10 @@ def read_simulation(
         what = f"the values of {name} at {reasoning.locate(name)}"
         location = f"{program.file}:{program.attributes[name].line}"
         check_same_names(location, values, reasoning.program.attributes[name].values, what)
+    if program is not reasoning.program:
+        predicted = [sense.attribute for sense in senses if sense.attribute in program.attributes]
+        defined = (*reasoning.shared, *[sense.of for sense in senses], *predicted)
+        check_defined(table.location("truth"), defined, program)
     plugin = None
     if "people" in table:
         plugin = SimulationPlugin(folder / table.text("people"), [sense.name for sense in senses])

@@ -92,10 +92,15 @@ def _match_names(
             local = dict(zip(variables, combination, strict=True))
             state = template.format_map({**reasoning.split(value), **local})
             s = index_of.get(state)
-            if s is None or s in terminal:
+            if s is None:
                 raise DomainError(
                     f"{location}: {template!r} makes {state!r}, which is not a state of"
                     f" {declaration}; {expected_one_of(pomdp.states)}"
+                )
+            if s in terminal:
+                raise DomainError(
+                    f"{location}: {template!r} makes {state!r}, the terminal state at"
+                    f" {table.location('terminal')}; expected another one"
                 )
             if state_values[s].any():
                 raise DomainError(f"{location}: {template!r} makes {state!r} twice")
