@@ -10,7 +10,7 @@ from lcorpp.domains import load_domain, with_world
 from lcorpp.errors import DomainError
 from lcorpp.simulation import PeopleStream, SimulationModel
 
-OWN = """
+OWN = """import numpy as np
 class Shy:
     def __init__(self, person, rng):
         self.person, self.rng, self.done = person, rng, []
@@ -30,6 +30,10 @@ class Quiet(Shy):
 
     def report(self, action):
         pass
+
+class Many(Quiet):
+    def act(self, action):
+        return np.zeros(2)
 
 class Loud(Quiet):
     def act(self, action):
@@ -118,14 +122,15 @@ def test_a_terminal_state_is_not_asked(own):
     ("name", "words"),
     [
         ("Quiet", r"own\.py:16: act\(\) answered None to 'turn'; expected one of pos, neg, none"),
-        ("Loud", r"own\.py:24: act\('turn'\) failed: KeyError"),
+        ("Many", r"own\.py:23: act\(\) answered array\(\[0\., 0\.\]\) to 'turn'; expected one of pos"),
+        ("Loud", r"own\.py:28: act\('turn'\) failed: KeyError"),
         (
             "Half",
             r"own\.py: Half\(\) returned Half; expected an object with the methods act\(action\) and report",
         ),
-        ("nothing", r"own\.py:33: nothing\(\) returned type; expected an object with"),
-        ("fails", r"own\.py:37: fails\(\) failed: KeyError: 'age'"),
-        ("none", r"own\.py has no function 'none'; expected one of Shy, Quiet, Loud, Half, nothing, fails"),
+        ("nothing", r"own\.py:37: nothing\(\) returned type; expected an object with"),
+        ("fails", r"own\.py:41: fails\(\) failed: KeyError: 'age'"),
+        ("none", r"own\.py has no function 'none'; expected one of Shy, Quiet, Many, Loud, Half, nothing, fails"),
     ],
 )
 def test_worlds_that_are_wrong(own, name, words):

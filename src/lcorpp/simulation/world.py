@@ -83,7 +83,7 @@ class SimulatedWorld:
         if self._answers is None or self._state in domain.planning.terminal:
             return domain.pomdp.observations[self._draw(model.feedback[a][self._state])]
         answer = self._answers.act(action)
-        if answer not in domain.pomdp.observations:
+        if not isinstance(answer, str) or answer not in domain.pomdp.observations:
             source = getattr(self._answers, "source", f"{type(self._answers).__name__}.act")
             raise DomainError(
                 f"{source}() answered {answer!r} to {action!r}; {expected_one_of(domain.pomdp.observations)}"
