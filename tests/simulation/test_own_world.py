@@ -130,7 +130,10 @@ def test_a_terminal_state_is_not_asked(own):
         ),
         ("nothing", r"own\.py:37: nothing\(\) returned type; expected an object with"),
         ("fails", r"own\.py:41: fails\(\) failed: KeyError: 'age'"),
-        ("none", r"own\.py has no function 'none'; expected one of Shy, Quiet, Many, Loud, Half, nothing, fails"),
+        (
+            "none",
+            r"own\.py has no function 'none'; expected one of Shy, Quiet, Many, Loud, Half, nothing, fails",
+        ),
     ],
 )
 def test_worlds_that_are_wrong(own, name, words):
@@ -140,7 +143,7 @@ def test_worlds_that_are_wrong(own, name, words):
 
 def test_an_observation_that_the_model_lacks(own):
     with pytest.raises(
-        DomainError, match=r"own\.py:23: act\(\) answered 'perhaps' to 'greet'; expected one of pos"
+        DomainError, match=r"own\.py:27: act\(\) answered 'perhaps' to 'greet'; expected one of pos"
     ):
         make(own, "Loud").act("greet")
     with pytest.raises(DomainError, match=r"the world 'own\.py': expected FILE\.py:NAME"):
