@@ -11,7 +11,7 @@ from lcorpp import planning
 from lcorpp.decision import STRATEGIES, Robot, Strategy
 from lcorpp.domains import load_domain
 from lcorpp.errors import DecisionError
-from lcorpp.experiments import decision_nodes
+from lcorpp.experiments import decision_nodes, exact_evaluation
 from lcorpp.experiments.baselines import BASELINES, compute_information, find_strategies
 from lcorpp.experiments.comparison import ComparisonOptions, compare_strategies
 from lcorpp.experiments.exact_evaluation import evaluate_exactly
@@ -273,9 +273,22 @@ def test_keys_of_states():
 
 def test_too_many_histories_are_refused(intention, own, monkeypatch):
     domain, robot, channels = intention
-    monkeypatch.setattr(decision_nodes, "MAX_HISTORIES", 10)
-    with pytest.raises(DecisionError, match=r"'greet_twice': more than 10 histories .* simulated"):
+    monkeypatch.setattr(decision_nodes, "MAX_ACTIONS", 10)
+    with pytest.raises(
+        DecisionError, match=r"'greet_twice': more than 10 actions in all histories .* simulated"
+    ):
         evaluate_exactly(domain, robot, channels, find_strategies([f"{own}greet_twice"]))
+
+
+def test_decisions_that_branch_too_much_are_refused(intention, monkeypatch):
+    domain, robot, channels = intention
+    rows = find_strategies(["LCORPP"])
+    monkeypatch.setattr(exact_evaluation, "MAX_STEPS", 1)
+    with pytest.raises(DecisionError, match="strategy 'LCORPP': no report after 1 actions"):
+        evaluate_exactly(domain, robot, channels, rows)
+    monkeypatch.setattr(exact_evaluation, "MAX_POINTS", 1)
+    with pytest.raises(DecisionError, match="decisions of strategy 'LCORPP' pass more than 1 points; its"):
+        evaluate_exactly(domain, robot, channels, rows)
 
 
 BAD = """

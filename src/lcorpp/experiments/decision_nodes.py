@@ -18,8 +18,8 @@ from lcorpp.experiments.part_state import DIGITS, NoKeyError, make_state_key
 from lcorpp.simulation.simulated_classifier import NoisyChannel
 from lcorpp.values import Instance, Step
 
-MAX_HISTORIES = 20_000
-"""Maximum number of histories of an own strategy; the number grows exponentially with their length."""
+MAX_ACTIONS = 100_000
+"""Maximum number of actions in all histories of an own strategy; each history is decided anew."""
 
 
 class DecisionNodes(Protocol):
@@ -70,7 +70,7 @@ class HistoryNodes:
 
     Raises:
         DecisionError: the strategy acts differently after equal histories, chooses an unknown action or has
-            more than `MAX_HISTORIES` histories.
+            histories of more than `MAX_ACTIONS` actions.
     """
 
     def __init__(
@@ -102,11 +102,11 @@ class HistoryNodes:
 
     def _replay(self, node: _History) -> tuple[str | None, Hashable]:
         """Return the action after a history, and the key of the point that is reached."""
-        self._count += 1
-        if self._count > MAX_HISTORIES:
+        self._count += 1 + len(node.steps)
+        if self._count > MAX_ACTIONS:
             raise DecisionError(
-                f"{self._strategy.location}: more than {MAX_HISTORIES} histories of observations; its scores"
-                " need simulated trials"
+                f"{self._strategy.location}: more than {MAX_ACTIONS} actions in all histories of"
+                " observations; its scores need simulated trials"
             )
         signals = {
             sense: np.array([[float(self._channels[sense].classes.index(label))]])

@@ -15,6 +15,7 @@ from math import prod
 import numpy as np
 
 from lcorpp.decision import Robot, Strategy
+from lcorpp.decision.dt_control import MAX_STEPS
 from lcorpp.domains import Domain
 from lcorpp.errors import DecisionError, DomainError, TooLargeError, check_type
 from lcorpp.experiments.decision_nodes import BeliefNodes, DecisionNodes, HistoryNodes
@@ -22,6 +23,9 @@ from lcorpp.experiments.differences import add_differences
 from lcorpp.experiments.metrics import Scores, score_probabilities
 from lcorpp.reasoning import Enumeration, Reasoner
 from lcorpp.simulation.simulated_classifier import NoisyChannel
+
+MAX_POINTS = 3_000_000
+"""Maximum number of points at which the decisions of a strategy may be: half a minute."""
 
 MIN_PROBABILITY = 1e-12
 """Branches of an episode less likely than this are pruned."""
@@ -124,7 +128,7 @@ def _score_strategy(
         for labels, rate in _enumerate_labels(used, person):
             if mass * rate > 0:
                 roots[find_root(context, tuple(labels.items())), v] += mass * rate
-    tree = _EpisodeTree(domain, nodes)
+    tree = _EpisodeTree(domain, nodes, strategy)
     # (V, V + 1) probability of each true value and reported value; the last column is for no report
     joint = np.zeros((len(domain.values), len(domain.values) + 1))
     total_cost = squared_cost = return_ = 0.0
@@ -164,9 +168,10 @@ def _enumerate_labels(
 class _EpisodeTree:
     """All episodes from a node; transitions are cached."""
 
-    def __init__(self, domain: Domain, nodes: DecisionNodes) -> None:
+    def __init__(self, domain: Domain, nodes: DecisionNodes, strategy: Strategy) -> None:
         pomdp, feedback = domain.pomdp, domain.simulation.feedback_model
-        self._domain, self._nodes = domain, nodes
+        self._domain, self._nodes, self._strategy = domain, nodes, strategy
+        self._count = 0
 
         @cache
         def find_transitions(action: int, state: int) -> list[tuple[int, str, float]]:
@@ -191,7 +196,7 @@ class _EpisodeTree:
         frontier: dict[tuple[Hashable, int, float], float] = {}
         for first in np.flatnonzero(domain.planning.initial_states[v]):
             frontier[root, int(first), 0.0] = float(domain.planning.initial_states[v, first])
-        while frontier:
+        for _ in range(MAX_STEPS + 1):
             successors: dict[tuple[Hashable, int, float], float] = defaultdict(float)
             for (node, s, cost), mass in frontier.items():
                 action = nodes.find_action(node)
@@ -209,4 +214,13 @@ class _EpisodeTree:
                     p = mass * probability
                     if p >= MIN_PROBABILITY:
                         successors[nodes.extend(node, action, observation), s_next, next_cost] += p
+            if not successors:
+                return
             frontier = successors
+            self._count += len(frontier)
+            if self._count > MAX_POINTS:
+                raise DecisionError(
+                    f"the decisions of {self._strategy.location} pass more than {MAX_POINTS} points; its"
+                    " scores need simulated trials"
+                )
+        raise DecisionError(f"{self._strategy.location}: no report after {MAX_STEPS} actions")
