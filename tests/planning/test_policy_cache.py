@@ -76,16 +76,16 @@ def test_other_arguments_are_other_entries(tmp_path, monkeypatch):
     assert not solve_cached(tiger, STARTS, FAST, folder=tmp_path).cached
 
 
-@pytest.mark.parametrize("damage", [b"", b"PK", None, "cut", "other"])
+@pytest.mark.parametrize("damage", [b"", b"PK", None, "cut", 0.0, 0.25, 0.5, 0.75, 0.999])
 def test_a_damaged_entry_is_computed_again(tmp_path, damage):
     first = solve_cached(tiger, STARTS, FAST, folder=tmp_path)
     (entry,) = entries(tmp_path)
     content = entry.read_bytes()
     if damage == "cut":
         damage = content[: len(content) // 2]
-    elif damage == "other":  # a flipped bit in the vectors
-        damage = bytearray(content)
-        damage[len(content) // 2] ^= 1
+    elif isinstance(damage, float):  # a flipped bit, wherever it is
+        place, damage = int(damage * len(content)), bytearray(content)
+        damage[place] ^= 1
     elif damage is None:  # an entry of another format
         np.savez(tmp_path / "x.npz", facts=np.array("{}"))
         damage = (tmp_path / "x.npz").read_bytes()

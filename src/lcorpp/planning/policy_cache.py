@@ -1,4 +1,8 @@
-"""A cache of solutions in a folder, one file for each model, start beliefs, options and state of the code."""
+"""A cache of solutions in a folder, one file for each model, start beliefs, options and state of the code.
+
+A file is the SHA-256 of its content, then the arrays of the solution as .npz: some bytes of a .npz have no
+checksum of its own.
+"""
 
 from __future__ import annotations
 
@@ -30,6 +34,9 @@ LOG = logging.getLogger(__name__)
 
 MAX_BYTES = 2**29
 """Maximum size of the folder; the oldest entries are deleted beyond it."""
+
+DIGEST_SIZE = 32
+"""Bytes of a SHA-256."""
 
 _BOUNDS = {kind.__name__: kind for kind in (PiecewiseLinearBound, SawtoothBound)}
 _NUMBERS = ("lower", "upper", "seconds", "reason", "beliefs", "trials", "start_count")
@@ -72,7 +79,7 @@ def solve_cached(
     """
     path = None
     if folder is not None and options.name in SOLVER_NAMES:
-        path = folder / "policies" / f"{_make_key(pomdp, starts, options)}.npz"
+        path = folder / "policies" / f"{_make_key(pomdp, starts, options)}.solution"
         found = _read(path, pomdp)
         if found is not None:
             return replace(found, solver=options.name)
@@ -118,14 +125,15 @@ def _write(path: Path, solution: Solution) -> None:
     np.savez(content, facts=np.array(json.dumps(facts)), **arrays)
     try:
         make_folder(path.parent)
-        write_atomically(path, content.getvalue())
+        body = content.getvalue()
+        write_atomically(path, hashlib.sha256(body).digest() + body)
         _delete_oldest(path.parent)
     except (FileError, OSError) as error:
         LOG.info("the policy is not stored: %s", error)
 
 
 def _delete_oldest(folder: Path) -> None:
-    entries = sorted(((entry.stat().st_mtime, entry) for entry in folder.glob("*.npz")), reverse=True)
+    entries = sorted(((entry.stat().st_mtime, entry) for entry in folder.glob("*.solution")), reverse=True)
     size = 0
     for _, entry in entries:
         size += entry.stat().st_size
@@ -138,7 +146,11 @@ def _read(path: Path, pomdp: Pomdp) -> Solution | None:
     if not path.exists():
         return None
     try:
-        with np.load(io.BytesIO(path.read_bytes())) as data:
+        content = path.read_bytes()
+        digest, body = content[:DIGEST_SIZE], content[DIGEST_SIZE:]
+        if hashlib.sha256(body).digest() != digest:
+            raise ValueError("its checksum differs")
+        with np.load(io.BytesIO(body)) as data:
             facts = json.loads(str(data["facts"]))
             sets = [
                 AlphaVectors(*(data[f"{field.name}_{number}"] for field in fields(AlphaVectors)))
