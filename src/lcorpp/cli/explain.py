@@ -272,14 +272,14 @@ def _decide_and_print(domain: Domain, robot: Robot, case: _Case) -> Episode:
         console.print_heading(next(numbers), step.action, f"observes {step.observation}")
         _print_bars(zip(states, step.belief.tolist(), strict=True), possible=True)
 
-    steps, report = act_until_report(robot, prior, case.world, listener=print_step)
+    steps, report, plan_seconds = act_until_report(robot, prior, case.world, listener=print_step)
     verdict = " (correct)" if case.truth == report else f" (wrong: {format_value(case.truth or '')})"
     console.out.print()
     shared = ", ".join(domain.reasoning.shared)
     console.out.print(
         f"{shared} = {format_value(report or '')}{'' if case.truth is None else verdict}", style="bold"
     )
-    seconds["plan"] = sum(step.seconds for step in steps)
+    seconds["plan"] = plan_seconds
     return Episode(labels, evidence, marginal, prior, steps, report, seconds)
 
 

@@ -102,12 +102,8 @@ def dt_control(robot: Robot, instance: Instance, world: World, *, max_steps: int
     classified = perf_counter()
     evidence, marginal, prior = infer_prior(robot, instance.context, labels)
     reasoned = perf_counter()
-    steps, report = act_until_report(robot, prior, world, max_steps=max_steps)
-    seconds = {
-        "classify": classified - began,
-        "reason": reasoned - classified,
-        "plan": sum([step.seconds for step in steps]),
-    }
+    steps, report, plan_seconds = act_until_report(robot, prior, world, max_steps=max_steps)
+    seconds = {"classify": classified - began, "reason": reasoned - classified, "plan": plan_seconds}
     episode = Episode(labels, evidence, marginal, prior, steps, report, seconds)
     log_decision(episode)
     return episode
@@ -125,7 +121,8 @@ def infer_prior(
     evidence = domain.evidence(context, labels)
     marginal = robot.reasoner.posterior(domain.shared, evidence)
     prior = robot.planner.start if marginal is None else domain.prior(marginal)
-    LOG.debug("evidence %s: %s, prior %s", evidence, marginal, prior)
+    if LOG.isEnabledFor(logging.DEBUG):
+        LOG.debug("evidence %s: %s, prior %s", evidence, marginal, prior)
     return evidence, marginal, prior
 
 
@@ -136,7 +133,7 @@ def act_until_report(
     *,
     max_steps: int = MAX_STEPS,
     listener: Callable[[Step], None] = lambda _: None,
-) -> tuple[tuple[Step, ...], SharedValue | None]:
+) -> tuple[tuple[Step, ...], SharedValue | None, float]:
     """Run the loop of Algorithm 2, lines 8 to 13.
 
     Args:
@@ -144,30 +141,31 @@ def act_until_report(
         listener: called after every step.
 
     Returns:
-        The steps and the reported value; None if the terminal state was reached without a report.
+        The steps; the reported value, None if the terminal state was reached without a report; and the
+        seconds of the loop, without those in which the world acts.
     """
     domain, planner, debug = robot.domain, robot.planner, LOG.isEnabledFor(logging.DEBUG)
     belief, steps = prior, list[Step]()
     value: SharedValue | None = None
+    began, world_seconds = perf_counter(), 0.0
     while value is None and not domain.is_terminal(belief):
         if len(steps) == max_steps:
             raise DecisionError(f"no report after {max_steps} actions; the last one was {steps[-1].action!r}")
-        began = perf_counter()
         action = planner.action(belief)
-        seconds = perf_counter() - began
         value, observation = domain.reported_value(action), None
+        asked = perf_counter()
         if value is not None:
             world.report(action)
+            world_seconds += perf_counter() - asked
         else:
             observation = world.act(action)
-            began = perf_counter()
+            world_seconds += perf_counter() - asked
             belief = planner.update(belief, action, observation)
-            seconds += perf_counter() - began
-        steps.append(Step(action, observation, belief, seconds))
+        steps.append(Step(action, observation, belief))
         if debug:
             LOG.debug("%s: %s, belief %s", action, observation or "a report", belief)
         listener(steps[-1])
-    return tuple(steps), value
+    return tuple(steps), value, perf_counter() - began - world_seconds
 
 
 def log_decision(episode: Episode) -> None:

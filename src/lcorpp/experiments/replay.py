@@ -193,7 +193,7 @@ def compare(logged: Episode, robot: Robot, decision: LoggedDecision) -> list[str
     differences += _compare_beliefs("prior", logged.prior, prior)
     report = None
     try:
-        _, report = act_until_report(robot, prior, LoggedWorld(logged.steps), listener=steps.append)
+        _, report, _ = act_until_report(robot, prior, LoggedWorld(logged.steps), listener=steps.append)
     except OtherActionError as error:
         other = str(error)
     except LcorppError as error:

@@ -65,13 +65,11 @@ class Step:
 
     action: the robot's action. observation: the observation that follows, None after a report.
     belief: (S,) the belief after both; a report leaves it unchanged.
-    seconds: of choosing the action and of the update, without the wait for the observation.
     """
 
     action: str
     observation: str | None
     belief: Belief
-    seconds: float = 0.0
 
     def __repr__(self) -> str:
         return f"Step({self.action!r}, {self.observation!r}, belief {_describe_belief(self.belief)})"
