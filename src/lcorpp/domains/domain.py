@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from fractions import Fraction
-from functools import cached_property
 from itertools import combinations_with_replacement
 from math import comb
 from pathlib import Path
@@ -78,11 +77,6 @@ class Domain:
         """The attributes that the robot observes as facts."""
         return self.reasoning.observed
 
-    @cached_property
-    def _observed_values(self) -> dict[str, tuple[str, ...]]:
-        """Observed attribute -> its values."""
-        return {name: self.program.attributes[name].values for name in self.observed}
-
     @property
     def shared(self) -> str | tuple[str, ...]:
         """The attribute shared by reasoner and planner, or the tuple of several."""
@@ -132,7 +126,7 @@ class Domain:
         Raises:
             DomainError: an unknown fact, sense or class, or a likelihood over other classes.
         """
-        values_of = self._observed_values
+        values_of = self.reasoning.observed_values
         for name, value in context.items():
             known = values_of.get(name)
             if known is None:

@@ -6,6 +6,7 @@ import reprlib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
+from typing import Any
 
 from lcorpp.errors import DataError
 from lcorpp.notebook import html_table, join_some
@@ -29,21 +30,24 @@ class Instance:
     context: Mapping[str, str]
 
     def __post_init__(self) -> None:
-        signals, context = self.signals, self.context
-        if not isinstance(signals, Mapping):
-            raise DataError(f"the signals of an instance: {reprlib.repr(signals)}; expected sense -> numbers")
-        if not isinstance(context, Mapping):
-            raise DataError(
-                f"the context of an instance: {reprlib.repr(context)}; expected attribute -> value"
-            )
-        frozen = {sense: _freeze_signal(sense, signal) for sense, signal in signals.items()}
-        object.__setattr__(self, "signals", MappingProxyType(frozen))
-        object.__setattr__(self, "context", MappingProxyType({**context}))
+        signals = _copy_mapping("signals", self.signals, "sense -> numbers")
+        for sense, signal in signals.items():
+            signals[sense] = _freeze_signal(sense, signal)
+        context = _copy_mapping("context", self.context, "attribute -> value")
+        object.__setattr__(self, "signals", MappingProxyType(signals))
+        object.__setattr__(self, "context", MappingProxyType(context))
 
     def __repr__(self) -> str:
         signals = join_some([f"{sense} {signal.shape}" for sense, signal in self.signals.items()])
         context = join_some([f"{name}={value}" for name, value in self.context.items()])
         return f"Instance(signals: {signals or 'none'}, context: {context or 'empty'})"
+
+
+def _copy_mapping(part: str, value: Any, expected: str) -> dict[str, Any]:
+    try:
+        return {**value}  # in a third of the time of isinstance(value, Mapping)
+    except TypeError:
+        raise DataError(f"the {part} of an instance: {reprlib.repr(value)}; expected {expected}") from None
 
 
 def _freeze_signal(sense: str, signal: Array) -> Array:

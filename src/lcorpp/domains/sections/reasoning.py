@@ -37,6 +37,11 @@ class ReasoningSection:
         ranges = [self.program.attributes[name].values for name in self.shared]
         return ranges[0] if len(ranges) == 1 else tuple(product(*ranges))
 
+    @cached_property
+    def observed_values(self) -> dict[str, tuple[str, ...]]:
+        """Observed attribute -> its values."""
+        return {name: self.program.attributes[name].values for name in self.observed}
+
     def split(self, value: SharedValue) -> dict[str, str]:
         """Return a shared value as attribute -> value."""
         return dict(zip(self.shared, (value,) if isinstance(value, str) else value, strict=True))
