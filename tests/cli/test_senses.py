@@ -221,6 +221,19 @@ def test_each_sense_has_a_matrix_or_a_likelihood(lcorpp, tmp_path, two):
     )
 
 
+@pytest.mark.parametrize("evidence", ["voice=soft", "gaze=hard"])
+def test_a_log_of_labels_of_one_sense_and_likelihoods_of_another(lcorpp, tmp_path, two, evidence):
+    data = [f"--data={name}={tmp_path / name}.csv" for name in ("gaze", "voice")]
+    log = tmp_path / "log.jsonl"
+    assert lcorpp("run", two, *FEW, *data, "--evidence", evidence, "--log", log).code == 0
+    parts = json.loads(log.read_text().splitlines()[0])["parts"]["classifiers"]
+    soft = evidence == "voice=soft"
+    assert {name: part["soft"] for name, part in parts.items()} == {"gaze": False, "voice": soft}
+    ended = lcorpp("replay", log, "--quiet")
+    assert ended.code == 0, ended.out
+    assert " 0 differences" in ended.out
+
+
 def test_a_program_for_labels_of_one_sense_and_likelihoods_of_another(two):
     domain = load_domain(two)
     matrix = ConfusionMatrix(("tea", "soup"), np.array([[8.0, 2], [3, 7]]))

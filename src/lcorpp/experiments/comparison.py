@@ -172,7 +172,7 @@ def _describe_parts(
             setup.source,
             setup.classifier,
             confusion=setup.confusion,
-            soft=options.evidence.soft and setup.confusion is not None,
+            soft=setup.confusion is not None and options.evidence.is_soft(name),
         )
         for name, setup in senses.items()
     }

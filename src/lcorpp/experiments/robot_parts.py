@@ -70,11 +70,10 @@ class RobotParts:
     @cached_property
     def program(self) -> Program:
         """The robot's program with the classifiers' rules."""
-        given = {name: part.confusion for name, part in self.classifiers.items()}
-        hard = {name: c for name, c in given.items() if c is not None and not self.classifiers[name].soft}
-        reasoning = replace(self.domain.reasoning, program=self.domain.program_for(hard, self.smoothing))
-        soft = [name for name, part in self.classifiers.items() if part.soft]
-        return replace(self.domain, reasoning=reasoning).soft_program(soft)
+        parts = self.classifiers.items()
+        confusions = {name: part.confusion for name, part in parts if part.confusion is not None}
+        soft = [name for name, part in parts if part.soft]
+        return self.domain.program_for(confusions, self.smoothing, soft=soft)
 
     @cached_property
     def description(self) -> Json:
