@@ -65,7 +65,7 @@ def test_version(lcorpp):
 
 def test_learn_states_its_default_number_of_tracks_once(lcorpp):
     out = " ".join(lcorpp("learn", "-h").out.split())
-    assert "Simulated training tracks before the first batch. [default: 100; 20<=x<=1000000]" in out
+    assert "Simulated training tracks before the first batch. [default: (100); 20<=x<=1000000]" in out
     assert "the domain's number" not in out
 
 

@@ -221,6 +221,11 @@ def test_each_sense_has_a_matrix_or_a_likelihood(lcorpp, tmp_path, two):
     )
 
 
+def test_simulated_tracks_beside_recorded_data_are_refused(lcorpp, gaze):
+    for command in (("run", DRINKS, *FEW), ("learn", DRINKS)):
+        refused(lcorpp(*command, "--data", gaze, "--tracks", 50), "--tracks 50: nothing is simulated, as")
+
+
 @pytest.mark.parametrize("evidence", ["voice=soft", "gaze=hard"])
 def test_a_log_of_labels_of_one_sense_and_likelihoods_of_another(lcorpp, tmp_path, two, evidence):
     data = [f"--data={name}={tmp_path / name}.csv" for name in ("gaze", "voice")]
@@ -258,7 +263,8 @@ def test_options_that_belong_to_no_sense_are_refused(lcorpp, tmp_path, two, gaze
         lcorpp("run", two, "--learner", "gaze=forest", "--learner", "gaze=lstm"), "'forest' is already given"
     )
     refused(
-        lcorpp("run", two, "--learner", "forest", "--learner", "lstm"), "'forest' is already given for ev"
+        lcorpp("run", two, "--learner", "forest", "--learner", "lstm"),
+        "'forest' without a sense is given already",
     )
     refused(
         lcorpp("run", two, "--learner", "gaze=forest", "--classifier", "gaze=channel"),

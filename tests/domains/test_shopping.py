@@ -100,8 +100,8 @@ def test_exact_scores_are_those_of_simulation():
     results, _ = run_trials(Experiment(domain, robot, {}, {}, strategies([], []), 3), 2000)
     for row in results:
         truth = exactly()[row.strategy]
-        for name, interval in row.shown.items():
-            value, error = truth.shown[name].estimate, (interval.high - interval.low) / 2 / 1.96
+        for name, interval in row.columns.items():
+            value, error = truth.columns[name].estimate, (interval.high - interval.low) / 2 / 1.96
             assert abs(interval.estimate - value) <= 4 * error + 1e-12, (row.strategy, name)
         if row.difference is not None:
             for name in ("cost", "return_"):

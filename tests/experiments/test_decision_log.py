@@ -279,7 +279,7 @@ def test_baselines_and_own_strategies_are_replayed(tmp_path):
 
 
 @pytest.fixture
-def changed(tmp_path):
+def change_and_replay(tmp_path):
     """A copy of the rooms, a log of decisions in it, and a function that changes a file and replays."""
     folder = shutil.copytree(ROOMS, tmp_path / "rooms")
     write_log(tmp_path / "log", folder)
@@ -301,38 +301,40 @@ def changed(tmp_path):
     return change
 
 
-def test_changed_knowledge_is_named(changed):
+def test_changed_knowledge_is_named(change_and_replay):
     text = (ROOMS / "badges.plog").read_text()
     line = next(line for line in text.splitlines() if "pr(goal=" in line)
-    parts, differences, errors = changed("badges.plog", line, line[: line.rindex("=") + 1] + " 1/100.")
+    parts, differences, errors = change_and_replay(
+        "badges.plog", line, line[: line.rindex("=") + 1] + " 1/100."
+    )
     assert parts == ["knowledge: badges.plog"]
     assert any(d.startswith("marginal of lab: ") for d in differences)
     assert any(d.startswith("prior: differs by ") for d in differences)
     assert errors == []
 
 
-def test_a_comment_in_the_knowledge_changes_nothing(changed):
+def test_a_comment_in_the_knowledge_changes_nothing(change_and_replay):
     text = (ROOMS / "badges.plog").read_text()
-    assert changed("badges.plog", text, f"% a comment\n{text}") == ([], [], [])
+    assert change_and_replay("badges.plog", text, f"% a comment\n{text}") == ([], [], [])
 
 
-def test_a_changed_model_is_named(changed):
+def test_a_changed_model_is_named(change_and_replay):
     text = (ROOMS / "guide.pomdp").read_text()
     discount = next(line for line in text.splitlines() if line.startswith("discount"))
-    parts, _, errors = changed("guide.pomdp", discount, "discount: 0.5")
+    parts, _, errors = change_and_replay("guide.pomdp", discount, "discount: 0.5")
     assert parts == ["model: guide.pomdp"]
     assert errors == []
 
 
-def test_a_changed_policy_option_is_named(changed):
-    parts, differences, errors = changed("domain.toml", "[planning]", '[planning]\nsolver = "qmdp"')
+def test_a_changed_policy_option_is_named(change_and_replay):
+    parts, differences, errors = change_and_replay("domain.toml", "[planning]", '[planning]\nsolver = "qmdp"')
     assert parts == ["domain: domain.toml"]
     assert any(d.startswith("action ") for d in differences)
     assert errors == []
 
 
-def test_a_domain_that_is_broken_now_is_an_error_of_each_line(changed):
-    parts, differences, errors = changed("domain.toml", 'terminal = "gone"', 'terminal = "left"')
+def test_a_domain_that_is_broken_now_is_an_error_of_each_line(change_and_replay):
+    parts, differences, errors = change_and_replay("domain.toml", 'terminal = "gone"', 'terminal = "left"')
     assert parts == differences == []
     assert len(errors) == 30 * 6
     assert "log:1: cannot be replayed: " in errors[0]

@@ -119,7 +119,7 @@ def test_accuracy_of_each_of_several_variables():
     assert {name: row.estimate for name, row in result.variables.items()} == {"item": 0.85, "room": 0.8}
     assert result.variables["item"] == Interval.from_count(17, 20)
     assert result.accuracy.estimate == 0.75
-    assert list(result.shown) == ["item", "room", "all", "cost", "return"]
+    assert list(result.columns) == ["item", "room", "all", "cost", "return"]
     exact = score_probabilities(
         "X", counts / 20, 0, 0, 0, values=values, positive=None, variables=("item", "room")
     )

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from lcorpp.cli import options
+from lcorpp.cli.options import common as options
 
 
 def ask(

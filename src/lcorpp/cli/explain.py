@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 import typer
 
-from lcorpp.cli import console, options
+from lcorpp.cli import console
+from lcorpp.cli.options import common as options, decision
 from lcorpp.errors import DecisionError, DomainError, NoValueError
 
 if TYPE_CHECKING:
@@ -73,7 +74,7 @@ def explain(
 
     The steps are label, evidence, posterior, prior, then every action with its observation and belief.
     The person is simulated; values that are not given are drawn. With --interactive you are the person.
-    Ctrl-C while it solves goes on with the best policy so far.
+    Ctrl-C stops the solver; the command continues with the best policy so far.
     """
     from lcorpp.cli.robot_output import print_classifier, print_domain, print_solution
     from lcorpp.decision import STRATEGIES
@@ -102,11 +103,11 @@ def explain(
         (row,) = find_strategies([strategy], [sense.name for sense in loaded.senses])
     chosen = options.choose_solver(loaded.planning.solver, solver, precision, time_limit)
     cache = None if no_cache else find_cache_folder()
-    facts = options.parse_facts(loaded, fact or [])
-    value = None if truth is None else options.parse_truth(loaded, truth)
-    script = None if answers is None else options.parse_answers(loaded, answers)
-    labels = options.parse_labels(loaded, label or [])
-    likelihoods = options.parse_likelihoods(loaded, likelihood or [])
+    facts = decision.parse_facts(loaded, fact or [])
+    value = None if truth is None else decision.parse_truth(loaded, truth)
+    script = None if answers is None else decision.parse_answers(loaded, answers)
+    labels = decision.parse_labels(loaded, label or [])
+    likelihoods = decision.parse_likelihoods(loaded, likelihood or [])
     for sense in labels.keys() & likelihoods.keys():
         raise DomainError(
             f"--label and --likelihood are both evidence of the classifier {sense}; expected one"

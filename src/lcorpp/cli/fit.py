@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from lcorpp.cli import options
+from lcorpp.cli.options import common as options
 from lcorpp.errors import FileError
 
 

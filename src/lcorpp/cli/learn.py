@@ -9,12 +9,16 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from lcorpp.cli import console, options, output_files
+from lcorpp.cli import console, output_files
+from lcorpp.cli.options import common as options
 from lcorpp.errors import DataError, expected_one_of
 
 if TYPE_CHECKING:
     from lcorpp.experiments.active_learning import ActiveLearningOptions
     from lcorpp.experiments.run_store import RunStore
+
+TRACKS = 100
+"""Number of simulated training tracks without --tracks."""
 
 DEVICES = ("cpu", "cuda")
 """The devices of the LSTM; a learner of your own may know others."""
@@ -31,11 +35,14 @@ def learn(
     ] = 0.05,
     max_batches: Annotated[int, typer.Option(min=1, help="Stop after this many batches.")] = 20,
     tracks: Annotated[
-        int,
+        int | None,
         typer.Option(
-            min=20, max=options.MAX_TRACKS, help="Simulated training tracks before the first batch."
+            min=20,
+            max=options.MAX_TRACKS,
+            help="Simulated training tracks before the first batch.",
+            show_default=str(TRACKS),
         ),
-    ] = 100,
+    ] = None,
     seed: options.SeedOption = 0,
     data: options.DataOption = None,
     learner: options.LearnerOption = None,
@@ -60,9 +67,9 @@ def learn(
 ) -> None:
     """Run Algorithm 1: decide, store the reports, retrain.
 
-    Each batch is written to --out when it is complete; Ctrl-C keeps the complete batches, and while the POMDP
-    is solved it goes on with the best policy so far. With --store every decision survives any interruption,
-    and the same command resumes the run.
+    Each batch is written to --out when it is complete; Ctrl-C keeps the complete batches. Ctrl-C in the
+    solver stops only the solver; the command continues with the best policy so far. With --store every
+    decision survives any interruption, and the same command resumes the run.
     """
     from lcorpp.cli.robot_output import print_domain, print_solution, print_storage_problem
     from lcorpp.domains import load_domain
@@ -85,6 +92,8 @@ def learn(
     cache = None if no_cache else find_cache_folder()
     sense = find_learning_sense(loaded, ActiveLearningOptions())
     default = sense.classifier if sense.classifier != "channel" else None
+    if tracks is None and not (data or sense.data):
+        tracks = TRACKS
     training = TrainingOptions(
         learner=learner or default, epochs=epochs, device=device, tracks=tracks, data=data
     )

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from lcorpp.cli import console, options
+from lcorpp.cli import console
+from lcorpp.cli.options import common as options
 from lcorpp.errors import DataError
 
 if TYPE_CHECKING:

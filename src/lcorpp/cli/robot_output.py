@@ -57,9 +57,9 @@ def print_scores(scores: Sequence[Scores], positive: str | None, trials: int | N
         )
     count = "exact values" if trials is None else f"{trials} trials, 95% intervals in brackets"
     names = [row.strategy for row in scores]
-    table = _make_score_table(f"{count}; {metrics}", names, ["strategy", *scores[0].shown])
+    table = _make_score_table(f"{count}; {metrics}", names, ["strategy", *scores[0].columns])
     for row in scores:
-        cells = (_format_interval(cell, get_format(name), STACKED) for name, cell in row.shown.items())
+        cells = (_format_interval(cell, get_format(name), STACKED) for name, cell in row.columns.items())
         table.add_row(row.strategy, *cells)
     console.out.print(table)
     others = [(row.strategy, row.difference) for row in scores if row.difference is not None]

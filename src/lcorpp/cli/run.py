@@ -7,8 +7,9 @@ from typing import Annotated
 
 import typer
 
-from lcorpp.cli import console, options, output_files
-from lcorpp.cli.data.options import (
+from lcorpp.cli import console, output_files
+from lcorpp.cli.options import common as options
+from lcorpp.cli.options.recordings import (
     GapOption,
     LabelFileOption,
     LabelOption,
@@ -16,7 +17,7 @@ from lcorpp.cli.data.options import (
     RobotOption,
     parse_written_labels,
 )
-from lcorpp.cli.data.senses import (
+from lcorpp.cli.options.senses import (
     ClassifiersOption,
     DataOption,
     EvidenceOption,
@@ -90,8 +91,8 @@ def run(
     """Compare strategies on simulated people; by default the paper's.
 
     Trains or loads the classifier, solves the POMDP, simulates the strategies and prints their scores.
-    Ctrl-C while it solves goes on with the best policy so far; during the trials it keeps those that are
-    complete.
+    Ctrl-C stops the solver, and the command continues with the best policy so far; during the trials Ctrl-C
+    keeps the complete ones.
     """
     from lcorpp.cli.robot_output import (
         print_classifier,

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from lcorpp.cli import model_files, options
+from lcorpp.cli import model_files
+from lcorpp.cli.options import common as options
 
 if TYPE_CHECKING:
     from lcorpp.planning import Evaluation, Pomdp, SimulationResult

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from lcorpp.cli import console, model_files, options, output_files
+from lcorpp.cli import console, model_files, output_files
+from lcorpp.cli.options import common as options
 
 if TYPE_CHECKING:
     from collections.abc import Callable

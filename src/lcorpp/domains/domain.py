@@ -210,8 +210,8 @@ class Domain:
 
         The prior differs from person to person, and a policy is only good near the beliefs it was computed
         for. The priors are a grid that covers the simplex, hence every marginal that a reasoner may return.
-        With so many values that only the corners are left of it, they are also the reasoner's marginals given
-        the most probable observed facts.
+        If a grid finer than the corners is too large, the reasoner's marginals given the most probable
+        observed facts are added.
         """
         n = len(self.values)
         # the finest grid of at most MAX_PRIORS priors; one step gives a prior for each value, however many

@@ -276,7 +276,7 @@ def _read_line(path: Path, number: int, line: bytes) -> LoggedDecision | DataErr
 
 
 DAMAGE = (LcorppError, LookupError, TypeError, ValueError, AttributeError, RecursionError, ArithmeticError)
-"""What reading the content of a decision may raise, if somebody has changed it."""
+"""Errors of reading a decision whose content was edited."""
 
 
 def describe_damage(error: BaseException) -> str:

@@ -58,7 +58,7 @@ class Scores:
         return dict(zip(METRICS, scores, strict=True))
 
     @property
-    def shown(self) -> dict[str, Interval]:
+    def columns(self) -> dict[str, Interval]:
         """The scores of a table: of several variables the accuracy of each and of all together.
 
         Precision and recall of single combinations of values say little there.
@@ -194,10 +194,10 @@ def _average_intervals(estimates: Sequence[Interval]) -> Interval:
 def scores_to_html(scores: Sequence[Scores]) -> str:
     """Return the scores of several strategies as an HTML table, intervals included."""
     rows = [
-        (row.strategy, *(format(cell, get_format(name)) for name, cell in row.shown.items()))
+        (row.strategy, *(format(cell, get_format(name)) for name, cell in row.columns.items()))
         for row in scores
     ]
-    return html_table(("strategy", *(scores[0].shown if scores else METRICS)), rows)
+    return html_table(("strategy", *(scores[0].columns if scores else METRICS)), rows)
 
 
 def get_format(name: str) -> str:

@@ -45,9 +45,19 @@ class TrainingData:
 
 
 def make_training_data(domain: Domain, sense: Sense, options: TrainingOptions, seed: int) -> TrainingData:
-    """Return the training data that the options or the domain describe, recorded or simulated."""
+    """Return the training data that the options or the domain describe, recorded or simulated.
+
+    Raises:
+        DataError: a number of simulated tracks is given, and the data are recorded; and as
+            `read_training_data`.
+        DomainError: as `simulate_training_data`.
+    """
     path = options.data or sense.data
     if path is not None:
+        if options.tracks is not None:
+            raise DataError(
+                f"--tracks {options.tracks}: nothing is simulated, as {path} has the recorded data"
+            )
         return read_training_data(
             domain, sense, path, seed, features=options.features, reading=options.reading
         )

@@ -1,1 +1,1 @@
-"""`lcorpp data`, and the options about data and the classifiers that learn from them."""
+"""`lcorpp data`: make, describe, draw and convert recorded data."""

@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from lcorpp.cli import console, options, output_files
-from lcorpp.cli.data.options import (
+from lcorpp.cli import console, output_files
+from lcorpp.cli.options import common as options
+from lcorpp.cli.options.recordings import (
     GapOption,
     LabelFileOption,
     LabelOption,

@@ -1,4 +1,4 @@
-"""Arguments and options that several commands share, and the options that describe one decision."""
+"""Arguments and options that several commands share."""
 
 from __future__ import annotations
 
@@ -8,13 +8,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from lcorpp.errors import DomainError, expected_one_of
-
 if TYPE_CHECKING:
-    from lcorpp.domains import Domain
-    from lcorpp.domains.sections.learning import Sense
     from lcorpp.planning import SolverOptions
-    from lcorpp.values import Likelihood, SharedValue
 
 MAX_TRIALS = 10_000_000
 """Maximum of --trials: the results of all trials are kept in memory."""
@@ -170,98 +165,3 @@ LogOption = Annotated[
     Path | None,
     typer.Option(metavar="FILE", help="Append each decision as a line of JSON, for `lcorpp replay`."),
 ]
-
-
-def parse_answers(domain: Domain, text: str) -> list[str]:
-    """Return the answers in a text such as "pos,neg"; each is an observation of the POMDP."""
-    answers = [part.strip() for part in text.split(",")]
-    for answer in answers:
-        if answer not in domain.pomdp.observations:
-            raise DomainError(f"--answers {answer!r}: {expected_one_of(domain.pomdp.observations)}")
-    return answers
-
-
-def parse_facts(domain: Domain, pairs: list[str]) -> dict[str, str]:
-    """Return the facts in texts such as "time=afternoon": attribute -> value."""
-    facts: dict[str, str] = {}
-    for pair in pairs:
-        name, equals, value = (part.strip() for part in pair.partition("="))
-        if not equals:
-            raise DomainError(
-                f"--fact {pair!r}: expected NAME=VALUE with NAME among {', '.join(domain.observed)}"
-            )
-        if name in facts:
-            raise DomainError(f"--fact {pair!r}: {name} is given twice")
-        facts[name] = value
-    domain.evidence(facts, {})  # raises DomainError for an unknown fact
-    return facts
-
-
-def parse_truth(domain: Domain, text: str) -> SharedValue:
-    """Return the shared value in a text such as "coffee,alice"."""
-    parts = [part.strip() for part in text.split(",")]
-    value = parts[0] if len(parts) == len(domain.reasoning.shared) == 1 else tuple(parts)
-    if value not in domain.values:
-        known = [",".join(domain.reasoning.split(v).values()) for v in domain.values]
-        raise DomainError(f"--truth {text!r}: {expected_one_of(known)}")
-    return value
-
-
-def parse_labels(domain: Domain, texts: list[str]) -> dict[str, str]:
-    """Return the classes that texts such as "gaze=left" name, sense -> class."""
-    labels: dict[str, str] = {}
-    for text in texts:
-        name, equals, value = (part.strip() for part in text.partition("="))
-        sense = _find_sense(domain, "--label", text, name if equals else None)
-        if sense.name in labels:
-            raise DomainError(f"--label {text!r}: the label of {sense.name} is given twice")
-        labels[sense.name] = _parse_class(sense, value if equals else text, "--label")
-    return labels
-
-
-def parse_likelihoods(domain: Domain, texts: list[str]) -> dict[str, Likelihood]:
-    """Return the likelihoods of texts such as "gaze:left=0.3", sense -> likelihood; 1 for other classes."""
-    import numpy as np
-
-    from lcorpp.values import Likelihood
-
-    weights: dict[str, dict[str, float]] = {}
-    for text in texts:
-        left, _, number = (part.strip() for part in text.rpartition("="))
-        name, colon, value = (part.strip() for part in left.partition(":"))
-        try:
-            weight = float(number)
-        except ValueError:
-            left = ""
-        if not left:
-            raise DomainError(f"--likelihood {text!r}: expected VALUE=NUMBER") from None
-        sense = _find_sense(domain, "--likelihood", text, name if colon else None)
-        class_name = _parse_class(sense, value if colon else left, "--likelihood")
-        own = weights.setdefault(sense.name, {})
-        if class_name in own:
-            raise DomainError(f"--likelihood {text!r}: {class_name} is given twice")
-        own[class_name] = weight
-    return {
-        name: Likelihood(classes, np.array([own.get(value, 1.0) for value in classes]))
-        for name, own in weights.items()
-        for classes in [domain.find_sense(name).classes]
-    }
-
-
-def _find_sense(domain: Domain, option: str, text: str, name: str | None) -> Sense:
-    """Return the sense of this name, or the only one."""
-    if name is not None:
-        return domain.find_sense(name)
-    if len(domain.senses) != 1:
-        names = ", ".join(sense.name for sense in domain.senses)
-        expected = f"expected the name of a sense first: {names}" if names else "the domain has no [learning]"
-        raise DomainError(f"{option} {text!r}: {expected}")
-    return domain.senses[0]
-
-
-def _parse_class(sense: Sense, text: str, option: str) -> str:
-    """Return the class that a text names: by itself, or by its label in the program."""
-    for class_name, label in sense.label_of.items():
-        if text in (label, class_name):
-            return class_name
-    raise DomainError(f"{option} {text!r}: {expected_one_of(sense.label_of.values())}")
