@@ -235,7 +235,7 @@ def test_no_header_is_cut_at_80_columns(monkeypatch, capsys):
     from rich.console import Console
 
     from lcorpp.cli import console, robot_output
-    from lcorpp.experiments.metrics import METRICS, Scores
+    from lcorpp.experiments.scoring.metrics import METRICS, Scores
 
     monkeypatch.setattr(console, "out", Console(width=80, highlight=False), raising=False)
     wide = [Interval(-12345.678, -23456.789, 98765.432)] * len(METRICS)

@@ -15,7 +15,7 @@ from lcorpp.experiments import (
     evaluate_exactly,
     run_trials,
 )
-from lcorpp.experiments.exact_evaluation import compute_joint_distribution
+from lcorpp.experiments.scoring.exact_evaluation import compute_joint_distribution
 from lcorpp.planning import Planner, SolverOptions, solve
 from lcorpp.reasoning import Enumeration, Reasoner
 
@@ -115,7 +115,7 @@ def test_large_truth_programs_are_compiled(monkeypatch):
     """The two ways to the joint distribution agree; the full truth program has too many worlds to list."""
     domain = load_domain("shopping", preset="small")
     listed = compute_joint_distribution(domain, ("time", *SHARED))
-    monkeypatch.setattr("lcorpp.experiments.exact_evaluation.MAX_WORLDS", 1)
+    monkeypatch.setattr("lcorpp.experiments.scoring.exact_evaluation.MAX_WORLDS", 1)
     compiled = compute_joint_distribution(domain, ("time", *SHARED))
     assert compiled == pytest.approx(listed, abs=1e-15)
     monkeypatch.undo()

@@ -11,12 +11,12 @@ from lcorpp import planning
 from lcorpp.decision import STRATEGIES, Robot, Strategy
 from lcorpp.domains import load_domain
 from lcorpp.errors import DecisionError
-from lcorpp.experiments import decision_nodes, exact_evaluation
 from lcorpp.experiments.baselines import BASELINES, compute_information, find_strategies
 from lcorpp.experiments.comparison import ComparisonOptions, compare_strategies
-from lcorpp.experiments.exact_evaluation import evaluate_exactly
-from lcorpp.experiments.part_state import NoKeyError, make_state_key
-from lcorpp.experiments.trials import Experiment, run_trials
+from lcorpp.experiments.scoring import decision_nodes, exact_evaluation
+from lcorpp.experiments.scoring.exact_evaluation import evaluate_exactly
+from lcorpp.experiments.scoring.part_state import NoKeyError, make_state_key
+from lcorpp.experiments.scoring.trials import Experiment, run_trials
 from lcorpp.reasoning import Reasoner
 from lcorpp.simulation import NoisyChannel
 from tests.decision.fakes import FakeDomain

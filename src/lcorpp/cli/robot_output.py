@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from rich.table import Table
 
     from lcorpp.domains import Domain
-    from lcorpp.experiments.metrics import Scores
+    from lcorpp.experiments.scoring.metrics import Scores
     from lcorpp.experiments.setup import SenseSetup, TrainingOptions
     from lcorpp.learning import EvaluationReport
     from lcorpp.planning import Solution
@@ -47,7 +47,7 @@ def print_scores(scores: Sequence[Scores], positive: str | None, trials: int | N
     Args:
         positive: the positive class, None for macro averages. trials: their number, None for exact scores.
     """
-    from lcorpp.experiments.metrics import get_format
+    from lcorpp.experiments.scoring.metrics import get_format
 
     if scores[0].variables:
         metrics = "accuracy of each variable and of all"

@@ -15,8 +15,6 @@ from .comparison import (
     compare_strategies as compare_strategies,
 )
 from .decision_log import DecisionLog as DecisionLog, LoggedDecision as LoggedDecision, read_log as read_log
-from .exact_evaluation import evaluate_exactly as evaluate_exactly
-from .metrics import Scores as Scores
 from .replay import (
     ChangedPart as ChangedPart,
     ReplayedDecision as ReplayedDecision,
@@ -25,6 +23,9 @@ from .replay import (
 from .results import write_batches as write_batches, write_comparison as write_comparison
 from .robot_parts import ClassifierPart as ClassifierPart, RobotParts as RobotParts
 from .run_store import RunStore as RunStore
+from .scoring.exact_evaluation import evaluate_exactly as evaluate_exactly
+from .scoring.metrics import Scores as Scores
+from .scoring.trials import Experiment as Experiment, run_trials as run_trials
 from .setup import (
     EvidenceOptions as EvidenceOptions,
     SenseSetup as SenseSetup,
@@ -38,4 +39,3 @@ from .training_data import (
     read_training_data as read_training_data,
     simulate_training_data as simulate_training_data,
 )
-from .trials import Experiment as Experiment, run_trials as run_trials

@@ -13,9 +13,9 @@ from lcorpp.domains import Domain
 from lcorpp.domains.sections.learning import Sense
 from lcorpp.errors import DecisionError, DomainError, check_type
 from lcorpp.experiments.decision_log import DecisionLog
-from lcorpp.experiments.metrics import Scores, score_decisions
 from lcorpp.experiments.robot_parts import ClassifierPart, RobotParts
 from lcorpp.experiments.run_store import RunStore
+from lcorpp.experiments.scoring.metrics import Scores, score_decisions
 from lcorpp.experiments.setup import ProgressDisplay, TrainingOptions, no_progress
 from lcorpp.experiments.training_data import FOLDS, TrainingData, choose_learner, make_estimator
 from lcorpp.learning import train_and_validate

@@ -12,9 +12,10 @@ from lcorpp.decision.strategies import list_strategies
 from lcorpp.domains import Domain
 from lcorpp.errors import DecisionError, DomainError, check_type
 from lcorpp.experiments.decision_log import DecisionLog
-from lcorpp.experiments.exact_evaluation import check_enumerable, evaluate_exactly
-from lcorpp.experiments.metrics import Scores, scores_to_html
 from lcorpp.experiments.robot_parts import ClassifierPart, RobotParts
+from lcorpp.experiments.scoring.exact_evaluation import check_enumerable, evaluate_exactly
+from lcorpp.experiments.scoring.metrics import Scores, scores_to_html
+from lcorpp.experiments.scoring.trials import Experiment, run_trials
 from lcorpp.experiments.setup import (
     HARD_LABELS,
     ClassifierOptions,
@@ -30,7 +31,6 @@ from lcorpp.experiments.setup import (
     no_progress,
     solve_domain,
 )
-from lcorpp.experiments.trials import Experiment, run_trials
 from lcorpp.planning import Planner, Policy, Solution, SolverOptions
 from lcorpp.simulation import NoisyChannel
 

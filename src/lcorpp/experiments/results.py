@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 from lcorpp.domains.own_world import OwnWorlds
 from lcorpp.errors import DataError
 from lcorpp.experiments.comparison import Comparison, ComparisonOptions
-from lcorpp.experiments.metrics import METRICS, Difference, Scores
+from lcorpp.experiments.scoring.metrics import METRICS, Difference, Scores
 from lcorpp.experiments.setup import ClassifierOptions, EvidenceOptions, SenseSetup, TrainingOptions
 from lcorpp.files import make_folder, write_atomically
 from lcorpp.planning import Solution

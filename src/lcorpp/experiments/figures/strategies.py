@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from lcorpp.experiments.metrics import Scores
+from lcorpp.experiments.scoring.metrics import Scores
 from lcorpp.plot_style import BLUE, INK, ORANGE, despine, with_style
 from lcorpp.values import Interval
 

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, strategies as st
 from scipy.stats import binomtest
 
-from lcorpp.experiments.metrics import (
+from lcorpp.experiments.scoring.metrics import (
     compute_mean_interval,
     score_decisions,
     score_probabilities,

@@ -5,8 +5,8 @@ import pytest
 
 from lcorpp.domains import load_domain
 from lcorpp.experiments import ComparisonOptions, compare_strategies
-from lcorpp.experiments.differences import add_differences, find_reference
-from lcorpp.experiments.metrics import score_decisions
+from lcorpp.experiments.scoring.differences import add_differences, find_reference
+from lcorpp.experiments.scoring.metrics import score_decisions
 from lcorpp.values import Z95
 
 

@@ -18,9 +18,9 @@ from lcorpp import planning
 from lcorpp.decision import STRATEGIES, Robot, strategies
 from lcorpp.domains import load_domain
 from lcorpp.errors import DataError, DecisionError, DomainError
-from lcorpp.experiments import trials
-from lcorpp.experiments.exact_evaluation import compute_joint_distribution
-from lcorpp.experiments.trials import Experiment, run_trials
+from lcorpp.experiments.scoring import trials
+from lcorpp.experiments.scoring.exact_evaluation import compute_joint_distribution
+from lcorpp.experiments.scoring.trials import Experiment, run_trials
 from lcorpp.learning import TrainedClassifier, fit_calibration
 from lcorpp.reasoning import Enumeration, Reasoner
 from lcorpp.simulation import (
@@ -34,7 +34,7 @@ from lcorpp.simulation import (
 from lcorpp.values import ConfusionMatrix, Dataset, Likelihood
 from tests.decision.fakes import FakeWorld
 
-ROOMS = Path(__file__).parents[1] / "domains" / "rooms"
+ROOMS = Path(__file__).parents[2] / "domains" / "rooms"
 
 
 @pytest.fixture(scope="module")

@@ -14,7 +14,7 @@ from lcorpp.decision import Robot, Strategy
 from lcorpp.decision.dt_control import act_until_report
 from lcorpp.domains import Domain
 from lcorpp.errors import DecisionError, expected_one_of
-from lcorpp.experiments.part_state import DIGITS, NoKeyError, make_state_key
+from lcorpp.experiments.scoring.part_state import DIGITS, NoKeyError, make_state_key
 from lcorpp.simulation.simulated_classifier import NoisyChannel
 from lcorpp.values import Instance, Step
 

@@ -18,9 +18,9 @@ from lcorpp.decision import Robot, Strategy
 from lcorpp.decision.dt_control import MAX_STEPS
 from lcorpp.domains import Domain
 from lcorpp.errors import DecisionError, DomainError, TooLargeError, check_type
-from lcorpp.experiments.decision_nodes import BeliefNodes, DecisionNodes, HistoryNodes
-from lcorpp.experiments.differences import add_differences
-from lcorpp.experiments.metrics import Scores, score_probabilities
+from lcorpp.experiments.scoring.decision_nodes import BeliefNodes, DecisionNodes, HistoryNodes
+from lcorpp.experiments.scoring.differences import add_differences
+from lcorpp.experiments.scoring.metrics import Scores, score_probabilities
 from lcorpp.reasoning import Enumeration, Reasoner
 from lcorpp.simulation.simulated_classifier import NoisyChannel
 

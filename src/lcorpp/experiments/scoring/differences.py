@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from lcorpp.decision import STRATEGIES
-from lcorpp.experiments.metrics import Difference, Scores, compute_mean_interval
+from lcorpp.experiments.scoring.metrics import Difference, Scores, compute_mean_interval
 from lcorpp.values import Array
 
 

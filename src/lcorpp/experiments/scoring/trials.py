@@ -18,9 +18,9 @@ from lcorpp.decision import Robot, Strategy, dt_control
 from lcorpp.domains import Domain
 from lcorpp.errors import DecisionError, check_type
 from lcorpp.experiments.decision_log import DecisionLog, format_decision
-from lcorpp.experiments.differences import add_differences
-from lcorpp.experiments.metrics import Scores, score_decisions
 from lcorpp.experiments.robot_parts import RobotParts
+from lcorpp.experiments.scoring.differences import add_differences
+from lcorpp.experiments.scoring.metrics import Scores, score_decisions
 from lcorpp.log_output import find_log_level, show_log
 from lcorpp.simulation.people import Population, SignalSource
 from lcorpp.simulation.simulated_classifier import BatchClassifier

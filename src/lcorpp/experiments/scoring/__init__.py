@@ -1,0 +1,1 @@
+"""Scores of strategies, by simulated trials and exactly."""
