@@ -19,7 +19,7 @@ from lcorpp.experiments.decision_log import DecisionLog, LoggedDecision, format_
 from lcorpp.experiments.replay import ChangedPart, ReplayedDecision, compare, replay_log
 from lcorpp.experiments.robot_parts import ClassifierPart, RobotParts, find_fingerprint, read_parts
 from lcorpp.experiments.scoring import trials
-from lcorpp.experiments.setup import EvidenceOptions, make_program, solve_domain
+from lcorpp.experiments.setup import make_program, solve_domain
 from lcorpp.planning import read_policy, write_policy
 from lcorpp.values import ConfusionMatrix, Episode, Instance, Likelihood
 from tests.domains.deliveries import GAZE, VOICE, write_domain
@@ -121,10 +121,10 @@ def test_the_program_is_that_of_a_comparison(rooms):
         confusion = rooms.classifiers["heading"].confusion
 
     for soft in (False, True):
-        evidence = EvidenceOptions(soft, Fraction(1))
+        Setup.soft = soft
         part = replace(rooms.classifiers["heading"], soft=soft)
         parts = replace(rooms, classifiers={"heading": part}, smoothing=Fraction(1))
-        assert parts.program == make_program(rooms.domain, {"heading": Setup()}, evidence)
+        assert parts.program == make_program(rooms.domain, {"heading": Setup()}, Fraction(1))
 
 
 def test_a_log_is_the_same_for_any_number_of_processes(tmp_path):

@@ -74,10 +74,8 @@ def train_classifier(
         trained, validation = train_and_validate(
             estimator, data.dataset, folds=FOLDS, seed=seed, jobs=jobs, progress=advance
         )
-    positive, prevalence = (
-        find_positive_class(sense),
-        compute_class_prevalence(domain, sense, options.prevalence),
-    )
+    positive = find_positive_class(sense)
+    prevalence = compute_class_prevalence(domain, sense, options.prevalence)
     if goal is not None:
         threshold = select_threshold(validation, positive, prevalence[positive], goal)
         validation = validation.with_predictions(
@@ -92,15 +90,14 @@ def train_classifier(
         learner=options.learner or "",
         source=data.dataset.source,
     )
-    about = {
-        "source": options.learner,
-        "n_tracks": len(data.dataset),
-        "report": report,
-        "unit": data.dataset.unit,
-        "data": data.path,
-        "notes": data.dataset.notes,
-    }
-    return _make_setup(sense, trained, validation.confusion, evidence, data.signals, **about)
+    return replace(
+        _make_setup(sense, trained, validation.confusion, evidence, data.signals, options.learner or ""),
+        n_tracks=len(data.dataset),
+        report=report,
+        unit=data.dataset.unit,
+        data=data.path,
+        notes=data.dataset.notes,
+    )
 
 
 def load_trained(
@@ -129,7 +126,7 @@ def load_trained(
     path, source = options.data or sense.data, str(options.file)
     if path is None:
         signals = SimulatedSignals.from_domain(domain, sense)
-        return _make_setup(sense, trained, confusion, evidence, signals, source=source)
+        return _make_setup(sense, trained, confusion, evidence, signals, source)
     motion = trained.estimator.steps[0][1]
     inputs = trained.inputs or getattr(motion, "inputs", ("x", "y"))
     recorded = read_training_data(domain, sense, path, seed, features=inputs, reading=options.reading)
@@ -143,10 +140,8 @@ def load_trained(
         raise DataError(
             f"{options.file}: trained on {join_some(trained.inputs)}; the data have {join_some(channels)}"
         )
-    notes = recorded.dataset.notes
-    return _make_setup(
-        sense, trained, confusion, evidence, recorded.signals, source=source, data=path, notes=notes
-    )
+    setup = _make_setup(sense, trained, confusion, evidence, recorded.signals, source)
+    return replace(setup, data=path, notes=recorded.dataset.notes)
 
 
 def find_storage_problem(options: TrainingOptions) -> str | None:
@@ -169,19 +164,22 @@ def _make_setup(
     confusion: ConfusionMatrix,
     evidence: EvidenceOptions,
     signals: SignalSource,
-    **about: Any,
+    source: str,
 ) -> SenseSetup:
     """Return the setup of a trained classifier: its rates become rules, or likelihoods replace its labels.
 
-    about: fields of `SenseSetup` that only some setups have.
+    Args:
+        source: the learner, or the file of the classifier.
     """
+    soft = evidence.is_soft(sense.name)
     rows = [[float(rate) for rate in row] for row in confusion.rates(evidence.smoothing)]
     return SenseSetup(
-        trained.soft() if evidence.is_soft(sense.name) else trained,
+        trained.soft() if soft else trained,
         signals,
         nest_rates(confusion.classes, rows),
         confusion,
         estimate_rates(confusion, smoothing=evidence.smoothing),
+        source=source,
         trained=trained,
-        **about,
+        soft=soft,
     )

@@ -135,23 +135,18 @@ def compare_strategies(
             with progress("solving the POMDP") as advance:
                 solution = solve_domain(domain, options.solver, cache=options.cache, advance=advance)
             planner = Planner(solution)
-        robot = make_robot(domain, senses, make_program(domain, senses, options.evidence), planner)
+        robot = make_robot(domain, senses, make_program(domain, senses, options.evidence.smoothing), planner)
         if options.trials is None:
             channels = {sense.name: NoisyChannel.from_domain(domain, sense) for sense in domain.senses}
             with progress("enumerating people and answers"):
                 exact_scores = evaluate_exactly(domain, robot, channels, strategies)
             return Comparison(tuple(exact_scores), None, senses, solution)
-        experiment = Experiment(
-            domain,
-            robot,
-            {name: setup.classifier for name, setup in senses.items()},
-            {name: setup.signals for name, setup in senses.items()},
-            strategies,
-            options.seed,
-            None
-            if log is None
-            else _describe_parts(domain, senses, solution or planner.policy, options, policy_file),
-        )
+        parts = None
+        if log is not None:
+            parts = _make_parts(domain, senses, solution or planner.policy, options, policy_file)
+        classifiers = {name: setup.classifier for name, setup in senses.items()}
+        signals = {name: setup.signals for name, setup in senses.items()}
+        experiment = Experiment(domain, robot, classifiers, signals, strategies, options.seed, parts)
         with progress("simulating trials", options.trials) as advance:
             scores, completed = run_trials(
                 experiment, options.trials, jobs=options.jobs, progress=advance, log=log
@@ -159,7 +154,7 @@ def compare_strategies(
         return Comparison(tuple(scores), completed, senses, solution)
 
 
-def _describe_parts(
+def _make_parts(
     domain: Domain,
     senses: Senses,
     planned: Solution | Policy,
@@ -168,12 +163,7 @@ def _describe_parts(
 ) -> RobotParts:
     """Return the parts that determine the decisions, for the log; a policy alone was given, not solved."""
     classifiers = {
-        name: ClassifierPart.of(
-            setup.source,
-            setup.classifier,
-            confusion=setup.confusion,
-            soft=setup.confusion is not None and options.evidence.is_soft(name),
-        )
+        name: ClassifierPart.of(setup.source, setup.classifier, confusion=setup.confusion, soft=setup.soft)
         for name, setup in senses.items()
     }
     smoothing = options.evidence.smoothing
@@ -195,10 +185,8 @@ def _set_up_senses(
         if how is None:
             senses[sense.name] = from_channel(domain, sense)
             continue
-        from lcorpp.experiments.classifier_training import (
-            load_trained,
-            train_classifier,
-        )  # loads scikit-learn
+        # loads scikit-learn
+        from lcorpp.experiments.classifier_training import load_trained, train_classifier
 
         evidence, seed = options.evidence, options.seed
         if isinstance(how, StoredOptions):

@@ -17,7 +17,7 @@ from lcorpp.decision import Strategy
 from lcorpp.domains import Domain
 from lcorpp.errors import DataError, FileError, LcorppError
 from lcorpp.experiments.robot_parts import Json, RobotParts, describe_strategy
-from lcorpp.values import Array, Distribution, Episode, Label, Likelihood, SharedValue, Step
+from lcorpp.values import Array, Distribution, Episode, Label, Likelihood, Step, read_value
 
 FORMAT, VERSION = "lcorpp decision", 1
 
@@ -48,7 +48,7 @@ class DecisionLog:
         try:
             if self._is_regular and not shutil.disk_usage(path).free:
                 raise FileError(f"{path}: cannot be written: No space left on device")
-            # whether a device can be written is known afterwards only
+            # a device such as /dev/full opens without an error, and fails at the first write
             if _ends_within_line(path) if self._is_regular else stat.S_ISCHR(kind):
                 self.append_lines([b"\n"])
         except FileError:
@@ -210,7 +210,7 @@ class LoggedDecision:
         states = domain.pomdp.states
         if marginal is not None:
             values, probabilities = zip(*marginal, strict=True)
-            marginal = Distribution(tuple(map(_read_value, values)), np.array(probabilities))
+            marginal = Distribution(tuple(map(read_value, values)), np.array(probabilities))
         steps = [
             Step(step["action"], step["observation"], _read_belief(states, step["belief"]))
             for step in content["steps"]
@@ -221,7 +221,7 @@ class LoggedDecision:
             marginal=marginal,
             prior=_read_belief(states, content["prior"]),
             steps=tuple(steps),
-            report=_read_value(content["report"]),
+            report=read_value(content["report"]),
             seconds=content["seconds"],
         )
 
@@ -240,10 +240,6 @@ def _read_belief(states: tuple[str, ...], belief: Mapping[str, float]) -> Array:
         if state not in states:
             raise DataError(f"the model has no state {state!r}")
     return np.array([belief.get(state, 0.0) for state in states], dtype=np.float64)
-
-
-def _read_value(value: Any) -> SharedValue:
-    return tuple(value) if isinstance(value, list) else value
 
 
 def read_log(path: Path) -> Iterator[LoggedDecision | DataError]:

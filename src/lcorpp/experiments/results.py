@@ -16,7 +16,7 @@ from lcorpp.domains.own_world import OwnWorlds
 from lcorpp.errors import DataError
 from lcorpp.experiments.comparison import Comparison, ComparisonOptions
 from lcorpp.experiments.scoring.metrics import METRICS, Difference, Scores
-from lcorpp.experiments.setup import ClassifierOptions, EvidenceOptions, SenseSetup, TrainingOptions
+from lcorpp.experiments.setup import ClassifierOptions, SenseSetup, TrainingOptions
 from lcorpp.files import make_folder, write_atomically
 from lcorpp.planning import Solution
 from lcorpp.planning.solution import describe_start
@@ -59,7 +59,7 @@ def describe_run(
         "shared": domain.reasoning.shared,
         "values": domain.values,
         "senses": {
-            name: _describe_sense(name, options.classifiers.get(name), setup, options.evidence)
+            name: _describe_sense(options.classifiers.get(name), setup)
             for name, setup in comparison.senses.items()
         },
         "evidence": "soft" if options.evidence.soft else "hard",
@@ -89,9 +89,7 @@ def describe_solution(solution: Solution | None) -> dict[str, Any] | None:
     }
 
 
-def _describe_sense(
-    name: str, options: ClassifierOptions, setup: SenseSetup, evidence: EvidenceOptions
-) -> dict[str, Any]:
+def _describe_sense(options: ClassifierOptions, setup: SenseSetup) -> dict[str, Any]:
     training = options if isinstance(options, TrainingOptions) else TrainingOptions()
     return {
         "classifier": setup.source,
@@ -99,7 +97,7 @@ def _describe_sense(
         "threshold": training.threshold,
         "prevalence": training.prevalence,
         "device": training.device,
-        "evidence": "soft" if evidence.is_soft(name) and setup.trained is not None else "hard",
+        "evidence": "soft" if setup.soft else "hard",
         "rates": setup.rates,
         "data": str(setup.data) if setup.data else None,
         "tracks": setup.n_tracks,

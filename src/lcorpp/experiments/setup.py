@@ -138,6 +138,7 @@ class SenseSetup:
     intervals: one row of rates with intervals per true class; () for a noisy channel.
     source: "channel", the learner, or the file of the classifier.
     trained: the trained classifier, without soft evidence; None for a noisy channel.
+    soft: whether its evidence is a likelihood of each class, so that the program does without its rates.
     n_tracks: number of training cases, report: evaluation of the classifier; None if it was not trained now.
     unit: plural noun of the cases. data: the recorded data, None if they are simulated.
     notes: warnings about the data.
@@ -150,6 +151,7 @@ class SenseSetup:
     intervals: Sequence[Sequence[Rate]] = ()
     source: str = "channel"
     trained: TrainedClassifier | None = None
+    soft: bool = False
     n_tracks: int | None = None
     report: EvaluationReport | None = None
     unit: str = "tracks"
@@ -176,11 +178,11 @@ def from_channel(domain: Domain, sense: Sense) -> SenseSetup:
     return SenseSetup(channel, channel, nest_rates(sense.classes, channel.rates.tolist()))
 
 
-def make_program(domain: Domain, senses: Senses, evidence: EvidenceOptions = HARD_LABELS) -> Program:
+def make_program(domain: Domain, senses: Senses, smoothing: Fraction = JEFFREYS) -> Program:
     """Return the domain's program with the error rates of trained classifiers as rules."""
     confusions = {name: setup.confusion for name, setup in senses.items() if setup.confusion is not None}
-    soft = [name for name in confusions if evidence.is_soft(name)]
-    return domain.program_for(confusions, evidence.smoothing, soft=soft)
+    soft = [name for name, setup in senses.items() if setup.soft]
+    return domain.program_for(confusions, smoothing, soft=soft)
 
 
 def solve_domain(

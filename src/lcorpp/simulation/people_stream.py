@@ -12,7 +12,7 @@ from lcorpp.domains import Domain
 from lcorpp.learning.store import StoredTrack
 from lcorpp.simulation.people import Person, Population, SignalSource
 from lcorpp.simulation.world import SimulatedWorld, SimulationModel
-from lcorpp.values import Array, Episode, Instance, SharedValue
+from lcorpp.values import Array, Episode, Instance, SharedValue, read_value
 
 GROUP_SIZE = 50
 """People whose trajectories are simulated together; one by one takes twenty times longer."""
@@ -42,14 +42,8 @@ class DecisionResult:
         extra = track.extra.get("simulated")
         if not isinstance(extra, dict) or not {"actual", "cost", "earned"} <= set(extra):
             return None
-        # earlier versions stored the report as the label only; JSON makes a list of a tuple
-        report = extra.get("report", track.label_history[0].label)
-        read = DecisionResult._read_value
-        return cls(read(extra["actual"]), read(report), extra["cost"], extra["earned"])
-
-    @staticmethod
-    def _read_value(value: Any) -> Any:
-        return tuple(value) if isinstance(value, list) else value
+        report = extra.get("report", track.label_history[0].label)  # earlier versions stored the label only
+        return cls(read_value(extra["actual"]), read_value(report), extra["cost"], extra["earned"])
 
 
 class PeopleStream:
@@ -91,8 +85,7 @@ class PeopleStream:
         return DecisionResult(self._domain.reasoning.join(person), episode.report, world.cost, world.return_)
 
     def describe_truth(self) -> dict[str, Any]:
-        """Return what only the simulation knows of the latest decision, for a log."""
+        """Return what only the simulation knows of the latest decision, as JSON for a log."""
         assert self._current is not None
-        person, world = self._current
-        truth = {"trial": self._position - 1, "truth": dict(person)}
-        return {**truth, "cost": world.cost, "return": world.return_}
+        _, world = self._current
+        return {"trial": self._position - 1, **world.describe_truth()}

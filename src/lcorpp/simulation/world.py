@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from bisect import bisect_right
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -59,7 +60,7 @@ class SimulatedWorld:
     """
 
     def __init__(self, model: SimulationModel, person: Mapping[str, str], rng: np.random.Generator) -> None:
-        self._model, self._rng = model, rng
+        self._model, self._person, self._rng = model, person, rng
         value = model.domain.values.index(model.domain.reasoning.join(person))
         self._state = self._draw(model.initial_states[value])
         make_answers = model.domain.simulation.world
@@ -95,6 +96,10 @@ class SimulatedWorld:
         self.return_ += self._model.reward[self._model.action_index[action]][self._state]
         if self._answers is not None:
             self._answers.report(action)
+
+    def describe_truth(self) -> dict[str, Any]:
+        """Return what the robot cannot know, as JSON for a log: the person, cost and return."""
+        return {"truth": dict(self._person), "cost": self.cost, "return": self.return_}
 
     def _draw(self, bounds: Sequence[float]) -> int:
         return bisect_right(bounds, self._rng.random())

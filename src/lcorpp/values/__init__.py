@@ -24,5 +24,6 @@ from lcorpp.values.distribution import (
     Likelihood as Likelihood,
     SharedValue as SharedValue,
     format_value as format_value,
+    read_value as read_value,
 )
 from lcorpp.values.episode import Episode as Episode, Instance as Instance, Step as Step

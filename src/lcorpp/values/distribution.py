@@ -81,6 +81,11 @@ def format_value(value: SharedValue) -> str:
     return value if isinstance(value, str) else f"({', '.join(value)})"
 
 
+def read_value(content: Any) -> SharedValue:
+    """Return the shared value that JSON represents: a text, or a list of texts for a tuple."""
+    return tuple(content) if isinstance(content, list) else content
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class Likelihood:
     """Soft evidence about a named value: P(observed | value) up to a common factor.

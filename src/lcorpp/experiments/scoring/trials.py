@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Mapping, Sequence
-from contextlib import ExitStack, closing
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import ExitStack, closing, contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -110,14 +110,7 @@ def run_trials(
         ]
         done = 0
         try:
-            with ExitStack() as stack:
-                if jobs == 1 or len(chunks) == 1:
-                    sizes = (run_chunk(experiment, *arguments) for arguments in work)
-                else:
-                    calls = (delayed(_run_in_worker)(find_log_level(), experiment, *each) for each in work)
-                    with ignore_sigint():
-                        started = Parallel(n_jobs=jobs, return_as="generator")(calls)
-                    sizes = stack.enter_context(closing(started))
+            with _run_chunks(experiment, work, jobs) as sizes:
                 for size in sizes:
                     done += size
                     if waiting is not None:
@@ -132,6 +125,25 @@ def run_trials(
                 waiting.append_rest()
         completed = np.array(results[results["truth"] >= 0])
     return _score_trials(experiment, completed), len(completed)
+
+
+@contextmanager
+def _run_chunks(
+    experiment: Experiment, work: Sequence[tuple[int, Trials, Path | None]], jobs: int
+) -> Iterator[Iterator[int]]:
+    """Run chunks in some processes; yields an iterator of the number of trials of each, in their order.
+
+    Args:
+        work: the arguments of `run_chunk` for each chunk.
+    """
+    if jobs == 1 or len(work) == 1:
+        yield (run_chunk(experiment, *arguments) for arguments in work)
+        return
+    calls = (delayed(_run_in_worker)(find_log_level(), experiment, *arguments) for arguments in work)
+    with ignore_sigint():
+        started = Parallel(n_jobs=jobs, return_as="generator")(calls)
+    with closing(started):
+        yield started
 
 
 class WaitingLines:
@@ -186,23 +198,24 @@ def run_chunk(experiment: Experiment, number: int, results: Trials, file: Path |
         for sense, classifier in experiment.classifiers.items()
     }
     classify_seconds = (perf_counter() - began) / len(people)
-    recall = {sense: PrecomputedLabel() for sense in labels}
-    full = replace(experiment.robot, classifiers=recall, domain=domain)
+    classifiers = {sense: PrecomputedLabel() for sense in labels}
+    full = replace(experiment.robot, classifiers=classifiers, domain=domain)
+    # a strategy that changes the robot does so for each decision
     robots = [None if strategy.change else strategy.robot(full) for strategy in strategies]
     with ExitStack() as stack:
         log, parts = None, experiment.parts
         if file is not None:
             log = stack.enter_context(open(file, "wb", buffering=0))
         for i, person in enumerate(people):
-            for sense, precomputed in recall.items():
-                precomputed.label = labels[sense][i]
+            for sense, classifier in classifiers.items():
+                classifier.label = labels[sense][i]
             perceived = {sense: own[i] for sense, own in signals.items()}
             instance = Instance(perceived, {name: person[name] for name in domain.observed})
             lines = []
             for k, strategy in enumerate(strategies):
                 # every strategy gets the same answers: each has a new generator with the same seed
-                world = model.make_world(person, np.random.default_rng([experiment.seed, number, i]))
                 seed = experiment.seed, number, i
+                world = model.make_world(person, np.random.default_rng(seed))
                 with strategy.locate_failures():
                     robot = robots[k] or strategy.robot(full, make_generator(*seed))
                     episode = dt_control(robot, instance, world)
@@ -212,12 +225,7 @@ def run_chunk(experiment: Experiment, number: int, results: Trials, file: Path |
                 results["cost"][i, k], results["return_"][i, k] = world.cost, world.return_
                 if log is not None and parts is not None:
                     seconds = {**episode.seconds, "classify": classify_seconds if episode.labels else 0.0}
-                    simulated = {
-                        "trial": number * CHUNK_SIZE + i,
-                        "truth": dict(person),
-                        "cost": world.cost,
-                        "return": world.return_,
-                    }
+                    simulated = {"trial": number * CHUNK_SIZE + i, **world.describe_truth()}
                     timed = replace(episode, seconds=seconds)
                     lines.append(
                         format_decision(parts, strategy, instance.context, timed, simulated, seed=seed)
