@@ -19,7 +19,6 @@ KINDS = (
     " folder of recorded tracks, a store of tracks"
 )
 
-
 PROGRAMS = (".plog", ".pl", ".problog", ".lp", ".plp")
 """Suffixes of programs of P-log, ProbLog and plingo."""
 

@@ -116,7 +116,7 @@ def run(
     laplace = smoothing is options.Smoothing.laplace
     rows = find_strategies(strategy or [], [sense.name for sense in loaded.senses])
     used = [sense for sense in loaded.senses if any(row.uses(sense.name) for row in rows)]
-    training = {
+    training = {  # None for what is not given, or is the default
         "tracks": tracks,
         "epochs": epochs,
         "threshold": threshold,

@@ -96,8 +96,8 @@ class Domain:
     @property
     def positive(self) -> str | None:
         """The positive class of decisions: that of the senses of the only shared variable; None without."""
-        given = [sense.positive for sense in self.senses if sense.of == self.shared and sense.positive]
-        return given[0] if given else None
+        positives = (sense.positive for sense in self.senses if sense.of == self.shared and sense.positive)
+        return next(positives, None)
 
     def find_sense(self, name: str) -> Sense:
         """Return a sense by its name.
@@ -156,8 +156,8 @@ class Domain:
         """The marginal of the shared variables by the labels in the evidence alone.
 
         A label gives its class probability 1; a likelihood is normalised, i.e. combined with a uniform prior.
-        Several senses about one variable are averaged, variables without a label are uniform, and variables
-        are independent: without knowledge nothing says how far to trust whom.
+        Several senses about one variable are averaged, as their error rates belong to the knowledge.
+        Variables without a label are uniform, and variables are independent.
 
         Returns:
             None if no label is about a shared variable.

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import shutil
 import tempfile
 from pathlib import Path
@@ -135,11 +136,9 @@ def format_model(new: NewDomain) -> str:
     questions = "".join(
         f'    "{q.name}": ("{q.of}", {float(q.cost)!r}, {float(q.reliability)!r}),\n' for q in new.questions
     )
-    source = MODEL_SOURCE.read_text(encoding="utf-8")
-    before, _, rest = source.partition("QUESTIONS = {\n")
-    _, _, after = rest.partition("}\n")
-    text = f"{before}QUESTIONS = {{\n{questions}}}\n{after}"
-    return text.replace("RIGHT, WRONG = 20.0, -20.0", f"RIGHT, WRONG = {new.right!r}, {new.wrong!r}")
+    text = MODEL_SOURCE.read_text(encoding="utf-8")
+    text = re.sub(r"(?<=^QUESTIONS = \{\n).*?(?=^\})", questions, text, flags=re.DOTALL | re.MULTILINE)
+    return re.sub(r"(?<=^RIGHT, WRONG = ).*", f"{new.right!r}, {new.wrong!r}", text, flags=re.MULTILINE)
 
 
 def join_words(words: list[str]) -> str:

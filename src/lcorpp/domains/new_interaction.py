@@ -43,7 +43,6 @@ def make_model(values: Mapping[str, Sequence[str]]) -> Pomdp:
             reward[a, s] = -cost
     for a in range(len(QUESTIONS), len(actions)):
         transition[a, :, -1] = 1
-        observation[a, :, :] = 0
         observation[a, :, -1] = 1
         reward[a, :-1] = WRONG
         reward[a, a - len(QUESTIONS)] = RIGHT

@@ -128,7 +128,8 @@ def compare_strategies(
         check_enumerable(domain, strategies)
     with ExitStack() as stack:
         log = None if options.log is None else stack.enter_context(DecisionLog(options.log))
-        senses, solution = _set_up_senses(domain, strategies, options, progress), None
+        senses = _set_up_senses(domain, strategies, options, progress)
+        solution = None
         if policy is not None:
             planner = Planner(policy, domain.pomdp)
         else:

@@ -81,7 +81,7 @@ def replay_log(
             episode = line.read_episode(parts.domain)
             strategy = known.find_strategy(line.strategy, parts.domain)
             with strategy.locate_failures():
-                robot = make_robot(parts, strategy, episode.labels, line.strategy.get("seed"))
+                robot = make_logged_robot(parts, strategy, episode.labels, line.strategy.get("seed"))
                 differences = compare(episode, robot, line)
             result = ReplayedDecision(line.line, strategy.name, episode, tuple(differences))
         except DAMAGE as error:
@@ -151,7 +151,7 @@ class KnownParts:
         return self._strategies[key]
 
 
-def make_robot(
+def make_logged_robot(
     parts: RobotParts, strategy: Strategy, labels: Mapping[str, Label], seed: Sequence[int] | None
 ) -> Robot:
     """Return the robot of one decision, whose classifiers return the labels of the log."""
@@ -182,13 +182,17 @@ class OtherActionError(Exception):
 
 
 def compare(logged: Episode, robot: Robot, decision: LoggedDecision) -> list[str]:
-    """Decide again and return what differs from the log."""
+    """Decide again and return what differs from the log.
+
+    Args:
+        logged: the episode of `decision`. robot: the robot with the logged labels.
+    """
     steps, other = list[Step](), None
     try:
         evidence, marginal, prior = infer_prior(robot, decision.context, logged.labels)
     except LcorppError as error:
         return [f"evidence: {error}"]
-    differences = _compare_labels(logged.evidence, evidence)
+    differences = _compare_evidence(logged.evidence, evidence)
     differences += _compare_marginals(logged.marginal, marginal)
     differences += _compare_beliefs("prior", logged.prior, prior)
     report = None
@@ -213,7 +217,7 @@ def compare(logged: Episode, robot: Robot, decision: LoggedDecision) -> list[str
     return differences
 
 
-def _compare_labels(logged: Any, now: Any) -> list[str]:
+def _compare_evidence(logged: Mapping[str, Label], now: Mapping[str, Label]) -> list[str]:
     names = dict.fromkeys([*logged, *now])
     return [
         f"evidence {name}: {logged.get(name, 'none')} in the log, {now.get(name, 'none')} now"

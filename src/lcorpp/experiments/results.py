@@ -145,19 +145,25 @@ def write_comparison(
     written += _write_figure(plot_strategies(comparison.scores, title), folder, "results", formats)
     problems = []
     for name, setup in comparison.senses.items():
-        own = folder if len(comparison.senses) == 1 else folder / name
-        make_folder(own)
-        if setup.report is not None:
-            from lcorpp.learning import plot_report, write_report
-
-            written += write_report(setup.report, own)
-            for figure in [own / f"report.{suffix}" for suffix in formats]:
-                plot_report(setup.report, figure)
-                written.append(figure)
-        saved = _save_if_trained(setup.trained, own)
+        saved = _write_sense(folder if len(comparison.senses) == 1 else folder / name, setup, formats)
         written += saved.paths
         problems += [saved.problem] if saved.problem else []
     return WrittenFiles(tuple(written), "; ".join(problems) or None)
+
+
+def _write_sense(folder: Path, setup: SenseSetup, formats: Sequence[str]) -> WrittenFiles:
+    """Write the evaluation of a classifier that was trained now, and the classifier if it was trained."""
+    make_folder(folder)
+    written = list[Path]()
+    if setup.report is not None:
+        from lcorpp.learning import plot_report, write_report
+
+        written += write_report(setup.report, folder)
+        for figure in [folder / f"report.{suffix}" for suffix in formats]:
+            plot_report(setup.report, figure)
+            written.append(figure)
+    saved = _save_if_trained(setup.trained, folder)
+    return WrittenFiles((*written, *saved.paths), saved.problem)
 
 
 def write_batches(

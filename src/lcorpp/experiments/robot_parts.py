@@ -43,13 +43,17 @@ class ClassifierPart:
     soft: bool = False
 
     @classmethod
-    def of(cls, source: str, classifier: Any, **rules: Any) -> ClassifierPart:
+    def of(
+        cls, source: str, classifier: Any, *, confusion: ConfusionMatrix | None = None, soft: bool = False
+    ) -> ClassifierPart:
         """Return the part with the fingerprint of its file, or of the classifier itself."""
         fingerprint = find_fingerprint(source)
         if fingerprint is None:
-            return cls(source, hash_object(classifier), **rules)
-        file, colon, name = source.partition(".py:")  # another folder may be the current one later
-        return cls(f"{Path(file + colon[:3]).resolve()}{colon[3:]}{name}", fingerprint, **rules)
+            return cls(source, hash_object(classifier), confusion, soft)
+        parts = split_function(source)
+        path, end = (Path(source), "") if parts is None else (parts[0], f":{parts[1]}")
+        # absolute, as another folder may be the current one later
+        return cls(f"{path.resolve()}{end}", fingerprint, confusion, soft)
 
 
 @dataclass(frozen=True, eq=False)

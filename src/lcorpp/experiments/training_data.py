@@ -77,7 +77,7 @@ def make_estimator(data: TrainingData, options: TrainingOptions, seed: int) -> A
     Raises:
         DataError: as `learner`.
     """
-    chosen = options.learner or DEFAULTS[data.dataset.kind]
+    chosen = choose_learner(options, data.dataset).learner or ""
     default_epochs = data.epochs if chosen == "lstm" else None
     return learner(
         chosen,
@@ -137,7 +137,7 @@ def read_training_data(
         path,
         labels={**labels, **reading.labels},
         label_file=reading.label_file,
-        interval=sense.rate and 1 / sense.rate,
+        interval=None if sense.rate is None else 1 / sense.rate,
         seconds=sense.seconds,
         repair=reading.repair,
         robot=reading.robot,

@@ -57,9 +57,11 @@ def print_description(recording: Recording, path: Path, seed: int) -> None:
 def print_features(dataset: Dataset, path: Path, repairs: Sequence[Repair]) -> None:
     """Print counts, the range of each channel or feature, and repairs, of data that are no motion."""
     emit, people = console.out.print, len(set(dataset.groups))
-    over_time = "" if dataset.kind == "table" else f"; {dataset.trajectories.shape[2]} points"
-    over_time += "" if dataset.kind == "table" else f" every {dataset.interval:g} s"
-    kind = "features" if dataset.kind == "table" else "channels"
+    if dataset.kind == "table":
+        kind, over_time = "features", ""
+    else:
+        points = dataset.trajectories.shape[2]
+        kind, over_time = "channels", f"; {points} points every {dataset.interval:g} s"
     emit(
         f"{path}: {len(dataset)} cases of {people} people; {len(dataset.channels)} {kind}{over_time}",
         style="bold",

@@ -143,9 +143,8 @@ def _simulate_recordings(
     """Return n recordings, of `samples` (n,) rows; each is the end of a walk of the maximum length."""
     n, max_samples = len(samples), int(samples.max())
     times = np.arange(max_samples) * INTERVAL + rng.uniform(-TIME_JITTER, TIME_JITTER, size=(n, max_samples))
-    ends = (
-        np.arange(max_samples) == max_samples - samples[:, None]
-    )  # no jitter at both ends: the duration is exact
+    # no jitter at both ends: the duration is exact
+    ends = np.arange(max_samples) == max_samples - samples[:, None]
     ends[:, -1] = True
     times = np.where(ends, np.arange(max_samples) * INTERVAL, times)
     walks = _walk(interested, (max_samples - 1) * INTERVAL - times, rng)
@@ -170,9 +169,8 @@ def _estimate_velocity(position: Array, times: Array, samples: npt.NDArray[np.in
     now = np.arange(max_samples)
     first = (max_samples - samples)[:, None]
     before = np.maximum(now - max(1, round(VELOCITY_WINDOW / INTERVAL)), first)
-    now = np.maximum(now, before + 1).clip(
-        max=max_samples - 1
-    )  # the first sample gets the second one's estimate
+    # the first sample gets the second one's estimate
+    now = np.maximum(now, before + 1).clip(max=max_samples - 1)
     row = np.arange(n)[:, None]
     before = np.minimum(before, now - 1)
     shift = position.transpose(0, 2, 1)[row, now] - position.transpose(0, 2, 1)[row, before]
@@ -180,7 +178,7 @@ def _estimate_velocity(position: Array, times: Array, samples: npt.NDArray[np.in
     return velocity, np.arctan2(shift[..., 1], shift[..., 0])
 
 
-class _Walks(NamedTuple):
+class _TimedWalks(NamedTuple):
     """path: (n, 2, points) true positions. attending: (n, points) whether they attend to the robot."""
 
     path: Array
@@ -197,7 +195,7 @@ def _read_interested(people: Sequence[Mapping[str, str]]) -> Flags:
     return np.array([person["intention"] == "interested" for person in people], dtype=bool)
 
 
-def _walk(interested: Flags, time_left: Array, rng: np.random.Generator) -> _Walks:
+def _walk(interested: Flags, time_left: Array, rng: np.random.Generator) -> _TimedWalks:
     """Simulate n people.
 
     Args:
@@ -220,7 +218,7 @@ def _walk(interested: Flags, time_left: Array, rng: np.random.Generator) -> _Wal
         position[rows] = path.transpose(0, 2, 1)
         attending[rows] = walks.attending[step, column]
         missing = missing[~walks.accepted]
-    return _Walks(position, attending)
+    return _TimedWalks(position, attending)
 
 
 def _add_tracker_errors(path: Array, times: Array, rng: np.random.Generator) -> Array:

@@ -90,7 +90,7 @@ def read_senses(
 
 def _read_sense(table: TomlTable, reasoning: ReasoningSection, folder: Path) -> Sense:
     attribute, program = table.text("attribute"), reasoning.program
-    labels = find_attribute_values(table.location("attribute"), attribute, program)
+    find_attribute_values(table.location("attribute"), attribute, program)
     if attribute in reasoning.shared or attribute in reasoning.observed:
         raise DomainError(f"{table.location('attribute')}: {attribute!r} is already shared or observed")
     of = table.text("of", reasoning.shared[0] if len(reasoning.shared) == 1 else None)
@@ -101,15 +101,7 @@ def _read_sense(table: TomlTable, reasoning: ReasoningSection, folder: Path) -> 
         )
     check_defined(table.location("of"), (of,), program)
     check_defined(table.location("attribute"), (attribute,), program)
-    value_of = table.mapping("labels")
-    location = table.location("labels")
-    check_same_names(
-        location, tuple(value_of), labels, f"the values of {attribute} at {reasoning.locate(attribute)}"
-    )
-    values = tuple(value_of.values())
-    check_same_names(location, values, classes, f"the values of {of} at {reasoning.locate(of)}")
-    if len(set(values)) < len(values):
-        raise DomainError(f"{location}: two labels have the same value")
+    label_of = _read_labels(table, attribute, of, reasoning)
     positive = table.text("positive") if "positive" in table else None
     if positive is not None:
         reasoning.check_value(table.location("positive"), of, positive)
@@ -126,7 +118,7 @@ def _read_sense(table: TomlTable, reasoning: ReasoningSection, folder: Path) -> 
         name=name,
         attribute=attribute,
         of=of,
-        label_of={value: label for label, value in value_of.items()},
+        label_of=label_of,
         classes=classes,
         positive=positive,
         classifier=_read_classifier(table, folder) if "classifier" in table else None,
@@ -141,6 +133,18 @@ def _read_sense(table: TomlTable, reasoning: ReasoningSection, folder: Path) -> 
     )
     table.reject_unknown_keys()
     return sense
+
+
+def _read_labels(table: TomlTable, attribute: str, of: str, reasoning: ReasoningSection) -> dict[str, str]:
+    """Read `labels`, a table label -> class, and return class -> label."""
+    class_of, location = table.mapping("labels"), table.location("labels")
+    classes = tuple(class_of.values())
+    for name, names in ((attribute, tuple(class_of)), (of, classes)):
+        known = reasoning.program.attributes[name].values
+        check_same_names(location, names, known, f"the values of {name} at {reasoning.locate(name)}")
+    if len(set(classes)) < len(classes):
+        raise DomainError(f"{location}: two labels have the same value")
+    return {value: label for label, value in class_of.items()}
 
 
 def _read_classifier(table: TomlTable, folder: Path) -> str:
@@ -158,6 +162,7 @@ def _read_classifier(table: TomlTable, folder: Path) -> str:
 
 
 def _find_file(table: TomlTable, key: str, path: Path) -> Path:
+    """Return a path that exists."""
     if not path.exists():
         raise DomainError(f"{table.location(key)}: no file or folder {path}")
     return path

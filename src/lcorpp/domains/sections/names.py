@@ -99,9 +99,7 @@ def _locate_line(file: str, pattern: str) -> str:
     return file
 
 
-def check_declared(
-    location: str, name: str, pomdp: Pomdp, kind: Literal["states", "actions", "observations"]
-) -> None:
+def check_declared(location: str, name: str, pomdp: Pomdp, kind: Kind) -> None:
     """Check that a POMDP has a state, action or observation of this name.
 
     Raises:

@@ -42,7 +42,7 @@ def read_planner_model(
     from lcorpp.planning import Factored, flatten  # files without variables do without
 
     function = UserFunction(folder / parts[0], parts[1], DomainError)
-    values = {name: reasoning.program.attributes[name].values for name in reasoning.shared}
+    values = {shared: reasoning.program.attributes[shared].values for shared in reasoning.shared}
     model = function(values) if _has_parameter(function) else function()
     if isinstance(model, Pomdp):
         return replace(model, file=function.location), None

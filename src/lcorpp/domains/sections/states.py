@@ -200,14 +200,16 @@ def _check_values(pomdp: Pomdp, variable: Variable, reasoning: ReasoningSection,
 def _spread_start(
     pomdp: Pomdp, state_values: Array, shape: list[int], names: list[str], reasoning: ReasoningSection
 ) -> Array:
-    """Return `initial_states` (V, S): the model's start given each shared value."""
-    axes = tuple(axis for axis, name in enumerate(names) if name in reasoning.shared)
-    alive = pomdp.start * state_values.any(axis=1)
-    own = alive.reshape(shape).sum(axis=axes, keepdims=True)  # of the planner's own variables
-    anywhere = np.broadcast_to(own, shape).reshape(-1)
-    initial_states = state_values.T * alive
+    """Return `initial_states` (V, S): the model's start given each shared value.
+
+    Given a value that has probability 0 at the start, the planner's own variables start as they do over all.
+    """
+    start = pomdp.start * state_values.any(axis=1)  # (S,) without terminal states
+    initial_states = state_values.T * start
+    shared_axes = tuple(axis for axis, name in enumerate(names) if name in reasoning.shared)
+    own_start = start.reshape(shape).sum(axis=shared_axes, keepdims=True)  # of the planner's own variables
     missing = ~initial_states.any(axis=1)
-    initial_states[missing] = state_values.T[missing] * anywhere
+    initial_states[missing] = state_values.T[missing] * np.broadcast_to(own_start, shape).reshape(-1)
     totals = initial_states.sum(axis=1, keepdims=True)
     if not totals.all():
         raise DomainError(f"{pomdp.file}: the start belief is terminal; expected one before a report")

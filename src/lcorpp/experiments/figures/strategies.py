@@ -24,9 +24,10 @@ def plot_strategies(scores: Sequence[Scores], title: str) -> Figure:
     figure = Figure(figsize=(10, 4.2), layout="constrained")
     axes = figure.subplots(1, len(widths), width_ratios=widths)
     names = [result.strategy for result in scores]
-    label = "accuracy" if scores and scores[0].variables else "F1 score"
-    shares = [result.f1 if label == "F1 score" else result.accuracy for result in scores]
-    _draw_bars(axes[0], names, shares, label, "{:.3f}")
+    if any(result.variables for result in scores):
+        _draw_bars(axes[0], names, [result.accuracy for result in scores], "accuracy", "{:.3f}")
+    else:
+        _draw_bars(axes[0], names, [result.f1 for result in scores], "F1 score", "{:.3f}")
     axes[0].set_ylim(0, 1)
     _draw_bars(axes[1], names, [result.return_ for result in scores], "mean return", "{:.1f}")
     if planning:
