@@ -28,7 +28,11 @@ class Population:
         self._reasoner = Reasoner(domain.simulation.true_program)
 
     def sample(self, count: int, rng: np.random.Generator, given: Mapping[str, str] = {}) -> list[Person]:
-        """Draw `count` people from the distribution conditioned on the values in `given`."""
+        """Draw `count` people from the distribution conditioned on the values in `given`.
+
+        Raises:
+            UndefinedError: no possible world has these values.
+        """
         return [self._reasoner.sample(rng, given) for _ in range(count)]
 
 
