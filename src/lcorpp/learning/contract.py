@@ -14,6 +14,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.special import expit, softmax
 from sklearn.base import BaseEstimator, ClassifierMixin, clone
+from sklearn.utils.validation import has_fit_parameter
 
 from lcorpp.errors import DataError, LcorppError
 from lcorpp.values import Array
@@ -46,9 +47,10 @@ class SigmoidScores(ProbabilityClassifier):
     def __init__(self, classifier: Any) -> None:
         self.classifier = classifier
 
-    def fit(self, X: npt.ArrayLike, y: npt.ArrayLike) -> Self:
-        """Train a clone of the classifier."""
-        self.classifier_ = clone(self.classifier).fit(X, y)
+    def fit(self, X: npt.ArrayLike, y: npt.ArrayLike, sample_weight: npt.ArrayLike | None = None) -> Self:
+        """Train a clone of the classifier; it needs to take `sample_weight` only if that is given."""
+        weights = {} if sample_weight is None else _route_weights(self.classifier, sample_weight)
+        self.classifier_ = clone(self.classifier).fit(X, y, **weights)
         self.classes_ = self.classifier_.classes_
         return self
 
@@ -85,19 +87,45 @@ def ensure_predict_proba(estimator: Any) -> Any:
     )
 
 
-def fit_clone(estimator: Any, tracks: Array, labels: npt.ArrayLike) -> Any:
+def accepts_weights(estimator: Any) -> bool:
+    """Whether `fit` takes the weights of cases; of a pipeline, that of its last step."""
+    if isinstance(estimator, SigmoidScores):
+        return accepts_weights(estimator.classifier)
+    if steps := getattr(estimator, "steps", None):
+        return accepts_weights(steps[-1][1])
+    return bool(has_fit_parameter(estimator, "sample_weight"))
+
+
+def _route_weights(estimator: Any, weights: npt.ArrayLike) -> dict[str, npt.ArrayLike]:
+    """Return the weights as arguments of `fit`; in a pipeline every step that takes weights gets them."""
+    if not accepts_weights(estimator):
+        raise DataError(
+            f"{name_of(estimator)} has no sample_weight in fit, so it cannot learn from weighted cases"
+        )
+    steps = getattr(estimator, "steps", None)
+    if steps is None:
+        return {"sample_weight": weights}
+    return {f"{name}__sample_weight": weights for name, step in steps if accepts_weights(step)}
+
+
+def fit_clone(
+    estimator: Any, tracks: Array, labels: npt.ArrayLike, weights: npt.ArrayLike | None = None
+) -> Any:
     """Clone `estimator` and fit the clone.
 
     Args:
         tracks: (cases, channels, time points). labels: (cases,) class names.
+        weights: (cases,) as in `Dataset`. None, or 1 for all, does not need an estimator that takes them.
 
     Raises:
-        DataError: cloning or fitting fails, or the fitted clone has no `classes_`.
+        DataError: cloning or fitting fails, the fitted clone has no `classes_`, or it takes no weights.
     """
+    given = np.ones(1) if weights is None else np.asarray(weights, dtype=np.float64)
+    routed = _route_weights(estimator, given) if (given != 1).any() else {}
     with _report_failure(estimator, "clone"):
         trained = clone(estimator)
     with _report_failure(estimator, "fit"):
-        trained.fit(tracks, labels)
+        trained.fit(tracks, labels, **routed)
     classes = np.asarray(getattr(trained, "classes_", None))
     if classes.ndim != 1:
         raise DataError(f"{name_of(estimator)} has no classes_ after fit; expected a scikit-learn classifier")

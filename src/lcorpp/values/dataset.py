@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from hashlib import sha256
 from typing import Literal
 
@@ -42,6 +42,9 @@ class Dataset:
     interval: seconds between two time points; features have none, and ignore it.
     channels: (channels,) or (features,) different names. Those in `CHANNELS` are motion, x and y in the
         robot's frame. Default: x and y, and for features their numbers from 1.
+    weights: (cases,) above 0: a case of weight 2 counts as two equal cases of one group, in the training and
+        in the counts of cross-validation. A person whose class is uncertain is a case of each class, whose
+        weights sum to 1, in one group. Default: 1 for all.
     """
 
     trajectories: Array
@@ -51,6 +54,7 @@ class Dataset:
     notes: tuple[str, ...] = ()
     interval: float = 0.033
     channels: tuple[str, ...] = ()
+    weights: Array = field(default_factory=lambda: np.ones(0))
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "trajectories", freeze(self.trajectories))
@@ -58,6 +62,9 @@ class Dataset:
         n = len(self.labels)
         if not self.groups:
             object.__setattr__(self, "groups", tuple(str(i) for i in range(n)))
+        object.__setattr__(self, "weights", freeze(self.weights if np.size(self.weights) else np.ones(n)))
+        if self.weights.shape != (n,) or not ((self.weights > 0) & np.isfinite(self.weights)).all():
+            raise DataError(f"{n} cases need as many weights, finite and above 0, not {self.weights}")
         shape = self.trajectories.shape
         if len(shape) not in (2, 3) or shape[0] != n or len(self.groups) != n:
             raise DataError(
@@ -109,13 +116,24 @@ class Dataset:
             f" {names} every {self.interval:g} s, {groups})"
         )
 
-    def append(self, pairs: Sequence[tuple[npt.ArrayLike, str]], groups: Sequence[str]) -> Dataset:
+    @property
+    def is_weighted(self) -> bool:
+        """Whether some weight is not 1."""
+        return bool((self.weights != 1).any())
+
+    def append(
+        self,
+        pairs: Sequence[tuple[npt.ArrayLike, str]],
+        groups: Sequence[str],
+        weights: npt.ArrayLike | None = None,
+    ) -> Dataset:
         """Return the data set with more (trajectory, label) pairs at its end.
 
         Args:
             pairs: trajectories (channels, time points), or features (features,), of the same shape, each with
                 its label.
             groups: the group of each pair; cases of one person share a group.
+            weights: of each pair; None is 1 for all.
 
         Raises:
             DataError: a trajectory has another shape.
@@ -135,6 +153,7 @@ class Dataset:
             trajectories=np.concatenate([self.trajectories, np.reshape(tracks, (-1, *shape))]),
             labels=(*self.labels, *(label for _, label in pairs)),
             groups=(*self.groups, *groups),
+            weights=np.concatenate([self.weights, np.ones(len(pairs)) if weights is None else weights]),
         )
 
     def take(self, rows: npt.ArrayLike) -> Dataset:
@@ -145,4 +164,5 @@ class Dataset:
             trajectories=self.trajectories[index],
             labels=tuple(self.labels[i] for i in index),
             groups=tuple(self.groups[i] for i in index),
+            weights=self.weights[index],
         )

@@ -38,8 +38,8 @@ class QuadraticLogistic(ProbabilityClassifier):
     def __init__(self, *, C: float = 0.02) -> None:
         self.C = C
 
-    def fit(self, X: npt.ArrayLike, y: npt.ArrayLike) -> Self:
-        """Train on X (cases, features) and class names y (cases,).
+    def fit(self, X: npt.ArrayLike, y: npt.ArrayLike, sample_weight: npt.ArrayLike | None = None) -> Self:
+        """Train on X (cases, features) and class names y (cases,), with weights (cases,), 1 by default.
 
         Raises:
             DataError: `C` is not above 0.
@@ -47,11 +47,16 @@ class QuadraticLogistic(ProbabilityClassifier):
         if not 0 < self.C < float("inf"):
             raise DataError(f"C must be a finite number above 0, not {self.C}")
         features = np.asarray(X, dtype=np.float64)
-        self.mean_: Array = features.mean(axis=0)
-        deviation = features.std(axis=0)
+        weights = np.ones(len(features)) if sample_weight is None else np.asarray(sample_weight)
+        self.mean_: Array = np.average(features, axis=0, weights=weights)
+        deviation = np.sqrt(np.average((features - self.mean_) ** 2, axis=0, weights=weights))
         self.scale_: Array = np.where(deviation > 1e-9, deviation, 1.0)
-        model = LogisticRegression(C=self.C, max_iter=MAX_ITERATIONS, class_weight="balanced")
-        model.fit(self._add_squares(features), y)
+        # scikit-learn's class_weight="balanced" counts cases, not their weights, before version 1.7
+        _, index = np.unique(np.asarray(y), return_inverse=True)
+        totals = np.bincount(index, weights)
+        balanced = weights * (totals.sum() / (len(totals) * totals))[index]
+        model = LogisticRegression(C=self.C, max_iter=MAX_ITERATIONS)
+        model.fit(self._add_squares(features), y, balanced)
         self.classes_, self.weights_, self.bias_ = model.classes_, model.coef_, model.intercept_
         return self
 

@@ -18,7 +18,7 @@ from sklearn.pipeline import Pipeline
 
 from lcorpp.errors import DataError, expected_one_of
 from lcorpp.learning.classifiers.plugin import load_learner_plugin
-from lcorpp.learning.contract import SigmoidScores, ensure_predict_proba
+from lcorpp.learning.contract import SigmoidScores, accepts_weights, ensure_predict_proba
 from lcorpp.learning.features.motion import ChannelStandardizer, Motion
 from lcorpp.learning.features.summaries import SummaryFeatures
 from lcorpp.learning.lstm import LstmClassifier
@@ -78,12 +78,14 @@ class Learner:
     """A row of the table.
 
     iterative: the learner takes `epochs` and `device`. kinds: the data that it learns from.
+    weighted: it learns from weighted cases.
     """
 
     about: str
     make: Callable[[LearnerConfig], Any]
     iterative: bool = False
     kinds: tuple[Kind, ...] = ("motion", "series")
+    weighted: bool = True
 
 
 def paper_pipeline(
@@ -165,7 +167,9 @@ LEARNERS: Mapping[str, Learner] = {
     "summaries": Learner("logistic regression on summaries of the motion", _summaries, kinds=KINDS),
     "forest": Learner("a random forest on summaries of the motion", _forest, kinds=KINDS),
     "logistic": Learner("logistic regression on a table of features", _summaries, kinds=("table",)),
-    "minirocket": Learner("aeon's MiniRocket, random convolutions of the motion", _minirocket),
+    "minirocket": Learner(
+        "aeon's MiniRocket, random convolutions of the motion", _minirocket, weighted=False
+    ),
 }
 """The learners by name."""
 
@@ -239,6 +243,20 @@ def learner(
             f" {_DESCRIPTIONS[config.kind]}: {join_some(inputs)}"
         )
     return row.make(config)
+
+
+def check_weighted(name: str, estimator: Any) -> None:
+    """Check that a learner's estimator can be trained on weighted cases.
+
+    Raises:
+        DataError: its `fit` has no `sample_weight`; the message names the learners that have it.
+    """
+    if not accepts_weights(estimator):
+        known = [other for other, row in LEARNERS.items() if row.weighted]
+        raise DataError(
+            f"learner {name!r} cannot learn from weighted cases: its fit has no sample_weight;"
+            f" {expected_one_of(known)}"
+        )
 
 
 def _set_seed(estimator: Any, seed: int) -> Any:

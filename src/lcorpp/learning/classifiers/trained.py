@@ -111,7 +111,7 @@ def train(estimator: Any, dataset: Dataset) -> TrainedClassifier:
     """
     check_trainable(dataset)
     usable = ensure_predict_proba(estimator)
-    fitted = fit_clone(usable, dataset.trajectories, np.array(dataset.labels))
+    fitted = fit_clone(usable, dataset.trajectories, np.array(dataset.labels), dataset.weights)
     return TrainedClassifier(fitted, inputs=dataset.channels)
 
 
@@ -130,5 +130,7 @@ def train_and_validate(
     The calibration is fitted to all out-of-fold predictions.
     """
     trained, validation = fit_and_validate(estimator, dataset, folds, seed, jobs, progress)
-    calibration = fit_calibration(validation.classes, validation.probabilities, validation.labels)
+    calibration = fit_calibration(
+        validation.classes, validation.probabilities, validation.labels, validation.weights
+    )
     return TrainedClassifier(trained, validation.confusion, calibration, None, dataset.channels), validation

@@ -37,7 +37,8 @@ def save_dataset(dataset: Dataset, path: str | Path) -> None:
     fields = ("labels", "groups", "source", "notes", "interval", "channels")
     header = {"format": FORMAT, "version": VERSION} | {name: getattr(dataset, name) for name in fields}
     buffer = io.BytesIO()
-    np.savez_compressed(buffer, dataset=np.array(json.dumps(header)), trajectories=dataset.trajectories)
+    tracks, weights = dataset.trajectories, dataset.weights
+    np.savez_compressed(buffer, dataset=np.array(json.dumps(header)), trajectories=tracks, weights=weights)
     write_atomically(path, buffer.getvalue())
 
 
@@ -52,6 +53,7 @@ def load_dataset(path: str | Path) -> Dataset:
     try:
         with np.load(io.BytesIO(content), allow_pickle=False) as archive:
             header, tracks = json.loads(str(archive["dataset"])), archive["trajectories"]
+            weights = archive.get("weights", ())  # files of older versions have none
         if tracks.dtype.kind not in "fiu":
             raise DataError(f"its trajectories are {tracks.dtype}; expected numbers")
         for name in ("labels", "groups", "channels"):
@@ -69,6 +71,7 @@ def load_dataset(path: str | Path) -> Dataset:
             tuple(map(str, header["notes"])),
             float(header["interval"]),
             tuple(header["channels"]),
+            weights,
         )
     except DataError as error:
         raise DataError(f"{path}: not a data set that can be used: {error}") from None

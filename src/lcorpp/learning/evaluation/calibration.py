@@ -102,12 +102,15 @@ class Calibration:
         return cls(classes, float(numbers["slope"]), *(np.array(numbers[name]) for name in ARRAYS))
 
 
-def fit_calibration(classes: Sequence[str], probabilities: Array, labels: Sequence[str]) -> Calibration:
+def fit_calibration(
+    classes: Sequence[str], probabilities: Array, labels: Sequence[str], weights: Array | None = None
+) -> Calibration:
     """Fit a calibration to predictions on cases that the classifier was not trained on.
 
     Args:
         classes: (K,) the columns of `probabilities` (cases, K).
         labels: (cases,) the true classes.
+        weights: (cases,) as in `Dataset`; None is 1 for all.
 
     Raises:
         DataError: there are no cases, or a label is not one of `classes`.
@@ -123,9 +126,10 @@ def fit_calibration(classes: Sequence[str], probabilities: Array, labels: Sequen
         if name not in columns:
             raise DataError(f"a case is of class {name!r}; {expected_one_of(list(classes))}")
     index = np.array([columns[name] for name in labels])
-    k, cases = len(classes), len(index)
-    counts = np.bincount(index, minlength=k).astype(np.float64)
-    targets = ((np.eye(k) * counts[:, None] + 1) / (counts[:, None] + k))[index]
+    k, weight = len(classes), np.ones(len(index)) if weights is None else weights
+    counts = np.bincount(index, weight, minlength=k)
+    cases = counts.sum()
+    targets = ((np.eye(k) * counts[:, None] + 1) / (counts[:, None] + k))[index] * weight[:, None]
     logs = _clip_and_log(probabilities)
 
     def loss(parameters: Array) -> tuple[float, Array]:

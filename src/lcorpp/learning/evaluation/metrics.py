@@ -55,7 +55,7 @@ def bootstrap_interval(value: float, resampled: Array) -> Interval:
     return Interval(float(value), float(min(low, value)), float(max(high, value)))
 
 
-def jeffreys_interval(count: int, cases: int, *, level: float = 0.95, smoothing: float = 0.5) -> Interval:
+def jeffreys_interval(count: float, cases: float, *, level: float = 0.95, smoothing: float = 0.5) -> Interval:
     """The fraction count / cases with its Beta interval.
 
     The lower end is 0 if `count` is 0, the upper end 1 if it is `cases`, as is usual for Jeffreys' intervals.

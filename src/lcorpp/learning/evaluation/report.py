@@ -175,8 +175,11 @@ def build_report(
         learner, source: names to print.
 
     Raises:
-        DataError: `positive` is unknown, or a prevalence is missing or not between 0 and 1.
+        DataError: `positive` is unknown, a prevalence is missing or not between 0 and 1, or the cases are
+            weighted.
     """
+    if (validation.weights != 1).any():
+        raise DataError("a report is of cases of weight 1; these are weighted")
     classes, labels = validation.classes, np.array(validation.labels)
     if positive is not None and positive not in classes:
         raise DataError(f"no case is of class {positive!r}; {expected_one_of(classes)}")

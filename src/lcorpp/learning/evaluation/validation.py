@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from typing import Any
 
@@ -33,12 +33,15 @@ WHOLE = -1
 
 @dataclass(frozen=True)
 class Rate:
-    """The fraction of cases of class `true` with predicted class `predicted`: count / cases."""
+    """The fraction of cases of class `true` with predicted class `predicted`: count / cases.
+
+    count, cases: sums of weights if the cases have some.
+    """
 
     true: str
     predicted: str
-    count: int
-    cases: int
+    count: float
+    cases: float
     interval: Interval
 
     @property
@@ -58,6 +61,7 @@ class Validation:
     folds: (cases,) the fold in which each case was held out.
     labels: (cases,) the true classes.
     groups: (cases,) the group, e.g. the person, of each case.
+    weights: (cases,) as in `Dataset`; `confusion`, `auc` and what follows from them count cases by weight.
     """
 
     confusion: ConfusionMatrix
@@ -67,9 +71,13 @@ class Validation:
     folds: tuple[int, ...]
     labels: tuple[str, ...] = ()
     groups: tuple[str, ...] = ()
+    weights: Array = field(default_factory=lambda: np.ones(0))
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "probabilities", freeze(self.probabilities))
+        object.__setattr__(
+            self, "weights", freeze(self.weights if np.size(self.weights) else np.ones(len(self.labels)))
+        )
 
     def __repr__(self) -> str:
         auc = "" if self.auc is None else f", AUC {self.auc:.3f}"
@@ -79,7 +87,7 @@ class Validation:
         )
 
     def _repr_html_(self) -> str:
-        rows = [[row[0].true, *(f"{r.count} ({r.interval})" for r in row)] for row in self.rates]
+        rows = [[row[0].true, *(f"{r.count:g} ({r.interval})" for r in row)] for row in self.rates]
         header = ["true class", *(f"predicted {name}" for name in self.classes)]
         return html_table(header, rows, caption=repr(self)[1:-1])
 
@@ -105,7 +113,7 @@ class Validation:
 
     def with_predictions(self, predictions: Sequence[str]) -> Validation:
         """Return a copy with other predicted classes (cases,), e.g. by another decision threshold."""
-        confusion = _count_confusion(self.classes, self.labels, predictions)
+        confusion = _count_confusion(self.classes, self.labels, predictions, self.weights)
         return replace(self, confusion=confusion, predictions=tuple(predictions))
 
 
@@ -120,9 +128,10 @@ def estimate_rates(
         level: the posterior probability of the interval.
         smoothing: of the counts: `JEFFREYS` gives Jeffreys' interval, `LAPLACE` that of a uniform prior.
     """
-    names, counts = confusion.classes, confusion.counts.astype(int).tolist()
+    names, counts = confusion.classes, confusion.counts
+    counts = (counts.astype(int) if (counts == np.round(counts)).all() else counts).tolist()
 
-    def rate(true: str, predicted: str, count: int, cases: int) -> Rate:
+    def rate(true: str, predicted: str, count: float, cases: float) -> Rate:
         interval = jeffreys_interval(count, cases, level=level, smoothing=float(smoothing))
         return Rate(true, predicted, count, cases, interval)
 
@@ -177,12 +186,12 @@ def fit_and_validate(
         raise DataError(f"the seed must lie between 0 and {2**32 - 1}, not {seed}")
     check_trainable(dataset, folds=folds)
     labels = np.array(dataset.labels)
-    classes = np.unique(labels)
+    classes, weights = np.unique(labels), dataset.weights
     fold_of = assign_folds(dataset, folds, seed)
     parts = [WHOLE, *range(folds)] if whole else list(range(folds))  # the longest first, to balance the load
     quiet = _clone_without_progress(ensure_predict_proba(estimator))
     work = (
-        joblib.delayed(_train_and_predict)(quiet, dataset.trajectories, labels, fold_of, part)
+        joblib.delayed(_train_and_predict)(quiet, dataset.trajectories, labels, weights, fold_of, part)
         for part in parts
     )
     final = None
@@ -199,18 +208,20 @@ def fit_and_validate(
                 progress(done, len(parts))
 
     predictions = tuple(classes[probabilities.argmax(axis=1)].tolist())
-    confusion = _count_confusion(tuple(classes.tolist()), dataset.labels, predictions)
-    auc = float(roc_auc_score(labels == classes[1], probabilities[:, 1])) if len(classes) == 2 else None
+    confusion = _count_confusion(tuple(classes.tolist()), dataset.labels, predictions, weights)
+    auc = None
+    if len(classes) == 2:
+        auc = float(roc_auc_score(labels == classes[1], probabilities[:, 1], sample_weight=weights))
     held_out = tuple(fold_of.tolist())
     return final, Validation(
-        confusion, predictions, probabilities, auc, held_out, dataset.labels, dataset.groups
+        confusion, predictions, probabilities, auc, held_out, dataset.labels, dataset.groups, weights
     )
 
 
 def _count_confusion(
-    classes: tuple[str, ...], labels: Sequence[str], predictions: Sequence[str]
+    classes: tuple[str, ...], labels: Sequence[str], predictions: Sequence[str], weights: Array
 ) -> ConfusionMatrix:
-    counts = confusion_matrix(labels, predictions, labels=classes)
+    counts = confusion_matrix(labels, predictions, labels=classes, sample_weight=weights)
     return ConfusionMatrix(classes, counts.astype(np.float64))
 
 
@@ -255,11 +266,16 @@ def _clone_without_progress(estimator: Any) -> Any:
 
 
 def _train_and_predict(
-    estimator: Any, tracks: Array, labels: npt.NDArray[np.str_], fold_of: Indices, part: int
+    estimator: Any,
+    tracks: Array,
+    labels: npt.NDArray[np.str_],
+    weights: Array,
+    fold_of: Indices,
+    part: int,
 ) -> tuple[int, Any]:
     """Train without a fold; return its number and the predictions for it, or for `WHOLE` the classifier."""
     train, classes = fold_of != part, np.unique(labels).tolist()
-    trained = fit_clone(estimator, tracks[train], labels[train])
+    trained = fit_clone(estimator, tracks[train], labels[train], weights[train])
     if trained.classes_.tolist() != classes:
         raise DataError(f"the classifier learnt {trained.classes_.tolist()}, not {classes}")
     return part, trained if part == WHOLE else predict_proba(trained, tracks[~train])

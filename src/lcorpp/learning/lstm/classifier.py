@@ -115,12 +115,14 @@ class LstmClassifier(ProbabilityClassifier):
         self.device = device
         self.progress = progress
 
-    def fit(self, X: npt.ArrayLike, y: npt.ArrayLike) -> Self:
+    def fit(self, X: npt.ArrayLike, y: npt.ArrayLike, sample_weight: npt.ArrayLike | None = None) -> Self:
         """Train from random initial weights.
 
         Args:
             X: (cases, channels, time points).
             y: (cases,) class names.
+            sample_weight: (cases,) the weight of each case in the loss, 1 by default, multiplied by that of
+                its class.
 
         Raises:
             DataError: X or y is malformed, there is only one class, a parameter is out of range, the device
@@ -133,7 +135,10 @@ class LstmClassifier(ProbabilityClassifier):
             raise DataError(f"{len(inputs)} tracks need as many labels, not shape {index.shape}")
         if len(classes) < 2:
             raise DataError(f"all cases are of class {str(classes[0])!r}; at least two classes are needed")
-        weights = compute_class_weights(self.class_weight, classes, np.bincount(index))[index]
+        given = np.ones(len(index)) if sample_weight is None else np.asarray(sample_weight, dtype=np.float64)
+        if given.shape != index.shape or not ((given >= 0) & np.isfinite(given)).all():
+            raise DataError(f"{len(index)} cases need as many finite weights from 0, not {given}")
+        weights = given * compute_class_weights(self.class_weight, classes, np.bincount(index, given))[index]
         training_set = TrainingSet(inputs, index.astype(np.int32), weights.astype(np.float32), len(classes))
         config = TrainingConfig(
             units=int(self.units),

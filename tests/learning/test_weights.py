@@ -1,0 +1,157 @@
+"""Weighted cases: weight 2 counts as two equal cases, and an uncertain person is a case of each class."""
+
+from __future__ import annotations
+
+from importlib.util import find_spec
+
+import numpy as np
+import pytest
+from sklearn.linear_model import LogisticRegression, RidgeClassifier
+from sklearn.neighbors import KNeighborsClassifier
+from sklearn.pipeline import make_pipeline
+from sklearn.preprocessing import StandardScaler
+
+from lcorpp.errors import DataError
+from lcorpp.learning import (
+    LstmClassifier,
+    build_report,
+    cross_validate,
+    learner,
+    load_dataset,
+    save_dataset,
+    train,
+    train_and_validate,
+)
+from lcorpp.learning.classifiers.registry import LEARNERS, check_weighted
+from lcorpp.learning.contract import SigmoidScores, accepts_weights
+from lcorpp.learning.evaluation.calibration import fit_calibration
+from lcorpp.values import Dataset
+
+KNOWN = "expected one of lstm, lstm-fast, summaries, forest, logistic"
+
+
+def table(weights=(), *, repeated=False, seed=0):
+    """200 cases of two overlapping classes; every third has weight 2, or is there twice."""
+    rng = np.random.default_rng(seed)
+    index = np.arange(200)
+    features = rng.normal(size=(200, 3)) + (index % 2)[:, None] * [1.0, 0.5, 0]
+    labels = np.where(index % 2, "yes", "no")
+    if repeated:
+        index = np.sort(np.concatenate([index, index[::3]]))
+    return Dataset(
+        features[index], tuple(labels[index].tolist()), tuple(f"person {i}" for i in index), weights=weights
+    )
+
+
+def doubled():
+    return np.where(np.arange(200) % 3, 1.0, 2.0)
+
+
+@pytest.mark.parametrize(
+    "estimator",
+    [
+        learner("logistic", kind="table"),
+        make_pipeline(StandardScaler(), LogisticRegression()),
+        make_pipeline(StandardScaler(), SigmoidScores(RidgeClassifier())),
+        SigmoidScores(make_pipeline(StandardScaler(), RidgeClassifier())),
+    ],
+)
+def test_a_weight_of_two_is_a_repeated_case(estimator):
+    weighted, repeated = (train(estimator, data) for data in (table(doubled()), table(repeated=True)))
+    points = table().trajectories
+    # the two sums are rounded differently, and the solver stops at a gradient of 1e-4
+    np.testing.assert_allclose(weighted.probabilities(points), repeated.probabilities(points), atol=1e-4)
+    unweighted = train(estimator, table()).probabilities(points)
+    assert np.abs(weighted.probabilities(points) - unweighted).max() > 1e-3
+
+
+def test_confusion_matrix_auc_and_calibration_count_by_weight():
+    data = table(doubled())
+    classifier, validation = train_and_validate(learner("logistic", kind="table"), data)
+    labels, predictions = np.array(data.labels), np.array(validation.predictions)
+    expected = [
+        [doubled()[(labels == true) & (predictions == given)].sum() for given in ("no", "yes")]
+        for true in ("no", "yes")
+    ]
+    assert validation.confusion.counts.tolist() == expected
+    rows = np.repeat(np.arange(200), doubled().astype(int))
+    calibration = fit_calibration(
+        validation.classes, validation.probabilities[rows], [data.labels[i] for i in rows]
+    )
+    assert classifier.calibration.slope == pytest.approx(calibration.slope, rel=1e-4)
+    np.testing.assert_allclose(classifier.calibration.shares, calibration.shares)
+    assert validation.auc != cross_validate(learner("logistic", kind="table"), table()).auc
+    scores = validation.probabilities[:, 1]
+    pairs = [
+        (doubled()[i] * doubled()[j], scores[i] > scores[j])
+        for i in np.flatnonzero(labels == "yes")
+        for j in np.flatnonzero(labels == "no")
+    ]
+    total = sum(weight for weight, _ in pairs)
+    assert validation.auc == pytest.approx(sum(weight * won for weight, won in pairs) / total)
+    assert validation.with_predictions(data.labels).confusion.counts.sum() == doubled().sum()
+
+
+def test_copies_of_an_uncertain_person_stay_in_one_fold():
+    data = table()
+    pairs = [(row, label) for row in data.trajectories for label in ("yes", "no")]
+    groups = [group for group in data.groups for _ in range(2)]
+    weights = [w for label in data.labels for w in ((0.9, 0.1) if label == "yes" else (0.1, 0.9))]
+    soft = Dataset(np.zeros((0, 3)), ()).append(pairs, groups, weights)
+    validation = cross_validate(learner("logistic", kind="table"), soft)
+    folds = dict(zip(groups, validation.folds, strict=True))
+    assert tuple(folds[group] for group in groups) == validation.folds
+    assert validation.confusion.counts.sum() == pytest.approx(200)
+    assert validation.predictions[::2] == validation.predictions[1::2]
+    # a tenth of each class counts as the other: the counts are mixed, the predictions nearly the same
+    hard = cross_validate(learner("logistic", kind="table"), data)
+    mixed = np.array([[0.9, 0.1], [0.1, 0.9]]) @ hard.confusion.counts
+    np.testing.assert_allclose(validation.confusion.counts, mixed, atol=8)
+
+
+def test_the_lstm_multiplies_weights_of_cases_and_classes():
+    rng = np.random.default_rng(1)
+    tracks, labels = rng.normal(size=(40, 2, 8)), np.array(["a", "b"] * 20)
+    weights = np.where(labels == "a", 3.0, 1.0)
+    by_case = LstmClassifier(epochs=2).fit(tracks, labels, weights).predict_proba(tracks)
+    by_class = (
+        LstmClassifier(epochs=2, class_weight={"a": 3, "b": 1}).fit(tracks, labels).predict_proba(tracks)
+    )
+    np.testing.assert_array_equal(by_case, by_class)
+    # balanced weights undo those of the classes
+    balanced = [
+        LstmClassifier(epochs=2, class_weight="balanced").fit(tracks, labels, given).predict_proba(tracks)
+        for given in (None, weights)
+    ]
+    np.testing.assert_allclose(balanced[0], balanced[1], atol=1e-6)
+    with pytest.raises(DataError, match="40 cases need as many finite weights from 0, not"):
+        LstmClassifier().fit(tracks, labels, weights[:-1])
+
+
+def test_the_table_of_learners_knows_who_takes_weights():
+    for name, row in LEARNERS.items():
+        if name != "minirocket" or find_spec("aeon"):
+            assert accepts_weights(learner(name)) == row.weighted, name
+    with pytest.raises(DataError, match=f"learner 'k' cannot learn .* its fit has no sample_weight; {KNOWN}"):
+        check_weighted("k", KNeighborsClassifier())
+    with pytest.raises(DataError, match="KNeighborsClassifier has no sample_weight in fit"):
+        cross_validate(KNeighborsClassifier(), table(doubled()))
+    cross_validate(KNeighborsClassifier(), table())  # unweighted cases need no weights
+
+
+def test_reports_are_of_unweighted_cases():
+    validation = cross_validate(learner("logistic", kind="table"), table(doubled()))
+    with pytest.raises(DataError, match="a report is of cases of weight 1; these are weighted"):
+        build_report(validation)
+
+
+def test_weights_of_a_data_set(tmp_path):
+    data = table(doubled())
+    assert (data.is_weighted, table().is_weighted) == (True, False)
+    assert data.take([0, 1]).weights.tolist() == [2, 1]
+    assert data.append([(np.zeros(3), "no")], ["someone"]).weights.tolist()[-2:] == [1, 1]
+    save_dataset(data, tmp_path / "data.npz")
+    np.testing.assert_array_equal(load_dataset(tmp_path / "data.npz").weights, doubled())
+    for wrong in ([1.0], np.zeros(200), np.full(200, np.nan)):
+        with pytest.raises(DataError, match="200 cases need as many weights, finite and above 0"):
+            table(wrong)
