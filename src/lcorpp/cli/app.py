@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from lcorpp.cli import ask, check, explain, fit, learn, new, replay, run, show, simulate, solve
+from lcorpp.cli import ask, check, explain, figures, fit, learn, new, replay, run, show, simulate, solve
 from lcorpp.cli.data.commands import app as data_app
 from lcorpp.log_output import show_log
 
@@ -19,6 +19,7 @@ app = typer.Typer(
     context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},
 )
 app.command()(run.run)
+app.command()(figures.figures)
 app.command()(explain.explain)
 app.command()(ask.ask)
 app.command()(fit.fit)

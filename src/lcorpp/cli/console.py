@@ -51,7 +51,12 @@ def warn(text: str) -> None:
 
 @contextmanager
 def show_progress(
-    title: str, total: int | None = None, /, *, kept: str = "nothing is kept"
+    title: str,
+    total: int | None = None,
+    /,
+    *,
+    kept: str = "nothing is kept",
+    left: Callable[[], str] = lambda: "",
 ) -> Iterator[Callable[[int, int | None], None]]:
     """Display a step on standard error: a spinner, and a bar with counts if the total is known.
 
@@ -60,6 +65,7 @@ def show_progress(
     Args:
         title: the step, e.g. "solving the POMDP".
         kept: the results that an interrupt leaves, for the message.
+        left: returns a text after the counts, e.g. the remaining time.
 
     Raises:
         KeyboardInterrupt: an interrupt; the message names the step and `kept`.
@@ -78,7 +84,7 @@ def show_progress(
         task = display.add_task(title, total=total, count="")
 
         def advance(done: int, total: int | None = None) -> None:
-            count = "" if total is None else f"{done}/{total}"
+            count = "" if total is None else f"{done}/{total}{left()}"
             display.update(task, completed=done, total=total, count=count)
 
         advance(0, total)

@@ -2,13 +2,8 @@
 
 from __future__ import annotations
 
-import csv
-import io
-import json
-import platform
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -17,7 +12,8 @@ from lcorpp.errors import DataError
 from lcorpp.experiments.comparison import Comparison, ComparisonOptions
 from lcorpp.experiments.scoring.metrics import METRICS, Difference, Scores
 from lcorpp.experiments.setup import ClassifierOptions, SenseSetup, TrainingOptions
-from lcorpp.files import make_folder, write_atomically
+from lcorpp.experiments.tables import write_csv, write_json
+from lcorpp.files import make_folder
 from lcorpp.planning import Solution
 from lcorpp.planning.solution import describe_start
 from lcorpp.values import LAPLACE
@@ -32,9 +28,6 @@ FORMATS = ("png", "pdf")
 
 COLUMNS = ("strategy", *(f"{name}{end}" for name in METRICS for end in ("", "_low", "_high")))
 """The columns of results.csv; with several shared variables also accuracy_NAME of each."""
-
-PACKAGES = ("lcorpp", "numpy", "scipy", "clingo", "scikit-learn", "torch")
-"""Packages that determine a result; their versions are in each JSON file."""
 
 
 @dataclass(frozen=True)
@@ -130,7 +123,7 @@ def write_comparison(
     sources = [sense["classifier"] for sense in configuration["senses"].values()]
     title = ", ".join([configuration["domain"], *sources, f"{configuration['trials']} trials"])
     rows = [_make_row(scores) for scores in comparison.scores]
-    _write_csv(folder / "results.csv", list(rows[0]) if rows else COLUMNS, rows)
+    write_csv(folder / "results.csv", list(rows[0]) if rows else COLUMNS, rows)
     detailed = [
         {
             **row,
@@ -140,7 +133,7 @@ def write_comparison(
         }
         for row, scores in zip(rows, comparison.scores, strict=True)
     ]
-    _write_json(folder / "results.json", {"configuration": dict(configuration), "strategies": detailed})
+    write_json(folder / "results.json", {"configuration": dict(configuration), "strategies": detailed})
     written = [folder / "results.csv", folder / "results.json"]
     written += _write_figure(plot_strategies(comparison.scores, title), folder, "results", formats)
     problems = []
@@ -183,9 +176,9 @@ def write_batches(
         FileError: a file cannot be written.
     """
     make_folder(folder)
-    _write_csv(folder / "batches.csv", ("batch", "tracks", "change", *METRICS), result.rows)
+    write_csv(folder / "batches.csv", ("batch", "tracks", "change", *METRICS), result.rows)
     head = {"domain": domain_name, "solution": describe_solution(solution)}
-    _write_json(folder / "batches.json", {**head, "batches": list(result.rows)})
+    write_json(folder / "batches.json", {**head, "batches": list(result.rows)})
     saved = _save_if_trained(result.batch.classifier, folder)
     written = [folder / "batches.csv", folder / "batches.json", *saved.paths]
     scored = [row for row in result.rows if "f1" in row]
@@ -233,26 +226,6 @@ def _describe_difference(difference: Difference | None) -> dict[str, Any] | None
     for name, interval in (("cost", difference.cost), ("return", difference.return_)):
         cells |= {name: interval.estimate, f"{name}_low": interval.low, f"{name}_high": interval.high}
     return cells
-
-
-def _write_csv(path: Path, columns: Sequence[str], rows: Sequence[Mapping[str, Any]]) -> None:
-    """Write a CSV file with a header."""
-    text = io.StringIO()
-    writer = csv.DictWriter(text, columns, lineterminator="\n")
-    writer.writeheader()
-    writer.writerows(rows)
-    write_atomically(path, text.getvalue())
-
-
-def _write_json(path: Path, content: Mapping[str, Any]) -> None:
-    """Write a JSON file and add the versions of Python and of `PACKAGES`."""
-    versions = {"python": platform.python_version()}
-    for package in PACKAGES:
-        try:
-            versions[package] = version(package)
-        except PackageNotFoundError:
-            versions[package] = "not installed"
-    write_atomically(path, json.dumps({**content, "versions": versions}, indent=2) + "\n")
 
 
 def _write_figure(figure: Any, folder: Path, name: str, formats: Sequence[str]) -> list[Path]:

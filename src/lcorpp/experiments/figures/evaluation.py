@@ -1,0 +1,148 @@
+"""Strategies scored twice, exactly and in simulated trials, for the figures that compare them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+from lcorpp.decision.strategies import strategies
+from lcorpp.domains import Domain
+from lcorpp.experiments.comparison import Comparison, ComparisonOptions, compare_strategies
+from lcorpp.experiments.figures.result import FigureOptions, Row, interval_cells
+from lcorpp.experiments.scoring.metrics import Scores
+from lcorpp.experiments.setup import ProgressDisplay
+from lcorpp.planning.policy_cache import find_cache_folder
+from lcorpp.values import Z95, Interval
+
+METRICS = ("f1", "accuracy", "cost", "return")
+"""The scores in the tables of figures."""
+
+Metric = Callable[[Scores], Interval]
+
+
+@dataclass(frozen=True, eq=False)
+class Evaluation:
+    """The scores of strategies in one setting.
+
+    setting: e.g. the name of a preset. exact, simulated: strategy -> its scores; the classifier is the
+        domain's noisy channel, for which the scores are known exactly.
+    trials: the number of simulated people.
+    paired: (strategy, other) -> difference of the means on the same people, see `Difference`.
+    """
+
+    setting: str
+    exact: Mapping[str, Scores]
+    simulated: Mapping[str, Scores]
+    trials: int
+    paired: Mapping[tuple[str, str], Mapping[str, Interval]]
+
+    def find_difference(self, metric: str, strategy: str, other: str) -> Interval:
+        """Return the mean "cost" or "return" of a strategy minus that of another, with paired interval.
+
+        The estimate is the simulated one; `exact` has the true value.
+        """
+        return self.paired[strategy, other][metric]
+
+    def make_rows(self, **columns: str) -> list[Row]:
+        """Return two tidy rows for each strategy; `columns` come first, e.g. the setting."""
+        return [
+            {
+                **columns,
+                "strategy": name,
+                "scores": kind,
+                "trials": trials,
+                **{
+                    key: cell
+                    for metric in METRICS
+                    for key, cell in interval_cells(metric, scores.metrics[metric]).items()
+                },
+                "cost_sd": scores.cost_sd,
+            }
+            for kind, trials, table in (
+                ("exact", None, self.exact),
+                ("simulated", self.trials, self.simulated),
+            )
+            for name, scores in table.items()
+        ]
+
+    @property
+    def largest_error(self) -> float:
+        """The largest difference of a simulated from an exact score, in standard errors."""
+        return max(
+            abs(scores.metrics[metric].estimate - self.exact[name].metrics[metric].estimate)
+            / max((scores.metrics[metric].high - scores.metrics[metric].low) / (2 * Z95), 1e-9)
+            for name, scores in self.simulated.items()
+            for metric in METRICS
+        )
+
+
+def evaluate(
+    domain: Domain,
+    setting: str,
+    options: FigureOptions,
+    progress: ProgressDisplay,
+    *,
+    names: Sequence[str] = (),
+    pairs: Sequence[tuple[str, str]] = (),
+) -> Evaluation:
+    """Score strategies in a domain, with its noisy channel as the classifier.
+
+    Args:
+        names: of the strategies; all six by default.
+        pairs: (strategy, other) whose difference is needed, besides those of the fullest strategy from each
+            other one.
+
+    Raises:
+        KeyboardInterrupt: an interrupt; no trial is kept.
+    """
+    exact = compare_completely(domain, options, progress, names, exact=True)
+    simulated = compare_completely(domain, options, progress, names)
+    paired = dict(_list_differences(simulated))
+    for pair in pairs:  # the reference of a comparison is the fuller strategy of the two
+        paired |= _list_differences(compare_completely(domain, options, progress, pair))
+    return Evaluation(
+        setting,
+        {row.strategy: row for row in exact.scores},
+        {row.strategy: row for row in simulated.scores},
+        options.n_trials,
+        paired,
+    )
+
+
+def compare_completely(
+    domain: Domain,
+    options: FigureOptions,
+    progress: ProgressDisplay,
+    names: Sequence[str],
+    *,
+    exact: bool = False,
+) -> Comparison:
+    """Compare strategies with the noisy channel as the classifier, for all trials of the options.
+
+    Raises:
+        KeyboardInterrupt: the solver or the trials were interrupted: a figure has all of its trials or none.
+    """
+    chosen = ComparisonOptions(
+        strategies(names),
+        trials=None if exact else options.n_trials,
+        seed=options.seed,
+        jobs=options.jobs,
+        cache=find_cache_folder(),
+    )
+    comparison = compare_strategies(domain, chosen, progress=progress)
+    stopped = comparison.solution is not None and comparison.solution.reason == "interrupted"
+    if stopped or comparison.trials != chosen.trials:
+        raise KeyboardInterrupt
+    return comparison
+
+
+def _list_differences(comparison: Comparison) -> dict[tuple[str, str], dict[str, Interval]]:
+    """Return (reference, strategy) -> metric -> difference."""
+    return {
+        (row.difference.reference, row.strategy): {
+            "cost": row.difference.cost,
+            "return": row.difference.return_,
+        }
+        for row in comparison.scores
+        if row.difference is not None
+    }

@@ -1,0 +1,105 @@
+"""Panels of the figures, and bars in groups with intervals, exact values and published numbers."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+
+from lcorpp.experiments.figures.result import Layout
+from lcorpp.plot_style import INK, despine
+from lcorpp.values import Interval
+
+PAGE_WIDTH, COLUMN_WIDTH, PANEL_HEIGHT = 7.2, 3.5, 2.7
+"""Inches of a page and of a column in print, and of a panel."""
+
+
+EXACT: dict[str, Any] = {
+    "marker": "D",
+    "color": "white",
+    "markeredgecolor": INK,
+    "markersize": 3,
+    "linestyle": "",
+}
+PUBLISHED: dict[str, Any] = {
+    "marker": "o",
+    "color": "none",
+    "markeredgecolor": "#b3261e",
+    "markersize": 5.5,
+    "linestyle": "",
+}
+
+
+@dataclass(frozen=True)
+class Bars:
+    """A series of bars, one in each group.
+
+    intervals: the height and the error bar of each; None leaves out the bar of a group.
+    exact, published: () or a number for each bar, None for those without.
+    """
+
+    label: str
+    colour: str
+    intervals: Sequence[Interval | None]
+    exact: Sequence[float | None] = ()
+    published: Sequence[float | None] = ()
+
+
+def make_panels(layout: Layout, widths: Sequence[float]) -> tuple[Figure, list[Axes]]:
+    """Return a figure with panels of these relative widths, or with equally wide ones in a column."""
+    if layout == "wide":
+        figure = Figure(figsize=(PAGE_WIDTH, PANEL_HEIGHT + 0.4), layout="constrained")
+        axes = figure.subplots(1, len(widths), width_ratios=list(widths), squeeze=False)
+    else:
+        size = (COLUMN_WIDTH, PANEL_HEIGHT * len(widths) + 0.4)
+        figure = Figure(figsize=size, layout="constrained")
+        axes = figure.subplots(len(widths), 1, squeeze=False)
+    return figure, list(axes.flat)
+
+
+def draw_bars(axes: Axes, groups: Sequence[str], series: Sequence[Bars], label: str) -> None:
+    """Draw the bars of each group side by side; a diamond is an exact value, a ring a published number."""
+    width = 0.8 / len(series)
+    for number, bars in enumerate(series):
+        for group, interval in enumerate(bars.intervals):
+            if interval is None:
+                continue
+            x = group + (number - (len(series) - 1) / 2) * width
+            errors = [[interval.estimate - interval.low], [interval.high - interval.estimate]]
+            axes.bar(x, interval.estimate, color=bars.colour, width=width, edgecolor="white", linewidth=0.5)
+            axes.errorbar(x, interval.estimate, yerr=errors, color=INK, capsize=1.5, linewidth=0.8)
+            for values, marker in ((bars.exact, EXACT), (bars.published, PUBLISHED)):
+                value = values[group] if values else None
+                if value is not None:
+                    axes.plot(x, value, **marker)
+    axes.set_xticks(range(len(groups)), groups, fontsize=7)
+    axes.axhline(0, color=INK, linewidth=0.6)
+    axes.set_ylabel(label)
+    axes.tick_params(axis="y", labelsize=8)
+    despine(axes)
+
+
+def add_legend(
+    figure: Figure, series: Sequence[Bars], *, layout: Layout, lines: Sequence[Line2D] = ()
+) -> None:
+    """Draw one legend above all panels: the series, further lines, and the markers that are used."""
+    handles: list[Any] = [Patch(color=bars.colour, label=bars.label) for bars in series]
+    handles += lines
+    if any(value is not None for bars in series for value in bars.exact):
+        handles.append(Line2D([], [], label="exact value", **EXACT))
+    if any(value is not None for bars in series for value in bars.published):
+        handles.append(Line2D([], [], label="published", **PUBLISHED))
+    figure.legend(
+        handles=handles,
+        loc="outside upper center",
+        ncols=len(handles) if layout == "wide" else 2,
+        fontsize=8,
+        frameon=False,
+        columnspacing=1.2,
+        handletextpad=0.5,
+    )

@@ -1,0 +1,134 @@
+"""Make figures one after another; finished ones are kept for the next run with the same options."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from time import perf_counter
+
+from lcorpp.errors import DataError
+from lcorpp.experiments.figures.registry import FIGURES
+from lcorpp.experiments.figures.remaining import RemainingTime
+from lcorpp.experiments.figures.report import write_report
+from lcorpp.experiments.figures.result import FigureOptions
+from lcorpp.experiments.figures.storage import StoredFigure, find_difference, load_figure, store_figure
+from lcorpp.experiments.setup import Advance, ProgressDisplay
+from lcorpp.files import make_folder
+
+
+@dataclass(frozen=True)
+class MadeFigure:
+    """A figure of a run. reused: whether an earlier run made it. seconds: of its computation."""
+
+    name: str
+    reused: bool
+    seconds: float
+
+
+class FigureRun:
+    """A run that makes figures and the report in a folder.
+
+    remaining: the remaining time of the run.
+    """
+
+    def __init__(
+        self,
+        folder: Path,
+        names: Sequence[str],
+        options: FigureOptions,
+        *,
+        again: bool = False,
+        clock: Callable[[], float] = perf_counter,
+    ) -> None:
+        """Look which figures are finished.
+
+        Args:
+            names: of `FIGURES`.
+            again: replace the figures in the folder that other options or another version made.
+
+        Raises:
+            DataError: the folder has a figure of other options or of another version, or a damaged one.
+            FileError: a file of the folder cannot be read.
+        """
+        self._folder, self._names, self._options, self._clock = folder, names, options, clock
+        self._finished = _find_finished(folder, options, again)
+        todo = {name: FIGURES[name] for name in names if name not in self._finished}
+        costs = {name: row.fast_seconds if options.fast else row.seconds for name, row in todo.items()}
+        self.remaining = RemainingTime(costs, clock)
+
+    def make(self, progress: ProgressDisplay) -> Iterator[MadeFigure]:
+        """Make the figures; each is on the disk, and in the report, before it is yielded.
+
+        Args:
+            progress: displays the steps of each figure.
+
+        Raises:
+            FileError: a file cannot be written.
+            KeyboardInterrupt: an interrupt; the message names the figures that are kept.
+        """
+        make_folder(self._folder)
+        for name in self._names:
+            reused = name in self._finished
+            if not reused:
+                self._make(name, progress)
+            finished = [self._finished[key] for key in FIGURES if key in self._finished]
+            write_report(self._folder / "report.html", finished)
+            yield MadeFigure(name, reused, self._finished[name].seconds)
+
+    def _make(self, name: str, progress: ProgressDisplay) -> None:
+        began = self._clock()
+        try:
+            with self.remaining.measure(name):
+                result = FIGURES[name].make(self._options, self._display(name, progress))
+            store_figure(self._folder, result, self._options, self._clock() - began)
+        except KeyboardInterrupt:
+            names = ", ".join(self._finished)
+            kept = f"kept in {self._folder}: {names}" if names else "no figure is finished"
+            message = f"interrupted while making {name}; {kept}; the same command continues"
+            raise KeyboardInterrupt(message) from None
+        stored = load_figure(self._folder, name)
+        if stored is None:
+            raise DataError(f"{self._folder}: the figure {name} was removed while it was written")
+        self._finished[name] = stored
+
+    def _display(self, name: str, progress: ProgressDisplay) -> ProgressDisplay:
+        """Return a display that also measures, with the figure's name in the titles."""
+
+        @contextmanager
+        def show(title: str, total: int | None = None, /) -> Iterator[Advance]:
+            with self.remaining.measure_step(), progress(f"{name}: {title}", total) as advance:
+
+                def advance_both(done: int, total: int) -> None:
+                    self.remaining.advance(done, total)
+                    advance(done, total)
+
+                yield advance_both
+
+        return show
+
+
+def _find_finished(folder: Path, options: FigureOptions, again: bool) -> dict[str, StoredFigure]:
+    """Return the figures of a folder that have these options and this version.
+
+    Raises:
+        DataError: a figure has others, unless they are to be made again.
+    """
+    finished = {}
+    for name in FIGURES:
+        try:
+            stored = load_figure(folder, name)
+            difference = None if stored is None else find_difference(stored, options)
+        except DataError:
+            if not again:
+                raise
+            continue
+        if stored is not None and difference is None:
+            finished[name] = stored
+        elif difference is not None and not again:
+            raise DataError(
+                f"{folder}: the figure {name} cannot be reused: {difference}; expected another folder"
+                " (--out), or --again, which replaces it"
+            )
+    return finished

@@ -1,0 +1,51 @@
+"""Tables and descriptions of results as files: CSV, and JSON with the versions of what determines them."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import platform
+from collections.abc import Mapping, Sequence
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Any
+
+from lcorpp.files import write_atomically
+
+PACKAGES = ("lcorpp", "numpy", "scipy", "clingo", "scikit-learn", "torch")
+"""Packages that determine a result; their versions are in each JSON file."""
+
+
+def write_csv(path: Path, columns: Sequence[str], rows: Sequence[Mapping[str, Any]]) -> None:
+    """Write a CSV file with a header.
+
+    Raises:
+        FileError: it cannot be written.
+    """
+    text = io.StringIO()
+    writer = csv.DictWriter(text, columns, lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(rows)
+    write_atomically(path, text.getvalue())
+
+
+def write_json(path: Path, content: Mapping[str, Any]) -> None:
+    """Write a JSON file and add the versions of Python and of `PACKAGES`.
+
+    Raises:
+        FileError: it cannot be written.
+    """
+    complete = {**content, "versions": read_versions()}
+    write_atomically(path, json.dumps(complete, indent=2) + "\n")
+
+
+def read_versions() -> dict[str, str]:
+    """Return the versions of Python and of `PACKAGES`."""
+    versions = {"python": platform.python_version()}
+    for package in PACKAGES:
+        try:
+            versions[package] = version(package)
+        except PackageNotFoundError:
+            versions[package] = "not installed"
+    return versions
