@@ -99,7 +99,8 @@ class KnownParts:
         self._folder, self._cache = folder, cache
         self._parts: dict[str, RobotParts | Exception] = {}
         self._strategies: dict[str, Strategy] = {}
-        self._changes: dict[str, bool] = {}  # what -> whether it was taken
+        self._known_changes: set[str] = set()
+        self._new_changes: list[str] = []  # those that `take_changes` has not returned yet
 
     def find(self, description: Any) -> RobotParts:
         """Return the parts of a description.
@@ -129,13 +130,12 @@ class KnownParts:
         return parts
 
     def _note(self, changes: list[str]) -> None:
-        for what in changes:
-            self._changes.setdefault(what, False)
+        self._new_changes += [what for what in changes if what not in self._known_changes]
+        self._known_changes.update(changes)
 
     def take_changes(self) -> list[str]:
         """Return the changes that were not returned before."""
-        new = [what for what, taken in self._changes.items() if not taken]
-        self._changes |= dict.fromkeys(new, True)
+        new, self._new_changes = self._new_changes, []
         return new
 
     def find_strategy(self, description: Any, domain: Domain) -> Strategy:

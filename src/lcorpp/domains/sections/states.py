@@ -148,12 +148,11 @@ def _match_variables(
     names = [variable.name for variable in problem.states]
     indices = np.unravel_index(np.arange(len(pomdp.states)), shape)  # (S,) of the values of each variable
     alive = np.ones(len(pomdp.states))  # (S,) 0 for terminal states
-    final: dict[str, str] = {}  # variable -> value that makes a state terminal
+    final_name = final_value = None  # the variable and its value that make a state terminal
     if "terminal" in table:
-        name, value = _read_terminal(table, pomdp, problem)
-        final[name] = value
-        axis = names.index(name)
-        alive[indices[axis] == problem.states[axis].index(value)] = 0
+        final_name, final_value = _read_terminal(table, pomdp, problem)
+        axis = names.index(final_name)
+        alive[indices[axis] == problem.states[axis].index(final_value)] = 0
     shared_index = np.zeros(len(pomdp.states), dtype=np.intp)
     for name in reasoning.shared:
         values = reasoning.program.attributes[name].values
@@ -163,7 +162,7 @@ def _match_variables(
                 f" {expected_one_of(names)}, or a pattern in {table.location('states')}"
             )
         variable = problem.states[names.index(name)]
-        _check_values(pomdp, variable, reasoning, final.get(name))
+        _check_values(pomdp, variable, reasoning, final_value if name == final_name else None)
         order = [values.index(value) if value in values else 0 for value in variable.values]
         shared_index = shared_index * len(values) + np.array(order)[indices[names.index(name)]]
     state_values = np.zeros((len(pomdp.states), len(reasoning.values)))
