@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 from lcorpp.errors import DecisionError, expected_one_of
+from lcorpp.experiments.figures.partial import compare_parts
 from lcorpp.experiments.figures.result import FigureOptions, FigureResult
 from lcorpp.experiments.figures.strategies import compare_six
 from lcorpp.experiments.setup import ProgressDisplay
@@ -27,6 +28,7 @@ class PaperFigure:
 
 FIGURES: Mapping[str, PaperFigure] = {
     "strategies": PaperFigure(compare_six, 14, 4),
+    "partial": PaperFigure(compare_parts, 20, 8),
 }
 """Name -> figure, in the order of the report."""
 

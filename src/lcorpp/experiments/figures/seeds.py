@@ -1,0 +1,60 @@
+"""Experiments that are repeated with several seeds: run in processes, and summarised over the seeds."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from contextlib import closing
+from typing import TypeVar
+
+import numpy as np
+from joblib import Parallel, delayed
+from scipy.stats import t
+
+from lcorpp.experiments.setup import Advance
+from lcorpp.values import Interval
+from lcorpp.workers import ignore_sigint
+
+T = TypeVar("T")
+
+
+def run_seeds(unit: Callable[[int], T], seeds: Sequence[int], jobs: int, advance: Advance) -> list[T]:
+    """Return the results of a unit of work for each seed, in their order.
+
+    Args:
+        unit: a picklable function of the seed alone, so that the results are the same for any `jobs`.
+        jobs: processes. advance: receives the number of completed and of all seeds.
+
+    Raises:
+        KeyboardInterrupt: an interrupt; no seed is kept. Also whatever the unit raises.
+    """
+    results = list[T]()
+    with ignore_sigint():
+        started = Parallel(n_jobs=min(jobs, len(seeds)), return_as="generator")(
+            delayed(unit)(seed) for seed in seeds
+        )
+    with closing(started):
+        for result in started:
+            results.append(result)
+            advance(len(results), len(seeds))
+    return results
+
+
+def compute_seed_interval(numbers: Sequence[float]) -> Interval:
+    """Return the mean over the seeds with Student's 95 % interval.
+
+    A seed draws its training data and its people anew, so the interval covers both. Numbers of two settings
+    with the same seeds are paired: pass their differences.
+
+    Raises:
+        ValueError: fewer than two seeds.
+    """
+    if len(numbers) < 2:
+        raise ValueError("an interval over seeds needs at least two of them")
+    mean, deviation = float(np.mean(numbers)), float(np.std(numbers, ddof=1))
+    half = float(t.ppf(0.975, len(numbers) - 1)) * deviation / len(numbers) ** 0.5
+    return Interval(mean, mean - half, mean + half)
+
+
+def subtract(first: Sequence[float], second: Sequence[float]) -> Interval:
+    """Return the mean paired difference, first minus second, with its interval over the seeds."""
+    return compute_seed_interval(np.subtract(first, second).tolist())
