@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from lcorpp.errors import DataError, DomainError
-from lcorpp.user_code import UserFunction, describe_failure, load_file, split_function
+from lcorpp.user_code import UserFile, UserFunction, load_file, split_function
 
 
 def test_a_file_becomes_a_module(tmp_path):
@@ -45,7 +45,7 @@ def test_the_deepest_line_of_the_users_file(tmp_path):
     module = load_file(file, "own_of_a_test", DomainError)
     with pytest.raises(ZeroDivisionError) as caught:
         module.outer(lambda: 1 / 0)
-    message = describe_failure(caught.value, "own.py", module, "outer() failed")
+    message = UserFile.of("own.py", module).describe_failure(caught.value, "outer() failed")
     assert message == "own.py:5: outer() failed: ZeroDivisionError: division by zero"
 
 

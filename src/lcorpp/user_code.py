@@ -6,13 +6,72 @@ import importlib.util
 import sys
 import traceback
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
+from dataclasses import dataclass
 from operator import attrgetter
 from pathlib import Path
 from types import ModuleType
 from typing import Any
 
 from lcorpp.errors import LcorppError, expected_one_of
+
+
+@dataclass(frozen=True)
+class UserFile:
+    """A file or module of the user's, for the messages of errors.
+
+    place: as the user names it. file: its absolute path.
+    """
+
+    place: str
+    file: str
+
+    @classmethod
+    def of(cls, place: str | Path, module: ModuleType) -> UserFile:
+        """Return the file of a module that the user names `place`."""
+        return cls(str(place), str(Path(getattr(module, "__file__", None) or place).resolve()))
+
+    def locate(self, function: object, otherwise: str = "") -> str:
+        """Return ``place:line`` of the definition of a function, a method or the `__init__` of a class.
+
+        Args:
+            otherwise: the result for what another file defines, by default `place`.
+        """
+        code = getattr(function, "__code__", None)
+        code = code or getattr(getattr(function, "__init__", None), "__code__", None)
+        if code is None or not self._contains(code.co_filename):
+            return otherwise or self.place
+        return f"{self.place}:{code.co_firstlineno}"
+
+    def describe_failure(self, failure: BaseException, what: str, otherwise: str = "") -> str:
+        """Return ``place:line: what: error``, with the deepest line of the traceback in the file.
+
+        Args:
+            failure: the error raised by the user's code.
+            what: what failed, e.g. ``trajectory() failed``.
+            otherwise: the location if no line of the file failed, by default `place`.
+        """
+        if isinstance(failure, SyntaxError) and failure.filename and self._contains(failure.filename):
+            return f"{self.place}:{failure.lineno}: {what}: SyntaxError: {failure.msg}"
+        frames = traceback.extract_tb(failure.__traceback__)
+        line = next((f.lineno for f in reversed(frames) if self._contains(f.filename)), None)
+        location = f"{self.place}:{line}" if line else otherwise or self.place
+        return f"{location}: {what}: {type(failure).__name__}: {failure}"
+
+    @contextmanager
+    def locate_failures(self, what: str, error: type[LcorppError]) -> Iterator[None]:
+        """Raise `error` with the file and the line if the user's code fails.
+
+        Args:
+            what: what fails, for the message.
+        """
+        try:
+            yield
+        except (Exception, SystemExit) as failure:
+            raise error(self.describe_failure(failure, f"{what} failed")) from failure
+
+    def _contains(self, filename: str) -> bool:
+        return Path(filename).resolve() == Path(self.file)
 
 
 class UserFunction:
@@ -28,13 +87,14 @@ class UserFunction:
 
     def __init__(self, path: Path, name: str, error: type[LcorppError]) -> None:
         self.path, self.name, self._error = path, name, error
-        self._module = load_file(path, f"lcorpp_user_{path.stem}", error)
+        module = load_file(path, f"lcorpp_user_{path.stem}", error)
+        self.file = UserFile.of(path, module)
         try:
-            self.function: Any = attrgetter(name)(self._module)
+            self.function: Any = attrgetter(name)(module)
         except AttributeError:
             self.function = None
         if not callable(self.function):
-            known = [key for key, value in vars(self._module).items() if callable(value) and key[0] != "_"]
+            known = [key for key, value in vars(module).items() if callable(value) and key[0] != "_"]
             raise error(f"{path} has no function {name!r}; {expected_one_of(known)}")
 
     def __repr__(self) -> str:
@@ -43,30 +103,16 @@ class UserFunction:
     @property
     def location(self) -> str:
         """``file:line`` of the definition."""
-        return self.locate(self.function)
-
-    def locate(self, function: object) -> str:
-        """``file:line`` of the definition of another function or method of the file."""
-        code = getattr(function, "__code__", None)
-        return str(self.path) if code is None else f"{self.path}:{code.co_firstlineno}"
+        return self.file.locate(self.function)
 
     def __call__(self, *arguments: Any, **options: Any) -> Any:
         """Call the function. Raises `error` if it fails."""
         with self.locate_failures(f"{self.name}()"):
             return self.function(*arguments, **options)
 
-    @contextmanager
-    def locate_failures(self, what: str) -> Iterator[None]:
-        """Raise `error` with the file and the line if the user's code fails, e.g. a method of its object.
-
-        Args:
-            what: what fails, for the message.
-        """
-        try:
-            yield
-        except (Exception, SystemExit) as failure:
-            message = describe_failure(failure, str(self.path), self._module, f"{what} failed")
-            raise self._error(message) from failure
+    def locate_failures(self, what: str) -> AbstractContextManager[None]:
+        """Return a context that locates failures of the user's code, e.g. of a method of its object."""
+        return self.file.locate_failures(what, self._error)
 
     def __reduce__(self) -> tuple[type[UserFunction], tuple[Path, str, type[LcorppError]]]:
         return UserFunction, (self.path, self.name, self._error)  # another process loads the file again
@@ -100,21 +146,6 @@ def load_file(path: Path, name: str, error: type[LcorppError], *, importable: bo
     except (Exception, SystemExit) as failure:
         if importable:
             del sys.modules[name]
-        raise error(describe_failure(failure, str(path), module, "cannot be loaded")) from failure
+        message = UserFile.of(path, module).describe_failure(failure, "cannot be loaded")
+        raise error(message) from failure
     return module
-
-
-def describe_failure(failure: BaseException, place: str, module: ModuleType, what: str) -> str:
-    """Return ``place:line: what: error``, with the deepest line of the traceback in the module's own file.
-
-    Args:
-        failure: the error raised by the user's code.
-        place: the file or module as the user names it.
-        what: what failed, e.g. ``trajectory() failed``.
-    """
-    file = Path(getattr(module, "__file__", None) or place).resolve()
-    if isinstance(failure, SyntaxError) and failure.filename and Path(failure.filename).resolve() == file:
-        return f"{place}:{failure.lineno}: {what}: SyntaxError: {failure.msg}"
-    frames = traceback.extract_tb(failure.__traceback__)
-    line = next((f.lineno for f in reversed(frames) if Path(f.filename).resolve() == file), None)
-    return f"{place}{f':{line}' if line else ''}: {what}: {type(failure).__name__}: {failure}"

@@ -160,9 +160,10 @@ def run(
     if log is not None:
         DecisionLog(log).close()  # raises an error before the work
     print_domain(loaded)
+    announced = False
     for source in sources.values():
         if out is not None and isinstance(source, TrainingOptions):
-            print_storage_problem(source)
+            announced |= print_storage_problem(source) is not None
     given_policy = None
     if policy is not None:
         from lcorpp.cli.model_files import read_policy
@@ -182,7 +183,7 @@ def run(
     if out is not None:
         configuration = describe_run(loaded, chosen, comparison, policy)
         written = write_comparison(out, comparison, configuration, formats=formats or FORMATS)
-        if written.problem is not None:
+        if written.problem is not None and not announced:
             console.print_note(f"the classifier is not saved: {written.problem}")
         console.out.print("wrote " + ", ".join(str(path) for path in written.paths), markup=False)
     if comparison.trials is not None and comparison.trials < number:

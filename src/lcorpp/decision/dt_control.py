@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from time import perf_counter
 
-from lcorpp.errors import DecisionError
+from lcorpp.errors import DecisionError, ObservationError
 from lcorpp.protocols import Classifier, DomainInterface, Planner, Reasoner, World
 from lcorpp.values import Belief, Distribution, Episode, Instance, Label, SharedValue, Step, format_value
 
@@ -160,7 +160,13 @@ def act_until_report(
         else:
             observation = world.act(action)
             world_seconds += perf_counter() - asked
-            belief = planner.update(belief, action, observation)
+            try:
+                belief = planner.update(belief, action, observation)
+            except ObservationError as error:
+                source = getattr(world, "source", "")  # a world of the user's names its file
+                if not source:
+                    raise
+                raise ObservationError(f"{source}(): {error}") from error
         steps.append(Step(action, observation, belief))
         if debug:
             LOG.debug("%s: %s, belief %s", action, observation or "a report", belief)

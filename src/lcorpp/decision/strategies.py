@@ -23,6 +23,7 @@ class Strategy:
     without: senses that the robot does not use although it learns.
     change: returns another robot in place of that with these parts, e.g. with a planner of its own; None
         changes nothing. It is called for each decision, so that its parts may remember the decision's steps.
+    own: the user's function that `change` calls; None for a strategy from elsewhere.
     draws: whether `change` takes a random generator, too, and the robot's actions are random.
     """
 
@@ -32,6 +33,7 @@ class Strategy:
     plans: bool
     without: tuple[str, ...] = ()
     change: Callable[..., object] | None = None
+    own: UserFunction | None = None
     draws: bool = False
 
     def uses(self, sense: str) -> bool:
@@ -65,8 +67,7 @@ class Strategy:
     @property
     def location(self) -> str:
         """Where an own strategy is defined, ``FILE:LINE: strategy 'NAME'``, for messages."""
-        place = getattr(self.change, "location", "")
-        return f"{place}: strategy {self.name!r}" if place else f"strategy {self.name!r}"
+        return f"{self.own.location}: strategy {self.name!r}" if self.own else f"strategy {self.name!r}"
 
     def locate_failures(self) -> AbstractContextManager[None]:
         """Return a context that names this strategy in the errors of its robot's decisions.
@@ -83,16 +84,15 @@ class Strategy:
         try:
             yield
         except DecisionError as error:
-            path = str(getattr(self.change, "path", self.location))
-            if str(error).startswith(path):  # the user's file is already named
+            if self.own and str(error).startswith(str(self.own.path)):
                 raise
             raise DecisionError(f"{self.location}: {error}") from error
         except LcorppError:
             raise
         except Exception:
-            if not isinstance(self.change, UserFunction):
+            if self.own is None:
                 raise
-            with self.change.locate_failures(f"strategy {self.name!r}"):
+            with self.own.locate_failures(f"strategy {self.name!r}"):
                 raise
 
 
@@ -132,13 +132,14 @@ def strategies(
     Raises:
         DecisionError: an unknown name.
     """
-    selected, table = [name.upper() for name in names], list_strategies(senses)
+    given, table = list(names), list_strategies(senses)
+    selected = [name.upper() for name in given]
     rows = (*table, *more) if selected else table
     known = [row.name.upper() for row in rows]
-    for name in selected:
-        if name not in known:
+    for name in given:
+        if name.upper() not in known:
             needs = ""
-            if name in [row.name for row in STRATEGIES]:
+            if name.upper() in [row.name for row in STRATEGIES]:
                 needs = " in a domain without classifiers"
             raise DecisionError(
                 f"unknown strategy {name!r}{needs}; {expected_one_of([r.name for r in rows])}"

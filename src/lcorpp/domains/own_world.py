@@ -35,11 +35,13 @@ class OwnWorlds:
             DomainError: the function fails or returns something else.
         """
         world = self._function(person, rng)
-        methods = (getattr(world, "act", None), getattr(world, "report", None))
-        if isinstance(world, type) or not all(callable(method) for method in methods):
+        missing = [name for name in ("act", "report") if not callable(getattr(world, name, None))]
+        if isinstance(world, type) or missing:
+            what = f"the class {world.__name__}" if isinstance(world, type) else type(world).__name__
+            without = f" without the method {' and '.join(missing)}" if missing else ""
             raise DomainError(
-                f"{self._function.location}: {self._function.name}() returned {type(world).__name__};"
-                " expected an object with the methods act(action) and report(action)"
+                f"{self._function.location}: {self._function.name}() returned {what}{without}; expected an"
+                " object with the methods act(action) and report(action)"
             )
         return _OwnWorld(self._function, world)
 
@@ -53,7 +55,7 @@ class _OwnWorld:
     @property
     def source(self) -> str:
         """The method that answers, for messages."""
-        return f"{self._function.locate(self._world.act)}: act"
+        return f"{self._function.file.locate(self._world.act)}: act"
 
     def act(self, action: str) -> str:
         with self._function.locate_failures(f"act({action!r})"):

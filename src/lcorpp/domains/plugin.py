@@ -12,7 +12,7 @@ import numpy as np
 from lcorpp.domains.own_world import ReactionWorld
 from lcorpp.errors import DomainError
 from lcorpp.protocols import World
-from lcorpp.user_code import describe_failure, load_file
+from lcorpp.user_code import UserFile, load_file
 from lcorpp.values import Array
 
 FUNCTIONS = ("trajectory", "trajectories", "reaction")
@@ -36,6 +36,7 @@ class SimulationPlugin:
         """senses: their names."""
         self.path, self._senses = path, tuple(senses)
         self._module = load_file(path, f"lcorpp_people_{path.parent.name}", DomainError)
+        self._file = UserFile.of(path, self._module)
         names = (*FUNCTIONS, *senses)
         if not self.defines(*names):
             raise DomainError(f"{path}: defines none of {', '.join(names)}")
@@ -138,11 +139,8 @@ class SimulationPlugin:
 
     def _call(self, name: str, *arguments: Any, **options: Any) -> Any:
         function: Callable[..., Any] = getattr(self._module, name)
-        try:
+        with self._file.locate_failures(f"{name}()", DomainError):
             return function(*arguments, **options)
-        except (Exception, SystemExit) as error:
-            message = describe_failure(error, str(self.path), self._module, f"{name}() failed")
-            raise DomainError(message) from error
 
     def __reduce__(self) -> tuple[type[SimulationPlugin], tuple[Path, Sequence[str]]]:
         return SimulationPlugin, (self.path, self._senses)  # another process loads the file again

@@ -6,7 +6,6 @@ from .active_learning import (
 from .baselines import (
     BASELINES as BASELINES,
     find_strategies as find_strategies,
-    load_strategy as load_strategy,
 )
 from .classifier_training import load_trained as load_trained, train_classifier as train_classifier
 from .comparison import (
@@ -15,6 +14,7 @@ from .comparison import (
     compare_strategies as compare_strategies,
 )
 from .decision_log import DecisionLog as DecisionLog, LoggedDecision as LoggedDecision, read_log as read_log
+from .own_strategy import load_strategy as load_strategy
 from .replay import (
     ChangedPart as ChangedPart,
     ReplayedDecision as ReplayedDecision,

@@ -1,12 +1,10 @@
-"""Strategies beside the table of the paper: baselines that come with lcorpp, and the user's own."""
+"""Strategies by name: baselines beside the table of the paper, and the user's own."""
 
 from __future__ import annotations
 
-import inspect
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from pathlib import Path
 
 import numpy as np
 
@@ -14,8 +12,9 @@ from lcorpp.decision import Robot, Strategy
 from lcorpp.decision.strategies import ImmediateReport, strategies
 from lcorpp.domains import Domain
 from lcorpp.errors import DecisionError, check_type
+from lcorpp.experiments.own_strategy import load_strategy
 from lcorpp.protocols import Planner
-from lcorpp.user_code import UserFunction, load_file, split_function
+from lcorpp.user_code import split_function
 from lcorpp.values import Array, Belief
 
 QUESTIONS = 2
@@ -47,36 +46,6 @@ def find_strategies(names: Iterable[str], senses: Sequence[str] = ("",)) -> tupl
         if strategy.name in [other.name for other in found[:k]]:
             raise DecisionError(f"{strategy.location}: another strategy has this name; expected another name")
     return found
-
-
-def load_strategy(path: Path, name: str) -> Strategy:
-    """Return the strategy of the user: ``NAME(robot)``, or an object NAME with `name` and ``robot(full)``.
-
-    The function is called for each decision, with the robot that learns, reasons and plans, and returns the
-    robot that decides. With a second parameter it is also given a random generator.
-
-    Raises:
-        DecisionError: the file cannot be loaded, or has no such function or object.
-    """
-    value = getattr(load_file(path, f"lcorpp_user_{path.stem}", DecisionError), name, None)
-    if hasattr(value, "robot") and not isinstance(value, type):
-        function = UserFunction(path, f"{name}.robot", DecisionError)
-        name = getattr(value, "name", name)
-        if not isinstance(name, str) or not name:
-            raise DecisionError(f"{function.location}: the name of a strategy is {name!r}; expected a text")
-    else:
-        function = UserFunction(path, name, DecisionError)
-    return Strategy(name, True, True, True, change=function, draws=_takes_generator(function))
-
-
-def _takes_generator(function: UserFunction) -> bool:
-    """Whether the user's function requires a second argument."""
-    try:
-        parameters = inspect.signature(function.function).parameters.values()
-    except (TypeError, ValueError):  # a function without a signature, e.g. of C
-        return False
-    positional = (inspect.Parameter.POSITIONAL_ONLY, inspect.Parameter.POSITIONAL_OR_KEYWORD)
-    return len([p for p in parameters if p.kind in positional and p.default is p.empty]) > 1
 
 
 def ask_twice(robot: Robot) -> Robot:

@@ -21,7 +21,7 @@ from lcorpp.experiments.setup import solve_domain
 from lcorpp.files import read_bytes
 from lcorpp.planning import Planner, Policy, SolverOptions, read_policy
 from lcorpp.reasoning import Program, Reasoner
-from lcorpp.user_code import UserFunction, split_function
+from lcorpp.user_code import split_function
 from lcorpp.values import JEFFREYS, ConfusionMatrix
 
 Json = Mapping[str, Any]
@@ -105,10 +105,10 @@ class RobotParts:
 
 def describe_strategy(strategy: Strategy) -> dict[str, str]:
     """Return the name of a strategy, with file, function and fingerprint of the file if it is the user's."""
-    change = strategy.change
-    if not isinstance(change, UserFunction):
+    own = strategy.own
+    if own is None:
         return {"name": strategy.name}
-    source = f"{change.path.resolve()}:{change.name.removesuffix('.robot')}"
+    source = f"{own.path.resolve()}:{own.name.removesuffix('.robot')}"
     return {"name": strategy.name, "source": source, "fingerprint": find_fingerprint(source) or ""}
 
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from typing import Any, Self
 
 import numpy as np
@@ -17,10 +18,31 @@ from sklearn.base import BaseEstimator, ClassifierMixin, clone
 from sklearn.utils.validation import has_fit_parameter
 
 from lcorpp.errors import DataError, LcorppError
+from lcorpp.user_code import UserFile
 from lcorpp.values import Array
 
 TOLERANCE = 1e-4
 """Maximal deviation of the sum of a distribution from 1: some classifiers compute in single precision."""
+
+
+ORIGIN = "lcorpp_origin"
+"""The attribute of an estimator that has its `Origin`. It is no parameter, so it is never stored."""
+
+
+@dataclass(frozen=True)
+class Origin:
+    """The user's function that returned an estimator, for messages.
+
+    name: as the user writes it, e.g. FILE.py:NAME. location: of its definition, FILE.py:LINE.
+    """
+
+    name: str
+    file: UserFile
+    location: str
+
+    def locate(self, estimator: Any, method: str) -> str:
+        """Return the location of a method if the user's file defines it, or that of the function."""
+        return self.file.locate(getattr(find_type(estimator), method, None), self.location)
 
 
 class ProbabilityClassifier(ClassifierMixin, BaseEstimator):  # type: ignore[misc]  # has no types
@@ -99,13 +121,32 @@ def accepts_weights(estimator: Any) -> bool:
 def _route_weights(estimator: Any, weights: npt.ArrayLike) -> dict[str, npt.ArrayLike]:
     """Return the weights as arguments of `fit`; in a pipeline every step that takes weights gets them."""
     if not accepts_weights(estimator):
-        raise DataError(
-            f"{name_of(estimator)} has no sample_weight in fit, so it cannot learn from weighted cases"
+        raise make_error(
+            estimator, "fit", "has no sample_weight in fit; weighted cases need a classifier that has it"
         )
     steps = getattr(estimator, "steps", None)
     if steps is None:
         return {"sample_weight": weights}
     return {f"{name}__sample_weight": weights for name, step in steps if accepts_weights(step)}
+
+
+def with_origin(estimator: Any, origin: Origin | None) -> Any:
+    """Return the estimator, which keeps its origin in clones of `clone_unfitted` and in other processes."""
+    if origin is not None:
+        setattr(estimator, ORIGIN, origin)
+    return estimator
+
+
+def clone_unfitted(estimator: Any) -> Any:
+    """Return an unfitted clone.
+
+    Raises:
+        DataError: cloning fails.
+    """
+    with report_failure(
+        estimator, "clone", "an __init__ that keeps its arguments, as get_params returns them"
+    ):
+        return with_origin(clone(estimator), getattr(estimator, ORIGIN, None))
 
 
 def fit_clone(
@@ -118,17 +159,21 @@ def fit_clone(
         weights: (cases,) as in `Dataset`. None, or 1 for all, does not need an estimator that takes them.
 
     Raises:
-        DataError: cloning or fitting fails, the fitted clone has no `classes_`, or it takes no weights.
+        DataError: cloning or fitting fails, the `classes_` of the fitted clone are not those of `labels`, or
+            it takes no weights.
     """
     given = np.ones(1) if weights is None else np.asarray(weights, dtype=np.float64)
     routed = _route_weights(estimator, given) if (given != 1).any() else {}
-    with _report_failure(estimator, "clone"):
-        trained = clone(estimator)
-    with _report_failure(estimator, "fit"):
+    trained, known = clone_unfitted(estimator), np.unique(labels)
+    names = ", ".join(map(str, known))
+    shapes = f"fit(X, y) to accept X of shape {tracks.shape} and y of the classes {names}"
+    with report_failure(trained, "fit", shapes):
         trained.fit(tracks, labels, **routed)
     classes = np.asarray(getattr(trained, "classes_", None))
     if classes.ndim != 1:
-        raise DataError(f"{name_of(estimator)} has no classes_ after fit; expected a scikit-learn classifier")
+        raise make_error(trained, "fit", f"has no classes_ after fit; expected an array of {names}")
+    if classes.tolist() != known.tolist():
+        raise make_error(trained, "fit", f"learnt the classes {classes.tolist()}; expected {known.tolist()}")
     if not isinstance(trained.classes_, np.ndarray):
         trained.classes_ = classes
     return trained
@@ -140,40 +185,59 @@ def predict_proba(trained: Any, tracks: Array) -> Array:
     Raises:
         DataError: the classifier fails, or its result is not an array of distributions.
     """
-    with _report_failure(trained, "predict_proba"):
+    shape, method = (len(tracks), len(trained.classes_)), "predict_proba"
+    with report_failure(trained, method, f"probabilities of shape {shape} for X of shape {tracks.shape}"):
         probabilities = np.asarray(trained.predict_proba(tracks), dtype=np.float64)
-    shape = (len(tracks), len(trained.classes_))
     if probabilities.shape != shape:
-        raise DataError(
-            f"{name_of(trained)}: predict_proba gave shape {probabilities.shape}; expected {shape}"
+        raise make_error(
+            trained, method, f"gave shape {probabilities.shape} in predict_proba; expected {shape}"
         )
     valid = np.isfinite(probabilities).all(axis=1) & (probabilities >= 0).all(axis=1)
     valid &= np.abs(probabilities.sum(axis=1) - 1) <= TOLERANCE
     if not valid.all():
         case = int(np.argmin(valid))
-        raise DataError(
-            f"{name_of(trained)}: predict_proba gave {probabilities[case].tolist()} for case {case}"
-            " (counted from 0); expected a distribution"
+        raise make_error(
+            trained,
+            method,
+            f"gave {probabilities[case].tolist()} in predict_proba for case {case} (counted from 0); expected"
+            f" a distribution: {shape[1]} numbers from 0 to 1 with the sum 1",
         )
     return probabilities
 
 
 def name_of(estimator: Any) -> str:
     """The type name of an estimator; for a pipeline, that of its last step."""
+    return find_type(estimator).__name__
+
+
+def find_type(estimator: Any) -> type:
+    """Return the type of an estimator; for a pipeline, that of its last step."""
     steps = getattr(estimator, "steps", None)
     if steps:
-        return name_of(steps[-1][1])
-    return name_of(estimator.classifier) if isinstance(estimator, SigmoidScores) else type(estimator).__name__
+        return find_type(steps[-1][1])
+    return find_type(estimator.classifier) if isinstance(estimator, SigmoidScores) else type(estimator)
 
 
 @contextmanager
-def _report_failure(estimator: Any, method: str) -> Iterator[None]:
-    """Turn an exception of the user's code into a DataError of one line."""
+def report_failure(estimator: Any, method: str, expected: str) -> Iterator[None]:
+    """Turn an exception of the user's code into a DataError."""
     try:
         yield
     except LcorppError:
         raise
     except (Exception, SystemExit) as error:
-        raise DataError(
-            f"{name_of(estimator)} failed in {method}: {type(error).__name__}: {error}"
-        ) from error
+        origin, what = getattr(estimator, ORIGIN, None), f"{name_of(estimator)} failed in {method}"
+        if origin is None:
+            message = f"{what}: {type(error).__name__}: {error}"
+        else:
+            what = f"the learner {origin.name}: {what}"
+            message = origin.file.describe_failure(error, what, origin.locate(estimator, method))
+        raise DataError(f"{message}; expected {expected}") from error
+
+
+def make_error(estimator: Any, method: str, fault: str) -> DataError:
+    """Return the error that a method of the user's code breaks the contract; `fault` is the predicate."""
+    origin, message = getattr(estimator, ORIGIN, None), f"{name_of(estimator)} {fault}"
+    if origin is None:
+        return DataError(message)
+    return DataError(f"{origin.locate(estimator, method)}: the learner {origin.name}: {message}")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from lcorpp.errors import ModelError, ObservationError
+from lcorpp.errors import ModelError, ObservationError, expected_one_of
 from lcorpp.planning.pomdp import SUM_TOLERANCE, Pomdp
 from lcorpp.values import Array, Belief, freeze
 
@@ -43,9 +43,13 @@ def update(pomdp: Pomdp, belief: Belief, action: int, observation: int) -> Belie
 
 def make_impossible_error(pomdp: Pomdp, belief: Belief, action: int, observation: int) -> ObservationError:
     """Return the error that an observation is impossible after an action in a belief."""
+    probabilities = observation_probabilities(pomdp, belief, action)
+    possible = [name for name, p in zip(pomdp.observations, probabilities, strict=True) if p > 0]
+    model = f" of the model {pomdp.file}" if pomdp.file else ""
     return ObservationError(
         f"observation {pomdp.observations[observation]!r} is impossible after action"
-        f" {pomdp.actions[action]!r} in belief {format_belief(pomdp, belief)}"
+        f" {pomdp.actions[action]!r} in belief {format_belief(pomdp, belief)}{model};"
+        f" {expected_one_of(possible)}"
     )
 
 

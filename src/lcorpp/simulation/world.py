@@ -68,6 +68,13 @@ class SimulatedWorld:
         self.cost = 0.0
         self.return_ = 0.0
 
+    @property
+    def source(self) -> str:
+        """The method of the domain's own world that answers, for messages; "" without an own world."""
+        if self._answers is None:
+            return ""
+        return str(getattr(self._answers, "source", f"{type(self._answers).__name__}.act"))
+
     def act(self, action: str) -> str:
         """Pay for an action, move the hidden state and return the person's answer.
 
@@ -85,10 +92,8 @@ class SimulatedWorld:
             return domain.pomdp.observations[self._draw(model.feedback[a][self._state])]
         answer = self._answers.act(action)
         if not isinstance(answer, str) or answer not in domain.pomdp.observations:
-            source = getattr(self._answers, "source", f"{type(self._answers).__name__}.act")
-            raise DomainError(
-                f"{source}() answered {answer!r} to {action!r}; {expected_one_of(domain.pomdp.observations)}"
-            )
+            expected = expected_one_of(domain.pomdp.observations)
+            raise DomainError(f"{self.source}() answered {answer!r} to {action!r}; {expected}")
         return answer
 
     def report(self, action: str) -> None:

@@ -224,10 +224,10 @@ class Odd(BaseEstimator):
         ("fails", "Odd failed in fit: ZeroDivisionError: by zero"),
         ("cannot", "Odd failed in predict_proba: IndexError: out of range"),
         ("classless", "Odd has no classes_ after fit"),
-        ("short", r"learnt \['fast'\], not \['fast', 'slow'\]"),
-        ("nan", r"gave \[0.5, nan\] for case 3 .*; expected a distribution"),
-        ("sums", r"gave \[0.7, 0.7\] for case 2"),
-        ("narrow", r"gave shape \(\d+, 1\); expected \(\d+, 2\)"),
+        ("short", r"learnt the classes \['fast'\]; expected \['fast', 'slow'\]"),
+        ("nan", r"gave \[0.5, nan\] in predict_proba for case 3 .*; expected a distribution"),
+        ("sums", r"gave \[0.7, 0.7\] in predict_proba for case 2"),
+        ("narrow", r"gave shape \(\d+, 1\) in predict_proba; expected \(\d+, 2\)"),
     ],
 )
 def test_estimators_that_break_the_contract_are_errors(way, words):

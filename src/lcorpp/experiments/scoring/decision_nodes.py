@@ -78,7 +78,8 @@ class HistoryNodes:
     ) -> None:
         self._domain, self._strategy, self._channels = domain, strategy, channels
         self._full = replace(full, classifiers=channels)
-        self._shared = {id(part) for part in (full.reasoner, full.planner, full.domain, *channels.values())}
+        parts = (full.reasoner, full.planner, full.domain, strategy.change, *channels.values())
+        self._shared = {id(part) for part in parts}
         self._count = 0
         self._first: dict[Hashable, _History] = {}  # key of the point of a decision -> its first history
         self._actions: dict[_History, str | None] = {}

@@ -10,7 +10,8 @@ from types import ModuleType
 from typing import Any
 
 from lcorpp.errors import DataError, expected_one_of
-from lcorpp.user_code import describe_failure, load_file
+from lcorpp.learning.contract import Origin, ensure_predict_proba, with_origin
+from lcorpp.user_code import UserFile, load_file
 
 try:  # joblib's own copy, if it has one, because joblib ignores modules registered with another
     from joblib.externals.cloudpickle import register_pickle_by_value
@@ -19,7 +20,7 @@ except ModuleNotFoundError:
 
 
 def load_learner_plugin(name: str, arguments: Mapping[str, Any], required: Collection[str] = ()) -> Any:
-    """Call the user's function and return its result.
+    """Call the user's function and return its classifier, which names the function in errors.
 
     Args:
         name: ``module:function``, the module importable, or ``path/to/file.py:function``.
@@ -28,7 +29,7 @@ def load_learner_plugin(name: str, arguments: Mapping[str, Any], required: Colle
 
     Raises:
         DataError: the module or file does not exist or fails, it has no such function, the function fails,
-            needs another argument, or lacks a required parameter.
+            needs another argument, lacks a required parameter, or returns no classifier.
     """
     place, _, function_name = name.rpartition(":")
     if not place or not function_name:
@@ -54,10 +55,14 @@ def load_learner_plugin(name: str, arguments: Mapping[str, Any], required: Colle
     for key in required:
         if key not in passed:
             raise DataError(f"{key} is set, but {name} has no parameter of that name")
+    file = UserFile.of(place, module)
+    location = file.locate(function)
+    with file.locate_failures(f"{function_name}()", DataError):
+        estimator = function(**passed)
     try:
-        return function(**passed)
-    except (Exception, SystemExit) as error:
-        raise DataError(describe_failure(error, place, module, f"{function_name}() failed")) from error
+        return with_origin(ensure_predict_proba(estimator), Origin(name, file, location))
+    except DataError as error:
+        raise DataError(f"{location}: the learner {name}: {error}") from None
 
 
 def _import_module(name: str) -> ModuleType:

@@ -18,7 +18,7 @@ from sklearn.pipeline import Pipeline
 
 from lcorpp.errors import DataError, expected_one_of
 from lcorpp.learning.classifiers.plugin import load_learner_plugin
-from lcorpp.learning.contract import SigmoidScores, accepts_weights, ensure_predict_proba
+from lcorpp.learning.contract import SigmoidScores, accepts_weights, report_failure
 from lcorpp.learning.features.motion import ChannelStandardizer, Motion
 from lcorpp.learning.features.summaries import SummaryFeatures
 from lcorpp.learning.lstm import LstmClassifier
@@ -215,7 +215,7 @@ def learner(
     if ":" in name:
         defaults = {"features": ("x", "y"), "epochs": None, "device": "cpu"}
         required = [key for key, value in defaults.items() if getattr(config, key) != value]
-        return _set_seed(ensure_predict_proba(load_learner_plugin(name, vars(config), required)), seed)
+        return _set_seed(load_learner_plugin(name, vars(config), required), seed)
     if name in RENAMED:
         raise DataError(f"learner {name!r} is now called {RENAMED[name]!r}")
     if name not in LEARNERS:
@@ -261,9 +261,10 @@ def check_weighted(name: str, estimator: Any) -> None:
 
 def _set_seed(estimator: Any, seed: int) -> Any:
     """Set every random_state that is None to `seed`, so that runs can be repeated."""
-    unset = {
-        key: seed
-        for key, value in estimator.get_params().items()
-        if key.split("__")[-1] == "random_state" and value is None
-    }
-    return estimator.set_params(**unset) if unset else estimator
+    with report_failure(estimator, "get_params", "an __init__ whose arguments are attributes"):
+        unset = {
+            key: seed
+            for key, value in estimator.get_params().items()
+            if key.split("__")[-1] == "random_state" and value is None
+        }
+        return estimator.set_params(**unset) if unset else estimator
