@@ -93,7 +93,7 @@ def test_lcorpp_uses_all_parts():
 def test_names_are_found_in_any_order_and_case():
     assert [row.name for row in strategies(["lcorpp", "r+p", "L"])] == ["L", "R+P", "LCORPP"]
     assert strategies([]) == STRATEGIES
-    with pytest.raises(DecisionError, match=r"unknown strategy 'CORPP'; expected one of L, R, P, L\+R"):
+    with pytest.raises(DecisionError, match=r"unknown strategy 'corpp'; expected one of L, R, P, L\+R"):
         strategies(["corpp"])
 
 

@@ -11,12 +11,12 @@ from lcorpp import planning
 from lcorpp.decision import STRATEGIES, Robot, Strategy
 from lcorpp.domains import load_domain
 from lcorpp.errors import DecisionError
-from lcorpp.experiments.baselines import BASELINES, compute_information, find_strategies
 from lcorpp.experiments.comparison import ComparisonOptions, compare_strategies
 from lcorpp.experiments.scoring import decision_nodes, exact_evaluation
 from lcorpp.experiments.scoring.exact_evaluation import evaluate_exactly
 from lcorpp.experiments.scoring.part_state import NoKeyError, make_state_key
 from lcorpp.experiments.scoring.trials import Experiment, run_trials
+from lcorpp.experiments.strategies.baselines import BASELINES, compute_information, find_strategies
 from lcorpp.reasoning import Reasoner
 from lcorpp.simulation import NoisyChannel
 from tests.decision.fakes import FakeDomain
@@ -331,9 +331,15 @@ VALUE = 3
     [
         ("nothing", r"own\.py:4: strategy 'nothing' returned None; expected a Robot"),
         ("fails", r"own\.py:8: fails\(\) failed: ZeroDivisionError"),
-        ("unknown", r"own\.py:17: strategy 'unknown': the robot chose the action 'dance'; expected one of"),
-        ("silent", r"own\.py:20: strategy 'silent': the robot chose the action None; expected one of"),
-        ("breaks", r"own\.py:15: strategy 'breaks' failed: IndexError"),
+        (
+            "unknown",
+            r"own\.py:14: strategy 'unknown': action\(\) returned 'dance'; expected one of move_forward, ",
+        ),
+        (
+            "silent",
+            r"own\.py:14: strategy 'silent': action\(\) returned None; expected one of move_forward, ",
+        ),
+        ("breaks", r"own\.py:15: strategy 'breaks': action\(\) failed: IndexError"),
         ("endless", r"own\.py:26: strategy 'endless': no report after 500 actions; the last one was 'greet'"),
         ("no_part", r"own\.py:30: no_part\(\) failed: DecisionError: the planner of a robot is 'plan'"),
     ],
@@ -352,7 +358,7 @@ def test_a_strategy_that_is_wrong_is_named(intention, tmp_path, name, words):
 def test_names_that_are_wrong(tmp_path, own):
     (tmp_path / "bad.py").write_text(BAD + "class Named:\n    name = 3\n    robot = print\nnamed = Named()\n")
     for names, words in (
-        (["nobody"], "unknown strategy 'NOBODY'; expected one of L, R, .* ask-twice, random, always-report"),
+        (["nobody"], "unknown strategy 'nobody'; expected one of L, R, .* ask-twice, random, always-report"),
         ([f"{tmp_path / 'bad.py'}:VALUE"], r"bad\.py has no function 'VALUE'; expected one of"),
         ([f"{tmp_path / 'bad.py'}:named"], r"the name of a strategy is 3; expected a text"),
         ([f"{tmp_path / 'none.py'}:x"], r"none\.py: not a Python file"),

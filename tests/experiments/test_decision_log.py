@@ -13,13 +13,13 @@ import pytest
 from lcorpp.decision import STRATEGIES, strategies
 from lcorpp.domains import load_domain
 from lcorpp.errors import DataError, DecisionError, DomainError, FileError
-from lcorpp.experiments.baselines import find_strategies
 from lcorpp.experiments.comparison import ComparisonOptions, compare_strategies
 from lcorpp.experiments.decision_log import DecisionLog, LoggedDecision, format_decision, read_log
 from lcorpp.experiments.replay import ChangedPart, ReplayedDecision, compare, replay_log
 from lcorpp.experiments.robot_parts import ClassifierPart, RobotParts, find_fingerprint, read_parts
 from lcorpp.experiments.scoring import trials
 from lcorpp.experiments.setup import make_program, solve_domain
+from lcorpp.experiments.strategies.baselines import find_strategies
 from lcorpp.planning import read_policy, write_policy
 from lcorpp.values import ConfusionMatrix, Episode, Instance, Likelihood
 from tests.domains.deliveries import GAZE, VOICE, write_domain

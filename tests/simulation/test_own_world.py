@@ -126,9 +126,9 @@ def test_a_terminal_state_is_not_asked(own):
         ("Loud", r"own\.py:28: act\('turn'\) failed: KeyError"),
         (
             "Half",
-            r"own\.py: Half\(\) returned Half; expected an object with the methods act\(action\) and report",
+            r"own\.py:31: Half\(\) returned Half, which lacks report; expected an object with the methods",
         ),
-        ("nothing", r"own\.py:37: nothing\(\) returned type; expected an object with"),
+        ("nothing", r"own\.py:37: nothing\(\) returned the class Shy; expected an object with"),
         ("fails", r"own\.py:41: fails\(\) failed: KeyError: 'age'"),
         (
             "none",

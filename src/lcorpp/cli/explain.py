@@ -80,11 +80,11 @@ def explain(
     from lcorpp.decision import STRATEGIES
     from lcorpp.decision.dt_control import log_decision
     from lcorpp.domains import load_domain, with_world
-    from lcorpp.experiments.baselines import find_strategies
     from lcorpp.experiments.decision_log import DecisionLog
     from lcorpp.experiments.robot_parts import ClassifierPart, RobotParts
     from lcorpp.experiments.scoring.trials import make_generator
     from lcorpp.experiments.setup import from_channel, make_robot, solve_domain
+    from lcorpp.experiments.strategies.baselines import find_strategies
     from lcorpp.planning import Planner
     from lcorpp.planning.policy_cache import find_cache_folder
 

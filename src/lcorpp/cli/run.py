@@ -102,11 +102,11 @@ def run(
         print_storage_problem,
     )
     from lcorpp.domains import load_domain, with_world
-    from lcorpp.experiments.baselines import find_strategies
     from lcorpp.experiments.comparison import ComparisonOptions, compare_strategies
     from lcorpp.experiments.decision_log import DecisionLog
     from lcorpp.experiments.results import FORMATS, describe_run, write_comparison
     from lcorpp.experiments.setup import EvidenceOptions, ReadingOptions, TrainingOptions
+    from lcorpp.experiments.strategies.baselines import find_strategies
     from lcorpp.planning.policy_cache import find_cache_folder
     from lcorpp.values import JEFFREYS, LAPLACE
 

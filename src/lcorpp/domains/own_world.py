@@ -38,9 +38,9 @@ class OwnWorlds:
         missing = [name for name in ("act", "report") if not callable(getattr(world, name, None))]
         if isinstance(world, type) or missing:
             what = f"the class {world.__name__}" if isinstance(world, type) else type(world).__name__
-            without = f" without the method {' and '.join(missing)}" if missing else ""
+            lacks = f", which lacks {' and '.join(missing)}" if missing else ""
             raise DomainError(
-                f"{self._function.location}: {self._function.name}() returned {what}{without}; expected an"
+                f"{self._function.location}: {self._function.name}() returned {what}{lacks}; expected an"
                 " object with the methods act(action) and report(action)"
             )
         return _OwnWorld(self._function, world)

@@ -3,10 +3,6 @@ from .active_learning import (
     BatchResult as BatchResult,
     run_active_learning as run_active_learning,
 )
-from .baselines import (
-    BASELINES as BASELINES,
-    find_strategies as find_strategies,
-)
 from .classifier_training import load_trained as load_trained, train_classifier as train_classifier
 from .comparison import (
     Comparison as Comparison,
@@ -14,7 +10,6 @@ from .comparison import (
     compare_strategies as compare_strategies,
 )
 from .decision_log import DecisionLog as DecisionLog, LoggedDecision as LoggedDecision, read_log as read_log
-from .own_strategy import load_strategy as load_strategy
 from .replay import (
     ChangedPart as ChangedPart,
     ReplayedDecision as ReplayedDecision,
@@ -34,6 +29,11 @@ from .setup import (
     make_robot as make_robot,
     solve_domain as solve_domain,
 )
+from .strategies.baselines import (
+    BASELINES as BASELINES,
+    find_strategies as find_strategies,
+)
+from .strategies.own import load_strategy as load_strategy
 from .training_data import (
     TrainingData as TrainingData,
     read_training_data as read_training_data,

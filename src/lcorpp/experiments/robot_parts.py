@@ -16,8 +16,8 @@ from lcorpp.decision.strategies import list_strategies
 from lcorpp.domains import Domain, load_domain
 from lcorpp.domains.loading import SHIPPED_FOLDER
 from lcorpp.errors import DecisionError, LcorppError, expected_one_of
-from lcorpp.experiments.baselines import BASELINES, find_strategies
 from lcorpp.experiments.setup import solve_domain
+from lcorpp.experiments.strategies.baselines import BASELINES, find_strategies
 from lcorpp.files import read_bytes
 from lcorpp.planning import Planner, Policy, SolverOptions, read_policy
 from lcorpp.reasoning import Program, Reasoner

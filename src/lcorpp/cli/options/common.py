@@ -93,7 +93,7 @@ STRATEGIES = (
     "L, R, P, L+R, R+P or LCORPP; with several senses LCORPP-SENSE leaves one out; the baselines ask-twice,"
     " random and always-report; or your own as FILE.py:NAME"
 )
-"""The strategies, for help: those of `lcorpp.experiments.baselines`, which takes longer to load."""
+"""The strategies, for help: those of `experiments.strategies.baselines`, which takes longer to load."""
 
 WorldOption = Annotated[
     str | None,

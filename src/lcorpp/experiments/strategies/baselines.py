@@ -12,7 +12,7 @@ from lcorpp.decision import Robot, Strategy
 from lcorpp.decision.strategies import ImmediateReport, strategies
 from lcorpp.domains import Domain
 from lcorpp.errors import DecisionError, check_type
-from lcorpp.experiments.own_strategy import load_strategy
+from lcorpp.experiments.strategies.own import load_strategy
 from lcorpp.protocols import Planner
 from lcorpp.user_code import split_function
 from lcorpp.values import Array, Belief

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import inspect
 import reprlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 from lcorpp.decision import Robot, Strategy
 from lcorpp.domains import Domain
-from lcorpp.errors import DecisionError, ModelError, check_type, expected_one_of
+from lcorpp.errors import DecisionError, ModelError, ObservationError, check_type, expected_one_of
 from lcorpp.planning.belief import check_belief
 from lcorpp.protocols import Classifier, Planner, Reasoner
 from lcorpp.user_code import UserFunction, load_file
@@ -97,6 +98,16 @@ class OwnStrategy:
             for sense, part in changed.items()
         }
 
+    @contextmanager
+    def locate_failures(self, what: str) -> Iterator[None]:
+        """Name the user's file and line in errors of a method; an impossible observation keeps its type."""
+        try:
+            yield
+        except Exception as error:
+            kind = ObservationError if isinstance(error, ObservationError) else DecisionError
+            with self.function.file.locate_failures(f"strategy {self.name!r}: {what}", kind):
+                raise
+
     def make_error(self, method: object, what: str, value: object, expected: str) -> DecisionError:
         """Return the error that a method of the user's returned `value`; `what` names it."""
         location = self.function.file.locate(method, self.function.location)
@@ -120,7 +131,9 @@ class _CheckedClassifier:
     strategy: OwnStrategy
 
     def classify(self, signal: Array) -> Label | None:
-        label = self.classifier.classify(signal)
+        what = f"classify() of the sense {self.sense!r}"
+        with self.strategy.locate_failures(what):
+            label = self.classifier.classify(signal)
         if isinstance(label, Likelihood):
             known = set(label.values) == set(self.classes)
         else:
@@ -128,7 +141,7 @@ class _CheckedClassifier:
         if not known:
             raise self.strategy.make_error(
                 self.classifier.classify,
-                f"classify() of the sense {self.sense!r}",
+                what,
                 label,
                 f"{expected_one_of(self.classes)}, a likelihood of each or None",
             )
@@ -144,7 +157,8 @@ class _CheckedReasoner:
     strategy: OwnStrategy
 
     def posterior(self, attribute: str | Sequence[str], evidence: Mapping[str, Label]) -> Distribution | None:
-        marginal = self.reasoner.posterior(attribute, evidence)
+        with self.strategy.locate_failures("posterior()"):
+            marginal = self.reasoner.posterior(attribute, evidence)
         if marginal is None:
             return None
         values = self.domain.values if attribute == self.domain.shared else None
@@ -169,15 +183,17 @@ class _CheckedPlanner:
         return self._check_belief(type(self.planner), "start", self.planner.start)
 
     def action(self, belief: Belief) -> str:
-        action, actions = self.planner.action(belief), self.domain.pomdp.actions
+        actions = self.domain.pomdp.actions
+        with self.strategy.locate_failures("action()"):
+            action = self.planner.action(belief)
         if not isinstance(action, str) or action not in actions:
             raise self.strategy.make_error(self.planner.action, "action()", action, expected_one_of(actions))
         return action
 
     def update(self, belief: Belief, action: str, observation: str) -> Belief:
-        return self._check_belief(
-            self.planner.update, "update()", self.planner.update(belief, action, observation)
-        )
+        with self.strategy.locate_failures("update()"):
+            after = self.planner.update(belief, action, observation)
+        return self._check_belief(self.planner.update, "update()", after)
 
     def _check_belief(self, method: object, what: str, value: object) -> Belief:
         pomdp = self.domain.pomdp
