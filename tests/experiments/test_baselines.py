@@ -339,7 +339,7 @@ VALUE = 3
             "silent",
             r"own\.py:14: strategy 'silent': action\(\) returned None; expected one of move_forward, ",
         ),
-        ("breaks", r"own\.py:15: strategy 'breaks': action\(\) failed: IndexError"),
+        ("breaks", r"own\.py:15: strategy 'breaks' failed: IndexError"),
         ("endless", r"own\.py:26: strategy 'endless': no report after 500 actions; the last one was 'greet'"),
         ("no_part", r"own\.py:30: no_part\(\) failed: DecisionError: the planner of a robot is 'plan'"),
     ],

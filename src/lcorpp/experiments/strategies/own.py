@@ -11,7 +11,14 @@ from pathlib import Path
 
 from lcorpp.decision import Robot, Strategy
 from lcorpp.domains import Domain
-from lcorpp.errors import DecisionError, ModelError, ObservationError, check_type, expected_one_of
+from lcorpp.errors import (
+    DecisionError,
+    LcorppError,
+    ModelError,
+    ObservationError,
+    check_type,
+    expected_one_of,
+)
 from lcorpp.planning.belief import check_belief
 from lcorpp.protocols import Classifier, Planner, Reasoner
 from lcorpp.user_code import UserFunction, load_file
@@ -100,10 +107,13 @@ class OwnStrategy:
 
     @contextmanager
     def locate_failures(self, what: str) -> Iterator[None]:
-        """Name the user's file and line in errors of a method; an impossible observation keeps its type."""
+        """Name the user's file and line in lcorpp's errors that a method meets: it was called wrongly.
+
+        An impossible observation keeps its type. `Strategy.locate_failures` names all other errors.
+        """
         try:
             yield
-        except Exception as error:
+        except LcorppError as error:
             kind = ObservationError if isinstance(error, ObservationError) else DecisionError
             with self.function.file.locate_failures(f"strategy {self.name!r}: {what}", kind):
                 raise
