@@ -82,7 +82,11 @@ class DomainError(LcorppError):
 
 
 class DecisionError(LcorppError):
-    """A decision that cannot be completed, e.g. because a part of the robot is wrong or never reports."""
+    """A decision that cannot be completed, e.g. because a part of the robot is wrong."""
+
+
+class NoReportError(DecisionError):
+    """A decision in which the policy never reports a value."""
 
 
 def expected_one_of(names: Collection[str], limit: int = 12) -> str:

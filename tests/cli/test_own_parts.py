@@ -55,7 +55,7 @@ def test_a_comparison_with_own_parts(tmp_path, own, lcorpp):
     assert written["configuration"]["world"] == f"{own}Echo"
     assert written["strategies"][0]["accuracy"] > 0.9
     for options, words in (
-        (("--exact", "--world", f"{own}Echo"), "only simulated trials can score this domain"),
+        (("--exact", "--world", f"{own}Echo"), "--world: --exact needs the probabilities of the answers"),
         (("--exact", "--strategy", "random"), "strategy 'random' draws its actions"),
         (("--trials", 5, "--world", f"{own}Mute"), "act() answered None to 'ask_"),
         (("--world", "own.py"), "the world 'own.py': expected FILE.py:NAME"),

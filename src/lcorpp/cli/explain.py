@@ -83,7 +83,7 @@ def explain(
     from lcorpp.experiments.decision_log import DecisionLog
     from lcorpp.experiments.robot_parts import ClassifierPart, RobotParts
     from lcorpp.experiments.scoring.trials import make_generator
-    from lcorpp.experiments.setup import from_channel, make_robot, solve_domain
+    from lcorpp.experiments.setup import explain_missing_reports, from_channel, make_robot, solve_domain
     from lcorpp.experiments.strategies.baselines import find_strategies
     from lcorpp.planning import Planner
     from lcorpp.planning.policy_cache import find_cache_folder
@@ -130,7 +130,7 @@ def explain(
             case = _ask_case(loaded, used, facts, predicted)
         else:
             case = _simulate_case(loaded, used, facts, predicted, value, script, seed)
-        with row.locate_failures():
+        with explain_missing_reports(solution), row.locate_failures():
             episode = _decide_and_print(loaded, row.robot(robot, make_generator(seed, 0)), case)
         log_decision(episode)
         if decisions is not None:

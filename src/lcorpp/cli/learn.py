@@ -82,7 +82,7 @@ def learn(
     from lcorpp.experiments.decision_log import DecisionLog
     from lcorpp.experiments.results import FORMATS, write_batches
     from lcorpp.experiments.robot_parts import RobotParts
-    from lcorpp.experiments.setup import TrainingOptions, solve_domain
+    from lcorpp.experiments.setup import TrainingOptions, explain_missing_reports, solve_domain
     from lcorpp.experiments.training_data import make_training_data
     from lcorpp.planning import Planner
     from lcorpp.planning.policy_cache import find_cache_folder
@@ -137,6 +137,7 @@ def learn(
                 parts=RobotParts(loaded, solution.policy, solver=solving),
                 progress=console.show_progress,
             )
+            stack.enter_context(explain_missing_reports(solution))
             for result in results:
                 for text in run_store.notes[notes_printed:] if run_store else []:
                     console.print_note(text)

@@ -110,6 +110,9 @@ def run(
     from lcorpp.planning.policy_cache import find_cache_folder
     from lcorpp.values import JEFFREYS, LAPLACE
 
+    if exact:
+        reason = "--exact needs the probabilities of the answers, which a world of your own does not state"
+        reject_given(f"{reason}; expected one of them", world=world)
     loaded = load_domain(domain, preset=preset)
     if world is not None:
         loaded = with_world(loaded, world)

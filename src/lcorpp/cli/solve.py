@@ -50,6 +50,7 @@ def solve(
     from lcorpp import planning
     from lcorpp.planning.solvers import load_solver
 
+    planning.SolverOptions(name, precision, time_limit)  # checks them before the work
     search = load_solver(name)
     pomdp = planning.read_pomdp(problem)
     write = model_files.make_policy_writer(out)

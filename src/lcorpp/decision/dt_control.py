@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from time import perf_counter
 
-from lcorpp.errors import DecisionError, ObservationError
+from lcorpp.errors import DecisionError, NoReportError, ObservationError
 from lcorpp.protocols import Classifier, DomainInterface, Planner, Reasoner, World
 from lcorpp.values import Belief, Distribution, Episode, Instance, Label, SharedValue, Step, format_value
 
@@ -92,7 +92,7 @@ def dt_control(robot: Robot, instance: Instance, world: World, *, max_steps: int
     Raises:
         UndefinedError: the reasoner's evidence is impossible.
         ObservationError: the world returned an observation that is impossible in the planner's model.
-        DecisionError: no report within `max_steps` actions.
+        NoReportError: no report within `max_steps` actions.
 
     Source: Algorithm 2. Line 1 is `classify`, 2 `evidence`, 3 to 6 `posterior` of the shared variables,
     7 `prior`, 8 to 12 `act_until_report`, 13 the value reported by the last action.
@@ -140,6 +140,9 @@ def act_until_report(
         prior: (S,) the initial belief.
         listener: called after every step.
 
+    Raises:
+        NoReportError: no report within `max_steps` actions.
+
     Returns:
         The steps; the reported value, None if the terminal state was reached without a report; and the
         seconds of the loop, without those in which the world acts.
@@ -150,7 +153,10 @@ def act_until_report(
     began, world_seconds = perf_counter(), 0.0
     while value is None and not domain.is_terminal(belief):
         if len(steps) == max_steps:
-            raise DecisionError(f"no report after {max_steps} actions; the last one was {steps[-1].action!r}")
+            raise NoReportError(
+                f"no report after {max_steps} actions; the last one was {steps[-1].action!r}; the policy does"
+                f" not report from the prior {domain.marginal(prior)}"
+            )
         action = planner.action(belief)
         value, observation = domain.reported_value(action), None
         asked = perf_counter()

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import reprlib
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import AbstractContextManager, contextmanager, nullcontext
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from lcorpp.decision.dt_control import Robot
-from lcorpp.errors import DecisionError, LcorppError, expected_one_of
+from lcorpp.errors import DecisionError, LcorppError, NoReportError, expected_one_of
 from lcorpp.protocols import DomainInterface, Planner
 from lcorpp.user_code import UserFunction
 from lcorpp.values import Belief, Distribution, Label
@@ -69,24 +69,22 @@ class Strategy:
         """Where an own strategy is defined, ``FILE:LINE: strategy 'NAME'``, for messages."""
         return f"{self.own.location}: strategy {self.name!r}" if self.own else f"strategy {self.name!r}"
 
-    def locate_failures(self) -> AbstractContextManager[None]:
+    @contextmanager
+    def locate_failures(self) -> Iterator[None]:
         """Return a context that names this strategy in the errors of its robot's decisions.
 
-        A strategy that changes nothing leaves errors as they are.
+        A strategy that changes nothing leaves all errors but a missing report as they are.
 
         Raises:
             DecisionError: an own strategy's part fails, or the decision cannot be completed.
         """
-        return nullcontext() if self.change is None else self._locate_failures()
-
-    @contextmanager
-    def _locate_failures(self) -> Iterator[None]:
         try:
             yield
         except DecisionError as error:
-            if self.own and str(error).startswith(str(self.own.path)):
+            is_named = self.own is not None and str(error).startswith(str(self.own.path))
+            if is_named or (self.change is None and not isinstance(error, NoReportError)):
                 raise
-            raise DecisionError(f"{self.location}: {error}") from error
+            raise type(error)(f"{self.location}: {error}") from error
         except LcorppError:
             raise
         except Exception:

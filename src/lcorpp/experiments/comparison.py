@@ -25,6 +25,7 @@ from lcorpp.experiments.setup import (
     SenseSetup,
     StoredOptions,
     TrainingOptions,
+    explain_missing_reports,
     from_channel,
     make_program,
     make_robot,
@@ -137,6 +138,7 @@ def compare_strategies(
                 solution = solve_domain(domain, options.solver, cache=options.cache, advance=advance)
             planner = Planner(solution)
         robot = make_robot(domain, senses, make_program(domain, senses, options.evidence.smoothing), planner)
+        stack.enter_context(explain_missing_reports(solution))
         if options.trials is None:
             channels = {sense.name: NoisyChannel.from_domain(domain, sense) for sense in domain.senses}
             with progress("enumerating people and answers"):

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Protocol
 from lcorpp.decision import Robot
 from lcorpp.domains import Domain
 from lcorpp.domains.sections.learning import Sense
+from lcorpp.errors import NoReportError
 from lcorpp.planning import Progress, Solution, SolverOptions
 from lcorpp.planning.policy_cache import solve_cached
 from lcorpp.protocols import Planner
@@ -212,6 +213,44 @@ def solve_domain(
 
     callback = show if isfinite(limit) else None
     return solve_cached(domain.pomdp, domain.start_beliefs(), options, folder=cache, callback=callback)
+
+
+FLAWS = {
+    "qmdp": "it assumes that one action reveals the state, so it cannot value information; choose another"
+    " one, e.g. --solver sarsop",
+    "fib": "it overrates what answers are worth; choose another one, e.g. --solver sarsop",
+}
+"""Solver -> why its policy may never report, and what to do."""
+
+
+@contextmanager
+def explain_missing_reports(solution: Solution | None) -> Iterator[None]:
+    """Add to the error of a policy that never reports which solver made it, and what to do.
+
+    Args:
+        solution: None if the policy was given.
+
+    Raises:
+        NoReportError: with the explanation.
+    """
+    try:
+        yield
+    except NoReportError as error:
+        raise NoReportError(f"{error}; {_describe_solver(solution)}") from error
+
+
+def _describe_solver(solution: Solution | None) -> str:
+    if solution is None:
+        return "expected a policy that reports, with --policy or by solving"
+    solver, gap = solution.solver or "sarsop", solution.upper - solution.lower
+    if solver in FLAWS:
+        advice = FLAWS[solver]
+    elif solution.converged and gap <= SolverOptions().precision:
+        advice = "the policy is nearly optimal, so no report is worth it; check the costs and rewards"
+    else:
+        advice = "a better policy may exist: give more time (--time-limit), a smaller --precision or another"
+        advice += " --solver"
+    return f"the solver {solver} ended ({solution.reason}) with a gap of {gap:.4g}; {advice}"
 
 
 def make_robot(domain: Domain, senses: Senses, program: Program, planner: Planner) -> Robot:

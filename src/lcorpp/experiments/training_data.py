@@ -127,8 +127,8 @@ def read_training_data(
         reading: how to read them. Tracks are cut and resampled to the sense's `seconds` and `rate`.
 
     Raises:
-        DataError: a class is none of the sense's, or x or y is missing; there are too few cases; or the
-            options are for tracks, and the data are none.
+        DataError: a class is none of the sense's, or has no case; x or y is missing; there are too few
+            cases; or the options are for tracks, and the data are none.
         FileError, ParseError: the data are missing or malformed.
     """
     check_type(domain, Domain, "the domain", DomainError)
@@ -150,6 +150,14 @@ def read_training_data(
     if unknown:
         raise DataError(
             f"{path}: class {unknown[0]!r} is none of {sense.of}; {expected_one_of(sense.classes)}"
+        )
+    counts = {value: dataset.labels.count(value) for value in sense.classes}
+    if not all(counts.values()):
+        missing = [value for value, count in counts.items() if count == 0]
+        found = ", ".join(f"{value} {count}" for value, count in counts.items())
+        raise DataError(
+            f"{path}: no {dataset.unit} of class {', '.join(missing)}; expected {dataset.unit} of each class"
+            f" of {sense.of}, found {found}"
         )
     try:
         train, test = split(dataset, seed=seed)

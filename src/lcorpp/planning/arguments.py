@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from math import inf
 from numbers import Real
 from reprlib import repr as shorten
 
@@ -30,16 +31,13 @@ def check_solver_arguments(
         start: None for the model's own, one belief (S,) or several (N, S).
 
     Raises:
-        ModelError: an argument has a wrong type, precision or time limit are not positive, a belief is not a
+        ModelError: an argument has a wrong type, a limit is wrong (see `check_limits`), a belief is not a
             distribution over the states, or there is none.
     """
     check_type("pomdp", pomdp, Pomdp)
-    check_type("precision", precision, Real)
-    check_type("time limit", time_limit, Real)
+    check_limits(precision, time_limit)
     if callback is not None and not callable(callback):
         raise ModelError(f"callback must be a function, not {shorten(callback)}")
-    if not precision > 0 or not time_limit > 0:
-        raise ModelError(f"precision {precision} and time limit {time_limit} must be positive")
     try:
         beliefs = np.atleast_2d(np.asarray(pomdp.start if start is None else start))
     except ValueError:
@@ -47,6 +45,16 @@ def check_solver_arguments(
     if not len(beliefs):
         raise ModelError("there is no start belief")
     return np.array([check_belief(pomdp, belief) for belief in beliefs])
+
+
+def check_limits(precision: float, time_limit: float) -> None:
+    """Reject limits of a solver: a precision that is not positive and finite, a time limit not positive."""
+    check_type("precision", precision, Real)
+    check_type("time limit", time_limit, Real)
+    if not 0 < precision < inf:
+        raise ModelError(f"the precision is {precision}; expected a finite positive number")
+    if not time_limit > 0:
+        raise ModelError(f"the time limit is {time_limit}; expected a positive number")
 
 
 def check_count(name: str, number: object, minimum: int) -> int:

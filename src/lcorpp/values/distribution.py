@@ -60,8 +60,11 @@ class Distribution:
     def __iter__(self) -> Iterator[tuple[Any, float]]:
         return iter(zip(self.values, self.probabilities.tolist(), strict=True))
 
+    def __str__(self) -> str:
+        return join_some([f"{format_value(value)}: {p:.4g}" for value, p in self])
+
     def __repr__(self) -> str:
-        return f"Distribution({join_some([f'{format_value(value)}: {p:.4g}' for value, p in self])})"
+        return f"Distribution({self})"
 
     def _repr_html_(self) -> str:
         rows = [(format_value(value), f"{p:.4g}") for value, p in self]

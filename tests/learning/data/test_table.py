@@ -74,8 +74,17 @@ FAULTS = [
     (HEADING + "1,inf,ann,tea\n", ":2:3: the pitch is infinite"),
     (HEADING + "1,2,ann,\n", ":2:9: no label; expected the name of a class; repair 'labels'"),
     (HEADING + "1,2,ann\n", ":2:1: 3 columns; expected 4, with"),
+    (HEADING + "1,2,ann,tea\n1,2,ann,tea,9\n", ":3:1: 5 columns; expected 4, with .*; repair 'rows'"),
+    (
+        HEADING + "1,2,ann,bob,tea\n",
+        ":1:1: 4 columns, yaw, pitch, person, label, but the first row has 5: 'tea' has no name; expected a"
+        " name for each column",
+    ),
     (HEADING, ":2:.*: no rows; expected a row for each case"),
-    ("a,b,height\n1,2,3\n", ":1:1: no column 'track'; .* for a table of features, a column 'label'"),
+    (
+        "a,b,height\n1,2,3\n",
+        ":1:1: no column 'track', and no column 'label'; .* for a table of features, a column 'label'",
+    ),
     ("label,group\nx,y\n", ":1:1: no features; expected columns of numbers beside label, group"),
     ("a,,label\n1,2,x\n", ":1:1: column 2 has no name"),
     ("a,A,label\n1,2,x\n", ":1:3: column 'a' for the second time"),
@@ -120,7 +129,7 @@ def test_a_wide_heading_and_text_that_is_cut(tmp_path):
     file = written(tmp_path, ",".join([*names, "label"]) + "\n" + ",".join(["1"] * 2000) + ",x")
     data = read_data(file)
     assert data.trajectories.shape == (1, 2000)
-    assert data.notes == ("the last line has no line end: its last number may have been cut",)
+    assert data.notes[0] == "the last line has no line end: its last number may have been cut"
 
 
 def test_own_channels_over_time_come_back_and_are_no_motion(tmp_path):

@@ -76,7 +76,7 @@ def test_a_reset_keeps_the_bounds(monkeypatch):
 
 def test_bad_arguments():
     for arguments in ({"seconds": 0}, {"precision": -1}, {"preparation": 0}):
-        with pytest.raises(ModelError, match="must be positive"):
+        with pytest.raises(ModelError, match=r"expected a .*positive number"):
             OnlinePlanner(tiger, **arguments)
     with pytest.raises(ModelError, match="trials must be an integer of at least 1, not 0"):
         OnlinePlanner(tiger, trials=0)

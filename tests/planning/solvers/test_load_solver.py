@@ -103,8 +103,8 @@ def test_a_tiny_time_limit_returns_a_result(solver):
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        *(({"precision": value}, "must be positive") for value in (0, -1, float("nan"))),
-        *(({"time_limit": value}, "must be positive") for value in (0, -1, float("nan"))),
+        *(({"precision": value}, "expected a .*positive number") for value in (0, -1, float("nan"))),
+        *(({"time_limit": value}, "expected a .*positive number") for value in (0, -1, float("nan"))),
         *(({"start": start}, "cannot have shape") for start in ([1.0], [0.5] * 5, [[[0.5] * 2]])),
         ({"start": [0.5, 0.4]}, "not a distribution"),
         ({"start": np.empty((0, 2))}, "no start belief"),

@@ -20,6 +20,9 @@ from lcorpp.values import Array, SharedValue, format_value
 MIN_LIMIT = 1e-9
 """Minimum of a solver's precision and time limit."""
 
+MAX_PRECISION = 1e300
+"""Maximum of a solver's precision; every finite gap is smaller."""
+
 
 @dataclass(frozen=True, eq=False, repr=False)
 class PlanningSection:
@@ -66,7 +69,7 @@ def _read_solver(table: TomlTable, folder: Path) -> SolverOptions:
     default = SolverOptions()
     name = table.text("solver", default.name)
     parts = split_function(name)
-    precision = table.number("precision", MIN_LIMIT, inf, default.precision)
+    precision = table.number("precision", MIN_LIMIT, MAX_PRECISION, default.precision)
     time_limit = table.number("time_limit", MIN_LIMIT, inf, default.time_limit)
     try:
         return SolverOptions(f"{folder / parts[0]}:{parts[1]}" if parts else name, precision, time_limit)

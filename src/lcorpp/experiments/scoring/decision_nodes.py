@@ -34,6 +34,9 @@ class DecisionNodes(Protocol):
     def extend(self, node: Any, action: str, observation: str, /) -> Hashable:
         """Return the node after an action and an observation."""
 
+    def describe(self, node: Any, /) -> str:
+        """Return a node before the first action in words, for messages."""
+
 
 class BeliefNodes:
     """The nodes of a robot whose action depends on the belief alone: beliefs (S,), as bytes."""
@@ -45,6 +48,9 @@ class BeliefNodes:
     def root(self, context: Mapping[str, str], labels: Mapping[str, str]) -> Hashable:
         marginal = self._robot.reasoner.posterior(self._domain.shared, self._domain.evidence(context, labels))
         return (self._robot.planner.start if marginal is None else self._domain.prior(marginal)).tobytes()
+
+    def describe(self, node: bytes) -> str:
+        return f"the prior {self._domain.marginal(np.frombuffer(node))}"
 
     def _find_action(self, node: bytes) -> str | None:
         belief = np.frombuffer(node)
@@ -93,6 +99,10 @@ class HistoryNodes:
 
     def extend(self, node: _History, action: str, observation: str) -> Hashable:
         return self._merge(node._replace(steps=(*node.steps, (action, observation))))
+
+    def describe(self, node: _History) -> str:
+        given = ", ".join(f"{name}={value}" for name, value in (*node.context, *node.labels))
+        return f"the prior given {given or 'nothing'}"
 
     def _find_first(self, node: _History) -> _History:
         """Decide as in a history, and return the first one that ends at the same point."""

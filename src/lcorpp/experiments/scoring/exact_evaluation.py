@@ -17,7 +17,7 @@ import numpy as np
 from lcorpp.decision import Robot, Strategy
 from lcorpp.decision.dt_control import MAX_STEPS
 from lcorpp.domains import Domain
-from lcorpp.errors import DecisionError, DomainError, TooLargeError, check_type
+from lcorpp.errors import DecisionError, DomainError, NoReportError, TooLargeError, check_type
 from lcorpp.experiments.scoring.decision_nodes import BeliefNodes, DecisionNodes, HistoryNodes
 from lcorpp.experiments.scoring.differences import add_differences
 from lcorpp.experiments.scoring.metrics import Scores, score_probabilities
@@ -50,7 +50,7 @@ def evaluate_exactly(
     Raises:
         DomainError: the domain has a world of its own, whose probabilities are unknown.
         DecisionError: a strategy draws its actions, acts differently after equal histories, or an own
-            strategy has too many histories.
+            strategy has too many histories. NoReportError: a strategy's policy never reports.
     """
     check_type(domain, Domain, "the domain", DomainError)
     check_type(robot, Robot, "the robot", DecisionError)
@@ -223,4 +223,7 @@ class _EpisodeTree:
                     f"the decisions of {self._strategy.location} pass more than {MAX_POINTS} points; its"
                     " scores need simulated trials"
                 )
-        raise DecisionError(f"{self._strategy.location}: no report after {MAX_STEPS} actions")
+        raise NoReportError(
+            f"{self._strategy.location}: no report after {MAX_STEPS} actions; the policy does not report from"
+            f" {nodes.describe(root)}"
+        )

@@ -11,6 +11,7 @@ Source: Brscic, Kanda, Ikeda and Miyashita, IEEE Transactions on Human-Machine S
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from pathlib import Path
 
 from lcorpp.errors import FileError, ParseError
@@ -63,11 +64,12 @@ def note_unused_columns(names: list[str]) -> tuple[str, ...]:
     return (f"columns that are not used: {', '.join(others)}",) if others else ()
 
 
-def describe_missing_column(name: str) -> str:
-    """Return the message for a column that tracks need."""
+def describe_missing_column(name: str, names: Collection[str]) -> str:
+    """Return the message for a column that is not among the names: of tracks, or of a table of features."""
+    label = "" if {"track", "time", "label"} & set(names) else ", and no column 'label'"
     return (
-        f"no column {name!r}; expected {', '.join(REQUIRED)} among {', '.join(LONG_COLUMNS)}; or, for a table"
-        " of features, a column 'label' and none named track or time"
+        f"no column {name!r}{label}; expected {', '.join(REQUIRED)} among {', '.join(LONG_COLUMNS)};"
+        " or, for a table of features, a column 'label' and none named track or time"
     )
 
 
@@ -86,7 +88,7 @@ def read_header(path: Path, required: tuple[str, ...] = REQUIRED) -> list[str]:
     names = [name.lower() for name in parse_line(str(path), 1, text)]
     for name in required:
         if name not in names:
-            raise ParseError(str(path), 1, 1, describe_missing_column(name), text)
+            raise ParseError(str(path), 1, 1, describe_missing_column(name, names), text)
     for cell, name in enumerate(names):
         if name in names[:cell]:
             message = f"column {name!r} for the second time; expected every name once"

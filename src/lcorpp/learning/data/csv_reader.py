@@ -67,7 +67,7 @@ class CsvFile(RowSource):
     ) -> None:
         super().__init__(path, repair_log)
         self._numbers, self._texts, self._header = numbers, words, header
-        self._width = len(names)
+        self._names = names
         self._cells = {name: cell for cell, name in enumerate(names) if name in (*numbers, *self._texts)}
         kinds = ("f8" if name in numbers else f"U{MAX_WORD}" for name in names)
         fields = (name if name in self._cells else f"unused {cell}" for cell, name in enumerate(names))
@@ -114,7 +114,7 @@ class CsvFile(RowSource):
             return batch
         parsed = ((line, self._parse_row(line, text)) for line, text in enumerate(lines, number))
         rows = {line: row for line, row in parsed if row is not None}
-        columns = list(zip(*rows.values(), strict=True)) or [()] * self._width
+        columns = list(zip(*rows.values(), strict=True)) or [()] * len(self._names)
         return RowBatch(
             np.array(list(rows), dtype=np.int64),
             {name: np.array([float(c) for c in columns[self._cells[name]]]) for name in self._numbers},
@@ -149,10 +149,15 @@ class CsvFile(RowSource):
         except (ValueError, csv.Error) as error:
             self.repair_or_raise(reason, line, f"not a row of CSV ({error}){aside}")
             return None
-        if len(row) != self._width:
+        width = len(self._names)
+        if len(row) > width and line == self._header + 1 > 1 and reason not in self.repair_log.requested:
+            names = join_some(self._names, width if width < 12 else 6)
             message = (
-                f"{len(row)} columns; expected {self._width}, with {join_some(list(self._cells))}{aside}"
+                f"{width} columns, {names}, but the first row has {len(row)}: {row[width].strip()!r} has no"
             )
+            raise self.error_at(self._header, "", f"{message} name; expected a name for each column")
+        if len(row) != width:
+            message = f"{len(row)} columns; expected {width}, with {join_some(list(self._cells))}{aside}"
             self.repair_or_raise(reason, line, message)
             return None
         for name in self._numbers:

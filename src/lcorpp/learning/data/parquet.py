@@ -99,7 +99,9 @@ def read_parquet(path: Path, options: ReadOptions) -> tuple[list[Track], tuple[s
     file = ParquetFile(path, options.repair_log)
     for name in REQUIRED:
         if name not in file.names:
-            raise DataError(f"{path}: {describe_missing_column(name)}; not {join_some(file.names)}")
+            raise DataError(
+                f"{path}: {describe_missing_column(name, file.names)}; not {join_some(file.names)}"
+            )
     numbers, words = find_columns(file.names)
     batches = file.batches(numbers, ("track", *words), options.progress)
     tracks = assemble_tracks(file, batches, options, DataError(f"{path}: no rows"), numbers[1:], words)

@@ -69,6 +69,7 @@ def _assemble(
     tables: list[Array] = []
     classes: list[str] = []
     groups: list[str] = []
+    has_groups = False
     for batch in batches:
         table = np.stack([batch.numbers[name] for name in features], axis=1)
         known = [class_of_label(word, labels) for word in batch.texts[LABEL]]
@@ -79,14 +80,22 @@ def _assemble(
         tables.append(table[rows])
         classes += [str(known[row]) for row in rows]
         words = next((batch.texts[name] for name in GROUPS if name in batch.texts), None)
+        has_groups = has_groups or words is not None
         groups += [words[row] if words and words[row] else f"row {batch.lines[row]}" for row in rows]
     if not classes:
         if file.repair_log.repairs:
             raise DataError(f"{file.file}: no row remains")
         raise file.error_at(2, "", "no rows; expected a row for each case")
-    notes = file.notes() if isinstance(file, CsvFile) else ()
+    notes = list(file.notes()) if isinstance(file, CsvFile) else []
+    if not has_groups:
+        notes.append(
+            f"no column {' or '.join(GROUPS)}: each row counts as a person of its own, also when people are"
+            " split for training and cross-validation"
+        )
     name = Path(file.file).name
-    return Dataset(np.concatenate(tables), tuple(classes), tuple(groups), name, notes, channels=features)
+    return Dataset(
+        np.concatenate(tables), tuple(classes), tuple(groups), name, tuple(notes), channels=features
+    )
 
 
 def _report_fault(

@@ -16,9 +16,9 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from importlib import import_module
-from numbers import Real
 
 from lcorpp.errors import ModelError, check_type, expected_one_of
+from lcorpp.planning.arguments import check_limits
 from lcorpp.planning.solution import Solution
 from lcorpp.user_code import split_function
 
@@ -42,7 +42,8 @@ class SolverOptions:
     precision: stop at this gap between the bounds, in reward units. time_limit: wall-clock seconds.
 
     Raises:
-        ModelError: the name is unknown, the file of an own solver is wrong, or a number is not positive.
+        ModelError: the name is unknown, the file of an own solver is wrong, or a limit is not positive, or
+            the precision not finite.
     """
 
     name: str = "sarsop"
@@ -51,10 +52,7 @@ class SolverOptions:
 
     def __post_init__(self) -> None:
         check_type(self.name, str, "the solver", ModelError)
-        for what, number in (("precision", self.precision), ("time limit", self.time_limit)):
-            check_type(number, Real, f"the {what}", ModelError)
-            if not number > 0:
-                raise ModelError(f"the {what} is {number}; expected a positive number")
+        check_limits(self.precision, self.time_limit)
         if self.name not in _FUNCTIONS:
             load_solver(self.name)
 

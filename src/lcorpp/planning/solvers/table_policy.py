@@ -26,7 +26,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lcorpp.planning.arguments import check_solver_arguments
-from lcorpp.planning.evaluation.policy_evaluation import evaluate
+from lcorpp.planning.evaluation.policy_evaluation import Evaluation, evaluate
 from lcorpp.planning.policy import AlphaVectors, Policy
 from lcorpp.planning.pomdp import Pomdp
 from lcorpp.planning.sarsop.kernels import build_model, load_kernels
@@ -149,17 +149,21 @@ def _solve_table(
             if callback is not None:
                 callback(record.make_progress(vectors=len(policy), beliefs=beliefs, trials=rounds))
             round_began, max_nodes = monotonic(), INITIAL_NODES * NODE_GROWTH**rounds
-            evaluations = [
-                evaluate(pomdp, policy, start, precision=precision, max_nodes=max_nodes, trials=0)
-                for start in starts
-            ]
-            lower = np.maximum(lower, [each.lower for each in evaluations])
+            evaluations: list[Evaluation] = []
+            for i, start in enumerate(starts):
+                if evaluations and monotonic() > deadline:
+                    break
+                evaluations.append(
+                    evaluate(pomdp, policy, start, precision=precision, max_nodes=max_nodes, trials=0)
+                )
+                lower[i] = max(lower[i], evaluations[i].lower)
             beliefs, rounds = sum(each.beliefs for each in evaluations), rounds + 1
             record.update(lower.tolist(), upper.tolist(), len(policy))
             if record.upper - record.lower <= precision:
                 reason = "precision reached"
                 break
-            if all(each.exact or each.complete for each in evaluations):
+            is_complete = len(evaluations) == len(starts)
+            if is_complete and all(each.exact or each.complete for each in evaluations):
                 reason = "policy evaluated"
                 break
             # the next evaluation takes about NODE_GROWTH times as long
