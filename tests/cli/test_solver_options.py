@@ -123,7 +123,7 @@ def test_solvers_are_checked_before_the_work(lcorpp, own, monkeypatch, command):
         monkeypatch.setattr(f"lcorpp.experiments.{name}", None)
     refused(lcorpp(*command, "--solver", "pbvi"), "unknown solver 'pbvi'; expected one of sarsop")
     refused(lcorpp(*command, "--solver", f"{own}:none"), "own.py has no function 'none'; expected one of")
-    refused(lcorpp(*command, "--precision", 0), "the precision is 0.0; expected a positive number")
+    refused(lcorpp(*command, "--precision", 0), "the precision is 0.0; expected a finite positive number")
     refused(lcorpp(*command, "--time-limit", "nan"), "the time limit is nan; expected a positive number")
 
 
