@@ -286,9 +286,28 @@ def test_decisions_that_branch_too_much_are_refused(intention, monkeypatch):
     monkeypatch.setattr(exact_evaluation, "MAX_STEPS", 1)
     with pytest.raises(DecisionError, match="strategy 'LCORPP': no report after 1 actions"):
         evaluate_exactly(domain, robot, channels, rows)
+    monkeypatch.undo()
     monkeypatch.setattr(exact_evaluation, "MAX_POINTS", 1)
+    monkeypatch.setattr(exact_evaluation, "FORECAST_MARGIN", 1e9)
     with pytest.raises(DecisionError, match="decisions of strategy 'LCORPP' pass more than 1 points; its"):
         evaluate_exactly(domain, robot, channels, rows)
+
+
+def test_decisions_that_branch_far_too_much_are_refused_by_their_growth(intention, monkeypatch):
+    domain, robot, channels = intention
+    rows, points = find_strategies(["LCORPP"]), []
+    update = type(robot.planner).update
+    monkeypatch.setattr(type(robot.planner), "update", lambda *args: points.append(args) or update(*args))
+    evaluate_exactly(domain, robot, channels, rows)
+    whole = len(points)
+    points.clear()
+    monkeypatch.setattr(exact_evaluation, "FORECAST_POINTS", 100)
+    monkeypatch.setattr(exact_evaluation, "MAX_POINTS", 50)
+    with pytest.raises(
+        DecisionError, match="'LCORPP' pass more than 50 points by far, as their growth shows;"
+    ):
+        evaluate_exactly(domain, robot, channels, rows)
+    assert len(points) < whole / 10
 
 
 BAD = """

@@ -141,8 +141,8 @@ def compare_strategies(
         stack.enter_context(explain_missing_reports(solution))
         if options.trials is None:
             channels = {sense.name: NoisyChannel.from_domain(domain, sense) for sense in domain.senses}
-            with progress("enumerating people and answers"):
-                exact_scores = evaluate_exactly(domain, robot, channels, strategies)
+            with progress("enumerating people and answers") as advance:
+                exact_scores = evaluate_exactly(domain, robot, channels, strategies, progress=advance)
             return Comparison(tuple(exact_scores), None, senses, solution)
         parts = None
         if log is not None:

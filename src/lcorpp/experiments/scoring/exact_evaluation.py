@@ -7,7 +7,7 @@ classifiers and a feedback model of known probabilities, not a world of the doma
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Hashable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Hashable, Iterator, Mapping, Sequence
 from functools import cache
 from itertools import product
 from math import prod
@@ -25,7 +25,16 @@ from lcorpp.reasoning import Enumeration, Reasoner
 from lcorpp.simulation.simulated_classifier import NoisyChannel
 
 MAX_POINTS = 3_000_000
-"""Maximum number of points at which the decisions of a strategy may be: half a minute."""
+"""Maximum number of points at which the decisions of a strategy may be: half a minute in small domains."""
+
+FORECAST_POINTS = 20_000
+"""Number of points from whose growth the number of all points is forecast: some seconds in large domains."""
+
+FORECAST_LEVELS = 4
+"""Number of actions over which growth is averaged."""
+
+FORECAST_MARGIN = 10
+"""A forecast above this multiple of the maximum is refused; merged points may stop the growth below it."""
 
 MIN_PROBABILITY = 1e-12
 """Branches of an episode less likely than this are pruned."""
@@ -38,7 +47,12 @@ The two agree but for rounding; the sum over worlds keeps the last digits of pub
 
 
 def evaluate_exactly(
-    domain: Domain, robot: Robot, channels: Mapping[str, NoisyChannel], strategies: tuple[Strategy, ...]
+    domain: Domain,
+    robot: Robot,
+    channels: Mapping[str, NoisyChannel],
+    strategies: tuple[Strategy, ...],
+    *,
+    progress: Callable[[int, int], None] = lambda _done, _total: None,
 ) -> list[Scores]:
     """Compute the exact scores of some strategies.
 
@@ -46,11 +60,13 @@ def evaluate_exactly(
         robot: the full robot.
         channels: sense -> the noisy channel that replaces its classifier.
         strategies: the strategies, in the order of the result.
+        progress: called with the number of completed starts of decisions of a strategy, and of all.
 
     Raises:
         DomainError: the domain has a world of its own, whose probabilities are unknown.
-        DecisionError: a strategy draws its actions, acts differently after equal histories, or an own
-            strategy has too many histories. NoReportError: a strategy's policy never reports.
+        DecisionError: a strategy draws its actions, acts differently after equal histories, has decisions
+            that branch too much, or an own strategy has too many histories.
+        NoReportError: a strategy's policy never reports.
     """
     check_type(domain, Domain, "the domain", DomainError)
     check_type(robot, Robot, "the robot", DecisionError)
@@ -63,7 +79,7 @@ def evaluate_exactly(
         (dict(zip(attributes, values, strict=True)), mass)
         for values, mass in compute_joint_distribution(domain, attributes).items()
     ]
-    scores = [_score_strategy(domain, robot, strategy, channels, people) for strategy in strategies]
+    scores = [_score_strategy(domain, robot, strategy, channels, people, progress) for strategy in strategies]
     means = [[[getattr(row, name).estimate for row in scores]] for name in ("cost", "return_")]
     return add_differences(scores, np.array(means[0]), np.array(means[1]))
 
@@ -107,6 +123,7 @@ def _score_strategy(
     strategy: Strategy,
     channels: Mapping[str, NoisyChannel],
     people: Sequence[tuple[Mapping[str, str], float]],
+    progress: Callable[[int, int], None],
 ) -> Scores:
     """Score a strategy of the full robot; `people`: attribute -> value, and its probability."""
     used = {sense: channel for sense, channel in channels.items() if strategy.uses(sense)}
@@ -129,16 +146,18 @@ def _score_strategy(
             if mass * rate > 0:
                 roots[find_root(context, tuple(labels.items())), v] += mass * rate
     tree = _EpisodeTree(domain, nodes, strategy)
+    tree.check_size(roots)
     # (V, V + 1) probability of each true value and reported value; the last column is for no report
     joint = np.zeros((len(domain.values), len(domain.values) + 1))
     total_cost = squared_cost = return_ = 0.0
-    for (root, v), mass in roots.items():
+    for done, ((root, v), mass) in enumerate(roots.items(), start=1):
         for probability, reported, cost, reward in tree.enumerate_leaves(root, v):
             p = mass * probability
             joint[v, reported] += p
             total_cost += p * cost
             squared_cost += p * cost**2
             return_ += p * (reward - cost)
+        progress(done, len(roots))
     sd = float(np.sqrt(max(squared_cost - total_cost**2, 0.0)))
     return score_probabilities(
         strategy.name,
@@ -165,6 +184,15 @@ def _enumerate_labels(
         yield labels, prod([rate for _, rate in combination])
 
 
+_Point = tuple[Hashable, int, float]
+"""A point of decisions that are merged: the robot's node, the state, and the cost so far."""
+
+_Leaf = tuple[float, int, float, float]
+"""The end of all episodes with the same last point: their probability; the index of the reported value, V for
+no report; the cost of the actions before the report, positive; the reward of the report in the true state, 0
+without a report."""
+
+
 class _EpisodeTree:
     """All episodes from a node; transitions are cached."""
 
@@ -184,45 +212,82 @@ class _EpisodeTree:
 
         self._find_transitions = find_transitions
 
-    def enumerate_leaves(self, root: Hashable, v: int) -> Iterator[tuple[float, int, float, float]]:
-        """Yield the ends of all episodes from a root with a person of true value v.
+    def check_size(self, roots: Collection[tuple[Hashable, int]]) -> None:
+        """Refuse episodes that, by their growth after the first actions, pass far too many points.
 
-        Each is the end of all episodes with the same last action and cost: their probability; the index of
-        the reported value, V for no report; the cost of the actions before the report, positive; the reward
-        of the report in the true state, 0 without a report.
+        The growth and the probabilities of the points of all roots are extrapolated until the branches are
+        pruned.
+
+        Raises:
+            DecisionError: the forecast is above `FORECAST_MARGIN` times `MAX_POINTS`.
+        """
+        walks = [self._walk(root, v) for root, v in roots]
+        sizes, masses = list[float](), list[float]()
+        while walks and sum(sizes) < FORECAST_POINTS:
+            levels = {walk: level for walk in walks if (level := next(walk, None)) is not None}
+            walks = list(levels)
+            sizes.append(sum(len(points) for _, points in levels.values()))
+            masses.append(sum(sum(points.values()) for _, points in levels.values()))
+        k = min(FORECAST_LEVELS, len(sizes) - 1)
+        if not walks or k < 1:
+            return
+        growth, decay = ((values[-1] / values[-1 - k]) ** (1 / k) for values in (sizes, masses))
+        count, size, mass = sum(sizes), sizes[-1], masses[-1]
+        for _ in range(len(sizes), MAX_STEPS):
+            size, mass = size * growth, mass * decay
+            if mass < size * MIN_PROBABILITY:
+                return
+            count += size
+            if count > FORECAST_MARGIN * MAX_POINTS:
+                raise self._make_size_error(" by far, as their growth shows")
+
+    def _make_size_error(self, how: str = "") -> DecisionError:
+        return DecisionError(
+            f"the decisions of {self._strategy.location} pass more than {MAX_POINTS} points{how}; its scores"
+            " need simulated trials, or a smaller model"
+        )
+
+    def enumerate_leaves(self, root: Hashable, v: int) -> Iterator[_Leaf]:
+        """Yield the ends of all episodes from a root with a person of true value v."""
+        for leaves, points in self._walk(root, v):
+            yield from leaves
+            self._count += len(points)
+            if self._count > MAX_POINTS:
+                raise self._make_size_error()
+
+    def _walk(self, root: Hashable, v: int) -> Iterator[tuple[list[_Leaf], dict[_Point, float]]]:
+        """Yield after each number of actions the episodes that end there, and the points of the others.
+
+        Raises:
+            NoReportError: some episodes have no report after `MAX_STEPS` actions.
         """
         domain, pomdp, nodes = self._domain, self._domain.pomdp, self._nodes
         # the episodes after the same number of actions: (node, state, cost) -> probability
-        frontier: dict[tuple[Hashable, int, float], float] = {}
+        frontier: dict[_Point, float] = {}
         for first in np.flatnonzero(domain.planning.initial_states[v]):
             frontier[root, int(first), 0.0] = float(domain.planning.initial_states[v, first])
         for _ in range(MAX_STEPS + 1):
-            successors: dict[tuple[Hashable, int, float], float] = defaultdict(float)
+            leaves, successors = list[_Leaf](), defaultdict[_Point, float](float)
             for (node, s, cost), mass in frontier.items():
                 action = nodes.find_action(node)
                 if action is None:
-                    yield mass, len(domain.values), cost, 0.0
+                    leaves.append((mass, len(domain.values), cost, 0.0))
                     continue
                 a = pomdp.actions.index(action)
                 reward = float(pomdp.reward[a, s])
                 value = domain.reported_value(action)
                 if value is not None:
-                    yield mass, domain.values.index(value), cost, reward
+                    leaves.append((mass, domain.values.index(value), cost, reward))
                     continue
                 next_cost = round(cost - reward, 9)  # rounding merges equal costs
                 for s_next, observation, probability in self._find_transitions(a, s):
                     p = mass * probability
                     if p >= MIN_PROBABILITY:
                         successors[nodes.extend(node, action, observation), s_next, next_cost] += p
+            yield leaves, successors
             if not successors:
                 return
             frontier = successors
-            self._count += len(frontier)
-            if self._count > MAX_POINTS:
-                raise DecisionError(
-                    f"the decisions of {self._strategy.location} pass more than {MAX_POINTS} points; its"
-                    " scores need simulated trials"
-                )
         raise NoReportError(
             f"{self._strategy.location}: no report after {MAX_STEPS} actions; the policy does not report from"
             f" {nodes.describe(root)}"
