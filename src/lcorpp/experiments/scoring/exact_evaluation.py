@@ -10,7 +10,7 @@ from collections import defaultdict
 from collections.abc import Callable, Collection, Hashable, Iterator, Mapping, Sequence
 from functools import cache
 from itertools import product
-from math import prod
+from math import ceil, log, prod
 
 import numpy as np
 
@@ -30,10 +30,13 @@ MAX_POINTS = 3_000_000
 FORECAST_POINTS = 20_000
 """Number of points from whose growth the number of all points is forecast: some seconds in large domains."""
 
+FORECAST_ROOTS = 10
+"""Number of starts of decisions, evenly chosen, whose points are followed for a forecast."""
+
 FORECAST_LEVELS = 4
 """Number of actions over which growth is averaged."""
 
-FORECAST_MARGIN = 10
+FORECAST_MARGIN = 3
 """A forecast above this multiple of the maximum is refused; merged points may stop the growth below it."""
 
 MIN_PROBABILITY = 1e-12
@@ -215,30 +218,33 @@ class _EpisodeTree:
     def check_size(self, roots: Collection[tuple[Hashable, int]]) -> None:
         """Refuse episodes that, by their growth after the first actions, pass far too many points.
 
-        The growth and the probabilities of the points of all roots are extrapolated until the branches are
-        pruned.
+        The number of points of some roots is extrapolated as a power of the number of actions, which is low
+        if they branch without end, and their probability geometrically, until the branches are pruned.
 
         Raises:
             DecisionError: the forecast is above `FORECAST_MARGIN` times `MAX_POINTS`.
         """
-        walks = [self._walk(root, v) for root, v in roots]
+        some = list(roots)[:: ceil(len(roots) / FORECAST_ROOTS)]
+        walks = [self._walk(root, v) for root, v in some]
         sizes, masses = list[float](), list[float]()
         while walks and sum(sizes) < FORECAST_POINTS:
-            levels = {walk: level for walk in walks if (level := next(walk, None)) is not None}
-            walks = list(levels)
-            sizes.append(sum(len(points) for _, points in levels.values()))
-            masses.append(sum(sum(points.values()) for _, points in levels.values()))
-        k = min(FORECAST_LEVELS, len(sizes) - 1)
+            followed = [(walk, step[1]) for walk in walks if (step := next(walk, None)) is not None]
+            walks = [walk for walk, _ in followed]
+            sizes.append(sum(len(points) for _, points in followed))
+            masses.append(sum(sum(points.values()) for _, points in followed))
+        last = len(sizes)
+        k = min(FORECAST_LEVELS, last - 1)
         if not walks or k < 1:
             return
-        growth, decay = ((values[-1] / values[-1 - k]) ** (1 / k) for values in (sizes, masses))
-        count, size, mass = sum(sizes), sizes[-1], masses[-1]
-        for _ in range(len(sizes), MAX_STEPS):
-            size, mass = size * growth, mass * decay
-            if mass < size * MIN_PROBABILITY:
+        power = log(sizes[-1] / sizes[-1 - k]) / log(last / (last - k))
+        decay = (masses[-1] / masses[-1 - k]) ** (1 / k)
+        count = sum(sizes)
+        for level in range(last + 1, MAX_STEPS + 1):
+            size = sizes[-1] * (level / last) ** power
+            if masses[-1] * decay ** (level - last) < size * MIN_PROBABILITY:
                 return
             count += size
-            if count > FORECAST_MARGIN * MAX_POINTS:
+            if count * len(roots) / len(some) > FORECAST_MARGIN * MAX_POINTS:
                 raise self._make_size_error(" by far, as their growth shows")
 
     def _make_size_error(self, how: str = "") -> DecisionError:
