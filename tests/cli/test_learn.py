@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from lcorpp.experiments.run_store import RunStore
+from lcorpp.experiments.active_learning.run_store import RunStore
 from lcorpp.learning.store import Store, TrackSchema, read_store
 
 ROOMS = Path(__file__).parents[1] / "domains" / "rooms"

@@ -1,11 +1,12 @@
 """Algorithm 1 with a learner that returns given confusion matrices."""
 
 import itertools
+from collections.abc import Mapping
 
 import numpy as np
 import pytest
 
-from lcorpp.decision import Batch, ResumePoint, lcorpp
+from lcorpp.decision import Batch, ResumePoint, TrainedSense, lcorpp
 from lcorpp.decision.lcorpp import compute_ssub
 from lcorpp.errors import DecisionError
 from lcorpp.values import ConfusionMatrix, Dataset
@@ -28,19 +29,18 @@ def run(
     """Run with the given confusion counts, one matrix per training; also return the learner's data sets."""
     matrices, trained, reasoned = iter(counts), [], []
 
-    def train(dataset: Dataset):
+    def train(_sense: str, dataset: Dataset):
         trained.append(dataset)
         return FakeClassifier(), ConfusionMatrix(VALUES, np.array(next(matrices)))
 
-    def make_reasoner(confusion: ConfusionMatrix):
-        reasoned.append(confusion)
+    def make_reasoner(confusions: Mapping[str, ConfusionMatrix]):
+        reasoned.append(confusions)
         return FakeReasoner()
 
     indices = itertools.cycle([0, 1])
     batches = list(
         lcorpp(
-            START,
-            sense="eyes",
+            {"eyes": START},
             train=train,
             make_reasoner=make_reasoner,
             planner=FakePlanner(),
@@ -86,9 +86,8 @@ def test_a_classifier_as_good_as_chance_does_not_start_the_loop():
 def test_the_caller_may_stop_at_any_batch():
     rng = np.random.default_rng(1)
     loop = lcorpp(
-        START,
-        sense="eyes",
-        train=lambda _: (FakeClassifier(), ConfusionMatrix(VALUES, rng.random((2, 2)) * 9)),
+        {"eyes": START},
+        train=lambda *_: (FakeClassifier(), ConfusionMatrix(VALUES, rng.random((2, 2)) * 9)),
         make_reasoner=lambda _: FakeReasoner(),
         planner=FakePlanner(),
         domain=FakeDomain(),
@@ -105,9 +104,8 @@ def resume(
     """Algorithm 1 from a resume point: batches of four; decisions about the people in `line`."""
     given = iter(matrices)
     return lcorpp(
-        dataset,
-        sense="eyes",
-        train=lambda _: (FakeClassifier(), ConfusionMatrix(VALUES, np.array(next(given)))),
+        {"eyes": dataset},
+        train=lambda *_: (FakeClassifier(), ConfusionMatrix(VALUES, np.array(next(given)))),
         make_reasoner=lambda _: FakeReasoner(),
         planner=FakePlanner(),
         domain=FakeDomain(),
@@ -127,19 +125,21 @@ def test_a_resumed_run_ends_like_an_uninterrupted_one(decided):
     """Interrupted after batch 1 and some decisions of batch 2, at most all four."""
     whole = list(itertools.islice(resume(None, START, MATRICES, iter(LINE)), 3))
     stopped = whole[1]
-    made = whole[2].dataset.take(range(len(stopped.dataset) + decided))
-    resumed = ResumePoint(1, stopped.classifier, stopped.confusion, stopped.change, decided)
+    omega = whole[2].datasets["eyes"]
+    made = omega.take(range(len(stopped.datasets["eyes"]) + decided))
+    resumed = ResumePoint(1, stopped.senses, decided)
     again, last = itertools.islice(resume(resumed, made, MATRICES[2:], iter(LINE[4 + decided :])), 2)
     assert (again.number, again.change, again.converged) == (1, stopped.change, False)
-    assert again.confusion is stopped.confusion
+    assert again.senses is stopped.senses
     assert (last.number, last.change, len(last.episodes)) == (2, whole[2].change, 4 - decided)
-    assert np.array_equal(last.dataset.trajectories, whole[2].dataset.trajectories)
-    assert (last.dataset.labels, last.dataset.groups) == (whole[2].dataset.labels, whole[2].dataset.groups)
+    assert np.array_equal(last.datasets["eyes"].trajectories, omega.trajectories)
+    assert (last.datasets["eyes"].labels, last.datasets["eyes"].groups) == (omega.labels, omega.groups)
 
 
 def test_resuming_a_converged_run_makes_no_decision():
     matrix = ConfusionMatrix(VALUES, np.array(MATRICES[0]))
-    batches = list(resume(ResumePoint(5, FakeClassifier(), matrix, 0.01, 0), START, [], iter(())))
+    senses = {"eyes": TrainedSense(FakeClassifier(), matrix, 0.01)}
+    batches = list(resume(ResumePoint(5, senses, 0), START, [], iter(())))
     assert [(batch.number, batch.converged, batch.episodes) for batch in batches] == [(5, True, ())]
 
 

@@ -10,9 +10,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from lcorpp.decision import Batch
+from lcorpp.decision import Batch, TrainedSense
 from lcorpp.errors import DataError, FileError
-from lcorpp.experiments.run_store import RunStore
+from lcorpp.experiments.active_learning.checkpoint import CheckpointFolder
+from lcorpp.experiments.active_learning.run_store import RunStore
 from lcorpp.learning import learner, train_and_validate
 from lcorpp.learning.store import NewTrack, Store, read_store
 from lcorpp.values import ConfusionMatrix, Dataset, Distribution
@@ -43,17 +44,17 @@ def learnt(numbers: bytes, labels: tuple[str, ...]):
     return trained, validation.confusion
 
 
-def learn(dataset: Dataset):
+def learn(_sense: str, dataset: Dataset):
     return learnt(dataset.trajectories.tobytes(), dataset.labels)
 
 
-def never(_dataset):
+def never(_sense, _dataset):
     raise AssertionError("nothing had to be trained")
 
 
 def decide(run_store: RunStore, row: int, report: str | None = "slow", **extra: object) -> str:
-    signal = walks(1, seed=row).trajectories[0]
-    return run_store.append_decision(signal, {"time": "noon"}, report, BELIEF, extra)
+    signals, labels = {"walk": walks(1, seed=row).trajectories[0]}, {"walk": report}
+    return run_store.append_decision(signals, {"time": "noon"}, labels, {"walk": BELIEF}, extra)
 
 
 @pytest.fixture
@@ -69,7 +70,7 @@ def opened(path):
     def open_again(data: Dataset = DATA, **settings: object) -> RunStore:
         for run_store in run_stores:
             run_store.close()
-        run_stores.append(RunStore(path, data, CLASSES, {"seed": 0, **settings}))
+        run_stores.append(RunStore(path, {"walk": data}, {"walk": CLASSES}, {"seed": 0, **settings}))
         return run_stores[-1]
 
     yield open_again
@@ -82,10 +83,10 @@ def ended(opened):
     """A run that completed batch 1 of three decisions, and two decisions of the next."""
     run_store = opened()
     assert run_store.resume(never) is None
-    run_store.save_checkpoint(batch(0, run_store.dataset()), [{"batch": 0}])
+    run_store.save_checkpoint(batch(0, run_store.datasets()["walk"]), [{"batch": 0}])
     for row in range(3):
         decide(run_store, row, None if row == 1 else "fast")
-    completed = batch(1, run_store.dataset())
+    completed = batch(1, run_store.datasets()["walk"])
     run_store.save_checkpoint(completed, [{"batch": 0}, {"batch": 1, "f1": 0.1 + 0.2}])
     decide(run_store, 3, note="a")
     decide(run_store, 4, None)
@@ -93,8 +94,12 @@ def ended(opened):
 
 
 def batch(number: int, dataset: Dataset) -> Batch:
-    trained, confusion = learn(dataset)
-    return Batch(number, dataset, trained, confusion, 0.125, (), (), False)
+    return make_batch(number, dataset, *learn("walk", dataset), 0.125)
+
+
+def make_batch(number: int, dataset: Dataset, classifier, confusion, change: float) -> Batch:
+    sense = TrainedSense(classifier, confusion, change)
+    return Batch(number, {"walk": dataset}, {"walk": sense}, (), (), False)
 
 
 def test_a_run_resumes_where_it_ended(opened, ended):
@@ -103,11 +108,13 @@ def test_a_run_resumes_where_it_ended(opened, ended):
     assert (run_store.notes, run_store.number, run_store.n_people) == ([], 1, 5)
     assert run_store.rows == [{"batch": 0}, {"batch": 1, "f1": 0.1 + 0.2}]
     assert [(s.extra.get("note"), s.label) for s in run_store.pending] == [("a", "slow"), (None, None)]
-    assert (resumed.number, resumed.change, resumed.decided) == (1, 0.125, 2)
-    assert np.array_equal(resumed.confusion.counts, ended.confusion.counts)
+    assert (resumed.number, resumed.senses["walk"].change, resumed.decided) == (1, 0.125, 2)
+    assert np.array_equal(resumed.senses["walk"].confusion.counts, ended.senses["walk"].confusion.counts)
     tracks = walks(50, seed=9).trajectories
-    assert resumed.classifier.classify_many(tracks) == ended.classifier.classify_many(tracks)
-    omega = run_store.dataset()
+    assert resumed.senses["walk"].classifier.classify_many(tracks) == ended.senses[
+        "walk"
+    ].classifier.classify_many(tracks)
+    omega = run_store.datasets()["walk"]
     assert omega.labels == (*DATA.labels, "fast", "fast", "slow")
     assert omega.groups[:24] == DATA.groups
     assert np.array_equal(omega.trajectories[-1], walks(1, seed=3).trajectories[0])
@@ -131,11 +138,11 @@ def test_stored_decisions_contain_their_run_and_batch(opened, path):
 
 def test_a_soft_classifier_is_restored_from_the_checkpoint(opened):
     run_store = opened()
-    first = batch(0, run_store.dataset())
-    soft = first.classifier.soft()
-    run_store.save_checkpoint(Batch(0, first.dataset, soft, first.confusion, 1, (), (), False), [])
+    first = batch(0, run_store.datasets()["walk"])
+    soft = first.senses["walk"].classifier.soft()
+    run_store.save_checkpoint(make_batch(0, DATA, soft, first.senses["walk"].confusion, 1), [])
     tracks = walks(3, seed=9).trajectories
-    again = opened().resume(never).classifier.classify_many(tracks)
+    again = opened().resume(never).senses["walk"].classifier.classify_many(tracks)
     assert [str(likelihood) for likelihood in again] == [str(one) for one in soft.classify_many(tracks)]
 
 
@@ -147,12 +154,12 @@ def test_a_classifier_that_cannot_be_stored_is_trained_again(opened, path):
             return "slow"
 
     run_store = opened()
-    run_store.save_checkpoint(Batch(0, DATA, Odd(), MATRIX, 1, (), (), False), [])
+    run_store.save_checkpoint(make_batch(0, DATA, Odd(), MATRIX, 1), [])
     decide(run_store, 1)
     given = []
-    resumed = opened().resume(lambda dataset: given.append(dataset) or (Odd(), MATRIX))
+    resumed = opened().resume(lambda _, dataset: given.append(dataset) or (Odd(), MATRIX))
     assert len(given[0]) == len(DATA)
-    assert (resumed.decided, resumed.classifier.classify(None)) == (1, "slow")
+    assert (resumed.decided, resumed.senses["walk"].classifier.classify(None)) == (1, "slow")
 
 
 def test_labels_of_persons_cause_a_training_at_the_next_start(opened, ended, path):
@@ -163,15 +170,16 @@ def test_labels_of_persons_cause_a_training_at_the_next_start(opened, ended, pat
         store.append(NewTrack(walks(1, seed=99).trajectories[0], "slow", "person"))
     run_store = opened()
     given = []
-    resumed = run_store.resume(lambda dataset: given.append(dataset) or learn(dataset))
+    resumed = run_store.resume(lambda name, dataset: given.append(dataset) or learn(name, dataset))
     assert run_store.notes == ["2 records were added by persons or another run: trained again"]
     assert given[0].labels[24:] == ("slow", "fast", "slow", "slow")
-    assert resumed.change != 0.125
-    run_store.save_checkpoint(
-        Batch(1, given[0], resumed.classifier, resumed.confusion, 0.5, (), (), False), run_store.rows
-    )
+    assert resumed.senses["walk"].change != 0.125
+    trained = resumed.senses["walk"]
+    batch_again = make_batch(1, given[0], trained.classifier, trained.confusion, 0.5)
+    run_store.save_checkpoint(batch_again, run_store.rows)
     run_store = opened()
-    assert (run_store.resume(never).decided, run_store.resume(never).change) == (2, 0.5)
+    resumed = run_store.resume(never)
+    assert (resumed.decided, resumed.senses["walk"].change) == (2, 0.5)
 
 
 @pytest.mark.parametrize(
@@ -187,7 +195,7 @@ def test_a_checkpoint_of_other_settings_is_not_used(opened, ended, settings, wor
     assert words in run_store.notes[0]
     assert run_store.notes[0].endswith("; trained on all that is stored")
     assert (run_store.number, run_store.pending, run_store.rows, run_store.n_people) == (None, (), [], 5)
-    assert len(run_store.dataset()) == len(settings.get("data", DATA)) + 3
+    assert len(run_store.datasets()["walk"]) == len(settings.get("data", DATA)) + 3
 
 
 def spoilt(path, how):
@@ -206,6 +214,15 @@ def make_file_change(**facts):
     return change
 
 
+def make_sense_change(**facts):
+    def change(file):
+        content = json.loads(file.read_text())
+        content["senses"]["walk"] |= facts
+        file.write_text(json.dumps(content))
+
+    return change
+
+
 @pytest.mark.parametrize(
     ("how", "words"),
     [
@@ -213,13 +230,13 @@ def make_file_change(**facts):
         (("checkpoint.json", cut), "not used, it is damaged"),
         (("checkpoint.json", lambda file: file.write_bytes(b"\xff")), "not UTF-8"),
         (("checkpoint.json", lambda file: file.write_text("[]")), "damaged"),
-        (("checkpoint.json", make_file_change(version=2)), "'lcorpp checkpoint', version 2"),
+        (("checkpoint.json", make_file_change(version=3)), "'lcorpp checkpoint', version 3"),
         (("checkpoint.json", make_file_change(store="00")), "another store"),
         (("checkpoint.json", make_file_change(number=-1)), "-1 is no number"),
-        (("checkpoint.json", make_file_change(counts=[[1]])), "cannot have shape"),
+        (("checkpoint.json", make_sense_change(counts=[[1]])), "cannot have shape"),
         (("checkpoint.json", make_file_change(rows=3)), "damaged"),
         (("checkpoint.json", make_file_change(settings=None)), "damaged"),
-        (("checkpoint.json", make_file_change(classifier="x")), "damaged"),
+        (("checkpoint.json", make_sense_change(classifier="x")), "damaged"),
     ],
 )
 def test_a_checkpoint_that_cannot_be_used_costs_a_training(opened, ended, path, how, words):
@@ -228,7 +245,7 @@ def test_a_checkpoint_that_cannot_be_used_costs_a_training(opened, ended, path, 
     run_store = opened()
     assert words in run_store.notes[0]
     assert run_store.resume(never) is None
-    assert len(run_store.dataset()) == 24 + 3
+    assert len(run_store.datasets()["walk"]) == 24 + 3
 
 
 @pytest.mark.parametrize(
@@ -244,9 +261,11 @@ def test_a_damaged_classifier_is_trained_again(opened, ended, path, how, words):
     run_store = opened()
     resumed = run_store.resume(learn)
     assert words in run_store.notes[0]
-    assert (resumed.number, resumed.decided, resumed.change) == (1, 2, 0.125)
+    assert (resumed.number, resumed.decided, resumed.senses["walk"].change) == (1, 2, 0.125)
     tracks = walks(50, seed=9).trajectories
-    assert resumed.classifier.classify_many(tracks) == ended.classifier.classify_many(tracks)
+    assert resumed.senses["walk"].classifier.classify_many(tracks) == ended.senses[
+        "walk"
+    ].classifier.classify_many(tracks)
 
 
 def lose_records(path, after):
@@ -282,10 +301,10 @@ def test_a_run_with_a_store_of_version_1_is_resumed(path, opened):
     run_store = opened()
     resumed = run_store.resume(learn)
     assert (run_store.notes, run_store.number, run_store.n_people) == ([], 1, 4)
-    assert (resumed.number, resumed.change, resumed.decided) == (1, 0.125, 1)
-    assert np.array_equal(resumed.confusion.counts, MATRIX.counts)
-    assert run_store.dataset().labels == (*DATA.labels, "fast", "fast", "slow")
-    assert np.array_equal(run_store.dataset().trajectories[-1], walks(1, seed=3).trajectories[0])
+    assert (resumed.number, resumed.senses["walk"].change, resumed.decided) == (1, 0.125, 1)
+    assert np.array_equal(resumed.senses["walk"].confusion.counts, MATRIX.counts)
+    assert run_store.datasets()["walk"].labels == (*DATA.labels, "fast", "fast", "slow")
+    assert np.array_equal(run_store.datasets()["walk"].trajectories[-1], walks(1, seed=3).trajectories[0])
 
 
 def test_only_one_classifier_file_stays(opened, ended, path):
@@ -296,15 +315,15 @@ def test_only_one_classifier_file_stays(opened, ended, path):
 def test_a_crash_between_the_files_of_a_checkpoint_leaves_the_one_before(opened, ended, path, monkeypatch):
     run_store = opened()
     before = run_store.resume(never)
-    write = run_store.save_checkpoint.__globals__["write_atomically"]
+    write = CheckpointFolder.write.__globals__["write_atomically"]
 
     def crash(*arguments):
         raise KeyboardInterrupt
 
-    monkeypatch.setitem(run_store.save_checkpoint.__globals__, "write_atomically", crash)
+    monkeypatch.setitem(CheckpointFolder.write.__globals__, "write_atomically", crash)
     with pytest.raises(KeyboardInterrupt):
-        run_store.save_checkpoint(batch(2, run_store.dataset()), [])
-    monkeypatch.setitem(run_store.save_checkpoint.__globals__, "write_atomically", write)
+        run_store.save_checkpoint(batch(2, run_store.datasets()["walk"]), [])
+    monkeypatch.setitem(CheckpointFolder.write.__globals__, "write_atomically", write)
     after = opened().resume(never)
     assert (after.number, after.decided) == (before.number, before.decided) == (1, 2)
 
@@ -312,12 +331,12 @@ def test_a_crash_between_the_files_of_a_checkpoint_leaves_the_one_before(opened,
 def test_one_run_at_a_time(opened, path):
     opened()
     with pytest.raises(FileError, match="is being written to already"):
-        RunStore(path, DATA, CLASSES, {})
+        RunStore(path, {"walk": DATA}, {"walk": CLASSES}, {})
 
 
 def test_a_store_of_other_tracks_is_refused(opened, path):
     opened().close()
     other = Dataset(np.zeros((2, 2, 5)), CLASSES, interval=0.4)
     with pytest.raises(DataError, match="its time points of a track: 12; the tracks to be stored have: 5"):
-        RunStore(path, other, CLASSES, {})
+        RunStore(path, {"walk": other}, {"walk": CLASSES}, {})
     Store(path, read_store(path).schema).close()  # the lock is free again

@@ -93,11 +93,7 @@ def _check_store(path: Path) -> None:
     from lcorpp.learning.store import read_store
 
     store = read_store(path)
-    points = f"{store.schema.points} time points of " if store.schema.points else ""
-    console.out.print(
-        f"{path}: {store.summary()}; {points}{', '.join(store.schema.channels)} every"
-        f" {store.schema.interval:g} s{'' if store.damage else ': OK'}"
-    )
+    console.out.print(f"{path}: {store.summary()}; {store.schema}{'' if store.damage else ': OK'}")
     if store.damage:
         count = f"{len(store.damage)} place{'s' * (len(store.damage) > 1)}"
         raise DataError(

@@ -4,22 +4,38 @@ from __future__ import annotations
 
 import itertools
 import sys
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping
 from contextlib import nullcontext, suppress
+from dataclasses import replace
 from time import perf_counter
-from typing import TYPE_CHECKING, Annotated, NamedTuple
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from lcorpp.cli import console
+from lcorpp.cli.cases import Case, ask_case, describe_simulation, simulate_case
 from lcorpp.cli.options import common as options, decision
+from lcorpp.cli.options.recordings import (
+    GapOption,
+    LabelFileOption,
+    RepairOption,
+    RobotOption,
+)
+from lcorpp.cli.options.senses import (
+    ClassifiersOption,
+    DataOption,
+    EvidenceOption,
+    LearnersOption,
+    choose_classifiers,
+    choose_soft_senses,
+)
 from lcorpp.errors import DecisionError, DomainError, NoValueError
 
 if TYPE_CHECKING:
     from lcorpp.decision import Robot
-    from lcorpp.domains import Domain, Sense
-    from lcorpp.protocols import World
-    from lcorpp.values import Episode, Label, SharedValue, Step
+    from lcorpp.domains import Domain
+    from lcorpp.experiments.setup import ClassifierOptions
+    from lcorpp.values import Episode, Label, Step
 
 
 def explain(
@@ -64,6 +80,19 @@ def explain(
         ),
     ] = None,
     world: options.WorldOption = None,
+    classifier: ClassifiersOption = None,
+    learner: LearnersOption = None,
+    evidence: EvidenceOption = None,
+    data: DataOption = None,
+    label_file: LabelFileOption = None,
+    repair: RepairOption = None,
+    robot: RobotOption = None,
+    gap: GapOption = None,
+    tracks: options.TracksOption = None,
+    epochs: options.EpochsOption = None,
+    device: options.DeviceOption = "cpu",
+    features: options.FeaturesOption = "x,y",
+    jobs: options.JobsOption = None,
     log: options.LogOption = None,
     solver: options.SolverOption = None,
     precision: options.PrecisionOption = None,
@@ -74,16 +103,24 @@ def explain(
 
     The steps are label, evidence, posterior, prior, then every action with its observation and belief.
     The person is simulated; values that are not given are drawn. With --interactive you are the person.
+    A classifier is a noisy channel, unless --learner, --classifier or --data asks for a trained one.
     Ctrl-C stops the solver; the command continues with the best policy so far.
     """
     from lcorpp.cli.robot_output import print_classifier, print_domain, print_solution
     from lcorpp.decision import STRATEGIES
     from lcorpp.decision.dt_control import log_decision
     from lcorpp.domains import load_domain, with_world
+    from lcorpp.experiments.comparison import ComparisonOptions, describe_classifiers, set_up_senses
     from lcorpp.experiments.decision_log import DecisionLog
-    from lcorpp.experiments.robot_parts import ClassifierPart, RobotParts
+    from lcorpp.experiments.robot_parts import RobotParts
     from lcorpp.experiments.scoring.trials import make_generator
-    from lcorpp.experiments.setup import explain_missing_reports, from_channel, make_robot, solve_domain
+    from lcorpp.experiments.setup import (
+        EvidenceOptions,
+        ReadingOptions,
+        explain_missing_reports,
+        make_robot,
+        solve_domain,
+    )
     from lcorpp.experiments.strategies.baselines import find_strategies
     from lcorpp.planning import Planner
     from lcorpp.planning.policy_cache import find_cache_folder
@@ -116,116 +153,75 @@ def explain(
     used = [sense for sense in loaded.senses if row.uses(sense.name)]
     for name in predicted.keys() - {sense.name for sense in used}:
         raise DomainError(f"the strategy {row.name} does not use the classifier {name}, whose label is given")
-    senses = {sense.name: from_channel(loaded, sense) for sense in used}
+    sources = choose_classifiers(
+        loaded,
+        used,
+        classifiers=classifier or [],
+        learners=learner or [],
+        data=data or [],
+        reading=ReadingOptions({}, label_file, tuple(repair or ()), robot, gap),
+        training=options.choose_training(tracks=tracks, epochs=epochs, device=device, features=features),
+        by_channel=True,
+    )
+    soft = choose_soft_senses(loaded, sources, evidence or [])
+    _check_evidence(sources, soft, labels, likelihoods, interactive=interactive)
+    ready = ComparisonOptions(
+        (row,), sources, EvidenceOptions(soft), seed=seed, jobs=console.count_processes(jobs)
+    )
     with nullcontext() if log is None else DecisionLog(log) as decisions:
         print_domain(loaded)
+        senses = set_up_senses(loaded, used, ready, console.show_progress)
         for name, setup in senses.items():
             print_classifier(setup, name if len(senses) > 1 else "")
+            for text in setup.notes:
+                console.print_note(text)
         with console.show_progress("solving the POMDP") as advance:
             solution = solve_domain(loaded, chosen, cache=cache, advance=advance)
         print_solution(solution)
-        program = loaded.soft_program(likelihoods)
-        robot = make_robot(loaded, senses, program, Planner(solution))
+        parts = RobotParts(loaded, solution.policy, describe_classifiers(senses), solver=chosen)
+        given = {
+            name: replace(parts.classifiers[name], source="given", fingerprint="", soft=name in likelihoods)
+            for name in predicted
+        }
+        parts = replace(parts, classifiers={**parts.classifiers, **given})
+        full_robot = make_robot(loaded, senses, parts.program, Planner(solution))
         if interactive:
-            case = _ask_case(loaded, used, facts, predicted)
+            case = ask_case(loaded, used, facts, predicted)
         else:
-            case = _simulate_case(loaded, used, facts, predicted, value, script, seed)
+            case = simulate_case(loaded, senses, facts, predicted, value, script, seed)
         with explain_missing_reports(solution), row.locate_failures():
-            episode = _decide_and_print(loaded, row.robot(robot, make_generator(seed, 0)), case)
+            episode = _decide_and_print(loaded, row.robot(full_robot, make_generator(seed, 0)), case)
         log_decision(episode)
         if decisions is not None:
-            classifiers = {
-                name: ClassifierPart("given", soft=name in likelihoods)
-                if name in predicted
-                else ClassifierPart.of("channel", setup.classifier)
-                for name, setup in senses.items()
-            }
-            parts = RobotParts(loaded, solution.policy, classifiers, solver=chosen)
-            known = _describe_simulation(case)
+            known = describe_simulation(case)
             decisions.append(parts, row, case.facts, episode, known, seed=(seed, 0))
 
 
-class _Case(NamedTuple):
-    """One person to decide about.
+def _check_evidence(
+    sources: Mapping[str, ClassifierOptions],
+    soft: Collection[str],
+    labels: Collection[str],
+    likelihoods: Collection[str],
+    *,
+    interactive: bool,
+) -> None:
+    """Reject two kinds of evidence of one sense.
 
-    facts: observed attribute -> value. predicted: sense -> its output, a class or a likelihood.
-    world: answers the robot's actions. truth: the true shared value, None if it is unknown.
-    person: all that a simulation knows of the person, None without one.
+    Raises:
+        DomainError: a likelihood and a trained classifier, or a label and soft evidence.
     """
-
-    facts: Mapping[str, str]
-    predicted: Mapping[str, Label]
-    world: World
-    truth: SharedValue | None
-    person: Mapping[str, str] | None
-
-
-def _ask_case(
-    domain: Domain, senses: Sequence[Sense], facts: Mapping[str, str], predicted: Mapping[str, Label]
-) -> _Case:
-    """Ask the user, who is the person, for the facts and the labels that no option gives."""
-    from lcorpp.worlds import ConsoleWorld, choose
-
-    complete = dict(facts)
-    for name in domain.observed:
-        if name not in complete:
-            values = domain.program.attributes[name].values
-            complete[name] = choose(values, f"What is the {name}?", show=console.out.print)
-    labels = dict(predicted)
-    for sense in senses:
-        if sense.name not in labels:
-            class_of = {label: name for name, label in sense.label_of.items()}
-            question = f"What is the classifier's label ({sense.attribute})?"
-            labels[sense.name] = class_of[choose(tuple(class_of), question, show=console.out.print)]
-    return _Case(
-        complete, labels, ConsoleWorld(domain.pomdp.observations, show=console.out.print), None, None
-    )
+    for name in likelihoods:
+        if sources[name] is not None:
+            raise DomainError(
+                f"--likelihood is the evidence of {name}, expected no --learner, --classifier, --data of it"
+            )
+    for name in soft:
+        if interactive or name in labels:
+            other = f"a label of {name} is given" if name in labels else "--interactive asks for labels"
+            raise DomainError(f"--evidence soft: {other}; expected the likelihood of a simulated person")
 
 
-def _simulate_case(
-    domain: Domain,
-    senses: Sequence[Sense],
-    facts: Mapping[str, str],
-    predicted: Mapping[str, Label],
-    truth: SharedValue | None,
-    answers: Sequence[str] | None,
-    seed: int,
-) -> _Case:
-    """Draw what is None, and the facts and labels that are not given; print what the robot cannot observe."""
-    import numpy as np
-
-    from lcorpp.simulation import NoisyChannel, Population, SimulationModel
-
-    rng = np.random.default_rng([seed, 0])
-    given = facts if truth is None else {**facts, **domain.reasoning.split(truth)}
-    person = Population(domain).sample(1, rng, given)[0]
-    labels = dict(predicted)
-    for sense in domain.senses:
-        if sense.name not in labels:
-            channel = NoisyChannel.from_domain(domain, sense)
-            labels[sense.name] = channel.classify_many(channel.simulate([person], rng))[0]
-    world = SimulationModel(domain).make_world(person, rng) if answers is None else ScriptedWorld(answers)
-    observable = (*domain.observed, *[sense.attribute for sense in domain.senses])
-    hidden = ", ".join(f"{name}={value}" for name, value in person.items() if name not in observable)
-    console.out.print(f"a simulated person; hidden from the robot: {hidden}", style="dim")
-    context = {name: person[name] for name in domain.observed}
-    known = {sense.name: labels[sense.name] for sense in senses}
-    return _Case(context, known, world, domain.reasoning.join(person), person)
-
-
-def _describe_simulation(case: _Case) -> dict[str, object] | None:
-    """Return what only the simulation knows, for the log; prepared answers have no cost and no return."""
-    from lcorpp.simulation import SimulatedWorld
-
-    if case.person is None:
-        return None
-    known: dict[str, object] = {"truth": dict(case.person)}
-    if isinstance(case.world, SimulatedWorld):
-        known |= {"cost": case.world.cost, "return": case.world.return_}
-    return known
-
-
-def _decide_and_print(domain: Domain, robot: Robot, case: _Case) -> Episode:
+def _decide_and_print(domain: Domain, robot: Robot, case: Case) -> Episode:
     """Run Algorithm 2 and print each of its steps."""
     from lcorpp.decision.dt_control import act_until_report, infer_prior
     from lcorpp.decision.strategies import LabelOnlyReasoner
@@ -282,24 +278,6 @@ def _decide_and_print(domain: Domain, robot: Robot, case: _Case) -> Episode:
     )
     seconds["plan"] = plan_seconds
     return Episode(labels, evidence, marginal, prior, steps, report, seconds)
-
-
-class ScriptedWorld:
-    """A world whose person gives prepared answers (`lcorpp.protocols.World`)."""
-
-    def __init__(self, answers: Sequence[str]) -> None:
-        self._count, self._rest = len(answers), iter(answers)
-
-    def act(self, action: str) -> str:
-        answer = next(self._rest, None)
-        if answer is None:
-            raise DecisionError(
-                f"--answers has {self._count} answers, and the robot needs another one, to {action}"
-            )
-        return answer
-
-    def report(self, action: str) -> None:
-        pass
 
 
 def _print_bars(pairs: Iterable[tuple[str, float]], *, possible: bool = False) -> None:

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from contextlib import ExitStack
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -11,14 +13,32 @@ import typer
 
 from lcorpp.cli import console, output_files
 from lcorpp.cli.options import common as options
+from lcorpp.cli.options.recordings import (
+    GapOption,
+    LabelFileOption,
+    LabelOption,
+    RepairOption,
+    RobotOption,
+    parse_written_labels,
+)
+from lcorpp.cli.options.senses import (
+    ClassifiersOption,
+    DataOption,
+    EvidenceOption,
+    LearnersOption,
+    choose_classifiers,
+    choose_soft_senses,
+)
 from lcorpp.errors import DataError, expected_one_of
 
 if TYPE_CHECKING:
-    from lcorpp.experiments.active_learning import ActiveLearningOptions
-    from lcorpp.experiments.run_store import RunStore
+    from lcorpp.domains import Domain
+    from lcorpp.experiments.active_learning.run_store import RunStore
+    from lcorpp.experiments.active_learning.senses import LearningSenses
+    from lcorpp.experiments.setup import ClassifierOptions
 
 TRACKS = 100
-"""Number of simulated training tracks without --tracks."""
+"""Number of simulated training tracks of a sense that learns, without --tracks."""
 
 DEVICES = ("cpu", "cuda")
 """The devices of the LSTM; a learner of your own may know others."""
@@ -31,7 +51,7 @@ def learn(
         int, typer.Option(min=1, max=options.MAX_TRACKS, help="K: decisions between two trainings.")
     ] = 100,
     epsilon: Annotated[
-        float, typer.Option(min=0, help="Stop when the confusion matrix changes by at most this.")
+        float, typer.Option(min=0, help="Stop when no confusion matrix changes by more than this.")
     ] = 0.05,
     max_batches: Annotated[int, typer.Option(min=1, help="Stop after this many batches.")] = 20,
     tracks: Annotated[
@@ -44,16 +64,24 @@ def learn(
         ),
     ] = None,
     seed: options.SeedOption = 0,
-    data: options.DataOption = None,
-    learner: options.LearnerOption = None,
-    evidence: options.EvidenceOption = options.Evidence.hard,
+    classifier: ClassifiersOption = None,
+    learner: LearnersOption = None,
+    evidence: EvidenceOption = None,
+    data: DataOption = None,
+    label: LabelOption = None,
+    label_file: LabelFileOption = None,
+    repair: RepairOption = None,
+    robot: RobotOption = None,
+    gap: GapOption = None,
     epochs: options.EpochsOption = None,
     device: options.DeviceOption = "cpu",
+    features: options.FeaturesOption = "x,y",
     store: Annotated[
         Path | None,
         typer.Option(
             metavar="FILE",
-            help="Store every decision in this file (suffix .tracks). If it exists, the run resumes.",
+            help="Store every decision in this file (suffix .tracks), of further senses in FILE-SENSE. If it"
+            " exists, the run resumes.",
         ),
     ] = None,
     solver: options.SolverOption = None,
@@ -67,46 +95,58 @@ def learn(
 ) -> None:
     """Run Algorithm 1: decide, store the reports, retrain.
 
+    The senses whose class a report names are retrained after each batch; the others stay as they are.
     Each batch is written to --out when it is complete; Ctrl-C keeps the complete batches. Ctrl-C in the
     solver stops only the solver; the command continues with the best policy so far. With --store every
     decision survives any interruption, and the same command resumes the run.
     """
     from lcorpp.cli.robot_output import print_domain, print_solution, print_storage_problem
     from lcorpp.domains import load_domain
-    from lcorpp.experiments.active_learning import (
+    from lcorpp.experiments.active_learning.run import open_run_store, run_active_learning
+    from lcorpp.experiments.active_learning.senses import (
         ActiveLearningOptions,
-        find_learning_sense,
-        open_run_store,
-        run_active_learning,
+        find_learning_senses,
+        set_up_learning,
     )
     from lcorpp.experiments.decision_log import DecisionLog
     from lcorpp.experiments.results import FORMATS, write_batches
     from lcorpp.experiments.robot_parts import RobotParts
-    from lcorpp.experiments.setup import TrainingOptions, explain_missing_reports, solve_domain
-    from lcorpp.experiments.training_data import make_training_data
+    from lcorpp.experiments.setup import (
+        EvidenceOptions,
+        ReadingOptions,
+        explain_missing_reports,
+        solve_domain,
+    )
     from lcorpp.planning import Planner
     from lcorpp.planning.policy_cache import find_cache_folder
 
     loaded = load_domain(domain, preset=preset)
     solving = options.choose_solver(loaded.planning.solver, solver, precision, time_limit)
     cache = None if no_cache else find_cache_folder()
-    sense = find_learning_sense(loaded, ActiveLearningOptions())
-    default = sense.classifier if sense.classifier != "channel" else None
-    if tracks is None and not (data or sense.data):
-        tracks = TRACKS
-    training = TrainingOptions(
-        learner=learner or default, epochs=epochs, device=device, tracks=tracks, data=data
+    sources = choose_classifiers(
+        loaded,
+        loaded.senses,
+        classifiers=classifier or [],
+        learners=learner or [],
+        data=data or [],
+        reading=ReadingOptions(parse_written_labels(label), label_file, tuple(repair or ()), robot, gap),
+        training=options.choose_training(tracks=tracks, epochs=epochs, device=device, features=features),
+        trained=find_learning_senses(loaded, {}),
     )
+    learning = find_learning_senses(loaded, sources)
+    for name, training in learning.items():
+        if training.tracks is None and not (training.data or loaded.find_sense(name).data):
+            sources[name] = replace(training, tracks=TRACKS)
     chosen = ActiveLearningOptions(
-        training,
-        soft=evidence is options.Evidence.soft,
+        sources,
+        EvidenceOptions(choose_soft_senses(loaded, sources, evidence or [])),
         batch_size=batch_size,
         epsilon=epsilon,
         max_batches=max_batches,
         seed=seed,
         jobs=console.count_processes(jobs),
     )
-    _check_options(chosen)
+    _check_options(epsilon, sources)
     if store is not None and not store.exists():
         output_files.check_writable(store)
     output_files.check_results(out, formats)
@@ -114,13 +154,12 @@ def learn(
     with ExitStack() as stack:
         decisions = None if log is None else stack.enter_context(DecisionLog(log))
         print_domain(loaded)
-        problem = None if out is None else print_storage_problem(training)
-        initial = make_training_data(loaded, sense, training, seed)
-        for text in initial.dataset.notes:
-            console.print_note(text)
+        problems = [out and print_storage_problem(training) for training in learning.values()]
+        senses = set_up_learning(loaded, chosen, progress=console.show_progress)
+        _print_senses(loaded, senses)
         run_store = None
         if store is not None:
-            run_store = stack.enter_context(open_run_store(store, loaded, initial, chosen))
+            run_store = stack.enter_context(open_run_store(store, loaded, senses, chosen))
             _print_run_store(run_store)
         notes_printed = len(run_store.notes) if run_store else 0
         try:
@@ -129,7 +168,7 @@ def learn(
             print_solution(solution)
             results = run_active_learning(
                 loaded,
-                initial,
+                senses,
                 Planner(solution),
                 chosen,
                 run_store=run_store,
@@ -164,33 +203,52 @@ def learn(
             if not has_complete_batch and store is None:
                 raise typer.Exit(130) from None
     if written is not None:
-        if written.problem is not None and problem is None:
+        if written.problem is not None and not any(problems):
             console.print_note(f"the classifier is not saved: {written.problem}")
         console.out.print(f"wrote {', '.join(str(path) for path in written.paths)}", markup=False)
 
 
-def _check_options(chosen: ActiveLearningOptions) -> None:
+def _check_options(epsilon: float, sources: Mapping[str, ClassifierOptions]) -> None:
     """Reject before the work what the training would reject after it.
 
     Raises:
-        DataError: the change that ends the run is no number, or the learner or the device is unknown.
+        DataError: the change that ends the run is no number, or a learner or the device is unknown.
     """
+    from lcorpp.experiments.setup import TrainingOptions
     from lcorpp.learning import learner
     from lcorpp.learning.classifiers.registry import DEFAULTS
 
-    if math.isnan(chosen.epsilon):
+    if math.isnan(epsilon):
         raise DataError("--epsilon nan: expected a number from 0")
-    training = chosen.training
-    name = training.learner or DEFAULTS["motion"]
-    if ":" not in name and training.device.split(":")[0] not in DEVICES:
-        raise DataError(f"--device {training.device}: {expected_one_of(DEVICES)}")
-    learner(name, epochs=training.epochs, device=training.device, features=training.features)
+    for training in sources.values():
+        if isinstance(training, TrainingOptions):
+            name = training.learner or DEFAULTS["motion"]
+            if ":" not in name and training.device.split(":")[0] not in DEVICES:
+                raise DataError(f"--device {training.device}: {expected_one_of(DEVICES)}")
+            learner(name, epochs=training.epochs, device=training.device, features=training.features)
+
+
+def _print_senses(domain: Domain, senses: LearningSenses) -> None:
+    """Print the notes about the data, and which senses learn if there are several."""
+    from lcorpp.cli.robot_output import print_classifier
+
+    for data in senses.data.values():
+        for text in data.dataset.notes:
+            console.print_note(text)
+    if len(domain.senses) == 1:
+        return
+    console.out.print(f"the reports label {', '.join(senses.data)}")
+    for name, setup in senses.fixed.items():
+        console.out.print(f"{name} stays as it is:")
+        print_classifier(setup, name)
+        for text in setup.notes:
+            console.print_note(text)
 
 
 def _print_run_store(run_store: RunStore) -> None:
-    """Print the content of the store, its notes and the batch after which the run resumes."""
-    path = run_store.store.path
-    console.out.print(f"{path}: {run_store.store.snapshot().summary()}", markup=False)
+    """Print the content of the stores, their notes and the batch after which the run resumes."""
+    for store in run_store.stores.values():
+        console.out.print(f"{store.path}: {store.snapshot().summary()}", markup=False)
     for text in run_store.notes:
         console.print_note(text)
     if run_store.number is not None:

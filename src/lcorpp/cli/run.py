@@ -119,14 +119,14 @@ def run(
     laplace = smoothing is options.Smoothing.laplace
     rows = find_strategies(strategy or [], [sense.name for sense in loaded.senses])
     used = [sense for sense in loaded.senses if any(row.uses(sense.name) for row in rows)]
-    training = {  # None for what is not given, or is the default
-        "tracks": tracks,
-        "epochs": epochs,
-        "threshold": threshold,
-        "prevalence": prevalence,
-        "device": device if device != "cpu" else None,
-        "features": tuple(name.strip() for name in features.split(",")) if features != "x,y" else None,
-    }
+    training = options.choose_training(
+        tracks=tracks,
+        epochs=epochs,
+        device=device,
+        features=features,
+        threshold=threshold,
+        prevalence=prevalence,
+    )
     reading = ReadingOptions(parse_written_labels(label), label_file, tuple(repair or ()), robot, gap)
     sources = choose_classifiers(
         loaded,

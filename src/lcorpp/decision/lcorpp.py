@@ -13,55 +13,72 @@ from lcorpp.protocols import Classifier, DomainInterface, Planner, Reasoner, Wor
 from lcorpp.values import Array, ConfusionMatrix, Dataset, Episode, Instance, track_hash
 
 
+@dataclass(frozen=True, eq=False)
+class TrainedSense:
+    """A sense after a (re)training.
+
+    classifier: rho. confusion: C.
+    change: SSUB, the sum of absolute differences between this confusion matrix and the previous one.
+    """
+
+    classifier: Classifier
+    confusion: ConfusionMatrix
+    change: float
+
+
+Senses = Mapping[str, TrainedSense]
+"""Name of a sense -> its classifier, for the senses that learn."""
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class Batch:
-    """State of Algorithm 1 after one (re)training.
+    """State of Algorithm 1 after one (re)training of the senses that learn.
 
     number: 0 for the initial training, then one more for every K decisions.
-    dataset: Omega with the reported labels so far. classifier: rho. confusion: C.
-    change: SSUB, the sum of absolute differences between this confusion matrix and the previous one.
+    datasets: sense -> Omega with the reported labels so far. senses: sense -> what was trained on it.
     instances, episodes: the decisions of this batch, without those of an earlier (resumed) run.
     converged: whether `change` is at most epsilon, which ends the loop.
     """
 
     number: int
-    dataset: Dataset
-    classifier: Classifier
-    confusion: ConfusionMatrix
-    change: float
+    datasets: Mapping[str, Dataset]
+    senses: Senses
     instances: tuple[Instance, ...]
     episodes: tuple[Episode, ...]
     converged: bool
 
+    @property
+    def change(self) -> float:
+        """The largest change of a confusion matrix."""
+        return find_largest_change(self.senses)
+
     def __repr__(self) -> str:
         state = "converged" if self.converged else "not converged"
-        return (
-            f"Batch({self.number}: {len(self.dataset)} cases, {len(self.episodes)} decisions,"
-            f" change {self.change:.4g}, {state}, {self.confusion})"
+        senses = "; ".join(
+            f"{name}: {len(self.datasets[name])} cases, change {sense.change:.4g}, {sense.confusion}"
+            for name, sense in self.senses.items()
         )
+        return f"Batch({self.number}: {len(self.episodes)} decisions, {state}; {senses})"
 
 
 @dataclass(frozen=True, eq=False)
 class ResumePoint:
     """State in which an earlier run of Algorithm 1 ended or was interrupted.
 
-    number, classifier, confusion, change: of the last complete batch, as in `Batch`.
-    decided: number of decisions after that batch; the data set contains their tracks.
+    number, senses: of the last complete batch, as in `Batch`.
+    decided: number of decisions after that batch; the data sets contain their signals.
     """
 
     number: int
-    classifier: Classifier
-    confusion: ConfusionMatrix
-    change: float
+    senses: Senses
     decided: int
 
 
 def lcorpp(
-    dataset: Dataset,
+    datasets: Mapping[str, Dataset],
     *,
-    sense: str,
-    train: Callable[[Dataset], tuple[Classifier, ConfusionMatrix]],
-    make_reasoner: Callable[[ConfusionMatrix], Reasoner],
+    train: Callable[[str, Dataset], tuple[Classifier, ConfusionMatrix]],
+    make_reasoner: Callable[[Mapping[str, ConfusionMatrix]], Reasoner],
     planner: Planner,
     domain: DomainInterface,
     collect: Callable[[], tuple[Instance, World]],
@@ -77,45 +94,44 @@ def lcorpp(
     the next run, as `experiments.run_store` does.
 
     Args:
-        dataset: Omega, the initial training data.
-        sense: the sense that learns.
-        train: trains and cross-validates a classifier; returns it and its confusion matrix: lines 1 and 2,
-            and again 14 and 15.
-        make_reasoner: returns a reasoner whose rules contain a confusion matrix: lines 3 and 16.
+        datasets: sense -> Omega, its initial training data, for each sense that learns.
+        train: trains and cross-validates the classifier of a sense; returns it and its confusion matrix:
+            lines 1 and 2, and again 14 and 15.
+        make_reasoner: returns a reasoner whose rules contain the confusion matrix of each sense: lines 3
+            and 16.
         planner: pi with its model M: line 4.
         domain: translates between the parts.
         collect: returns a new instance and the world in which to act on it: line 8.
         batch_size: K, the number of decisions between two trainings.
-        epsilon: the loop ends when the confusion matrix changes by at most this much.
+        epsilon: the loop ends when no confusion matrix changes by more than this.
         other_classifiers: of the senses that do not learn.
         listener: called after every decision.
-        resume_point: state in which an earlier run ended; `dataset` is Omega as of then. The first batch
+        resume_point: state in which an earlier run ended; `datasets` are as of then. The first batch
             yielded is the last complete one of that run, without a training; its decisions are not repeated.
 
     Raises:
-        DecisionError: K < 1 or epsilon < 0; and whatever the parts raise.
+        DecisionError: no sense learns, K < 1 or epsilon < 0; and whatever the parts raise.
 
     Source: Algorithm 1. As printed, line 17 sets C to C_hat in the same step that computes C_hat, and
     the test of line 7 would read 0 after the first batch. The intended comparison, implemented here, is of
-    the new matrix with the previous one. C_hat starts uniform (line 5), as printed.
+    the new matrix with the previous one. C_hat starts uniform (line 5), as printed. The paper has one sense.
     """
+    if not datasets:
+        raise DecisionError("no sense learns; expected a data set of at least one")
     if batch_size < 1:
         raise DecisionError(f"the batch size K must be at least 1, not {batch_size}")
     if not epsilon >= 0:
         raise DecisionError(f"the threshold epsilon must be at least 0, not {epsilon}")
     if resume_point is None:
-        classifier, confusion = train(dataset)
-        n = len(confusion.classes)
-        number, decided = 0, 0
-        change = compute_ssub(np.full((n, n), 1 / n), confusion.probabilities)
-    else:
-        classifier, confusion = resume_point.classifier, resume_point.confusion
-        number, change, decided = resume_point.number, resume_point.change, resume_point.decided
-    yield Batch(number, dataset, classifier, confusion, change, (), (), change <= epsilon)
-    while change > epsilon:
+        resume_point = ResumePoint(0, _train_all(train, datasets, {}), 0)
+    number, senses, decided = resume_point.number, resume_point.senses, resume_point.decided
+    converged = find_largest_change(senses) <= epsilon
+    yield Batch(number, datasets, senses, (), (), converged)
+    while not converged:
         number += 1
-        classifiers = {**other_classifiers, sense: classifier}
-        robot = Robot(classifiers, make_reasoner(confusion), planner, domain)
+        classifiers = {name: sense.classifier for name, sense in senses.items()}
+        reasoner = make_reasoner({name: sense.confusion for name, sense in senses.items()})
+        robot = Robot({**other_classifiers, **classifiers}, reasoner, planner, domain)
         instances, episodes = list[Instance](), list[Episode]()
         while decided + len(episodes) < batch_size:
             instance, world = collect()
@@ -124,14 +140,33 @@ def lcorpp(
             episodes.append(episode)
             listener(instance, episode)
         decided = 0
-        dataset = augment(dataset, domain, sense, instances, episodes)
-        previous = confusion
-        classifier, confusion = train(dataset)
-        change = compute_ssub(previous.probabilities, confusion.probabilities)
-        converged = change <= epsilon
-        yield Batch(
-            number, dataset, classifier, confusion, change, tuple(instances), tuple(episodes), converged
-        )
+        datasets = {
+            name: augment(dataset, domain, name, instances, episodes) for name, dataset in datasets.items()
+        }
+        senses = _train_all(train, datasets, senses)
+        converged = find_largest_change(senses) <= epsilon
+        yield Batch(number, datasets, senses, tuple(instances), tuple(episodes), converged)
+
+
+def _train_all(
+    train: Callable[[str, Dataset], tuple[Classifier, ConfusionMatrix]],
+    datasets: Mapping[str, Dataset],
+    before: Senses,
+) -> dict[str, TrainedSense]:
+    """Train each sense; `before`: after the last training, empty before the first one."""
+    senses = {}
+    for name, dataset in datasets.items():
+        classifier, confusion = train(name, dataset)
+        n = len(confusion.classes)
+        previous = before[name].confusion.probabilities if before else np.full((n, n), 1 / n)
+        change = compute_ssub(previous, confusion.probabilities)
+        senses[name] = TrainedSense(classifier, confusion, change)
+    return senses
+
+
+def find_largest_change(senses: Senses) -> float:
+    """Return the largest change of a confusion matrix."""
+    return max(sense.change for sense in senses.values())
 
 
 def compute_ssub(first: Array, second: Array) -> float:

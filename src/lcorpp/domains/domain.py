@@ -186,16 +186,16 @@ class Domain:
         """The class that a sense should predict for a person of this shared value.
 
         Raises:
-            DomainError: the sense does not classify a shared variable.
+            DomainError: the sense does not classify a shared variable, and has no `report_labels`.
         """
-        of = self.find_sense(sense).of
-        values = self.reasoning.split(value)
-        if of not in values:
+        found, values = self.find_sense(sense), self.reasoning.split(value)
+        if found.report_labels is None:
             raise DomainError(
-                f"{self.folder}/domain.toml: the sense {sense!r} classifies {of}, which is not shared; a"
-                f" report names {', '.join(values)}"
+                f"{self.folder}/domain.toml: the sense {sense!r} classifies {found.of}, which is not shared;"
+                f" a report names {', '.join(values)}"
             )
-        return values[of]
+        variable, class_of = found.report_labels
+        return class_of[values[variable]]
 
     def prior(self, marginal: Distribution) -> Belief:
         """(S,) the planner's belief with the reasoner's marginal; other variables at their initial values.

@@ -1,7 +1,10 @@
-from .active_learning import (
+from .active_learning.batches import BatchResult as BatchResult
+from .active_learning.run import run_active_learning as run_active_learning
+from .active_learning.run_store import RunStore as RunStore
+from .active_learning.senses import (
     ActiveLearningOptions as ActiveLearningOptions,
-    BatchResult as BatchResult,
-    run_active_learning as run_active_learning,
+    LearningSenses as LearningSenses,
+    set_up_learning as set_up_learning,
 )
 from .classifier_training import load_trained as load_trained, train_classifier as train_classifier
 from .comparison import (
@@ -17,7 +20,6 @@ from .replay import (
 )
 from .results import write_batches as write_batches, write_comparison as write_comparison
 from .robot_parts import ClassifierPart as ClassifierPart, RobotParts as RobotParts
-from .run_store import RunStore as RunStore
 from .scoring.exact_evaluation import evaluate_exactly as evaluate_exactly
 from .scoring.metrics import Scores as Scores
 from .scoring.trials import Experiment as Experiment, run_trials as run_trials

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Protocol
 
 from lcorpp.decision import Strategy
 from lcorpp.decision.strategies import list_strategies
-from lcorpp.domains import Domain
+from lcorpp.domains import Domain, Sense
 from lcorpp.errors import DecisionError, DomainError, check_type
 from lcorpp.experiments.decision_log import DecisionLog
 from lcorpp.experiments.robot_parts import ClassifierPart, RobotParts
@@ -129,7 +130,8 @@ def compare_strategies(
         check_enumerable(domain, strategies)
     with ExitStack() as stack:
         log = None if options.log is None else stack.enter_context(DecisionLog(options.log))
-        senses = _set_up_senses(domain, strategies, options, progress)
+        used = [sense for sense in domain.senses if any(row.uses(sense.name) for row in strategies)]
+        senses = set_up_senses(domain, used, options, progress)
         solution = None
         if policy is not None:
             planner = Planner(policy, domain.pomdp)
@@ -165,10 +167,7 @@ def _make_parts(
     policy_file: Path | None,
 ) -> RobotParts:
     """Return the parts that determine the decisions, for the log; a policy alone was given, not solved."""
-    classifiers = {
-        name: ClassifierPart.of(setup.source, setup.classifier, confusion=setup.confusion, soft=setup.soft)
-        for name, setup in senses.items()
-    }
+    classifiers = describe_classifiers(senses)
     smoothing = options.evidence.smoothing
     if isinstance(planned, Policy):
         return RobotParts(domain, planned, classifiers, smoothing, policy_file=policy_file)
@@ -176,26 +175,45 @@ def _make_parts(
     return RobotParts(domain, planned.policy, classifiers, smoothing, solver)
 
 
-def _set_up_senses(
-    domain: Domain, strategies: tuple[Strategy, ...], options: ComparisonOptions, progress: ProgressDisplay
+def describe_classifiers(senses: Senses) -> dict[str, ClassifierPart]:
+    """Return the classifiers of some senses as parts of a robot, for the log."""
+    return {
+        name: ClassifierPart.of(setup.source, setup.classifier, confusion=setup.confusion, soft=setup.soft)
+        for name, setup in senses.items()
+    }
+
+
+class SenseOptions(Protocol):
+    """Options that determine the classifiers of the senses; see `ComparisonOptions`."""
+
+    @property
+    def classifiers(self) -> Mapping[str, ClassifierOptions]: ...
+    @property
+    def evidence(self) -> EvidenceOptions: ...
+    @property
+    def seed(self) -> int: ...
+    @property
+    def jobs(self) -> int: ...
+
+
+def set_up_senses(
+    domain: Domain, senses: Iterable[Sense], options: SenseOptions, progress: ProgressDisplay
 ) -> dict[str, SenseSetup]:
-    """Train or load the classifiers that a strategy uses, or make their noisy channels."""
-    senses = {}
-    for sense in domain.senses:
-        if not any(strategy.uses(sense.name) for strategy in strategies):
-            continue
+    """Train or load the classifiers of some senses, or make their noisy channels."""
+    setups = {}
+    for sense in senses:
         how = options.classifiers.get(sense.name)
         if how is None:
-            senses[sense.name] = from_channel(domain, sense)
+            setups[sense.name] = from_channel(domain, sense)
             continue
         # loads scikit-learn
         from lcorpp.experiments.classifier_training import load_trained, train_classifier
 
         evidence, seed = options.evidence, options.seed
         if isinstance(how, StoredOptions):
-            senses[sense.name] = load_trained(domain, sense, how, evidence, seed=seed)
+            setups[sense.name] = load_trained(domain, sense, how, evidence, seed=seed)
         else:
-            senses[sense.name] = train_classifier(
+            setups[sense.name] = train_classifier(
                 domain, sense, how, evidence, seed=seed, jobs=options.jobs, progress=progress
             )
-    return senses
+    return setups

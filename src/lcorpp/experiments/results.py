@@ -20,7 +20,7 @@ from lcorpp.values import LAPLACE
 
 if TYPE_CHECKING:
     from lcorpp.domains import Domain
-    from lcorpp.experiments.active_learning import BatchResult
+    from lcorpp.experiments.active_learning.batches import BatchResult
     from lcorpp.protocols import Classifier
 
 FORMATS = ("png", "pdf")
@@ -167,7 +167,9 @@ def write_batches(
     solution: Solution | None = None,
     formats: Sequence[str] = FORMATS,
 ) -> WrittenFiles:
-    """Write batches.csv, batches.json, the latest classifier and the figure of all batches so far.
+    """Write batches.csv, batches.json, the latest classifiers and the figure of all batches so far.
+
+    With several senses, the classifier of each is in a folder of its name.
 
     Args:
         solution: of the POMDP, for batches.json.
@@ -176,11 +178,17 @@ def write_batches(
         FileError: a file cannot be written.
     """
     make_folder(folder)
-    write_csv(folder / "batches.csv", ("batch", "tracks", "change", *METRICS), result.rows)
+    columns = dict.fromkeys(name for row in result.rows for name in row if name not in METRICS)
+    write_csv(folder / "batches.csv", (*columns, *METRICS), result.rows)
     head = {"domain": domain_name, "solution": describe_solution(solution)}
     write_json(folder / "batches.json", {**head, "batches": list(result.rows)})
-    saved = _save_if_trained(result.batch.classifier, folder)
-    written = [folder / "batches.csv", folder / "batches.json", *saved.paths]
+    written, problems = [folder / "batches.csv", folder / "batches.json"], list[str]()
+    for name, sense in result.batch.senses.items():
+        own = folder if len(result.batch.senses) == 1 else folder / name
+        make_folder(own)
+        saved = _save_if_trained(sense.classifier, own)
+        written += saved.paths
+        problems += [saved.problem] if saved.problem else []
     scored = [row for row in result.rows if "f1" in row]
     if scored:
         from lcorpp.experiments.figures.augmentation import plot_augmentation
@@ -189,7 +197,7 @@ def write_batches(
         f1, change = ([float(row[name]) for row in scored] for name in ("f1", "change"))
         figure = plot_augmentation(batches, f1, change)
         written += _write_figure(figure, folder, "batches", formats)
-    return WrittenFiles(tuple(written), saved.problem)
+    return WrittenFiles(tuple(written), "; ".join(problems) or None)
 
 
 def _save_if_trained(classifier: Classifier | None, folder: Path) -> WrittenFiles:

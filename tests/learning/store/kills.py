@@ -26,7 +26,7 @@ from pathlib import Path
 import numpy as np
 
 from lcorpp.decision import lcorpp
-from lcorpp.experiments.run_store import RunStore
+from lcorpp.experiments.active_learning.run_store import RunStore
 from lcorpp.learning import train_and_validate
 from lcorpp.learning.classifiers.registry import learner
 from lcorpp.learning.store import database, read_store
@@ -62,7 +62,7 @@ def run(path: Path, report, batches: int | None = None) -> None:
     """Run or resume Algorithm 1, for ever or until this many batches are completed."""
     data, words = initial_dataset(), FakeDomain()
 
-    def train(dataset: Dataset):
+    def train(_sense: str, dataset: Dataset):
         report("training")
         estimator = learner("summaries", interval=INTERVAL)
         trained, validation = train_and_validate(estimator, dataset, folds=2, seed=0)
@@ -70,17 +70,16 @@ def run(path: Path, report, batches: int | None = None) -> None:
 
     def decided(instance: Instance, episode: Episode) -> None:
         belief = Distribution(VALUES, episode.steps[-1].belief)
-        signal, context = instance.signals["eyes"], instance.context
-        id = run_store.append_decision(signal, context, episode.report, belief, {})
+        labels, beliefs = {"eyes": episode.report}, {"eyes": belief}
+        id = run_store.append_decision(instance.signals, instance.context, labels, beliefs, {})
         report(f"kept {id} {episode.report}")
 
-    with RunStore(path, data, VALUES, {"seed": 0}) as run_store:
+    with RunStore(path, {"eyes": data}, {"eyes": VALUES}, {"seed": 0}) as run_store:
         for note in run_store.notes:
             report(f"note {note}")
         line = itertools.count(run_store.n_people)
         loop = lcorpp(
-            run_store.dataset(),
-            sense="eyes",
+            run_store.datasets(),
             train=train,
             make_reasoner=lambda _: FakeReasoner(),
             planner=FakePlanner(),
@@ -153,7 +152,11 @@ def facts(path: Path) -> tuple[list, np.ndarray, list]:
         for s in reading
     ]
     content = json.loads((path.with_name(f"{path.name}.checkpoint") / "checkpoint.json").read_text())
-    return rows, reading.trajectories(), [content["number"], content["counts"], content["change"]]
+    return (
+        rows,
+        reading.trajectories(),
+        [content["number"], content["senses"]["eyes"]["counts"], content["senses"]["eyes"]["change"]],
+    )
 
 
 def main(kills: int, seed: int, longest: float, folder: Path) -> str:

@@ -21,13 +21,6 @@ MAX_TRACKS = 1_000_000
 """Maximum of --tracks, --batch-size and other numbers of people."""
 
 
-class Evidence(StrEnum):
-    """The classifier's evidence for the reasoner: a label, as in the paper, or a likelihood of each class."""
-
-    hard = "hard"
-    soft = "soft"
-
-
 class Smoothing(StrEnum):
     """The pseudo-count of a confusion matrix that becomes rules."""
 
@@ -54,13 +47,6 @@ JobsOption = Annotated[
 EpochsOption = Annotated[
     int | None, typer.Option(min=1, help="Training epochs; by default a number that suits the data.")
 ]
-LearnerOption = Annotated[
-    str | None,
-    typer.Option(
-        help="The learner: lstm, lstm-fast, summaries, forest, minirocket, or your own as MODULE:FUNCTION"
-        " or FILE.py:FUNCTION. By default the domain's."
-    ),
-]
 DeviceOption = Annotated[
     str, typer.Option(help="The device of the LSTM: cpu or cuda; other learners use the cpu.")
 ]
@@ -70,9 +56,6 @@ FeaturesOption = Annotated[
         help="The classifier's features of the motion, separated by commas: x, y, velocity, heading, facing"
         " and more, see docs/learning.md."
     ),
-]
-EvidenceOption = Annotated[
-    Evidence, typer.Option(help="The reasoner's evidence: the label (hard) or a likelihood (soft).")
 ]
 SmoothingOption = Annotated[
     Smoothing,
@@ -84,9 +67,6 @@ SmoothingOption = Annotated[
 TracksOption = Annotated[
     int | None,
     typer.Option(min=20, max=MAX_TRACKS, help="Simulated training tracks; by default the domain's number."),
-]
-DataOption = Annotated[
-    Path | None, typer.Option(help="Recorded tracks for training: a folder or a file, see docs/learning.md.")
 ]
 
 STRATEGIES = (
@@ -143,6 +123,26 @@ def choose_solver(
 
     given: dict[str, Any] = {"name": name, "precision": precision, "time_limit": time_limit}
     return replace(default, **{key: value for key, value in given.items() if value is not None})
+
+
+def choose_training(
+    *,
+    tracks: int | None,
+    epochs: int | None,
+    device: str,
+    features: str,
+    threshold: str | None = None,
+    prevalence: float | None = None,
+) -> dict[str, Any]:
+    """Return the given fields of `TrainingOptions`; None is the default."""
+    return {
+        "tracks": tracks,
+        "epochs": epochs,
+        "threshold": threshold,
+        "prevalence": prevalence,
+        "device": device if device != "cpu" else None,
+        "features": tuple(name.strip() for name in features.split(",")) if features != "x,y" else None,
+    }
 
 
 def _parse_folder(text: str) -> Path:

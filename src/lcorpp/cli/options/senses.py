@@ -1,4 +1,4 @@
-"""Options of `lcorpp run` about the classifiers of the senses."""
+"""Options about the classifiers of the senses: of `run`, `learn` and `explain`."""
 
 from __future__ import annotations
 
@@ -58,6 +58,8 @@ def choose_classifiers(
     data: Sequence[str],
     reading: ReadingOptions,
     training: Mapping[str, Any],
+    trained: Collection[str] = (),
+    by_channel: bool = False,
 ) -> dict[str, ClassifierOptions]:
     """Return the options of the classifier of each used sense: sense -> options, None for a noisy channel.
 
@@ -65,6 +67,8 @@ def choose_classifiers(
         used: the senses that a strategy uses.
         classifiers, learners, data: the texts of --classifier, --learner and --data.
         training: fields of `TrainingOptions`; None is the default.
+        trained: senses that are trained even if the domain's default is a channel.
+        by_channel: whether a sense without options is a channel, whatever the domain's default.
 
     Raises:
         DomainError: a sense is unknown, options exclude each other, or an option has no effect.
@@ -93,9 +97,10 @@ def choose_classifiers(
         if kind is not None and kind not in CLASSIFIERS:
             chosen[name] = StoredOptions(Path(kind), path, reading)
             continue
-        learner = kind or learner or sense.classifier
-        if learner == "channel" and kind is None and path is not None:
-            learner = None  # there are data to train on
+        learner = kind or learner or ("channel" if by_channel else sense.classifier)
+        if learner == "channel" and kind is None and (path is not None or name in trained):
+            # there are data to train on, or the command needs a trained classifier
+            learner = sense.classifier if sense.classifier != "channel" else None
         if learner == "channel":
             chosen[name] = None
             reject_given("nothing is trained, as the classifier is a channel", data=data_of.get(name))

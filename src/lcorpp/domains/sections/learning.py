@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from lcorpp.domains.sections.names import check_defined, check_same_names, find_attribute_values
-from lcorpp.domains.sections.reasoning import ReasoningSection
+from lcorpp.domains.sections.reasoning import ReasoningSection, read_value_mapping
 from lcorpp.domains.toml import TomlTable
 from lcorpp.errors import DomainError, expected_one_of
 from lcorpp.user_code import split_function
@@ -38,6 +38,8 @@ class Sense:
     interval: seconds between two points of simulated tracks.
     channels: names of the simulated channels or features; () for x and y, or the numbers of the features.
     data_labels: class name in recorded data -> class.
+    report_labels: the class by the robot's report: a shared variable, and its value -> class; `of` itself, if
+        it is shared. None if a report is no label.
     data: recorded data for training and trials; None simulates them.
     seconds, rate: duration and points per second to which recorded tracks are cut and resampled; None for
         those of `read_data`.
@@ -55,6 +57,7 @@ class Sense:
     interval: float
     channels: tuple[str, ...]
     data_labels: Mapping[str, str]
+    report_labels: tuple[str, Mapping[str, str]] | None
     data: Path | None
     seconds: float | None
     rate: float | None
@@ -127,6 +130,7 @@ def _read_sense(table: TomlTable, reasoning: ReasoningSection, folder: Path) -> 
         interval=table.number("interval", MIN_INTERVAL, MAX_INTERVAL, DEFAULT_INTERVAL),
         channels=table.names("channels", required=False),
         data_labels=data_labels,
+        report_labels=_read_report_labels(table, of, classes, reasoning),
         data=_find_file(table, "data", folder / table.text("data")) if "data" in table else None,
         seconds=table.number("seconds", MIN_INTERVAL, MAX_SECONDS) if "seconds" in table else None,
         rate=table.number("rate", 1 / MAX_SECONDS, MAX_RATE) if "rate" in table else None,
@@ -145,6 +149,21 @@ def _read_labels(table: TomlTable, attribute: str, of: str, reasoning: Reasoning
     if len(set(classes)) < len(classes):
         raise DomainError(f"{location}: two labels have the same value")
     return {value: label for label, value in class_of.items()}
+
+
+def _read_report_labels(
+    table: TomlTable, of: str, classes: tuple[str, ...], reasoning: ReasoningSection
+) -> tuple[str, Mapping[str, str]] | None:
+    """Read the class that each value of one shared variable means: `report_labels.VARIABLE`."""
+    if "report_labels" not in table:
+        return (of, {value: value for value in classes}) if of in reasoning.shared else None
+    location = table.location("report_labels")
+    if of in reasoning.shared:
+        raise DomainError(f"{location}: a report names {of!r} itself; expected no other labels")
+    variable, class_of = read_value_mapping(table.section("report_labels"), reasoning)
+    for value, name in class_of.items():
+        reasoning.check_value(table.location("report_labels", variable, value), of, name)
+    return variable, class_of
 
 
 def _read_classifier(table: TomlTable, folder: Path) -> str:

@@ -8,7 +8,7 @@ from functools import cached_property
 from itertools import product
 from pathlib import Path
 
-from lcorpp.domains.sections.names import find_attribute_values
+from lcorpp.domains.sections.names import check_same_names, find_attribute_values
 from lcorpp.domains.toml import TomlTable
 from lcorpp.errors import DomainError, expected_one_of
 from lcorpp.reasoning import Program, read_plog
@@ -92,3 +92,26 @@ def read_reasoning(table: TomlTable, folder: Path) -> ReasoningSection:
         )
     table.reject_unknown_keys()
     return ReasoningSection(program, observed, shared)
+
+
+def read_value_mapping(table: TomlTable, reasoning: ReasoningSection) -> tuple[str, dict[str, str]]:
+    """Read a table of one shared variable, such as `item = { tea = "yes", book = "no" }`.
+
+    Returns:
+        The variable, and its value -> name.
+
+    Raises:
+        DomainError: another number of variables, one that is not shared, or an unknown or missing value.
+    """
+    names = tuple(table)
+    if len(names) != 1 or names[0] not in reasoning.shared:
+        raise DomainError(
+            f"{table.location()}: is a table of {', '.join(names) or 'nothing'}; expected one shared"
+            f" variable: {', '.join(reasoning.shared)}"
+        )
+    (variable,) = names
+    mapping, location = table.mapping(variable), table.location(variable)
+    values = reasoning.program.attributes[variable].values
+    what = f"the values of {variable} at {reasoning.locate(variable)}"
+    check_same_names(location, tuple(mapping), values, what)
+    return variable, mapping

@@ -18,9 +18,10 @@ from lcorpp.domains.sections.names import (
     find_attribute_values,
 )
 from lcorpp.domains.sections.planning import PlanningSection
-from lcorpp.domains.sections.reasoning import ReasoningSection
+from lcorpp.domains.sections.reasoning import ReasoningSection, read_value_mapping
 from lcorpp.domains.toml import TomlTable
 from lcorpp.errors import DomainError
+from lcorpp.planning import Pomdp
 from lcorpp.protocols import World
 from lcorpp.reasoning import Program, read_plog
 from lcorpp.user_code import split_function
@@ -124,13 +125,14 @@ def _make_feedback_model(table: TomlTable, reasoning: ReasoningSection, planning
         if noise:
             raise DomainError(f"{table.location('noise')}: `noise` requires `feedback`")
         return pomdp.observation.dense
-    answer_probabilities = _compute_answer_probabilities(table, noise, reasoning, planning)
+    feedback = _read_feedback(table, reasoning, planning)
     model = pomdp.observation.dense.copy()
     states = planning.state_values.any(axis=1)  # (S,) not the terminal state, which has no shared value
     for a, action in enumerate(pomdp.actions):
         if action in planning.reports:
             continue
-        model[a, states] = planning.state_values[states] @ answer_probabilities
+        answers = _compute_answer_probabilities(table, noise, feedback[action], pomdp)
+        model[a, states] = planning.state_values[states] @ answers
         expected = pomdp.observation.dense[a, states].max(axis=0) > 0
         impossible = (model[a, states].max(axis=0) > 0) & ~expected
         if impossible.any():
@@ -142,28 +144,62 @@ def _make_feedback_model(table: TomlTable, reasoning: ReasoningSection, planning
     return model
 
 
+def _read_feedback(
+    table: TomlTable, reasoning: ReasoningSection, planning: PlanningSection
+) -> dict[str, tuple[str, ...]]:
+    """Read `feedback`: question -> the answer of a person of each shared value, in their order.
+
+    Of one shared variable it maps the values to answers, whatever the question. Of several it is a table of
+    the questions: each has a template of its answer, or the answer by the values of one variable.
+    """
+    pomdp, location = planning.pomdp, table.location("feedback")
+    questions = tuple(action for action in pomdp.actions if action not in planning.reports)
+    if len(reasoning.shared) == 1:
+        answer_of, what = table.mapping("feedback"), f"the values of {reasoning.shared[0]}"
+        check_same_names(
+            location, tuple(answer_of), reasoning.program.attributes[reasoning.shared[0]].values, what
+        )
+        for value, answer in answer_of.items():
+            check_declared(table.location("feedback", value), answer, pomdp, "observations")
+        return dict.fromkeys(questions, tuple(answer_of[str(value)] for value in reasoning.values))
+    given = table.section("feedback")
+    check_same_names(location, tuple(given), questions, f"the questions of {pomdp.file}")
+    return {question: _read_answers(given, question, reasoning, pomdp) for question in questions}
+
+
+def _read_answers(
+    table: TomlTable, question: str, reasoning: ReasoningSection, pomdp: Pomdp
+) -> tuple[str, ...]:
+    """Read the answers to a question: a template, or a table of one variable."""
+    location, people = table.location(question), [reasoning.split(value) for value in reasoning.values]
+    if table.is_text(question):
+        template = table.text(question)
+        try:
+            answers = tuple(template.format_map(person) for person in people)
+        except (LookupError, ValueError, AttributeError) as error:
+            raise DomainError(
+                f"{location}: {template!r}: {error}; expected names of shared variables in braces:"
+                f" {', '.join(reasoning.shared)}"
+            ) from None
+    else:
+        variable, answer_of = read_value_mapping(table.section(question), reasoning)
+        answers = tuple(answer_of[person[variable]] for person in people)
+    for answer in dict.fromkeys(answers):
+        check_declared(location, answer, pomdp, "observations")
+    return answers
+
+
 def _compute_answer_probabilities(
-    table: TomlTable, noise: float, reasoning: ReasoningSection, planning: PlanningSection
+    table: TomlTable, noise: float, feedback: Sequence[str], pomdp: Pomdp
 ) -> Array:
     """Return P(o | v) (V, O): the feedback of value v with probability 1 - noise, else another answer."""
-    pomdp = planning.pomdp
-    if len(reasoning.shared) > 1:
-        raise DomainError(
-            f"{table.location('feedback')}: `feedback` is for one shared variable; without it people"
-            f" answer by the observation model of {pomdp.file}, or by reaction() in people.py"
-        )
-    feedback, values = table.mapping("feedback"), reasoning.program.attributes[reasoning.shared[0]].values
-    what = f"the values of {reasoning.shared[0]}"
-    check_same_names(table.location("feedback"), tuple(feedback), values, what)
-    for value, observation in feedback.items():
-        check_declared(table.location("feedback", value), observation, pomdp, "observations")
-    answers = list(dict.fromkeys(feedback.values()))
+    answers = list(dict.fromkeys(feedback))
     if noise and len(answers) < 2:
         raise DomainError(f"{table.location('noise')}: noise needs at least two different answers")
-    probabilities = np.zeros((len(values), len(pomdp.observations)))
-    for v, value in enumerate(values):
+    probabilities = np.zeros((len(feedback), len(pomdp.observations)))
+    for v, given in enumerate(feedback):
         for answer in answers:
-            p = 1 - noise if answer == feedback[value] else noise / (len(answers) - 1)
+            p = 1 - noise if answer == given else noise / (len(answers) - 1)
             probabilities[v, pomdp.observations.index(answer)] = p
     return probabilities
 

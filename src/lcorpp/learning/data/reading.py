@@ -166,7 +166,7 @@ def read_features(
         FileError, ParseError, DataError: as `read_data`.
     """
     kind = detect_format(path)
-    if kind not in ("npz", "table"):
+    if kind not in ("npz", "table", "store") or (kind == "store" and read_store(path).schema.is_motion):
         return None
     whole = _read_rectangular(Path(path), kind, labels, repair_log, progress)
     return None if whole.kind == "motion" else whole

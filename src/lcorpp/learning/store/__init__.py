@@ -1,8 +1,9 @@
-"""The growing data set of Algorithm 1: an SQLite file of tracks that survives a crash at any moment.
+"""The growing data set of a sense in Algorithm 1: an SQLite file of tracks that survives any crash.
 
 `Store` appends to it, one process at a time; `read_store` reads it, any number at a time. The tables:
 
-- `store`, one row: identity, channels and classes (JSON lists), interval (s), points, crc32;
+- `store`, one row: identity, channels and classes (JSON lists), interval (s), points (NULL if they vary, 1
+  for a table of features, whose `channels` are the features), crc32;
 - `track`, a row per track: record (its number), id, group_id, context and extra (JSON objects), label,
   source, belief (JSON list in the order of the classes), time (ISO 8601), trajectory (the channels one after
   the other, little-endian float64), crc32;

@@ -24,6 +24,9 @@ SOURCES = ("person", "robot")
 MAX_POINTS, MAX_JSON_BYTES, MAX_TRAJECTORY_BYTES = 2**20, 2**20, 2**26
 """Limits of a track: time points, bytes of its context or extra data as JSON, bytes of its trajectory."""
 
+FEATURES = 1
+"""Time points of a table of features; a series has at least two."""
+
 FLOAT64 = np.dtype("<f8")
 
 to_json = json.JSONEncoder(allow_nan=False, separators=(",", ":")).encode
@@ -36,13 +39,14 @@ Row = tuple[Any, ...]
 class TrackSchema:
     """Channels, interval, classes and length of all tracks in a store.
 
-    channels: names of the rows of a trajectory, from `values.CHANNELS` (m, m/s, rad).
-    interval: seconds between two time points.
-    classes: the possible labels, i.e. the values of the robot's target, in their order.
-    points: time points per track; None if the length varies.
+    channels: names of the rows of a trajectory, those in `values.CHANNELS` in m, m/s and rad; or the names of
+        features.
+    interval: seconds between two time points; features have none, and ignore it.
+    classes: the possible labels, i.e. the values that a sense classifies, in their order.
+    points: time points per track; None if the length varies; 1 for features.
 
     Raises:
-        DataError: a name is empty, repeated or unknown, or a number is out of range.
+        DataError: a name is empty or repeated, or a number is out of range.
     """
 
     channels: tuple[str, ...]
@@ -53,26 +57,38 @@ class TrackSchema:
     def __post_init__(self) -> None:
         for what, names in (("channels", self.channels), ("classes", self.classes)):
             object.__setattr__(self, what, _check_names(what, names))
-        for name in self.channels:
-            if name not in CHANNELS:
-                raise DataError(f"unknown channel {name!r}; {expected_one_of(CHANNELS)}")
         if not isinstance(self.interval, int | float) or not 0 < self.interval < math.inf:
             raise DataError(f"the interval is {self.interval!r} s; expected a finite number above 0")
         object.__setattr__(self, "interval", float(self.interval))
-        if self.points is not None and not (isinstance(self.points, int) and 2 <= self.points <= MAX_POINTS):
-            raise DataError(f"tracks of {self.points!r} time points; expected 2 to {MAX_POINTS}, or None")
+        if self.points is not None and not (isinstance(self.points, int) and 1 <= self.points <= MAX_POINTS):
+            raise DataError(f"tracks of {self.points!r} time points; expected 1 to {MAX_POINTS}, or None")
 
     @classmethod
     def from_dataset(cls, dataset: Dataset, classes: Sequence[str]) -> TrackSchema:
-        """Return the schema of the tracks in `dataset`, labelled with `classes`.
+        """Return the schema of the tracks or features in `dataset`, labelled with `classes`."""
+        points = FEATURES if dataset.kind == "table" else dataset.trajectories.shape[2]
+        return cls(dataset.channels, dataset.interval, tuple(classes), points)
 
-        Raises:
-            DataError: the data are no motion.
-        """
-        if dataset.kind != "motion":
-            names = join_some(dataset.channels)
-            raise DataError(f"a store is for tracks of {', '.join(CHANNELS)}; the data are {names}")
-        return cls(dataset.channels, dataset.interval, tuple(classes), dataset.trajectories.shape[2])
+    @property
+    def is_table(self) -> bool:
+        """Whether the signals are features, (features,), instead of channels over time."""
+        return self.points == FEATURES
+
+    @property
+    def is_motion(self) -> bool:
+        """Whether all channels are those of motion."""
+        return not self.is_table and set(self.channels) <= set(CHANNELS)
+
+    @property
+    def unit(self) -> str:
+        """The plural noun of the cases, as in `Dataset.unit`."""
+        return "tracks" if self.is_motion else "cases"
+
+    def __str__(self) -> str:
+        if self.is_table:
+            return f"features {join_some(self.channels)}"
+        points = f"{self.points} time points of " if self.points else ""
+        return f"{points}{join_some(self.channels)} every {self.interval:g} s"
 
     def check_equal(self, other: TrackSchema, where: str) -> None:
         """Check that tracks of the schema `other` fit a store of this schema.
@@ -84,7 +100,7 @@ class TrackSchema:
             DataError: the schemas differ; the message names the first difference.
         """
         for what, here, there in (
-            ("channels", ", ".join(self.channels), ", ".join(other.channels)),
+            ("channels", join_some(self.channels), join_some(other.channels)),
             ("interval", f"{self.interval:g} s", f"{other.interval:g} s"),
             ("classes", ", ".join(self.classes), ", ".join(other.classes)),
             ("time points of a track", self.points or "any number", other.points or "any number"),
@@ -97,7 +113,7 @@ class TrackSchema:
 class NewTrack:
     """A track to be stored.
 
-    trajectory: (channels, time points), as in the store's schema.
+    trajectory: (channels, time points) or (features,), as in the store's schema.
     label: its class; None if unknown, e.g. for a decision that ended without a report.
     source: the source of the label, "person" or "robot".
     belief: the robot's final belief over the classes, if it had one.
@@ -252,26 +268,24 @@ def is_intact(row: Row) -> bool:
 
 
 def _check_trajectory(trajectory: npt.ArrayLike, schema: TrackSchema) -> Array:
-    """Return a frozen float64 copy, (channels, time points)."""
+    """Return a frozen float64 copy, (channels, time points) or (features,)."""
     try:
         array = freeze(trajectory)
     except (ValueError, TypeError) as error:
         raise DataError(f"a trajectory is an array of numbers: {error}") from None
-    channels = ", ".join(schema.channels)
-    if array.ndim != 2 or len(array) != len(schema.channels):
-        raise DataError(
-            f"a trajectory of shape {array.shape}; expected {len(schema.channels)} channels ({channels})"
-            " of time points"
-        )
-    points = array.shape[1]
-    if points < 2 or schema.points not in (None, points):
+    names, ndim = join_some(schema.channels), 1 if schema.is_table else 2
+    if array.ndim != ndim or len(array) != len(schema.channels):
+        expected = f"features ({names})" if schema.is_table else f"channels ({names}) of time points"
+        raise DataError(f"a trajectory of shape {array.shape}; expected {len(schema.channels)} {expected}")
+    points = FEATURES if schema.is_table else array.shape[1]
+    if schema.points not in (None, points) or (points < 2 and not schema.is_table):
         wanted = "at least 2" if schema.points is None else schema.points
         raise DataError(f"a trajectory of {points} time points; expected {wanted}")
     if not np.isfinite(array).all():
-        channel, point = (int(i) for i in np.argwhere(~np.isfinite(array))[0])
+        channel, *point = (int(i) for i in np.argwhere(~np.isfinite(array))[0])
+        at = "" if schema.is_table else f" at time point {point[0]} (counted from 0)"
         raise DataError(
-            f"{schema.channels[channel]} at time point {point} (counted from 0) is"
-            f" {array[channel, point]}; expected a finite number"
+            f"{schema.channels[channel]}{at} is {array[(channel, *point)]}; expected a finite number"
         )
     if array.nbytes > MAX_TRAJECTORY_BYTES:
         raise DataError(f"a trajectory of {array.nbytes} bytes; at most {MAX_TRAJECTORY_BYTES} can be stored")

@@ -116,6 +116,8 @@ class Snapshot:
     ) -> Array:
         """(cases, channels, time points) the trajectories of some tracks of this snapshot; by default of all.
 
+        A table has features, (cases, features).
+
         Args:
             points: only the last time points of each track; None takes all.
 
@@ -135,15 +137,16 @@ class Snapshot:
                     )
         numbers = np.empty((len(tracks), len(self.schema.channels), points))
         for row, array in zip(numbers, self.iterate_trajectories(tracks), strict=True):
-            row[:] = array[:, -points:]
-        return numbers
+            row[:] = array.reshape(len(row), -1)[:, -points:]
+        return numbers[..., 0] if self.schema.is_table else numbers
 
     def iterate_trajectories(self, tracks: Sequence[StoredTrack]) -> Iterator[Array]:
-        """Yield the trajectory of each track, (channels, time points); its checksum is checked again.
+        """Yield the trajectory of each track, (channels, time points) or (features,), after another check.
 
         Raises:
             FileError: as `trajectories`.
         """
+        shape = (len(self.schema.channels), *([] if self.schema.is_table else [-1]))
         try:
             with closing(database.connect_reader(self.path)) as connection:
                 for track in tracks:
@@ -151,7 +154,7 @@ class Snapshot:
                     row = next((row for row in rows if row[1] == track.id and is_intact(row)), None)
                     if row is None:
                         raise DataError(f"record {track.record} is not track {track.id!r} as it was")
-                    yield np.frombuffer(row[-2], FLOAT64).reshape(len(self.schema.channels), -1)
+                    yield np.frombuffer(row[-2], FLOAT64).reshape(shape)
         except (sqlite3.Error, DataError) as error:
             raise FileError(
                 f"{self.path}: a track can no longer be read; the file was changed or damaged: {error}"
@@ -166,12 +169,15 @@ class Snapshot:
                 them. None takes the tracks as they are.
 
         Raises:
-            DataError: the tracks differ in their time points, one has no label, or `points` is below 2.
+            DataError: the tracks differ in their time points, one has no label, or `points` is below 2 or
+                given for features.
             FileError: as `trajectories`.
         """
         tracks = self.select() if tracks is None else tracks
         notes = [str(damage) for damage in self.damage]
         if points is not None:
+            if self.schema.is_table:
+                raise DataError(f"{self.path}: has features, which have no time points to cut")
             if points < 2:
                 raise DataError(f"tracks cut to {points} time points show no motion; at least 2 are needed")
             count, tracks = len(tracks), [track for track in tracks if track.points >= points]
@@ -215,7 +221,7 @@ class Snapshot:
             else f"{count} without a label"
             for (label, source), count in self.counts().items()
         )
-        return f"{len(self)} tracks" + (f" ({counts})" if counts else "")
+        return f"{len(self)} {self.schema.unit}" + (f" ({counts})" if counts else "")
 
 
 def is_store(path: str | Path) -> bool:

@@ -1,0 +1,93 @@
+"""Results of the batches of Algorithm 1: scores, a line of text and a row of a table."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from lcorpp.decision import Batch
+from lcorpp.domains import Domain
+from lcorpp.experiments.scoring.metrics import Scores, get_format, score_decisions
+from lcorpp.simulation.people_stream import DecisionResult
+
+Row = dict[str, float | int | str]
+
+LEFT_OUT = ("precision", "recall", "accuracy")
+"""Scores that the line of a batch leaves out; with several variables there are others."""
+
+
+@dataclass(frozen=True, eq=False)
+class BatchResult:
+    """A batch with its scores.
+
+    batch: the classifiers, data sets and confusion matrices after the training.
+    scores: of the batch's decisions; None without decisions, and for a batch of an earlier run.
+    rows: one table row per batch so far, of earlier runs too.
+    resumed: whether an earlier run completed the batch.
+    """
+
+    batch: Batch
+    scores: Scores | None
+    rows: tuple[Row, ...]
+    resumed: bool
+
+    def summary(self) -> str:
+        """Return the size of each data set, the recall of each class and the scores in one line."""
+        texts = [
+            self._summarise_sense(name, prefix=f"{name}: " if len(self.batch.senses) > 1 else "")
+            for name in self.batch.senses
+        ]
+        if self.scores is not None:
+            cells = {name: cell for name, cell in self.scores.columns.items() if name not in LEFT_OUT}
+            formatted = [f"{name} {cell.estimate:{get_format(name)}}" for name, cell in cells.items()]
+            texts.append(", ".join(formatted))
+        return "; ".join(texts)
+
+    def _summarise_sense(self, name: str, prefix: str) -> str:
+        sense, dataset = self.batch.senses[name], self.batch.datasets[name]
+        rates = np.diag(sense.confusion.probabilities)
+        recall = ", ".join(
+            f"{value} {rate:.3f}" for value, rate in zip(sense.confusion.classes, rates, strict=True)
+        )
+        return f"{prefix}{len(dataset)} {dataset.unit}; recall: {recall}; change {sense.change:.3f}"
+
+    def __repr__(self) -> str:
+        return f"<BatchResult {self.batch.number}: {self.summary()}>"
+
+
+def make_row(batch: Batch, scores: Scores | None) -> Row:
+    """Return a batch as a row of a table; with several senses the sizes and changes of each."""
+    sizes = {name: len(dataset) for name, dataset in batch.datasets.items()}
+    row: Row = {"batch": batch.number}
+    if len(sizes) == 1:
+        row |= {"tracks": sum(sizes.values()), "change": batch.change}
+    else:
+        row |= {f"tracks_{name}": size for name, size in sizes.items()}
+        row |= {"change": batch.change}
+        row |= {f"change_{name}": sense.change for name, sense in batch.senses.items()}
+    if scores is not None:
+        row |= {f"accuracy_{name}": accuracy.estimate for name, accuracy in scores.variables.items()}
+        row |= {name: interval.estimate for name, interval in scores.metrics.items()}
+    return row
+
+
+def score_batch(domain: Domain, results: Sequence[DecisionResult]) -> Scores:
+    """Score the decisions of a batch."""
+    values = domain.values
+    counts = np.zeros((len(values), len(values) + 1))
+    for result in results:
+        reported = len(values) if result.report is None else values.index(result.report)
+        counts[values.index(result.actual), reported] += 1
+    cost = np.array([result.cost for result in results])
+    return_ = np.array([result.return_ for result in results])
+    return score_decisions(
+        "LCORPP",
+        counts,
+        cost,
+        return_,
+        values=values,
+        positive=domain.positive,
+        variables=domain.reasoning.shared,
+    )

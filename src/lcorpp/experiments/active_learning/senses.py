@@ -1,0 +1,102 @@
+"""The senses of a robot that learns: which learn from the reports, their initial data, and the others."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from lcorpp.domains import Domain
+from lcorpp.errors import DecisionError, DomainError, check_type
+from lcorpp.experiments.comparison import set_up_senses
+from lcorpp.experiments.setup import (
+    HARD_LABELS,
+    ClassifierOptions,
+    EvidenceOptions,
+    ProgressDisplay,
+    Senses,
+    TrainingOptions,
+    no_progress,
+)
+from lcorpp.experiments.training_data import TrainingData, choose_learner, make_training_data
+
+
+@dataclass(frozen=True)
+class ActiveLearningOptions:
+    """Options of Algorithm 1.
+
+    classifiers: sense -> how to get its classifier. A sense with `TrainingOptions` whose class a report names
+        (`Domain.class_of`) learns from the reports; all others stay as they are. A sense that is left out
+        learns by default if a report names its class, else it is the domain's noisy channel.
+    evidence: labels or likelihoods.
+    batch_size: K, decisions between two trainings.
+    epsilon: the run ends when no confusion matrix changes by more than this.
+    max_batches: the run ends after this many batches.
+    seed: of all random numbers. jobs: processes for training.
+    """
+
+    classifiers: Mapping[str, ClassifierOptions] = field(default_factory=dict)
+    evidence: EvidenceOptions = HARD_LABELS
+    batch_size: int = 100
+    epsilon: float = 0.05
+    max_batches: int = 20
+    seed: int = 0
+    jobs: int = 1
+
+
+@dataclass(frozen=True, eq=False)
+class LearningSenses:
+    """The senses of a robot that learns.
+
+    data: sense -> its initial data, for each sense that learns. training: sense -> its options.
+    fixed: the setups of the others, which stay as they are.
+    """
+
+    data: Mapping[str, TrainingData]
+    training: Mapping[str, TrainingOptions]
+    fixed: Senses
+
+
+def find_learning_senses(
+    domain: Domain, classifiers: Mapping[str, ClassifierOptions]
+) -> dict[str, TrainingOptions]:
+    """Return the senses that learn from the reports, with their options; see `ActiveLearningOptions`.
+
+    Raises:
+        DomainError: there is none.
+    """
+    labelled = [sense.name for sense in domain.senses if sense.report_labels is not None]
+    if not labelled:
+        raise DomainError(
+            f"{domain.folder}/domain.toml: no sense classifies a shared variable or has report_labels, so"
+            " reports are no labels"
+        )
+    options = {name: classifiers.get(name, TrainingOptions()) for name in labelled}
+    learning = {name: own for name, own in options.items() if isinstance(own, TrainingOptions)}
+    if not learning:
+        raise DomainError(
+            f"nothing learns: the classifiers of {', '.join(labelled)} are given; expected one to train"
+        )
+    return learning
+
+
+def set_up_learning(
+    domain: Domain, options: ActiveLearningOptions, *, progress: ProgressDisplay = no_progress
+) -> LearningSenses:
+    """Make the initial data of the senses that learn, and the classifiers of the others.
+
+    Raises:
+        DomainError: no sense learns, or the domain has no such signals or noisy channel.
+        DataError, FileError: the data, or the files of other classifiers, are wrong.
+    """
+    check_type(domain, Domain, "the domain", DomainError)
+    check_type(options, ActiveLearningOptions, "`options`", DecisionError)
+    for name in options.classifiers:
+        domain.find_sense(name)
+    training = find_learning_senses(domain, options.classifiers)
+    data = {
+        name: make_training_data(domain, domain.find_sense(name), own, options.seed)
+        for name, own in training.items()
+    }
+    training = {name: choose_learner(own, data[name].dataset) for name, own in training.items()}
+    others = [sense for sense in domain.senses if sense.name not in training]
+    return LearningSenses(data, training, set_up_senses(domain, others, options, progress))
