@@ -9,7 +9,7 @@ import pytest
 from lcorpp.decision import Batch, ResumePoint, TrainedSense, lcorpp
 from lcorpp.decision.lcorpp import compute_ssub
 from lcorpp.errors import DecisionError
-from lcorpp.values import ConfusionMatrix, Dataset
+from lcorpp.values import ConfusionMatrix, Dataset, Instance
 from tests.decision.fakes import (
     VALUES,
     FakeClassifier,
@@ -154,3 +154,72 @@ def test_invalid_settings(batch_size, epsilon, words):
 
 def test_ssub_sums_absolute_differences():
     assert compute_ssub(np.array([[0.5, 0.5], [0.2, 0.8]]), np.array([[0.75, 0.25], [0.2, 0.8]])) == 0.5
+
+
+def test_several_senses_learn_from_the_same_reports():
+    """Each has its data, matrix and change; the loop ends when the largest change is small."""
+    good, better = np.array([[8, 2], [3, 7]]), np.array([[80, 20], [10, 90]])
+    matrices = {"eyes": iter([good, good, good]), "ears": iter([good, better, better])}
+    trained, reasoned = [], []
+
+    def train(sense: str, dataset: Dataset):
+        trained.append((sense, len(dataset), dataset.trajectories.ndim))
+        return FakeClassifier(), ConfusionMatrix(VALUES, next(matrices[sense]))
+
+    def make_reasoner(confusions: Mapping[str, ConfusionMatrix]):
+        reasoned.append({name: matrix.counts.tolist() for name, matrix in confusions.items()})
+        return FakeReasoner()
+
+    def collect():
+        both = {"eyes": make_instance(0).signals["eyes"], "ears": np.array([0.0, 1.0, 2.0])}
+        return Instance(both, {}), FakeWorld("nod")
+
+    class HearingClassifier:
+        def classify(self, signal):
+            return VALUES[int(signal[0])]
+
+    def train_both(sense: str, dataset: Dataset):
+        classifier, confusion = train(sense, dataset)
+        return (classifier if sense == "eyes" else HearingClassifier()), confusion
+
+    ears = Dataset(np.zeros((4, 3)), ("yes", "no", "yes", "no"))
+    batches = list(
+        lcorpp(
+            {"eyes": START, "ears": ears},
+            train=train_both,
+            make_reasoner=make_reasoner,
+            planner=FakePlanner(),
+            domain=FakeDomain(),
+            collect=collect,
+            batch_size=2,
+            epsilon=0.05,
+        )
+    )
+    assert trained == [
+        *[("eyes", 2, 3), ("ears", 4, 2), ("eyes", 4, 3), ("ears", 6, 2), ("eyes", 6, 3), ("ears", 8, 2)]
+    ]
+    assert reasoned == [
+        {"eyes": good.tolist(), "ears": good.tolist()},
+        {"eyes": good.tolist(), "ears": better.tolist()},
+    ]
+    assert [batch.converged for batch in batches] == [False, False, True]
+    second = batches[1]
+    assert (second.senses["eyes"].change, second.change) == (0, second.senses["ears"].change)
+    assert second.datasets["ears"].labels[4:] == second.datasets["eyes"].labels[2:] == ("yes", "yes")
+    assert dict(second.episodes[0].labels) == {"eyes": "yes", "ears": "yes"}
+
+
+def test_at_least_one_sense_learns():
+    with pytest.raises(DecisionError, match="no sense learns"):
+        next(
+            lcorpp(
+                {},
+                train=None,
+                make_reasoner=None,
+                planner=None,
+                domain=None,
+                collect=None,
+                batch_size=1,
+                epsilon=0,
+            )
+        )

@@ -90,3 +90,29 @@ def write_domain(
         f'{senses}[planning]\nmodel = "give.pomdp"\nterminal = "end"\n{states}{reports}\n{end}'
     )
     return folder
+
+
+PEOPLE = """
+import numpy as np
+
+
+def gaze(people, rng):
+    steps = rng.normal(0.1, 0.1, (len(people), 2, 12))
+    steps[[person["item"] == "tea" for person in people]] += 0.08
+    return np.cumsum(steps, axis=2)
+
+
+def voice(people, rng):
+    numbers = rng.normal(0, 1, (len(people), 2))
+    numbers[[person["person"] == "ann" for person in people]] += 1
+    return numbers
+"""
+
+
+def write_learning_domain(folder: Path, *, end: str = "") -> Path:
+    """Write the domain with tracks of the gaze and two features of the voice, both simulated."""
+    voice = VOICE + 'channels = ["pitch", "pace"]\n'
+    senses = (GAZE + voice).replace('classifier = "channel"\n', "")
+    write_domain(folder, senses=senses, end=f'[simulation]\npeople = "people.py"\n{end}')
+    (folder / "people.py").write_text(PEOPLE)
+    return folder

@@ -10,7 +10,7 @@ from hypothesis import given, settings, strategies as st
 
 from lcorpp.errors import DataError, FileError
 from lcorpp.learning.store import NewTrack, Store, TrackSchema, is_store, read_store
-from lcorpp.values import Distribution
+from lcorpp.values import Dataset, Distribution, track_hash
 from tests.learning.store.stores import CLASSES, SCHEMA, filled, track, walk
 
 
@@ -350,3 +350,50 @@ def test_representations_are_short(path):
     label = "LabelRecord('not_interested' (0.400) by robot, 2026-01-01 12:00:01+0000)"
     assert repr(snapshot.tracks[1].label_record) == label
     assert repr(track(1)) == "NewTrack('t1', shape (2, 4), 'not_interested' by robot)"
+
+
+FEATURES = TrackSchema(("pitch", "pace"), 0.033, CLASSES, 1)
+SERIES = TrackSchema(("volume", "pitch"), 0.1, CLASSES)
+
+
+def test_features_and_other_channels_are_stored(path, tmp_path):
+    numbers = np.array([[0.1, -2.0], [3.5, 4.0]])
+    with Store(path, FEATURES) as store:
+        store.extend([NewTrack(row, label, "person") for row, label in zip(numbers, CLASSES, strict=True)])
+    snapshot = read_store(path)
+    assert np.array_equal(snapshot.trajectories(), numbers)
+    dataset = snapshot.dataset()
+    assert (dataset.kind, dataset.channels, dataset.labels) == ("table", ("pitch", "pace"), CLASSES)
+    assert dataset.groups == tuple(track_hash(row) for row in numbers)
+    assert str(snapshot.schema) == "features pitch, pace"
+    assert snapshot.summary() == "2 cases (1 interested by a person, 1 not_interested by a person)"
+    with pytest.raises(DataError, match="has features, which have no time points to cut"):
+        snapshot.dataset(points=1)
+    with Store(tmp_path / "series", SERIES) as store:
+        store.append(NewTrack(numbers, CLASSES[0]))
+    series = read_store(tmp_path / "series")
+    assert series.dataset().kind == "series"
+    assert str(series.schema) == "volume, pitch every 0.1 s"
+    assert np.array_equal(series.dataset().trajectories, numbers[None])
+
+
+@pytest.mark.parametrize(
+    ("signal", "words"),
+    [
+        (np.zeros((2, 3)), r"shape \(2, 3\); expected 2 features \(pitch, pace\)"),
+        (np.zeros(3), r"shape \(3,\); expected 2 features"),
+        ([1, np.nan], "pace is nan; expected a finite number"),
+    ],
+)
+def test_features_that_do_not_fit_are_refused(path, signal, words):
+    with Store(path, FEATURES) as store, pytest.raises(DataError, match=words):
+        store.append(NewTrack(signal, CLASSES[0]))
+
+
+def test_a_schema_of_a_data_set_keeps_its_kind():
+    for shape, channels, schema in (
+        ((1, 2), ("pitch", "pace"), FEATURES),
+        ((1, 2, 4), ("x", "y"), TrackSchema(("x", "y"), 0.033, CLASSES, 4)),
+    ):
+        dataset = Dataset(np.zeros(shape), ("interested",), channels=channels)
+        assert TrackSchema.from_dataset(dataset, CLASSES) == schema

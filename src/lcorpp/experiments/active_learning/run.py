@@ -123,7 +123,7 @@ def run_active_learning(
                 instance.signals,
                 instance.context,
                 {name: None if report is None else domain.class_of(name, report) for name in estimators},
-                {name: _find_class_marginal(domain, name, joint) for name in estimators},
+                {name: find_class_marginal(domain, name, joint) for name in estimators},
                 result.to_extra(),
             )
 
@@ -174,7 +174,7 @@ def _describe_classifiers(
     return {**describe_classifiers(senses.fixed), **learned}
 
 
-def _find_class_marginal(domain: Domain, sense: str, joint: Distribution) -> Distribution:
+def find_class_marginal(domain: Domain, sense: str, joint: Distribution) -> Distribution:
     """Return the distribution of the class that a sense should predict, from that of the shared variables."""
     classes = domain.find_sense(sense).classes
     probabilities = dict.fromkeys(classes, 0.0)
