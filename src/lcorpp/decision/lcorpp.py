@@ -91,7 +91,7 @@ def lcorpp(
     """Run the outer loop; every training yields a batch, so the caller may stop at any of them.
 
     To survive a crash, store each decision in `listener` and each batch when it is yielded, and pass both to
-    the next run, as `experiments.run_store` does.
+    the next run, as `experiments.RunStore` does.
 
     Args:
         datasets: sense -> Omega, its initial training data, for each sense that learns.
