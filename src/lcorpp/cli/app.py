@@ -7,8 +7,9 @@ from typing import Annotated
 
 import typer
 
-from lcorpp.cli import ask, check, explain, figures, fit, learn, new, replay, run, show, simulate, solve
+from lcorpp.cli import ask, check, figures, fit, learn, new, replay, run, show, simulate, solve
 from lcorpp.cli.data.commands import app as data_app
+from lcorpp.cli.explanation import explain
 from lcorpp.log_output import show_log
 
 app = typer.Typer(

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from lcorpp.cli import console
-from lcorpp.cli.cases import Case, ask_case, describe_simulation, simulate_case
+from lcorpp.cli.explanation.cases import Case, ask_case, describe_simulation, simulate_case
 from lcorpp.cli.options import common as options, decision
 from lcorpp.cli.options.recordings import (
     GapOption,
