@@ -61,6 +61,24 @@ def test_wrong_answers_are_asked_again(tmp_path, lcorpp, answer):
     assert 'name = "again"' in (tmp_path / "again" / "domain.toml").read_text()
 
 
+@pytest.mark.parametrize("number", range(1, 7))
+def test_an_interrupt_leaves_nothing_behind(tmp_path, lcorpp, monkeypatch, answer, number):
+    lines = iter(("", "", "wish=tea,coffee", "", "", "")[: number - 1])
+
+    def type_line(question):
+        line = next(lines, None)
+        if line is None:
+            assert question.startswith(f"{number}. ")
+            raise KeyboardInterrupt
+        return line
+
+    answer()
+    monkeypatch.setattr("builtins.input", type_line)
+    ended = lcorpp("new", tmp_path / "x")
+    assert (ended.code, ended.err) == (130, "lcorpp: interrupted\n")
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_without_a_terminal_the_questions_are_refused(tmp_path, lcorpp, monkeypatch, answer):
     answer("only one line")
     refused = lcorpp("new", tmp_path / "x")

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from lcorpp.cli.output_files import check_writable
-from lcorpp.errors import FileError, expected_one_of
+from lcorpp.errors import DomainError, FileError, expected_one_of
 
 if TYPE_CHECKING:
     from lcorpp.planning import Factored, Policy, Pomdp
@@ -20,6 +20,40 @@ MODELS = (".pomdp", ".pomdpx")
 POLICIES = (".policy", ".xml", ".alpha")
 
 ModelArgument = Annotated[Path, typer.Argument(metavar="MODEL", help="A .pomdp or .pomdpx file.")]
+
+
+def read_model(path: Path, preset: str | None = None) -> tuple[Pomdp, Factored | None]:
+    """Read a model, with its variables if it has them: a file, or that of a domain (a folder or a name).
+
+    Raises:
+        DomainError: the domain is wrong, or a preset is given for a file.
+    """
+    from lcorpp.domains.loading import list_domains, load_domain
+    from lcorpp.planning.formats import model_file
+
+    if path.is_dir() or (not path.exists() and str(path) in list_domains()):
+        planning = load_domain(path, preset=preset).planning
+        return planning.pomdp, planning.problem
+    if preset is not None:
+        raise DomainError(f"--preset {preset}: {path} is no domain")
+    return model_file.read_model(path)
+
+
+def make_model_writer(path: Path) -> Callable[[Pomdp, Factored | None], None]:
+    """Return the function that writes a model to `path`, a .pomdp or .pomdpx file.
+
+    Raises:
+        FileError: the suffix is unknown, or the file cannot be written.
+    """
+    from lcorpp import planning
+
+    suffix = path.suffix.lower()
+    if suffix not in MODELS:
+        raise FileError(f"{path}: not the name of a model; {expected_one_of(MODELS)} at its end")
+    check_writable(path)
+    if suffix == ".pomdp":
+        return lambda pomdp, _: planning.write_pomdp(pomdp, path)
+    return lambda pomdp, problem: planning.write_pomdpx(problem or pomdp, path)
 
 
 def read_policy(path: Path, pomdp: Pomdp, problem: Factored | None = None) -> Policy:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from lcorpp.cli import model_files, output_files
+from lcorpp.cli.options import common as options
 from lcorpp.errors import FileError, ModelError
 from lcorpp.notebook import join_some
 
@@ -21,7 +22,13 @@ MAX_NAMES = 8
 
 
 def show(
-    model: model_files.ModelArgument,
+    model: Annotated[
+        Path,
+        typer.Argument(
+            metavar="MODEL",
+            help="A .pomdp or .pomdpx file, or a domain: a folder or a shipped domain's name.",
+        ),
+    ],
     policy: Annotated[
         Path | None, typer.Argument(metavar="[POLICY]", help="A .policy, .xml or .alpha file for it.")
     ] = None,
@@ -44,13 +51,18 @@ def show(
             help="Draw the policy's action at each belief: .png, .svg or .pdf.",
         ),
     ] = None,
+    write: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE", help="Write the model, e.g. that of a domain's function: .pomdp, .pomdpx."
+        ),
+    ] = None,
+    preset: options.PresetOption = None,
 ) -> None:
-    """Print facts of a model, or draw a policy for it.
+    """Print facts of a model, write it to a file, or draw a policy for it.
 
     The facts are sizes, sparsity, rewards, discount and start belief.
     """
-    from lcorpp.planning.formats.model_file import read_model
-
     for option, given in (("-o", out), ("--graph", graph)):
         if given is not None and policy is None:
             raise FileError(f"{option} draws a policy; give one after {model}")
@@ -60,9 +72,14 @@ def show(
         output_files.check_figure(out)
     if graph is not None:
         output_files.check_figure(graph, also=[".dot"])
-    pomdp, problem = read_model(model)
+    write_model = None if write is None else model_files.make_model_writer(write)
+    pomdp, problem = model_files.read_model(model, preset)
+    if write_model is not None:
+        write_model(pomdp, problem)
     if policy is None:
         _print_model(model, pomdp, problem)
+        if write is not None:
+            typer.echo(f"wrote the model to {write}")
         return
     loaded = model_files.read_policy(policy, pomdp, problem)
     chosen = _select_states(pomdp, states) if out is not None else ()
@@ -78,6 +95,8 @@ def show(
         typer.echo(f"drew {', '.join(chosen)} in {out}")
     if graph is not None:
         _write_graph(pomdp, loaded, title, graph)
+    if write is not None:
+        typer.echo(f"wrote the model to {write}")
 
 
 def _print_model(model: Path, pomdp: Pomdp, problem: Factored | None) -> None:

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from math import inf
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from lcorpp.domains.sections.names import check_declared
 from lcorpp.domains.sections.planner_model import read_planner_model
@@ -16,6 +17,9 @@ from lcorpp.errors import DomainError, ModelError
 from lcorpp.planning import Pomdp, SolverOptions
 from lcorpp.user_code import split_function
 from lcorpp.values import Array, SharedValue, format_value
+
+if TYPE_CHECKING:
+    from lcorpp.planning import Factored
 
 MIN_LIMIT = 1e-9
 """Minimum of a solver's precision and time limit."""
@@ -34,6 +38,7 @@ class PlanningSection:
     state_values: (S, V) 1 if a state has shared value v; zeros for terminal states.
     terminal: the indices of the terminal states.
     solver: the solver of the model, and its limits.
+    problem: the model with its variables, None if it has none.
     """
 
     pomdp: Pomdp
@@ -42,6 +47,7 @@ class PlanningSection:
     state_values: Array
     terminal: tuple[int, ...]
     solver: SolverOptions
+    problem: Factored | None = None
 
     def __repr__(self) -> str:
         return f"PlanningSection({self.pomdp!r}, reports: {', '.join(self.reports)})"
@@ -60,7 +66,7 @@ def read_planning(table: TomlTable, folder: Path, reasoning: ReasoningSection) -
     solver = _read_solver(table, folder)
     table.reject_unknown_keys()
     return PlanningSection(
-        pomdp, reports, states.initial_states, states.state_values, states.terminal, solver
+        pomdp, reports, states.initial_states, states.state_values, states.terminal, solver, problem
     )
 
 
