@@ -15,8 +15,8 @@ from lcorpp.experiments.figures.result import Layout
 from lcorpp.plot_style import INK, despine
 from lcorpp.values import Interval
 
-PAGE_WIDTH, COLUMN_WIDTH, PANEL_HEIGHT = 7.2, 3.5, 2.7
-"""Inches of a page and of a column in print, and of a panel."""
+PAGE_WIDTH, COLUMN_WIDTH, PANEL_HEIGHT, LEGEND_HEIGHT = 7.2, 3.5, 2.7, 0.4
+"""Inches of a page and of a column in print, of a panel and of the legend above the panels."""
 
 
 EXACT: dict[str, Any] = {
@@ -50,15 +50,15 @@ class Bars:
     published: Sequence[float | None] = ()
 
 
-def make_panels(layout: Layout, widths: Sequence[float]) -> tuple[Figure, list[Axes]]:
-    """Return a figure with panels of these relative widths, or with equally wide ones in a column."""
+def make_panels(layout: Layout, widths: Sequence[float], rows: int = 1) -> tuple[Figure, list[Axes]]:
+    """Return a figure with rows of panels of these relative widths, or with all panels in a column."""
+    panels = rows * len(widths)
     if layout == "wide":
-        figure = Figure(figsize=(PAGE_WIDTH, PANEL_HEIGHT + 0.4), layout="constrained")
-        axes = figure.subplots(1, len(widths), width_ratios=list(widths), squeeze=False)
+        figure = Figure(figsize=(PAGE_WIDTH, PANEL_HEIGHT * rows + LEGEND_HEIGHT), layout="constrained")
+        axes = figure.subplots(rows, len(widths), width_ratios=list(widths), squeeze=False)
     else:
-        size = (COLUMN_WIDTH, PANEL_HEIGHT * len(widths) + 0.4)
-        figure = Figure(figsize=size, layout="constrained")
-        axes = figure.subplots(len(widths), 1, squeeze=False)
+        figure = Figure(figsize=(COLUMN_WIDTH, PANEL_HEIGHT * panels + LEGEND_HEIGHT), layout="constrained")
+        axes = figure.subplots(panels, 1, squeeze=False)
     return figure, list(axes.flat)
 
 

@@ -124,6 +124,11 @@ def deviate(
     return found if far else Deviation(setting, found.what, ours, published, total)
 
 
+def find_published(numbers: Mapping[str, str], metric: str) -> float | None:
+    """Return the number of a metric; None if it is not known."""
+    return float(numbers[metric]) if metric in numbers else None
+
+
 def compute_standard_error(scores: Scores, metric: str, published: str, sd: float | None = None) -> float:
     """Return the standard error of a published mean of `TRIALS` trials.
 

@@ -6,9 +6,12 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 from lcorpp.errors import DecisionError, expected_one_of
+from lcorpp.experiments.figures.confusion import cross_validate
+from lcorpp.experiments.figures.knowledge import vary_knowledge
 from lcorpp.experiments.figures.partial import compare_parts
 from lcorpp.experiments.figures.result import FigureOptions, FigureResult
 from lcorpp.experiments.figures.strategies import compare_six
+from lcorpp.experiments.figures.trial import replay_trial
 from lcorpp.experiments.setup import ProgressDisplay
 
 
@@ -28,7 +31,10 @@ class PaperFigure:
 
 FIGURES: Mapping[str, PaperFigure] = {
     "strategies": PaperFigure(compare_six, 14, 4),
+    "knowledge": PaperFigure(vary_knowledge, 40, 10),
     "partial": PaperFigure(compare_parts, 20, 8),
+    "confusion": PaperFigure(cross_validate, 10, 1),
+    "trial": PaperFigure(replay_trial, 0.1, 0.1),
 }
 """Name -> figure, in the order of the report."""
 

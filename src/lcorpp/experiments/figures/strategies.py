@@ -12,8 +12,15 @@ from lcorpp.domains import load_domain
 from lcorpp.experiments.figures import published
 from lcorpp.experiments.figures.evaluation import Evaluation, evaluate
 from lcorpp.experiments.figures.panels import Bars, add_legend, draw_bars, make_panels
-from lcorpp.experiments.figures.published import Deviation, deviate
-from lcorpp.experiments.figures.result import FigureOptions, FigureResult, Finding, Layout, judge
+from lcorpp.experiments.figures.published import Deviation, deviate, find_published
+from lcorpp.experiments.figures.result import (
+    FigureOptions,
+    FigureResult,
+    Finding,
+    Layout,
+    judge,
+    subtract_from,
+)
 from lcorpp.experiments.scoring.metrics import Scores
 from lcorpp.experiments.setup import ProgressDisplay
 from lcorpp.plot_style import BLUE, INK, ORANGE, despine, with_style
@@ -68,7 +75,7 @@ def _judge(scores: Evaluation) -> list[Finding]:
         ("cost", "LCORPP < R+P < P in cost", -1),
     ):
         differences = [scores.find_difference(metric, *pair) for pair in steps]
-        directed = [d if sign > 0 else Interval(-d.estimate, -d.high, -d.low) for d in differences]
+        directed = [d if sign > 0 else subtract_from(0, d) for d in differences]
         numbers = ", ".join(
             f"{a} - {b} {difference:.2f}" for (a, b), difference in zip(steps, differences, strict=True)
         )
@@ -114,7 +121,9 @@ def _draw(evaluations: Sequence[Evaluation], layout: Layout) -> Figure:
                 PRESETS[each.setting],
                 [each.simulated[name].metrics[metric] for name in names],
                 exact=[each.exact[name].metrics[metric].estimate for name in names],
-                published=_find_published(names, metric) if each.setting == "authors" else (),
+                published=[find_published(published.STRATEGIES[name], metric) for name in names]
+                if each.setting == "authors"
+                else (),
             )
             for each in evaluations
         ]
@@ -123,11 +132,6 @@ def _draw(evaluations: Sequence[Evaluation], layout: Layout) -> Figure:
             panel.set_ylim(0, 1)
             add_legend(figure, series, layout=layout)
     return figure
-
-
-def _find_published(names: Sequence[str], metric: str) -> list[float | None]:
-    numbers = [published.STRATEGIES[name].get(metric) for name in names]
-    return [None if number is None else float(number) for number in numbers]
 
 
 @with_style

@@ -1,0 +1,150 @@
+"""The paper's figure "confusion matrix of the LSTM classifier", cross-validated on unseen people."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from decimal import Decimal
+from functools import partial
+from math import hypot, sqrt
+
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from lcorpp.domains import load_domain
+from lcorpp.experiments.classifier_training import train_classifier
+from lcorpp.experiments.figures import published
+from lcorpp.experiments.figures.panels import make_panels
+from lcorpp.experiments.figures.published import Deviation
+from lcorpp.experiments.figures.result import (
+    FigureOptions,
+    FigureResult,
+    Finding,
+    Layout,
+    interval_cells,
+    judge,
+)
+from lcorpp.experiments.setup import ProgressDisplay, TrainingOptions
+from lcorpp.learning import Rate
+from lcorpp.plot_style import INK, with_style
+from lcorpp.values import Z95, Interval
+
+FAST = TrainingOptions(learner="lstm-fast", tracks=600)
+"""The classifier with `FigureOptions.fast`; by default it is the domain's, the paper's LSTM."""
+
+CASES: Mapping[str, int] = {"interested": 63, "not_interested": 2223}
+"""True class -> recorded people of the paper, whose rates are taken for binomial proportions of them."""
+
+POSITIVE = "interested"
+
+REASON = "our tracks are simulated, the recorded ones of the paper are not public"
+
+
+def cross_validate(options: FigureOptions, progress: ProgressDisplay) -> FigureResult:
+    """Train the classifier on simulated tracks and cross-validate it."""
+    domain = load_domain("intention")
+    setup = train_classifier(
+        domain,
+        domain.senses[0],
+        FAST if options.fast else TrainingOptions(),
+        seed=options.seed,
+        jobs=options.jobs,
+        progress=progress,
+    )
+    return make_result(
+        setup.intervals, {"domain": "intention", "learner": setup.source, "seed": options.seed}
+    )
+
+
+def make_result(
+    rates: Sequence[Sequence[Rate]], configuration: Mapping[str, str | int | float]
+) -> FigureResult:
+    """Return the result of a cross-validation: a row of rates for each true class."""
+    positive = {row[0].true: next(rate for rate in row if rate.predicted == POSITIVE) for row in rates}
+    gain = subtract_rates(*[positive[true].interval for true in CASES])
+    return FigureResult(
+        name="confusion",
+        title="The classifier's confusion matrix",
+        table=[
+            {
+                "true": rate.true,
+                "predicted": rate.predicted,
+                "tracks": rate.count,
+                "of": rate.cases,
+                **interval_cells("rate", rate.interval),
+                "published": _find_published(rate),
+            }
+            for row in rates
+            for rate in row
+        ],
+        findings=[
+            Finding(
+                f"The classifier says {POSITIVE} more often of people who are interested",
+                judge([gain]),
+                f"rates {positive['interested'].interval:.3f} and {positive['not_interested'].interval:.3f},"
+                f" difference {gain:.3f}",
+            )
+        ],
+        draw=partial(_draw, rates),
+        deviations=[_deviate(rate) for rate in positive.values()],
+        notes=[
+            "Each track is classified by a classifier that has not seen its person; intervals are Jeffreys'.",
+            f"The standard errors of the published rates are those of {CASES['interested']} and"
+            f" {CASES['not_interested']} recorded people.",
+        ],
+        configuration=configuration,
+    )
+
+
+def subtract_rates(a: Interval, b: Interval) -> Interval:
+    """Return the difference a - b of two independent proportions.
+
+    Source: Newcombe, "Interval estimation for the difference between independent proportions", Statistics in
+    Medicine 17, 1998, method 10, here with the given intervals in place of Wilson's.
+    """
+    middle = a.estimate - b.estimate
+    low = middle - hypot(a.estimate - a.low, b.high - b.estimate)
+    return Interval(middle, low, middle + hypot(a.high - a.estimate, b.estimate - b.low))
+
+
+def _find_published(rate: Rate) -> float:
+    """Return the published rate; the two of a true class sum to 1."""
+    positive = Decimal(published.CONFUSION[rate.true])
+    return float(positive if rate.predicted == POSITIVE else 1 - positive)
+
+
+def _deviate(rate: Rate) -> Deviation:
+    number, ours = published.CONFUSION[rate.true], rate.interval
+    theirs = float(number) * (1 - float(number)) / CASES[rate.true]
+    error = hypot((ours.high - ours.low) / (2 * Z95), sqrt(theirs))
+    far = abs(ours.estimate - float(number)) > 3 * error
+    what = f"{POSITIVE} predicted of {rate.true}"
+    return Deviation("cross-validation", what, ours, number, error, REASON if far else "")
+
+
+@with_style
+def _draw(rates: Sequence[Sequence[Rate]], layout: Layout) -> Figure:
+    figure, (left, right) = make_panels(layout, (1, 1))
+    ours = [[rate.interval for rate in row] for row in rates]
+    theirs = [[Interval.exact(_find_published(rate)) for rate in row] for row in rates]
+    names = [row[0].true.replace("_", " ") for row in rates]
+    _draw_matrix(left, ours, names, "cross-validated")
+    _draw_matrix(right, theirs, names, "published")
+    return figure
+
+
+def _draw_matrix(axes: Axes, rows: Sequence[Sequence[Interval]], names: Sequence[str], title: str) -> None:
+    """Draw rates as shades of blue, each with its number and interval."""
+    axes.imshow([[cell.estimate for cell in row] for row in rows], cmap="Blues", vmin=0, vmax=1)
+    for y, row in enumerate(rows):
+        for x, cell in enumerate(row):
+            interval = f"\n[{cell.low:.2f}, {cell.high:.2f}]" if cell.low < cell.high else ""
+            colour = "white" if cell.estimate > 0.55 else INK
+            text = f"{cell.estimate:.2f}{interval}"
+            axes.text(x, y, text, ha="center", va="center", color=colour, fontsize=9)
+    axes.set_xticks(range(len(names)), names, fontsize=8)
+    axes.set_yticks(range(len(names)), names, fontsize=8, rotation=90, va="center")
+    axes.set_xlabel("predicted", fontsize=8)
+    axes.set_ylabel("true", fontsize=8)
+    axes.set_title(title, fontsize=9)
+    axes.tick_params(length=0)
+    axes.spines[:].set_visible(False)
