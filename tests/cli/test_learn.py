@@ -26,9 +26,12 @@ def stored(path):
     return said, reading.trajectories().tolist()
 
 
-def test_an_interrupted_run_resumes_with_the_results_of_an_uninterrupted_run(lcorpp, tmp_path, monkeypatch):
+@pytest.mark.parametrize("labels", ["hard", "soft"])
+def test_an_interrupted_run_resumes_with_the_results_of_an_uninterrupted_run(
+    lcorpp, tmp_path, monkeypatch, labels
+):
     monkeypatch.setattr("lcorpp.experiments.results._write_figure", lambda *_: [])  # takes half the time
-    learn = ("learn", ROOMS, *OPTIONS, "--max-batches", 3)
+    learn = ("learn", ROOMS, *OPTIONS, "--labels", labels, "--max-batches", 3)
     plain = lcorpp(*learn, "--store", tmp_path / "plain.tracks", "--out", tmp_path / "plain")
     assert plain.code == 0, plain.err
     assert f"{tmp_path / 'plain.tracks'}: 0 tracks" in plain.out
@@ -75,6 +78,45 @@ def test_an_interrupted_run_resumes_with_the_results_of_an_uninterrupted_run(lco
     assert "resumes after batch 3\n" in again.out
     assert "stopped after 4 batches" in again.out
     assert len(read_store(tmp_path / "s.tracks")) == 16
+
+
+@pytest.mark.parametrize("labels", ["hard", "soft"])
+def test_a_run_from_no_data_resumes_as_if_it_had_not_ended(lcorpp, tmp_path, labels):
+    """With this seed batch 4 is the first after which each class has the five cases of cross-validation."""
+    options = ("--tracks", 0, "--learner", "summaries", "--batch-size", 8, "--epsilon", 0, "--jobs", 1)
+    plain = lcorpp(
+        "learn", *options, "--labels", labels, "--max-batches", 4, "--store", tmp_path / "p.tracks"
+    )
+    assert plain.code == 0, plain.err
+    lines = [line for line in plain.out.splitlines() if line.startswith("batch")]
+    random = "random labels, as cross-validation needs 5 of each class"
+    assert lines[0] == f"batch 0: 0 tracks; {random}"
+    assert lines[3].startswith(f"batch 3: 24 tracks; {random}; F1")
+    assert lines[4].startswith("batch 4: 32 tracks; recall: ")
+    learn = ("learn", *options, "--store", tmp_path / "s.tracks", "--labels")
+    for batches in (2, 3, 4):
+        again = lcorpp(*learn, labels, "--max-batches", batches)
+        assert again.code == 0, again.err
+    assert again.out.splitlines()[-2] == lines[4]
+    assert stored(tmp_path / "s.tracks") == stored(tmp_path / "p.tracks")
+    other = {"hard": "soft", "soft": "hard"}[labels]
+    changed = lcorpp(*learn, other, "--max-batches", 1)
+    assert f"labels was {labels}, and is {other} now; trained on all that is stored" in changed.out
+
+
+def test_options_of_labels_and_tracks_are_checked_before_the_work(lcorpp, tmp_path):
+    (tmp_path / "mine.py").write_text(
+        "from sklearn.neighbors import KNeighborsClassifier as Near\n\n\ndef near():\n    return Near()\n"
+    )
+    learner = f"{tmp_path / 'mine.py'}:near"
+    refused = lcorpp("learn", "--labels", "soft", "--learner", learner)
+    assert refused.code == 2
+    words = "cannot learn from weighted cases: its fit has no sample_weight; expected one of lstm, lstm-fast,"
+    assert words in refused.err
+    few = lcorpp("learn", "--tracks", 19)
+    assert (few.code, "--tracks 19: expected 0, or at least 20" in few.err) == (2, True)
+    unknown = lcorpp("learn", "--labels", "medium")
+    assert (unknown.code, "'medium' is not one of 'hard', 'soft'" in unknown.err) == (2, True)
 
 
 def test_paths_that_cannot_be_a_store_are_rejected(lcorpp, tmp_path):

@@ -24,7 +24,7 @@ START = Dataset(np.zeros((2, 1, 2)), ("yes", "no"), ("a", "b"), channels=("x",))
 
 
 def run(
-    counts: list[list[list[float]]], *, batch_size: int = 3, epsilon: float = 0.05
+    counts: list[list[list[float]]], *, batch_size: int = 3, epsilon: float = 0.05, soft_labels: bool = False
 ) -> tuple[list[Batch], list]:
     """Run with the given confusion counts, one matrix per training; also return the learner's data sets."""
     matrices, trained, reasoned = iter(counts), [], []
@@ -51,6 +51,7 @@ def run(
             ),
             batch_size=batch_size,
             epsilon=epsilon,
+            soft_labels=soft_labels,
         )
     )
     assert len(reasoned) == len(batches) - 1
@@ -76,6 +77,24 @@ def test_change_is_between_successive_matrices_not_zero_as_the_printed_line_woul
     assert batches[1].change == pytest.approx(np.abs(rates[1] - rates[0]).sum())
     assert batches[1].change > 0.05
     assert batches[2].change == 0
+
+
+def test_a_run_without_data_goes_on_until_the_classifier_is_trained():
+    """A matrix without counts is uniform, as C_hat is at the start: the change alone would end the run."""
+    batches, _ = run([[[0, 0], [0, 0]], [[0, 0], [0, 0]], [[8, 2], [3, 7]], [[8, 2], [3, 7]]])
+    assert [batch.converged for batch in batches] == [False, False, False, True]
+    assert [batch.change for batch in batches[:2]] == [0, 0]
+    assert [batch.senses["eyes"].is_trained for batch in batches] == [False, False, True, True]
+
+
+def test_soft_labels_are_the_beliefs_at_the_reports():
+    """The prior is .8, and an answer right with probability .75: .8 * .75 / (.8 * .75 + .2 * .25) = 12/13."""
+    _, trained = run([[[8, 2], [3, 7]], [[80, 20], [10, 90]], [[80, 20], [10, 90]]], soft_labels=True)
+    assert trained[1].labels == ("yes", "no", "no", "yes", "no", "yes", "no", "yes")
+    expected = [1, 1, 1 / 13, 12 / 13, 12 / 13, 1 / 13, 1 / 13, 12 / 13]
+    np.testing.assert_allclose(trained[1].weights, expected)
+    assert [data.n_people for data in trained] == [2, 5, 8]
+    assert trained[1].groups[2:4] == trained[1].groups[6:8]  # a person, and an equal track
 
 
 def test_a_classifier_as_good_as_chance_does_not_start_the_loop():

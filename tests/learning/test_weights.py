@@ -94,10 +94,14 @@ def test_confusion_matrix_auc_and_calibration_count_by_weight():
 
 def test_copies_of_an_uncertain_person_stay_in_one_fold():
     data = table()
-    pairs = [(row, label) for row in data.trajectories for label in ("yes", "no")]
-    groups = [group for group in data.groups for _ in range(2)]
-    weights = [w for label in data.labels for w in ((0.9, 0.1) if label == "yes" else (0.1, 0.9))]
-    soft = Dataset(np.zeros((0, 3)), ()).append(pairs, groups, weights)
+    other = {"yes": "no", "no": "yes"}
+    pairs = [
+        (row, {label: 0.9, other[label]: 0.1})
+        for row, label in zip(data.trajectories, data.labels, strict=True)
+    ]
+    soft = Dataset(np.zeros((0, 3)), ()).append(pairs, data.groups)
+    assert (len(soft), soft.n_people, soft.labels[:2]) == (400, 200, ("no", "yes"))
+    groups = soft.groups
     validation = cross_validate(learner("logistic", kind="table"), soft)
     folds = dict(zip(groups, validation.folds, strict=True))
     assert tuple(folds[group] for group in groups) == validation.folds

@@ -6,6 +6,7 @@ import math
 from collections.abc import Mapping
 from contextlib import ExitStack
 from dataclasses import replace
+from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -37,8 +38,16 @@ if TYPE_CHECKING:
     from lcorpp.experiments.active_learning.senses import LearningSenses
     from lcorpp.experiments.setup import ClassifierOptions
 
-TRACKS = 100
-"""Number of simulated training tracks of a sense that learns, without --tracks."""
+TRACKS, MIN_TRACKS = 100, 20
+"""Simulated training tracks of a sense that learns, without --tracks; and the minimum, if there are any."""
+
+
+class Labels(StrEnum):
+    """What a report says about the class of a track."""
+
+    hard = "hard"
+    soft = "soft"
+
 
 DEVICES = ("cpu", "cuda")
 """The devices of the LSTM; a learner of your own may know others."""
@@ -57,9 +66,10 @@ def learn(
     tracks: Annotated[
         int | None,
         typer.Option(
-            min=20,
+            min=0,
             max=options.MAX_TRACKS,
-            help="Simulated training tracks before the first batch.",
+            help="Simulated training tracks before the first batch, at least 20; or 0: the labels of the"
+            " classifier are random until the robot's reports suffice to train it.",
             show_default=str(TRACKS),
         ),
     ] = None,
@@ -67,6 +77,13 @@ def learn(
     classifier: ClassifiersOption = None,
     learner: LearnersOption = None,
     evidence: EvidenceOption = None,
+    labels: Annotated[
+        Labels,
+        typer.Option(
+            help="hard: a reported label is taken as certain; soft: a track counts for each class with the"
+            " weight of the robot's belief when it reported."
+        ),
+    ] = Labels.hard,
     data: DataOption = None,
     label: LabelOption = None,
     label_file: LabelFileOption = None,
@@ -140,13 +157,14 @@ def learn(
     chosen = ActiveLearningOptions(
         sources,
         EvidenceOptions(choose_soft_senses(loaded, sources, evidence or [])),
+        soft_labels=labels is Labels.soft,
         batch_size=batch_size,
         epsilon=epsilon,
         max_batches=max_batches,
         seed=seed,
         jobs=console.count_processes(jobs),
     )
-    _check_options(epsilon, sources)
+    _check_options(epsilon, tracks, sources, soft_labels=labels is Labels.soft)
     if store is not None and not store.exists():
         output_files.check_writable(store)
     output_files.check_results(out, formats)
@@ -208,24 +226,33 @@ def learn(
         console.out.print(f"wrote {', '.join(str(path) for path in written.paths)}", markup=False)
 
 
-def _check_options(epsilon: float, sources: Mapping[str, ClassifierOptions]) -> None:
+def _check_options(
+    epsilon: float, tracks: int | None, sources: Mapping[str, ClassifierOptions], *, soft_labels: bool
+) -> None:
     """Reject before the work what the training would reject after it.
 
     Raises:
-        DataError: the change that ends the run is no number, or a learner or the device is unknown.
+        DataError: the change that ends the run is no number, there are too few tracks, a learner or the
+            device is unknown, or a learner cannot learn from soft labels.
     """
     from lcorpp.experiments.setup import TrainingOptions
     from lcorpp.learning import learner
-    from lcorpp.learning.classifiers.registry import DEFAULTS
+    from lcorpp.learning.classifiers.registry import DEFAULTS, check_weighted
 
     if math.isnan(epsilon):
         raise DataError("--epsilon nan: expected a number from 0")
+    if tracks is not None and 0 < tracks < MIN_TRACKS:
+        raise DataError(f"--tracks {tracks}: expected 0, or at least {MIN_TRACKS}")
     for training in sources.values():
         if isinstance(training, TrainingOptions):
             name = training.learner or DEFAULTS["motion"]
             if ":" not in name and training.device.split(":")[0] not in DEVICES:
                 raise DataError(f"--device {training.device}: {expected_one_of(DEVICES)}")
-            learner(name, epochs=training.epochs, device=training.device, features=training.features)
+            estimator = learner(
+                name, epochs=training.epochs, device=training.device, features=training.features
+            )
+            if soft_labels:
+                check_weighted(name, estimator)
 
 
 def _print_senses(domain: Domain, senses: LearningSenses) -> None:

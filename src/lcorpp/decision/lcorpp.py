@@ -10,7 +10,7 @@ import numpy as np
 from lcorpp.decision.dt_control import Robot, dt_control
 from lcorpp.errors import DecisionError
 from lcorpp.protocols import Classifier, DomainInterface, Planner, Reasoner, World
-from lcorpp.values import Array, ConfusionMatrix, Dataset, Episode, Instance, track_hash
+from lcorpp.values import Array, ConfusionMatrix, Dataset, Distribution, Episode, Instance, track_hash
 
 
 @dataclass(frozen=True, eq=False)
@@ -19,11 +19,18 @@ class TrainedSense:
 
     classifier: rho. confusion: C.
     change: SSUB, the sum of absolute differences between this confusion matrix and the previous one.
+
+    A matrix without any count, whose rates are uniform, is that of a classifier that is not trained yet.
     """
 
     classifier: Classifier
     confusion: ConfusionMatrix
     change: float
+
+    @property
+    def is_trained(self) -> bool:
+        """Whether the confusion matrix has counts."""
+        return bool(self.confusion.counts.any())
 
 
 Senses = Mapping[str, TrainedSense]
@@ -86,6 +93,7 @@ def lcorpp(
     epsilon: float,
     other_classifiers: Mapping[str, Classifier] = {},
     listener: Callable[[Instance, Episode], None] = lambda _instance, _episode: None,
+    soft_labels: bool = False,
     resume_point: ResumePoint | None = None,
 ) -> Iterator[Batch]:
     """Run the outer loop; every training yields a batch, so the caller may stop at any of them.
@@ -106,6 +114,8 @@ def lcorpp(
         epsilon: the loop ends when no confusion matrix changes by more than this.
         other_classifiers: of the senses that do not learn.
         listener: called after every decision.
+        soft_labels: a case counts for each class with the weight of the belief at the report, instead of for
+            the reported class alone.
         resume_point: state in which an earlier run ended; `datasets` are as of then. The first batch
             yielded is the last complete one of that run, without a training; its decisions are not repeated.
 
@@ -115,6 +125,8 @@ def lcorpp(
     Source: Algorithm 1. As printed, line 17 sets C to C_hat in the same step that computes C_hat, and
     the test of line 7 would read 0 after the first batch. The intended comparison, implemented here, is of
     the new matrix with the previous one. C_hat starts uniform (line 5), as printed. The paper has one sense.
+    Its supplement starts without data from a random classifier, whose matrix is uniform, too: the loop goes
+    on until the classifiers are trained.
     """
     if not datasets:
         raise DecisionError("no sense learns; expected a data set of at least one")
@@ -125,7 +137,7 @@ def lcorpp(
     if resume_point is None:
         resume_point = ResumePoint(0, _train_all(train, datasets, {}), 0)
     number, senses, decided = resume_point.number, resume_point.senses, resume_point.decided
-    converged = find_largest_change(senses) <= epsilon
+    converged = has_converged(senses, epsilon)
     yield Batch(number, datasets, senses, (), (), converged)
     while not converged:
         number += 1
@@ -141,10 +153,11 @@ def lcorpp(
             listener(instance, episode)
         decided = 0
         datasets = {
-            name: augment(dataset, domain, name, instances, episodes) for name, dataset in datasets.items()
+            name: augment(dataset, domain, name, instances, episodes, soft=soft_labels)
+            for name, dataset in datasets.items()
         }
         senses = _train_all(train, datasets, senses)
-        converged = find_largest_change(senses) <= epsilon
+        converged = has_converged(senses, epsilon)
         yield Batch(number, datasets, senses, tuple(instances), tuple(episodes), converged)
 
 
@@ -169,6 +182,11 @@ def find_largest_change(senses: Senses) -> float:
     return max(sense.change for sense in senses.values())
 
 
+def has_converged(senses: Senses, epsilon: float) -> bool:
+    """Return whether all classifiers are trained and no confusion matrix has changed by more than epsilon."""
+    return all(sense.is_trained for sense in senses.values()) and find_largest_change(senses) <= epsilon
+
+
 def compute_ssub(first: Array, second: Array) -> float:
     """Return the sum of absolute differences of two matrices of equal shape: SSUB of Algorithm 1."""
     return float(np.abs(first - second).sum())
@@ -180,15 +198,32 @@ def augment(
     sense: str,
     instances: list[Instance],
     episodes: list[Episode],
+    *,
+    soft: bool = False,
 ) -> Dataset:
     """Return Omega with the (signal of a sense, reported class) pairs appended.
 
+    With `soft`, the pair has the belief at the report instead: a weighted case of each class.
     Each new case is its own group, but equal trajectories share a group: a repeated track must not be in
     both the training and the test part of a fold. A decision without a report or signal adds nothing.
     """
     pairs = [
-        (instance.signals[sense], domain.class_of(sense, episode.report))
+        (
+            instance.signals[sense],
+            sum_by_class(domain, sense, domain.marginal(episode.steps[-1].belief))
+            if soft
+            else domain.class_of(sense, episode.report),
+        )
         for instance, episode in zip(instances, episodes, strict=True)
         if episode.report is not None and sense in instance.signals
     ]
     return dataset.append(pairs, [track_hash(signal) for signal, _ in pairs])
+
+
+def sum_by_class(domain: DomainInterface, sense: str, joint: Distribution) -> dict[str, float]:
+    """Return class -> probability for what a sense should predict, given a distribution of shared values."""
+    probabilities = dict[str, float]()
+    for value, probability in joint:
+        name = domain.class_of(sense, value)
+        probabilities[name] = probabilities.get(name, 0.0) + probability
+    return probabilities

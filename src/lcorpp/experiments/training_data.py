@@ -105,7 +105,7 @@ def simulate_training_data(
     check_type(domain, Domain, "the domain", DomainError)
     source = SimulatedSignals.from_domain(domain, sense)
     rng = np.random.default_rng([seed, 0])
-    dataset = simulate_dataset(domain, sense, source, tracks or sense.tracks, rng)
+    dataset = simulate_dataset(domain, sense, source, sense.tracks if tracks is None else tracks, rng)
     return TrainingData(dataset, source, sense.epochs)
 
 

@@ -93,13 +93,13 @@ def simulate_dataset(
     """Simulate a balanced, shuffled training set of a sense.
 
     Args:
-        count: the number of cases, rounded up to a multiple of the number of classes.
+        count: the number of cases, rounded up to a multiple of the number of classes; 0 for an empty set.
 
     Raises:
         DomainError: the signals have another number of channels than the sense names.
     """
     population = Population(domain)
-    per_class = -(-count // len(sense.classes))
+    per_class = max(-(-count // len(sense.classes)), 1)  # of no cases the shape of signals is needed
     people = [
         person for value in sense.classes for person in population.sample(per_class, rng, {sense.of: value})
     ]
@@ -111,4 +111,7 @@ def simulate_dataset(
         raise DomainError(
             f"{domain.folder}: signals of {sense.name!r}: {error}; `channels` in [learning] names them"
         ) from None
-    return replace(dataset, source=f"{len(people)} simulated {dataset.unit} ({domain.folder.name}/people.py)")
+    dataset = dataset if count else dataset.take([])
+    return replace(
+        dataset, source=f"{len(dataset)} simulated {dataset.unit} ({domain.folder.name}/people.py)"
+    )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from hashlib import sha256
 from typing import Literal
@@ -121,27 +121,32 @@ class Dataset:
         """Whether some weight is not 1."""
         return bool((self.weights != 1).any())
 
+    @property
+    def n_people(self) -> float:
+        """The sum of the weights: a person of uncertain class, who is a case of each class, counts once."""
+        return round(float(self.weights.sum()), 6)
+
     def append(
-        self,
-        pairs: Sequence[tuple[npt.ArrayLike, str]],
-        groups: Sequence[str],
-        weights: npt.ArrayLike | None = None,
+        self, pairs: Sequence[tuple[npt.ArrayLike, str | Mapping[str, float]]], groups: Sequence[str]
     ) -> Dataset:
         """Return the data set with more (trajectory, label) pairs at its end.
 
         Args:
             pairs: trajectories (channels, time points), or features (features,), of the same shape, each with
-                its label.
+                its label; or class -> probability, for a case of each possible class with this weight.
             groups: the group of each pair; cases of one person share a group.
-            weights: of each pair; None is 1 for all.
 
         Raises:
             DataError: a trajectory has another shape.
         """
-        tracks, shape = (
-            [np.asarray(track, dtype=np.float64) for track, _ in pairs],
-            self.trajectories.shape[1:],
-        )
+        shape = self.trajectories.shape[1:]
+        cases = [
+            (np.asarray(track, dtype=np.float64), name, weight, group)
+            for (track, label), group in zip(pairs, groups, strict=True)
+            for name, weight in ([(label, 1.0)] if isinstance(label, str) else sorted(label.items()))
+            if weight > 0
+        ]
+        tracks = [track for track, *_ in cases]
         for track in tracks:
             if track.shape != shape:
                 raise DataError(
@@ -151,9 +156,9 @@ class Dataset:
         return replace(
             self,
             trajectories=np.concatenate([self.trajectories, np.reshape(tracks, (-1, *shape))]),
-            labels=(*self.labels, *(label for _, label in pairs)),
-            groups=(*self.groups, *groups),
-            weights=np.concatenate([self.weights, np.ones(len(pairs)) if weights is None else weights]),
+            labels=(*self.labels, *(name for _, name, _, _ in cases)),
+            groups=(*self.groups, *(group for *_, group in cases)),
+            weights=np.concatenate([self.weights, [weight for _, _, weight, _ in cases]]),
         )
 
     def take(self, rows: npt.ArrayLike) -> Dataset:

@@ -10,6 +10,7 @@ import numpy as np
 from lcorpp.decision import Batch
 from lcorpp.domains import Domain
 from lcorpp.experiments.scoring.metrics import Scores, get_format, score_decisions
+from lcorpp.experiments.training_data import FOLDS
 from lcorpp.simulation.people_stream import DecisionResult
 
 Row = dict[str, float | int | str]
@@ -26,12 +27,14 @@ class BatchResult:
     scores: of the batch's decisions; None without decisions, and for a batch of an earlier run.
     rows: one table row per batch so far, of earlier runs too.
     resumed: whether an earlier run completed the batch.
+    decisions: the batch's decisions with the truth, in their order; () for a batch of an earlier run.
     """
 
     batch: Batch
     scores: Scores | None
     rows: tuple[Row, ...]
     resumed: bool
+    decisions: tuple[DecisionResult, ...] = ()
 
     def summary(self) -> str:
         """Return the size of each data set, the recall of each class and the scores in one line."""
@@ -47,11 +50,14 @@ class BatchResult:
 
     def _summarise_sense(self, name: str, prefix: str) -> str:
         sense, dataset = self.batch.senses[name], self.batch.datasets[name]
+        size = f"{prefix}{dataset.n_people:g} {dataset.unit}"
+        if not sense.is_trained:
+            return f"{size}; random labels, as cross-validation needs {FOLDS} of each class"
         rates = np.diag(sense.confusion.probabilities)
         recall = ", ".join(
             f"{value} {rate:.3f}" for value, rate in zip(sense.confusion.classes, rates, strict=True)
         )
-        return f"{prefix}{len(dataset)} {dataset.unit}; recall: {recall}; change {sense.change:.3f}"
+        return f"{size}; recall: {recall}; change {sense.change:.3f}"
 
     def __repr__(self) -> str:
         return f"<BatchResult {self.batch.number}: {self.summary()}>"
@@ -59,7 +65,7 @@ class BatchResult:
 
 def make_row(batch: Batch, scores: Scores | None) -> Row:
     """Return a batch as a row of a table; with several senses the sizes and changes of each."""
-    sizes = {name: len(dataset) for name, dataset in batch.datasets.items()}
+    sizes = {name: round(dataset.n_people) for name, dataset in batch.datasets.items()}
     row: Row = {"batch": batch.number}
     if len(sizes) == 1:
         row |= {"tracks": sum(sizes.values()), "change": batch.change}

@@ -138,9 +138,10 @@ class CheckpointFolder:
             raise DataError(f"it is {content['format']!r}, version {version!r}")
         if content["store"] != self._identity:
             raise DataError("it belongs to another store")
+        before = {"labels": "hard"} | content["settings"]  # checkpoints of older versions have no labels
         for name, value in self._settings.items():
-            if content["settings"].get(name) != value:
-                raise DataError(f"{name} was {content['settings'].get(name)}, and is {value} now")
+            if before.get(name) != value:
+                raise DataError(f"{name} was {before.get(name)}, and is {value} now")
         senses = content["senses"] if version == VERSION else {names[0]: content}
         if list(senses) != names:
             raise DataError(f"the senses that learn were {', '.join(senses)}, and are {', '.join(names)} now")

@@ -9,17 +9,20 @@ from pathlib import Path
 import numpy as np
 
 from lcorpp.decision import STRATEGIES, Batch, lcorpp
+from lcorpp.decision.lcorpp import sum_by_class
 from lcorpp.domains import Domain
 from lcorpp.errors import DecisionError, DomainError, check_type
 from lcorpp.experiments.active_learning.batches import BatchResult, Row, make_row, score_batch
 from lcorpp.experiments.active_learning.run_store import RunStore
 from lcorpp.experiments.active_learning.senses import ActiveLearningOptions, LearningSenses
+from lcorpp.experiments.active_learning.untrained import RandomClassifier, is_trainable
 from lcorpp.experiments.comparison import describe_classifiers
 from lcorpp.experiments.decision_log import DecisionLog
 from lcorpp.experiments.robot_parts import ClassifierPart, RobotParts
 from lcorpp.experiments.setup import EvidenceOptions, ProgressDisplay, no_progress
 from lcorpp.experiments.training_data import FOLDS, make_estimator
 from lcorpp.learning import train_and_validate
+from lcorpp.learning.classifiers.registry import check_weighted
 from lcorpp.protocols import Classifier, Planner
 from lcorpp.reasoning import Reasoner
 from lcorpp.simulation.people_stream import DecisionResult, PeopleStream
@@ -40,11 +43,12 @@ def open_run_store(
             "learner": training.learner,
             "evidence": "soft" if options.evidence.is_soft(name) else "hard",
             "epochs": training.epochs,
+            "labels": "soft" if options.soft_labels else "hard",
         }
         settings |= {key if number == 0 else f"{name} {key}": value for key, value in own.items()}
     datasets = {name: data.dataset for name, data in senses.data.items()}
     classes = {name: domain.find_sense(name).classes for name in datasets}
-    return RunStore(path, datasets, classes, settings)
+    return RunStore(path, datasets, classes, settings, soft_labels=options.soft_labels)
 
 
 def run_active_learning(
@@ -60,6 +64,9 @@ def run_active_learning(
 ) -> Iterator[BatchResult]:
     """Run Algorithm 1 and yield each batch after its training, the initial training first.
 
+    A sense whose initial data set is empty has a random classifier, and rules with uniform error rates, until
+    each class has a case for each fold of the cross-validation.
+
     Args:
         senses: see `set_up_learning`.
         run_store: stores every decision and a checkpoint of every batch; a run of the same options resumes
@@ -67,7 +74,8 @@ def run_active_learning(
         log: receives every decision. parts: the domain and the planner's policy, which a log needs.
 
     Raises:
-        DataError, DecisionError: an option is wrong; and whatever the robot's parts raise.
+        DataError, DecisionError: an option is wrong, or soft labels are for a learner without
+            `sample_weight`; and whatever the robot's parts raise.
     """
     check_type(domain, Domain, "the domain", DomainError)
     check_type(senses, LearningSenses, "the senses", DecisionError)
@@ -76,13 +84,20 @@ def run_active_learning(
     estimators = {
         name: make_estimator(data, senses.training[name], options.seed) for name, data in senses.data.items()
     }
+    if options.soft_labels:
+        for name, estimator in estimators.items():
+            check_weighted(senses.training[name].learner or "", estimator)
     fixed_confusions = {
         name: setup.confusion for name, setup in senses.fixed.items() if setup.confusion is not None
     }
 
     def train(name: str, dataset: Dataset) -> tuple[Classifier, ConfusionMatrix]:
+        classes = domain.find_sense(name).classes
+        if not len(senses.data[name].dataset) and not is_trainable(dataset, classes, FOLDS):
+            untrained = RandomClassifier(classes, options.seed, evidence.is_soft(name))
+            return untrained, untrained.confusion
         sense = f"{name}: " if len(estimators) > 1 else ""
-        with progress(f"{sense}training on {len(dataset)} {dataset.unit}", FOLDS + 1) as advance:
+        with progress(f"{sense}training on {dataset.n_people:g} {dataset.unit}", FOLDS + 1) as advance:
             trained, validation = train_and_validate(
                 estimators[name],
                 dataset,
@@ -138,6 +153,7 @@ def run_active_learning(
         batch_size=options.batch_size,
         epsilon=options.epsilon,
         listener=record,
+        soft_labels=options.soft_labels,
         resume_point=resume_point,
     )
     resumed = resume_point is not None  # true of the first batch only
@@ -146,13 +162,14 @@ def run_active_learning(
         if parts is not None:
             classifiers = _describe_classifiers(batch, senses, evidence)
             current = replace(parts, classifiers=classifiers, smoothing=evidence.smoothing)
-        scores = score_batch(domain, results) if results and not resumed else None
+        decisions = () if resumed else tuple(results)
+        scores = score_batch(domain, decisions) if decisions else None
         if not resumed:
             results.clear()
             rows.append(make_row(batch, scores))
         if run_store is not None:
             run_store.save_checkpoint(batch, rows)
-        yield BatchResult(batch, scores, tuple(rows), resumed)
+        yield BatchResult(batch, scores, tuple(rows), resumed, decisions)
         resumed = False
         if batch.number >= options.max_batches:
             return
@@ -164,7 +181,7 @@ def _describe_classifiers(
     """Return the classifiers of the decisions after a batch, for the log."""
     learned = {
         name: ClassifierPart.of(
-            senses.training[name].learner or "",
+            (senses.training[name].learner or "") if sense.is_trained else "random",
             sense.classifier,
             confusion=sense.confusion,
             soft=evidence.is_soft(name),
@@ -177,7 +194,5 @@ def _describe_classifiers(
 def find_class_marginal(domain: Domain, sense: str, joint: Distribution) -> Distribution:
     """Return the distribution of the class that a sense should predict, from that of the shared variables."""
     classes = domain.find_sense(sense).classes
-    probabilities = dict.fromkeys(classes, 0.0)
-    for value, probability in zip(joint.values, joint.probabilities.tolist(), strict=True):
-        probabilities[domain.class_of(sense, value)] += probability
-    return Distribution(classes, np.array([probabilities[name] for name in classes]))
+    probabilities = sum_by_class(domain, sense, joint)
+    return Distribution(classes, np.array([probabilities.get(name, 0.0) for name in classes]))

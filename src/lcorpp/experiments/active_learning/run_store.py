@@ -40,6 +40,8 @@ class RunStore:
         datasets: Mapping[str, Dataset],
         classes: Mapping[str, Sequence[str]],
         settings: Mapping[str, Any],
+        *,
+        soft_labels: bool = False,
     ):
         """Open or create the stores and read the checkpoint of an earlier run.
 
@@ -50,11 +52,12 @@ class RunStore:
             classes: sense -> the classes that it predicts.
             settings: everything else that a training depends on, as JSON can represent it, e.g. the seed; a
                 checkpoint with other settings is not used.
+            soft_labels: the robot's labels have the weights of its beliefs, those of persons weight 1.
 
         Raises:
             FileError, DataError: as `Store`.
         """
-        path, self._initial = Path(path), dict(datasets)
+        path, self._initial, self._soft_labels = Path(path), dict(datasets), soft_labels
         first = next(iter(datasets))
         digests = {
             "data" if name == first else f"{name} data": _compute_digest(dataset)
@@ -108,7 +111,8 @@ class RunStore:
                 if track.id not in excluded and (track.id in complete or "run" not in track.extra)
             ]
             added = snapshot.dataset(chosen)
-            pairs = list(zip(added.trajectories, added.labels, strict=True))
+            labels = [self._weigh_label(track) for track in chosen]
+            pairs = list(zip(added.trajectories, labels, strict=True))
             datasets[name] = self._initial[name].append(pairs, added.groups)
         return datasets
 
@@ -205,6 +209,13 @@ class RunStore:
     def __exit__(self, *exception: object) -> None:
         self.close()
 
+    def _weigh_label(self, track: StoredTrack) -> str | dict[str, float]:
+        """Return the label of a track, or class -> probability for a soft label."""
+        record = track.label_record
+        if self._soft_labels and record.source == "robot" and record.belief is not None:
+            return dict(record.belief)
+        return record.label or ""
+
     def _find_pending(self, snapshot: Snapshot) -> tuple[StoredTrack, ...]:
         """Return the decisions of the batch that is not complete."""
         batch = self._run, self._number + 1
@@ -217,4 +228,5 @@ def _compute_digest(dataset: Dataset) -> str:
     """Return a text that only equal data sets share; it identifies the initial data, which are not stored."""
     labels = zlib.crc32("\n".join(dataset.labels).encode())
     digest = track_hash(dataset.trajectories).removeprefix("track ")
-    return f"{len(dataset)} {dataset.unit}, {digest}-{labels:08x}"
+    weights = f"-{zlib.crc32(dataset.weights.tobytes()):08x}" if dataset.is_weighted else ""
+    return f"{len(dataset)} {dataset.unit}, {digest}-{labels:08x}{weights}"

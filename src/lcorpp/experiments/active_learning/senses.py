@@ -28,6 +28,8 @@ class ActiveLearningOptions:
         (`Domain.class_of`) learns from the reports; all others stay as they are. A sense that is left out
         learns by default if a report names its class, else it is the domain's noisy channel.
     evidence: labels or likelihoods.
+    soft_labels: a reported case counts for each class with the weight of the belief at the report, instead of
+        for the reported class alone.
     batch_size: K, decisions between two trainings.
     epsilon: the run ends when no confusion matrix changes by more than this.
     max_batches: the run ends after this many batches.
@@ -36,6 +38,7 @@ class ActiveLearningOptions:
 
     classifiers: Mapping[str, ClassifierOptions] = field(default_factory=dict)
     evidence: EvidenceOptions = HARD_LABELS
+    soft_labels: bool = False
     batch_size: int = 100
     epsilon: float = 0.05
     max_batches: int = 20

@@ -1,0 +1,44 @@
+"""The classifier of a sense that cannot be trained yet: random labels."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from lcorpp.values import Array, ConfusionMatrix, Dataset, Label, Likelihood, track_hash
+
+
+@dataclass(frozen=True)
+class RandomClassifier:
+    """A classifier without training; a `protocols.Classifier`.
+
+    Its label is uniform over the classes, and depends on the seed and the signal alone, so that a resumed run
+    repeats it. As soft evidence, all classes are equally likely.
+    """
+
+    classes: tuple[str, ...]
+    seed: int
+    soft: bool = False
+
+    def classify(self, signal: Array) -> Label:
+        if self.soft:
+            return Likelihood(self.classes, np.ones(len(self.classes)))
+        digest = int(track_hash(signal).removeprefix("track "), 16)
+        return self.classes[int(np.random.default_rng([self.seed, digest]).integers(len(self.classes)))]
+
+    @property
+    def confusion(self) -> ConfusionMatrix:
+        """The matrix without counts; its smoothed rates are uniform."""
+        classes = tuple(sorted(self.classes))
+        return ConfusionMatrix(classes, np.zeros((len(classes), len(classes))))
+
+
+def is_trainable(dataset: Dataset, classes: Sequence[str], folds: int) -> bool:
+    """Return whether each class has a group for each of `folds` folds, and as much weight in all."""
+    labels, groups = np.array(dataset.labels), np.array(dataset.groups)
+    return all(
+        len(set(groups[labels == name])) >= folds and dataset.weights[labels == name].sum() >= folds
+        for name in classes
+    )
