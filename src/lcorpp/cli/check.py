@@ -9,6 +9,7 @@ import typer
 
 from lcorpp.cli import console, model_files
 from lcorpp.errors import DataError, FileError, TooLargeError
+from lcorpp.notebook import join_some
 
 if TYPE_CHECKING:
     from lcorpp.domains import Domain
@@ -21,6 +22,9 @@ KINDS = (
 
 PROGRAMS = (".plog", ".pl", ".problog", ".lp", ".plp")
 """Suffixes of programs of P-log, ProbLog and plingo."""
+
+MAX_VALUES = 12
+"""Maximum number of values of a shared variable that are listed."""
 
 AUTHORS_FILE = "interposx.csv"
 """A file that identifies a folder of the authors' recorded tracks."""
@@ -118,7 +122,7 @@ def _format_shared(domain: Domain) -> str:
     """Return "item among cup, pen", or "item, person among 6 combinations"."""
     shared = domain.reasoning.shared
     if len(shared) == 1:
-        return f"{shared[0]} among {', '.join(map(str, domain.values))}"
+        return f"{shared[0]} among {join_some(list(map(str, domain.values)), MAX_VALUES)}"
     return f"{', '.join(shared)} among {len(domain.values)} combinations"
 
 

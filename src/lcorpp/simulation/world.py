@@ -17,7 +17,7 @@ class SimulationModel:
     """The true dynamics of a domain as cumulative tables, shared by all simulated worlds.
 
     Each table holds one list of interval ends for each row of probabilities:
-    initial_states[v] over states, transition[a][s] over next states, feedback[a][s'] over observations;
+    initial_states[v] over states, `find_successors` over next states, feedback[a][s'] over observations;
     reward[a][s] is the expected immediate reward.
     """
 
@@ -25,10 +25,19 @@ class SimulationModel:
         pomdp = domain.pomdp
         self.domain = domain
         self.initial_states = _cumulate(domain.planning.initial_states)
-        self.transition = [_cumulate(rows) for rows in pomdp.transition.dense]
+        self._successors: dict[tuple[int, int], tuple[list[int], list[float]]] = {}
         self.feedback = [_cumulate(rows) for rows in domain.simulation.feedback_model]
         self.reward = pomdp.reward.tolist()
         self.action_index = {name: a for a, name in enumerate(pomdp.actions)}
+
+    def find_successors(self, a: int, s: int) -> tuple[list[int], list[float]]:
+        """Return the possible states after an action in a state, and their interval ends."""
+        known = self._successors.get((a, s))
+        if known is None:
+            states, probabilities = self.domain.pomdp.transition.row(a, s)
+            known = states.tolist(), _cumulate(probabilities[np.newaxis])[0]
+            self._successors[a, s] = known
+        return known
 
     def find_action(self, action: str) -> int:
         """Return the index of an action that a robot chose.
@@ -87,7 +96,8 @@ class SimulatedWorld:
         reward = model.reward[a][self._state]
         self.cost -= reward
         self.return_ += reward
-        self._state = self._draw(model.transition[a][self._state])
+        states, ends = model.find_successors(a, self._state)
+        self._state = states[self._draw(ends)]
         if self._answers is None or self._state in domain.planning.terminal:
             return domain.pomdp.observations[self._draw(model.feedback[a][self._state])]
         answer = self._answers.act(action)
