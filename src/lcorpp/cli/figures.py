@@ -34,8 +34,9 @@ def figures(
     out: options.OutOption = Path("out/figures"),
     jobs: options.JobsOption = None,
 ) -> None:
-    """Rebuild the figures of the paper, with tables, and write a report with our numbers beside the authors'.
+    """Rebuild the paper's figures and tables.
 
+    A report has our numbers beside the authors'.
     Each figure is written as soon as it is finished; after Ctrl-C the same command continues.
     """
     from lcorpp.experiments.figures.registry import find_figures
