@@ -59,7 +59,7 @@ def show(
     ] = None,
     preset: options.PresetOption = None,
 ) -> None:
-    """Print facts of a model, write it to a file, or draw a policy for it.
+    """Print facts of a model, write it to a file, or draw a policy.
 
     The facts are sizes, sparsity, rewards, discount and start belief.
     """
