@@ -10,12 +10,13 @@ import pytest
 from lcorpp import planning
 from lcorpp.decision import STRATEGIES, Robot, Strategy
 from lcorpp.domains import load_domain
-from lcorpp.errors import DecisionError
+from lcorpp.errors import DecisionError, NoReportError
 from lcorpp.experiments.comparison import ComparisonOptions, compare_strategies
-from lcorpp.experiments.scoring import decision_nodes, exact_evaluation
+from lcorpp.experiments.scoring import decision_nodes, episode_sums
 from lcorpp.experiments.scoring.exact_evaluation import evaluate_exactly
 from lcorpp.experiments.scoring.part_state import NoKeyError, make_state_key
-from lcorpp.experiments.scoring.trials import Experiment, run_trials
+from lcorpp.experiments.scoring.trial_chunks import Experiment
+from lcorpp.experiments.scoring.trials import run_trials
 from lcorpp.experiments.strategies.baselines import BASELINES, compute_information, find_strategies
 from lcorpp.reasoning import Reasoner
 from lcorpp.simulation import NoisyChannel
@@ -280,34 +281,29 @@ def test_too_many_histories_are_refused(intention, own, monkeypatch):
         evaluate_exactly(domain, robot, channels, find_strategies([f"{own}greet_twice"]))
 
 
-def test_decisions_that_branch_too_much_are_refused(intention, monkeypatch):
+def test_a_strategy_without_reports_has_no_exact_scores(intention, monkeypatch):
     domain, robot, channels = intention
-    rows = find_strategies(["LCORPP"])
-    monkeypatch.setattr(exact_evaluation, "MAX_STEPS", 1)
-    with pytest.raises(DecisionError, match="strategy 'LCORPP': no report after 1 actions"):
-        evaluate_exactly(domain, robot, channels, rows)
-    monkeypatch.undo()
-    monkeypatch.setattr(exact_evaluation, "MAX_POINTS", 1)
-    monkeypatch.setattr(exact_evaluation, "FORECAST_MARGIN", 1e9)
-    with pytest.raises(DecisionError, match="decisions of strategy 'LCORPP' pass more than 1 points; its"):
-        evaluate_exactly(domain, robot, channels, rows)
+    monkeypatch.setattr(episode_sums, "MAX_STEPS", 1)
+    words = r"strategy 'LCORPP': no report after 1 actions; .* from the prior interested: 0\.\d+, not_"
+    with pytest.raises(NoReportError, match=words):
+        evaluate_exactly(domain, robot, channels, find_strategies(["LCORPP"]))
 
 
-def test_decisions_that_branch_far_too_much_are_refused_by_their_growth(intention, monkeypatch):
+def test_unlikely_episodes_are_dropped_with_bounds(intention, monkeypatch):
     domain, robot, channels = intention
-    rows, points = find_strategies(["LCORPP"]), []
-    update = type(robot.planner).update
-    monkeypatch.setattr(type(robot.planner), "update", lambda *args: points.append(args) or update(*args))
-    evaluate_exactly(domain, robot, channels, rows)
-    whole = len(points)  # beliefs, without those that are reached again
-    points.clear()
-    monkeypatch.setattr(exact_evaluation, "FORECAST_POINTS", 100)
-    monkeypatch.setattr(exact_evaluation, "MAX_POINTS", 50)
-    with pytest.raises(
-        DecisionError, match="'LCORPP' pass more than 50 points by far, as their growth shows;"
-    ):
+    rows = find_strategies(["R+P", "LCORPP"])
+    exact = evaluate_exactly(domain, robot, channels, rows)
+    monkeypatch.setattr(episode_sums, "MAX_POINTS", 1000)
+    for full, part in zip(exact, evaluate_exactly(domain, robot, channels, rows), strict=True):
+        for name, interval in part.metrics.items():
+            assert interval.low < full.metrics[name].estimate < interval.high, name
+            assert interval.low <= interval.estimate <= interval.high
+            assert interval.confidence == 1
+        assert part.f1.high - part.f1.low < 0.01
+    monkeypatch.setattr(episode_sums, "MAX_POINTS", 300)
+    words = r"'R\+P' pass more than 300 points; the likeliest cover 9\d\.\d\d% of them, less than 99\.9%; its"
+    with pytest.raises(DecisionError, match=words):
         evaluate_exactly(domain, robot, channels, rows)
-    assert len(points) < whole / 2
 
 
 BAD = """

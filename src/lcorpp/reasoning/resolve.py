@@ -23,6 +23,9 @@ if TYPE_CHECKING:
 MAX_INPUTS = 100_000
 """Maximal number of terms of an attribute that is named without its arguments."""
 
+MAX_RESOLVED = 10_000
+"""The terms of at most this many names are cached for a program."""
+
 MAX_WORLDS = 100_000
 """At most this many worlds are listed."""
 
@@ -33,7 +36,13 @@ def resolve_term(program: Program, name: str) -> Term:
     Raises:
         ProgramError: the program has no such term.
     """
-    return _resolve_names(program, (name,))[0]
+    known = program.resolved_terms
+    if not isinstance(name, str) or name not in known:
+        term = _resolve_names(program, (name,))[0]
+        if len(known) >= MAX_RESOLVED:
+            known.clear()
+        known[name] = term
+    return known[name]
 
 
 def _resolve_names(program: Program, names: Sequence[str]) -> tuple[Term, ...]:

@@ -33,7 +33,7 @@ class Population:
         Raises:
             UndefinedError: no possible world has these values.
         """
-        return [self._reasoner.sample(rng, given) for _ in range(count)]
+        return list(self._reasoner.sample_many(count, rng, given))
 
 
 class SignalSource(Protocol):

@@ -12,6 +12,7 @@ from lcorpp.experiments.scoring.metrics import (
 )
 from lcorpp.values import Interval
 
+ZERO = Interval.exact(0.0)
 VALUES = ("yes", "no")
 
 
@@ -80,7 +81,7 @@ def test_intervals_cover_the_truth_in_95_of_100_samples():
     """1000 experiments of 200 decisions: the number of hits is binomial(1000, .95), so 920 is 4 SD below."""
     rng = np.random.default_rng(7)
     joint = np.array([[0.3, 0.1, 0], [0.15, 0.45, 0]])
-    truth = score_probabilities("X", joint, 0, 0, 0, values=VALUES, positive="yes")
+    truth = score_probabilities("X", joint, ZERO, ZERO, 0, values=VALUES, positive="yes")
     held = {"f1": 0, "precision": 0, "accuracy": 0}
     for _ in range(1000):
         counts = rng.multinomial(200, joint.ravel()).reshape(2, 3)
@@ -101,7 +102,13 @@ def test_mean_has_the_normal_interval():
 
 def test_exact_scores_have_intervals_of_width_0():
     result = score_probabilities(
-        "X", np.array([[0.3, 0.1, 0], [0.2, 0.4, 0]]), 9.0, 50.0, 7.0, values=VALUES, positive="yes"
+        "X",
+        np.array([[0.3, 0.1, 0], [0.2, 0.4, 0]]),
+        Interval.exact(9.0),
+        Interval.exact(50.0),
+        7.0,
+        values=VALUES,
+        positive="yes",
     )
     assert result.f1.low == result.f1.estimate == result.f1.high == pytest.approx(0.6 / 0.9)
     assert (result.cost.estimate, result.return_.estimate, result.cost_sd) == (9.0, 50.0, 7.0)
@@ -121,6 +128,19 @@ def test_accuracy_of_each_of_several_variables():
     assert result.accuracy.estimate == 0.75
     assert list(result.columns) == ["item", "room", "all", "cost", "return"]
     exact = score_probabilities(
-        "X", counts / 20, 0, 0, 0, values=values, positive=None, variables=("item", "room")
+        "X", counts / 20, ZERO, ZERO, 0, values=values, positive=None, variables=("item", "room")
     )
     assert exact.variables["room"] == Interval.exact(0.8)
+
+
+def test_unknown_reports_bound_the_scores():
+    """Of 1, .1 is unknown: half each of the positive and the other class."""
+    joint, dropped = np.array([[0.3, 0.1, 0], [0.1, 0.4, 0]]), np.array([0.05, 0.05])
+    result = score_probabilities(
+        "X", joint, ZERO, ZERO, 0, values=VALUES, positive=VALUES[0], dropped=dropped
+    )
+    assert (result.accuracy.low, result.accuracy.high) == pytest.approx((0.7, 0.8))
+    assert (result.recall.low, result.recall.high) == pytest.approx((0.3 / 0.45, 0.35 / 0.45))
+    assert (result.precision.low, result.precision.high) == pytest.approx((0.3 / 0.5, 0.35 / 0.45))
+    assert (result.f1.low, result.f1.high) == pytest.approx((2 * 0.5 / 1.5, 2 * 0.35 / 0.9))
+    assert result.accuracy.confidence == result.f1.confidence == 1

@@ -17,10 +17,12 @@ from sklearn.metrics import confusion_matrix
 from lcorpp import planning
 from lcorpp.decision import STRATEGIES, Robot, strategies
 from lcorpp.domains import load_domain
-from lcorpp.errors import DataError, DecisionError, DomainError
-from lcorpp.experiments.scoring import trials
+from lcorpp.errors import DataError, DecisionError, DomainError, ObservationError
+from lcorpp.experiments.scoring import trial_chunks, trials
+from lcorpp.experiments.scoring.batch_simulation import BatchWorld, PeopleDraws
 from lcorpp.experiments.scoring.exact_evaluation import compute_joint_distribution
-from lcorpp.experiments.scoring.trials import Experiment, run_trials
+from lcorpp.experiments.scoring.trial_chunks import Experiment
+from lcorpp.experiments.scoring.trials import run_trials
 from lcorpp.learning import TrainedClassifier, fit_calibration
 from lcorpp.reasoning import Enumeration, Reasoner
 from lcorpp.simulation import (
@@ -112,22 +114,70 @@ def test_another_seed_gives_another_result(rooms):
     assert any((a.counts != b.counts).any() for a, b in zip(one, other, strict=True))
 
 
+def one_by_one(rows):
+    """The strategies as own ones, which are simulated one by one."""
+    return tuple(replace(row, change=lambda robot: robot) for row in rows)
+
+
+def test_decisions_at_once_equal_those_one_by_one(rooms):
+    together, _ = run_trials(rooms, 1100)
+    single, _ = run_trials(replace(rooms, strategies=one_by_one(STRATEGIES)), 1100)
+    for a, b in zip(together, single, strict=True):
+        np.testing.assert_array_equal(a.counts, b.counts)
+        assert (a.cost, a.return_, a.cost_sd) == (b.cost, b.return_, b.cost_sd)
+
+
+def test_draws_are_those_of_each_persons_generator():
+    draws = PeopleDraws([(1, 2, i) for i in range(5)])
+    streams = [np.random.default_rng((1, 2, i)).random(200) for i in range(5)]
+    for number in (0, 3, 40, 40, 17, 150):
+        people = np.array([4, 1, 2]) if number == 40 else np.arange(5)
+        np.testing.assert_array_equal(draws.get(people, number), [streams[i][number] for i in people])
+
+
+def test_a_decision_that_fails_at_once_is_found_one_by_one(rooms, monkeypatch):
+    class Wrong(planning.Planner):
+        def update(self, belief, action, observation):
+            raise ObservationError("this observation is impossible")
+
+    wrong = replace(
+        rooms, robot=replace(rooms.robot, planner=Wrong(rooms.robot.planner.policy, rooms.domain.pomdp))
+    )
+    with pytest.raises(ObservationError, match="this observation is impossible"):
+        run_trials(wrong, 100)
+
+
 def test_an_interrupt_keeps_the_complete_trials(rooms, monkeypatch):
-    """Also those of an incomplete chunk: here 250 trials of two chunks and a half."""
-    honest, calls = trials.dt_control, itertools.count(1)
+    """Of decisions one by one also those of an incomplete chunk: here 250 trials of two chunks and a half."""
+    honest, calls = trial_chunks.dt_control, itertools.count(1)
+    rows = one_by_one(STRATEGIES)
 
     def interrupt(robot, instance, world):
         if next(calls) > 250 * len(STRATEGIES):
             raise KeyboardInterrupt
         return honest(robot, instance, world)
 
-    monkeypatch.setattr(trials, "dt_control", interrupt)
-    results, done = run_trials(rooms, 1000)
+    monkeypatch.setattr(trial_chunks, "dt_control", interrupt)
+    results, done = run_trials(replace(rooms, strategies=rows), 1000)
     assert done == 250
     monkeypatch.undo()
     whole, _ = run_trials(rooms, 300)
     assert (whole[0].counts >= results[0].counts).all()
     assert all(np.sum(result.counts) == 250 for result in results)
+
+
+def test_an_interrupt_keeps_the_people_who_are_complete_at_once(rooms, monkeypatch):
+    honest, calls = BatchWorld.decide, itertools.count(1)
+
+    def interrupt(*arguments):
+        if next(calls) > 3 * len(STRATEGIES) + 2:
+            raise KeyboardInterrupt
+        return honest(*arguments)
+
+    monkeypatch.setattr(BatchWorld, "decide", interrupt)
+    results, done = run_trials(rooms, 5000)
+    assert done == 3000
+    assert all(np.sum(result.counts) == 3000 for result in results)
 
 
 @dataclass(frozen=True)
@@ -155,11 +205,12 @@ def test_an_interrupt_keeps_the_trials_of_incomplete_chunks_of_all_processes(roo
         os.kill(os.getpid(), signal.SIGINT)
 
     robot = replace(rooms.robot, reasoner=Stalling(rooms.robot.reasoner, stalled))
+    rows = one_by_one(STRATEGIES)
     interrupter = threading.Thread(target=interrupt_when_stalled)
     interrupter.start()
-    results, done = run_trials(replace(rooms, robot=robot), 1000, jobs=2)
+    results, done = run_trials(replace(rooms, robot=robot, strategies=rows), 1000, jobs=2)
     interrupter.join()
-    assert 49 <= done < trials.CHUNK_SIZE  # four strategies reason: 200 answers are 50 trials
+    assert 49 <= done < trial_chunks.CHUNK_SIZE  # four strategies reason: 200 answers are 50 trials
     assert all(np.sum(result.counts) == done for result in results)
 
 
@@ -167,7 +218,7 @@ def test_an_interrupt_before_the_first_trial_is_raised(rooms, monkeypatch):
     def tired(*_):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(trials, "run_chunk", tired)
+    monkeypatch.setattr(trials, "run_chunks", tired)
     with pytest.raises(KeyboardInterrupt):
         run_trials(rooms, 100)
     with pytest.raises(DecisionError, match="at least 1, not 0 and 1"):

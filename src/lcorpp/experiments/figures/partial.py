@@ -26,7 +26,8 @@ from lcorpp.experiments.figures.result import (
 )
 from lcorpp.experiments.figures.seeds import compute_seed_interval, run_seeds, subtract
 from lcorpp.experiments.scoring.metrics import Scores
-from lcorpp.experiments.scoring.trials import Experiment, run_trials
+from lcorpp.experiments.scoring.trial_chunks import Experiment
+from lcorpp.experiments.scoring.trials import run_trials
 from lcorpp.experiments.setup import (
     ProgressDisplay,
     SenseSetup,

@@ -16,7 +16,7 @@ from lcorpp.domains import Domain
 from lcorpp.errors import DecisionError, expected_one_of
 from lcorpp.experiments.scoring.part_state import DIGITS, NoKeyError, make_state_key
 from lcorpp.simulation.simulated_classifier import NoisyChannel
-from lcorpp.values import Instance, Step
+from lcorpp.values import Instance, Label, Step
 
 MAX_ACTIONS = 100_000
 """Maximum number of actions in all histories of an own strategy; each history is decided anew."""
@@ -25,8 +25,8 @@ MAX_ACTIONS = 100_000
 class DecisionNodes(Protocol):
     """The points of decisions at which a robot acts; equal nodes are merged."""
 
-    def root(self, context: Mapping[str, str], labels: Mapping[str, str]) -> Hashable:
-        """Return the node before the first action, given the facts and the class from each sense."""
+    def root(self, context: Mapping[str, str], labels: Mapping[str, Any]) -> Hashable:
+        """Return the node before the first action, given the facts and the output of each sense."""
 
     def find_action(self, node: Any, /) -> str | None:
         """Return the robot's action; None if the decision has ended without a report."""
@@ -39,13 +39,17 @@ class DecisionNodes(Protocol):
 
 
 class BeliefNodes:
-    """The nodes of a robot whose action depends on the belief alone: beliefs (S,), as bytes."""
+    """The nodes of a robot whose action depends on the belief alone: beliefs (S,), as bytes.
 
-    def __init__(self, domain: Domain, robot: Robot) -> None:
-        self._domain, self._robot = domain, robot
+    digits: to which beliefs after an observation are rounded, which merges those that different paths reach;
+        None leaves them as they are.
+    """
+
+    def __init__(self, domain: Domain, robot: Robot, *, digits: int | None = None) -> None:
+        self._domain, self._robot, self._digits = domain, robot, digits
         self.find_action, self.extend = cache(self._find_action), cache(self._extend)
 
-    def root(self, context: Mapping[str, str], labels: Mapping[str, str]) -> Hashable:
+    def root(self, context: Mapping[str, str], labels: Mapping[str, Label]) -> Hashable:
         marginal = self._robot.reasoner.posterior(self._domain.shared, self._domain.evidence(context, labels))
         return (self._robot.planner.start if marginal is None else self._domain.prior(marginal)).tobytes()
 
@@ -58,7 +62,7 @@ class BeliefNodes:
 
     def _extend(self, node: bytes, action: str, observation: str) -> bytes:
         after = self._robot.planner.update(np.frombuffer(node), action, observation)
-        return np.round(after, 12).tobytes()  # rounding merges beliefs that different paths reach
+        return (after if self._digits is None else np.round(after, self._digits)).tobytes()
 
 
 class _History(NamedTuple):

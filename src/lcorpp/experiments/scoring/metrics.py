@@ -10,6 +10,9 @@ import numpy as np
 from lcorpp.notebook import html_table
 from lcorpp.values import Z95, Array, Interval, SharedValue
 
+Proportion = Callable[..., Interval]
+"""A function that returns hits / total with its interval: hits, total and those of an unknown part."""
+
 METRICS = ("f1", "precision", "recall", "accuracy", "cost", "return")
 """The names of the scores in tables and files."""
 
@@ -101,35 +104,52 @@ def score_decisions(
     positives among all decisions that are positive or reported as positive, so its interval is the
     transformed Wilson interval of p. Cost and return have normal intervals of the mean.
     """
-    shares = _score_classification(counts, values, positive, Interval.from_count)
+    shares = _score_classification(counts, values, positive, _estimate_proportion)
     means = compute_mean_interval(cost), compute_mean_interval(return_)
-    parts = _score_variables(counts, values, variables, Interval.from_count)
+    parts = _score_variables(counts, values, variables, _estimate_proportion)
     return Scores(strategy, counts, *shares, *means, _compute_sd(cost), parts)
 
 
 def score_probabilities(
     strategy: str,
     joint: Array,
-    cost: float,
-    return_: float,
+    cost: Interval,
+    return_: Interval,
     cost_sd: float,
     *,
     values: Sequence[SharedValue],
     positive: str | None,
     variables: Sequence[str] = (),
+    dropped: Array | None = None,
 ) -> Scores:
     """Score exact probabilities instead of counts; the intervals have zero width.
 
     Args:
         joint: (V, V + 1) probability of true value i and reported value j.
+        dropped: (V,) probability of each true value with an unknown report; the ends of the intervals are
+            the scores if all of these decisions are wrong, and if all are right.
     """
+    shares = _score_classification(joint, values, positive, _bound_proportion, dropped)
+    parts = _score_variables(joint, values, variables, _bound_proportion, dropped)
+    return Scores(strategy, joint, *shares, cost, return_, cost_sd, parts)
 
-    def make_proportion(hits: float, total: float) -> Interval:
+
+def _estimate_proportion(hits: float, total: float, _hits: float = 0.0, _misses: float = 0.0) -> Interval:
+    """Return the proportion with its Wilson interval; counts have no unknown part."""
+    return Interval.from_count(hits, total)
+
+
+def _bound_proportion(hits: float, total: float, more_hits: float = 0.0, misses: float = 0.0) -> Interval:
+    """Return the proportion of exact probabilities.
+
+    Args:
+        more_hits: of the unknown part, what belongs to the total and may be hits.
+        misses: of the unknown part, what may be misses or not belong to the total.
+    """
+    if not more_hits + misses:
         return Interval.exact(hits / total if total else 0.0)
-
-    shares = _score_classification(joint, values, positive, make_proportion)
-    parts = _score_variables(joint, values, variables, make_proportion)
-    return Scores(strategy, joint, *shares, Interval.exact(cost), Interval.exact(return_), cost_sd, parts)
+    low, high = hits / (total + more_hits + misses), (hits + more_hits) / (total + more_hits)
+    return Interval(hits / total if total else low, low, high, confidence=1.0)
 
 
 def compute_mean_interval(numbers: Array) -> Interval:
@@ -147,7 +167,8 @@ def _score_classification(
     counts: Array,
     values: Sequence[SharedValue],
     positive: str | None,
-    make_proportion: Callable[[float, float], Interval],
+    make_proportion: Proportion,
+    dropped: Array | None = None,
 ) -> tuple[Interval, Interval, Interval, Interval]:
     """Return F1, precision, recall and accuracy.
 
@@ -155,17 +176,21 @@ def _score_classification(
         counts: (V, V + 1) counts or probabilities, as in `Scores`.
         positive: the positive class, None for macro averages.
         make_proportion: returns the proportion hits / total with its interval.
+        dropped: (V,) probabilities of decisions with an unknown report.
     """
+    unknown = np.zeros(len(values)) if dropped is None else dropped
     rows = range(len(values)) if positive is None else [list(values).index(positive)]
     f1, precision, recall = [], [], []
     for i in rows:
         hits, reported, actual = counts[i, i], counts[:, i].sum(), counts[i].sum()
-        jaccard = make_proportion(hits, reported + actual - hits)
-        f1.append(Interval(*(2 * p / (1 + p) for p in (jaccard.estimate, jaccard.low, jaccard.high))))
-        precision.append(make_proportion(hits, reported))
-        recall.append(make_proportion(hits, actual))
+        others = float(unknown.sum() - unknown[i])
+        jaccard = make_proportion(hits, reported + actual - hits, unknown[i], others)
+        middle, low, high = (2 * p / (1 + p) for p in (jaccard.estimate, jaccard.low, jaccard.high))
+        f1.append(Interval(middle, low, high, jaccard.confidence))
+        precision.append(make_proportion(hits, reported, unknown[i], others))
+        recall.append(make_proportion(hits, actual, unknown[i]))
     square = counts[:, : len(values)]
-    accuracy = make_proportion(float(np.trace(square)), float(counts.sum()))
+    accuracy = make_proportion(float(np.trace(square)), float(counts.sum()), float(unknown.sum()))
     return _average_intervals(f1), _average_intervals(precision), _average_intervals(recall), accuracy
 
 
@@ -173,22 +198,25 @@ def _score_variables(
     counts: Array,
     values: Sequence[SharedValue],
     variables: Sequence[str],
-    make_proportion: Callable[[float, float], Interval],
+    make_proportion: Proportion,
+    dropped: Array | None = None,
 ) -> dict[str, Interval]:
     """Return the accuracy of each of several shared variables; arguments as of `_score_classification`."""
     if len(variables) < 2:
         return {}
     square, total = counts[:, : len(values)], float(counts.sum())
+    unknown = 0.0 if dropped is None else float(dropped.sum())
     accuracies = {}
     for name, column in zip(variables, np.array(values).T, strict=True):
         hits = float(square[column[:, None] == column].sum())
-        accuracies[name] = make_proportion(hits, total)
+        accuracies[name] = make_proportion(hits, total, unknown)
     return accuracies
 
 
 def _average_intervals(estimates: Sequence[Interval]) -> Interval:
-    means = (np.mean([getattr(e, end) for e in estimates]) for end in ("estimate", "low", "high"))
-    return Interval(*map(float, means))
+    ends = np.array([(e.estimate, e.low, e.high) for e in estimates])
+    middle, low, high = ends.mean(axis=0).tolist()
+    return Interval(middle, low, high, min([e.confidence for e in estimates]))
 
 
 def scores_to_html(scores: Sequence[Scores]) -> str:

@@ -2,66 +2,32 @@
 
 from __future__ import annotations
 
-import logging
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import ExitStack, closing, contextmanager
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import closing, contextmanager
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from time import perf_counter
-from typing import Any
 
 import numpy as np
 from joblib import Parallel, delayed
 
-from lcorpp.decision import Robot, Strategy, dt_control
-from lcorpp.domains import Domain
 from lcorpp.errors import DecisionError, check_type
-from lcorpp.experiments.decision_log import DecisionLog, format_decision
-from lcorpp.experiments.robot_parts import RobotParts
+from lcorpp.experiments.decision_log import DecisionLog
 from lcorpp.experiments.scoring.differences import add_differences
 from lcorpp.experiments.scoring.metrics import Scores, score_decisions
-from lcorpp.log_output import find_log_level, show_log
-from lcorpp.simulation.people import Population, SignalSource
-from lcorpp.simulation.simulated_classifier import BatchClassifier
-from lcorpp.simulation.world import SimulationModel
-from lcorpp.values import Array, Instance, Label
+from lcorpp.experiments.scoring.trial_chunks import (
+    CHUNK_SIZE,
+    ChunkWork,
+    Experiment,
+    Trials,
+    run_chunks,
+    run_in_worker,
+    simulates_at_once,
+)
+from lcorpp.log_output import find_log_level
 from lcorpp.workers import delay_sigint, ignore_sigint
 
-CHUNK_SIZE = 100
-"""Trials per chunk. Each chunk has its own random generator, so this number is part of every result."""
-
-Trials = np.ndarray[Any, np.dtype[np.void]]
-"""(n,) trials, each with these fields, one number for each of the k strategies:
-
-truth: index of the true value; -1 before the trial is complete. reported: (k,) index of the reported value,
-V for no report. cost, return_: (k,) as in `Scores`.
-"""
-
-
-@dataclass(frozen=True, eq=False)
-class Experiment:
-    """The full robot, the sources of its signals and the strategies to compare.
-
-    classifiers, signals: sense -> its classifier for many people at once, and the source of its signals.
-    seed: of the people and their answers. All strategies get the same people and the same random numbers, so
-        that differences between strategies are not differences between samples.
-    parts: what determines the robot's decisions, for a log.
-    """
-
-    domain: Domain
-    robot: Robot
-    classifiers: Mapping[str, BatchClassifier]
-    signals: Mapping[str, SignalSource]
-    strategies: tuple[Strategy, ...]
-    seed: int
-    parts: RobotParts | None = None
-
-    def __post_init__(self) -> None:
-        check_type(self.domain, Domain, "the domain of an experiment", DecisionError)
-        check_type(self.robot, Robot, "the robot of an experiment", DecisionError)
-        for strategy in self.strategies:
-            check_type(strategy, Strategy, "a strategy of an experiment", DecisionError)
+MAX_GROUP = 10
+"""Maximum number of chunks whose people are simulated at once."""
 
 
 def run_trials(
@@ -83,7 +49,8 @@ def run_trials(
 
     Returns:
         The scores in the order of the strategies and the number of completed trials: fewer than `trials`
-        after an interrupt (Ctrl-C), which keeps every trial that a process has completed.
+        after an interrupt (Ctrl-C), which keeps every trial that a process has completed; people who are
+        simulated at once are completed together.
 
     Raises:
         DecisionError: `trials` or `jobs` is less than one; and whatever the robot's parts raise.
@@ -105,12 +72,16 @@ def run_trials(
         chunks = [results[first : first + CHUNK_SIZE] for first in range(0, trials, CHUNK_SIZE)]
         waiting = None if log is None else WaitingLines(log, folder, chunks, len(experiment.strategies))
         work = [
-            (number, chunk, waiting.find_file(number) if waiting else None)
+            ChunkWork(number, chunk, waiting.find_file(number) if waiting else None)
             for number, chunk in enumerate(chunks)
         ]
+        size = 1
+        if log is None and all(simulates_at_once(experiment, row) for row in experiment.strategies):
+            size = min(MAX_GROUP, -(-len(chunks) // (4 * jobs)))
+        groups = [work[first : first + size] for first in range(0, len(work), size)]
         done = 0
         try:
-            with _run_chunks(experiment, work, jobs) as sizes:
+            with _run_groups(experiment, groups, jobs) as sizes:
                 for size in sizes:
                     done += size
                     if waiting is not None:
@@ -128,18 +99,14 @@ def run_trials(
 
 
 @contextmanager
-def _run_chunks(
-    experiment: Experiment, work: Sequence[tuple[int, Trials, Path | None]], jobs: int
+def _run_groups(
+    experiment: Experiment, groups: Sequence[Sequence[ChunkWork]], jobs: int
 ) -> Iterator[Iterator[int]]:
-    """Run chunks in some processes; yields an iterator of the number of trials of each, in their order.
-
-    Args:
-        work: the arguments of `run_chunk` for each chunk.
-    """
-    if jobs == 1 or len(work) == 1:
-        yield (run_chunk(experiment, *arguments) for arguments in work)
+    """Run groups of chunks in some processes; yield an iterator of the number of trials of each, in order."""
+    if jobs == 1 or len(groups) == 1:
+        yield (run_chunks(experiment, group) for group in groups)
         return
-    calls = (delayed(_run_in_worker)(find_log_level(), experiment, *arguments) for arguments in work)
+    calls = (delayed(run_in_worker)(find_log_level(), experiment, group) for group in groups)
     with ignore_sigint():
         started = Parallel(n_jobs=jobs, return_as="generator")(calls)
     with closing(started):
@@ -173,74 +140,6 @@ class WaitingLines:
             self.append_next()
 
 
-def _run_in_worker(level: int, *work: Any) -> int:
-    """Run a chunk in another process, which shows messages of the same level."""
-    if level < logging.WARNING:
-        show_log(level)
-    return run_chunk(*work)
-
-
-def run_chunk(experiment: Experiment, number: int, results: Trials, file: Path | None = None) -> int:
-    """Simulate trials, write each into `results` when it is complete, and return their number.
-
-    The experiment's seed and the chunk's number determine every random draw.
-
-    Args:
-        file: receives the decisions, as lines of a log.
-    """
-    domain, strategies, model = experiment.domain, experiment.strategies, SimulationModel(experiment.domain)
-    rng = np.random.default_rng([experiment.seed, number])
-    people = Population(domain).sample(len(results), rng)
-    signals = {sense: source.simulate(people, rng) for sense, source in experiment.signals.items()}
-    began = perf_counter()
-    labels = {
-        sense: classifier.classify_many(signals[sense])
-        for sense, classifier in experiment.classifiers.items()
-    }
-    classify_seconds = (perf_counter() - began) / len(people)
-    classifiers = {sense: PrecomputedLabel() for sense in labels}
-    full = replace(experiment.robot, classifiers=classifiers, domain=domain)
-    # a strategy that changes the robot does so for each decision
-    robots = [None if strategy.change else strategy.robot(full) for strategy in strategies]
-    with ExitStack() as stack:
-        log, parts = None, experiment.parts
-        if file is not None:
-            log = stack.enter_context(open(file, "wb", buffering=0))
-        for i, person in enumerate(people):
-            for sense, classifier in classifiers.items():
-                classifier.label = labels[sense][i]
-            perceived = {sense: own[i] for sense, own in signals.items()}
-            instance = Instance(perceived, {name: person[name] for name in domain.observed})
-            lines = []
-            for k, strategy in enumerate(strategies):
-                # every strategy gets the same answers: each has a new generator with the same seed
-                seed = experiment.seed, number, i
-                world = model.make_world(person, np.random.default_rng(seed))
-                with strategy.locate_failures():
-                    robot = robots[k] or strategy.robot(full, make_generator(*seed))
-                    episode = dt_control(robot, instance, world)
-                report = episode.report
-                reported = len(domain.values) if report is None else domain.values.index(report)
-                results["reported"][i, k] = reported
-                results["cost"][i, k], results["return_"][i, k] = world.cost, world.return_
-                if log is not None and parts is not None:
-                    seconds = {**episode.seconds, "classify": classify_seconds if episode.labels else 0.0}
-                    simulated = {"trial": number * CHUNK_SIZE + i, **world.describe_truth()}
-                    timed = replace(episode, seconds=seconds)
-                    lines.append(
-                        format_decision(parts, strategy, instance.context, timed, simulated, seed=seed)
-                    )
-            if log is not None:
-                log.write(b"".join(lines))
-            results["truth"][i] = domain.values.index(domain.reasoning.join(person))
-    return len(people)
-
-
-def make_generator(*seed: int) -> np.random.Generator:
-    """Return the generator of a strategy that draws its actions, independent of the world's answers."""
-    return np.random.default_rng([*seed, 1])
-
-
 def _score_trials(experiment: Experiment, results: Trials) -> list[Scores]:
     """Return the scores of each strategy, in the order of the experiment."""
     domain, scores = experiment.domain, []
@@ -260,13 +159,3 @@ def _score_trials(experiment: Experiment, results: Trials) -> list[Scores]:
             )
         )
     return add_differences(scores, cost, return_)
-
-
-@dataclass
-class PrecomputedLabel:
-    """A classifier that returns the label of the current person, computed before with many others."""
-
-    label: Label | None = None
-
-    def classify(self, signal: Array) -> Label | None:
-        return self.label

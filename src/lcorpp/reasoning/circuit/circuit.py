@@ -218,7 +218,7 @@ class Circuit:
         """
         check_rng(rng)
         given = self._encoder.resolve(given)
-        world = self.world_queries.sample(rng, given)
-        if world is None:
+        worlds = self.world_queries.sample(1, rng, given)
+        if worlds is None:
             raise make_no_world_error(self.program, format_conditions(given, self.do))
-        return world
+        return worlds[0]

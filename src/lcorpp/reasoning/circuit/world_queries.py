@@ -200,8 +200,10 @@ class WorldQueries:
             ]
         )
 
-    def sample(self, rng: np.random.Generator, given: Mapping[str, str]) -> dict[str, str] | None:
-        """Draw a world with its probability given evidence; None if the evidence is impossible."""
+    def sample(
+        self, count: int, rng: np.random.Generator, given: Mapping[str, str]
+    ) -> list[dict[str, str]] | None:
+        """Draw worlds with their probabilities given evidence; None if the evidence is impossible."""
         if self._excludes(given):
             return None
         key = frozenset(given.items())
@@ -213,14 +215,21 @@ class WorldQueries:
         tree = self.diagram.system.tree
         if not all(sampler[root] and sampler[root][0][1] for root in tree.roots):
             return None
-        nodes, outcomes = dict.fromkeys(tree.roots, 0), []
-        uniform = rng.random(len(sampler)).tolist()
-        for step, number in enumerate(uniform):
-            cumulative, choices = sampler[step][nodes[step]]
-            _, targets, outcome = choices[bisect_right(cumulative, number)]
-            nodes.update(zip(tree.children[step], targets, strict=True))
-            outcomes.append(self.diagram.outcomes[outcome][0])
-        return decode_world(self.diagram.system, outcomes)
+        worlds, decoded = [], dict[tuple[int, ...], dict[str, str]]()
+        for uniform in rng.random((count, len(sampler))).tolist():
+            nodes, outcomes = dict.fromkeys(tree.roots, 0), []
+            for step, number in enumerate(uniform):
+                cumulative, choices = sampler[step][nodes[step]]
+                _, targets, outcome = choices[bisect_right(cumulative, number)]
+                nodes.update(zip(tree.children[step], targets, strict=True))
+                outcomes.append(outcome)
+            drawn = tuple(outcomes)
+            if drawn not in decoded:
+                decoded[drawn] = decode_world(
+                    self.diagram.system, [self.diagram.outcomes[outcome][0] for outcome in drawn]
+                )
+            worlds.append(dict(decoded[drawn]))
+        return worlds
 
     def _build_sampler(self, given: Mapping[str, str]) -> _Sampler:
         arcs_of = self._list_arcs(given)

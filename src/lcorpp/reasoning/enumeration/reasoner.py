@@ -95,10 +95,12 @@ class EnumeratedWorlds(Worlds):
         positive = [i for i, weight in enumerate(table.weights) if weight]
         return table.list_worlds(nsmallest(count, positive, key=lambda i: -table.weights[i]))
 
-    def sample(self, rng: np.random.Generator, facts: Facts) -> dict[str, str] | None:
+    def sample(self, count: int, rng: np.random.Generator, facts: Facts) -> list[dict[str, str]] | None:
         table = self._select(facts)
-        number = Fraction(rng.random()) * table.total
-        return dict(table.values[bisect_right(table.cumulative, number)]) if table.total else None
+        if not table.total:
+            return None
+        numbers = [Fraction(number) * table.total for number in rng.random(count).tolist()]
+        return [dict(table.values[bisect_right(table.cumulative, number)]) for number in numbers]
 
     def count(self) -> int:
         return len(self._select({}).values)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 
 from lcorpp.errors import ProgramError
 from lcorpp.reasoning.language.checker import check_statement, check_statements
@@ -53,10 +54,15 @@ class Program:
         """The queries of the program in order."""
         return tuple(statement for statement in self.statements if isinstance(statement, Query))
 
-    @property
+    @cached_property
     def has_cr_rules(self) -> bool:
         """Whether the program has cr-rules, so that an observation can create possible worlds."""
         return any(isinstance(s, Rule | Selection) and s.is_cr_rule for s in self.statements)
+
+    @cached_property
+    def resolved_terms(self) -> dict[str, Term]:
+        """Names that were resolved before, and their terms: a cache of `resolve.resolve_term`."""
+        return {}
 
     def is_random(self, term: Term) -> bool:
         """Whether the attribute of a term has a random selection."""

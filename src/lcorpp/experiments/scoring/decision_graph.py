@@ -1,0 +1,82 @@
+"""The points of decisions as numbers, found as they are reached, for many decisions at once."""
+
+from __future__ import annotations
+
+from collections.abc import Hashable
+from typing import Any
+
+import numpy as np
+
+from lcorpp.domains import Domain
+from lcorpp.errors import DecisionError, expected_one_of
+from lcorpp.experiments.scoring.decision_nodes import DecisionNodes
+
+Indices = np.ndarray[Any, np.dtype[np.intp]]
+
+ENDED = -1
+"""The action at a node where the decision has ended without a report."""
+
+
+class DecisionGraph:
+    """The points at which a robot acts, numbered; equal points are one.
+
+    However many decisions pass a point, the robot decides there once.
+    """
+
+    def __init__(self, domain: Domain, nodes: DecisionNodes) -> None:
+        self._nodes, self._pomdp = nodes, domain.pomdp
+        self._action_index = {name: a for a, name in enumerate(domain.pomdp.actions)}
+        self._numbers: dict[Hashable, int] = {}
+        self._found: list[Hashable] = []
+        self._actions: list[int] = []
+        self._parents: list[int | None] = []  # from which a node was found first
+        self._children: dict[int, int] = {}  # node * number of observations + observation -> node
+
+    def find_number(self, node: Hashable, parent: int | None = None) -> int:
+        """Return the number of a node; the robot decides at it if it is new."""
+        number = self._numbers.get(node)
+        if number is None:
+            action = self._nodes.find_action(node)
+            if action is not None and action not in self._action_index:
+                known = expected_one_of(self._pomdp.actions)
+                raise DecisionError(f"the robot chose the action {action!r}; {known}")
+            number = self._numbers[node] = len(self._found)
+            self._found.append(node)
+            self._parents.append(parent)
+            self._actions.append(ENDED if action is None else self._action_index[action])
+        return number
+
+    def find_actions(self, nodes: Indices) -> Indices:
+        """Return the index of the action at each node; `ENDED` where there is none."""
+        actions = self._actions
+        return np.array([actions[node] for node in nodes.tolist()], np.intp)
+
+    def find_children(self, nodes: Indices, observations: Indices) -> Indices:
+        """Return the node after the action at each node and an observation.
+
+        Raises:
+            ObservationError: the robot holds an observation for impossible.
+            DecisionError: the robot chooses an unknown action.
+        """
+        keys, known = (nodes * len(self._pomdp.observations) + observations).tolist(), self._children
+        for key in keys:
+            if key not in known:
+                known[key] = self._find_child(*divmod(key, len(self._pomdp.observations)))
+        return np.array([known[key] for key in keys], np.intp)
+
+    def describe_root(self, node: int) -> str:
+        """Return a node before the first action from which a node is reached, in words."""
+        while (parent := self._parents[node]) is not None:
+            node = parent
+        return self._nodes.describe(self._found[node])
+
+    def _find_child(self, node: int, observation: int) -> int:
+        action = self._pomdp.actions[self._actions[node]]
+        after = self._nodes.extend(self._found[node], action, self._pomdp.observations[observation])
+        return self.find_number(after, node)
+
+
+def index_reports(domain: Domain) -> Indices:
+    """Return the index of the value that each action reports; the number of values for no report."""
+    values = [domain.reported_value(action) for action in domain.pomdp.actions]
+    return np.array([len(domain.values) if v is None else domain.values.index(v) for v in values], np.intp)

@@ -1,0 +1,231 @@
+"""All episodes of a strategy at once: probabilities, costs and returns, summed step by step.
+
+After the same number of actions, the episodes that are at the same point of the decision, with the same true
+value and the same hidden state, are one entry: their probability and the first two moments of their cost.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from scipy.sparse import csr_array
+
+from lcorpp.decision.dt_control import MAX_STEPS
+from lcorpp.domains import Domain
+from lcorpp.errors import NoReportError
+from lcorpp.experiments.scoring.decision_graph import ENDED, DecisionGraph, Indices, index_reports
+from lcorpp.values import Array, Interval
+
+MIN_PROBABILITY = 1e-12
+"""Branches of an episode less likely than this are pruned."""
+
+MAX_POINTS = 200_000
+"""Maximum number of points at which the episodes of a strategy are continued: some ten seconds.
+
+The less likely episodes are dropped."""
+
+MAX_ENTRIES = 4_000_000
+"""Maximum number of entries after the same number of actions, times three numbers of 8 bytes."""
+
+DENSE_PAIRS = 64
+"""Transitions between at most this many pairs are dense matrices, which are faster."""
+
+
+@dataclass(frozen=True, eq=False)
+class EpisodeSums:
+    """The sums over all episodes.
+
+    joint: (V, V + 1) probability of true value i and reported value j; the last column is for no report.
+    cost, squared_cost: the expectation of the cost of the actions before the report, and of its square.
+    return_: the expectation of the undiscounted return.
+    dropped: (V,) probability of the episodes of each true value that are not in these sums.
+    cost_range, return_range: bounds of what the dropped episodes add to the expectations.
+    """
+
+    joint: Array
+    cost: float
+    squared_cost: float
+    return_: float
+    dropped: Array
+    cost_range: tuple[float, float]
+    return_range: tuple[float, float]
+
+    def bound(self, known: float, rest: tuple[float, float]) -> Interval:
+        """Return bounds of an expectation, from its sum over the known episodes and the range of the rest.
+
+        The estimate is the mean of the known episodes.
+        """
+        share = float(self.dropped.sum())
+        if not share:
+            return Interval.exact(known)
+        low, high = known + rest[0], known + rest[1]
+        return Interval(min(max(known / (1 - share), low), high), low, high, confidence=1.0)
+
+
+class EpisodeModel:
+    """The true dynamics of a domain on pairs (true value, hidden state), as far as they can be reached.
+
+    starts: (V, J) probability of each pair before the first action, given the true value.
+    transition[a]: (J, J). feedback[a]: the k observations that may follow, and (k, J) their probabilities,
+    after the action. reward: (A + 1, J); the last row, of no action, is 0. values: (J,) index of the true
+    value. reports: (A + 1,) as of `index_reports`, V for no action.
+    """
+
+    def __init__(self, domain: Domain) -> None:
+        pomdp, planning = domain.pomdp, domain.planning
+        self.n_values = len(domain.values)
+        reports = index_reports(domain)
+        self.reports = np.append(reports, self.n_values)
+        asking = np.flatnonzero(reports == self.n_values).tolist()
+        pairs = {(v, s): j for j, (v, s) in enumerate(zip(*np.nonzero(planning.initial_states), strict=True))}
+        entries: dict[int, list[tuple[int, int, float]]] = {a: [] for a in asking}
+        waiting = list(pairs)
+        for v, s in waiting:  # grows
+            for a in asking:
+                states, probabilities = pomdp.transition.row(a, s)
+                for after, p in zip(states.tolist(), probabilities.tolist(), strict=True):
+                    if (v, after) not in pairs:
+                        pairs[v, after] = len(pairs)
+                        waiting.append((v, after))
+                    entries[a].append((pairs[v, s], pairs[v, after], p))
+        size = len(pairs)
+        self.values, states = np.array(list(pairs), np.intp).T
+        self.starts = np.zeros((self.n_values, size))
+        self.starts[self.values, np.arange(size)] = planning.initial_states[self.values, states]
+        self.reward = np.vstack([pomdp.reward[:, states], np.zeros(size)])
+        self.transition = {a: _make_matrix(triples, size) for a, triples in entries.items()}
+        self.feedback = {}
+        for a in asking:
+            rows = domain.simulation.feedback_model[a, states]
+            possible = np.flatnonzero(rows.any(axis=0))
+            self.feedback[a] = possible, rows[:, possible].T.copy()
+        ask_rewards = self.reward[asking] if asking else np.zeros((1, size))
+        end_rewards = self.reward[:-1][reports < self.n_values]
+        self.step_range = min(0.0, float(ask_rewards.min())), max(0.0, float(ask_rewards.max()))
+        self.end_range = min(0.0, float(end_rewards.min())), max(0.0, float(end_rewards.max()))
+
+
+def _make_matrix(entries: Sequence[tuple[int, int, float]], size: int) -> Any:
+    """Return a square matrix of (row, column, weight); dense if it is small, which is faster."""
+    rows, columns, weights = zip(*entries, strict=True)
+    if size > DENSE_PAIRS:
+        return csr_array((weights, (rows, columns)), shape=(size, size))
+    matrix = np.zeros((size, size))
+    matrix[rows, columns] = weights
+    return matrix
+
+
+class _Sums:
+    """The `EpisodeSums` of K strategies while they grow."""
+
+    def __init__(self, model: EpisodeModel, count: int) -> None:
+        v = model.n_values
+        self._model, self._joint, self._dropped = model, np.zeros((count, v, v + 1)), np.zeros((count, v))
+        self._known = np.zeros((count, 3))  # cost, squared cost, return
+        self._ranges = np.zeros((count, 2, 2))  # of cost and return
+
+    def end(self, owners: Indices, moments: Array, actions: Indices) -> None:
+        """Add episodes that end with an action: (n,) strategies, (n, 3, J) moments, (n,) actions."""
+        model, probability = self._model, moments[:, 0]
+        cells = owners[:, None], model.values, model.reports[actions][:, None]
+        np.add.at(self._joint, cells, probability)
+        reward = (probability * model.reward[actions]).sum(axis=1)
+        cost, squared_cost = moments[:, 1:].sum(axis=2).T
+        np.add.at(self._known, owners, np.stack([cost, squared_cost, reward - cost], axis=1))
+
+    def drop(self, owners: Indices, moments: Array, steps_left: int) -> None:
+        """Add episodes that are not continued, with at most so many further actions."""
+        model, ends = self._model, np.array(self._model.end_range)
+        np.add.at(self._dropped, (owners[:, None], model.values), moments[:, 0])
+        mass, cost = moments[:, :2].sum(axis=2).T[:, :, None]
+        steps = steps_left * np.array(model.step_range)
+        costs, returns = cost - mass * steps[::-1], mass * (steps + ends) - cost
+        np.add.at(self._ranges, owners, np.stack([costs, returns], axis=1))
+
+    def list_sums(self) -> list[EpisodeSums]:
+        """Return the sums of each strategy."""
+        rows = zip(self._joint, self._known.tolist(), self._dropped, self._ranges.tolist(), strict=True)
+        return [
+            EpisodeSums(joint, cost, squared_cost, return_, dropped, (a, b), (c, d))
+            for joint, (cost, squared_cost, return_), dropped, ((a, b), (c, d)) in rows
+        ]
+
+
+def sum_episodes(
+    model: EpisodeModel,
+    graph: DecisionGraph,
+    roots: Mapping[tuple[int, int], Array],
+    names: Sequence[str],
+    progress: Callable[[int, int], None],
+) -> list[EpisodeSums]:
+    """Sum over all episodes of K strategies that act alike at the same points.
+
+    Args:
+        graph: the strategies' decisions.
+        roots: (node before the first action, index of the strategy) -> (V,) probability of each true value.
+        names: of the strategies, for messages.
+        progress: called with the percentage of the episodes that have ended, and 100.
+
+    Raises:
+        NoReportError: there is no report after `MAX_STEPS` actions.
+    """
+    sums, count = _Sums(model, len(names)), len(names)
+    nodes, owners = np.array(list(roots), np.intp).T
+    moments = np.zeros((len(nodes), 3, len(model.values)))
+    moments[:, 0] = np.array(list(roots.values())) @ model.starts
+    points, max_width = 0, max(1, MAX_ENTRIES // len(model.values))
+    for step in range(MAX_STEPS + 1):
+        actions = graph.find_actions(nodes)
+        ends = (model.reports[actions] < model.n_values) | (actions == ENDED)
+        if ends.any():
+            sums.end(owners[ends], moments[ends], actions[ends])
+        sources, observations, parts = [nodes[:0]], [nodes[:0]], [moments[:0]]
+        for a in sorted(set(actions[~ends].tolist())):
+            rows = np.flatnonzero(actions == a)
+            after = _add_cost(moments[rows], -model.reward[a]) @ model.transition[a]
+            possible, probabilities = model.feedback[a]
+            part = after[:, None] * probabilities[:, None]  # (n, k, 3, J)
+            n, o = np.nonzero(part[:, :, 0].sum(axis=2) >= MIN_PROBABILITY)
+            sources.append(rows[n])
+            observations.append(possible[o])
+            parts.append(part[n, o])
+        source, observation = np.concatenate(sources), np.concatenate(observations)
+        moments = np.concatenate(parts)
+        if not len(source):
+            return sums.list_sums()
+        if step == MAX_STEPS:
+            break
+        width = min(max_width, count * MAX_POINTS - points)
+        if len(source) > width:
+            order = np.argsort(-moments[:, 0].sum(axis=1), kind="stable")
+            rest, kept = order[width:], np.sort(order[:width])
+            sums.drop(owners[source[rest]], moments[rest], MAX_STEPS - step)
+            source, observation, moments = source[kept], observation[kept], moments[kept]
+        points += len(source)
+        progress(100 - round(100 * float(moments[:, 0].sum()) / count), 100)
+        children = graph.find_children(nodes[source], observation)
+        nodes, owners, moments = _merge(children * count + owners[source], moments, count)
+    raise NoReportError(
+        f"{names[owners[source[0]]]}: no report after {MAX_STEPS} actions; the policy does not report from"
+        f" {graph.describe_root(nodes[source[0]])}"
+    )
+
+
+def _add_cost(moments: Array, cost: Array) -> Array:
+    """Add a further cost (J,) to the moments (n, 3, J) of episodes, in place."""
+    probability, first, second = moments[:, 0], moments[:, 1], moments[:, 2]
+    second += cost * (2 * first + cost * probability)
+    first += cost * probability
+    return moments
+
+
+def _merge(keys: Indices, moments: Array, count: int) -> tuple[Indices, Indices, Array]:
+    """Return the nodes and owners of the distinct keys, node * count + owner, and their summed moments."""
+    order = np.argsort(keys, kind="stable")
+    ordered = keys[order]
+    first = np.flatnonzero(np.diff(ordered, prepend=-1))
+    nodes, owners = np.divmod(ordered[first], count)
+    return nodes, owners, np.add.reduceat(moments[order], first, axis=0)
