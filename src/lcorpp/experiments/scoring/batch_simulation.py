@@ -40,7 +40,7 @@ class PeopleDraws:
 
     def get(self, people: Indices, number: int) -> Array:
         """Return each of these people's random number of this position, (k,)."""
-        if number >= self._numbers.shape[1]:
+        while number >= self._numbers.shape[1]:
             self._numbers = np.hstack([self._numbers, np.empty_like(self._numbers)])
         for person in people[self._widths[people] <= number].tolist():
             first, end = self._widths[person], self._numbers.shape[1]

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Hashable
+from collections import defaultdict
+from collections.abc import Hashable, Iterable
 from typing import Any
 
 import numpy as np
@@ -29,10 +30,9 @@ class DecisionGraph:
         self._numbers: dict[Hashable, int] = {}
         self._found: list[Hashable] = []
         self._actions: list[int] = []
-        self._parents: list[int | None] = []  # from which a node was found first
         self._children: dict[int, int] = {}  # node * number of observations + observation -> node
 
-    def find_number(self, node: Hashable, parent: int | None = None) -> int:
+    def find_number(self, node: Hashable) -> int:
         """Return the number of a node; the robot decides at it if it is new."""
         number = self._numbers.get(node)
         if number is None:
@@ -42,7 +42,6 @@ class DecisionGraph:
                 raise DecisionError(f"the robot chose the action {action!r}; {known}")
             number = self._numbers[node] = len(self._found)
             self._found.append(node)
-            self._parents.append(parent)
             self._actions.append(ENDED if action is None else self._action_index[action])
         return number
 
@@ -64,16 +63,22 @@ class DecisionGraph:
                 known[key] = self._find_child(*divmod(key, len(self._pomdp.observations)))
         return np.array([known[key] for key in keys], np.intp)
 
-    def describe_root(self, node: int) -> str:
-        """Return a node before the first action from which a node is reached, in words."""
-        while (parent := self._parents[node]) is not None:
-            node = parent
-        return self._nodes.describe(self._found[node])
+    def describe_root(self, roots: Iterable[int], node: int) -> str:
+        """Return the first of some nodes before the first action from which a node is reached, in words."""
+        parents = defaultdict[int, list[int]](list)
+        for key, child in self._children.items():
+            parents[child].append(key // len(self._pomdp.observations))
+        ancestors, waiting = {node}, [node]
+        for each in waiting:  # grows
+            new = [parent for parent in parents[each] if parent not in ancestors]
+            ancestors.update(new)
+            waiting += new
+        return self._nodes.describe(self._found[next(root for root in roots if root in ancestors)])
 
     def _find_child(self, node: int, observation: int) -> int:
         action = self._pomdp.actions[self._actions[node]]
         after = self._nodes.extend(self._found[node], action, self._pomdp.observations[observation])
-        return self.find_number(after, node)
+        return self.find_number(after)
 
 
 def index_reports(domain: Domain) -> Indices:

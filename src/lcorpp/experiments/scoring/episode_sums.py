@@ -208,9 +208,10 @@ def sum_episodes(
         progress(100 - round(100 * float(moments[:, 0].sum()) / count), 100)
         children = graph.find_children(nodes[source], observation)
         nodes, owners, moments = _merge(children * count + owners[source], moments, count)
+    owner, node = int(owners[source[0]]), int(nodes[source[0]])
+    root = graph.describe_root([first for first, k in roots if k == owner], node)
     raise NoReportError(
-        f"{names[owners[source[0]]]}: no report after {MAX_STEPS} actions; the policy does not report from"
-        f" {graph.describe_root(nodes[source[0]])}"
+        f"{names[owner]}: no report after {MAX_STEPS} actions; the policy does not report from {root}"
     )
 
 
