@@ -53,8 +53,8 @@ def figures(
     run = FigureRun(folder, names, chosen, again=again)
 
     def describe_remaining() -> str:
-        parts = (("this step", run.remaining.step_seconds), ("all figures", run.remaining.seconds))
-        return "".join(f", {what} {_format_time(left)}" for what, left in parts if left)
+        parts = ((run.remaining.step_seconds, "of this step"), (run.remaining.seconds, "of all figures"))
+        return "".join(f", {_format_time(left)} {what}" for left, what in parts if left)
 
     progress = partial(console.show_progress, left=describe_remaining)
     for number, figure in enumerate(run.make(progress), 1):

@@ -39,15 +39,18 @@ PUBLISHED: dict[str, Any] = {
 class Bars:
     """A series of bars, one in each group.
 
-    intervals: the height and the error bar of each; None leaves out the bar of a group.
+    label: for the legend. colour: of all bars, or one for each.
+    intervals: the height and the error bar of each.
     exact, published: () or a number for each bar, None for those without.
+    digits: the format of the height, which is written above the bar; "" writes none.
     """
 
     label: str
-    colour: str
-    intervals: Sequence[Interval | None]
+    colour: str | Sequence[str]
+    intervals: Sequence[Interval]
     exact: Sequence[float | None] = ()
     published: Sequence[float | None] = ()
+    digits: str = ""
 
 
 def make_panels(layout: Layout, widths: Sequence[float], rows: int = 1) -> tuple[Figure, list[Axes]]:
@@ -66,13 +69,14 @@ def draw_bars(axes: Axes, groups: Sequence[str], series: Sequence[Bars], label: 
     """Draw the bars of each group side by side; a diamond is an exact value, a ring a published number."""
     width = 0.8 / len(series)
     for number, bars in enumerate(series):
-        for group, interval in enumerate(bars.intervals):
-            if interval is None:
-                continue
+        colours = [bars.colour] * len(groups) if isinstance(bars.colour, str) else bars.colour
+        for group, (interval, colour) in enumerate(zip(bars.intervals, colours, strict=True)):
             x = group + (number - (len(series) - 1) / 2) * width
             errors = [[interval.estimate - interval.low], [interval.high - interval.estimate]]
-            axes.bar(x, interval.estimate, color=bars.colour, width=width, edgecolor="white", linewidth=0.5)
+            axes.bar(x, interval.estimate, color=colour, width=width, edgecolor="white", linewidth=0.5)
             axes.errorbar(x, interval.estimate, yerr=errors, color=INK, capsize=1.5, linewidth=0.8)
+            if bars.digits:
+                _write_above(axes, x, interval.high, format(interval.estimate, bars.digits))
             for values, marker in ((bars.exact, EXACT), (bars.published, PUBLISHED)):
                 value = values[group] if values else None
                 if value is not None:
@@ -84,11 +88,17 @@ def draw_bars(axes: Axes, groups: Sequence[str], series: Sequence[Bars], label: 
     despine(axes)
 
 
+def _write_above(axes: Axes, x: float, y: float, text: str) -> None:
+    axes.annotate(text, (x, y), xytext=(0, 3), textcoords="offset points", ha="center", fontsize=8.5)
+
+
 def add_legend(
     figure: Figure, series: Sequence[Bars], *, layout: Layout, lines: Sequence[Line2D] = ()
 ) -> None:
-    """Draw one legend above all panels: the series, further lines, and the markers that are used."""
-    handles: list[Any] = [Patch(color=bars.colour, label=bars.label) for bars in series]
+    """Draw one legend above all panels: series of one colour, further lines, and markers in use."""
+    handles: list[Any] = [
+        Patch(color=bars.colour, label=bars.label) for bars in series if isinstance(bars.colour, str)
+    ]
     handles += lines
     if any(value is not None for bars in series for value in bars.exact):
         handles.append(Line2D([], [], label="exact value", **EXACT))
