@@ -191,11 +191,11 @@ def write_batches(
         problems += [saved.problem] if saved.problem else []
     scored = [row for row in result.rows if "f1" in row]
     if scored:
-        from lcorpp.experiments.figures.augmentation import plot_augmentation
+        from lcorpp.experiments.figures.batches import plot_batches
 
         batches = [int(row["batch"]) for row in scored]
         f1, change = ([float(row[name]) for row in scored] for name in ("f1", "change"))
-        figure = plot_augmentation(batches, f1, change)
+        figure = plot_batches(batches, f1, change)
         written += _write_figure(figure, folder, "batches", formats)
     return WrittenFiles(tuple(written), "; ".join(problems) or None)
 

@@ -129,8 +129,10 @@ def find_published(numbers: Mapping[str, str], metric: str) -> float | None:
     return float(numbers[metric]) if metric in numbers else None
 
 
-def compute_standard_error(scores: Scores, metric: str, published: str, sd: float | None = None) -> float:
-    """Return the standard error of a published mean of `TRIALS` trials.
+def compute_standard_error(
+    scores: Scores, metric: str, published: str, sd: float | None = None, *, trials: int = TRIALS
+) -> float:
+    """Return the standard error of a published mean of n = `trials` trials.
 
     An accuracy p is a binomial proportion: p (1 - p) / n. F1 = 2p / (1 + p) grows with p, the share of true
     positives among the decisions that are positive or reported as positive; p is binomial given their
@@ -139,12 +141,12 @@ def compute_standard_error(scores: Scores, metric: str, published: str, sd: floa
     """
     value, unit = float(published), 10.0 ** int(Decimal(published).as_tuple().exponent)
     if metric == "cost":
-        variance = (scores.cost_sd if sd is None else sd) ** 2 / TRIALS
+        variance = (scores.cost_sd if sd is None else sd) ** 2 / trials
     elif metric == "f1":
         p = value / (2 - value)
-        variance = (2 / (1 + p) ** 2) ** 2 * p * (1 - p) / (TRIALS * _compute_relevant_share(scores))
+        variance = (2 / (1 + p) ** 2) ** 2 * p * (1 - p) / (trials * _compute_relevant_share(scores))
     else:
-        variance = value * (1 - value) / TRIALS
+        variance = value * (1 - value) / trials
     return sqrt(variance + unit**2 / 12)
 
 

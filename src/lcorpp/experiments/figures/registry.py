@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 from lcorpp.errors import DecisionError, expected_one_of
+from lcorpp.experiments.figures.augmentation import augment_from_no_data
 from lcorpp.experiments.figures.confusion import cross_validate
 from lcorpp.experiments.figures.knowledge import vary_knowledge
 from lcorpp.experiments.figures.partial import compare_parts
@@ -33,6 +34,7 @@ FIGURES: Mapping[str, PaperFigure] = {
     "strategies": PaperFigure(compare_six, 14, 4),
     "knowledge": PaperFigure(vary_knowledge, 40, 10),
     "partial": PaperFigure(compare_parts, 20, 8),
+    "augmentation": PaperFigure(augment_from_no_data, 60, 12),
     "confusion": PaperFigure(cross_validate, 10, 1),
     "trial": PaperFigure(replay_trial, 0.1, 0.1),
 }

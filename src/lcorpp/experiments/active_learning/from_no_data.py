@@ -1,0 +1,109 @@
+"""Algorithm 1 from no data at all, beside the same people without any learning."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from lcorpp.decision import Robot, dt_control
+from lcorpp.domains import Domain
+from lcorpp.experiments.active_learning.batches import score_batch
+from lcorpp.experiments.active_learning.run import run_active_learning
+from lcorpp.experiments.active_learning.senses import ActiveLearningOptions, set_up_learning
+from lcorpp.experiments.active_learning.untrained import RandomClassifier
+from lcorpp.experiments.scoring.metrics import Scores
+from lcorpp.experiments.setup import TrainingOptions
+from lcorpp.protocols import Planner
+from lcorpp.reasoning import Reasoner
+from lcorpp.simulation.people import SimulatedSignals
+from lcorpp.simulation.people_stream import DecisionResult, PeopleStream
+from lcorpp.values import ConfusionMatrix, Episode
+
+NONE, HARD, SOFT = "none", "hard", "soft"
+RUNS = (NONE, HARD, SOFT)
+"""Without new data; with the reported labels as certain; with labels weighted by the belief at the report."""
+
+
+@dataclass(frozen=True, eq=False)
+class BatchOutcome:
+    """A batch of decisions and the classifier with which they were made.
+
+    scores: of the decisions; the errors of its `counts` are those of the labels that they add to the data.
+    rules: the confusion matrix in the rules, estimated from the labels reported before.
+    true: the classifier's confusion matrix for the people of this batch, by their true classes.
+    belief: the mean belief in the reported value at the report.
+    """
+
+    scores: Scores
+    rules: ConfusionMatrix
+    true: ConfusionMatrix
+    belief: float
+
+
+def run_from_no_data(
+    domain: Domain, planner: Planner, seed: int, *, run: str, learner: str, batches: int, batch_size: int
+) -> list[BatchOutcome]:
+    """Decide about batches of people, first with a random classifier; all runs of a seed meet the same ones.
+
+    Args:
+        domain: with one sense, whose signals are simulated.
+        run: one of `RUNS`.
+        learner: a name in the table of learners.
+    """
+    if run == NONE:
+        return _decide_without_learning(domain, planner, seed, batches, batch_size)
+    sense = domain.senses[0]
+    options = ActiveLearningOptions(
+        {sense.name: TrainingOptions(learner=learner, tracks=0)},
+        soft_labels=run == SOFT,
+        batch_size=batch_size,
+        epsilon=0,
+        max_batches=batches,
+        seed=seed,
+    )
+    results = run_active_learning(domain, set_up_learning(domain, options), planner, options)
+    return [
+        make_outcome(domain, after.decisions, after.batch.episodes, before.batch.senses[sense.name].confusion)
+        for before, after in pairwise(results)
+    ]
+
+
+def _decide_without_learning(
+    domain: Domain, planner: Planner, seed: int, batches: int, batch_size: int
+) -> list[BatchOutcome]:
+    """Keep the random classifier and its uniform rules; the people are those of `run_active_learning`."""
+    sense = domain.senses[0]
+    classifier = RandomClassifier(sense.classes, seed)
+    rules = classifier.confusion
+    robot = Robot(
+        {sense.name: classifier}, Reasoner(domain.program_for({sense.name: rules})), planner, domain
+    )
+    stream = PeopleStream(domain, {sense.name: SimulatedSignals.from_domain(domain, sense)}, seed)
+    outcomes = []
+    for _ in range(batches):
+        decisions, episodes = list[DecisionResult](), list[Episode]()
+        for _ in range(batch_size):
+            episodes.append(dt_control(robot, *stream.next()))
+            decisions.append(stream.result(episodes[-1]))
+        outcomes.append(make_outcome(domain, decisions, episodes, rules))
+    return outcomes
+
+
+def make_outcome(
+    domain: Domain, decisions: Sequence[DecisionResult], episodes: Sequence[Episode], rules: ConfusionMatrix
+) -> BatchOutcome:
+    """Score the decisions of a batch, their labels and the beliefs behind their reports."""
+    name, true = domain.senses[0].name, np.zeros_like(rules.counts)
+    for decision, episode in zip(decisions, episodes, strict=True):
+        actual, label = domain.class_of(name, decision.actual), str(episode.labels[name])
+        true[rules.classes.index(actual), rules.classes.index(label)] += 1
+    beliefs = [
+        domain.marginal(episode.steps[-1].belief)[episode.report]
+        for episode in episodes
+        if episode.report is not None
+    ]
+    matrix = ConfusionMatrix(rules.classes, true)
+    return BatchOutcome(score_batch(domain, decisions), rules, matrix, float(np.mean(beliefs)))

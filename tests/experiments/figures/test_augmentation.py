@@ -1,0 +1,139 @@
+"""The figure of active data augmentation: known answers with clear tracks, findings that follow numbers."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from lcorpp import load_domain
+from lcorpp.experiments.active_learning.from_no_data import (
+    HARD,
+    NONE,
+    RUNS,
+    SOFT,
+    BatchOutcome,
+    run_from_no_data,
+)
+from lcorpp.experiments.figures.augmentation import BATCHES, make_result
+from lcorpp.experiments.setup import solve_domain
+from lcorpp.planning import Planner
+from lcorpp.planning.policy_cache import find_cache_folder
+from lcorpp.values import ConfusionMatrix
+from tests.experiments.figures.made_up import make_scores
+from tests.experiments.scoring.test_exact_evaluation import TABLE
+
+CLASSES = ("interested", "not_interested")
+SIZES = {"learner": "summaries", "batches": 2, "batch_size": 300}
+
+
+def show_always(people, rng):
+    """Tracks whose direction is the intention."""
+    ahead = np.array([person["intention"] == "interested" for person in people])
+    steps = rng.normal(0, 0.01, size=(len(people), 2, 40))
+    steps[:, 0] += np.where(ahead, 0.05, -0.05)[:, None]
+    return np.cumsum(steps, axis=2)
+
+
+@pytest.fixture(scope="module")
+def found():
+    """Two batches of 300 people whose tracks show the intention, with each run."""
+    domain = load_domain("intention", preset="paper")
+    clear = replace(domain, simulation=replace(domain.simulation, signals={"motion": show_always}))
+    planner = Planner(solve_domain(clear, cache=find_cache_folder()))
+    return {run: run_from_no_data(clear, planner, 3, run=run, **SIZES) for run in RUNS}
+
+
+def test_without_learning_all_batches_are_decided_like_r_and_p(found):
+    _, accuracy, cost, cost_sd, _ = TABLE["paper"]["R+P"]
+    outcomes = found[NONE]
+    counts = sum(outcome.scores.counts for outcome in outcomes)
+    assert np.trace(counts) / 600 == pytest.approx(accuracy, abs=4 * (accuracy * (1 - accuracy) / 600) ** 0.5)
+    means = [outcome.scores.cost.estimate for outcome in outcomes]
+    assert np.mean(means) == pytest.approx(cost, abs=4 * cost_sd / 600**0.5)
+    assert not any(outcome.rules.counts.any() for outcome in outcomes)
+    recall = sum(outcome.true.counts for outcome in outcomes)
+    assert np.trace(recall) / 600 == pytest.approx(0.5, abs=4 * 0.5 / 600**0.5)
+
+
+def test_the_first_batch_is_the_same_in_all_runs(found):
+    first = [found[run][0] for run in RUNS]
+    for other in first[1:]:
+        assert (other.scores.counts == first[0].scores.counts).all()
+        assert other.scores.cost == first[0].scores.cost
+        assert (other.true.counts == first[0].true.counts).all()
+
+
+@pytest.mark.parametrize("run", [HARD, SOFT])
+def test_a_nearly_perfect_classifier_looks_as_bad_as_the_labels_in_the_rules(found, run):
+    """A case that is predicted rightly and reported wrongly counts as an error of the classifier."""
+    first, second = found[run]
+    assert np.trace(second.true.counts) > 290
+    labels = first.scores.counts[:, :2]  # true class by reported class
+    reported = labels[[0, 1], [0, 1]] / labels.sum(axis=0)
+    stated = second.rules.counts[[0, 1], [0, 1]] / second.rules.counts.sum(axis=1)
+    if run == HARD:
+        np.testing.assert_allclose(stated, reported, atol=0.03)  # some predictions are wrong
+    assert (stated < 0.95).all()
+    assert 0.85 < first.belief < 1
+    assert second.rules.counts.sum() == pytest.approx(300)
+    assert second.scores.return_.estimate > found[NONE][1].scores.return_.estimate
+
+
+def make_results(f1, seeds=4):
+    """Made-up results: F1 of each batch by run; a higher F1 goes with a higher return and a lower cost."""
+    jitter = np.random.default_rng(0).uniform(-0.002, 0.002, size=(seeds, BATCHES, len(RUNS)))
+
+    def make(value):
+        scores = make_scores("LCORPP", value, 0.85, 50 - 47 * value, 100 * value)
+        scores = replace(scores, counts=np.array([[40.0, 5, 0], [10, 45.0, 0]]))
+        rules = ConfusionMatrix(CLASSES, np.array([[30.0, 10], [12, 48]]))
+        return BatchOutcome(scores, rules, ConfusionMatrix(CLASSES, np.array([[34.0, 6], [6, 54]])), 0.9)
+
+    return [
+        {run: [make(f1[run][b] + jitter[s, b, r]) for b in range(BATCHES)] for r, run in enumerate(RUNS)}
+        for s in range(seeds)
+    ]
+
+
+RISING = {NONE: (0.81,) * 4, HARD: (0.81, 0.83, 0.85, 0.86), SOFT: (0.81, 0.84, 0.86, 0.88)}
+
+
+def test_findings_hold_where_the_curve_rises():
+    result = make_result(make_results(RISING), "interested")
+    assert [finding.verdict for finding in result.findings] == ["holds"] * 5
+    assert (
+        "Hypothesis IV, F1 rises from the first to the last batch, hard labels: holds (by 0.05"
+        in result.paragraph
+    )
+    assert (
+        "reported as interested 20.0% are not in the first batch, 20.0% in the last; of" in result.paragraph
+    )
+    assert "The mean belief in its reports is 0.900, and 0.850 of them are right" in result.paragraph
+    assert "interested 0.74 (true 0.84), not_interested 0.80 (true 0.89)" in result.paragraph
+    rows = {(row["run"], row["batch"]): row for row in result.table}
+    assert len(rows) == 12
+    assert rows[HARD, 4]["label_error_interested"] == pytest.approx(0.2)
+    assert rows[HARD, 4]["recall_in_rules_interested"] == pytest.approx(30.5 / 41)
+
+
+def test_findings_fail_where_it_falls_and_are_open_where_nothing_changes():
+    falling = RISING | {HARD: (0.86, 0.85, 0.83, 0.8), SOFT: (0.81,) * 4}
+    hard, hard_gain, soft, soft_gain, better = make_result(make_results(falling), "interested").findings
+    assert (hard.verdict, hard_gain.verdict) == ("does not hold", "does not hold")
+    assert (soft.verdict, soft_gain.verdict) == ("is not decided", "is not decided")
+    assert better.verdict == "holds"
+
+
+def test_far_published_numbers_are_those_of_another_run():
+    far = make_result(make_results(RISING), "interested").deviations
+    assert [row.what for row in far] == [f"batch {b}, {m}" for m in ("F1", "cost") for b in (1, 2, 3)]
+    assert far[2].in_standard_errors < -3
+    assert "the published run is another" in far[2].reason
+    assert all("of another run, four times" in row.reason for row in far[3:])
+
+
+@pytest.mark.parametrize(("layout", "size"), [("wide", (7.2, 5.8)), ("column", (3.5, 11.2))])
+def test_the_figure_has_a_line_for_each_run(layout, size):
+    figure = make_result(make_results(RISING), "interested").draw(layout)
+    assert tuple(figure.get_size_inches()) == pytest.approx(size)
+    assert [len(axes.containers) for axes in figure.axes] == [3, 4, 3, 3]
