@@ -12,7 +12,7 @@ from lcorpp.decision import STRATEGIES, Robot, Strategy
 from lcorpp.domains import load_domain
 from lcorpp.errors import DecisionError, NoReportError
 from lcorpp.experiments.comparison import ComparisonOptions, compare_strategies
-from lcorpp.experiments.scoring import decision_nodes, episode_sums
+from lcorpp.experiments.scoring import decision_nodes, episode_sums, episode_totals
 from lcorpp.experiments.scoring.exact_evaluation import evaluate_exactly
 from lcorpp.experiments.scoring.part_state import NoKeyError, make_state_key
 from lcorpp.experiments.scoring.trial_chunks import Experiment
@@ -293,6 +293,7 @@ def test_unlikely_episodes_are_dropped_with_bounds(intention, monkeypatch):
     domain, robot, channels = intention
     rows = find_strategies(["R+P", "LCORPP"])
     exact = evaluate_exactly(domain, robot, channels, rows)
+    monkeypatch.setattr(episode_totals, "MAX_SIZE", 0)
     monkeypatch.setattr(episode_sums, "MAX_POINTS", 1000)
     for full, part in zip(exact, evaluate_exactly(domain, robot, channels, rows), strict=True):
         for name, interval in part.metrics.items():

@@ -10,6 +10,7 @@ from lcorpp import planning
 from lcorpp.decision import STRATEGIES, Robot
 from lcorpp.domains import load_domain
 from lcorpp.errors import DomainError
+from lcorpp.experiments.scoring import episode_totals
 from lcorpp.experiments.scoring.exact_evaluation import evaluate_exactly
 from lcorpp.experiments.scoring.metrics import Scores
 from lcorpp.experiments.scoring.trial_chunks import Experiment
@@ -83,6 +84,19 @@ def test_simulation_agrees_with_enumeration(preset):
 def test_probabilities_of_an_enumeration_sum_to_one():
     for scores in exactly("authors").values():
         assert np.sum(scores.counts) == pytest.approx(1, abs=1e-8)
+
+
+@pytest.mark.parametrize("preset", TABLE)
+def test_totals_of_the_further_actions_equal_the_sums_step_by_step(preset, monkeypatch):
+    """Branches below 1e-12 are pruned step by step, and their number is some hundreds."""
+    monkeypatch.setattr(episode_totals, "MAX_SIZE", 0)
+    domain, robot, channels = parts(preset)
+    for scores in evaluate_exactly(domain, robot, channels, STRATEGIES):
+        other = exactly(preset)[scores.strategy]
+        np.testing.assert_allclose(scores.counts, other.counts, atol=1e-9)
+        assert scores.cost.estimate == pytest.approx(other.cost.estimate, abs=1e-7)
+        assert scores.cost_sd == pytest.approx(other.cost_sd, abs=1e-6)
+        assert scores.return_.estimate == pytest.approx(other.return_.estimate, abs=1e-7)
 
 
 def test_return_is_report_reward_minus_cost():

@@ -32,6 +32,9 @@ class DecisionGraph:
         self._actions: list[int] = []
         self._children: dict[int, int] = {}  # node * number of observations + observation -> node
 
+    def __len__(self) -> int:
+        return len(self._found)
+
     def find_number(self, node: Hashable) -> int:
         """Return the number of a node; the robot decides at it if it is new."""
         number = self._numbers.get(node)
@@ -49,6 +52,11 @@ class DecisionGraph:
         """Return the index of the action at each node; `ENDED` where there is none."""
         actions = self._actions
         return np.array([actions[node] for node in nodes.tolist()], np.intp)
+
+    def list_known_children(self, nodes: Indices, observation: int) -> Indices:
+        """Return the node after the action at each node and an observation; -1 if it was not reached yet."""
+        keys = (nodes * len(self._pomdp.observations) + observation).tolist()
+        return np.array([self._children.get(key, -1) for key in keys], np.intp)
 
     def find_children(self, nodes: Indices, observations: Indices) -> Indices:
         """Return the node after the action at each node and an observation.

@@ -47,7 +47,6 @@ class BeliefNodes:
 
     def __init__(self, domain: Domain, robot: Robot, *, digits: int | None = None) -> None:
         self._domain, self._robot, self._digits = domain, robot, digits
-        self.find_action, self.extend = cache(self._find_action), cache(self._extend)
 
     def root(self, context: Mapping[str, str], labels: Mapping[str, Label]) -> Hashable:
         marginal = self._robot.reasoner.posterior(self._domain.shared, self._domain.evidence(context, labels))
@@ -56,11 +55,11 @@ class BeliefNodes:
     def describe(self, node: bytes) -> str:
         return f"the prior {self._domain.marginal(np.frombuffer(node))}"
 
-    def _find_action(self, node: bytes) -> str | None:
+    def find_action(self, node: bytes) -> str | None:
         belief = np.frombuffer(node)
         return None if self._domain.is_terminal(belief) else self._robot.planner.action(belief)
 
-    def _extend(self, node: bytes, action: str, observation: str) -> bytes:
+    def extend(self, node: bytes, action: str, observation: str) -> bytes:
         after = self._robot.planner.update(np.frombuffer(node), action, observation)
         return (after if self._digits is None else np.round(after, self._digits)).tobytes()
 

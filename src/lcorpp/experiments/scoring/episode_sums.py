@@ -8,15 +8,15 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-from scipy.sparse import csr_array
+import numpy.typing as npt
 
 from lcorpp.decision.dt_control import MAX_STEPS
-from lcorpp.domains import Domain
 from lcorpp.errors import NoReportError
-from lcorpp.experiments.scoring.decision_graph import ENDED, DecisionGraph, Indices, index_reports
+from lcorpp.experiments.scoring.decision_graph import ENDED, DecisionGraph, Indices
+from lcorpp.experiments.scoring.episode_model import EpisodeModel
+from lcorpp.experiments.scoring.episode_totals import find_total_moments
 from lcorpp.values import Array, Interval
 
 MIN_PROBABILITY = 1e-12
@@ -29,9 +29,6 @@ The less likely episodes are dropped."""
 
 MAX_ENTRIES = 4_000_000
 """Maximum number of entries after the same number of actions, times three numbers of 8 bytes."""
-
-DENSE_PAIRS = 64
-"""Transitions between at most this many pairs are dense matrices, which are faster."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,59 +60,6 @@ class EpisodeSums:
             return Interval.exact(known)
         low, high = known + rest[0], known + rest[1]
         return Interval(min(max(known / (1 - share), low), high), low, high, confidence=1.0)
-
-
-class EpisodeModel:
-    """The true dynamics of a domain on pairs (true value, hidden state), as far as they can be reached.
-
-    starts: (V, J) probability of each pair before the first action, given the true value.
-    transition[a]: (J, J). feedback[a]: the k observations that may follow, and (k, J) their probabilities,
-    after the action. reward: (A + 1, J); the last row, of no action, is 0. values: (J,) index of the true
-    value. reports: (A + 1,) as of `index_reports`, V for no action.
-    """
-
-    def __init__(self, domain: Domain) -> None:
-        pomdp, planning = domain.pomdp, domain.planning
-        self.n_values = len(domain.values)
-        reports = index_reports(domain)
-        self.reports = np.append(reports, self.n_values)
-        asking = np.flatnonzero(reports == self.n_values).tolist()
-        pairs = {(v, s): j for j, (v, s) in enumerate(zip(*np.nonzero(planning.initial_states), strict=True))}
-        entries: dict[int, list[tuple[int, int, float]]] = {a: [] for a in asking}
-        waiting = list(pairs)
-        for v, s in waiting:  # grows
-            for a in asking:
-                states, probabilities = pomdp.transition.row(a, s)
-                for after, p in zip(states.tolist(), probabilities.tolist(), strict=True):
-                    if (v, after) not in pairs:
-                        pairs[v, after] = len(pairs)
-                        waiting.append((v, after))
-                    entries[a].append((pairs[v, s], pairs[v, after], p))
-        size = len(pairs)
-        self.values, states = np.array(list(pairs), np.intp).T
-        self.starts = np.zeros((self.n_values, size))
-        self.starts[self.values, np.arange(size)] = planning.initial_states[self.values, states]
-        self.reward = np.vstack([pomdp.reward[:, states], np.zeros(size)])
-        self.transition = {a: _make_matrix(triples, size) for a, triples in entries.items()}
-        self.feedback = {}
-        for a in asking:
-            rows = domain.simulation.feedback_model[a, states]
-            possible = np.flatnonzero(rows.any(axis=0))
-            self.feedback[a] = possible, rows[:, possible].T.copy()
-        ask_rewards = self.reward[asking] if asking else np.zeros((1, size))
-        end_rewards = self.reward[:-1][reports < self.n_values]
-        self.step_range = min(0.0, float(ask_rewards.min())), max(0.0, float(ask_rewards.max()))
-        self.end_range = min(0.0, float(end_rewards.min())), max(0.0, float(end_rewards.max()))
-
-
-def _make_matrix(entries: Sequence[tuple[int, int, float]], size: int) -> Any:
-    """Return a square matrix of (row, column, weight); dense if it is small, which is faster."""
-    rows, columns, weights = zip(*entries, strict=True)
-    if size > DENSE_PAIRS:
-        return csr_array((weights, (rows, columns)), shape=(size, size))
-    matrix = np.zeros((size, size))
-    matrix[rows, columns] = weights
-    return matrix
 
 
 class _Sums:
@@ -179,7 +123,7 @@ def sum_episodes(
     points, max_width = 0, max(1, MAX_ENTRIES // len(model.values))
     for step in range(MAX_STEPS + 1):
         actions = graph.find_actions(nodes)
-        ends = (model.reports[actions] < model.n_values) | (actions == ENDED)
+        ends = _find_ends(model, actions)
         if ends.any():
             sums.end(owners[ends], moments[ends], actions[ends])
         sources, observations, parts = [nodes[:0]], [nodes[:0]], [moments[:0]]
@@ -206,13 +150,27 @@ def sum_episodes(
             source, observation, moments = source[kept], observation[kept], moments[kept]
         points += len(source)
         progress(100 - round(100 * float(moments[:, 0].sum()) / count), 100)
-        children = graph.find_children(nodes[source], observation)
+        n_known, children = len(graph), graph.find_children(nodes[source], observation)
         nodes, owners, moments = _merge(children * count + owners[source], moments, count)
+        if len(graph) == n_known:
+            total = find_total_moments(model, graph, nodes, owners, moments, count)
+            if total is not None:
+                nodes, owners = np.divmod(np.arange(len(graph) * count), count)
+                actions = graph.find_actions(nodes)
+                ends = _find_ends(model, actions)
+                sums.end(owners[ends], total.reshape(-1, *total.shape[2:])[ends], actions[ends])
+                return sums.list_sums()
     owner, node = int(owners[source[0]]), int(nodes[source[0]])
     root = graph.describe_root([first for first, k in roots if k == owner], node)
     raise NoReportError(
         f"{names[owner]}: no report after {MAX_STEPS} actions; the policy does not report from {root}"
     )
+
+
+def _find_ends(model: EpisodeModel, actions: Indices) -> npt.NDArray[np.bool_]:
+    """Return whether a decision ends with each action, (n,)."""
+    ends: npt.NDArray[np.bool_] = (model.reports[actions] < model.n_values) | (actions == ENDED)
+    return ends
 
 
 def _add_cost(moments: Array, cost: Array) -> Array:

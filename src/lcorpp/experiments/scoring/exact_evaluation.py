@@ -20,7 +20,8 @@ from lcorpp.experiments.scoring import episode_sums
 from lcorpp.experiments.scoring.decision_graph import DecisionGraph
 from lcorpp.experiments.scoring.decision_nodes import BeliefNodes, DecisionNodes, HistoryNodes
 from lcorpp.experiments.scoring.differences import add_differences
-from lcorpp.experiments.scoring.episode_sums import EpisodeModel, EpisodeSums
+from lcorpp.experiments.scoring.episode_model import EpisodeModel
+from lcorpp.experiments.scoring.episode_sums import EpisodeSums
 from lcorpp.experiments.scoring.metrics import Scores, score_probabilities
 from lcorpp.reasoning import Reasoner
 from lcorpp.simulation.simulated_classifier import NoisyChannel
