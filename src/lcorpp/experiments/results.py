@@ -227,11 +227,15 @@ def _make_row(scores: Scores) -> dict[str, str | float]:
 
 
 def _describe_difference(difference: Difference | None) -> dict[str, Any] | None:
-    """Return what the reference strategy costs and returns more, with paired intervals; None for itself."""
+    """Return how much higher the reference's scores are, with paired intervals; None for itself."""
     if difference is None:
         return None
     cells: dict[str, Any] = {"reference": difference.reference}
-    for name, interval in (("cost", difference.cost), ("return", difference.return_)):
+    for name, interval in (
+        ("f1", difference.f1),
+        ("cost", difference.cost),
+        ("return", difference.return_),
+    ):
         cells |= {name: interval.estimate, f"{name}_low": interval.low, f"{name}_high": interval.high}
     return cells
 

@@ -43,10 +43,11 @@ def make_evaluation(
     pairs = [(a, b) for a in scores for b in scores if a != b]
     paired = {
         (a, b): {
-            metric: Interval(d, d - 10 * half, d + 10 * half)
-            for metric, d in (
-                ("cost", scores[a][2] - scores[b][2]),
-                ("return", scores[a][3] - scores[b][3]),
+            metric: Interval(d, d - scale * half, d + scale * half)
+            for metric, d, scale in (
+                ("f1", scores[a][0] - scores[b][0], 1),
+                ("cost", scores[a][2] - scores[b][2], 10),
+                ("return", scores[a][3] - scores[b][3], 10),
             )
         }
         for a, b in pairs

@@ -63,7 +63,8 @@ def test_findings_fail_where_the_order_is_another():
         "LCORPP > R+P > P in return, preset paper: does not hold (paired: LCORPP - R+P -1.00"
     )
     assert costs.verdict == "holds"
-    assert (f1.verdict, f1.evidence) == ("does not hold", "exact: LCORPP 0.850, next R+P 0.900")
+    assert f1.verdict == "does not hold"
+    assert f1.evidence == "paired: LCORPP - R+P -0.050 [-0.060, -0.040], exact -0.050"
 
 
 def test_findings_are_open_where_an_interval_contains_zero():

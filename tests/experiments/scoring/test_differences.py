@@ -5,7 +5,7 @@ import pytest
 
 from lcorpp.domains import load_domain
 from lcorpp.experiments import ComparisonOptions, compare_strategies
-from lcorpp.experiments.scoring.differences import add_differences, find_reference
+from lcorpp.experiments.scoring.differences import add_differences, find_reference, linearise_f1
 from lcorpp.experiments.scoring.metrics import score_decisions
 from lcorpp.values import Z95
 
@@ -77,3 +77,44 @@ def test_paired_intervals_cover_the_true_difference_in_95_of_100_samples():
         independent += sum(row.cost.high - row.cost.low for row in rows)
     assert 922 <= hits <= 978
     assert width < independent / 4
+
+
+def draw_decisions(rng, people=400):
+    """Return truths (n,) and reports (n, 2) of two classifiers that are wrong about the same people."""
+    truth = (rng.random(people) < 0.4).astype(np.intp)
+    shared = rng.random(people)
+    reported = [np.where(shared < error, 1 - truth, truth) for error in (0.3, 0.2)]
+    return truth, np.stack(reported, axis=1)
+
+
+@pytest.mark.parametrize("positive", ["yes", None])
+def test_the_mean_of_linearised_f1_is_f1(positive):
+    truth, reported = draw_decisions(np.random.default_rng(0))
+    counts = np.zeros((2, 3))
+    np.add.at(counts, (truth, reported[:, 0]), 1)
+    values = ("no", "yes")
+    expected = score_decisions("L", counts, np.zeros(1), np.zeros(1), values=values, positive=positive).f1
+    found = linearise_f1(truth, reported[:, 0], values, positive)
+    assert found.mean() == pytest.approx(expected.estimate, abs=1e-12)
+
+
+def test_a_class_that_never_occurs_has_f1_of_zero():
+    zeros = np.zeros(5, np.intp)
+    assert linearise_f1(zeros, zeros, ("no", "yes"), "yes").tolist() == [0] * 5
+
+
+def test_paired_intervals_of_f1_cover_the_true_difference():
+    """F1 = 2 * .4 * (1 - e) / (.4 + .4 (1 - e) + .6 e) for an error rate e; 1000 samples, as above."""
+    rng = np.random.default_rng(4)
+    first, second = (0.8 * (1 - e) / (0.4 + 0.4 * (1 - e) + 0.6 * e) for e in (0.3, 0.2))
+    hits, width, independent = 0, 0.0, 0.0
+    for _ in range(1000):
+        truth, reported = draw_decisions(rng)
+        f1 = np.stack([linearise_f1(truth, column, ("no", "yes"), "yes") for column in reported.T], axis=1)
+        rows = [score(name, np.zeros(1), np.zeros(1)) for name in ("P", "R+P")]
+        found = add_differences(rows, np.zeros((1, 2)), np.zeros((1, 2)), f1)[0].difference.f1
+        hits += found.low <= second - first <= found.high
+        width += found.high - found.low
+        independent += sum(2 * Z95 * column.std() / 20 for column in f1.T)
+    assert 922 <= hits <= 978
+    assert width < 0.6 * independent

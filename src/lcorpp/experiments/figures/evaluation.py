@@ -37,10 +37,7 @@ class Evaluation:
     paired: Mapping[tuple[str, str], Mapping[str, Interval]]
 
     def find_difference(self, metric: str, strategy: str, other: str) -> Interval:
-        """Return the mean "cost" or "return" of a strategy minus that of another, with paired interval.
-
-        The estimate is the simulated one; `exact` has the true value.
-        """
+        """Return the simulated "f1", "cost" or "return" of a strategy minus another's, with interval."""
         return self.paired[strategy, other][metric]
 
     def make_rows(self, **columns: str) -> list[Row]:
@@ -140,6 +137,7 @@ def _list_differences(comparison: Comparison) -> dict[tuple[str, str], dict[str,
     """Return (reference, strategy) -> metric -> difference."""
     return {
         (row.difference.reference, row.strategy): {
+            "f1": row.difference.f1,
             "cost": row.difference.cost,
             "return": row.difference.return_,
         }

@@ -82,7 +82,7 @@ class FigureRun:
         try:
             with self.remaining.measure(name):
                 result = FIGURES[name].make(self._options, self._display(name, progress))
-            store_figure(self._folder, result, self._options, self._clock() - began)
+                store_figure(self._folder, result, self._options, self._clock() - began)
         except KeyboardInterrupt:
             names = ", ".join(self._finished)
             kept = f"kept in {self._folder}: {names}" if names else "no figure is finished"

@@ -80,14 +80,14 @@ def _judge(scores: Evaluation) -> list[Finding]:
             f"{a} - {b} {difference:.2f}" for (a, b), difference in zip(steps, differences, strict=True)
         )
         findings.append(Finding(f"{claim}, preset {scores.setting}", judge(directed), f"paired: {numbers}"))
-    best = scores.exact["LCORPP"].f1.estimate
-    others = {name: row.f1.estimate for name, row in scores.exact.items() if name != "LCORPP"}
-    second = max(others, key=others.__getitem__)
+    gains = {name: scores.find_difference("f1", "LCORPP", name) for name in scores.exact if name != "LCORPP"}
+    closest = min(gains, key=lambda name: gains[name].estimate)
+    exact = scores.exact["LCORPP"].f1.estimate - scores.exact[closest].f1.estimate
     findings.append(
         Finding(
             f"Hypothesis I, LCORPP has the highest F1 score, preset {scores.setting}",
-            judge([Interval.exact(best - value) for value in others.values()]),
-            f"exact: LCORPP {best:.3f}, next {second} {others[second]:.3f}",
+            judge(list(gains.values())),
+            f"paired: LCORPP - {closest} {gains[closest]:.3f}, exact {exact:+.3f}",
         )
     )
     return findings

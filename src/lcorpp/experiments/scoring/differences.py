@@ -4,10 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
+
+import numpy as np
 
 from lcorpp.decision import STRATEGIES
 from lcorpp.experiments.scoring.metrics import Difference, Scores, compute_mean_interval
-from lcorpp.values import Array
+from lcorpp.values import Array, SharedValue
+
+Indices = np.ndarray[Any, np.dtype[np.intp]]
 
 
 def find_reference(names: Sequence[str]) -> str:
@@ -20,8 +25,10 @@ def find_reference(names: Sequence[str]) -> str:
     return shipped[-1] if shipped else names[-1]
 
 
-def add_differences(scores: Sequence[Scores], cost: Array, return_: Array) -> list[Scores]:
-    """Return the scores with what the reference strategy costs and returns more than each of them.
+def add_differences(
+    scores: Sequence[Scores], cost: Array, return_: Array, f1: Array | None = None
+) -> list[Scores]:
+    """Return the scores with how much higher those of the reference strategy are than each of them.
 
     All strategies decide about the same people, so a difference is the mean of the differences of single
     people, and its interval is that of this mean: it is narrower than the intervals of the two means suggest.
@@ -29,9 +36,12 @@ def add_differences(scores: Sequence[Scores], cost: Array, return_: Array) -> li
     Args:
         scores: k strategies.
         cost, return_: (n, k) of n people; one row of exact means has intervals of zero width.
+        f1: (n, k) linearised F1 scores of n people, see `linearise_f1`; None takes those of exact scores.
     """
     if len(scores) < 2:
         return list(scores)
+    if f1 is None:
+        f1 = np.array([[row.f1.estimate for row in scores]])
     names = [row.strategy for row in scores]
     reference = find_reference(names)
     r = names.index(reference)
@@ -42,9 +52,32 @@ def add_differences(scores: Sequence[Scores], cost: Array, return_: Array) -> li
             row,
             difference=Difference(
                 reference,
-                compute_mean_interval(cost[:, r] - cost[:, k]),
-                compute_mean_interval(return_[:, r] - return_[:, k]),
+                *(compute_mean_interval(values[:, r] - values[:, k]) for values in (cost, return_, f1)),
             ),
         )
         for k, row in enumerate(scores)
     ]
+
+
+def linearise_f1(
+    truth: Indices, reported: Indices, values: Sequence[SharedValue], positive: str | None
+) -> Array:
+    """Return a number for each of n decisions, whose mean is the F1 score and whose spread is that of F1.
+
+    F1 = 2 sum(h) / sum(t + r), with h, t, r = 1 where a decision is a hit, truly positive, reported as
+    positive. To first order it deviates as the mean of (2h - F1 (t + r)) / mean(t + r) does, the delta
+    method, so that the interval of a mean is that of F1, and paired differences are those of means.
+
+    Args:
+        truth, reported: (n,) indices of the true and the reported values.
+        positive: the positive class; None takes the macro average over all values, as in `score_decisions`.
+    """
+    classes = range(len(values)) if positive is None else [list(values).index(positive)]
+    result = np.zeros(len(truth))
+    for i in classes:
+        is_true, is_reported = truth == i, reported == i
+        hits, both = 2.0 * (is_true & is_reported), 1.0 * is_true + is_reported
+        if both.any():
+            f1 = hits.sum() / both.sum()
+            result += f1 + (hits - f1 * both) / both.mean()
+    return result / len(classes)

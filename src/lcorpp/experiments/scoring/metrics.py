@@ -19,14 +19,15 @@ METRICS = ("f1", "precision", "recall", "accuracy", "cost", "return")
 
 @dataclass(frozen=True)
 class Difference:
-    """The mean of what a reference strategy costs and returns more than another, with paired intervals.
+    """How much higher the scores of a reference strategy are than another's, with paired intervals.
 
-    reference: its name. cost, return_: the reference's minus the other's, as in `Scores`.
+    reference: its name. cost, return_, f1: the reference's minus the other's, as in `Scores`.
     """
 
     reference: str
     cost: Interval
     return_: Interval
+    f1: Interval
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,7 +12,7 @@ from joblib import Parallel, delayed
 
 from lcorpp.errors import DecisionError, check_type
 from lcorpp.experiments.decision_log import DecisionLog
-from lcorpp.experiments.scoring.differences import add_differences
+from lcorpp.experiments.scoring.differences import add_differences, linearise_f1
 from lcorpp.experiments.scoring.metrics import Scores, score_decisions
 from lcorpp.experiments.scoring.trial_chunks import (
     CHUNK_SIZE,
@@ -158,4 +158,7 @@ def _score_trials(experiment: Experiment, results: Trials) -> list[Scores]:
                 variables=domain.reasoning.shared,
             )
         )
-    return add_differences(scores, cost, return_)
+    f1 = np.empty_like(cost)
+    for k in range(len(scores)):
+        f1[:, k] = linearise_f1(results["truth"], results["reported"][:, k], domain.values, domain.positive)
+    return add_differences(scores, cost, return_, f1)
