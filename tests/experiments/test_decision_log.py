@@ -17,7 +17,7 @@ from lcorpp.experiments.comparison import ComparisonOptions, compare_strategies
 from lcorpp.experiments.decision_log import DecisionLog, LoggedDecision, format_decision, read_log
 from lcorpp.experiments.replay import ChangedPart, ReplayedDecision, compare, replay_log
 from lcorpp.experiments.robot_parts import ClassifierPart, RobotParts, find_fingerprint, read_parts
-from lcorpp.experiments.scoring import trials
+from lcorpp.experiments.scoring import trial_chunks
 from lcorpp.experiments.setup import make_program, solve_domain
 from lcorpp.experiments.strategies.baselines import find_strategies
 from lcorpp.planning import read_policy, write_policy
@@ -60,7 +60,7 @@ class Fixed:
 
 def decide(parts: RobotParts, label, context) -> Episode:
     robot = replace(parts.robot, classifiers={"heading": Fixed(label)})
-    return trials.dt_control(robot, Instance({"heading": np.zeros((2, 4))}, context), Yes())
+    return trial_chunks.dt_control(robot, Instance({"heading": np.zeros((2, 4))}, context), Yes())
 
 
 def write_log(path: Path, folder: Path, **options) -> list[dict]:
@@ -145,26 +145,26 @@ def test_a_log_does_not_change_the_scores(tmp_path):
 
 def test_an_interrupt_keeps_the_decisions_of_the_complete_trials(tmp_path, monkeypatch):
     whole = write_log(tmp_path / "whole", ROOMS, trials=200)
-    honest, calls = trials.dt_control, itertools.count(1)
+    honest, calls = trial_chunks.dt_control, itertools.count(1)
 
     def interrupt(robot, instance, world):
         if next(calls) > 130 * 6 + 4:
             raise KeyboardInterrupt
         return honest(robot, instance, world)
 
-    monkeypatch.setattr(trials, "dt_control", interrupt)
+    monkeypatch.setattr(trial_chunks, "dt_control", interrupt)
     assert write_log(tmp_path / "part", ROOMS, trials=200) == whole[: 130 * 6]
 
 
 def test_an_error_keeps_the_decisions_before_it(tmp_path, monkeypatch):
-    honest, calls = trials.dt_control, itertools.count(1)
+    honest, calls = trial_chunks.dt_control, itertools.count(1)
 
     def fail(robot, instance, world):
         if next(calls) > 12:
             raise DecisionError("the robot is broken")
         return honest(robot, instance, world)
 
-    monkeypatch.setattr(trials, "dt_control", fail)
+    monkeypatch.setattr(trial_chunks, "dt_control", fail)
     with pytest.raises(DecisionError, match="broken"):
         write_log(tmp_path / "log", ROOMS)
     assert len(read_lines(tmp_path / "log")) == 12
