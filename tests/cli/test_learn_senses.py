@@ -127,6 +127,13 @@ def test_a_sense_that_no_report_labels_stays_as_it_is(lcorpp):
     assert "batch 1: 64 tracks; recall: directions" in ended.out
 
 
+def test_a_sense_that_stays_as_it_is_is_trained_though_the_others_begin_without_data(lcorpp):
+    few = ("--tracks", 0, "--batch-size", 4, "--max-batches", 1, "--jobs", 1, "--labels", "soft")
+    ended = lcorpp("learn", "museum", "--learner", "motion=summaries", "--learner", "gaze=logistic", *few)
+    assert "gaze stays as it is:\nclassifier of gaze: logistic, five-fold" in ended.out
+    assert "batch 1: 4 tracks; random labels" in ended.out
+
+
 @pytest.mark.parametrize(
     ("options", "words"),
     [

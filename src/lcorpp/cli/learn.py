@@ -131,6 +131,7 @@ def learn(
     from lcorpp.experiments.setup import (
         EvidenceOptions,
         ReadingOptions,
+        TrainingOptions,
         explain_missing_reports,
         solve_domain,
     )
@@ -154,6 +155,10 @@ def learn(
     for name, training in learning.items():
         if training.tracks is None and not (training.data or loaded.find_sense(name).data):
             sources[name] = replace(training, tracks=TRACKS)
+    if tracks == 0:  # the other senses are trained now, on the number of tracks of the domain
+        for name, source in sources.items():
+            if name not in learning and isinstance(source, TrainingOptions):
+                sources[name] = replace(source, tracks=None)
     chosen = ActiveLearningOptions(
         sources,
         EvidenceOptions(choose_soft_senses(loaded, sources, evidence or [])),

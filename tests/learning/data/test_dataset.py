@@ -40,6 +40,8 @@ def test_append_of_no_rows_changes_nothing():
 def test_data_of_a_single_class_are_an_error():
     with pytest.raises(DataError, match="all 3 cases are of class 'a'"):
         check_trainable(small("aaa"))
+    with pytest.raises(DataError, match="there are no tracks; at least two classes are needed"):
+        check_trainable(small("ab").take([]))
 
 
 @pytest.mark.parametrize("value", [np.nan, np.inf])

@@ -33,8 +33,8 @@ class PaperFigure:
 FIGURES: Mapping[str, PaperFigure] = {
     "strategies": PaperFigure(compare_six, 14, 4),
     "knowledge": PaperFigure(vary_knowledge, 40, 10),
-    "partial": PaperFigure(compare_parts, 20, 8),
-    "augmentation": PaperFigure(augment_from_no_data, 60, 12),
+    "partial": PaperFigure(compare_parts, 38, 8),
+    "augmentation": PaperFigure(augment_from_no_data, 65, 24),
     "confusion": PaperFigure(cross_validate, 10, 1),
     "trial": PaperFigure(replay_trial, 0.1, 0.1),
 }

@@ -61,6 +61,8 @@ def check_trainable(dataset: Dataset, *, folds: int = 1) -> None:
         DataError: fewer than two classes, a class in fewer groups than folds, a number that is not finite,
             tracks of fewer than two points, or identical cases only.
     """
+    if not len(dataset):
+        raise DataError(f"there are no {dataset.unit}; at least two classes are needed")
     signals = check_signals(dataset.trajectories)
     classes = sorted(set(dataset.labels))
     if len(classes) < 2:
