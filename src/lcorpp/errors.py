@@ -89,6 +89,10 @@ class NoReportError(DecisionError):
     """A decision in which the policy never reports a value."""
 
 
+class WorkerError(LcorppError):
+    """Worker processes that end before their work is done, or a cluster that cannot be reached."""
+
+
 def expected_one_of(names: Collection[str], limit: int = 12) -> str:
     """Return the end of a message: ``expected one of a, b, c``, with at most `limit` names."""
     listed = ", ".join(str(name) for name in islice(names, limit))

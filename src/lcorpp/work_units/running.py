@@ -1,0 +1,82 @@
+"""Evaluate work units with joblib: in processes, on a Dask cluster, or with a backend that the caller chose."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import closing, nullcontext
+from typing import TypeVar
+
+from joblib import Parallel, delayed
+from joblib.externals.loky.process_executor import BrokenProcessPool
+
+from lcorpp.errors import LcorppError, WorkerError
+from lcorpp.log_output import find_log_level, show_log
+from lcorpp.work_units.cluster import connect
+from lcorpp.workers import ignore_sigint
+
+LOG = logging.getLogger(__name__)
+
+MAX_LOSSES = 3
+"""Number of times in a row that worker processes may end before one of the units that were left is done."""
+
+Unit = TypeVar("Unit")
+Result = TypeVar("Result")
+
+
+def evaluate_units(
+    function: Callable[[Unit], Result],
+    units: Mapping[str, Unit],
+    *,
+    jobs: int | None = None,
+    cluster: str | None = None,
+) -> Iterator[tuple[str, Result]]:
+    """Evaluate a function on each unit, and yield its key and result as soon as it is done, in any order.
+
+    A unit whose worker process is lost, e.g. killed, is evaluated again.
+
+    Args:
+        function: pure, and defined in a module, since other processes evaluate it.
+        units: key -> argument.
+        jobs: processes; None takes joblib's active configuration (`joblib.parallel_config`), by default this
+            process alone.
+        cluster: address of a Dask scheduler, whose workers take the place of processes.
+
+    Raises:
+        WorkerError: worker processes end again and again, the cluster cannot be reached, or it went away.
+        LcorppError: the function raised it for a unit.
+    """
+    left, losses = dict(units), 0
+    with connect(cluster) if cluster is not None else nullcontext():
+        while left:
+            calls = (delayed(_evaluate)(find_log_level(), function, *item) for item in list(left.items()))
+            try:
+                with ignore_sigint():  # what is started here inherits it
+                    started = Parallel(n_jobs=jobs, return_as="generator_unordered", batch_size=1)(calls)
+                with closing(started):
+                    for key, result in started:
+                        losses = 0
+                        del left[key]
+                        if isinstance(result, LcorppError):
+                            raise result
+                        yield key, result
+            except BrokenProcessPool:
+                losses += 1
+                LOG.info("a worker process ended; its units are evaluated again")
+                if losses == MAX_LOSSES:
+                    raise WorkerError(
+                        f"worker processes ended {MAX_LOSSES} times in a row with {len(left)} units left,"
+                        " perhaps for lack of memory; expected fewer processes"
+                    ) from None
+
+
+def _evaluate(
+    level: int, function: Callable[[Unit], Result], key: str, unit: Unit
+) -> tuple[str, Result | LcorppError]:
+    """Evaluate a unit; a typed error is a result, which every backend returns."""
+    if level < logging.WARNING:
+        show_log(level)
+    try:
+        return key, function(unit)
+    except LcorppError as error:
+        return key, error
