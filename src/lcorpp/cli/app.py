@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from lcorpp.cli import ask, check, figures, fit, learn, new, replay, run, show, simulate, solve
+from lcorpp.cli import ask, check, figures, fit, learn, new, replay, run, show, simulate, solve, sweep
 from lcorpp.cli.data.commands import app as data_app
 from lcorpp.cli.explanation import explain
 from lcorpp.log_output import show_log
@@ -30,6 +30,7 @@ app.command()(simulate.simulate)
 app.command()(show.show)
 app.command()(learn.learn)
 app.command()(new.new)
+app.command()(sweep.sweep)
 app.command()(replay.replay)
 app.command()(check.check)
 app.add_typer(data_app)

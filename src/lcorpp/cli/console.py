@@ -137,6 +137,12 @@ def print_probability(name: str, probability: float, width: int) -> None:
     _console("out").print(Text.assemble(f"     {name:<{width}}  {probability:8.6f}  ", bar))
 
 
+def format_time(seconds: float) -> str:
+    """Return minutes and seconds, 2:05."""
+    minutes, rest = divmod(round(seconds), 60)
+    return f"{minutes}:{rest:02}"
+
+
 def format_bar(share: float, width: int = 30) -> str:
     """Return a bar of at most `width` characters, in steps of an eighth of a character."""
     eighths = round(share * width * 8)

@@ -42,7 +42,7 @@ def figures(
     from lcorpp.experiments.figures.registry import find_figures
     from lcorpp.experiments.figures.result import FigureOptions
     from lcorpp.experiments.figures.running import FigureRun
-    from lcorpp.experiments.figures.storage import has_parquet
+    from lcorpp.experiments.tables import has_parquet
 
     chosen = FigureOptions(fast, seed, console.count_processes(jobs), trials)
     names = find_figures(name or [])
@@ -54,18 +54,12 @@ def figures(
 
     def describe_remaining() -> str:
         parts = ((run.remaining.step_seconds, "of this step"), (run.remaining.seconds, "of all figures"))
-        return "".join(f", {_format_time(left)} {what}" for left, what in parts if left)
+        return "".join(f", {console.format_time(left)} {what}" for left, what in parts if left)
 
     progress = partial(console.show_progress, left=describe_remaining)
     for number, figure in enumerate(run.make(progress), 1):
         how = "kept from an earlier run" if figure.reused else f"{figure.seconds:.1f} s"
         left = run.remaining.seconds
-        rest = f"; about {_format_time(left)} left" if left else ""
+        rest = f"; about {console.format_time(left)} left" if left else ""
         console.out.print(f"{figure.name}: {how} ({number} of {len(names)}{rest})", markup=False)
     console.out.print(f"wrote {folder / 'report.html'}", markup=False)
-
-
-def _format_time(seconds: float) -> str:
-    """Return minutes and seconds, 2:05."""
-    minutes, rest = divmod(round(seconds), 60)
-    return f"{minutes}:{rest:02}"

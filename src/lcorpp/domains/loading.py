@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 from lcorpp.domains.domain import Domain
 from lcorpp.domains.own_world import OwnWorlds
@@ -24,12 +26,15 @@ def list_domains() -> tuple[str, ...]:
     return tuple(sorted(file.parent.name for file in SHIPPED_FOLDER.glob("*/domain.toml")))
 
 
-def load_domain(name_or_folder: str | Path, *, preset: str | None = None) -> Domain:
+def load_domain(
+    name_or_folder: str | Path, *, preset: str | None = None, changes: Mapping[str, Any] = {}
+) -> Domain:
     """Load a domain folder and check it as a whole.
 
     Args:
         name_or_folder: a folder with a `domain.toml`, or the name of a shipped domain.
         preset: name of a preset; None for the first, if the domain has any.
+        changes: of `domain.toml`, after the preset: nested tables such as ``{"simulation": {"noise": 0.2}}``.
 
     Raises:
         DomainError: a file is missing, one file uses a name that another does not declare, or a shared
@@ -45,7 +50,7 @@ def load_domain(name_or_folder: str | Path, *, preset: str | None = None) -> Dom
                 f" {expected_one_of(list_domains())}"
             )
         folder = SHIPPED_FOLDER / str(name_or_folder)
-    table, preset_name = read_domain_toml(folder / "domain.toml", preset)
+    table, preset_name = read_domain_toml(folder / "domain.toml", preset, changes)
     name = table.text("name", folder.resolve().name)
     description = table.text("description", name)
     knowledge = table.section("reasoning", required=True)

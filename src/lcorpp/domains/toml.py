@@ -1,4 +1,4 @@
-"""Typed access to `domain.toml`: every error message names the file, the line and the key."""
+"""Typed access to TOML files such as `domain.toml`: each error names the file, the line and the key."""
 
 from __future__ import annotations
 
@@ -13,9 +13,12 @@ from lcorpp.files import read_text
 
 Keys = tuple[str, ...]
 
+KEY = r"""(?:"[^"]*"|'[^']*'|[\w-]+)"""
+"""Pattern of one part of a dotted key."""
+
 
 class TomlTable:
-    """A table of `domain.toml`; each access checks the type of a value.
+    """A table of a TOML file; each access checks the type of a value.
 
     The accessed keys are the known ones: `reject_unknown_keys` reports all others.
     """
@@ -55,6 +58,10 @@ class TomlTable:
         """A whole number of at least `min_value`."""
         expected = f"a whole number of at least {min_value}"
         return int(self._get(key, default, lambda v: type(v) is int and v >= min_value, expected))
+
+    def value(self, key: str) -> Any:
+        """A value of any type."""
+        return self._get(key)
 
     def is_text(self, key: str) -> bool:
         """Whether a key has a string as its value."""
@@ -122,11 +129,24 @@ class TomlTable:
         return value
 
 
-def read_domain_toml(path: Path, preset: str | None) -> tuple[TomlTable, str | None]:
+def read_toml(path: Path) -> TomlTable:
+    """Read a TOML file.
+
+    Raises:
+        FileError, ParseError: the file cannot be read or is not TOML.
+    """
+    text = read_text(path)
+    return TomlTable(_parse(path, text), _KeyLines(str(path), text, None))
+
+
+def read_domain_toml(
+    path: Path, preset: str | None, changes: Mapping[str, Any]
+) -> tuple[TomlTable, str | None]:
     """Read a `domain.toml` and merge one of its presets into it.
 
     Args:
         preset: a name under `[presets]`; None for the first, if any.
+        changes: merged after the preset.
 
     Returns:
         The merged table and the name of the preset, None without one.
@@ -144,7 +164,8 @@ def read_domain_toml(path: Path, preset: str | None) -> tuple[TomlTable, str | N
         raise DomainError(f"{path}: unknown preset {preset!r}; {expected_one_of(presets)}")
     overrides = dict(presets.get(preset, {})) if preset else {}
     overrides.pop("description", None)
-    return TomlTable(_merge(table, overrides), _KeyLines(str(path), text, preset)), preset
+    merged = _merge(_merge(table, overrides), changes)
+    return TomlTable(merged, _KeyLines(str(path), text, preset)), preset
 
 
 def read_preset_names(folder: Path) -> tuple[str, ...]:
@@ -210,7 +231,7 @@ class _KeyLines:
             elif match := re.match(r"\s*\[\s*([^\[\]]+?)\s*\]", line):
                 header = add_numbers(_split_key(match[1]))
                 self._lines.setdefault(header, number)
-            elif match := re.match(r"""\s*([\w"'][\w\s."'-]*?)\s*=""", line):
+            elif match := re.match(rf"\s*({KEY}(\s*\.\s*{KEY})*)\s*=", line):
                 self._lines.setdefault(header + _split_key(match[1]), number)
 
     def line(self, path: Keys) -> int:
@@ -227,4 +248,4 @@ class _KeyLines:
 
 def _split_key(dotted: str) -> Keys:
     """Return the parts of a dotted key, without quotation marks."""
-    return tuple(part.strip().strip("\"'") for part in dotted.split("."))
+    return tuple(part.strip("\"'") for part in re.findall(KEY, dotted))

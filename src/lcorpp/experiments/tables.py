@@ -1,4 +1,4 @@
-"""Tables and descriptions of results as files: CSV, and JSON with the versions of what determines them."""
+"""Tables and descriptions of results as files: CSV, Parquet, and JSON with versions."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ import json
 import platform
 from collections.abc import Mapping, Sequence
 from importlib.metadata import PackageNotFoundError, version
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -28,6 +29,26 @@ def write_csv(path: Path, columns: Sequence[str], rows: Sequence[Mapping[str, An
     writer.writeheader()
     writer.writerows(rows)
     write_atomically(path, text.getvalue())
+
+
+def has_parquet() -> bool:
+    """Whether tables are written as Parquet, too: with the extra `parquet`."""
+    return find_spec("pyarrow") is not None
+
+
+def write_parquet(path: Path, rows: Sequence[Mapping[str, Any]]) -> Path:
+    """Write a Parquet file, and return its path.
+
+    Raises:
+        FileError: it cannot be written.
+    """
+    import pyarrow
+    from pyarrow import parquet
+
+    content = io.BytesIO()
+    parquet.write_table(pyarrow.Table.from_pylist([dict(row) for row in rows]), content)
+    write_atomically(path, content.getvalue())
+    return path
 
 
 def write_json(path: Path, content: Mapping[str, Any]) -> None:

@@ -59,7 +59,8 @@ def connect(address: str) -> Iterator[None]:
 def _watch(client: Any, ended: Event, reasons: list[str]) -> None:
     """Close the client, which cancels all calls, if no worker is left or a call ends worker after worker.
 
-    joblib waits for ever in both cases: Dask waits for new workers, and joblib misses calls that Dask gave up.
+    joblib waits for ever in both cases: Dask waits for new workers, and joblib misses calls that Dask
+    gave up.
     """
     idle = 0
     while not reasons and not ended.wait(1):

@@ -1,4 +1,4 @@
-"""Evaluate work units with joblib: in processes, on a Dask cluster, or with a backend that the caller chose."""
+"""Evaluate work units with joblib: in processes, on a Dask cluster, or with the caller's backend."""
 
 from __future__ import annotations
 

@@ -97,7 +97,7 @@ class UnitStore:
             if application != APPLICATION_ID:
                 raise DataError(f"{self.path}: an SQLite file, but not of results of work units")
             if version != VERSION:
-                raise DataError(f"{self.path}: its version is {version}; this lcorpp writes version {VERSION}")
+                raise DataError(f"{self.path}: its version is {version}; this lcorpp has version {VERSION}")
             stored = dict(execute("SELECT name, value FROM identity"))
             self._results = {key: json.loads(text) for key, text in execute("SELECT key, result FROM unit")}
         for name in sorted(stored.keys() | identity.keys()):

@@ -218,17 +218,17 @@ def _make_noisy_channels(
             own = given if len(senses) == 1 else given.section(sense.name)
             channels[sense.name] = _read_noisy_channel(own, sense)
         elif sense.attribute in true_program.attributes:
-            channels[sense.name] = _compute_noisy_channel(true_program, sense)
+            channels[sense.name] = compute_noisy_channel(true_program, sense)
     if given is not None:
         given.reject_unknown_keys()
     return channels
 
 
-def _compute_noisy_channel(true_program: Program, sense: Sense) -> dict[str, dict[str, float]]:
-    """Compute P(label | class) among the people of the true program."""
+def compute_noisy_channel(program: Program, sense: Sense) -> dict[str, dict[str, float]]:
+    """Compute P(label | class) of a program: class -> label -> probability."""
     from lcorpp.reasoning import Reasoner  # imports the grounder and the compiler
 
-    reasoner, labels = Reasoner(true_program), sense.label_of.values()
+    reasoner, labels = Reasoner(program), sense.label_of.values()
     marginal = reasoner.posterior(sense.of, {})
     return {
         value: {k: float(p) for k, p in reasoner.exact(sense.attribute, {sense.of: value}).items()}

@@ -3,21 +3,19 @@
 from __future__ import annotations
 
 import hashlib
-import io
 import json
 import platform
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
 import lcorpp
 from lcorpp.errors import DataError
-from lcorpp.experiments.figures.result import FigureOptions, FigureResult, Layout, Row
-from lcorpp.experiments.tables import write_csv, write_json
-from lcorpp.files import make_folder, read_text, write_atomically
+from lcorpp.experiments.figures.result import FigureOptions, FigureResult, Layout
+from lcorpp.experiments.tables import has_parquet, write_csv, write_json, write_parquet
+from lcorpp.files import make_folder, read_text
 from lcorpp.plot_style import save_figure
 
 VERSION = 1
@@ -61,7 +59,7 @@ def store_figure(folder: Path, result: FigureResult, options: FigureOptions, sec
     write_csv(table, list(result.table[0]), result.table)
     paths = [table]
     if has_parquet():
-        paths.append(_write_parquet(table.with_suffix(".parquet"), result.table))
+        paths.append(write_parquet(table.with_suffix(".parquet"), result.table))
     for layout, formats in LAYOUTS.items():
         figure = result.draw(layout)
         for suffix in formats:
@@ -70,11 +68,6 @@ def store_figure(folder: Path, result: FigureResult, options: FigureOptions, sec
             paths.append(path)
     write_json(_find_description(folder, result.name), _describe(result, options, seconds))
     return paths
-
-
-def has_parquet() -> bool:
-    """Whether tables are written as Parquet, too: with the extra `parquet`."""
-    return find_spec("pyarrow") is not None
 
 
 def load_figure(folder: Path, name: str) -> StoredFigure | None:
@@ -152,16 +145,6 @@ def _hash_code() -> str:
         if path.suffix in (".py", ".plog", ".pomdp", ".toml"):
             digest.update(path.read_bytes())
     return digest.hexdigest()[:16]
-
-
-def _write_parquet(path: Path, rows: Sequence[Row]) -> Path:
-    import pyarrow
-    from pyarrow import parquet
-
-    content = io.BytesIO()
-    parquet.write_table(pyarrow.Table.from_pylist([dict(row) for row in rows]), content)
-    write_atomically(path, content.getvalue())
-    return path
 
 
 def _find_description(folder: Path, name: str) -> Path:

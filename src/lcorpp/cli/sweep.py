@@ -1,0 +1,60 @@
+"""`lcorpp sweep`: the scores of strategies in many variants of a domain."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from lcorpp.cli import console, output_files
+from lcorpp.cli.options import common as options
+from lcorpp.cli.options.senses import reject_given
+
+
+def sweep(
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="The sweep, a TOML file; see docs/sweeps.md.")],
+    out: options.OutOption = None,
+    formats: options.FormatOption = None,
+    jobs: options.JobsOption = None,
+    cluster: Annotated[
+        str | None,
+        typer.Option(
+            metavar="ADDRESS",
+            help="A Dask scheduler, e.g. tcp://127.0.0.1:8786, whose workers take the place of processes.",
+        ),
+    ] = None,
+) -> None:
+    """Score strategies in all combinations of the values of some axes, e.g. noise, costs and knowledge.
+
+    Writes a table, a figure and a paragraph to --out, by default out/NAME of the file. Each configuration is
+    kept as soon as it is finished: after Ctrl-C or a crash the same command continues.
+    """
+    from lcorpp.experiments.sweeps.definition import read_sweep
+    from lcorpp.experiments.sweeps.results import FORMATS, summarise, write_sweep
+    from lcorpp.experiments.sweeps.running import run_sweep
+    from lcorpp.experiments.tables import has_parquet
+
+    if cluster is not None:
+        reject_given("the workers of --cluster evaluate everything", jobs=jobs)
+    folder = out or Path("out") / file.stem
+    output_files.check_results(folder, formats)
+    read = read_sweep(file)
+    total, left = len(read.configurations), ""
+    finished = f"finished configurations are kept in {folder}; the same command continues"
+    with console.show_progress("evaluating configurations", total, kept=finished, left=lambda: left) as show:
+
+        def advance(done: int, total: int, seconds: float | None) -> None:
+            nonlocal left
+            left = "" if seconds is None else f", {console.format_time(seconds)} left"
+            if seconds is None and done:
+                console.print_note(f"{done} of {total} configurations are of an earlier run")
+            show(done, total)
+
+        workers = None if cluster is not None else console.count_processes(jobs)
+        result = run_sweep(read, folder, jobs=workers, cluster=cluster, progress=advance)
+    written = write_sweep(folder, result, formats=formats or FORMATS)
+    console.out.print(summarise(result), markup=False)
+    if not has_parquet():
+        console.print_note("the table is written as CSV alone; Parquet needs the extra lcorpp[parquet]")
+    console.out.print("wrote " + ", ".join(map(str, written)), markup=False)

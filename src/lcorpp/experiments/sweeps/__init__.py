@@ -1,0 +1,1 @@
+"""Sweeps: the scores of strategies in many variants of a domain."""

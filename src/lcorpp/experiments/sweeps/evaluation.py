@@ -1,0 +1,147 @@
+"""One work unit of a sweep: the scores of the strategies in one configuration."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import lru_cache
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+
+from lcorpp.decision import Strategy
+from lcorpp.decision.strategies import list_strategies
+from lcorpp.domains import Domain
+from lcorpp.errors import DecisionError, LcorppError, WorkerError
+from lcorpp.experiments.baselines import find_strategies
+from lcorpp.experiments.comparison import ComparisonOptions, compare_strategies
+from lcorpp.experiments.scoring.differences import add_differences
+from lcorpp.experiments.scoring.metrics import Difference, Scores
+from lcorpp.experiments.setup import solve_domain
+from lcorpp.experiments.sweeps.axes import Configuration, Problem, configure
+from lcorpp.planning import Solution
+from lcorpp.work_units.store import hash_unit, make_seed
+
+Rows = list[dict[str, Any]]
+"""A row for each strategy: name, scores and differences; an interval has cells NAME, NAME_low, NAME_high."""
+
+CHAIN = ("P", "R+P", "LCORPP")
+"""The strategies that the paper's hypotheses order, in ascending order of return."""
+
+
+def find_key(configuration: Configuration) -> str:
+    """Return the key of a configuration: of its values and of the content of its files."""
+    return hash_unit({s.name: [s.value, s.digest] for s in configuration})
+
+
+def evaluate_configuration(problem: Problem, configuration: Configuration) -> Rows:
+    """Score the strategies in a configuration.
+
+    The seed of simulated people follows from that of the sweep and from the configuration.
+
+    Raises:
+        DecisionError: the configuration is impossible, or a strategy fails in it; the message names it.
+    """
+    try:
+        domain = configure(problem, configuration)
+        solution = _solve(_Model.of(domain))
+        strategies = find_rows(problem, domain)
+        seed = make_seed(problem.seed, find_key(configuration))
+        scores = _score(domain, strategies, problem.trials, seed, solution)
+        differences = {row.strategy: row.difference for row in scores}
+        for lower, upper in list_pairs([row.name for row in strategies]):
+            known = differences[lower]
+            if known is None or known.reference != upper:
+                pair = tuple(row for row in strategies if row.name in (lower, upper))
+                rows: Sequence[Scores]
+                if problem.trials is None:
+                    rows = _subtract([row for row in scores if row.strategy in (lower, upper)])
+                else:
+                    rows = _score(domain, pair, problem.trials, seed, solution)
+                differences[lower] = next(row.difference for row in rows if row.strategy == lower)
+    except WorkerError:
+        raise
+    except LcorppError as error:
+        raise DecisionError(f"{describe(configuration)}: {error}") from error
+    return [
+        {
+            "strategy": row.strategy,
+            **_make_cells(row),
+            **_make_difference(differences[row.strategy]),
+            "converged": solution.converged,
+        }
+        for row in scores
+    ]
+
+
+def describe(configuration: Configuration) -> str:
+    """Return a configuration for messages: ``noise = 0.3, discount = 0.9``."""
+    return ", ".join(f"{setting.name} = {setting.value}" for setting in configuration)
+
+
+def list_pairs(names: Sequence[str]) -> list[tuple[str, str]]:
+    """Return the pairs of neighbours in `CHAIN`, of those strategies that a sweep has."""
+    return list(pairwise(name for name in CHAIN if name in names))
+
+
+def find_rows(problem: Problem, domain: Domain) -> tuple[Strategy, ...]:
+    """Return the strategies of a sweep."""
+    senses = [sense.name for sense in domain.senses]
+    return find_strategies(problem.strategies, senses) if problem.strategies else list_strategies(senses)
+
+
+def _score(
+    domain: Domain, strategies: tuple[Strategy, ...], trials: int | None, seed: int, solution: Solution
+) -> Sequence[Scores]:
+    options = ComparisonOptions(strategies=strategies, trials=trials, seed=seed)
+    comparison = compare_strategies(domain, options, policy=solution.policy)
+    if comparison.trials != trials:
+        raise KeyboardInterrupt
+    return comparison.scores
+
+
+def _subtract(scores: Sequence[Scores]) -> Sequence[Scores]:
+    """Return exact scores with their differences."""
+    cost, return_ = (
+        np.array([[getattr(row, name).estimate for row in scores]]) for name in ("cost", "return_")
+    )
+    return add_differences(scores, cost, return_)
+
+
+@dataclass(frozen=True)
+class _Model:
+    """A domain, equal to others with the same problem for the solver."""
+
+    key: tuple[object, ...]
+    domain: Domain = field(compare=False)
+
+    @classmethod
+    def of(cls, domain: Domain) -> _Model:
+        starts = domain.start_beliefs()
+        return cls((domain.pomdp.fingerprint, starts.tobytes(), domain.planning.solver), domain)
+
+
+@lru_cache(maxsize=64)
+def _solve(model: _Model) -> Solution:
+    """Solve the POMDP of a domain, once for each model."""
+    return solve_domain(model.domain)
+
+
+def _make_cells(scores: Scores) -> dict[str, float]:
+    cells: dict[str, float] = {}
+    parts = {f"accuracy_{name}": accuracy for name, accuracy in scores.variables.items()}
+    for name, interval in (scores.metrics | parts).items():
+        cells |= {name: interval.estimate, f"{name}_low": interval.low, f"{name}_high": interval.high}
+    return cells
+
+
+def _make_difference(difference: Difference | None) -> dict[str, Any]:
+    """Return what the reference strategy costs and returns more, with paired intervals."""
+    cells: dict[str, Any] = {"reference": difference.reference if difference else None}
+    for name in ("cost", "return"):
+        interval = getattr(difference, "cost" if name == "cost" else "return_", None)
+        for end in ("", "_low", "_high"):
+            attribute = end[1:] or "estimate"
+            cells[f"{name}_difference{end}"] = getattr(interval, attribute) if interval else None
+    return cells

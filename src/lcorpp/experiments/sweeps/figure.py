@@ -1,0 +1,179 @@
+"""The figure of a sweep: heat maps over two axes, or curves over one, with the region of each hypothesis."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from lcorpp.experiments.figures.result import Verdict
+from lcorpp.experiments.sweeps.evaluation import Rows
+from lcorpp.experiments.sweeps.hypotheses import METRICS, Hypothesis, list_hypotheses
+from lcorpp.plot_style import COLOURS, INK, PALE, despine, with_style
+from lcorpp.values import Array
+
+MAX_TICKS = 8
+"""Maximum number of labels of an axis."""
+
+PANEL = 3.0
+"""Width of a panel in inches."""
+
+
+@with_style
+def plot_sweep(rows: Rows, axes: Sequence[str], n_axes: int) -> Figure:
+    """Draw return and cost, one row of panels each.
+
+    Over two axes: the mean of the fullest strategy, then the advantage of each strategy over the next, and
+    an outline around the configurations in which the hypothesis holds. Over one axis: a curve for each
+    strategy, and a shade where the hypothesis holds. Over the values of other axes the scores are means, and
+    a hypothesis holds if it does for all of them.
+
+    Args:
+        rows: as in `SweepResult`. axes: one or two columns. n_axes: the number of all axes of the sweep.
+    """
+    hypotheses = list_hypotheses(list(dict.fromkeys(row["strategy"] for row in rows)))
+    draw = _plot_curves if len(axes) == 1 else _plot_maps
+    figure = draw(rows, axes, hypotheses)
+    parts = []
+    if hypotheses:
+        parts.append(f"{'outlined' if len(axes) == 2 else 'shaded'}: the hypothesis of the title holds")
+    if n_axes > len(axes):
+        parts.append("means over the other axes" + (", for all of whose values it holds" * bool(hypotheses)))
+    figure.supxlabel("; ".join(parts), fontsize=8)
+    return figure
+
+
+def _plot_curves(rows: Rows, axes: Sequence[str], hypotheses: Sequence[Hypothesis]) -> Figure:
+    """Draw the scores of all strategies over one axis."""
+    (axis,) = axes
+    values, positions = _list_values(rows, axis)
+    strategies = list(dict.fromkeys(row["strategy"] for row in rows))
+    figure = Figure(figsize=(2 * PANEL + 2.4, PANEL + 0.4), layout="constrained")
+    for panel, metric in zip(figure.subplots(1, 2), METRICS, strict=True):
+        for number, strategy in enumerate(strategies):
+            colour = COLOURS[number % len(COLOURS)]
+            ends = [
+                [_average(rows, {axis: value, "strategy": strategy}, f"{metric}{end}") for value in values]
+                for end in ("", "_low", "_high")
+            ]
+            panel.plot(positions, ends[0], color=colour, marker="o", markersize=3, label=strategy)
+            panel.fill_between(positions, ends[1], ends[2], color=colour, alpha=0.25, linewidth=0)
+        for hypothesis in hypotheses:
+            if hypothesis.metric == metric:
+                panel.set_title(str(hypothesis), fontsize=9)
+                holds = [_holds(rows, {axis: value}, hypothesis) for value in values]
+                _shade(panel, positions, holds)
+        panel.set(xlabel=axis, ylabel=f"mean {metric}")
+        _label(panel.set_xticks, values, positions)
+        despine(panel)
+    figure.legend(*panel.get_legend_handles_labels(), loc="outside right upper", frameon=False, fontsize=8)
+    return figure
+
+
+def _shade(panel: Axes, positions: Array, holds: Sequence[bool]) -> None:
+    """Shade the intervals around the positions at which a hypothesis holds."""
+    edges = np.concatenate([positions[:1], (positions[1:] + positions[:-1]) / 2, positions[-1:]])
+    for number, held in enumerate(holds):
+        if held:
+            panel.axvspan(edges[number], edges[number + 1], color=PALE, linewidth=0, zorder=0)
+
+
+def _plot_maps(rows: Rows, axes: Sequence[str], hypotheses: Sequence[Hypothesis]) -> Figure:
+    """Draw heat maps over two axes."""
+    across, up = axes
+    columns, ups = _list_values(rows, across)[0], _list_values(rows, up)[0]
+    strategies = list(dict.fromkeys(row["strategy"] for row in rows))
+    order = hypotheses[0].strategies if hypotheses else tuple(reversed(strategies))
+    n_panels = len(order)
+
+    def make_grid(cell: Callable[[dict[str, Any]], float]) -> Array:
+        """(up, across) numbers; NaN for a combination that the sweep does not have."""
+        return np.array([[cell({across: x, up: y}) for x in columns] for y in ups])
+
+    figure = Figure(figsize=(PANEL * n_panels + 0.6, 2 * PANEL), layout="constrained")
+    for panels, metric in zip(figure.subplots(2, n_panels, squeeze=False), METRICS, strict=True):
+        own = [hypothesis for hypothesis in hypotheses if hypothesis.metric == metric]
+        region = make_grid(lambda at, own=own: bool(own) and _holds(rows, at, own[0])).astype(bool)
+        first = make_grid(lambda at, metric=metric: _average(rows, {**at, "strategy": order[0]}, metric))
+        _draw_map(figure, panels[0], first, f"{metric} of {order[0]}", "viridis")
+        for panel, better, worse in zip(panels[1:], order, order[1:], strict=False):
+            difference = make_grid(
+                lambda at, metric=metric, pair=(better, worse): (
+                    _average(rows, {**at, "strategy": pair[0]}, metric)
+                    - _average(rows, {**at, "strategy": pair[1]}, metric)
+                )
+            )
+            limit = float(np.nanmax(np.abs(difference))) or 1.0
+            _draw_map(figure, panel, difference, f"{better} - {worse}", "RdBu", (-limit, limit))
+        for panel in panels:
+            _outline(panel, region)
+            panel.set(xlabel=across, ylabel=up)
+            _label(panel.set_xticks, columns, np.arange(len(columns)))
+            _label(panel.set_yticks, ups, np.arange(len(ups)))
+        if own:
+            panels[0].set_title(f"{metric} of {order[0]}\n{own[0]}", fontsize=9)
+    return figure
+
+
+def _draw_map(
+    figure: Figure,
+    panel: Axes,
+    grid: Array,
+    title: str,
+    colours: str,
+    limits: tuple[float | None, float | None] = (None, None),
+) -> None:
+    image = panel.imshow(
+        np.ma.masked_invalid(grid),
+        origin="lower",
+        aspect="auto",
+        cmap=colours,
+        vmin=limits[0],
+        vmax=limits[1],
+    )
+    figure.colorbar(image, ax=panel, shrink=0.9)
+    panel.set_title(title, fontsize=9)
+
+
+def _outline(panel: Axes, region: npt.NDArray[np.bool_]) -> None:
+    """Draw the borders between cells inside and outside of a region."""
+    padded = np.pad(region, 1)
+    for y, x in np.argwhere(padded[1:, 1:-1] != padded[:-1, 1:-1]):
+        panel.plot([x - 0.5, x + 0.5], [y - 0.5, y - 0.5], color=INK, linewidth=2, clip_on=False)
+    for y, x in np.argwhere(padded[1:-1, 1:] != padded[1:-1, :-1]):
+        panel.plot([x - 0.5, x - 0.5], [y - 0.5, y + 0.5], color=INK, linewidth=2, clip_on=False)
+
+
+def _list_values(rows: Rows, axis: str) -> tuple[list[Any], Array]:
+    """Return the values of an axis, numbers in ascending order, and their positions in a plot."""
+    values = list(dict.fromkeys(row[axis] for row in rows))
+    if any(isinstance(value, str) for value in values):
+        return values, np.arange(len(values), dtype=float)
+    return sorted(values), np.array(sorted(values), dtype=float)
+
+
+def _label(set_ticks: Callable[..., Any], values: Sequence[Any], positions: Array) -> None:
+    """Label at most `MAX_TICKS` of the values."""
+    step = -(-len(values) // MAX_TICKS)
+    texts = [f"{value:g}" if isinstance(value, int | float) else value for value in values]
+    set_ticks(positions[::step], texts[::step], fontsize=8)
+
+
+def _average(rows: Rows, at: dict[str, Any], column: str) -> float:
+    """Return the mean of a column over the rows with these cells; NaN without any."""
+    found = [row[column] for row in _select(rows, at)]
+    return float(np.mean(found)) if found else float("nan")
+
+
+def _holds(rows: Rows, at: dict[str, Any], hypothesis: Hypothesis) -> bool:
+    """Whether a hypothesis holds in all rows with these cells."""
+    found = _select(rows, at)
+    return bool(found) and all(row[hypothesis.column] == Verdict.HOLDS for row in found)
+
+
+def _select(rows: Rows, at: dict[str, Any]) -> Rows:
+    return [row for row in rows if all(row[name] == value for name, value in at.items())]

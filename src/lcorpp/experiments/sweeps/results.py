@@ -1,0 +1,57 @@
+"""The files of a sweep: the table, the figure, the paragraph and a description."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from lcorpp.experiments.sweeps.figure import plot_sweep
+from lcorpp.experiments.sweeps.hypotheses import describe_results
+from lcorpp.experiments.sweeps.running import SweepResult
+from lcorpp.experiments.tables import has_parquet, write_csv, write_json, write_parquet
+from lcorpp.files import make_folder, write_atomically
+from lcorpp.plot_style import save_figure
+
+FORMATS = ("svg", "pdf", "png")
+
+
+def summarise(result: SweepResult) -> str:
+    """Return the paragraph of a sweep."""
+    sweep = result.sweep
+    problem = sweep.problem
+    how = "exact scores" if problem.trials is None else f"{problem.trials} simulated people each"
+    preset = f", preset {problem.preset}" if problem.preset else ""
+    axes = [".".join(axis) for axis in sweep.axes]
+    return describe_results(result.rows, axes, f"{problem.domain}{preset}, {how}")
+
+
+def write_sweep(folder: Path, result: SweepResult, *, formats: Sequence[str] = FORMATS) -> list[Path]:
+    """Write sweep.csv, sweep.parquet (with the extra `parquet`), sweep.txt, sweep.json and the figure.
+
+    Returns:
+        The files.
+
+    Raises:
+        FileError: a file cannot be written.
+    """
+    make_folder(folder)
+    sweep, rows, text = result.sweep, result.rows, summarise(result)
+    table = folder / "sweep.csv"
+    write_csv(table, list(dict.fromkeys(name for row in rows for name in row)), rows)
+    written = [table, *([write_parquet(folder / "sweep.parquet", rows)] if has_parquet() else [])]
+    figure = plot_sweep(rows, [".".join(axis) for axis in sweep.map_axes], len(sweep.axes))
+    for suffix in formats:
+        written.append(folder / f"sweep.{suffix}")
+        save_figure(figure, written[-1])
+    write_atomically(folder / "sweep.txt", f"{text}\n")
+    description = {
+        "file": str(sweep.file),
+        **sweep.identity,
+        "axes": {".".join(axis): [s.value for s in settings] for axis, settings in sweep.axes.items()},
+        "configurations": len(sweep.configurations),
+        "of an earlier run": result.resumed,
+        "seconds": result.seconds,
+        "paragraph": text,
+    }
+    write_json(folder / "sweep.json", description)
+    return [*written, folder / "sweep.txt", folder / "sweep.json"]

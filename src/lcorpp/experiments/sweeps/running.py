@@ -1,0 +1,96 @@
+"""Run a sweep: evaluate the configurations that are left, and keep each as soon as it is finished."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from time import perf_counter
+from typing import Any
+
+from lcorpp.experiments.sweeps.definition import Sweep
+from lcorpp.experiments.sweeps.evaluation import Rows, evaluate_configuration, find_key
+from lcorpp.experiments.sweeps.hypotheses import judge_configuration
+from lcorpp.files import make_folder
+from lcorpp.work_units.running import evaluate_units
+from lcorpp.work_units.store import UnitStore
+
+STORE = "units.sqlite"
+"""The file of finished configurations in the folder of a sweep."""
+
+Advance = Callable[[int, int, float | None], None]
+"""Takes the finished and all configurations, and the remaining seconds; None before their pace is known."""
+
+
+@dataclass(frozen=True, eq=False)
+class SweepResult:
+    """The scores of all configurations.
+
+    rows: for each configuration its strategies in their order: the values of the axes, then the cells of
+        `evaluate_configuration`, then the verdict on each hypothesis, see `list_hypotheses`.
+    resumed: the number of configurations that an earlier run had finished.
+    seconds: wall-clock time of this run.
+    """
+
+    sweep: Sweep
+    rows: Rows
+    resumed: int
+    seconds: float
+
+
+def run_sweep(
+    sweep: Sweep,
+    folder: str | Path,
+    *,
+    jobs: int | None = None,
+    cluster: str | None = None,
+    progress: Advance = lambda done, total, seconds: None,
+) -> SweepResult:
+    """Score the strategies in all configurations of a sweep.
+
+    The scores are the same for any number of workers: they depend on the sweep and the configuration alone.
+
+    Args:
+        folder: keeps finished configurations; with those of the same sweep, perhaps with other values of the
+            axes, the run continues. Created if missing.
+        jobs: processes; None takes joblib's active configuration, by default this process alone.
+        cluster: address of a Dask scheduler, whose workers take the place of processes.
+
+    Raises:
+        DataError: the folder has results of another sweep or version.
+        FileError: the folder cannot be written.
+        WorkerError: worker processes or the cluster are lost.
+        DecisionError: a configuration is impossible, e.g. an observation has probability 0 for the robot.
+        KeyboardInterrupt: an interrupt. Finished configurations are kept in each case.
+    """
+    began = perf_counter()
+    units = {find_key(configuration): configuration for configuration in sweep.configurations}
+    with UnitStore(make_folder(folder) / STORE, sweep.identity) as store:
+        # neighbours share what is read from the domain's files
+        left = {key: c for key, c in units.items() if key not in store}
+        ordered = sorted(left, key=lambda key: str([s for s in left[key] if s.is_loaded]))
+        resumed = done = len(units) - len(left)
+        progress(done, len(units), None)
+        finished = evaluate_units(
+            partial(evaluate_configuration, sweep.problem),
+            {key: left[key] for key in ordered},
+            jobs=jobs,
+            cluster=cluster,
+        )
+        for key, rows in finished:
+            store.add(key, rows)
+            done += 1
+            pace = (perf_counter() - began) / (done - resumed)
+            progress(done, len(units), pace * (len(units) - done))
+        table = [
+            {**{s.name: s.value for s in configuration}, **row}
+            for key, configuration in units.items()
+            for row in _add_verdicts(store[key])
+        ]
+    return SweepResult(sweep, table, resumed, perf_counter() - began)
+
+
+def _add_verdicts(rows: Rows) -> list[Mapping[str, Any]]:
+    verdicts = judge_configuration(rows)
+    return [{**row, **verdicts} for row in rows]
