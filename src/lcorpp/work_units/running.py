@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import closing, nullcontext
-from typing import TypeVar
+import warnings
+from collections.abc import Callable, Generator, Iterator, Mapping
+from contextlib import contextmanager, nullcontext
+from typing import Any, TypeVar
 
 from joblib import Parallel, delayed
 from joblib.externals.loky.process_executor import BrokenProcessPool
@@ -53,7 +54,7 @@ def evaluate_units(
             try:
                 with ignore_sigint():  # what is started here inherits it
                     started = Parallel(n_jobs=jobs, return_as="generator_unordered", batch_size=1)(calls)
-                with closing(started):
+                with _closed(started):
                     for key, result in started:
                         losses = 0
                         del left[key]
@@ -80,3 +81,14 @@ def _evaluate(
         return key, function(unit)
     except LcorppError as error:
         return key, error
+
+
+@contextmanager
+def _closed(results: Generator[Any, None, None]) -> Iterator[None]:
+    """Cancel what is left at the end; joblib warns of it, although an error or an interrupt is the reason."""
+    try:
+        yield
+    finally:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", UserWarning)
+            results.close()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from itertools import pairwise, product
 from typing import Any
 
 import numpy as np
@@ -38,12 +39,11 @@ def plot_sweep(rows: Rows, axes: Sequence[str], n_axes: int) -> Figure:
     hypotheses = list_hypotheses(list(dict.fromkeys(row["strategy"] for row in rows)))
     draw = _plot_curves if len(axes) == 1 else _plot_maps
     figure = draw(rows, axes, hypotheses)
-    parts = []
-    if hypotheses:
-        parts.append(f"{'outlined' if len(axes) == 2 else 'shaded'}: the hypothesis of the title holds")
-    if n_axes > len(axes):
-        parts.append("means over the other axes" + (", for all of whose values it holds" * bool(hypotheses)))
-    figure.supxlabel("; ".join(parts), fontsize=8)
+    others = " for all values of the other axes" if n_axes > len(axes) else ""
+    where = "outlined" if len(axes) == 2 else "shaded"
+    notes = ["means over the other axes"] if others else []
+    notes += [f"{where}: the hypothesis holds{others}"] if hypotheses else []
+    figure.supxlabel("; ".join(notes), fontsize=8)
     return figure
 
 
@@ -84,38 +84,34 @@ def _shade(panel: Axes, positions: Array, holds: Sequence[bool]) -> None:
 
 def _plot_maps(rows: Rows, axes: Sequence[str], hypotheses: Sequence[Hypothesis]) -> Figure:
     """Draw heat maps over two axes."""
-    across, up = axes
-    columns, ups = _list_values(rows, across)[0], _list_values(rows, up)[0]
+    (columns, x), (lines, y) = (_list_values(rows, axis, evenly=True) for axis in axes)
+    cells = [[dict(zip(axes, at, strict=True)) for at in product(columns, [line])] for line in lines]
     strategies = list(dict.fromkeys(row["strategy"] for row in rows))
     order = hypotheses[0].strategies if hypotheses else tuple(reversed(strategies))
-    n_panels = len(order)
-
-    def make_grid(cell: Callable[[dict[str, Any]], float]) -> Array:
-        """(up, across) numbers; NaN for a combination that the sweep does not have."""
-        return np.array([[cell({across: x, up: y}) for x in columns] for y in ups])
-
-    figure = Figure(figsize=(PANEL * n_panels + 0.6, 2 * PANEL), layout="constrained")
-    for panels, metric in zip(figure.subplots(2, n_panels, squeeze=False), METRICS, strict=True):
-        own = [hypothesis for hypothesis in hypotheses if hypothesis.metric == metric]
-        region = make_grid(lambda at, own=own: bool(own) and _holds(rows, at, own[0])).astype(bool)
-        first = make_grid(lambda at, metric=metric: _average(rows, {**at, "strategy": order[0]}, metric))
-        _draw_map(figure, panels[0], first, f"{metric} of {order[0]}", "viridis")
-        for panel, better, worse in zip(panels[1:], order, order[1:], strict=False):
-            difference = make_grid(
-                lambda at, metric=metric, pair=(better, worse): (
-                    _average(rows, {**at, "strategy": pair[0]}, metric)
-                    - _average(rows, {**at, "strategy": pair[1]}, metric)
-                )
-            )
+    figure = Figure(figsize=(PANEL * len(order) + 0.6, 2 * PANEL), layout="constrained")
+    for panels, metric in zip(figure.subplots(2, len(order), squeeze=False), METRICS, strict=True):
+        # (len(lines), len(columns)) means; NaN for a combination that the sweep does not have
+        means = [
+            np.array([[_average(rows, {**at, "strategy": name}, metric) for at in line] for line in cells])
+            for name in order
+        ]
+        _draw_map(figure, panels[0], means[0], f"{metric} of {order[0]}", "viridis")
+        colours = "RdBu" if metric == "return" else "RdBu_r"  # blue is better
+        for panel, names, (better, worse) in zip(panels[1:], pairwise(order), pairwise(means), strict=True):
+            difference = better - worse
             limit = float(np.nanmax(np.abs(difference))) or 1.0
-            _draw_map(figure, panel, difference, f"{better} - {worse}", "RdBu", (-limit, limit))
+            title = f"{metric}: {names[0]} \N{MINUS SIGN} {names[1]}"
+            _draw_map(figure, panel, difference, title, colours, (-limit, limit))
+        for hypothesis in hypotheses:
+            if hypothesis.metric == metric:
+                panels[0].set_title(f"{metric} of {order[0]}\n{hypothesis}", fontsize=9)
+                region = np.array([[_holds(rows, at, hypothesis) for at in line] for line in cells])
+                for panel in panels:
+                    _outline(panel, region)
         for panel in panels:
-            _outline(panel, region)
-            panel.set(xlabel=across, ylabel=up)
-            _label(panel.set_xticks, columns, np.arange(len(columns)))
-            _label(panel.set_yticks, ups, np.arange(len(ups)))
-        if own:
-            panels[0].set_title(f"{metric} of {order[0]}\n{own[0]}", fontsize=9)
+            panel.set(xlabel=axes[0], ylabel=axes[1])
+            _label(panel.set_xticks, columns, x)
+            _label(panel.set_yticks, lines, y)
     return figure
 
 
@@ -148,12 +144,12 @@ def _outline(panel: Axes, region: npt.NDArray[np.bool_]) -> None:
         panel.plot([x - 0.5, x - 0.5], [y - 0.5, y + 0.5], color=INK, linewidth=2, clip_on=False)
 
 
-def _list_values(rows: Rows, axis: str) -> tuple[list[Any], Array]:
+def _list_values(rows: Rows, axis: str, *, evenly: bool = False) -> tuple[list[Any], Array]:
     """Return the values of an axis, numbers in ascending order, and their positions in a plot."""
     values = list(dict.fromkeys(row[axis] for row in rows))
-    if any(isinstance(value, str) for value in values):
-        return values, np.arange(len(values), dtype=float)
-    return sorted(values), np.array(sorted(values), dtype=float)
+    numbers = not any(isinstance(value, str) for value in values)
+    values = sorted(values) if numbers else values
+    return values, np.array(values if numbers and not evenly else range(len(values)), dtype=float)
 
 
 def _label(set_ticks: Callable[..., Any], values: Sequence[Any], positions: Array) -> None:

@@ -117,8 +117,8 @@ def _describe_values(found: Sequence[Any], known: Sequence[Any]) -> str:
     first, last = ordered.index(found[0]), ordered.index(found[-1])
     low, high = min(first, last), max(first, last)
     if len(found) > 2 and not isinstance(found[0], str) and high - low + 1 == len(found):
-        return f"from {ordered[low]} to {ordered[high]}"
-    return " or ".join(map(str, found))
+        return f"from {_format(ordered[low])} to {_format(ordered[high])}"
+    return " or ".join(map(_format, found))
 
 
 def _describe_extremes(
@@ -133,7 +133,7 @@ def _describe_extremes(
         ends = [
             (
                 advantages[key][number].estimate,
-                ", ".join(f"{a} {v}" for a, v in zip(axes, key, strict=True)),
+                ", ".join(f"{a} {_format(v)}" for a, v in zip(axes, key, strict=True)),
             )
             for pick in (min, max)
             for key in [pick(advantages, key=lambda k: advantages[k][number].estimate)]
@@ -146,3 +146,8 @@ def _describe_extremes(
             else f"{better} {verb} {low:+.2f} more than {worse}"
         )
     return [f"{'; '.join(parts)}."] if parts else []
+
+
+def _format(value: Any) -> str:
+    """Return a value of an axis, numbers with four digits."""
+    return value if isinstance(value, str) else f"{value:.4g}"
