@@ -34,6 +34,7 @@ DOCS = Path(__file__).parents[1] / "docs"
         ("strategies.md", 1),
         ("log.md", 6),
         ("figures.md", 3),
+        ("sweeps.md", 2),
     ],
 )
 def test_a_guide_is_true(

@@ -37,6 +37,9 @@ from .strategies.baselines import (
     find_strategies as find_strategies,
 )
 from .strategies.own import load_strategy as load_strategy
+from .sweeps.definition import Sweep as Sweep, read_sweep as read_sweep
+from .sweeps.results import write_sweep as write_sweep
+from .sweeps.running import SweepResult as SweepResult, run_sweep as run_sweep
 from .training_data import (
     TrainingData as TrainingData,
     read_training_data as read_training_data,

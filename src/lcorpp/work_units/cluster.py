@@ -9,6 +9,7 @@ from threading import Event, Thread
 from typing import Any
 
 from joblib import parallel_config
+from joblib._dask import DaskDistributedBackend
 
 from lcorpp.errors import WorkerError
 
@@ -17,6 +18,18 @@ CONNECT_SECONDS = 15
 
 IDLE_SECONDS = 30
 """Seconds without any worker after which the cluster is given up."""
+
+QUEUED = 64
+"""Minimum number of calls that wait for workers, so that those that join later get some."""
+
+GONE = "its scheduler, or all of its workers, went away"
+
+
+class ClusterBackend(DaskDistributedBackend):  # type: ignore[misc]
+    """joblib's backend for Dask, without its shortcut to evaluate all here if there is a single worker."""
+
+    def effective_n_jobs(self, n_jobs: int | None) -> int:
+        return max(int(super().effective_n_jobs(n_jobs)), QUEUED // 2)  # joblib queues twice as many
 
 
 @contextmanager
@@ -40,7 +53,8 @@ def connect(address: str) -> Iterator[None]:
     ended, reasons = Event(), list[str]()
     Thread(target=_watch, args=(client, ended, reasons), daemon=True).start()
     try:
-        with parallel_config(backend="dask", client=client, wait_for_workers_timeout=CONNECT_SECONDS):
+        backend = ClusterBackend(client=client, wait_for_workers_timeout=CONNECT_SECONDS)
+        with parallel_config(backend=backend):
             yield
     except TimeoutError:
         raise WorkerError(
@@ -48,7 +62,7 @@ def connect(address: str) -> Iterator[None]:
             f" `dask worker {address} --nthreads 1`"
         ) from None
     except (CancelledError, OSError):
-        reason = reasons[0] if reasons else "its scheduler went away"
+        reason = reasons[0] if reasons else GONE
         raise WorkerError(f"the cluster {address} is lost: {reason}") from None
     finally:
         ended.set()
@@ -62,13 +76,15 @@ def _watch(client: Any, ended: Event, reasons: list[str]) -> None:
     joblib waits for ever in both cases: Dask waits for new workers, and joblib misses calls that Dask
     gave up.
     """
-    idle = 0
+    idle, began = 0, False
     while not reasons and not ended.wait(1):
         with suppress(TimeoutError, OSError, CancelledError):
-            idle = 0 if client.ncores() else idle + 1
+            present = bool(client.ncores())
+            began = began or present
+            idle = idle + 1 if began and not present else 0
         if any(state.status == "error" for state in client.futures.copy().values()):
             reasons.append("one unit ended several workers, perhaps for lack of memory")
         elif idle >= IDLE_SECONDS:
-            reasons.append(f"it has had no worker for {IDLE_SECONDS} seconds")
+            reasons.append(GONE)
     if reasons:
         client.close()

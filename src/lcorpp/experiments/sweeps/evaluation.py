@@ -14,11 +14,11 @@ from lcorpp.decision import Strategy
 from lcorpp.decision.strategies import list_strategies
 from lcorpp.domains import Domain
 from lcorpp.errors import DecisionError, LcorppError, WorkerError
-from lcorpp.experiments.baselines import find_strategies
 from lcorpp.experiments.comparison import ComparisonOptions, compare_strategies
 from lcorpp.experiments.scoring.differences import add_differences
 from lcorpp.experiments.scoring.metrics import Difference, Scores
 from lcorpp.experiments.setup import solve_domain
+from lcorpp.experiments.strategies.baselines import find_strategies
 from lcorpp.experiments.sweeps.axes import Configuration, Problem, configure
 from lcorpp.planning import Solution
 from lcorpp.work_units.store import hash_unit, make_seed

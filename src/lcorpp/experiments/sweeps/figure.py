@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.patches import Rectangle
 
 from lcorpp.experiments.figures.result import Verdict
 from lcorpp.experiments.sweeps.evaluation import Rows
@@ -17,7 +18,7 @@ from lcorpp.experiments.sweeps.hypotheses import METRICS, Hypothesis, list_hypot
 from lcorpp.plot_style import COLOURS, INK, PALE, despine, with_style
 from lcorpp.values import Array
 
-MAX_TICKS = 8
+MAX_TICKS = 6
 """Maximum number of labels of an axis."""
 
 PANEL = 3.0
@@ -40,7 +41,7 @@ def plot_sweep(rows: Rows, axes: Sequence[str], n_axes: int) -> Figure:
     draw = _plot_curves if len(axes) == 1 else _plot_maps
     figure = draw(rows, axes, hypotheses)
     others = " for all values of the other axes" if n_axes > len(axes) else ""
-    where = "outlined" if len(axes) == 2 else "shaded"
+    where = "outlined, not hatched" if len(axes) == 2 else "shaded"
     notes = ["means over the other axes"] if others else []
     notes += [f"{where}: the hypothesis holds{others}"] if hypotheses else []
     figure.supxlabel("; ".join(notes), fontsize=8)
@@ -136,7 +137,9 @@ def _draw_map(
 
 
 def _outline(panel: Axes, region: npt.NDArray[np.bool_]) -> None:
-    """Draw the borders between cells inside and outside of a region."""
+    """Draw the border of a region, and hatch the cells outside."""
+    for y, x in np.argwhere(~region):
+        panel.add_patch(Rectangle((x - 0.5, y - 0.5), 1, 1, fill=False, hatch="///", linewidth=0, alpha=0.5))
     padded = np.pad(region, 1)
     for y, x in np.argwhere(padded[1:, 1:-1] != padded[:-1, 1:-1]):
         panel.plot([x - 0.5, x + 0.5], [y - 0.5, y - 0.5], color=INK, linewidth=2, clip_on=False)
@@ -155,7 +158,7 @@ def _list_values(rows: Rows, axis: str, *, evenly: bool = False) -> tuple[list[A
 def _label(set_ticks: Callable[..., Any], values: Sequence[Any], positions: Array) -> None:
     """Label at most `MAX_TICKS` of the values."""
     step = -(-len(values) // MAX_TICKS)
-    texts = [f"{value:g}" if isinstance(value, int | float) else value for value in values]
+    texts = [f"{value:.3g}" if isinstance(value, int | float) else value for value in values]
     set_ticks(positions[::step], texts[::step], fontsize=8)
 
 

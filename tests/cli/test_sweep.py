@@ -1,0 +1,119 @@
+"""`lcorpp sweep`."""
+
+import csv
+import re
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+
+from lcorpp.experiments.sweeps.definition import read_sweep
+from lcorpp.experiments.sweeps.running import run_sweep
+
+SWEEP = """
+strategies = ["P", "R+P", "LCORPP"]
+[axes]
+noise = [0.2, 0.3]
+cost.greet = [1, 2]
+"""
+
+
+@pytest.fixture
+def file(tmp_path):
+    (tmp_path / "small.toml").write_text(SWEEP)
+    return tmp_path / "small.toml"
+
+
+def test_the_files_of_a_sweep(lcorpp, file, tmp_path):
+    ended = lcorpp("sweep", file, "--jobs", 1, "--out", tmp_path / "out", "--format", "svg")
+    assert (ended.code, ended.err) == (0, "")
+    assert "4 configurations of intention, preset paper, exact scores" in ended.out
+    names = {path.name for path in (tmp_path / "out").iterdir()}
+    assert names - {"sweep.parquet"} == {"sweep.csv", "sweep.json", "sweep.svg", "sweep.txt", "units.sqlite"}
+    rows = list(csv.DictReader((tmp_path / "out" / "sweep.csv").read_text().splitlines()))
+    assert len(rows) == 12
+    at = {"noise": "0.3", "cost.greet": "2"}
+    paper = {row["strategy"]: row for row in rows if at.items() <= row.items()}
+    assert round(float(paper["LCORPP"]["return"]), 2) == 51.53
+    assert round(float(paper["P"]["return_difference"]), 2) == 4.60
+    assert paper["P"]["return_hypothesis"] == paper["P"]["cost_hypothesis"] == "holds"
+
+
+def test_a_finished_sweep_is_not_computed_again(lcorpp, file, tmp_path):
+    lcorpp("sweep", file, "--jobs", 1, "--out", tmp_path / "out")
+    before = (tmp_path / "out" / "sweep.csv").read_text()
+    ended = lcorpp("sweep", file, "--jobs", 1, "--out", tmp_path / "out")
+    assert "4 of 4 configurations are of an earlier run" in ended.out
+    assert (tmp_path / "out" / "sweep.csv").read_text() == before
+    file.write_text(SWEEP.replace("[0.2, 0.3]", "[0.2, 0.25, 0.3]"))
+    ended = lcorpp("sweep", file, "--jobs", 1, "--out", tmp_path / "out")
+    assert "4 of 6 configurations are of an earlier run" in ended.out
+
+
+def test_another_sweep_in_the_same_folder_is_refused(lcorpp, file, tmp_path):
+    lcorpp("sweep", file, "--jobs", 1, "--out", tmp_path / "out")
+    for change, words in (
+        ("trials = 100", "trials was none, exact scores, now 100"),
+        ('preset = "authors"', "of another run: files of the domain was"),
+        ("seed = 1", "seed was 0, now 1"),
+    ):
+        file.write_text(change + SWEEP)
+        ended = lcorpp("sweep", file, "--jobs", 1, "--out", tmp_path / "out")
+        assert (ended.code, ended.err.count("\n")) == (2, 1)
+        assert words in ended.err
+        assert "units.sqlite: its 4 results are of another run" in ended.err
+
+
+def test_simulated_scores_do_not_depend_on_the_processes(file, tmp_path):
+    file.write_text("trials = 200" + SWEEP)
+    sweep = read_sweep(file)
+    one, two = (run_sweep(sweep, tmp_path / str(jobs), jobs=jobs).rows for jobs in (1, 2))
+    assert one == two
+    assert {row["return_hypothesis"] for row in one} <= {"holds", "is not decided", "does not hold"}
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("missing.toml",), "missing.toml: cannot be read: No such file or directory"),
+        (("small.toml", "--cluster", "tcp://127.0.0.1:9", "--jobs", 2), "--jobs: the workers of --cluster"),
+        (("small.toml", "--out", "small.toml"), "small.toml: is a file; --out expects a folder"),
+    ],
+)
+def test_bad_input_ends_with_one_message(lcorpp, file, tmp_path, monkeypatch, arguments, words):
+    monkeypatch.chdir(tmp_path)
+    ended = lcorpp("sweep", *arguments)
+    assert (ended.code, ended.out) == (2, "")
+    assert words in ended.err
+
+
+def test_an_impossible_configuration_is_named_and_the_others_are_kept(lcorpp, tmp_path):
+    """A robot that is sure of its classifier sees a person whom it holds for impossible."""
+    (tmp_path / "s.toml").write_text(
+        'strategies = ["L+R"]\n[axes.known.classifier]\ninterested = [1]\nnot_interested = [0.6, 0]'
+    )
+    ended = lcorpp("sweep", tmp_path / "s.toml", "--jobs", 1, "--out", tmp_path / "out")
+    assert ended.code == 2
+    assert "known.classifier.interested = 1, known.classifier.not_interested = 0" in ended.err
+    assert "Traceback" not in ended.err
+
+
+def test_an_interrupted_sweep_continues(file, tmp_path):
+    file.write_text(SWEEP.replace("[0.2, 0.3]", "{ from = 0.01, to = 0.45, count = 45 }"))
+    command = [sys.executable, "-m", "lcorpp.cli.main", "sweep", str(file), "--out", "out", "--jobs", "1"]
+    code = "import sys; from lcorpp.cli.main import main; sys.argv[0] = 'lcorpp'; main()"
+    command = [sys.executable, "-c", code, *command[3:]]
+    started = subprocess.Popen(command, cwd=tmp_path, stderr=subprocess.PIPE, text=True)
+    store = tmp_path / "out" / "units.sqlite"
+    while not store.exists() or store.stat().st_size < 40_000:
+        assert started.poll() is None
+        time.sleep(0.02)
+    started.send_signal(signal.SIGINT)
+    _, err = started.communicate()
+    assert started.returncode == 130
+    assert re.search(r"interrupted while evaluating configurations; finished .* kept in out; the same", err)
+    result = run_sweep(read_sweep(file), tmp_path / "out")
+    assert 0 < result.resumed < 90
+    assert result.rows == run_sweep(read_sweep(file), tmp_path / "again").rows

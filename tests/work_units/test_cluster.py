@@ -1,0 +1,106 @@
+"""Work units on a Dask cluster of other processes: lost workers, and a cluster that goes away."""
+
+import json
+import os
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+
+from lcorpp.errors import WorkerError
+from lcorpp.work_units import cluster
+from lcorpp.work_units.running import evaluate_units
+from tests.work_units import functions
+
+pytest.importorskip("distributed")
+
+ROOT = Path(__file__).parents[2]
+UNITS = {str(number): number for number in range(24)}
+SQUARES = {key: number**2 for key, number in UNITS.items()}
+
+Start = Callable[..., subprocess.Popen[bytes]]
+
+
+@pytest.fixture
+def start(tmp_path) -> Iterator[Start]:
+    """Start a process of Dask; all are killed at the end."""
+    paths = [str(ROOT), *filter(None, sys.path)]
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(paths)}
+    started: list[subprocess.Popen[bytes]] = []
+
+    def run(kind: str, *arguments: str) -> subprocess.Popen[bytes]:
+        command = [sys.executable, "-m", f"distributed.cli.dask_{kind}", "--no-dashboard", *arguments]
+        started.append(subprocess.Popen(command, env=environment, cwd=tmp_path, stderr=subprocess.DEVNULL))
+        return started[-1]
+
+    yield run
+    for process in reversed(started):
+        process.kill()
+        process.wait()
+
+
+@pytest.fixture
+def scheduler(start, tmp_path) -> tuple[subprocess.Popen[bytes], str]:
+    """A scheduler and its address."""
+    file = tmp_path / "scheduler.json"
+    process = start("scheduler", "--host", "127.0.0.1", "--port", "0", "--scheduler-file", str(file))
+    while not file.exists() or not file.read_text():
+        assert process.poll() is None
+        time.sleep(0.05)
+    return process, json.loads(file.read_text())["address"]
+
+
+def start_worker(start: Start, address: str) -> subprocess.Popen[bytes]:
+    return start("worker", address, "--nthreads", "1", "--no-nanny")
+
+
+def test_the_units_of_a_killed_worker_go_to_another_one(start, scheduler):
+    _, address = scheduler
+    workers = [start_worker(start, address) for _ in range(2)]
+    results = {}
+    for key, result in evaluate_units(functions.square_slowly, UNITS, cluster=address):
+        results[key] = result
+        if len(results) == 4:
+            workers[0].kill()
+    assert results == SQUARES
+
+
+@pytest.mark.parametrize("lost", ["scheduler", "worker"])
+def test_a_cluster_that_goes_away_is_named(start, scheduler, monkeypatch, lost):
+    monkeypatch.setattr(cluster, "IDLE_SECONDS", 2)
+    process, address = scheduler
+    worker = start_worker(start, address)
+    results = {}
+
+    def lose() -> None:
+        for key, result in evaluate_units(functions.square_slowly, UNITS, cluster=address):
+            results[key] = result
+            (process if lost == "scheduler" else worker).kill()
+
+    with pytest.raises(WorkerError, match=rf"the cluster {address} is lost: its scheduler, or all"):
+        lose()
+    assert results
+    assert results.items() < SQUARES.items()
+
+
+def test_a_cluster_that_cannot_be_reached_is_named(monkeypatch):
+    monkeypatch.setattr(cluster, "CONNECT_SECONDS", 1)
+    for address, words in (("tcp://127.0.0.1:9", "cannot be reached"), ("nowhere", "cannot be reached")):
+        with pytest.raises(WorkerError, match=f"the cluster {address} {words}"):
+            dict(evaluate_units(functions.square, UNITS, cluster=address))
+
+
+def test_a_cluster_without_workers_is_named(scheduler, monkeypatch):
+    monkeypatch.setattr(cluster, "CONNECT_SECONDS", 1)
+    address = scheduler[1]
+    with pytest.raises(WorkerError, match=f"{address} has no worker after 1 seconds; expected `dask worker"):
+        dict(evaluate_units(functions.square, UNITS, cluster=address))
+
+
+def test_dask_is_an_extra(monkeypatch):
+    monkeypatch.setitem(sys.modules, "distributed", None)
+    with pytest.raises(WorkerError, match=r"install lcorpp\[dask\]"):
+        dict(evaluate_units(functions.square, UNITS, cluster="tcp://127.0.0.1:9"))
