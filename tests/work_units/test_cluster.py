@@ -86,6 +86,19 @@ def test_a_cluster_that_goes_away_is_named(start, scheduler, monkeypatch, lost):
     assert results.items() < SQUARES.items()
 
 
+@pytest.fixture
+def give_up_at_once(monkeypatch):
+    monkeypatch.setenv("DASK_DISTRIBUTED__SCHEDULER__ALLOWED_FAILURES", "0")
+
+
+def test_a_unit_that_ends_its_workers_is_given_up(give_up_at_once, start, scheduler):
+    _, address = scheduler
+    for _ in range(2):
+        start_worker(start, address)
+    with pytest.raises(WorkerError, match=f"one unit ended several workers of the cluster {address}"):
+        dict(evaluate_units(functions.kill_worker, UNITS, cluster=address))
+
+
 def test_a_cluster_that_cannot_be_reached_is_named(monkeypatch):
     monkeypatch.setattr(cluster, "CONNECT_SECONDS", 1)
     for address, words in (("tcp://127.0.0.1:9", "cannot be reached"), ("nowhere", "cannot be reached")):

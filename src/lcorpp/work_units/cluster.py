@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Generator, Iterable
 from concurrent.futures import CancelledError
-from contextlib import contextmanager, suppress
-from threading import Event, Thread
+from contextlib import suppress
+from queue import Empty, SimpleQueue
+from threading import Thread
 from typing import Any
 
-from joblib import parallel_config
+from joblib import Parallel, parallel_config
 from joblib._dask import DaskDistributedBackend
 
 from lcorpp.errors import WorkerError
@@ -32,9 +33,11 @@ class ClusterBackend(DaskDistributedBackend):  # type: ignore[misc]
         return max(int(super().effective_n_jobs(n_jobs)), QUEUED // 2)  # joblib queues twice as many
 
 
-@contextmanager
-def connect(address: str) -> Iterator[None]:
-    """Make the workers of a cluster evaluate joblib's calls.
+def evaluate_on_cluster(calls: Iterable[Any], address: str) -> Generator[Any, None, None]:
+    """Evaluate joblib's calls on the workers of a cluster, and yield the results as they are done.
+
+    joblib would wait for ever if no worker is left, since Dask waits for new ones, or if Dask gives up a
+    call that ended several workers; so joblib waits in a thread, and this one watches the cluster.
 
     Args:
         address: of the scheduler, e.g. tcp://127.0.0.1:8786.
@@ -50,41 +53,60 @@ def connect(address: str) -> Iterator[None]:
         client = Client(address, timeout=CONNECT_SECONDS, set_as_default=False)
     except (OSError, ValueError) as error:
         raise WorkerError(f"the cluster {address} cannot be reached: {error}") from None
-    ended, reasons = Event(), list[str]()
-    Thread(target=_watch, args=(client, ended, reasons), daemon=True).start()
+    results: SimpleQueue[tuple[Any] | BaseException | None] = SimpleQueue()
+
+    def wait() -> None:
+        """Put each result into the queue, then the error that ended joblib, or None."""
+        try:
+            backend = ClusterBackend(client=client, wait_for_workers_timeout=CONNECT_SECONDS)
+            with parallel_config(backend=backend):
+                for result in Parallel(return_as="generator_unordered", batch_size=1)(calls):
+                    results.put((result,))
+            results.put(None)
+        except BaseException as error:
+            results.put(error)
+
+    Thread(target=wait, daemon=True).start()
+    idle, began = 0, False
     try:
-        backend = ClusterBackend(client=client, wait_for_workers_timeout=CONNECT_SECONDS)
-        with parallel_config(backend=backend):
-            yield
-    except TimeoutError:
-        raise WorkerError(
-            f"the cluster {address} has no worker after {CONNECT_SECONDS} seconds; expected"
-            f" `dask worker {address} --nthreads 1`"
-        ) from None
-    except (CancelledError, OSError):
-        reason = reasons[0] if reasons else GONE
-        raise WorkerError(f"the cluster {address} is lost: {reason}") from None
+        while True:
+            try:
+                found = results.get(timeout=1)
+            except Empty:
+                present = _count_workers(client, address)
+                began = began or present > 0
+                idle = idle + 1 if began and not present else 0
+                if idle >= IDLE_SECONDS:
+                    raise WorkerError(f"the cluster {address} is lost: {GONE}") from None
+                continue
+            if isinstance(found, TimeoutError):
+                raise WorkerError(
+                    f"the cluster {address} has no worker after {CONNECT_SECONDS} seconds; expected"
+                    f" `dask worker {address} --nthreads 1`"
+                )
+            if isinstance(found, CancelledError | OSError):
+                raise WorkerError(f"the cluster {address} is lost: {GONE}")
+            if isinstance(found, BaseException):
+                raise found
+            if found is None:
+                return
+            idle = 0
+            yield found[0]
     finally:
-        ended.set()
-        with suppress(TimeoutError, OSError):
+        with suppress(TimeoutError, OSError, CancelledError):
             client.close(timeout=1)
 
 
-def _watch(client: Any, ended: Event, reasons: list[str]) -> None:
-    """Close the client, which cancels all calls, if no worker is left or a call ends worker after worker.
+def _count_workers(client: Any, address: str) -> int:
+    """Return the number of workers.
 
-    joblib waits for ever in both cases: Dask waits for new workers, and joblib misses calls that Dask
-    gave up.
+    Raises:
+        WorkerError: Dask gave up a call.
     """
-    idle, began = 0, False
-    while not reasons and not ended.wait(1):
-        with suppress(TimeoutError, OSError, CancelledError):
-            present = bool(client.ncores())
-            began = began or present
-            idle = idle + 1 if began and not present else 0
-        if any(state.status == "error" for state in client.futures.copy().values()):
-            reasons.append("one unit ended several workers, perhaps for lack of memory")
-        elif idle >= IDLE_SECONDS:
-            reasons.append(GONE)
-    if reasons:
-        client.close()
+    if any(state.status == "error" for state in client.futures.copy().values()):
+        raise WorkerError(
+            f"one unit ended several workers of the cluster {address}, perhaps for lack of memory"
+        )
+    with suppress(TimeoutError, OSError, CancelledError):
+        return len(client.ncores())
+    return 0

@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 import warnings
 from collections.abc import Callable, Generator, Iterator, Mapping
-from contextlib import contextmanager, nullcontext
+from contextlib import contextmanager
 from typing import Any, TypeVar
 
 from joblib import Parallel, delayed
@@ -13,7 +13,7 @@ from joblib.externals.loky.process_executor import BrokenProcessPool
 
 from lcorpp.errors import LcorppError, WorkerError
 from lcorpp.log_output import find_log_level, show_log
-from lcorpp.work_units.cluster import connect
+from lcorpp.work_units.cluster import evaluate_on_cluster
 from lcorpp.workers import ignore_sigint
 
 LOG = logging.getLogger(__name__)
@@ -48,27 +48,29 @@ def evaluate_units(
         LcorppError: the function raised it for a unit.
     """
     left, losses = dict(units), 0
-    with connect(cluster) if cluster is not None else nullcontext():
-        while left:
-            calls = (delayed(_evaluate)(find_log_level(), function, *item) for item in list(left.items()))
-            try:
+    while left:
+        calls = (delayed(_evaluate)(find_log_level(), function, *item) for item in list(left.items()))
+        try:
+            if cluster is not None:
+                started = evaluate_on_cluster(calls, cluster)
+            else:
                 with ignore_sigint():  # what is started here inherits it
                     started = Parallel(n_jobs=jobs, return_as="generator_unordered", batch_size=1)(calls)
-                with _closed(started):
-                    for key, result in started:
-                        losses = 0
-                        del left[key]
-                        if isinstance(result, LcorppError):
-                            raise result
-                        yield key, result
-            except BrokenProcessPool:
-                losses += 1
-                LOG.info("a worker process ended; its units are evaluated again")
-                if losses == MAX_LOSSES:
-                    raise WorkerError(
-                        f"worker processes ended {MAX_LOSSES} times in a row with {len(left)} units left,"
-                        " perhaps for lack of memory; expected fewer processes"
-                    ) from None
+            with _closed(started):
+                for key, result in started:
+                    losses = 0
+                    del left[key]
+                    if isinstance(result, LcorppError):
+                        raise result
+                    yield key, result
+        except BrokenProcessPool:
+            losses += 1
+            LOG.info("a worker process ended; its units are evaluated again")
+            if losses == MAX_LOSSES:
+                raise WorkerError(
+                    f"worker processes ended {MAX_LOSSES} times in a row with {len(left)} units left,"
+                    " perhaps for lack of memory; expected fewer processes"
+                ) from None
 
 
 def _evaluate(
