@@ -79,7 +79,7 @@ def test_a_nearly_perfect_classifier_looks_as_bad_as_the_labels_in_the_rules(fou
     assert second.scores.return_.estimate > found[NONE][1].scores.return_.estimate
 
 
-def make_results(f1, seeds=4):
+def make_results(f1, seeds=4, belief=0.88):
     """Made-up results: F1 of each batch by run; a higher F1 goes with a higher return and a lower cost."""
     jitter = np.random.default_rng(0).uniform(-0.002, 0.002, size=(seeds, BATCHES, len(RUNS)))
 
@@ -87,7 +87,7 @@ def make_results(f1, seeds=4):
         scores = make_scores("LCORPP", value, 0.85, 50 - 47 * value, 100 * value)
         scores = replace(scores, counts=np.array([[40.0, 5, 0], [10, 45.0, 0]]))
         rules = ConfusionMatrix(CLASSES, np.array([[30.0, 10], [12, 48]]))
-        return BatchOutcome(scores, rules, ConfusionMatrix(CLASSES, np.array([[34.0, 6], [6, 54]])), 0.9)
+        return BatchOutcome(scores, rules, ConfusionMatrix(CLASSES, np.array([[34.0, 6], [6, 54]])), belief)
 
     return [
         {run: [make(f1[run][b] + jitter[s, b, r]) for b in range(BATCHES)] for r, run in enumerate(RUNS)}
@@ -108,8 +108,9 @@ def test_findings_hold_where_the_curve_rises():
     assert (
         "reported as interested 20.0% are not in the first batch, 20.0% in the last; of" in result.paragraph
     )
-    assert "The mean belief in its reports is 0.900, and 0.850 of them are right" in result.paragraph
+    assert "The mean belief in its reports is 0.880; 0.850 of them are right" in result.paragraph
     assert "interested 0.74 (true 0.84), not_interested 0.80 (true 0.89)" in result.paragraph
+    assert "soft labels are nearly hard" not in result.paragraph
     rows = {(row["run"], row["batch"]): row for row in result.table}
     assert len(rows) == 12
     assert rows[HARD, 4]["label_error_interested"] == pytest.approx(0.2)
@@ -122,6 +123,13 @@ def test_findings_fail_where_it_falls_and_are_open_where_nothing_changes():
     assert (hard.verdict, hard_gain.verdict) == ("does not hold", "does not hold")
     assert (soft.verdict, soft_gain.verdict) == ("is not decided", "is not decided")
     assert better.verdict == "holds"
+
+
+def test_too_firm_beliefs_are_noted():
+    assert (
+        "soft labels are nearly hard"
+        in make_result(make_results(RISING, belief=0.98), "interested").paragraph
+    )
 
 
 def test_far_published_numbers_are_those_of_another_run():

@@ -45,6 +45,9 @@ SEEDS, FAST_SEEDS = 10, 8
 BATCH_SIZE, FAST_BATCH_SIZE = 500, 200
 """Batches; seeds, and people in a batch, which are the paper's; with --fast."""
 
+OVERCONFIDENCE = 0.05
+"""Belief in the reports above their accuracy that is worth a note."""
+
 TITLES: Mapping[str, str] = {NONE: "no new data", HARD: "hard labels", SOFT: "soft labels"}
 COLOURS: Mapping[str, str] = {NONE: MUTED, HARD: BLUE, SOFT: ORANGE}
 
@@ -205,12 +208,17 @@ def _describe_labels(results: Sequence[Result], run: str, classes: Sequence[str]
         f" (true {mean(BATCHES, find_recall('true', name)):.2f})"
         for name in classes
     )
-    return [
+    belief, right = mean(BATCHES, lambda outcome: outcome.belief), mean(BATCHES, find_score("accuracy"))
+    notes = [
         f"With {TITLES[run]}, {errors}. The rules of the last batch, estimated from the reports, state the"
-        f" recall {recalls}. The mean belief in its reports is"
-        f" {mean(BATCHES, lambda outcome: outcome.belief):.3f}, and"
-        f" {mean(BATCHES, find_score('accuracy')):.3f} of them are right."
+        f" recall {recalls}. The mean belief in its reports is {belief:.3f}; {right:.3f} of them are right."
     ]
+    if run == SOFT and belief > right + OVERCONFIDENCE:
+        notes.append(
+            "The robot believes its reports too firmly, as its model of answers has less noise than people"
+            " have: soft labels are nearly hard."
+        )
+    return notes
 
 
 def _deviate(results: Sequence[Result]) -> list[Deviation]:
