@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from math import ceil, floor
 from typing import TYPE_CHECKING
 
 from lcorpp.cli import console
@@ -55,12 +56,20 @@ def print_scores(scores: Sequence[Scores], positive: str | None, trials: int | N
         metrics = (
             f"F1, precision and recall of {positive!r}" if positive else "macro averages over all values"
         )
-    count = "exact values" if trials is None else f"{trials} trials, 95% intervals in brackets"
+    rows = [
+        [_format_interval(cell, get_format(name), STACKED) for name, cell in row.columns.items()]
+        for row in scores
+    ]
+    if trials is not None:
+        count = f"{trials} trials, 95% intervals in brackets"
+    elif any("\n" in cell for cells in rows for cell in cells):
+        count = "exact values, bounds in brackets where too many episodes are possible"
+    else:
+        count = "exact values"
     names = [row.strategy for row in scores]
     table = _make_score_table(f"{count}; {metrics}", names, ["strategy", *scores[0].columns])
-    for row in scores:
-        cells = (_format_interval(cell, get_format(name), STACKED) for name, cell in row.columns.items())
-        table.add_row(row.strategy, *cells)
+    for name, cells in zip(names, rows, strict=True):
+        table.add_row(name, *cells)
     console.out.print(table)
     others = [(row.strategy, row.difference) for row in scores if row.difference is not None]
     if others:
@@ -88,14 +97,21 @@ def _make_score_table(title: str, names: Sequence[str], columns: Sequence[str]) 
 
 
 def _format_interval(interval: Interval, number_format: str, layout: str) -> str:
-    """Return the estimate and the interval with one digit less, as `STACKED` or `INLINE`."""
-    text = f"{interval.estimate:{number_format}}"
-    if interval.low == interval.high:
+    """Return the estimate and the interval with one digit less, as `STACKED` or `INLINE`.
+
+    Exact values have no interval, or bounds if the least likely episodes were left out.
+    """
+    text, digits = f"{interval.estimate:{number_format}}", int(number_format[1])
+    low, high = interval.low, interval.high
+    if interval.confidence == 1:  # bounds: rounded outwards, and left out if nothing of them is visible
+        if high - low < 10.0 ** -(digits + 1):
+            return text
+        scale = 10.0 ** (digits - 1)
+        low, high = floor(low * scale) / scale, ceil(high * scale) / scale
+    elif low == high:
         return text
-    coarse = f".{int(number_format[1]) - 1}f"
-    ends = (f"{end:{coarse}}" for end in (interval.low, interval.high))
-    low, high = (end.removeprefix("0") if end.startswith("0.") else end for end in ends)
-    return layout.format(text, low, high)
+    ends = [f"{end:.{digits - 1}f}" for end in (low, high)]
+    return layout.format(text, *(end.removeprefix("0") if end.startswith("0.") else end for end in ends))
 
 
 def print_classifier(setup: SenseSetup, sense: str = "") -> None:

@@ -5,9 +5,14 @@ import pytest
 
 from lcorpp.domains import load_domain
 from lcorpp.experiments import ComparisonOptions, compare_strategies
-from lcorpp.experiments.scoring.differences import add_differences, find_reference, linearise_f1
-from lcorpp.experiments.scoring.metrics import score_decisions
-from lcorpp.values import Z95
+from lcorpp.experiments.scoring.differences import (
+    add_differences,
+    add_exact_differences,
+    find_reference,
+    linearise_f1,
+)
+from lcorpp.experiments.scoring.metrics import score_decisions, score_probabilities
+from lcorpp.values import Z95, Interval
 
 
 def score(name: str, cost: np.ndarray, return_: np.ndarray):
@@ -19,20 +24,13 @@ def test_differences_by_hand():
     cost = np.array([[1.0, 2.0], [2.0, 2.0], [3.0, 5.0]])
     return_ = np.array([[10.0, 12.0], [8.0, 8.0], [6.0, 10.0]])
     rows = [score("P", cost[:, 0], return_[:, 0]), score("R+P", cost[:, 1], return_[:, 1])]
-    worse, reference = add_differences(rows, cost, return_)
+    worse, reference = add_differences(rows, cost, return_, np.zeros_like(cost))
     assert reference.difference is None
     assert worse.difference.reference == "R+P"
     half = Z95 * 1 / np.sqrt(3)  # the costs differ by 1, 0 and 2: mean 1, standard deviation 1
     found = worse.difference.cost
     assert (found.estimate, found.low, found.high) == pytest.approx((1, 1 - half, 1 + half))
     assert worse.difference.return_.estimate == 2
-
-
-def test_one_row_is_exact():
-    rows = [score(name, np.zeros(1), np.zeros(1)) for name in ("L", "LCORPP")]
-    first, _ = add_differences(rows, np.array([[0.0, 9.5]]), np.array([[36.8, 51.5]]))
-    assert (first.difference.cost.low, first.difference.cost.high) == (9.5, 9.5)
-    assert first.difference.return_.estimate == pytest.approx(14.7)
 
 
 def test_a_notebook_shows_each_variable():
@@ -118,3 +116,16 @@ def test_paired_intervals_of_f1_cover_the_true_difference():
         independent += sum(2 * Z95 * column.std() / 20 for column in f1.T)
     assert 922 <= hits <= 978
     assert width < 0.6 * independent
+
+
+def test_differences_of_exact_scores_and_of_bounds():
+    joint, options = np.array([[0.5, 0, 0], [0, 0.5, 0]]), {"values": ("yes", "no"), "positive": None}
+    cost, return_ = Interval(2, 1, 3, 1), Interval.exact(5)
+    worse = score_probabilities("R+P", joint, cost, return_, 0, **options)
+    cost, return_ = Interval.exact(1), Interval.exact(9)
+    better = score_probabilities("LCORPP", joint, cost, return_, 0, **options)
+    first, second = add_exact_differences([worse, better])
+    assert second.difference is None
+    assert first.difference.cost == Interval(-1, -2, 0)
+    assert first.difference.return_ == Interval.exact(4)
+    assert first.difference.f1 == Interval.exact(0)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -10,7 +10,7 @@ import numpy as np
 
 from lcorpp.decision import STRATEGIES
 from lcorpp.experiments.scoring.metrics import Difference, Scores, compute_mean_interval
-from lcorpp.values import Array, SharedValue
+from lcorpp.values import Array, Interval, SharedValue
 
 Indices = np.ndarray[Any, np.dtype[np.intp]]
 
@@ -25,9 +25,7 @@ def find_reference(names: Sequence[str]) -> str:
     return shipped[-1] if shipped else names[-1]
 
 
-def add_differences(
-    scores: Sequence[Scores], cost: Array, return_: Array, f1: Array | None = None
-) -> list[Scores]:
+def add_differences(scores: Sequence[Scores], cost: Array, return_: Array, f1: Array) -> list[Scores]:
     """Return the scores with how much higher those of the reference strategy are than each of them.
 
     All strategies decide about the same people, so a difference is the mean of the differences of single
@@ -35,26 +33,39 @@ def add_differences(
 
     Args:
         scores: k strategies.
-        cost, return_: (n, k) of n people; one row of exact means has intervals of zero width.
-        f1: (n, k) linearised F1 scores of n people, see `linearise_f1`; None takes those of exact scores.
+        cost, return_: (n, k) of n people.
+        f1: (n, k) linearised F1 scores of n people, see `linearise_f1`.
     """
+
+    def subtract(r: int, k: int) -> list[Interval]:
+        return [compute_mean_interval(values[:, r] - values[:, k]) for values in (cost, return_, f1)]
+
+    return _compare(scores, subtract)
+
+
+def add_exact_differences(scores: Sequence[Scores]) -> list[Scores]:
+    """Return exact scores with their differences to the reference strategy; those of bounds are bounds."""
+
+    def subtract(r: int, k: int) -> list[Interval]:
+        one, other = scores[r], scores[k]
+        pairs = (one.cost, other.cost), (one.return_, other.return_), (one.f1, other.f1)
+        return [
+            Interval(a.estimate - b.estimate, a.low - b.high, a.high - b.low, min(a.confidence, b.confidence))
+            for a, b in pairs
+        ]
+
+    return _compare(scores, subtract)
+
+
+def _compare(scores: Sequence[Scores], subtract: Callable[[int, int], list[Interval]]) -> list[Scores]:
+    """Add differences; `subtract` returns those between two strategies: of cost, return and F1."""
     if len(scores) < 2:
         return list(scores)
-    if f1 is None:
-        f1 = np.array([[row.f1.estimate for row in scores]])
     names = [row.strategy for row in scores]
     reference = find_reference(names)
     r = names.index(reference)
     return [
-        row
-        if row.strategy == reference
-        else replace(
-            row,
-            difference=Difference(
-                reference,
-                *(compute_mean_interval(values[:, r] - values[:, k]) for values in (cost, return_, f1)),
-            ),
-        )
+        row if k == r else replace(row, difference=Difference(reference, *subtract(r, k)))
         for k, row in enumerate(scores)
     ]
 

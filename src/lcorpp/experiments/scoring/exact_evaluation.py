@@ -19,7 +19,7 @@ from lcorpp.errors import DecisionError, DomainError, check_type
 from lcorpp.experiments.scoring import episode_sums
 from lcorpp.experiments.scoring.decision_graph import DecisionGraph
 from lcorpp.experiments.scoring.decision_nodes import BeliefNodes, DecisionNodes, HistoryNodes
-from lcorpp.experiments.scoring.differences import add_differences
+from lcorpp.experiments.scoring.differences import add_exact_differences
 from lcorpp.experiments.scoring.episode_model import EpisodeModel
 from lcorpp.experiments.scoring.episode_sums import EpisodeSums
 from lcorpp.experiments.scoring.metrics import Scores, score_probabilities
@@ -74,8 +74,7 @@ def evaluate_exactly(
         found = _sum_strategies(domain, robot, alike, channels, people, model, progress)
         sums |= zip(alike, found, strict=True)
     scores = [_score_sums(domain, strategy, sums[strategy]) for strategy in strategies]
-    means = [[[getattr(row, name).estimate for row in scores]] for name in ("cost", "return_")]
-    return add_differences(scores, np.array(means[0]), np.array(means[1]))
+    return add_exact_differences(scores)
 
 
 def check_enumerable(domain: Domain, strategies: Sequence[Strategy]) -> None:
