@@ -40,7 +40,9 @@ def test_a_notebook_shows_each_variable():
 
 
 def test_one_strategy_has_no_difference():
-    (row,) = add_differences([score("P", np.ones(3), np.ones(3))], np.ones((3, 1)), np.ones((3, 1)))
+    (row,) = add_differences(
+        [score("P", np.ones(3), np.ones(3))], np.ones((3, 1)), np.ones((3, 1)), np.ones((3, 1))
+    )
     assert row.difference is None
 
 
@@ -69,7 +71,7 @@ def test_paired_intervals_cover_the_true_difference_in_95_of_100_samples():
         person = rng.exponential(5, size=(100, 1))
         cost = person + rng.normal([0.0, 0.5], 1, size=(100, 2))
         rows = [score(name, cost[:, k], -cost[:, k]) for k, name in enumerate(("P", "R+P"))]
-        found = add_differences(rows, cost, -cost)[0].difference.cost
+        found = add_differences(rows, cost, -cost, cost)[0].difference.cost
         hits += found.low <= 0.5 <= found.high
         width += found.high - found.low
         independent += sum(row.cost.high - row.cost.low for row in rows)

@@ -8,14 +8,12 @@ from functools import lru_cache
 from itertools import pairwise
 from typing import Any
 
-import numpy as np
-
 from lcorpp.decision import Strategy
 from lcorpp.decision.strategies import list_strategies
 from lcorpp.domains import Domain
 from lcorpp.errors import DecisionError, LcorppError, WorkerError
 from lcorpp.experiments.comparison import ComparisonOptions, compare_strategies
-from lcorpp.experiments.scoring.differences import add_differences
+from lcorpp.experiments.scoring.differences import add_exact_differences
 from lcorpp.experiments.scoring.metrics import Difference, Scores
 from lcorpp.experiments.setup import solve_domain
 from lcorpp.experiments.strategies.baselines import find_strategies
@@ -56,7 +54,7 @@ def evaluate_configuration(problem: Problem, configuration: Configuration) -> Ro
                 pair = tuple(row for row in strategies if row.name in (lower, upper))
                 rows: Sequence[Scores]
                 if problem.trials is None:
-                    rows = _subtract([row for row in scores if row.strategy in (lower, upper)])
+                    rows = add_exact_differences([row for row in scores if row.strategy in (lower, upper)])
                 else:
                     rows = _score(domain, pair, problem.trials, seed, solution)
                 differences[lower] = next(row.difference for row in rows if row.strategy == lower)
@@ -99,14 +97,6 @@ def _score(
     if comparison.trials != trials:
         raise KeyboardInterrupt
     return comparison.scores
-
-
-def _subtract(scores: Sequence[Scores]) -> Sequence[Scores]:
-    """Return exact scores with their differences."""
-    cost, return_ = (
-        np.array([[getattr(row, name).estimate for row in scores]]) for name in ("cost", "return_")
-    )
-    return add_differences(scores, cost, return_)
 
 
 @dataclass(frozen=True)
