@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 
 from lcorpp.errors import WorkerError
+from lcorpp.experiments import read_sweep, run_sweep
 from lcorpp.work_units import cluster
 from lcorpp.work_units.running import evaluate_units
 from tests.work_units import functions
@@ -66,6 +67,26 @@ def test_the_units_of_a_killed_worker_go_to_another_one(start, scheduler):
         if len(results) == 4:
             workers[0].kill()
     assert results == SQUARES
+
+
+def test_a_sweep_on_a_cluster_has_the_numbers_of_one_process(start, scheduler, tmp_path):
+    """Show 5: one of two workers is killed in the middle."""
+    _, address = scheduler
+    workers = [start_worker(start, address) for _ in range(2)]
+    (tmp_path / "s.toml").write_text(
+        'strategies = ["P", "R+P", "LCORPP"]\ntrials = 100\n[axes]\n'
+        "noise = [0.2, 0.3, 0.4]\ndiscount = { from = 0.9, to = 0.99, count = 4 }\n"
+    )
+    sweep = read_sweep(tmp_path / "s.toml")
+
+    def kill_one(done: int, total: int, seconds: float | None) -> None:
+        if done == 3:
+            workers[0].kill()
+
+    found = run_sweep(sweep, tmp_path / "cluster", cluster=address, progress=kill_one)
+    assert workers[0].wait() < 0
+    assert len(found.rows) == 36
+    assert found.rows == run_sweep(sweep, tmp_path / "here").rows
 
 
 @pytest.mark.parametrize("lost", ["scheduler", "worker"])
