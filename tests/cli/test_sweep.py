@@ -56,7 +56,7 @@ def test_another_sweep_in_the_same_folder_is_refused(lcorpp, file, tmp_path):
     lcorpp("sweep", file, "--jobs", 1, "--out", tmp_path / "out")
     for change, words in (
         ("trials = 100", "trials was none, exact scores, now 100"),
-        ('preset = "authors"', "of another run: files of the domain was"),
+        ('preset = "authors"', "of another run: preset was paper, now authors"),
         ("seed = 1", "seed was 0, now 1"),
     ):
         file.write_text(change + SWEEP)

@@ -100,7 +100,7 @@ class UnitStore:
                 raise DataError(f"{self.path}: its version is {version}; this lcorpp has version {VERSION}")
             stored = dict(execute("SELECT name, value FROM identity"))
             self._results = {key: json.loads(text) for key, text in execute("SELECT key, result FROM unit")}
-        for name in sorted(stored.keys() | identity.keys()):
+        for name in (*identity, *stored):
             was, now = stored.get(name, "missing"), identity.get(name, "missing")
             if was != now:
                 raise DataError(

@@ -6,6 +6,7 @@ import re
 from collections.abc import Mapping
 from dataclasses import replace
 from fractions import Fraction
+from functools import lru_cache
 from itertools import count
 
 import numpy as np
@@ -111,6 +112,7 @@ def with_prevalence(
     return domain
 
 
+@lru_cache(maxsize=64)  # the robot and the people may have the same program, and so may configurations
 def _reweight(program: Program, attribute: str, value: str, share: Fraction) -> Program:
     """Return a program in which a value has this probability: an observation selects the other worlds.
 

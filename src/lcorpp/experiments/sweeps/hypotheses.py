@@ -84,6 +84,10 @@ def describe_results(rows: Rows, axes: Sequence[str], setting: str) -> str:
     number = len(configurations)
     sentences = [f"{number} configuration{'s' * (number > 1)} of {setting}: {ranges}."]
     strategies = list(dict.fromkeys(row["strategy"] for row in rows))
+    best = Counter(max(own, key=lambda name: own[name]["return"]) for own in configurations.values())
+    if len(strategies) > 1:
+        listed = ", ".join(f"{strategy} in {count}" for strategy, count in best.most_common())
+        sentences.append(f"The highest return: {listed}.")
     for hypothesis in list_hypotheses(strategies):
         verdicts = {key: next(iter(own.values()))[hypothesis.column] for key, own in configurations.items()}
         counts = Counter(verdicts.values())
