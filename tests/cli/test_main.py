@@ -44,7 +44,7 @@ def test_the_shell_completes_commands_and_options(lcorpp, monkeypatch):
     assert "complete -o default -F _lcorpp_completion lcorpp" in lcorpp("--show-completion", "bash").out
     monkeypatch.setenv("_LCORPP_COMPLETE", "complete_bash")
     for words, index, expected in (
-        ("lcorpp s", "1", ["solve", "simulate", "show"]),
+        ("lcorpp s", "1", ["solve", "simulate", "show", "sweep"]),
         ("lcorpp run --st", "2", ["--strategy"]),
     ):
         monkeypatch.setenv("COMP_WORDS", words)
