@@ -25,7 +25,7 @@ def sweep(
         ),
     ] = None,
 ) -> None:
-    """Score strategies over a grid of noise, costs, knowledge or rates.
+    """Score strategies over a grid of noise, costs or knowledge.
 
     Writes a table, a figure and a paragraph to --out, by default out/NAME of the file. Each configuration is
     kept as soon as it is finished: after Ctrl-C or a crash the same command continues.
