@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from lcorpp.decision.strategies import strategies
@@ -16,8 +16,6 @@ from lcorpp.values import Z95, Interval
 
 METRICS = ("f1", "accuracy", "cost", "return")
 """The scores in the tables of figures."""
-
-Metric = Callable[[Scores], Interval]
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,12 +63,13 @@ class Evaluation:
     @property
     def largest_error(self) -> float:
         """The largest difference of a simulated from an exact score, in standard errors."""
-        return max(
-            abs(scores.metrics[metric].estimate - self.exact[name].metrics[metric].estimate)
-            / max((scores.metrics[metric].high - scores.metrics[metric].low) / (2 * Z95), 1e-9)
-            for name, scores in self.simulated.items()
-            for metric in METRICS
-        )
+        errors = [0.0]
+        for name, scores in self.simulated.items():
+            for metric in METRICS:
+                found, true = scores.metrics[metric], self.exact[name].metrics[metric].estimate
+                if found.high > found.low:
+                    errors.append(2 * Z95 * abs(found.estimate - true) / (found.high - found.low))
+        return max(errors)
 
 
 def evaluate(
