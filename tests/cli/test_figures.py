@@ -33,6 +33,12 @@ def test_an_unknown_name_is_refused_with_the_list(lcorpp):
     assert ended.err.startswith(f"lcorpp: unknown figure 'strategys'; expected one of {', '.join(FIGURES)}")
 
 
+def test_too_few_trials_are_refused(lcorpp):
+    ended = lcorpp("figures", "--trials", 20)
+    assert ended.code == 2
+    assert "the number of trials is 20; expected at least 100, as intervals of fewer people" in ended.err
+
+
 def test_a_folder_that_cannot_be_written_is_refused_before_the_work(lcorpp, tmp_path):
     (tmp_path / "file").write_text("")
     ended = lcorpp("figures", "--out", tmp_path / "file")
@@ -57,3 +63,8 @@ def test_without_pyarrow_one_line_says_so(small, lcorpp, tmp_path, monkeypatch):
     ended = lcorpp("figures", "strategies", "--out", tmp_path)
     assert "tables are written as CSV alone; Parquet needs the extra lcorpp[parquet]" in ended.out
     assert not (tmp_path / "strategies.parquet").exists()
+
+
+def test_help_names_all_figures(lcorpp):
+    text = " ".join(lcorpp("figures", "--help").out.split())
+    assert f"{', '.join(FIGURES)}; all by default" in text

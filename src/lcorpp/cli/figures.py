@@ -15,7 +15,10 @@ from lcorpp.cli.options import common as options
 def figures(
     name: Annotated[
         list[str] | None,
-        typer.Argument(metavar="[NAME]...", help="strategies, knowledge, ...; all by default."),
+        typer.Argument(
+            metavar="[NAME]...",
+            help="strategies, knowledge, partial, augmentation, confusion, trial; all by default.",
+        ),
     ] = None,
     fast: Annotated[
         bool, typer.Option("--fast", help="Fewer people, tracks and seeds: all figures within two minutes.")
@@ -23,7 +26,9 @@ def figures(
     trials: Annotated[
         int | None,
         typer.Option(
-            min=1, max=options.MAX_TRIALS, help="Simulated people per setting; 5000, or 1000 with --fast."
+            min=1,
+            max=options.MAX_TRIALS,
+            help="Simulated people per setting, at least 100; 5000, or 1000 with --fast.",
         ),
     ] = None,
     seed: options.SeedOption = 0,

@@ -16,6 +16,9 @@ from lcorpp.values import Interval
 TRIALS, FAST_TRIALS = 5000, 1000
 """Simulated people per setting: as many as in the paper, and with `FigureOptions.fast`."""
 
+MIN_TRIALS = 100
+"""Normal intervals of means need about as many people."""
+
 Row = Mapping[str, str | float | int | None]
 """Column -> cell. The ends of the interval of a column NAME are in NAME_low and NAME_high."""
 
@@ -38,8 +41,13 @@ class FigureOptions:
     trials: int | None = None
 
     def __post_init__(self) -> None:
-        if self.jobs < 1 or (self.trials is not None and self.trials < 1):
-            raise DecisionError(f"jobs and trials must be at least 1, not {self.jobs} and {self.trials}")
+        if self.jobs < 1:
+            raise DecisionError(f"the number of processes is {self.jobs}; expected at least 1")
+        if self.trials is not None and self.trials < MIN_TRIALS:
+            raise DecisionError(
+                f"the number of trials is {self.trials}; expected at least {MIN_TRIALS}, as intervals of"
+                " fewer people do not cover what they should"
+            )
 
     @property
     def n_trials(self) -> int:
