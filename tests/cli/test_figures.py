@@ -59,7 +59,7 @@ def test_ctrl_c_keeps_the_finished_figures(lcorpp, tmp_path, monkeypatch):
 
 
 def test_without_pyarrow_one_line_says_so(small, lcorpp, tmp_path, monkeypatch):
-    monkeypatch.setattr("lcorpp.experiments.figures.storage.find_spec", lambda name: None)
+    monkeypatch.setattr("lcorpp.experiments.tables.find_spec", lambda name: None)
     ended = lcorpp("figures", "strategies", "--out", tmp_path)
     assert "tables are written as CSV alone; Parquet needs the extra lcorpp[parquet]" in ended.out
     assert not (tmp_path / "strategies.parquet").exists()

@@ -31,12 +31,12 @@ class PaperFigure:
 
 
 FIGURES: Mapping[str, PaperFigure] = {
-    "strategies": PaperFigure(compare_six, 14, 4),
-    "knowledge": PaperFigure(vary_knowledge, 40, 10),
+    "strategies": PaperFigure(compare_six, 3, 2),
+    "knowledge": PaperFigure(vary_knowledge, 6, 4),
     "partial": PaperFigure(compare_parts, 38, 8),
     "augmentation": PaperFigure(augment_from_no_data, 65, 24),
-    "confusion": PaperFigure(cross_validate, 10, 1),
-    "trial": PaperFigure(replay_trial, 0.1, 0.1),
+    "confusion": PaperFigure(cross_validate, 6, 2),
+    "trial": PaperFigure(replay_trial, 1, 1),
 }
 """Name -> figure, in the order of the report."""
 
