@@ -22,7 +22,7 @@ from .results import write_batches as write_batches, write_comparison as write_c
 from .robot_parts import ClassifierPart as ClassifierPart, RobotParts as RobotParts
 from .scoring.exact_evaluation import evaluate_exactly as evaluate_exactly
 from .scoring.metrics import Scores as Scores
-from .scoring.trial_chunks import Experiment as Experiment
+from .scoring.trial_chunks import Experiment as Experiment, replay_trial as replay_trial
 from .scoring.trials import run_trials as run_trials
 from .setup import (
     EvidenceOptions as EvidenceOptions,

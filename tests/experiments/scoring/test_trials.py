@@ -21,7 +21,7 @@ from lcorpp.errors import DataError, DecisionError, DomainError, ObservationErro
 from lcorpp.experiments.scoring import trial_chunks, trials
 from lcorpp.experiments.scoring.batch_simulation import BatchWorld, PeopleDraws
 from lcorpp.experiments.scoring.exact_evaluation import compute_joint_distribution
-from lcorpp.experiments.scoring.trial_chunks import Experiment
+from lcorpp.experiments.scoring.trial_chunks import ChunkWork, Experiment, replay_trial
 from lcorpp.experiments.scoring.trials import run_trials
 from lcorpp.learning import TrainedClassifier, fit_calibration
 from lcorpp.reasoning import Enumeration, Reasoner
@@ -125,6 +125,24 @@ def test_decisions_at_once_equal_those_one_by_one(rooms):
     for a, b in zip(together, single, strict=True):
         np.testing.assert_array_equal(a.counts, b.counts)
         assert (a.cost, a.return_, a.cost_sd) == (b.cost, b.return_, b.cost_sd)
+
+
+def test_a_single_trial_is_replayed(rooms):
+    """Also of the last chunk, which is not full."""
+    fields = [("truth", int), ("reported", int, 6), ("cost", float, 6), ("return_", float, 6)]
+    results = np.zeros(150, np.dtype(fields))
+    trial_chunks.run_chunks(rooms, [ChunkWork(0, results[:100]), ChunkWork(1, results[100:])])
+    for trial in (0, 57, 100, 149):
+        for k, strategy in enumerate(STRATEGIES):
+            episode = replay_trial(rooms, trial, strategy, trials=150)
+            assert rooms.domain.values.index(episode.report) == results["reported"][trial, k]
+            costs = [
+                -float(rooms.domain.pomdp.reward[rooms.domain.pomdp.actions.index(step.action)].min())
+                for step in episode.steps[:-1]
+            ]
+            assert sum(costs) == pytest.approx(results["cost"][trial, k])
+    with pytest.raises(DecisionError, match="there is no trial 150; expected 0 to 149"):
+        replay_trial(rooms, 150, STRATEGIES[0], trials=150)
 
 
 def test_draws_are_those_of_each_persons_generator():

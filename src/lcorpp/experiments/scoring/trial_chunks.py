@@ -25,7 +25,7 @@ from lcorpp.planning import Planner
 from lcorpp.simulation.people import Person, Population, SignalSource
 from lcorpp.simulation.simulated_classifier import BatchClassifier
 from lcorpp.simulation.world import SimulationModel
-from lcorpp.values import Array, Instance, Label
+from lcorpp.values import Array, Episode, Instance, Label
 
 CHUNK_SIZE = 100
 """Trials per chunk. Each chunk has its own random generator, so this number is part of every result."""
@@ -107,6 +107,27 @@ def run_chunks(experiment: Experiment, work: Sequence[ChunkWork]) -> int:
     for chunk, people in zip(work, chunks, strict=True):
         _simulate_one_by_one(experiment, chunk, people, sorted(single))
     return sum(len(chunk.results) for chunk in work)
+
+
+def replay_trial(experiment: Experiment, trial: int, strategy: Strategy, *, trials: int) -> Episode:
+    """Decide about the person of one trial again, step by step.
+
+    Args:
+        trial: its number, from 0. strategy: one of the experiment's. trials: the number of all trials.
+
+    Raises:
+        DecisionError: there is no such trial; and whatever the robot's parts raise.
+    """
+    if not 0 <= trial < trials:
+        raise DecisionError(f"there is no trial {trial}; expected 0 to {trials - 1}")
+    number, i = divmod(trial, CHUNK_SIZE)
+    count = min(CHUNK_SIZE, trials - number * CHUNK_SIZE)
+    domain, seed = experiment.domain, (experiment.seed, number, i)
+    drawn = _draw_people(experiment, Population(domain), number, count)
+    recall = {sense: PrecomputedLabel(labels[i]) for sense, labels in drawn.labels.items()}
+    robot = strategy.robot(replace(experiment.robot, classifiers=recall), make_generator(*seed))
+    world = SimulationModel(domain).make_world(drawn.people[i], np.random.default_rng(seed))
+    return dt_control(robot, drawn.instance(domain, i), world)
 
 
 def simulates_at_once(experiment: Experiment, strategy: Strategy) -> bool:
