@@ -101,6 +101,6 @@ def test_features_that_nothing_can_be_learnt_from(numbers, words):
         train(learner("logistic"), Dataset(np.array(numbers), ("a", "b")))
 
 
-def test_a_store_is_for_motion():
-    with pytest.raises(DataError, match=r"a store is for tracks of x, y, .*; the data are yaw, pitch, dwell"):
-        TrackSchema.from_dataset(make_table(), CLASSES)
+def test_a_store_has_the_features_of_a_table():
+    schema = TrackSchema.from_dataset(make_table(), CLASSES)
+    assert (schema.is_table, schema.channels, schema.unit) == (True, ("yaw", "pitch", "dwell"), "cases")
