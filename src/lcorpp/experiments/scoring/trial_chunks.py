@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from lcorpp.decision import Robot, Strategy, dt_control
+from lcorpp.decision.dt_control import LOG
 from lcorpp.domains import Domain
 from lcorpp.errors import DecisionError, LcorppError, check_type
 from lcorpp.experiments.decision_log import format_decision
@@ -97,12 +98,12 @@ def run_chunks(experiment: Experiment, work: Sequence[ChunkWork]) -> int:
 
     The experiment's seed and the chunk's number determine every random draw. Decisions that depend on the
     belief alone are simulated for all people of the chunks at once, the others one by one; both ways give the
-    same results. A chunk with a log is simulated one by one.
+    same results. Chunks with a log, and decisions that are shown (`lcorpp -v`), are simulated one by one.
     """
     population = Population(experiment.domain)
     chunks = [_draw_people(experiment, population, number, len(results)) for number, results, _ in work]
     single = set(range(len(experiment.strategies)))
-    if all(file is None for _, _, file in work):
+    if all(file is None for _, _, file in work) and not LOG.isEnabledFor(logging.INFO):
         single -= _simulate_at_once(experiment, work, chunks)
     for chunk, people in zip(work, chunks, strict=True):
         _simulate_one_by_one(experiment, chunk, people, sorted(single))
