@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from lcorpp.domains import list_domains, load_domain
+from lcorpp.domains.toml import read_toml
 from lcorpp.errors import DomainError, FileError, LcorppError, ParseError
 from lcorpp.experiments.training_data import simulate_training_data
 from lcorpp.reasoning import Reasoner
@@ -307,3 +308,21 @@ def test_repr_is_one_line():
 def test_a_domain_is_a_folder_or_a_name():
     with pytest.raises(DomainError, match="the domain is 3; expected str or Path"):
         load_domain(3)
+
+
+def test_keys_of_the_file_can_be_changed():
+    domain = load_domain("intention", preset="authors", changes={"simulation": {"noise": 0.1}})
+    answers = domain.simulation.feedback_model[domain.pomdp.action_index("greet")]
+    state, answer = domain.pomdp.state_index("interested_turned"), domain.pomdp.observation_index("neg")
+    assert answers[state, answer] == pytest.approx(0.1)
+    with pytest.raises(
+        DomainError, match=r"domain\.toml:\d+: \[simulation\] noise: expected a number from 0"
+    ):
+        load_domain("intention", changes={"simulation": {"noise": 2}})
+
+
+def test_lines_of_quoted_keys(tmp_path):
+    (file := tmp_path / "sweep.toml").write_text('[axes]\npr."a=b | c.d = e" = [1]\n"x.y".z = 2\n')
+    table = read_toml(file).section("axes", required=True)
+    assert table.location("pr", "a=b | c.d = e").startswith(f"{file}:2: ")
+    assert table.location("x.y", "z").startswith(f"{file}:3: ")

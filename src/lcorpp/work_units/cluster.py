@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Generator, Iterable
 from concurrent.futures import CancelledError
 from contextlib import suppress
@@ -49,6 +50,10 @@ def evaluate_on_cluster(calls: Iterable[Any], address: str) -> Generator[Any, No
         from distributed import Client
     except ImportError:
         raise WorkerError("a cluster needs Dask; install lcorpp[dask]") from None
+    if not re.fullmatch(r"(\w+://)?\S+:\d+", address):
+        raise WorkerError(
+            f"{address!r} is no address of a cluster; expected that of a Dask scheduler, e.g. tcp://127.0.0.1:8786"
+        )
     try:
         client = Client(address, timeout=CONNECT_SECONDS, set_as_default=False)
     except (OSError, ValueError) as error:

@@ -21,6 +21,9 @@ from lcorpp.values import Array
 MAX_TICKS = 6
 """Maximum number of labels of an axis."""
 
+LINE_STYLES = ("-", "--", ":")
+"""Of curves of the same colour."""
+
 PANEL = 3.0
 """Width of a panel in inches."""
 
@@ -57,11 +60,12 @@ def _plot_curves(rows: Rows, axes: Sequence[str], hypotheses: Sequence[Hypothesi
     for panel, metric in zip(figure.subplots(1, 2), METRICS, strict=True):
         for number, strategy in enumerate(strategies):
             colour = COLOURS[number % len(COLOURS)]
+            style = LINE_STYLES[number // len(COLOURS) % len(LINE_STYLES)]
             ends = [
                 [_average(rows, {axis: value, "strategy": strategy}, f"{metric}{end}") for value in values]
                 for end in ("", "_low", "_high")
             ]
-            panel.plot(positions, ends[0], color=colour, marker="o", markersize=3, label=strategy)
+            panel.plot(positions, ends[0], style, color=colour, marker="o", markersize=3, label=strategy)
             panel.fill_between(positions, ends[1], ends[2], color=colour, alpha=0.25, linewidth=0)
         for hypothesis in hypotheses:
             if hypothesis.metric == metric:
