@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import csv
+import hashlib
 import io
 import json
 import platform
 from collections.abc import Mapping, Sequence
+from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
+import lcorpp
 from lcorpp.files import write_atomically
 
 PACKAGES = ("lcorpp", "numpy", "scipy", "clingo", "scikit-learn", "torch")
@@ -70,3 +73,13 @@ def read_versions() -> dict[str, str]:
         except PackageNotFoundError:
             versions[package] = "not installed"
     return versions
+
+
+@cache
+def hash_code() -> str:
+    """Return the fingerprint of lcorpp's code and domains, so that a changed program computes again."""
+    digest = hashlib.sha256()
+    for path in sorted(Path(lcorpp.__file__).parent.rglob("*")):
+        if path.suffix in (".py", ".plog", ".pomdp", ".toml"):
+            digest.update(path.read_bytes())
+    return digest.hexdigest()[:16]

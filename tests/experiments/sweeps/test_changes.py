@@ -1,9 +1,12 @@
 """Each axis changes what its name says, and nothing else."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from lcorpp.domains import load_domain
+from lcorpp.errors import WorkerError
 from lcorpp.experiments.sweeps.axes import Problem, Setting, configure, hash_domain, list_axes
 from lcorpp.experiments.sweeps.evaluation import evaluate_configuration
 from lcorpp.reasoning import Reasoner
@@ -104,3 +107,10 @@ def test_every_axis_of_the_shipped_domains_can_be_set():
             if axis[0] not in ("known", "true") and axis[0] != "pr":
                 changed = configure(problem, (Setting(axis, 0.3),))
                 assert hash_domain(changed) != problem.fingerprint, axis
+
+
+def test_a_worker_with_other_code_or_another_domain_is_named():
+    with pytest.raises(WorkerError, match=r"a worker has lcorpp .*; expected 0\.0\.1 \(abc\)"):
+        configure(replace(PROBLEM, version="0.0.1 (abc)"), ())
+    with pytest.raises(WorkerError, match="the files of the domain intention are other ones for a worker"):
+        configure(replace(PROBLEM, fingerprint="abc"), ())

@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
-import hashlib
 import json
 import platform
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cache
 from pathlib import Path
 from typing import Any
 
 import lcorpp
 from lcorpp.errors import DataError
 from lcorpp.experiments.figures.result import FigureOptions, FigureResult, Layout
-from lcorpp.experiments.tables import has_parquet, write_csv, write_json, write_parquet
+from lcorpp.experiments.tables import has_parquet, hash_code, write_csv, write_json, write_parquet
 from lcorpp.files import make_folder, read_text
 from lcorpp.plot_style import save_figure
 
@@ -134,17 +132,7 @@ def _describe(result: FigureResult, options: FigureOptions, seconds: float) -> d
 
 def _identify(options: FigureOptions) -> dict[str, Any]:
     """Return what a figure's numbers depend on."""
-    return {"lcorpp": lcorpp.__version__, "code": _hash_code(), "options": options.identity}
-
-
-@cache
-def _hash_code() -> str:
-    """Return the fingerprint of lcorpp's code and domains, so that a changed program computes again."""
-    digest = hashlib.sha256()
-    for path in sorted(Path(lcorpp.__file__).parent.rglob("*")):
-        if path.suffix in (".py", ".plog", ".pomdp", ".toml"):
-            digest.update(path.read_bytes())
-    return digest.hexdigest()[:16]
+    return {"lcorpp": lcorpp.__version__, "code": hash_code(), "options": options.identity}
 
 
 def _find_description(folder: Path, name: str) -> Path:

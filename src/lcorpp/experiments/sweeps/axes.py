@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from math import inf
 from typing import Any
@@ -14,6 +14,7 @@ from lcorpp.domains.sections.learning import Sense
 from lcorpp.errors import DomainError, WorkerError
 from lcorpp.experiments.robot_parts import hash_bytes
 from lcorpp.experiments.sweeps import changes
+from lcorpp.experiments.tables import hash_code
 
 Axis = tuple[str, ...]
 """The parts of the dotted name of an axis."""
@@ -25,6 +26,11 @@ ANY, POSITIVE, PROBABILITY = (-inf, inf), (0.0, inf), (0.0, 1.0)
 
 SECTIONS = ("reasoning", "planning", "simulation")
 """Sections of `domain.toml` whose keys are axes."""
+
+
+def find_version() -> str:
+    """Return the version of lcorpp with the fingerprint of its code."""
+    return f"{lcorpp.__version__} ({hash_code()})"
 
 
 @dataclass(frozen=True)
@@ -60,7 +66,7 @@ class Problem:
 
     domain: a folder, or the name of a shipped domain. preset: None for the first.
     strategies: names, () for all of the domain. trials: simulated people, None for exact scores.
-    seed: of the sweep. fingerprint: of the domain's files. version: of lcorpp.
+    seed: of the sweep. fingerprint: of the domain's files. version: of lcorpp and its code.
     """
 
     domain: str
@@ -69,7 +75,7 @@ class Problem:
     trials: int | None
     seed: int
     fingerprint: str
-    version: str = lcorpp.__version__
+    version: str = field(default_factory=find_version)
 
 
 def list_axes(domain: Domain) -> dict[Axis, tuple[float, float]]:
@@ -146,8 +152,8 @@ def configure(problem: Problem, configuration: Configuration) -> Domain:
 @lru_cache(maxsize=4)
 def _check_worker(problem: Problem) -> None:
     """Check that this process, perhaps on another machine, has the same lcorpp and the same domain."""
-    if problem.version != lcorpp.__version__:
-        raise WorkerError(f"a worker has lcorpp {lcorpp.__version__}; expected {problem.version}")
+    if problem.version != find_version():
+        raise WorkerError(f"a worker has lcorpp {find_version()}; expected {problem.version}")
     if hash_domain(_load(problem, [])) != problem.fingerprint:
         raise WorkerError(f"the files of the domain {problem.domain} are other ones for a worker")
 
