@@ -95,7 +95,7 @@ def evaluate_on_cluster(calls: Iterable[Any], address: str) -> Generator[Any, No
                 raise found
             if found is None:
                 return
-            idle = 0
+            idle, began = 0, True
             yield found[0]
     finally:
         with suppress(TimeoutError, OSError, CancelledError):
