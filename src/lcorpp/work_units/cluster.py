@@ -21,6 +21,9 @@ CONNECT_SECONDS = 15
 IDLE_SECONDS = 30
 """Seconds without any worker after which the cluster is given up."""
 
+STUCK_SECONDS = 5
+"""Seconds without a result, and without a call that Dask has not evaluated, after which one was given up."""
+
 QUEUED = 64
 """Minimum number of calls that wait for workers, so that those that join later get some."""
 
@@ -72,17 +75,23 @@ def evaluate_on_cluster(calls: Iterable[Any], address: str) -> Generator[Any, No
             results.put(error)
 
     Thread(target=wait, daemon=True).start()
-    idle, began = 0, False
+    idle = stuck = 0
+    began = False
     try:
         while True:
             try:
                 found = results.get(timeout=1)
             except Empty:
-                present = _count_workers(client, address)
-                began = began or present > 0
-                idle = idle + 1 if began and not present else 0
+                began = began or _has_workers(client)
+                idle = idle + 1 if began and not _has_workers(client) else 0
+                waiting = {"pending", "lost"} & {state.status for state in client.futures.copy().values()}
+                stuck = stuck + 1 if began and not waiting else 0
                 if idle >= IDLE_SECONDS:
                     raise WorkerError(f"the cluster {address} is lost: {GONE}") from None
+                if stuck >= STUCK_SECONDS:  # joblib waits, but not for Dask
+                    raise WorkerError(
+                        f"one unit ended several workers of the cluster {address}, perhaps for lack of memory"
+                    ) from None
                 continue
             if isinstance(found, TimeoutError):
                 raise WorkerError(
@@ -95,23 +104,14 @@ def evaluate_on_cluster(calls: Iterable[Any], address: str) -> Generator[Any, No
                 raise found
             if found is None:
                 return
-            idle, began = 0, True
+            idle, stuck, began = 0, 0, True
             yield found[0]
     finally:
         with suppress(TimeoutError, OSError, CancelledError):
             client.close(timeout=1)
 
 
-def _count_workers(client: Any, address: str) -> int:
-    """Return the number of workers.
-
-    Raises:
-        WorkerError: Dask gave up a call.
-    """
-    if any(state.status == "error" for state in client.futures.copy().values()):
-        raise WorkerError(
-            f"one unit ended several workers of the cluster {address}, perhaps for lack of memory"
-        )
+def _has_workers(client: Any) -> bool:
     with suppress(TimeoutError, OSError, CancelledError):
-        return len(client.ncores())
-    return 0
+        return bool(client.ncores())
+    return False
