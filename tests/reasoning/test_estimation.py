@@ -181,8 +181,9 @@ def test_estimates_can_be_printed_and_pickled():
     assert (reasoner.samples, reasoner.seed) == (400, 3)
     with pytest.warns(ReasoningWarning):
         found, asked = reasoner.posterior("p"), reasoner.ask(parse_query("?{p}", program))
-    assert str(found).startswith("EstimatedDistribution(true: 0.")
-    assert str(found).endswith("]; effective sample size 400)")
+    assert str(found).startswith("true: 0.")
+    assert str(found).endswith("]; effective sample size 400")
+    assert repr(found) == f"EstimatedDistribution({found})"
     assert "<td>" in found._repr_html_()
     assert pickle.loads(pickle.dumps(asked)).interval == asked.interval
     assert asked.interval == Interval.from_count(round(400 * asked), 400)

@@ -105,12 +105,15 @@ class EstimatedDistribution(Distribution):
         estimates = [Estimate(interval, self.effective) for interval in self.intervals]
         return iter(zip(self.values, estimates, strict=True))
 
-    def __repr__(self) -> str:
+    def __str__(self) -> str:
         shown = [
             f"{format_value(value)}: {interval:.4g}"
             for value, interval in zip(self.values, self.intervals, strict=True)
         ]
-        return f"EstimatedDistribution({join_some(shown)}; effective sample size {self.effective})"
+        return f"{join_some(shown)}; effective sample size {self.effective}"
+
+    def __repr__(self) -> str:
+        return f"EstimatedDistribution({self})"
 
     def _repr_html_(self) -> str:
         rows = [

@@ -98,8 +98,8 @@ def test_faults_name_the_file_and_the_line(write, body, message):
         ({"name": "magic"}, r"unknown solver 'magic'; expected one of sarsop, .*, or FILE\.py:NAME"),
         ({"name": "none.py:own"}, r"none\.py: not a Python file"),
         ({"name": 3}, r"the solver is 3; expected str"),
-        ({"precision": 0}, r"the precision is 0; expected a positive number"),
-        ({"precision": "x"}, r"the precision is 'x'; expected Real"),
+        ({"precision": 0}, r"the precision is 0; expected a finite positive number"),
+        ({"precision": "x"}, r"precision must be a number, not 'x' \(str\)"),
         ({"time_limit": float("nan")}, r"the time limit is nan; expected a positive number"),
     ],
 )
