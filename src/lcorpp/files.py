@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator
+from collections.abc import Container, Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, BinaryIO, TextIO
 
@@ -41,6 +41,17 @@ def read_bytes(path: str | Path) -> bytes:
             return file.read()
     except (OSError, ValueError) as error:
         raise FileError(f"{_make_printable(path)}: cannot be read: {_describe_reason(error)}") from None
+
+
+def hash_files(folder: Path, suffixes: Container[str]) -> str:
+    """Return the SHA-256 of the content of all files with these suffixes in a folder and those below it."""
+    import hashlib
+
+    digest = hashlib.sha256()
+    for path in sorted(folder.rglob("*")):
+        if path.suffix in suffixes:
+            digest.update(path.read_bytes())
+    return digest.hexdigest()
 
 
 def open_text(path: str | Path) -> TextIO:

@@ -40,7 +40,7 @@ def negative(): return Mine((0.5, -0.5, 1.0))
 def large(): return Mine((0.5, 0.5, 0.5))
 def piped(): return make_pipeline(StandardScaler(), Mine("fit"))
 def theirs(): return make_pipeline(StandardScaler(), LogisticRegression(C=-1))
-def changed(): return Changed()
+def make_changed(): return Changed()
 def no_learner(): return 3
 def works(): return make_pipeline(StandardScaler(), Mine((0.2, 0.3, 0.5)))
 """
@@ -153,7 +153,7 @@ def learn(name):
         ("large", 16, r"gave \[0.5, 0.5, 0.5\] .*; expected a distribution: 3 numbers .* with the sum 1"),
         ("piped", 13, r"Mine failed in fit: ValueError: no luck; expected"),
         ("theirs", 35, r"LogisticRegression failed in fit: InvalidParameterError: .*; expected fit\(X, y\)"),
-        ("changed", 36, r"Changed failed in clone: RuntimeError: .*; expected an __init__ that keeps its"),
+        ("make_changed", 36, r"Changed failed in clone: RuntimeError: .*; expected an __init__ that keeps its"),
         ("no_learner", 37, r"3 is no estimator; expected an object with fit, predict_proba"),
     ],
 )

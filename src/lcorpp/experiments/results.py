@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from lcorpp.domains.own_world import OwnWorlds
 from lcorpp.errors import DataError
 from lcorpp.experiments.comparison import Comparison, ComparisonOptions
-from lcorpp.experiments.scoring.metrics import METRICS, Difference, Scores
+from lcorpp.experiments.scoring.metrics import METRICS, Difference
 from lcorpp.experiments.setup import ClassifierOptions, SenseSetup, TrainingOptions
 from lcorpp.experiments.tables import write_csv, write_json
 from lcorpp.files import make_folder
@@ -122,7 +122,9 @@ def write_comparison(
     make_folder(folder)
     sources = [sense["classifier"] for sense in configuration["senses"].values()]
     title = ", ".join([configuration["domain"], *sources, f"{configuration['trials']} trials"])
-    rows = [_make_row(scores) for scores in comparison.scores]
+    rows: list[dict[str, Any]] = [
+        {"strategy": scores.strategy, **scores.cells} for scores in comparison.scores
+    ]
     write_csv(folder / "results.csv", list(rows[0]) if rows else COLUMNS, rows)
     detailed = [
         {
@@ -215,15 +217,6 @@ def _save_if_trained(classifier: Classifier | None, folder: Path) -> WrittenFile
     except DataError as error:
         return WrittenFiles((), str(error))
     return WrittenFiles((folder / "classifier.npz",))
-
-
-def _make_row(scores: Scores) -> dict[str, str | float]:
-    """Return the scores of a strategy as a row with the columns `COLUMNS`, and those of several variables."""
-    cells: dict[str, str | float] = {"strategy": scores.strategy}
-    parts = {f"accuracy_{name}": accuracy for name, accuracy in scores.variables.items()}
-    for name, interval in (scores.metrics | parts).items():
-        cells |= {name: interval.estimate, f"{name}_low": interval.low, f"{name}_high": interval.high}
-    return cells
 
 
 def _describe_difference(difference: Difference | None) -> dict[str, Any] | None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-import hashlib
 import io
 import json
 import platform
@@ -15,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 import lcorpp
-from lcorpp.files import write_atomically
+from lcorpp.files import hash_files, write_atomically
 
 PACKAGES = ("lcorpp", "numpy", "scipy", "clingo", "scikit-learn", "torch")
 """Packages that determine a result; their versions are in each JSON file."""
@@ -78,8 +77,4 @@ def read_versions() -> dict[str, str]:
 @cache
 def hash_code() -> str:
     """Return the fingerprint of lcorpp's code and domains, so that a changed program computes again."""
-    digest = hashlib.sha256()
-    for path in sorted(Path(lcorpp.__file__).parent.rglob("*")):
-        if path.suffix in (".py", ".plog", ".pomdp", ".toml"):
-            digest.update(path.read_bytes())
-    return digest.hexdigest()[:16]
+    return hash_files(Path(lcorpp.__file__).parent, (".py", ".plog", ".pomdp", ".toml"))[:16]

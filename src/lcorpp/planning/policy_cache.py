@@ -22,7 +22,7 @@ from zlib import error as ZlibError
 import numpy as np
 
 from lcorpp.errors import FileError, LcorppError
-from lcorpp.files import make_folder, write_atomically
+from lcorpp.files import hash_files, make_folder, write_atomically
 from lcorpp.planning.policy import AlphaVectors, Policy
 from lcorpp.planning.pomdp import Pomdp
 from lcorpp.planning.solution import Progress, Solution
@@ -103,11 +103,7 @@ def _make_key(pomdp: Pomdp, starts: Array, options: SolverOptions) -> str:
 @cache
 def _hash_code() -> str:
     """Return the fingerprint of this package's code, so that a changed solver solves again."""
-    digest = hashlib.sha256()
-    for path in sorted(Path(__file__).parent.rglob("*")):
-        if path.suffix in (".py", ".so", ".pyd"):
-            digest.update(path.read_bytes())
-    return digest.hexdigest()
+    return hash_files(Path(__file__).parent, (".py", ".so", ".pyd"))
 
 
 def _write(path: Path, solution: Solution) -> None:

@@ -169,7 +169,7 @@ class Inference(ABC):
     def sample_many(
         self, count: int, rng: np.random.Generator, given: Facts = NOTHING
     ) -> list[dict[str, str]]:
-        """Sample possible worlds; the same as so many calls of `sample`, and faster."""
+        """Sample `count` possible worlds: the results of `count` calls of `sample`, faster."""
         check_type(count, int, "count", ProgramError)
         check_rng(rng)
         facts = resolve_evidence(self.program, given)

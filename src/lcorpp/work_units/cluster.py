@@ -40,7 +40,7 @@ class ClusterBackend(DaskDistributedBackend):  # type: ignore[misc]
 def evaluate_on_cluster(calls: Iterable[Any], address: str) -> Generator[Any, None, None]:
     """Evaluate joblib's calls on the workers of a cluster, and yield the results as they are done.
 
-    joblib would wait for ever if no worker is left, since Dask waits for new ones, or if Dask gives up a
+    joblib would wait without end if no worker is left, since Dask waits for new ones, or if Dask gives up a
     call that ended several workers; so joblib waits in a thread, and this one watches the cluster.
 
     Args:

@@ -1,4 +1,4 @@
-"""Runs of figures: what is finished is kept and reused, in the report and in the words of an interrupt."""
+"""Runs of figures: finished figures are kept, reused and reported, also after an interrupt."""
 
 import csv
 import json

@@ -1,4 +1,4 @@
-"""Sweeps as files: their configurations, and the words of each error."""
+"""Files of sweeps: their configurations and error messages."""
 
 import re
 

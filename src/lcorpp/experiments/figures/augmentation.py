@@ -27,10 +27,10 @@ from lcorpp.experiments.figures.result import (
     Finding,
     Layout,
     Row,
-    interval_cells,
     judge,
 )
 from lcorpp.experiments.figures.seeds import compute_seed_interval, run_seeds, subtract
+from lcorpp.experiments.scoring.metrics import make_cells
 from lcorpp.experiments.setup import ProgressDisplay, solve_domain
 from lcorpp.planning import Planner
 from lcorpp.planning.policy_cache import find_cache_folder
@@ -156,7 +156,7 @@ def _make_rows(results: Sequence[Result], run: str, classes: Sequence[str]) -> l
             **{
                 key: cell
                 for column, measure in measures.items()
-                for key, cell in interval_cells(
+                for key, cell in make_cells(
                     column, compute_seed_interval(summarise(results, run, batch, measure))
                 ).items()
             },

@@ -20,9 +20,9 @@ from lcorpp.experiments.figures.result import (
     FigureResult,
     Finding,
     Layout,
-    interval_cells,
     judge,
 )
+from lcorpp.experiments.scoring.metrics import make_cells
 from lcorpp.experiments.setup import ProgressDisplay, TrainingOptions
 from lcorpp.learning import Rate
 from lcorpp.plot_style import INK, with_style
@@ -70,7 +70,7 @@ def make_result(
                 "predicted": rate.predicted,
                 "tracks": rate.count,
                 "of": rate.cases,
-                **interval_cells("rate", rate.interval),
+                **make_cells("rate", rate.interval),
                 "published": _find_published(rate),
             }
             for row in rates

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from lcorpp.decision.strategies import strategies
 from lcorpp.domains import Domain
 from lcorpp.experiments.comparison import Comparison, ComparisonOptions, compare_strategies
-from lcorpp.experiments.figures.result import FigureOptions, Row, interval_cells
-from lcorpp.experiments.scoring.metrics import Scores
+from lcorpp.experiments.figures.result import FigureOptions, Row
+from lcorpp.experiments.scoring.metrics import Scores, make_cells
 from lcorpp.experiments.setup import ProgressDisplay
 from lcorpp.planning.policy_cache import find_cache_folder
 from lcorpp.values import Z95, Interval
@@ -49,7 +49,7 @@ class Evaluation:
                 **{
                     key: cell
                     for metric in METRICS
-                    for key, cell in interval_cells(metric, scores.metrics[metric]).items()
+                    for key, cell in make_cells(metric, scores.metrics[metric]).items()
                 },
                 "cost_sd": scores.cost_sd,
             }

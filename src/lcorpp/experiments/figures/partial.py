@@ -21,11 +21,10 @@ from lcorpp.experiments.figures.result import (
     Finding,
     Layout,
     Row,
-    interval_cells,
     judge,
 )
 from lcorpp.experiments.figures.seeds import compute_seed_interval, run_seeds, subtract
-from lcorpp.experiments.scoring.metrics import Scores
+from lcorpp.experiments.scoring.metrics import Scores, make_cells
 from lcorpp.experiments.scoring.trial_chunks import Experiment
 from lcorpp.experiments.scoring.trials import run_trials
 from lcorpp.experiments.setup import (
@@ -153,7 +152,7 @@ def _make_rows(results: Sequence[Result], trials: int) -> list[Row]:
             **{
                 key: cell
                 for metric in ("f1", "accuracy", "cost", "return")
-                for key, cell in interval_cells(
+                for key, cell in make_cells(
                     metric, compute_seed_interval(collect(results, name, part, metric))
                 ).items()
             },

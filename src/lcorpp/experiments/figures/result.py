@@ -124,8 +124,3 @@ def judge(differences: Sequence[Interval]) -> Verdict:
 def subtract_from(value: float, interval: Interval) -> Interval:
     """Return a number minus a quantity, as an interval."""
     return Interval(value - interval.estimate, value - interval.high, value - interval.low)
-
-
-def interval_cells(name: str, interval: Interval) -> dict[str, float]:
-    """Return the three cells of a quantity with its interval."""
-    return {name: interval.estimate, f"{name}_low": interval.low, f"{name}_high": interval.high}

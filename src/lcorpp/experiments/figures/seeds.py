@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from contextlib import closing
 from typing import TypeVar
 
 import numpy as np
-from joblib import Parallel, delayed
 from scipy.stats import t
 
 from lcorpp.experiments.setup import Advance
 from lcorpp.values import Interval
-from lcorpp.workers import ignore_sigint
+from lcorpp.work_units.running import evaluate_units
 
 T = TypeVar("T")
 
@@ -27,16 +25,11 @@ def run_seeds(unit: Callable[[int], T], seeds: Sequence[int], jobs: int, advance
     Raises:
         KeyboardInterrupt: an interrupt; no seed is kept. Also whatever the unit raises.
     """
-    results = list[T]()
-    with ignore_sigint():
-        started = Parallel(n_jobs=min(jobs, len(seeds)), return_as="generator")(
-            delayed(unit)(seed) for seed in seeds
-        )
-    with closing(started):
-        for result in started:
-            results.append(result)
-            advance(len(results), len(seeds))
-    return results
+    units, results = {str(seed): seed for seed in seeds}, dict[str, T]()
+    for key, result in evaluate_units(unit, units, jobs=min(jobs, len(seeds))):
+        results[key] = result
+        advance(len(results), len(seeds))
+    return [results[key] for key in units]
 
 
 def compute_seed_interval(numbers: Sequence[float]) -> Interval:

@@ -1,4 +1,4 @@
-"""The robot's side of decisions in the exact evaluation: its action after each sequence of observations."""
+"""Points of decisions: the robot's action after each sequence of observations, once for all people."""
 
 from __future__ import annotations
 

@@ -81,7 +81,7 @@ class _Sums:
         np.add.at(self._known, owners, np.stack([cost, squared_cost, reward - cost], axis=1))
 
     def drop(self, owners: Indices, moments: Array, steps_left: int) -> None:
-        """Add episodes that are not continued, with at most so many further actions."""
+        """Add episodes that are dropped before their end, with at most `steps_left` further actions."""
         model, ends = self._model, np.array(self._model.end_range)
         np.add.at(self._dropped, (owners[:, None], model.values), moments[:, 0])
         mass, cost = moments[:, :2].sum(axis=2).T[:, :, None]

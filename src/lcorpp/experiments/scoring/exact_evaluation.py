@@ -120,17 +120,12 @@ def _sum_strategies(
     progress: Callable[[int, int], None],
 ) -> list[EpisodeSums]:
     """Sum over the episodes of strategies that act alike; `people`: attribute -> value, and probability."""
-    graph: DecisionGraph | None = None
+    nodes_of = [_make_nodes(domain, full, strategy, channels) for strategy in strategies]
+    graph = DecisionGraph(domain, nodes_of[0])
     # (node before the first action, index of the strategy) -> (V,) probability of each true value
     roots: dict[tuple[int, int], Array] = defaultdict(lambda: np.zeros(len(domain.values)))
-    for k, strategy in enumerate(strategies):
-        used = {sense: channel for sense, channel in channels.items() if strategy.uses(sense)}
-        nodes: DecisionNodes
-        if strategy.change is None:
-            nodes = BeliefNodes(domain, strategy.robot(full), digits=12)
-        else:
-            nodes = HistoryNodes(domain, full, strategy, used)
-        graph = graph or DecisionGraph(domain, nodes)
+    for k, (strategy, nodes) in enumerate(zip(strategies, nodes_of, strict=True)):
+        used = _list_used(channels, strategy)
         known: dict[tuple[str, ...], int] = {}
         for person, mass in people:
             v = domain.values.index(domain.reasoning.join(person))
@@ -142,9 +137,21 @@ def _sum_strategies(
                         facts = dict(zip(domain.observed, context, strict=True))
                         known[key] = graph.find_number(nodes.root(facts, labels))
                     roots[known[key], k][v] += mass * rate
-    assert graph is not None
     names = [strategy.location for strategy in strategies]
     return episode_sums.sum_episodes(model, graph, roots, names, progress)
+
+
+def _make_nodes(
+    domain: Domain, full: Robot, strategy: Strategy, channels: Mapping[str, NoisyChannel]
+) -> DecisionNodes:
+    if strategy.change is None:
+        return BeliefNodes(domain, strategy.robot(full), digits=12)
+    return HistoryNodes(domain, full, strategy, _list_used(channels, strategy))
+
+
+def _list_used(channels: Mapping[str, NoisyChannel], strategy: Strategy) -> dict[str, NoisyChannel]:
+    """Return the channels of the senses that a strategy uses."""
+    return {sense: channel for sense, channel in channels.items() if strategy.uses(sense)}
 
 
 def _score_sums(domain: Domain, strategy: Strategy, sums: EpisodeSums) -> Scores:

@@ -62,6 +62,16 @@ class Scores:
         return dict(zip(METRICS, scores, strict=True))
 
     @property
+    def cells(self) -> dict[str, float]:
+        """The scores of a row of a file, with the ends of the intervals: NAME, NAME_low, NAME_high.
+
+        With several shared variables, accuracy_NAME is the accuracy of each.
+        """
+        parts = {f"accuracy_{name}": accuracy for name, accuracy in self.variables.items()}
+        rows = (make_cells(name, interval) for name, interval in (self.metrics | parts).items())
+        return {name: value for cells in rows for name, value in cells.items()}
+
+    @property
     def columns(self) -> dict[str, Interval]:
         """The scores of a table: of several variables the accuracy of each and of all together.
 
@@ -79,6 +89,11 @@ class Scores:
 
     def _repr_html_(self) -> str:
         return scores_to_html([self])
+
+
+def make_cells(name: str, interval: Interval) -> dict[str, float]:
+    """Return the three cells of a quantity with its interval."""
+    return {name: interval.estimate, f"{name}_low": interval.low, f"{name}_high": interval.high}
 
 
 def score_decisions(

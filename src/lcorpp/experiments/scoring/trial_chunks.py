@@ -1,4 +1,4 @@
-"""Chunks of simulated trials: who is met, and the decisions of every strategy about them."""
+"""Chunks of simulated trials: people, their signals, and the decisions of every strategy about them."""
 
 from __future__ import annotations
 

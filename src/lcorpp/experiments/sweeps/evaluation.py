@@ -65,7 +65,7 @@ def evaluate_configuration(problem: Problem, configuration: Configuration) -> Ro
     return [
         {
             "strategy": row.strategy,
-            **_make_cells(row),
+            **row.cells,
             **_make_difference(differences[row.strategy]),
             "converged": solution.converged,
         }
@@ -116,14 +116,6 @@ class _Model:
 def _solve(model: _Model) -> Solution:
     """Solve the POMDP of a domain, once for each model."""
     return solve_domain(model.domain)
-
-
-def _make_cells(scores: Scores) -> dict[str, float]:
-    cells: dict[str, float] = {}
-    parts = {f"accuracy_{name}": accuracy for name, accuracy in scores.variables.items()}
-    for name, interval in (scores.metrics | parts).items():
-        cells |= {name: interval.estimate, f"{name}_low": interval.low, f"{name}_high": interval.high}
-    return cells
 
 
 def _make_difference(difference: Difference | None) -> dict[str, Any]:
