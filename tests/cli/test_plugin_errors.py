@@ -153,7 +153,11 @@ def learn(name):
         ("large", 16, r"gave \[0.5, 0.5, 0.5\] .*; expected a distribution: 3 numbers .* with the sum 1"),
         ("piped", 13, r"Mine failed in fit: ValueError: no luck; expected"),
         ("theirs", 35, r"LogisticRegression failed in fit: InvalidParameterError: .*; expected fit\(X, y\)"),
-        ("make_changed", 36, r"Changed failed in clone: RuntimeError: .*; expected an __init__ that keeps its"),
+        (
+            "make_changed",
+            36,
+            r"Changed failed in clone: RuntimeError: .*; expected an __init__ that keeps its",
+        ),
         ("no_learner", 37, r"3 is no estimator; expected an object with fit, predict_proba"),
     ],
 )
