@@ -188,7 +188,7 @@ class Policy:
         best, action = -np.inf, -1
         for part in self._find_sets(belief):
             inside = belief if len(part.states) == len(belief) else belief[part.states]
-            values = part.vectors @ inside
+            values = part.vectors.dot(inside)  # `@` takes twice as long for small sets
             k = int(values.argmax())
             value = float(values[k])
             if inside is not belief:
