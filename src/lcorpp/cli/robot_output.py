@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
     from lcorpp.domains import Domain
     from lcorpp.experiments.scoring.metrics import Scores
-    from lcorpp.experiments.setup import SenseSetup, TrainingOptions
+    from lcorpp.experiments.setup import Senses, SenseSetup, TrainingOptions
     from lcorpp.learning import EvaluationReport
     from lcorpp.planning import Solution
     from lcorpp.values import Interval
@@ -112,6 +112,14 @@ def _format_interval(interval: Interval, number_format: str, layout: str) -> str
         return text
     ends = [f"{end:.{digits - 1}f}" for end in (low, high)]
     return layout.format(text, *(end.removeprefix("0") if end.startswith("0.") else end for end in ends))
+
+
+def print_classifiers(domain: Domain, senses: Senses) -> None:
+    """Print each classifier, with notes about its data."""
+    for name, setup in senses.items():
+        print_classifier(setup, name if len(domain.senses) > 1 else "")
+        for text in setup.notes:
+            console.print_note(text)
 
 
 def print_classifier(setup: SenseSetup, sense: str = "") -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -27,6 +27,11 @@ from lcorpp.cli.options.senses import (
     reject_given,
 )
 from lcorpp.errors import DomainError
+
+if TYPE_CHECKING:
+    from lcorpp.domains import Domain
+    from lcorpp.experiments.comparison import ComparisonOptions
+    from lcorpp.planning import Policy
 
 TRIALS = 5000
 """Number of simulated people without --trials."""
@@ -83,6 +88,14 @@ def run(
     exact: Annotated[
         bool, typer.Option("--exact", help="Enumerate people and answers instead of sampling (channel only).")
     ] = False,
+    trial: Annotated[
+        int | None,
+        typer.Option(
+            min=0,
+            metavar="NUMBER",
+            help="Instead of scores, print this trial of the same command step by step; the first is 0.",
+        ),
+    ] = None,
     log: options.LogOption = None,
     out: options.OutOption = None,
     formats: options.FormatOption = None,
@@ -95,7 +108,7 @@ def run(
     keeps the complete ones.
     """
     from lcorpp.cli.robot_output import (
-        print_classifier,
+        print_classifiers,
         print_domain,
         print_scores,
         print_solution,
@@ -148,6 +161,11 @@ def run(
     only_soft = bool(trained) and set(trained) <= set(soft)
     _check_combination(not trained, exact=exact, soft=only_soft, laplace=laplace, threshold=threshold)
     number = TRIALS if trials is None else trials
+    if trial is not None:
+        reason = "one trial is printed with --trial, nothing is scored"
+        reject_given(reason, exact=exact or None, log=log, out=out, format=formats)
+        if trial >= number:
+            raise DomainError(f"--trial {trial}: expected 0 to {number - 1}, as there are {number} trials")
     chosen = ComparisonOptions(
         strategies=rows,
         classifiers=sources,
@@ -172,17 +190,16 @@ def run(
         from lcorpp.cli.model_files import read_policy
 
         given_policy = read_policy(policy, loaded.pomdp)
+    if trial is not None:
+        _print_trial(loaded, chosen, trial, given_policy)
+        return
     comparison = compare_strategies(
         loaded, chosen, policy=given_policy, policy_file=policy, progress=console.show_progress
     )
     print_scores(comparison.scores, loaded.positive, comparison.trials)
-    for name, setup in comparison.senses.items():
-        print_classifier(setup, name if len(loaded.senses) > 1 else "")
+    print_classifiers(loaded, comparison.senses)
     if comparison.solution is not None:
         print_solution(comparison.solution)
-    for setup in comparison.senses.values():
-        for text in setup.notes:
-            console.print_note(text)
     if out is not None:
         configuration = describe_run(loaded, chosen, comparison, policy)
         written = write_comparison(out, comparison, configuration, formats=formats or FORMATS)
@@ -191,6 +208,24 @@ def run(
         console.out.print("wrote " + ", ".join(str(path) for path in written.paths), markup=False)
     if comparison.trials is not None and comparison.trials < number:
         console.err.print(f"interrupted: {comparison.trials} of {number} trials are kept")
+
+
+def _print_trial(domain: Domain, chosen: ComparisonOptions, number: int, policy: Policy | None) -> None:
+    """Set up the comparison and print one of its trials."""
+    from lcorpp.cli.explanation.trials import print_trial
+    from lcorpp.cli.robot_output import print_classifiers, print_solution
+    from lcorpp.experiments.comparison import set_up_experiment
+    from lcorpp.experiments.setup import explain_missing_reports
+
+    experiment, senses, solution = set_up_experiment(
+        domain, chosen, policy=policy, progress=console.show_progress
+    )
+    print_classifiers(domain, senses)
+    if solution is not None:
+        print_solution(solution)
+    assert chosen.trials is not None
+    with explain_missing_reports(solution):
+        print_trial(experiment, number, chosen.trials)
 
 
 def _check_combination(

@@ -126,38 +126,67 @@ def compare_strategies(
         )
     if options.trials is None and options.log is not None:
         raise DomainError(f"{options.log}: exact scores are computed without decisions that a log could list")
-    strategies = options.strategies or list_strategies([sense.name for sense in domain.senses])
+    strategies = list_compared(domain, options)
     if options.trials is None:
         check_enumerable(domain, strategies)
     with ExitStack() as stack:
         log = None if options.log is None else stack.enter_context(DecisionLog(options.log))
-        used = [sense for sense in domain.senses if any(row.uses(sense.name) for row in strategies)]
-        senses = set_up_senses(domain, used, options, progress)
-        solution = None
-        if policy is not None:
-            planner = Planner(policy, domain.pomdp)
-        else:
-            with progress("solving the POMDP") as advance:
-                solution = solve_domain(domain, options.solver, cache=options.cache, advance=advance)
-            planner = Planner(solution)
-        robot = make_robot(domain, senses, make_program(domain, senses, options.evidence.smoothing), planner)
+        experiment, senses, solution = set_up_experiment(
+            domain, options, policy=policy, policy_file=policy_file, progress=progress
+        )
         stack.enter_context(explain_missing_reports(solution))
         if options.trials is None:
             channels = {sense.name: NoisyChannel.from_domain(domain, sense) for sense in domain.senses}
             with progress("enumerating people and answers") as advance:
-                exact_scores = evaluate_exactly(domain, robot, channels, strategies, progress=advance)
+                exact_scores = evaluate_exactly(
+                    domain, experiment.robot, channels, strategies, progress=advance
+                )
             return Comparison(tuple(exact_scores), None, senses, solution)
-        parts = None
-        if log is not None:
-            parts = _make_parts(domain, senses, solution or planner.policy, options, policy_file)
-        classifiers = {name: setup.classifier for name, setup in senses.items()}
-        signals = {name: setup.signals for name, setup in senses.items()}
-        experiment = Experiment(domain, robot, classifiers, signals, strategies, options.seed, parts)
         with progress("simulating trials", options.trials) as advance:
             scores, completed = run_trials(
                 experiment, options.trials, jobs=options.jobs, progress=advance, log=log
             )
         return Comparison(tuple(scores), completed, senses, solution)
+
+
+def list_compared(domain: Domain, options: ComparisonOptions) -> tuple[Strategy, ...]:
+    """Return the strategies of a comparison."""
+    return options.strategies or list_strategies([sense.name for sense in domain.senses])
+
+
+def set_up_experiment(
+    domain: Domain,
+    options: ComparisonOptions,
+    *,
+    policy: Policy | None = None,
+    policy_file: Path | None = None,
+    progress: ProgressDisplay = no_progress,
+) -> tuple[Experiment, Senses, Solution | None]:
+    """Train or load the classifiers and solve the POMDP: everything before the first trial.
+
+    Args: as of `compare_strategies`.
+
+    Returns:
+        The experiment, its classifiers, and the solution of the POMDP, None if a policy was given.
+    """
+    strategies = list_compared(domain, options)
+    used = [sense for sense in domain.senses if any(row.uses(sense.name) for row in strategies)]
+    senses = set_up_senses(domain, used, options, progress)
+    solution = None
+    if policy is not None:
+        planner = Planner(policy, domain.pomdp)
+    else:
+        with progress("solving the POMDP") as advance:
+            solution = solve_domain(domain, options.solver, cache=options.cache, advance=advance)
+        planner = Planner(solution)
+    robot = make_robot(domain, senses, make_program(domain, senses, options.evidence.smoothing), planner)
+    parts = None
+    if options.log is not None:
+        parts = _make_parts(domain, senses, solution or planner.policy, options, policy_file)
+    classifiers = {name: setup.classifier for name, setup in senses.items()}
+    signals = {name: setup.signals for name, setup in senses.items()}
+    experiment = Experiment(domain, robot, classifiers, signals, strategies, options.seed, parts)
+    return experiment, senses, solution
 
 
 def _make_parts(

@@ -78,12 +78,17 @@ def simulate_case(
             setup = senses.get(sense.name) or from_channel(domain, sense)
             labels[sense.name] = setup.classifier.classify_many(setup.signals.simulate([person], rng))[0]
     world = SimulationModel(domain).make_world(person, rng) if answers is None else ScriptedWorld(answers)
-    observable = (*domain.observed, *[sense.attribute for sense in domain.senses])
-    hidden = ", ".join(f"{name}={value}" for name, value in person.items() if name not in observable)
-    console.out.print(f"a simulated person; hidden from the robot: {hidden}", style="dim")
+    print_person(domain, person)
     context = {name: person[name] for name in domain.observed}
     known = {name: labels[name] for name in senses}
     return Case(context, known, world, domain.reasoning.join(person), person)
+
+
+def print_person(domain: Domain, person: Mapping[str, str]) -> None:
+    """Print what the robot cannot observe of a simulated person."""
+    observable = (*domain.observed, *[sense.attribute for sense in domain.senses])
+    hidden = ", ".join(f"{name}={value}" for name, value in person.items() if name not in observable)
+    console.out.print(f"a simulated person; hidden from the robot: {hidden}", style="dim")
 
 
 def describe_simulation(case: Case) -> dict[str, object] | None:

@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-import itertools
 import sys
-from collections.abc import Collection, Iterable, Mapping
-from contextlib import nullcontext, suppress
+from collections.abc import Collection, Mapping
+from contextlib import nullcontext
 from dataclasses import replace
-from time import perf_counter
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from lcorpp.cli import console
-from lcorpp.cli.explanation.cases import Case, ask_case, describe_simulation, simulate_case
+from lcorpp.cli.explanation.cases import ask_case, describe_simulation, simulate_case
+from lcorpp.cli.explanation.steps import decide_and_print
 from lcorpp.cli.options import common as options, decision
 from lcorpp.cli.options.recordings import (
     GapOption,
@@ -29,13 +28,11 @@ from lcorpp.cli.options.senses import (
     choose_classifiers,
     choose_soft_senses,
 )
-from lcorpp.errors import DecisionError, DomainError, NoValueError
+from lcorpp.errors import DecisionError, DomainError
 
 if TYPE_CHECKING:
-    from lcorpp.decision import Robot
-    from lcorpp.domains import Domain
     from lcorpp.experiments.setup import ClassifierOptions
-    from lcorpp.values import Episode, Label, Step
+    from lcorpp.values import Label
 
 
 def explain(
@@ -106,7 +103,7 @@ def explain(
     A classifier is a noisy channel, unless --learner, --classifier or --data asks for a trained one.
     Ctrl-C stops the solver; the command continues with the best policy so far.
     """
-    from lcorpp.cli.robot_output import print_classifier, print_domain, print_solution
+    from lcorpp.cli.robot_output import print_classifiers, print_domain, print_solution
     from lcorpp.decision import STRATEGIES
     from lcorpp.decision.dt_control import log_decision
     from lcorpp.domains import load_domain, with_world
@@ -171,10 +168,7 @@ def explain(
     with nullcontext() if log is None else DecisionLog(log) as decisions:
         print_domain(loaded)
         senses = set_up_senses(loaded, used, ready, console.show_progress)
-        for name, setup in senses.items():
-            print_classifier(setup, name if len(senses) > 1 else "")
-            for text in setup.notes:
-                console.print_note(text)
+        print_classifiers(loaded, senses)
         with console.show_progress("solving the POMDP") as advance:
             solution = solve_domain(loaded, chosen, cache=cache, advance=advance)
         print_solution(solution)
@@ -190,11 +184,13 @@ def explain(
         else:
             case = simulate_case(loaded, senses, facts, predicted, value, script, seed)
         with explain_missing_reports(solution), row.locate_failures():
-            episode = _decide_and_print(loaded, row.robot(full_robot, make_generator(seed, 0)), case)
+            own = row.robot(full_robot, make_generator(seed, 0))
+            known = {name: label for name, label in case.predicted.items() if name in own.classifiers}
+            episode = decide_and_print(loaded, own, case.facts, known, case.world, case.truth)
         log_decision(episode)
         if decisions is not None:
-            known = describe_simulation(case)
-            decisions.append(parts, row, case.facts, episode, known, seed=(seed, 0))
+            simulated = describe_simulation(case)
+            decisions.append(parts, row, case.facts, episode, simulated, seed=(seed, 0))
 
 
 def _check_evidence(
@@ -219,71 +215,3 @@ def _check_evidence(
         if interactive or name in labels:
             other = f"a label of {name} is given" if name in labels else "--interactive asks for labels"
             raise DomainError(f"--evidence soft: {other}; expected the likelihood of a simulated person")
-
-
-def _decide_and_print(domain: Domain, robot: Robot, case: Case) -> Episode:
-    """Run Algorithm 2 and print each of its steps."""
-    from lcorpp.decision.dt_control import act_until_report, infer_prior
-    from lcorpp.decision.strategies import LabelOnlyReasoner
-    from lcorpp.values import Episode, format_value
-
-    labels = {name: label for name, label in case.predicted.items() if name in robot.classifiers}
-    began = perf_counter()
-    evidence, marginal, prior = infer_prior(robot, case.facts, labels)
-    seconds = {"reason": perf_counter() - began}
-    for name, predicted in labels.items():
-        owner = f"{name}'s classifier's" if len(labels) > 1 else "the classifier's"
-        if isinstance(predicted, str):
-            attribute = domain.find_sense(name).attribute
-            console.print_heading(1, "learning", f"{owner} label")
-            console.out.print(f"     {predicted} ({attribute} = {evidence[attribute]})")
-        else:
-            console.print_heading(1, "learning", f"{owner} likelihood, scaled to a maximum of 1")
-            _print_bars(predicted)
-    subtitle = "given " + ", ".join(f"{name} = {value}" for name, value in evidence.items())
-    console.print_heading(2, "reasoning", subtitle)
-    hidden = [
-        name
-        for name, attribute in domain.program.attributes.items()
-        if not attribute.arguments and name not in evidence and name != domain.shared
-    ]
-    if isinstance(robot.reasoner, LabelOnlyReasoner):
-        hidden = []
-    answers = {}
-    for name in hidden:
-        with suppress(NoValueError):  # an attribute that may have no value has no distribution
-            answers[name] = robot.reasoner.posterior(name, evidence)
-    for title, answer in (*answers.items(), (", ".join(domain.reasoning.shared), marginal)):
-        if answer is not None:
-            console.out.print(f"   {title}")
-            _print_bars([(format_value(value), p) for value, p in answer], possible=answer is marginal)
-    console.print_heading(3, "planning", "the prior belief")
-    states = domain.pomdp.states
-    _print_bars(zip(states, prior.tolist(), strict=True), possible=True)
-    numbers = itertools.count(4)
-
-    def print_step(step: Step) -> None:
-        if step.observation is None:
-            console.print_heading(next(numbers), step.action, "the decision")
-            return
-        console.print_heading(next(numbers), step.action, f"observes {step.observation}")
-        _print_bars(zip(states, step.belief.tolist(), strict=True), possible=True)
-
-    steps, report, plan_seconds = act_until_report(robot, prior, case.world, listener=print_step)
-    verdict = " (correct)" if case.truth == report else f" (wrong: {format_value(case.truth or '')})"
-    console.out.print()
-    shared = ", ".join(domain.reasoning.shared)
-    console.out.print(
-        f"{shared} = {format_value(report or '')}{'' if case.truth is None else verdict}", style="bold"
-    )
-    seconds["plan"] = plan_seconds
-    return Episode(labels, evidence, marginal, prior, steps, report, seconds)
-
-
-def _print_bars(pairs: Iterable[tuple[str, float]], *, possible: bool = False) -> None:
-    """Print names with their probabilities; `possible`: only those of positive probability."""
-    shown = list(pairs)
-    width = max(len(name) for name, _ in shown)
-    for name, probability in shown:
-        if probability > 0 or not possible:
-            console.print_probability(name, probability, width)

@@ -25,7 +25,7 @@ from lcorpp.log_output import show_log
 from lcorpp.planning import Planner
 from lcorpp.simulation.people import Person, Population, SignalSource
 from lcorpp.simulation.simulated_classifier import BatchClassifier
-from lcorpp.simulation.world import SimulationModel
+from lcorpp.simulation.world import SimulatedWorld, SimulationModel
 from lcorpp.values import Array, Episode, Instance, Label
 
 CHUNK_SIZE = 100
@@ -110,8 +110,51 @@ def run_chunks(experiment: Experiment, work: Sequence[ChunkWork]) -> int:
     return sum(len(chunk.results) for chunk in work)
 
 
+class Trial(NamedTuple):
+    """One trial before a decision.
+
+    domain: of the experiment. robot: the full one, whose classifiers return the output about the person.
+    instance: what the robot perceives. person: who it is. seed: of the person's answers.
+    """
+
+    domain: Domain
+    robot: Robot
+    instance: Instance
+    person: Person
+    seed: tuple[int, ...]
+
+    def make_robot(self, strategy: Strategy) -> Robot:
+        """Return the robot of a strategy."""
+        return strategy.robot(self.robot, make_generator(*self.seed))
+
+    def make_world(self) -> SimulatedWorld:
+        """Return the world before any action; each one draws the same random numbers."""
+        return SimulationModel(self.domain).make_world(self.person, np.random.default_rng(self.seed))
+
+
+def draw_trial(experiment: Experiment, trial: int, *, trials: int) -> Trial:
+    """Draw the person of one trial again.
+
+    Args:
+        trial: its number, from 0. trials: the number of all trials.
+
+    Raises:
+        DecisionError: there is no such trial.
+    """
+    if not 0 <= trial < trials:
+        raise DecisionError(f"there is no trial {trial}; expected 0 to {trials - 1}")
+    number, i = divmod(trial, CHUNK_SIZE)
+    count = min(CHUNK_SIZE, trials - number * CHUNK_SIZE)
+    domain = experiment.domain
+    drawn = _draw_people(experiment, Population(domain), number, count)
+    classifiers = {sense: PrecomputedLabel(labels[i]) for sense, labels in drawn.labels.items()}
+    robot = replace(experiment.robot, classifiers=classifiers)
+    seed = experiment.seed, number, i
+    return Trial(domain, robot, drawn.instance(domain, i), drawn.people[i], seed)
+
+
 def replay_trial(experiment: Experiment, trial: int, strategy: Strategy, *, trials: int) -> Episode:
-    """Decide about the person of one trial again, step by step.
+    """Decide about the person of one trial again.
 
     Args:
         trial: its number, from 0. strategy: one of the experiment's. trials: the number of all trials.
@@ -119,16 +162,8 @@ def replay_trial(experiment: Experiment, trial: int, strategy: Strategy, *, tria
     Raises:
         DecisionError: there is no such trial; and whatever the robot's parts raise.
     """
-    if not 0 <= trial < trials:
-        raise DecisionError(f"there is no trial {trial}; expected 0 to {trials - 1}")
-    number, i = divmod(trial, CHUNK_SIZE)
-    count = min(CHUNK_SIZE, trials - number * CHUNK_SIZE)
-    domain, seed = experiment.domain, (experiment.seed, number, i)
-    drawn = _draw_people(experiment, Population(domain), number, count)
-    recall = {sense: PrecomputedLabel(labels[i]) for sense, labels in drawn.labels.items()}
-    robot = strategy.robot(replace(experiment.robot, classifiers=recall), make_generator(*seed))
-    world = SimulationModel(domain).make_world(drawn.people[i], np.random.default_rng(seed))
-    return dt_control(robot, drawn.instance(domain, i), world)
+    drawn = draw_trial(experiment, trial, trials=trials)
+    return dt_control(drawn.make_robot(strategy), drawn.instance, drawn.make_world())
 
 
 def simulates_at_once(experiment: Experiment, strategy: Strategy) -> bool:
