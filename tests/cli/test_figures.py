@@ -1,5 +1,10 @@
 """`lcorpp figures` from the command line."""
 
+import subprocess
+import sys
+from importlib import import_module
+from inspect import signature
+
 import pytest
 
 from lcorpp.experiments.figures import running
@@ -31,6 +36,19 @@ def test_an_unknown_name_is_refused_with_the_list(lcorpp):
     ended = lcorpp("figures", "strategys")
     assert ended.code == 2
     assert ended.err.startswith(f"lcorpp: unknown figure 'strategys'; expected one of {', '.join(FIGURES)}")
+
+
+def test_names_are_known_without_the_code_of_the_figures():
+    """An unknown name is refused at once: matplotlib and scikit-learn take seconds to import."""
+    code = "import sys, lcorpp.experiments.figures.registry; print(*sys.modules)"
+    ended = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert {"matplotlib", "sklearn", "scipy"}.isdisjoint(ended.stdout.split())
+
+
+@pytest.mark.parametrize("name", FIGURES)
+def test_each_name_has_a_module_that_makes_its_figure(name):
+    module = import_module(f"lcorpp.experiments.figures.{name}")
+    assert list(signature(module.make_figure).parameters) == ["options", "progress"]
 
 
 def test_too_few_trials_are_refused(lcorpp):

@@ -45,12 +45,13 @@ def figures(
     Each figure is written as soon as it is finished; after Ctrl-C the same command continues.
     """
     from lcorpp.experiments.figures.registry import find_figures
+
+    names = find_figures(name or [])  # before the slow imports
     from lcorpp.experiments.figures.result import FigureOptions
     from lcorpp.experiments.figures.running import FigureRun
     from lcorpp.experiments.tables import has_parquet
 
     chosen = FigureOptions(fast, seed, console.count_processes(jobs), trials)
-    names = find_figures(name or [])
     folder = out or Path("out/figures")
     output_files.check_results(folder, None)
     if not has_parquet():

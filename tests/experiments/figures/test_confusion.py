@@ -2,7 +2,7 @@
 
 import pytest
 
-from lcorpp.experiments.figures.confusion import cross_validate, make_result, subtract_rates
+from lcorpp.experiments.figures.confusion import make_figure, make_result, subtract_rates
 from lcorpp.experiments.figures.result import FigureOptions
 from lcorpp.experiments.setup import no_progress
 from lcorpp.learning import estimate_rates
@@ -50,7 +50,7 @@ def test_the_interval_of_a_difference_is_newcombe_s():
 
 
 def test_the_classifier_is_trained_and_cross_validated():
-    result = cross_validate(FigureOptions(fast=True), no_progress)
+    result = make_figure(FigureOptions(fast=True), no_progress)
     assert [row["of"] for row in result.table] == [300] * 4
     assert result.findings[0].verdict == "holds"
     assert result.configuration["learner"] == "lstm-fast"

@@ -7,8 +7,8 @@ from lcorpp.experiments.figures.knowledge import (
     LEVELS,
     SETTINGS,
     make_domain,
+    make_figure,
     make_result,
-    vary_knowledge,
 )
 from lcorpp.experiments.figures.result import FigureOptions
 from lcorpp.experiments.setup import no_progress
@@ -18,7 +18,7 @@ from tests.experiments.scoring.test_exact_evaluation import TABLE
 
 @pytest.fixture(scope="module")
 def result():
-    return vary_knowledge(FigureOptions(trials=200), no_progress)
+    return make_figure(FigureOptions(trials=200), no_progress)
 
 
 def test_high_knowledge_has_the_scores_of_the_presets(result):

@@ -3,7 +3,7 @@
 import pytest
 
 from lcorpp.experiments.figures.result import FigureOptions
-from lcorpp.experiments.figures.strategies import compare_six, make_result
+from lcorpp.experiments.figures.strategies import make_figure, make_result
 from lcorpp.experiments.setup import no_progress
 from tests.experiments.figures.made_up import make_evaluation
 from tests.experiments.scoring.test_exact_evaluation import TABLE
@@ -20,7 +20,7 @@ SCORES = {
 
 @pytest.fixture(scope="module")
 def result():
-    return compare_six(FigureOptions(fast=True, trials=300), no_progress)
+    return make_figure(FigureOptions(fast=True, trials=300), no_progress)
 
 
 def test_the_table_has_the_exact_scores_of_both_presets_and_the_simulated_ones(result):

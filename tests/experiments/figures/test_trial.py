@@ -3,7 +3,7 @@
 import pytest
 
 from lcorpp.experiments.figures.result import FigureOptions
-from lcorpp.experiments.figures.trial import TrialStep, make_result, replay_trial
+from lcorpp.experiments.figures.trial import TrialStep, make_figure, make_result
 from lcorpp.experiments.setup import no_progress
 
 EVENTS = [
@@ -20,7 +20,7 @@ EVENTS = [
 
 @pytest.fixture(scope="module")
 def result():
-    return replay_trial(FigureOptions(), no_progress)
+    return make_figure(FigureOptions(), no_progress)
 
 
 @pytest.mark.parametrize("preset", ["paper", "authors"])

@@ -62,7 +62,7 @@ Result = Mapping[str, Sequence[BatchOutcome]]
 """Run -> its batches; of one seed."""
 
 
-def augment_from_no_data(options: FigureOptions, progress: ProgressDisplay) -> FigureResult:
+def make_figure(options: FigureOptions, progress: ProgressDisplay) -> FigureResult:
     """Run Algorithm 1 from no data with hard and soft labels, and without learning, on the same people."""
     domain = load_domain("intention", preset="paper")
     with progress("solving the POMDP") as advance:

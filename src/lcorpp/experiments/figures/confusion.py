@@ -39,7 +39,7 @@ POSITIVE = "interested"
 REASON = "our tracks are simulated, the recorded ones of the paper are not public"
 
 
-def cross_validate(options: FigureOptions, progress: ProgressDisplay) -> FigureResult:
+def make_figure(options: FigureOptions, progress: ProgressDisplay) -> FigureResult:
     """Train the classifier on simulated tracks and cross-validate it."""
     domain = load_domain("intention")
     setup = train_classifier(

@@ -66,7 +66,7 @@ Evaluations = Mapping[tuple[str, str], Evaluation]
 """(setting, level) -> scores."""
 
 
-def vary_knowledge(options: FigureOptions, progress: ProgressDisplay) -> FigureResult:
+def make_figure(options: FigureOptions, progress: ProgressDisplay) -> FigureResult:
     """Score the strategies that reason with knowledge of each accuracy, and P, in both settings."""
     return make_result(
         {

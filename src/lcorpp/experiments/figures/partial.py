@@ -82,7 +82,7 @@ class TruncatedSignals:
         return self.source.simulate(people, rng)[:, :, : self.points]
 
 
-def compare_parts(options: FigureOptions, progress: ProgressDisplay) -> FigureResult:
+def make_figure(options: FigureOptions, progress: ProgressDisplay) -> FigureResult:
     """Train a classifier on each part of the trajectories and score the strategies with it."""
     domain = load_domain("intention", preset="paper")
     with progress("solving the POMDP") as advance:

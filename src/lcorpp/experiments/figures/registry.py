@@ -1,19 +1,18 @@
-"""The table of the paper's figures."""
+"""The table of the paper's figures; their code is imported when they are made."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
+from importlib import import_module
+from typing import TYPE_CHECKING
 
 from lcorpp.errors import DecisionError, expected_one_of
-from lcorpp.experiments.figures.augmentation import augment_from_no_data
-from lcorpp.experiments.figures.confusion import cross_validate
-from lcorpp.experiments.figures.knowledge import vary_knowledge
-from lcorpp.experiments.figures.partial import compare_parts
-from lcorpp.experiments.figures.result import FigureOptions, FigureResult
-from lcorpp.experiments.figures.strategies import compare_six
-from lcorpp.experiments.figures.trial import replay_trial
-from lcorpp.experiments.setup import ProgressDisplay
+
+if TYPE_CHECKING:
+    from lcorpp.experiments.figures.result import FigureOptions, FigureResult
+    from lcorpp.experiments.setup import ProgressDisplay
 
 
 @dataclass(frozen=True)
@@ -30,15 +29,26 @@ class PaperFigure:
     fast_seconds: float
 
 
+def _make(module: str, options: FigureOptions, progress: ProgressDisplay) -> FigureResult:
+    """Call `make_figure` of a module of this folder."""
+    result: FigureResult = import_module(f"lcorpp.experiments.figures.{module}").make_figure(
+        options, progress
+    )
+    return result
+
+
 FIGURES: Mapping[str, PaperFigure] = {
-    "strategies": PaperFigure(compare_six, 3, 2),
-    "knowledge": PaperFigure(vary_knowledge, 6, 4),
-    "partial": PaperFigure(compare_parts, 38, 8),
-    "augmentation": PaperFigure(augment_from_no_data, 65, 24),
-    "confusion": PaperFigure(cross_validate, 6, 2),
-    "trial": PaperFigure(replay_trial, 1, 1),
+    name: PaperFigure(partial(_make, name), *seconds)
+    for name, seconds in {
+        "strategies": (3, 2),
+        "knowledge": (6, 4),
+        "partial": (38, 8),
+        "augmentation": (65, 24),
+        "confusion": (6, 2),
+        "trial": (1, 1),
+    }.items()
 }
-"""Name -> figure, in the order of the report."""
+"""Name, also of the module, -> figure, in the order of the report."""
 
 
 def find_figures(names: Sequence[str]) -> list[str]:

@@ -40,7 +40,7 @@ REASONS: Mapping[str, str] = {
 """Preset -> why it differs from the published numbers, as far as it is known."""
 
 
-def compare_six(options: FigureOptions, progress: ProgressDisplay) -> FigureResult:
+def make_figure(options: FigureOptions, progress: ProgressDisplay) -> FigureResult:
     """Score the six strategies in both presets, exactly and in simulated trials."""
     evaluations = [
         evaluate(load_domain("intention", preset=preset), preset, options, progress, pairs=[("R+P", "P")])

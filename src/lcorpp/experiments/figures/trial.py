@@ -50,7 +50,7 @@ class TrialStep(NamedTuple):
     belief: float
 
 
-def replay_trial(options: FigureOptions, progress: ProgressDisplay) -> FigureResult:
+def make_figure(options: FigureOptions, progress: ProgressDisplay) -> FigureResult:
     """Decide about the person of the paper's example, in both presets; the options change nothing."""
     return make_result({preset: decide(preset, progress) for preset in PRESETS})
 
