@@ -40,7 +40,7 @@ def found():
     domain = load_domain("intention", preset="paper")
     clear = replace(domain, simulation=replace(domain.simulation, signals={"motion": show_always}))
     planner = Planner(solve_domain(clear, cache=find_cache_folder()))
-    return {run: run_from_no_data(clear, planner, 3, run=run, **SIZES) for run in RUNS}
+    return run_from_no_data(clear, planner, 3, **SIZES)
 
 
 def test_without_learning_all_batches_are_decided_like_r_and_p(found):
@@ -61,6 +61,19 @@ def test_the_first_batch_is_the_same_in_all_runs(found):
         assert (other.scores.counts == first[0].scores.counts).all()
         assert other.scores.cost == first[0].scores.cost
         assert (other.true.counts == first[0].true.counts).all()
+
+
+def test_each_person_s_track_is_simulated_once_for_all_runs():
+    domain, simulated = load_domain("intention", preset="paper"), []
+
+    def count(people, rng):
+        simulated.append(len(people))
+        return show_always(people, rng)
+
+    counted = replace(domain, simulation=replace(domain.simulation, signals={"motion": count}))
+    planner = Planner(solve_domain(domain, cache=find_cache_folder()))
+    run_from_no_data(counted, planner, 0, learner="summaries", batches=2, batch_size=50)
+    assert simulated.count(50) == 2
 
 
 @pytest.mark.parametrize("run", [HARD, SOFT])

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 
 from lcorpp.decision import Robot, dt_control
 from lcorpp.domains import Domain
+from lcorpp.domains.sections.simulation import Simulate
 from lcorpp.experiments.active_learning.batches import score_batch
 from lcorpp.experiments.active_learning.run import run_active_learning
 from lcorpp.experiments.active_learning.senses import ActiveLearningOptions, set_up_learning
@@ -18,9 +20,9 @@ from lcorpp.experiments.scoring.metrics import Scores
 from lcorpp.experiments.setup import TrainingOptions
 from lcorpp.protocols import Planner
 from lcorpp.reasoning import Reasoner
-from lcorpp.simulation.people import SimulatedSignals
+from lcorpp.simulation.people import Person, SimulatedSignals
 from lcorpp.simulation.people_stream import DecisionResult, PeopleStream
-from lcorpp.values import ConfusionMatrix, Episode
+from lcorpp.values import Array, ConfusionMatrix, Episode
 
 NONE, HARD, SOFT = "none", "hard", "soft"
 RUNS = (NONE, HARD, SOFT)
@@ -44,31 +46,54 @@ class BatchOutcome:
 
 
 def run_from_no_data(
-    domain: Domain, planner: Planner, seed: int, *, run: str, learner: str, batches: int, batch_size: int
-) -> list[BatchOutcome]:
-    """Decide about batches of people, first with a random classifier; all runs of a seed meet the same ones.
+    domain: Domain, planner: Planner, seed: int, *, learner: str, batches: int, batch_size: int
+) -> dict[str, list[BatchOutcome]]:
+    """Decide about batches of people, first with a random classifier; each of `RUNS` meets the same people.
 
     Args:
         domain: with one sense, whose signals are simulated.
-        run: one of `RUNS`.
         learner: a name in the table of learners.
+
+    Returns:
+        Run -> its batches.
     """
-    if run == NONE:
-        return _decide_without_learning(domain, planner, seed, batches, batch_size)
     sense = domain.senses[0]
-    options = ActiveLearningOptions(
-        {sense.name: TrainingOptions(learner=learner, tracks=0)},
-        soft_labels=run == SOFT,
-        batch_size=batch_size,
-        epsilon=0,
-        max_batches=batches,
-        seed=seed,
-    )
-    results = run_active_learning(domain, set_up_learning(domain, options), planner, options)
-    return [
-        make_outcome(domain, after.decisions, after.batch.episodes, before.batch.senses[sense.name].confusion)
-        for before, after in pairwise(results)
-    ]
+    signals = {sense.name: _simulate_once(domain.simulation.signals[sense.name])}
+    domain = replace(domain, simulation=replace(domain.simulation, signals=signals))
+
+    def learn(labels: str) -> list[BatchOutcome]:
+        options = ActiveLearningOptions(
+            {sense.name: TrainingOptions(learner=learner, tracks=0)},
+            soft_labels=labels == SOFT,
+            batch_size=batch_size,
+            epsilon=0,
+            max_batches=batches,
+            seed=seed,
+        )
+        results = run_active_learning(domain, set_up_learning(domain, options), planner, options)
+        return [
+            make_outcome(
+                domain, after.decisions, after.batch.episodes, before.batch.senses[sense.name].confusion
+            )
+            for before, after in pairwise(results)
+        ]
+
+    unchanged = _decide_without_learning(domain, planner, seed, batches, batch_size)
+    return {NONE: unchanged, HARD: learn(HARD), SOFT: learn(SOFT)}
+
+
+def _simulate_once(simulate: Simulate) -> Simulate:
+    """Return the function with a memory: simulating trajectories takes longer than deciding about them."""
+    memory: dict[str, tuple[Array, Any]] = {}  # arguments -> signals, and the generator's state afterwards
+
+    def recall(people: Sequence[Person], rng: np.random.Generator) -> Array:
+        key = f"{people} {rng.bit_generator.state}"
+        if key not in memory:
+            memory[key] = simulate(people, rng), rng.bit_generator.state
+        signals, rng.bit_generator.state = memory[key]
+        return signals
+
+    return recall
 
 
 def _decide_without_learning(

@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from lcorpp.domains import Domain, load_domain
+from lcorpp.domains import load_domain
 from lcorpp.experiments.active_learning.from_no_data import (
     HARD,
     NONE,
@@ -68,16 +68,11 @@ def make_figure(options: FigureOptions, progress: ProgressDisplay) -> FigureResu
     with progress("solving the POMDP") as advance:
         planner = Planner(solve_domain(domain, cache=find_cache_folder(), advance=advance))
     n, size = (FAST_SEEDS, FAST_BATCH_SIZE) if options.fast else (SEEDS, BATCH_SIZE)
-    unit = partial(run_seed, domain, planner, batch_size=size)
+    sizes = {"batches": BATCHES, "batch_size": size}
+    unit = partial(run_from_no_data, domain, planner, learner=LEARNER, **sizes)
     with progress(f"{BATCHES} batches of {size} people", n) as advance:
         seeds = range(options.seed, options.seed + n)
         return make_result(run_seeds(unit, seeds, options.jobs, advance), domain.positive or "")
-
-
-def run_seed(domain: Domain, planner: Planner, seed: int, *, batch_size: int) -> Result:
-    """Return the batches of all runs with one seed."""
-    sizes = {"batches": BATCHES, "batch_size": batch_size}
-    return {run: run_from_no_data(domain, planner, seed, run=run, learner=LEARNER, **sizes) for run in RUNS}
 
 
 def make_result(results: Sequence[Result], positive: str) -> FigureResult:
