@@ -8,8 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from lcorpp.experiments.results import COLUMNS
+from lcorpp.experiments.scoring.metrics import METRICS
 from lcorpp.planning import read_policy, read_pomdp
+
+COLUMNS = ("strategy", *(f"{name}{end}" for name in METRICS for end in ("", "_low", "_high")))
+"""The columns of results.csv."""
 
 ROOT = Path(__file__).parents[2]
 INTENTION = ROOT / "src/lcorpp/domains/intention"

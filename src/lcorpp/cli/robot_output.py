@@ -48,7 +48,7 @@ def print_scores(scores: Sequence[Scores], positive: str | None, trials: int | N
     Args:
         positive: the positive class, None for macro averages. trials: their number, None for exact scores.
     """
-    from lcorpp.experiments.scoring.metrics import get_format
+    from lcorpp.experiments.scoring.metrics import find_reference, get_format
 
     if scores[0].variables:
         metrics = "accuracy of each variable and of all"
@@ -71,12 +71,15 @@ def print_scores(scores: Sequence[Scores], positive: str | None, trials: int | N
     for name, cells in zip(names, rows, strict=True):
         table.add_row(name, *cells)
     console.out.print(table)
-    others = [(row.strategy, row.difference) for row in scores if row.difference is not None]
-    if others:
+    if len(scores) > 1:
+        reference = find_reference(scores)
         title = "differences on the same people" + ("" if trials is None else ", paired intervals")
-        table = _make_score_table(title, names, [f"{others[0][1].reference} minus", "cost", "return"])
-        for name, gap in others:
-            table.add_row(name, *(_format_interval(cell, ".2f", INLINE) for cell in (gap.cost, gap.return_)))
+        table = _make_score_table(title, names, [f"{reference.strategy} minus", "cost", "return"])
+        for row in scores:
+            if row is not reference:
+                gaps = reference.subtract(row)
+                cells = [_format_interval(gaps[name], ".2f", INLINE) for name in ("cost", "return")]
+                table.add_row(row.strategy, *cells)
         console.out.print(table)
 
 

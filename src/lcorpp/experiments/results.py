@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from lcorpp.domains.own_world import OwnWorlds
 from lcorpp.errors import DataError
 from lcorpp.experiments.comparison import Comparison, ComparisonOptions
-from lcorpp.experiments.scoring.metrics import METRICS, Difference
+from lcorpp.experiments.scoring.metrics import METRICS, Scores, find_reference, make_cells
 from lcorpp.experiments.setup import ClassifierOptions, SenseSetup, TrainingOptions
 from lcorpp.experiments.tables import write_csv, write_json
 from lcorpp.files import make_folder
@@ -25,9 +25,6 @@ if TYPE_CHECKING:
 
 FORMATS = ("png", "pdf")
 """The formats in which figures are written by default."""
-
-COLUMNS = ("strategy", *(f"{name}{end}" for name in METRICS for end in ("", "_low", "_high")))
-"""The columns of results.csv; with several shared variables also accuracy_NAME of each."""
 
 
 @dataclass(frozen=True)
@@ -125,12 +122,13 @@ def write_comparison(
     rows: list[dict[str, Any]] = [
         {"strategy": scores.strategy, **scores.cells} for scores in comparison.scores
     ]
-    write_csv(folder / "results.csv", list(rows[0]) if rows else COLUMNS, rows)
+    write_csv(folder / "results.csv", list(rows[0]), rows)
+    reference = find_reference(comparison.scores)
     detailed = [
         {
             **row,
             "cost_sd": scores.cost_sd,
-            "difference": _describe_difference(scores.difference),
+            "difference": _describe_difference(reference, scores),
             "counts": scores.counts.tolist(),
         }
         for row, scores in zip(rows, comparison.scores, strict=True)
@@ -219,17 +217,13 @@ def _save_if_trained(classifier: Classifier | None, folder: Path) -> WrittenFile
     return WrittenFiles((folder / "classifier.npz",))
 
 
-def _describe_difference(difference: Difference | None) -> dict[str, Any] | None:
+def _describe_difference(reference: Scores, scores: Scores) -> dict[str, Any] | None:
     """Return how much higher the reference's scores are, with paired intervals; None for itself."""
-    if difference is None:
+    if scores is reference:
         return None
-    cells: dict[str, Any] = {"reference": difference.reference}
-    for name, interval in (
-        ("f1", difference.f1),
-        ("cost", difference.cost),
-        ("return", difference.return_),
-    ):
-        cells |= {name: interval.estimate, f"{name}_low": interval.low, f"{name}_high": interval.high}
+    cells: dict[str, Any] = {"reference": reference.strategy}
+    for name, interval in reference.subtract(scores).items():
+        cells |= make_cells(name, interval)
     return cells
 
 

@@ -56,6 +56,13 @@ class Interval:
         half = float(np.sqrt(z2 * (p * (1 - p) + z2 / 4))) / (1 + z2)
         return cls(p, min(p, max(0.0, middle - half)), max(p, min(1.0, middle + half)))
 
+    @classmethod
+    def from_sample(cls, numbers: Array) -> Interval:
+        """Return the mean of a sample (n,) with its 95 % normal interval; of one number, with width 0."""
+        middle, n = float(np.mean(numbers)), len(numbers)
+        half = Z95 * float(np.std(numbers, ddof=min(1, n - 1))) / float(np.sqrt(n))
+        return cls(middle, middle - half, middle + half)
+
     def __str__(self) -> str:
         return f"{self:.3f}"
 

@@ -5,22 +5,22 @@ import pytest
 from hypothesis import given, strategies as st
 from scipy.stats import binomtest
 
-from lcorpp.experiments.scoring.metrics import (
-    compute_mean_interval,
-    score_decisions,
-    score_probabilities,
-)
+from lcorpp.experiments.scoring.decision_scores import score_decisions, score_probabilities
 from lcorpp.values import Interval
 
 ZERO = Interval.exact(0.0)
 VALUES = ("yes", "no")
 
 
-def of(counts: list[list[float]], positive: str | None = "yes"):
-    n = int(np.sum(counts))
-    return score_decisions(
-        "X", np.array(counts, float), np.zeros(n), np.zeros(n), values=VALUES, positive=positive
-    )
+def of(counts: list[list[float]], positive: str | None = "yes", **options):
+    """Score as many decisions of each kind as the counts (V, V + 1)."""
+    table = np.array(counts, int)
+    truth, reported = np.repeat(np.indices(table.shape).reshape(2, -1), table.ravel(), axis=1)
+    costs = np.zeros(len(truth))
+    options = {"values": VALUES, "positive": positive} | options
+    result = score_decisions("X", truth, reported, costs, costs, **options)
+    assert result.counts.tolist() == table.tolist()
+    return result
 
 
 def test_known_confusion():
@@ -94,10 +94,10 @@ def test_intervals_cover_the_truth_in_95_of_100_samples():
 
 def test_mean_has_the_normal_interval():
     figures = np.array([1.0, 2.0, 3.0, 4.0])
-    interval = compute_mean_interval(figures)
+    interval = Interval.from_sample(figures)
     half = 1.959964 * figures.std(ddof=1) / 2
     assert (interval.estimate, interval.low, interval.high) == pytest.approx((2.5, 2.5 - half, 2.5 + half))
-    assert compute_mean_interval(np.array([3.0])).low == 3.0
+    assert Interval.from_sample(np.array([3.0])).low == 3.0
 
 
 def test_exact_scores_have_intervals_of_width_0():
@@ -119,10 +119,7 @@ def test_accuracy_of_each_of_several_variables():
     counts = np.zeros((4, 5))
     counts[0] = [5, 2, 1, 1, 1]  # tea, lab: 5 right, 2 with the other room, 1 other item, 1 both, 1 no report
     counts[3, 3] = 10
-    zeros = np.zeros(20)
-    result = score_decisions(
-        "X", counts, zeros, zeros, values=values, positive=None, variables=("item", "room")
-    )
+    result = of(counts.tolist(), None, values=values, variables=("item", "room"))
     assert {name: row.estimate for name, row in result.variables.items()} == {"item": 0.85, "room": 0.8}
     assert result.variables["item"] == Interval.from_count(17, 20)
     assert result.accuracy.estimate == 0.75

@@ -9,7 +9,8 @@ import numpy as np
 
 from lcorpp.decision import Batch
 from lcorpp.domains import Domain
-from lcorpp.experiments.scoring.metrics import Scores, get_format, score_decisions
+from lcorpp.experiments.scoring.decision_scores import score_decisions
+from lcorpp.experiments.scoring.metrics import Scores, get_format
 from lcorpp.experiments.training_data import FOLDS
 from lcorpp.simulation.people_stream import DecisionResult
 
@@ -82,17 +83,13 @@ def make_row(batch: Batch, scores: Scores | None) -> Row:
 def score_batch(domain: Domain, results: Sequence[DecisionResult]) -> Scores:
     """Score the decisions of a batch."""
     values = domain.values
-    counts = np.zeros((len(values), len(values) + 1))
-    for result in results:
-        reported = len(values) if result.report is None else values.index(result.report)
-        counts[values.index(result.actual), reported] += 1
-    cost = np.array([result.cost for result in results])
-    return_ = np.array([result.return_ for result in results])
+    reports = [result.report for result in results]
     return score_decisions(
         "LCORPP",
-        counts,
-        cost,
-        return_,
+        np.array([values.index(result.actual) for result in results]),
+        np.array([len(values) if report is None else values.index(report) for report in reports]),
+        np.array([result.cost for result in results]),
+        np.array([result.return_ for result in results]),
         values=values,
         positive=domain.positive,
         variables=domain.reasoning.shared,

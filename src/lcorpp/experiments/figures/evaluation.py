@@ -25,18 +25,16 @@ class Evaluation:
     setting: e.g. the name of a preset. exact, simulated: strategy -> its scores; the classifier is the
         domain's noisy channel, for which the scores are known exactly.
     trials: the number of simulated people.
-    paired: (strategy, other) -> difference of the means on the same people, see `Difference`.
     """
 
     setting: str
     exact: Mapping[str, Scores]
     simulated: Mapping[str, Scores]
     trials: int
-    paired: Mapping[tuple[str, str], Mapping[str, Interval]]
 
     def find_difference(self, metric: str, strategy: str, other: str) -> Interval:
-        """Return the simulated "f1", "cost" or "return" of a strategy minus another's, with interval."""
-        return self.paired[strategy, other][metric]
+        """Return the simulated "f1", "cost" or "return" of a strategy minus another's, see `Scores`."""
+        return self.simulated[strategy].subtract(self.simulated[other])[metric]
 
     def make_rows(self, **columns: str) -> list[Row]:
         """Return two tidy rows for each strategy; `columns` come first, e.g. the setting."""
@@ -79,29 +77,22 @@ def evaluate(
     progress: ProgressDisplay,
     *,
     names: Sequence[str] = (),
-    pairs: Sequence[tuple[str, str]] = (),
 ) -> Evaluation:
     """Score strategies in a domain, with its noisy channel as the classifier.
 
     Args:
         names: of the strategies; all six by default.
-        pairs: (strategy, other) whose difference is needed, besides those of the fullest strategy from each
-            other one.
 
     Raises:
         KeyboardInterrupt: an interrupt; no trial is kept.
     """
     exact = compare_completely(domain, options, progress, names, exact=True)
     simulated = compare_completely(domain, options, progress, names)
-    paired = dict(_list_differences(simulated))
-    for pair in pairs:  # the reference of a comparison is the fuller strategy of the two
-        paired |= _list_differences(compare_completely(domain, options, progress, pair))
     return Evaluation(
         setting,
         {row.strategy: row for row in exact.scores},
         {row.strategy: row for row in simulated.scores},
         options.n_trials,
-        paired,
     )
 
 
@@ -130,16 +121,3 @@ def compare_completely(
     if stopped or comparison.trials != chosen.trials:
         raise KeyboardInterrupt
     return comparison
-
-
-def _list_differences(comparison: Comparison) -> dict[tuple[str, str], dict[str, Interval]]:
-    """Return (reference, strategy) -> metric -> difference."""
-    return {
-        (row.difference.reference, row.strategy): {
-            "f1": row.difference.f1,
-            "cost": row.difference.cost,
-            "return": row.difference.return_,
-        }
-        for row in comparison.scores
-        if row.difference is not None
-    }

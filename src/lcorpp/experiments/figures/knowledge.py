@@ -76,7 +76,6 @@ def make_figure(options: FigureOptions, progress: ProgressDisplay) -> FigureResu
                 options,
                 progress,
                 names=(NO_KNOWLEDGE, *REASONERS),
-                pairs=[("R+P", NO_KNOWLEDGE)],
             )
             for setting in SETTINGS
             for level in LEVELS

@@ -43,8 +43,7 @@ REASONS: Mapping[str, str] = {
 def make_figure(options: FigureOptions, progress: ProgressDisplay) -> FigureResult:
     """Score the six strategies in both presets, exactly and in simulated trials."""
     evaluations = [
-        evaluate(load_domain("intention", preset=preset), preset, options, progress, pairs=[("R+P", "P")])
-        for preset in PRESETS
+        evaluate(load_domain("intention", preset=preset), preset, options, progress) for preset in PRESETS
     ]
     return make_result(evaluations)
 

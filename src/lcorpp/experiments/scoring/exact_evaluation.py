@@ -19,10 +19,10 @@ from lcorpp.errors import DecisionError, DomainError, check_type
 from lcorpp.experiments.scoring import episode_sums
 from lcorpp.experiments.scoring.decision_graph import DecisionGraph
 from lcorpp.experiments.scoring.decision_nodes import BeliefNodes, DecisionNodes, HistoryNodes
-from lcorpp.experiments.scoring.differences import add_exact_differences
+from lcorpp.experiments.scoring.decision_scores import score_probabilities
 from lcorpp.experiments.scoring.episode_model import EpisodeModel
 from lcorpp.experiments.scoring.episode_sums import EpisodeSums
-from lcorpp.experiments.scoring.metrics import Scores, score_probabilities
+from lcorpp.experiments.scoring.metrics import Scores
 from lcorpp.reasoning import Reasoner
 from lcorpp.simulation.simulated_classifier import NoisyChannel
 from lcorpp.values import Array
@@ -73,8 +73,7 @@ def evaluate_exactly(
     for alike in _group_strategies(strategies):
         found = _sum_strategies(domain, robot, alike, channels, people, model, progress)
         sums |= zip(alike, found, strict=True)
-    scores = [_score_sums(domain, strategy, sums[strategy]) for strategy in strategies]
-    return add_exact_differences(scores)
+    return [_score_sums(domain, strategy, sums[strategy]) for strategy in strategies]
 
 
 def check_enumerable(domain: Domain, strategies: Sequence[Strategy]) -> None:

@@ -12,8 +12,8 @@ from joblib import Parallel, delayed
 
 from lcorpp.errors import DecisionError, check_type
 from lcorpp.experiments.decision_log import DecisionLog
-from lcorpp.experiments.scoring.differences import add_differences, linearise_f1
-from lcorpp.experiments.scoring.metrics import Scores, score_decisions
+from lcorpp.experiments.scoring.decision_scores import score_decisions
+from lcorpp.experiments.scoring.metrics import Scores
 from lcorpp.experiments.scoring.trial_chunks import (
     CHUNK_SIZE,
     ChunkWork,
@@ -142,23 +142,18 @@ class WaitingLines:
 
 def _score_trials(experiment: Experiment, results: Trials) -> list[Scores]:
     """Return the scores of each strategy, in the order of the experiment."""
-    domain, scores = experiment.domain, []
-    cost, return_ = (np.asfortranarray(results[name]) for name in ("cost", "return_"))
-    for k, strategy in enumerate(experiment.strategies):
-        counts = np.zeros((len(domain.values), len(domain.values) + 1))
-        np.add.at(counts, (results["truth"], results["reported"][:, k]), 1)
-        scores.append(
-            score_decisions(
-                strategy.name,
-                counts,
-                cost[:, k],
-                return_[:, k],
-                values=domain.values,
-                positive=domain.positive,
-                variables=domain.reasoning.shared,
-            )
+    domain, truth = experiment.domain, np.array(results["truth"])
+    reported, cost, return_ = (results[name].T.copy() for name in ("reported", "cost", "return_"))  # (k, n)
+    return [
+        score_decisions(
+            strategy.name,
+            truth,
+            reported[k],
+            cost[k],
+            return_[k],
+            values=domain.values,
+            positive=domain.positive,
+            variables=domain.reasoning.shared,
         )
-    f1 = np.empty_like(cost)
-    for k in range(len(scores)):
-        f1[:, k] = linearise_f1(results["truth"], results["reported"][:, k], domain.values, domain.positive)
-    return add_differences(scores, cost, return_, f1)
+        for k, strategy in enumerate(experiment.strategies)
+    ]

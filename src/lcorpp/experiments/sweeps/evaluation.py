@@ -13,8 +13,7 @@ from lcorpp.decision.strategies import list_strategies
 from lcorpp.domains import Domain
 from lcorpp.errors import DecisionError, LcorppError, WorkerError
 from lcorpp.experiments.comparison import ComparisonOptions, compare_strategies
-from lcorpp.experiments.scoring.differences import add_exact_differences
-from lcorpp.experiments.scoring.metrics import Difference, Scores
+from lcorpp.experiments.scoring.metrics import Scores, find_reference, make_cells
 from lcorpp.experiments.setup import solve_domain
 from lcorpp.experiments.strategies.baselines import find_strategies
 from lcorpp.experiments.sweeps.axes import Configuration, Problem, configure
@@ -46,30 +45,25 @@ def evaluate_configuration(problem: Problem, configuration: Configuration) -> Ro
         solution = _solve(_Model.of(domain))
         strategies = find_rows(problem, domain)
         seed = make_seed(problem.seed, find_key(configuration))
-        scores = _score(domain, strategies, problem.trials, seed, solution)
-        differences = {row.strategy: row.difference for row in scores}
-        for lower, upper in list_pairs([row.name for row in strategies]):
-            known = differences[lower]
-            if known is None or known.reference != upper:
-                pair = tuple(row for row in strategies if row.name in (lower, upper))
-                rows: Sequence[Scores]
-                if problem.trials is None:
-                    rows = add_exact_differences([row for row in scores if row.strategy in (lower, upper)])
-                else:
-                    rows = _score(domain, pair, problem.trials, seed, solution)
-                differences[lower] = next(row.difference for row in rows if row.strategy == lower)
+        options = ComparisonOptions(strategies=strategies, trials=problem.trials, seed=seed)
+        comparison = compare_strategies(domain, options, policy=solution.policy)
     except WorkerError:
         raise
     except LcorppError as error:
         raise DecisionError(f"{describe(configuration)}: {error}") from error
+    if comparison.trials != problem.trials:
+        raise KeyboardInterrupt
+    scores = {row.strategy: row for row in comparison.scores}
+    reference = find_reference(comparison.scores).strategy
+    better = dict.fromkeys(scores, reference) | dict(list_pairs(list(scores)))
     return [
         {
-            "strategy": row.strategy,
+            "strategy": name,
             **row.cells,
-            **_make_difference(differences[row.strategy]),
+            **_describe_difference(scores[better[name]], row),
             "converged": solution.converged,
         }
-        for row in scores
+        for name, row in scores.items()
     ]
 
 
@@ -87,16 +81,6 @@ def find_rows(problem: Problem, domain: Domain) -> tuple[Strategy, ...]:
     """Return the strategies of a sweep."""
     senses = [sense.name for sense in domain.senses]
     return find_strategies(problem.strategies, senses) if problem.strategies else list_strategies(senses)
-
-
-def _score(
-    domain: Domain, strategies: tuple[Strategy, ...], trials: int | None, seed: int, solution: Solution
-) -> Sequence[Scores]:
-    options = ComparisonOptions(strategies=strategies, trials=trials, seed=seed)
-    comparison = compare_strategies(domain, options, policy=solution.policy)
-    if comparison.trials != trials:
-        raise KeyboardInterrupt
-    return comparison.scores
 
 
 @dataclass(frozen=True)
@@ -118,12 +102,9 @@ def _solve(model: _Model) -> Solution:
     return solve_domain(model.domain)
 
 
-def _make_difference(difference: Difference | None) -> dict[str, Any]:
-    """Return what the reference strategy costs and returns more, with paired intervals."""
-    cells: dict[str, Any] = {"reference": difference.reference if difference else None}
-    for name in ("cost", "return"):
-        interval = getattr(difference, "cost" if name == "cost" else "return_", None)
-        for end in ("", "_low", "_high"):
-            attribute = end[1:] or "estimate"
-            cells[f"{name}_difference{end}"] = getattr(interval, attribute) if interval else None
-    return cells
+def _describe_difference(better: Scores, scores: Scores) -> dict[str, Any]:
+    """Return what a better strategy costs and returns more, with paired intervals; None for itself."""
+    gaps = better.subtract(scores)
+    cells: dict[str, Any] = {"reference": better.strategy}
+    cells |= make_cells("cost_difference", gaps["cost"]) | make_cells("return_difference", gaps["return"])
+    return dict.fromkeys(cells) if better is scores else cells
