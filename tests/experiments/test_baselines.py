@@ -14,8 +14,8 @@ from lcorpp.errors import DecisionError, NoReportError
 from lcorpp.experiments.comparison import ComparisonOptions, compare_strategies
 from lcorpp.experiments.scoring import decision_nodes, episode_sums, episode_totals
 from lcorpp.experiments.scoring.exact_evaluation import evaluate_exactly
+from lcorpp.experiments.scoring.experiment import Experiment
 from lcorpp.experiments.scoring.part_state import NoKeyError, make_state_key
-from lcorpp.experiments.scoring.trial_chunks import Experiment
 from lcorpp.experiments.scoring.trials import run_trials
 from lcorpp.experiments.strategies.baselines import BASELINES, compute_information, find_strategies
 from lcorpp.reasoning import Reasoner

@@ -21,8 +21,8 @@ from .replay import (
 from .results import write_batches as write_batches, write_comparison as write_comparison
 from .robot_parts import ClassifierPart as ClassifierPart, RobotParts as RobotParts
 from .scoring.exact_evaluation import evaluate_exactly as evaluate_exactly
+from .scoring.experiment import Experiment as Experiment, replay_trial as replay_trial
 from .scoring.metrics import Scores as Scores
-from .scoring.trial_chunks import Experiment as Experiment, replay_trial as replay_trial
 from .scoring.trials import run_trials as run_trials
 from .setup import (
     EvidenceOptions as EvidenceOptions,

@@ -15,8 +15,8 @@ from lcorpp.errors import DecisionError, DomainError, check_type
 from lcorpp.experiments.decision_log import DecisionLog
 from lcorpp.experiments.robot_parts import ClassifierPart, RobotParts
 from lcorpp.experiments.scoring.exact_evaluation import check_enumerable, evaluate_exactly
+from lcorpp.experiments.scoring.experiment import Experiment
 from lcorpp.experiments.scoring.metrics import Scores, scores_to_html
-from lcorpp.experiments.scoring.trial_chunks import Experiment
 from lcorpp.experiments.scoring.trials import run_trials
 from lcorpp.experiments.setup import (
     HARD_LABELS,

@@ -24,7 +24,7 @@ from lcorpp.experiments.robot_parts import (
     read_parts,
     read_strategy,
 )
-from lcorpp.experiments.scoring.trial_chunks import PrecomputedLabel, make_generator
+from lcorpp.experiments.scoring.experiment import PrecomputedLabel, make_generator
 from lcorpp.values import Array, Distribution, Episode, Label, Likelihood, Step, format_value
 
 TOLERANCE = 1e-9

@@ -12,8 +12,8 @@ from lcorpp.domains import load_domain
 from lcorpp.errors import DomainError
 from lcorpp.experiments.scoring import episode_totals
 from lcorpp.experiments.scoring.exact_evaluation import evaluate_exactly
+from lcorpp.experiments.scoring.experiment import Experiment
 from lcorpp.experiments.scoring.metrics import Scores
-from lcorpp.experiments.scoring.trial_chunks import Experiment
 from lcorpp.experiments.scoring.trials import run_trials
 from lcorpp.reasoning import Enumeration
 from lcorpp.simulation.simulated_classifier import NoisyChannel

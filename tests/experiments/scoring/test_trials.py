@@ -21,7 +21,8 @@ from lcorpp.errors import DataError, DecisionError, DomainError, ObservationErro
 from lcorpp.experiments.scoring import trial_chunks, trials
 from lcorpp.experiments.scoring.batch_simulation import BatchWorld, PeopleDraws
 from lcorpp.experiments.scoring.exact_evaluation import compute_joint_distribution
-from lcorpp.experiments.scoring.trial_chunks import ChunkWork, Experiment, replay_trial
+from lcorpp.experiments.scoring.experiment import CHUNK_SIZE, Experiment, replay_trial
+from lcorpp.experiments.scoring.trial_chunks import ChunkWork, make_results
 from lcorpp.experiments.scoring.trials import run_trials
 from lcorpp.learning import TrainedClassifier, fit_calibration
 from lcorpp.reasoning import Enumeration, Reasoner
@@ -129,8 +130,7 @@ def test_decisions_at_once_equal_those_one_by_one(rooms):
 
 def test_a_single_trial_is_replayed(rooms):
     """Also of the last chunk, which is not full."""
-    fields = [("truth", int), ("reported", int, 6), ("cost", float, 6), ("return_", float, 6)]
-    results = np.zeros(150, np.dtype(fields))
+    results = make_results(150, 6)
     trial_chunks.run_chunks(rooms, [ChunkWork(0, results[:100]), ChunkWork(1, results[100:])])
     for trial in (0, 57, 100, 149):
         for k, strategy in enumerate(STRATEGIES):
@@ -228,7 +228,7 @@ def test_an_interrupt_keeps_the_trials_of_incomplete_chunks_of_all_processes(roo
     interrupter.start()
     results, done = run_trials(replace(rooms, robot=robot, strategies=rows), 1000, jobs=2)
     interrupter.join()
-    assert 49 <= done < trial_chunks.CHUNK_SIZE  # four strategies reason: 200 answers are 50 trials
+    assert 49 <= done < CHUNK_SIZE  # four strategies reason: 200 answers are 50 trials
     assert all(np.sum(result.counts) == done for result in results)
 
 

@@ -110,7 +110,7 @@ def explain(
     from lcorpp.experiments.comparison import ComparisonOptions, describe_classifiers, set_up_senses
     from lcorpp.experiments.decision_log import DecisionLog
     from lcorpp.experiments.robot_parts import RobotParts
-    from lcorpp.experiments.scoring.trial_chunks import make_generator
+    from lcorpp.experiments.scoring.experiment import make_generator
     from lcorpp.experiments.setup import (
         EvidenceOptions,
         ReadingOptions,

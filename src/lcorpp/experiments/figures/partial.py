@@ -24,8 +24,8 @@ from lcorpp.experiments.figures.result import (
     judge,
 )
 from lcorpp.experiments.figures.seeds import compute_seed_interval, run_seeds, subtract
+from lcorpp.experiments.scoring.experiment import Experiment
 from lcorpp.experiments.scoring.metrics import Scores, make_cells
-from lcorpp.experiments.scoring.trial_chunks import Experiment
 from lcorpp.experiments.scoring.trials import run_trials
 from lcorpp.experiments.setup import (
     ProgressDisplay,

@@ -13,12 +13,12 @@ from joblib import Parallel, delayed
 from lcorpp.errors import DecisionError, check_type
 from lcorpp.experiments.decision_log import DecisionLog
 from lcorpp.experiments.scoring.decision_scores import score_decisions
+from lcorpp.experiments.scoring.experiment import CHUNK_SIZE, Experiment
 from lcorpp.experiments.scoring.metrics import Scores
 from lcorpp.experiments.scoring.trial_chunks import (
-    CHUNK_SIZE,
     ChunkWork,
-    Experiment,
     Trials,
+    make_results,
     run_chunks,
     run_in_worker,
     simulates_at_once,
@@ -61,39 +61,36 @@ def run_trials(
         raise DecisionError(f"trials and jobs must be at least 1, not {trials} and {jobs}")
     if log is not None and experiment.parts is None:
         raise DecisionError("a log of an experiment needs its `parts`, which determine the decisions")
-    k = (len(experiment.strategies),)
-    fields = [("truth", np.intp), ("reported", np.intp, k), ("cost", float, k), ("return_", float, k)]
-    results: Trials = np.full(trials, -1, np.dtype(fields))
+    results = make_results(trials, len(experiment.strategies))
     with TemporaryDirectory(prefix="lcorpp-", ignore_cleanup_errors=True) as name:
         folder = Path(name)
         if jobs > 1 and trials > CHUNK_SIZE:  # the processes write into one file
             results.tofile(file := folder / "trials")
             results = np.memmap(file, results.dtype, "r+")
         chunks = [results[first : first + CHUNK_SIZE] for first in range(0, trials, CHUNK_SIZE)]
-        waiting = None if log is None else WaitingLines(log, folder, chunks, len(experiment.strategies))
         work = [
-            ChunkWork(number, chunk, waiting.find_file(number) if waiting else None)
+            ChunkWork(number, chunk, None if log is None else folder / f"{number}.jsonl")
             for number, chunk in enumerate(chunks)
         ]
-        size = 1
+        size, waiting, done = 1, iter(work), 0
         if log is None and all(simulates_at_once(experiment, row) for row in experiment.strategies):
             size = min(MAX_GROUP, -(-len(chunks) // (4 * jobs)))
         groups = [work[first : first + size] for first in range(0, len(work), size)]
-        done = 0
         try:
-            with _run_groups(experiment, groups, jobs) as sizes:
-                for size in sizes:
-                    done += size
-                    if waiting is not None:
+            with _run_groups(experiment, groups, jobs) as counts:
+                for count in counts:
+                    if log is not None:
                         with delay_sigint():
-                            waiting.append_next()
+                            _append_lines(log, next(waiting))
+                    done += count
                     progress(done, trials)
         except KeyboardInterrupt:
             if (results["truth"] < 0).all():
                 raise
         finally:
-            if waiting is not None:
-                waiting.append_rest()
+            if log is not None:
+                for chunk in waiting:  # after an interrupt or an error
+                    _append_lines(log, chunk)
         completed = np.array(results[results["truth"] >= 0])
     return _score_trials(experiment, completed), len(completed)
 
@@ -113,31 +110,14 @@ def _run_groups(
         yield started
 
 
-class WaitingLines:
-    """The lines of the chunks, each in a file, that wait to be appended to a log in order."""
-
-    def __init__(self, log: DecisionLog, folder: Path, chunks: Sequence[Trials], per_trial: int) -> None:
-        self._log, self._folder, self._chunks, self._per_trial = log, folder, chunks, per_trial
-        self._next = 0
-
-    def find_file(self, number: int) -> Path:
-        """Return the file of a chunk."""
-        return self._folder / f"{number}.jsonl"
-
-    def append_next(self) -> None:
-        """Append the lines of the completed trials of the next chunk."""
-        file, chunk = self.find_file(self._next), self._chunks[self._next]
-        self._next += 1
-        if file.exists():
-            completed = int(np.sum(chunk["truth"] >= 0))
-            lines = file.read_bytes().splitlines(keepends=True)[: completed * self._per_trial]
-            self._log.append_lines([b"".join(lines)])
-            file.unlink()
-
-    def append_rest(self) -> None:
-        """Append what is left after an interrupt or an error."""
-        while self._next < len(self._chunks):
-            self.append_next()
+def _append_lines(log: DecisionLog, work: ChunkWork) -> None:
+    """Append the lines of the completed trials of a chunk to a log, one for each strategy."""
+    _, results, file = work
+    if file is not None and file.exists():
+        completed = np.count_nonzero(results["truth"] >= 0) * results["reported"].shape[1]
+        lines = file.read_bytes().splitlines(keepends=True)[:completed]
+        log.append_lines([b"".join(lines)])
+        file.unlink()
 
 
 def _score_trials(experiment: Experiment, results: Trials) -> list[Scores]:
