@@ -229,7 +229,7 @@ def test_histories_are_merged_only_if_the_state_is_known(intention):
         level = {nodes.root({"time": "morning", "location": "library"}, {"motion": "interested"})}
         for _ in range(3):
             level = {
-                nodes.extend(n, nodes.find_action(n), answer) for n in level for answer in ("pos", "neg")
+                after for n in level for after in nodes.extend([n, n], nodes.find_action(n), ["pos", "neg"])
             }
             counts.append(len(level))
         results.append(sorted(nodes.find_action(node) for node in level))

@@ -7,6 +7,7 @@ import numpy.typing as npt
 
 from lcorpp.errors import ModelError, ObservationError, expected_one_of
 from lcorpp.planning.pomdp import SUM_TOLERANCE, Pomdp
+from lcorpp.planning.sparse import Indices
 from lcorpp.values import Array, Belief, freeze
 
 MIN_PROBABILITY = float(np.finfo(np.float64).tiny)
@@ -38,6 +39,23 @@ def update(pomdp: Pomdp, belief: Belief, action: int, observation: int) -> Belie
     if not total >= MIN_PROBABILITY:
         raise make_impossible_error(pomdp, belief, action, observation)
     weights /= total
+    return weights
+
+
+def update_many(pomdp: Pomdp, beliefs: Array, action: int, observations: Indices) -> Array:
+    """Return the beliefs (n, S) after an action in each of some beliefs (n, S), and an observation (n,).
+
+    Raises:
+        ObservationError, ModelError: as `update`; the dense table of observations is too large.
+    """
+    weights = pomdp.transition.forward(action, beliefs)
+    weights *= pomdp.observation.dense[action].T[observations]
+    totals = weights.sum(axis=1, keepdims=True)
+    impossible = np.flatnonzero(~(totals >= MIN_PROBABILITY))
+    if len(impossible):
+        i = int(impossible[0])
+        raise make_impossible_error(pomdp, beliefs[i], action, int(observations[i]))
+    weights /= totals
     return weights
 
 

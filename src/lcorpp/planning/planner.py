@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import overload
+
+import numpy as np
 
 from lcorpp.errors import PolicyError
 from lcorpp.planning.arguments import check_type
-from lcorpp.planning.belief import update
+from lcorpp.planning.belief import update, update_many
 from lcorpp.planning.policy import Policy, check_same_model
 from lcorpp.planning.pomdp import Pomdp
 from lcorpp.planning.solution import Solution
-from lcorpp.values import Belief
+from lcorpp.values import Array, Belief
 
 
 class ModelPlanner:
@@ -32,6 +35,15 @@ class ModelPlanner:
         """
         pomdp = self.pomdp
         return update(pomdp, belief, pomdp.action_index(action), pomdp.observation_index(observation))
+
+    def update_many(self, beliefs: Array, action: str, observations: Sequence[str]) -> Array:
+        """Return the beliefs (n, S) after an action in each of n beliefs, and the observation there.
+
+        They equal those of `update` up to rounding errors, faster. Errors are those of `update`.
+        """
+        pomdp = self.pomdp
+        seen = np.array([pomdp.observation_index(name) for name in observations], np.intp)
+        return update_many(pomdp, beliefs, pomdp.action_index(action), seen)
 
 
 class Planner(ModelPlanner):

@@ -189,9 +189,15 @@ class SparseTables:
         return ragged_indices(self.begins[rows], sizes), np.repeat(np.arange(len(rows)), sizes)
 
     def forward(self, action: int, weights: Array) -> Array:
-        """Return (N,) the weights (R,) times the matrix of an action."""
+        """Return (N,) the weights (R,) times the matrix of an action; (n, N) of weights (n, R)."""
         rows, columns, values = self._parts[action]
-        return np.asarray(np.bincount(columns, values * weights[rows], self.shape[2]), dtype=np.float64)
+        N = self.shape[2]
+        if weights.ndim == 1:
+            return np.asarray(np.bincount(columns, values * weights[rows], N), dtype=np.float64)
+        n = len(weights)
+        cells = np.add.outer(N * np.arange(n), columns).ravel()
+        sums = np.bincount(cells, (values * weights[:, rows]).ravel(), n * N)
+        return np.asarray(sums, dtype=np.float64).reshape(n, N)
 
     def backward(self, action: int, column: Array) -> Array:
         """Return (R,) the matrix of an action times a column vector (N,)."""

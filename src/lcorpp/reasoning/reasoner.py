@@ -12,7 +12,7 @@ from collections.abc import Mapping, Sequence
 from functools import cached_property, lru_cache, partial
 from typing import TYPE_CHECKING, Any
 
-from lcorpp.errors import ProgramError, TooLargeError, check_type
+from lcorpp.errors import LcorppError, ProgramError, TooLargeError, check_type
 from lcorpp.reasoning.answers import QueryAnswer
 from lcorpp.reasoning.inference import NOTHING, Facts, Inference, Subject, Worlds
 from lcorpp.reasoning.language.program import Program
@@ -112,6 +112,29 @@ class Reasoner(Inference):
                 _store(self._answers, key, answer)
         return answer
 
+    def posteriors(self, attribute: Subject, evidence: Sequence[Mapping[str, Label]]) -> list[Distribution]:
+        """Compute the posteriors given each of many evidences, which may name different terms.
+
+        They equal those of `posterior` up to rounding errors, but one circuit answers all in one pass; a
+        program without a circuit answers one after the other.
+
+        Raises:
+            ProgramError, UndefinedError, TooLargeError: as `posterior`, for the first wrong evidence.
+        """
+        from lcorpp.values import Distribution  # imports numpy
+
+        names = tuple(sorted({name for each in evidence for name in each}))
+        if names:
+            try:
+                question = resolve_subject(self.program, attribute)
+                circuit = self._find_circuit(question, names, NOTHING)
+                if not isinstance(circuit, TooLargeError):
+                    rows: Any = circuit({name: [each.get(name) for each in evidence] for name in names})
+                    return [Distribution(circuit.values[question], row) for row in rows]
+            except LcorppError:
+                pass  # one by one the evidence is found that is wrong
+        return [self.posterior(attribute, each) for each in evidence]
+
     def compile(self, inputs: Sequence[str], query: str | Sequence[Subject], do: Facts = NOTHING) -> Circuit:
         """Compile the program into a circuit, a function of the evidence; see `Circuit`.
 
@@ -167,13 +190,7 @@ class Reasoner(Inference):
                 raise ProgramError(f"{file}: soft evidence has no meaning for a program with cr-rules")
             return super().posterior(question, facts, set_to)
         names = tuple(sorted((*facts, *likelihoods)))
-        key = question, names, frozenset(set_to.items())
-        if key not in self._circuits:
-            try:
-                _store(self._circuits, key, self.compile(names, question, set_to))
-            except TooLargeError as error:
-                _store(self._circuits, key, error)  # so that it is not compiled again
-        circuit = self._circuits[key]
+        circuit = self._find_circuit(question, names, set_to)
         if not isinstance(circuit, TooLargeError):
             return circuit({**facts, **likelihoods})  # type: ignore[return-value]
         if likelihoods:
@@ -184,6 +201,16 @@ class Reasoner(Inference):
         return EstimatedDistribution.from_estimates(
             estimate_answer(model, circuit, self.samples, self.seed), is_joint(question)
         )
+
+    def _find_circuit(self, question: str, names: tuple[str, ...], do: Facts) -> Circuit | TooLargeError:
+        """Return the circuit for a question given these terms, compiled once, or why there is none."""
+        key = question, names, frozenset(do.items())
+        if key not in self._circuits:
+            try:
+                _store(self._circuits, key, self.compile(names, question, do))
+            except TooLargeError as error:
+                _store(self._circuits, key, error)  # so that it is not compiled again
+        return self._circuits[key]
 
     @cached_property
     def _enumeration(self) -> Enumeration:

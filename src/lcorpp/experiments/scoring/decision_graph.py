@@ -65,10 +65,17 @@ class DecisionGraph:
             ObservationError: the robot holds an observation for impossible.
             DecisionError: the robot chooses an unknown action.
         """
-        keys, known = (nodes * len(self._pomdp.observations) + observations).tolist(), self._children
-        for key in keys:
+        n_observations, known = len(self._pomdp.observations), self._children
+        keys = (nodes * n_observations + observations).tolist()
+        new: dict[int, list[int]] = defaultdict(list)  # action -> keys
+        for key in dict.fromkeys(keys):
             if key not in known:
-                known[key] = self._find_child(*divmod(key, len(self._pomdp.observations)))
+                new[self._actions[key // n_observations]].append(key)
+        for action, own in new.items():
+            here = [self._found[key // n_observations] for key in own]
+            seen = [self._pomdp.observations[key % n_observations] for key in own]
+            after = self._nodes.extend(here, self._pomdp.actions[action], seen)
+            known.update(zip(own, map(self.find_number, after), strict=True))
         return np.array([known[key] for key in keys], np.intp)
 
     def describe_root(self, roots: Iterable[int], node: int) -> str:
@@ -82,11 +89,6 @@ class DecisionGraph:
             ancestors.update(new)
             waiting += new
         return self._nodes.describe(self._found[next(root for root in roots if root in ancestors)])
-
-    def _find_child(self, node: int, observation: int) -> int:
-        action = self._pomdp.actions[self._actions[node]]
-        after = self._nodes.extend(self._found[node], action, self._pomdp.observations[observation])
-        return self.find_number(after)
 
 
 def index_reports(domain: Domain) -> Indices:

@@ -15,6 +15,7 @@ from lcorpp.decision.dt_control import act_until_report
 from lcorpp.domains import Domain
 from lcorpp.errors import DecisionError, expected_one_of
 from lcorpp.experiments.scoring.part_state import DIGITS, NoKeyError, make_state_key
+from lcorpp.planning import Planner
 from lcorpp.simulation.simulated_classifier import NoisyChannel
 from lcorpp.values import Instance, Label, Step
 
@@ -31,22 +32,18 @@ class DecisionNodes(Protocol):
     def find_action(self, node: Any, /) -> str | None:
         """Return the robot's action; None if the decision has ended without a report."""
 
-    def extend(self, node: Any, action: str, observation: str, /) -> Hashable:
-        """Return the node after an action and an observation."""
+    def extend(self, nodes: Sequence[Any], action: str, observations: Sequence[str], /) -> list[Hashable]:
+        """Return the node after an action at each of n nodes, and the observation there."""
 
     def describe(self, node: Any, /) -> str:
         """Return a node before the first action in words, for messages."""
 
 
 class BeliefNodes:
-    """The nodes of a robot whose action depends on the belief alone: beliefs (S,), as bytes.
+    """The nodes of a robot whose action depends on the belief alone: beliefs (S,), as bytes."""
 
-    digits: to which beliefs after an observation are rounded, which merges those that different paths reach;
-        None leaves them as they are.
-    """
-
-    def __init__(self, domain: Domain, robot: Robot, *, digits: int | None = None) -> None:
-        self._domain, self._robot, self._digits = domain, robot, digits
+    def __init__(self, domain: Domain, robot: Robot) -> None:
+        self._domain, self._robot = domain, robot
 
     def root(self, context: Mapping[str, str], labels: Mapping[str, Label]) -> Hashable:
         marginal = self._robot.reasoner.posterior(self._domain.shared, self._domain.evidence(context, labels))
@@ -59,9 +56,26 @@ class BeliefNodes:
         belief = np.frombuffer(node)
         return None if self._domain.is_terminal(belief) else self._robot.planner.action(belief)
 
-    def extend(self, node: bytes, action: str, observation: str) -> bytes:
-        after = self._robot.planner.update(np.frombuffer(node), action, observation)
-        return (after if self._digits is None else np.round(after, self._digits)).tobytes()
+    def extend(self, nodes: Sequence[bytes], action: str, observations: Sequence[str]) -> list[Hashable]:
+        update = self._robot.planner.update
+        return [
+            update(np.frombuffer(node), action, observation).tobytes()
+            for node, observation in zip(nodes, observations, strict=True)
+        ]
+
+
+class RoundedBeliefNodes(BeliefNodes):
+    """The same with beliefs rounded after each observation, which merges those that different paths reach."""
+
+    def extend(self, nodes: Sequence[bytes], action: str, observations: Sequence[str]) -> list[Hashable]:
+        planner = self._robot.planner
+        beliefs = np.frombuffer(b"".join(nodes)).reshape(len(nodes), -1)
+        if isinstance(planner, Planner):
+            after = planner.update_many(beliefs, action, observations)
+        else:
+            pairs = zip(beliefs, observations, strict=True)
+            after = np.array([planner.update(belief, action, observation) for belief, observation in pairs])
+        return [belief.tobytes() for belief in np.round(after, DIGITS)]
 
 
 class _History(NamedTuple):
@@ -100,8 +114,11 @@ class HistoryNodes:
     def find_action(self, node: _History) -> str | None:
         return self._actions[node]
 
-    def extend(self, node: _History, action: str, observation: str) -> Hashable:
-        return self._merge(node._replace(steps=(*node.steps, (action, observation))))
+    def extend(self, nodes: Sequence[_History], action: str, observations: Sequence[str]) -> list[Hashable]:
+        return [
+            self._merge(node._replace(steps=(*node.steps, (action, observation))))
+            for node, observation in zip(nodes, observations, strict=True)
+        ]
 
     def describe(self, node: _History) -> str:
         given = ", ".join(f"{name}={value}" for name, value in (*node.context, *node.labels))

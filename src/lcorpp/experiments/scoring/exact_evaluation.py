@@ -7,9 +7,11 @@ classifiers and a feedback model of known probabilities, not a world of the doma
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from itertools import product
 from math import prod
+from typing import NamedTuple
 
 import numpy as np
 
@@ -18,14 +20,15 @@ from lcorpp.domains import Domain
 from lcorpp.errors import DecisionError, DomainError, check_type
 from lcorpp.experiments.scoring import episode_sums
 from lcorpp.experiments.scoring.decision_graph import DecisionGraph
-from lcorpp.experiments.scoring.decision_nodes import BeliefNodes, DecisionNodes, HistoryNodes
+from lcorpp.experiments.scoring.decision_nodes import DecisionNodes, HistoryNodes, RoundedBeliefNodes
 from lcorpp.experiments.scoring.decision_scores import score_probabilities
 from lcorpp.experiments.scoring.episode_model import EpisodeModel
 from lcorpp.experiments.scoring.episode_sums import EpisodeSums
 from lcorpp.experiments.scoring.metrics import Scores
+from lcorpp.protocols import Reasoner as ReasonerProtocol
 from lcorpp.reasoning import Reasoner
 from lcorpp.simulation.simulated_classifier import NoisyChannel
-from lcorpp.values import Array
+from lcorpp.values import Array, Distribution, Label
 
 MAX_DROPPED = 0.001
 """Maximum probability of the episodes that are left out of a sum over too many."""
@@ -68,10 +71,21 @@ def evaluate_exactly(
         (dict(zip(attributes, values, strict=True)), mass)
         for values, mass in compute_joint_distribution(domain, attributes).items()
     ]
+    used = {strategy: _list_used(channels, strategy) for strategy in strategies}
+    by_senses = {tuple(own): own for own in used.values()}
+    cases_of = {senses: _list_cases(domain, own, people) for senses, own in by_senses.items()}
+    cases = {strategy: cases_of[tuple(own)] for strategy, own in used.items()}
+    informed = replace(robot, reasoner=_infer_posteriors(domain, robot.reasoner, cases))
     model = EpisodeModel(domain)
     sums: dict[Strategy, EpisodeSums] = {}
-    for alike in _group_strategies(strategies):
-        found = _sum_strategies(domain, robot, alike, channels, people, model, progress)
+    for alike in _group_strategies(used):
+        nodes_of = [
+            RoundedBeliefNodes(domain, strategy.robot(informed))
+            if strategy.change is None
+            else HistoryNodes(domain, robot, strategy, used[strategy])
+            for strategy in alike
+        ]
+        found = _sum_strategies(domain, nodes_of, {each: cases[each] for each in alike}, model, progress)
         sums |= zip(alike, found, strict=True)
     return [_score_sums(domain, strategy, sums[strategy]) for strategy in strategies]
 
@@ -95,7 +109,7 @@ def check_enumerable(domain: Domain, strategies: Sequence[Strategy]) -> None:
             )
 
 
-def _group_strategies(strategies: Sequence[Strategy]) -> list[list[Strategy]]:
+def _group_strategies(strategies: Iterable[Strategy]) -> list[list[Strategy]]:
     """Group the strategies whose actions at equal beliefs are equal; an own strategy is alone."""
     groups: dict[Hashable, list[Strategy]] = defaultdict(list)
     for strategy in strategies:
@@ -109,43 +123,73 @@ def compute_joint_distribution(domain: Domain, attributes: Sequence[str]) -> dic
     return {values: float(p) for values, p in exact.items()}
 
 
-def _sum_strategies(
+class _Case(NamedTuple):
+    """Facts and labels that a robot may perceive; (V,) their probability with each true value."""
+
+    context: Mapping[str, str]
+    labels: Mapping[str, str]
+    masses: Array
+
+
+def _list_cases(
     domain: Domain,
-    full: Robot,
-    strategies: Sequence[Strategy],
     channels: Mapping[str, NoisyChannel],
     people: Sequence[tuple[Mapping[str, str], float]],
+) -> list[_Case]:
+    """List what a robot with these senses may perceive; `people`: attribute -> value, and probability."""
+    cases: dict[tuple[str, ...], _Case] = {}
+    for person, mass in people:
+        v = domain.values.index(domain.reasoning.join(person))
+        context = {name: person[name] for name in domain.observed}
+        for labels, rate in _enumerate_labels(channels, person):
+            if mass * rate > 0:
+                key = (*context.values(), *labels.values())
+                case = cases.setdefault(key, _Case(context, labels, np.zeros(len(domain.values))))
+                case.masses[v] += mass * rate
+    return list(cases.values())
+
+
+class _KnownPosteriors(NamedTuple):
+    """A reasoner that has inferred the posterior of all evidence of an evaluation at once."""
+
+    answers: Mapping[tuple[tuple[str, Label], ...], Distribution]
+
+    def posterior(self, attribute: str | Sequence[str], evidence: Mapping[str, Label]) -> Distribution:
+        return self.answers[tuple(evidence.items())]
+
+
+def _infer_posteriors(
+    domain: Domain, reasoner: ReasonerProtocol, cases: Mapping[Strategy, Sequence[_Case]]
+) -> ReasonerProtocol:
+    """Return the reasoner for the cases of the table's strategies; another engine answers one by one."""
+    reasoning = [own for strategy, own in cases.items() if strategy.reasons and strategy.change is None]
+    evidence = {
+        tuple(each.items()): each
+        for own in reasoning
+        for each in [domain.evidence(case.context, case.labels) for case in own]
+    }
+    if not isinstance(reasoner, Reasoner):
+        return reasoner
+    answers = reasoner.posteriors(domain.shared, list(evidence.values()))
+    return _KnownPosteriors(dict(zip(evidence, answers, strict=True)))
+
+
+def _sum_strategies(
+    domain: Domain,
+    nodes_of: Sequence[DecisionNodes],
+    cases: Mapping[Strategy, Sequence[_Case]],
     model: EpisodeModel,
     progress: Callable[[int, int], None],
 ) -> list[EpisodeSums]:
-    """Sum over the episodes of strategies that act alike; `people`: attribute -> value, and probability."""
-    nodes_of = [_make_nodes(domain, full, strategy, channels) for strategy in strategies]
+    """Sum over the episodes of strategies that act alike, given the nodes and the cases of each."""
     graph = DecisionGraph(domain, nodes_of[0])
     # (node before the first action, index of the strategy) -> (V,) probability of each true value
     roots: dict[tuple[int, int], Array] = defaultdict(lambda: np.zeros(len(domain.values)))
-    for k, (strategy, nodes) in enumerate(zip(strategies, nodes_of, strict=True)):
-        used = _list_used(channels, strategy)
-        known: dict[tuple[str, ...], int] = {}
-        for person, mass in people:
-            v = domain.values.index(domain.reasoning.join(person))
-            context = [person[name] for name in domain.observed]
-            for labels, rate in _enumerate_labels(used, person):
-                key = (*context, *labels.values())
-                if mass * rate > 0:
-                    if key not in known:
-                        facts = dict(zip(domain.observed, context, strict=True))
-                        known[key] = graph.find_number(nodes.root(facts, labels))
-                    roots[known[key], k][v] += mass * rate
-    names = [strategy.location for strategy in strategies]
+    for k, (own, nodes) in enumerate(zip(cases.values(), nodes_of, strict=True)):
+        for context, labels, masses in own:
+            roots[graph.find_number(nodes.root(context, labels)), k] += masses
+    names = [strategy.location for strategy in cases]
     return episode_sums.sum_episodes(model, graph, roots, names, progress)
-
-
-def _make_nodes(
-    domain: Domain, full: Robot, strategy: Strategy, channels: Mapping[str, NoisyChannel]
-) -> DecisionNodes:
-    if strategy.change is None:
-        return BeliefNodes(domain, strategy.robot(full), digits=12)
-    return HistoryNodes(domain, full, strategy, _list_used(channels, strategy))
 
 
 def _list_used(channels: Mapping[str, NoisyChannel], strategy: Strategy) -> dict[str, NoisyChannel]:
