@@ -229,10 +229,12 @@ def test_histories_are_merged_only_if_the_state_is_known(intention):
         level = {nodes.root({"time": "morning", "location": "library"}, {"motion": "interested"})}
         for _ in range(3):
             level = {
-                after for n in level for after in nodes.extend([n, n], nodes.find_action(n), ["pos", "neg"])
+                after
+                for node, action in zip(level, nodes.find_actions(list(level)), strict=True)
+                for after in nodes.extend([node, node], action, ["pos", "neg"])
             }
             counts.append(len(level))
-        results.append(sorted(nodes.find_action(node) for node in level))
+        results.append(sorted(nodes.find_actions(list(level))))
     assert counts == [2, 3, 4, 2, 4, 8]
     assert set(results[0]) == set(results[1]) == {"report_interested", "report_not_interested"}
 

@@ -81,3 +81,7 @@ class Planner(ModelPlanner):
     def action(self, belief: Belief) -> str:
         """Return the name of the policy's action at a belief (S,)."""
         return self.pomdp.actions[self.policy.action(belief)]
+
+    def actions_at(self, beliefs: Array) -> list[str]:
+        """Return the name of the policy's action at each of n beliefs (n, S)."""
+        return [self.pomdp.actions[action] for action in self.policy.actions_at(beliefs).tolist()]

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from math import inf
+from operator import sub
 from time import monotonic
 
 from lcorpp.notebook import html_table
@@ -132,15 +133,10 @@ class BoundsRecord:
         Args:
             tolerance: largest difference by which rounding may make them cross.
         """
-        widest, largest, smallest = 0, -inf, inf
-        for i, high in enumerate(upper):  # N is small, numpy would be slow
-            gap = high - lower[i]
-            if gap > largest:
-                widest, largest = i, gap
-            if gap < smallest:
-                smallest = gap
-        if smallest < -tolerance:
-            raise RuntimeError(f"the bounds cross by {-smallest}; this is a bug in lcorpp")
+        gaps = list(map(sub, upper, lower))  # N is small, numpy would be slow
+        if min(gaps) < -tolerance:
+            raise RuntimeError(f"the bounds cross by {-min(gaps)}; this is a bug in lcorpp")
+        widest = gaps.index(max(gaps))
         low = lower[widest]
         high = max(low, upper[widest])
         if not self.history or low != self.lower or high != self.upper:

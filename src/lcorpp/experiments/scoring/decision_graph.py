@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Hashable, Iterable
+from collections.abc import Hashable, Iterable, Sequence
 from typing import Any
 
 import numpy as np
@@ -35,18 +35,18 @@ class DecisionGraph:
     def __len__(self) -> int:
         return len(self._found)
 
-    def find_number(self, node: Hashable) -> int:
-        """Return the number of a node; the robot decides at it if it is new."""
-        number = self._numbers.get(node)
-        if number is None:
-            action = self._nodes.find_action(node)
+    def find_numbers(self, nodes: Sequence[Hashable]) -> list[int]:
+        """Return the numbers of some nodes; the robot decides at those that are new."""
+        numbers = self._numbers
+        new = [node for node in dict.fromkeys(nodes) if node not in numbers]
+        for node, action in zip(new, self._nodes.find_actions(new), strict=True) if new else ():
             if action is not None and action not in self._action_index:
                 known = expected_one_of(self._pomdp.actions)
                 raise DecisionError(f"the robot chose the action {action!r}; {known}")
-            number = self._numbers[node] = len(self._found)
+            numbers[node] = len(self._found)
             self._found.append(node)
             self._actions.append(ENDED if action is None else self._action_index[action])
-        return number
+        return [numbers[node] for node in nodes]
 
     def find_actions(self, nodes: Indices) -> Indices:
         """Return the index of the action at each node; `ENDED` where there is none."""
@@ -75,7 +75,7 @@ class DecisionGraph:
             here = [self._found[key // n_observations] for key in own]
             seen = [self._pomdp.observations[key % n_observations] for key in own]
             after = self._nodes.extend(here, self._pomdp.actions[action], seen)
-            known.update(zip(own, map(self.find_number, after), strict=True))
+            known.update(zip(own, self.find_numbers(after), strict=True))
         return np.array([known[key] for key in keys], np.intp)
 
     def describe_root(self, roots: Iterable[int], node: int) -> str:

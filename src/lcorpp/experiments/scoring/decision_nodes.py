@@ -17,7 +17,7 @@ from lcorpp.errors import DecisionError, expected_one_of
 from lcorpp.experiments.scoring.part_state import DIGITS, NoKeyError, make_state_key
 from lcorpp.planning import Planner
 from lcorpp.simulation.simulated_classifier import NoisyChannel
-from lcorpp.values import Instance, Label, Step
+from lcorpp.values import Array, Instance, Label, Step
 
 MAX_ACTIONS = 100_000
 """Maximum number of actions in all histories of an own strategy; each history is decided anew."""
@@ -29,10 +29,10 @@ class DecisionNodes(Protocol):
     def root(self, context: Mapping[str, str], labels: Mapping[str, Any]) -> Hashable:
         """Return the node before the first action, given the facts and the output of each sense."""
 
-    def find_action(self, node: Any, /) -> str | None:
-        """Return the robot's action; None if the decision has ended without a report."""
+    def find_actions(self, nodes: Sequence[Any], /) -> list[str | None]:
+        """Return the robot's action at each node; None where the decision has ended without a report."""
 
-    def extend(self, nodes: Sequence[Any], action: str, observations: Sequence[str], /) -> list[Hashable]:
+    def extend(self, nodes: Sequence[Any], action: str, observations: Sequence[str], /) -> Sequence[Hashable]:
         """Return the node after an action at each of n nodes, and the observation there."""
 
     def describe(self, node: Any, /) -> str:
@@ -52,11 +52,11 @@ class BeliefNodes:
     def describe(self, node: bytes) -> str:
         return f"the prior {self._domain.marginal(np.frombuffer(node))}"
 
-    def find_action(self, node: bytes) -> str | None:
-        belief = np.frombuffer(node)
-        return None if self._domain.is_terminal(belief) else self._robot.planner.action(belief)
+    def find_actions(self, nodes: Sequence[bytes]) -> list[str | None]:
+        is_terminal, act = self._domain.is_terminal, self._robot.planner.action
+        return [None if is_terminal(belief) else act(belief) for belief in map(np.frombuffer, nodes)]
 
-    def extend(self, nodes: Sequence[bytes], action: str, observations: Sequence[str]) -> list[Hashable]:
+    def extend(self, nodes: Sequence[bytes], action: str, observations: Sequence[str]) -> list[bytes]:
         update = self._robot.planner.update
         return [
             update(np.frombuffer(node), action, observation).tobytes()
@@ -65,17 +65,31 @@ class BeliefNodes:
 
 
 class RoundedBeliefNodes(BeliefNodes):
-    """The same with beliefs rounded after each observation, which merges those that different paths reach."""
+    """The same with beliefs rounded after each observation, which merges those that different paths reach.
 
-    def extend(self, nodes: Sequence[bytes], action: str, observations: Sequence[str]) -> list[Hashable]:
+    A planner with a policy acts at all beliefs at once.
+    """
+
+    def find_actions(self, nodes: Sequence[bytes]) -> list[str | None]:
         planner = self._robot.planner
-        beliefs = np.frombuffer(b"".join(nodes)).reshape(len(nodes), -1)
+        if not isinstance(planner, Planner):
+            return super().find_actions(nodes)
+        beliefs = _stack(nodes)
+        actions = zip(beliefs, planner.actions_at(beliefs), strict=True)
+        return [None if self._domain.is_terminal(belief) else action for belief, action in actions]
+
+    def extend(self, nodes: Sequence[bytes], action: str, observations: Sequence[str]) -> list[bytes]:
+        planner = self._robot.planner
         if isinstance(planner, Planner):
-            after = planner.update_many(beliefs, action, observations)
+            after = planner.update_many(_stack(nodes), action, observations)
         else:
-            pairs = zip(beliefs, observations, strict=True)
-            after = np.array([planner.update(belief, action, observation) for belief, observation in pairs])
+            after = _stack(super().extend(nodes, action, observations))
         return [belief.tobytes() for belief in np.round(after, DIGITS)]
+
+
+def _stack(nodes: Sequence[bytes]) -> Array:
+    """Return the beliefs (n, S) of n nodes."""
+    return np.frombuffer(b"".join(nodes)).reshape(len(nodes), -1)
 
 
 class _History(NamedTuple):
@@ -111,8 +125,8 @@ class HistoryNodes:
     def root(self, context: Mapping[str, str], labels: Mapping[str, str]) -> Hashable:
         return self._merge(_History(tuple(context.items()), tuple(labels.items())))
 
-    def find_action(self, node: _History) -> str | None:
-        return self._actions[node]
+    def find_actions(self, nodes: Sequence[_History]) -> list[str | None]:
+        return [self._actions[node] for node in nodes]
 
     def extend(self, nodes: Sequence[_History], action: str, observations: Sequence[str]) -> list[Hashable]:
         return [

@@ -186,8 +186,9 @@ def _sum_strategies(
     # (node before the first action, index of the strategy) -> (V,) probability of each true value
     roots: dict[tuple[int, int], Array] = defaultdict(lambda: np.zeros(len(domain.values)))
     for k, (own, nodes) in enumerate(zip(cases.values(), nodes_of, strict=True)):
-        for context, labels, masses in own:
-            roots[graph.find_number(nodes.root(context, labels)), k] += masses
+        numbers = graph.find_numbers([nodes.root(case.context, case.labels) for case in own])
+        for number, case in zip(numbers, own, strict=True):
+            roots[number, k] += case.masses
     names = [strategy.location for strategy in cases]
     return episode_sums.sum_episodes(model, graph, roots, names, progress)
 

@@ -128,7 +128,8 @@ def _find_roots(
             root = known.get(key)
             if root is None:
                 labels = {s: label for s, label in zip(senses, outputs, strict=True) if label is not None}
-                root = graph.find_number(nodes.root(dict(zip(observed, facts, strict=True)), labels))
+                node = nodes.root(dict(zip(observed, facts, strict=True)), labels)
+                (root,) = graph.find_numbers([node])
                 known[key] = root
             roots.append(root)
     return np.array(roots, np.intp)
