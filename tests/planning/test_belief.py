@@ -2,10 +2,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given, settings, strategies as st
 
 from lcorpp.errors import ModelError, ObservationError
 from lcorpp.planning import check_belief, observation_probabilities, parse_pomdp, update
+from lcorpp.planning.belief import update_many
 from tests.planning.models import LCORPP, TIGER, pomdps
 
 tiger, lcorpp = parse_pomdp(TIGER), parse_pomdp(LCORPP)
@@ -40,6 +41,28 @@ def test_update_is_bayes_rule(pomdp):
                 after = update(pomdp, b, a, o)
                 assert after.sum() == pytest.approx(1)
                 assert after == pytest.approx(np.array(joint) / sum(joint))
+
+
+@given(pomdps(), st.integers(0, 2**32 - 1))
+@settings(max_examples=60)
+def test_many_updates_are_those_of_single_beliefs(pomdp, seed):
+    rng = np.random.default_rng(seed)
+    beliefs = rng.dirichlet(np.ones(len(pomdp.states)), size=5)
+    for a in range(len(pomdp.actions)):
+        chances = np.array([observation_probabilities(pomdp, b, a) for b in beliefs])
+        rows, observations = np.nonzero(chances > 1e-300)
+        after = update_many(pomdp, beliefs[rows], a, observations)
+        for i, (row, o) in enumerate(zip(rows, observations, strict=True)):
+            assert after[i] == pytest.approx(update(pomdp, beliefs[row], a, o), rel=1e-14, abs=0)
+
+
+def test_an_impossible_observation_among_many_is_that_of_its_belief():
+    beliefs = np.array([[0, 0, 0.5, 0.5, 0], [0.22, 0.78, 0, 0, 0]])
+    with pytest.raises(ObservationError) as single:
+        update(lcorpp, beliefs[1], 0, 2)
+    with pytest.raises(ObservationError) as many:
+        update_many(lcorpp, beliefs, 0, np.array([0, 2]))
+    assert str(many.value) == str(single.value)
 
 
 @pytest.mark.parametrize("belief", [[1.0], [0.5, 0.4], [1.5, -0.5], [float("nan"), 1.0], ["a", "b"]])

@@ -14,6 +14,7 @@ import pytest
 
 from lcorpp.errors import ProgramError, TooLargeError, UndefinedError
 from lcorpp.reasoning import Enumeration, Reasoner, ReasoningWarning, parse_plog, parse_query, read_plog
+from lcorpp.values import Likelihood
 
 PLOG = Path(__file__).parent.parent / "plog"
 LCORPP = read_plog(PLOG / "lcorpp.plog")
@@ -35,6 +36,55 @@ def test_posterior_by_reasoner_and_enumeration():
         assert found.probabilities == pytest.approx([float(p) for p in expected.values()], abs=1e-12)
     assert Reasoner(LCORPP).exact("identity", GOLDEN) == expected
     assert expected["student"] == pytest.approx(0.359531, abs=5e-7)
+
+
+def test_many_posteriors_are_those_of_single_evidences():
+    """One circuit answers evidences about different terms, some of them soft."""
+    evidence = [
+        {},
+        {"time": "morning"},
+        {"location": "library", "classifier": "one"},
+        {"classifier": Likelihood(("one", "zero"), np.array([0.2, 0.7])), "time": "evening"},
+        GOLDEN,
+    ]
+    for subject in ("intention", ["identity", "intention"]):
+        found = Reasoner(LCORPP).posteriors(subject, evidence)
+        single = [Reasoner(LCORPP).posterior(subject, each) for each in evidence]
+        assert [answer.values for answer in found] == [answer.values for answer in single]
+        for answer, other in zip(found, single, strict=True):
+            assert answer.probabilities == pytest.approx(other.probabilities, rel=1e-15, abs=0)
+    assert Reasoner(LCORPP).posteriors("intention", []) == []
+
+
+def test_many_posteriors_of_cr_rules_are_enumerated():
+    found = Reasoner(HEART).posteriors("active", [{"slow": "true"}, {"slow": "true", "diet": "false"}])
+    assert [answer["true"] for answer in found] == pytest.approx([40 / 43, 1], abs=1e-12)
+
+
+def test_many_posteriors_of_a_too_large_program_are_estimates(small):
+    with pytest.warns(ReasoningWarning):
+        found = Reasoner(LCORPP).posteriors("intention", [GOLDEN, {}])
+    with pytest.warns(ReasoningWarning):
+        single = [Reasoner(LCORPP).posterior("intention", each) for each in (GOLDEN, {})]
+    assert list(map(repr, found)) == list(map(repr, single))
+
+
+@pytest.mark.parametrize(
+    ("program", "question", "good", "evidence"),
+    [
+        (LCORPP, "intention", GOLDEN, {"time": "noon"}),
+        (LCORPP, "intention", GOLDEN, {"wrong": "x"}),
+        (LCORPP, "wrong", GOLDEN, {}),
+        (parse_plog("p, q : boolean. random(p). q :- p."), "q", {"p": "true"}, {"p": "false"}),
+        (parse_plog("p, q : boolean. random(p). q :- p. pr(p) = 0."), "p", {}, {"q": "true"}),
+    ],
+)
+def test_the_error_of_many_posteriors_is_that_of_the_evidence(program, question, good, evidence):
+    with pytest.raises((ProgramError, UndefinedError)) as single:
+        Reasoner(program).posterior(question, evidence)
+    with pytest.raises(type(single.value)) as many:
+        Reasoner(program).posteriors(question, [good, evidence])
+    assert str(many.value) == str(single.value)
 
 
 def test_answers_are_cached_and_a_full_cache_is_cleared(monkeypatch):

@@ -53,10 +53,11 @@ class DecisionGraph:
         actions = self._actions
         return np.array([actions[node] for node in nodes.tolist()], np.intp)
 
-    def list_known_children(self, nodes: Indices, observation: int) -> Indices:
-        """Return the node after the action at each node and an observation; -1 if it was not reached yet."""
-        keys = (nodes * len(self._pomdp.observations) + observation).tolist()
-        return np.array([self._children.get(key, -1) for key in keys], np.intp)
+    def list_known_children(self, nodes: Indices, observations: Indices) -> Indices:
+        """Return the nodes (n, k) after the actions at nodes (n,) and observations (k,); -1 if unknown."""
+        keys = np.add.outer(nodes * len(self._pomdp.observations), observations)
+        known = [self._children.get(key, -1) for key in keys.ravel().tolist()]
+        return np.array(known, np.intp).reshape(keys.shape)
 
     def find_children(self, nodes: Indices, observations: Indices) -> Indices:
         """Return the node after the action at each node and an observation.

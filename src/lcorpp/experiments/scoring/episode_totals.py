@@ -38,30 +38,35 @@ def find_total_moments(
     size = len(model.values)
     if len(graph) * size > MAX_SIZE:
         return None
-    from scipy.sparse import csc_array, eye_array
+    from scipy.sparse import coo_array, csc_array
     from scipy.sparse.linalg import splu
 
     actions = graph.find_actions(np.arange(len(graph)))
-    rows, columns, weights = [np.zeros(0, np.intp)], [np.zeros(0, np.intp)], [np.zeros(0)]
+    states = np.arange(len(graph) * size)
+    rows, columns, weights = [states], [states], [np.ones(len(states))]  # of 1 - the transposed transitions
     leaving = np.zeros((len(graph), size))  # probability of reaching an unknown node
     cost = np.zeros((len(graph), size))
-    for a in model.transition:
+    for a, transition in model.transition.items():
         here = np.flatnonzero(actions == a)
         cost[here] = -model.reward[a]
-        for o, probabilities in zip(*model.feedback[a], strict=True):
-            block = model.transition[a] * probabilities
-            block = block if isinstance(block, np.ndarray) else block.toarray()
-            children = graph.list_known_children(here, int(o))
-            leaving[here[children < 0]] += block.sum(axis=1)
-            i, j = np.nonzero(block)
-            known = children >= 0
-            rows.append(np.add.outer(here[known] * size, i).ravel())
-            columns.append(np.add.outer(children[known] * size, j).ravel())
-            weights.append(np.tile(block[i, j], int(known.sum())))
-    entries = np.concatenate(weights), (np.concatenate(columns), np.concatenate(rows))
-    moved = csc_array(entries, shape=(leaving.size, leaving.size))  # from the columns to the rows
+        observations, probabilities = model.feedback[a]
+        children = graph.list_known_children(here, observations)
+        moves = coo_array(transition)
+        i, j = moves.row, moves.col
+        moved = moves.data * probabilities[:, j]  # (k, entries)
+        o, entry = np.nonzero(moved)
+        i, j, moved = i[entry], j[entry], moved[o, entry]
+        after = children[:, o]
+        known = after >= 0
+        rows.append((after * size + j)[known])
+        columns.append(np.add.outer(here * size, i)[known])
+        weights.append(np.broadcast_to(-moved, known.shape)[known])
+        for e in np.flatnonzero(~known.all(axis=0)).tolist():
+            leaving[here[~known[:, e]], i[e]] += moved[e]
+    entries = np.concatenate(weights), (np.concatenate(rows), np.concatenate(columns))
+    system = csc_array(entries, shape=(len(states), len(states)))
     try:
-        solver = splu(csc_array(eye_array(leaving.size) - moved))
+        solver = splu(system)
     except RuntimeError:  # singular: some episodes never end
         return None
 
@@ -76,7 +81,9 @@ def find_total_moments(
     left = float((visits.sum(axis=1) * leaving.ravel()).sum())
     if not (left <= MAX_LEAK and abs(ended + left - moments[:, 0].sum()) <= MAX_ERROR):
         return None
-    first = solver.solve(collect(1) + moved @ (c * visits))
-    second = solver.solve(collect(2) + moved @ (2 * c * first + c**2 * visits))
+    paid = c * visits
+    first = solver.solve(collect(1) + paid - system @ paid)
+    paid = c * (2 * first + paid)
+    second = solver.solve(collect(2) + paid - system @ paid)
     total = np.stack([visits, first, second]).reshape(3, len(graph), size, count)
     return total.transpose(1, 3, 0, 2)

@@ -94,11 +94,12 @@ class RuleInstantiator:
         for patterns, relation in sources:
             variables |= find_variables(*patterns)
             join.add_source(patterns, relation)
-        domains = [(Variable(x), sort) for x, sort in self.signature.domains.items() if x in variables]
-        distinct = {(str(expression), sort): expression for expression, sort in (*domains, *slots)}
-        for (_, sort), expression in distinct.items():
-            if find_variables(expression):
-                join.add_source((expression,), self._sorts[sort])
+        if variables:
+            domains = [(Variable(x), sort) for x, sort in self.signature.domains.items() if x in variables]
+            distinct = {(str(expression), sort): expression for expression, sort in (*domains, *slots)}
+            for (_, sort), expression in distinct.items():
+                if find_variables(expression):
+                    join.add_source((expression,), self._sorts[sort])
         for literal in body:
             if isinstance(literal, ComparisonLiteral):
                 join.add_comparison(literal)
