@@ -2,6 +2,7 @@
 
 import json
 import os
+import socket
 import subprocess
 import sys
 import time
@@ -125,7 +126,19 @@ def test_a_cluster_that_cannot_be_reached_is_named(monkeypatch):
     for address, words in (
         ("tcp://127.0.0.1:9", "the cluster tcp://127.0.0.1:9 cannot be reached"),
         ("nowhere", "'nowhere' is no address of a cluster; expected that of a Dask scheduler"),
+        ("http://127.0.0.1:9", "http://127.0.0.1:9 cannot be reached: unknown address scheme 'http'"),
+        ("tls://127.0.0.1:9", "tls://127.0.0.1:9 cannot be reached: TLS expects"),
     ):
+        with pytest.raises(WorkerError, match=words):
+            dict(evaluate_units(functions.square, UNITS, cluster=address))
+
+
+def test_a_program_that_never_answers_is_no_cluster(monkeypatch):
+    """E.g. a web server at the port, which waits for the end of the first line."""
+    monkeypatch.setattr(cluster, "CONNECT_SECONDS", 1)
+    with socket.create_server(("127.0.0.1", 0)) as silent:
+        address = f"127.0.0.1:{silent.getsockname()[1]}"
+        words = f"the cluster {address} cannot be reached: no answer of a Dask scheduler in 1 seconds"
         with pytest.raises(WorkerError, match=words):
             dict(evaluate_units(functions.square, UNITS, cluster=address))
 

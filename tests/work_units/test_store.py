@@ -79,6 +79,24 @@ def test_another_version_or_another_file_is_refused(file, tmp_path):
         UnitStore(text, RUN)
 
 
+def test_without_results_a_store_belongs_to_any_run(file):
+    UnitStore(file, {**RUN, "seed": "9", "more": "text"}).__exit__()
+    with UnitStore(file, RUN) as store:
+        store.add("a", 1)
+    with UnitStore(file, RUN) as store:
+        assert store["a"] == 1
+
+
+def test_a_damaged_result_is_named(file):
+    with UnitStore(file, RUN) as store:
+        store.add("a", 1)
+    with sqlite3.connect(file) as connection:
+        connection.execute("UPDATE unit SET result = '[1, '")
+    connection.close()
+    with pytest.raises(DataError, match="a damaged result: Expecting value"):
+        UnitStore(file, RUN)
+
+
 def test_a_second_writer_and_a_full_disk_are_named(file, tmp_path):
     with UnitStore(file, RUN) as store:
         with pytest.raises(FileError, match="another process writes to it"):

@@ -2,18 +2,23 @@
 
 from __future__ import annotations
 
+import asyncio
 import re
+from asyncio import wait_for
 from collections.abc import Generator, Iterable
-from concurrent.futures import CancelledError
+from concurrent.futures import CancelledError, ThreadPoolExecutor
 from contextlib import suppress
 from queue import Empty, SimpleQueue
 from threading import Thread
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from joblib import Parallel, parallel_config
 from joblib._dask import DaskDistributedBackend
 
 from lcorpp.errors import WorkerError
+
+if TYPE_CHECKING:
+    from distributed import Client
 
 CONNECT_SECONDS = 15
 """Seconds to wait for the scheduler, and for its first worker."""
@@ -49,18 +54,7 @@ def evaluate_on_cluster(calls: Iterable[Any], address: str) -> Generator[Any, No
     Raises:
         WorkerError: Dask is not installed, or the cluster cannot be reached, has no worker or goes away.
     """
-    try:
-        from distributed import Client
-    except ImportError:
-        raise WorkerError("a cluster needs Dask; install lcorpp[dask]") from None
-    if not re.fullmatch(r"(\w+://)?\S+:\d+", address):
-        raise WorkerError(
-            f"{address!r} is no address of a cluster; expected that of a Dask scheduler, e.g. tcp://127.0.0.1:8786"
-        )
-    try:
-        client = Client(address, timeout=CONNECT_SECONDS, set_as_default=False)
-    except (OSError, ValueError) as error:
-        raise WorkerError(f"the cluster {address} cannot be reached: {error}") from None
+    client = _connect(address)
     results: SimpleQueue[tuple[Any] | BaseException | None] = SimpleQueue()
 
     def wait() -> None:
@@ -111,7 +105,35 @@ def evaluate_on_cluster(calls: Iterable[Any], address: str) -> Generator[Any, No
             client.close(timeout=1)
 
 
-def _has_workers(client: Any) -> bool:
+def _connect(address: str) -> Client:
+    """Return a client of a cluster."""
+    try:
+        from distributed import Client
+        from distributed.comm import connect
+        from distributed.security import Security
+    except ImportError:
+        raise WorkerError("a cluster needs Dask; install lcorpp[dask]") from None
+    if not re.fullmatch(r"(\w+://)?\S+:\d+", address):
+        raise WorkerError(
+            f"{address!r} is no address of a cluster; expected that of a Dask scheduler, e.g. tcp://127.0.0.1:8786"
+        )
+
+    async def greet() -> None:
+        """Connect as the client will, but for a limited time: it would wait without end for an answer."""
+        security = Security().get_connection_args("client")
+        comm = await wait_for(connect(address, CONNECT_SECONDS, **security), CONNECT_SECONDS + 1)
+        comm.abort()
+
+    try:
+        with ThreadPoolExecutor(1) as own:  # a notebook has a loop in this thread
+            own.submit(asyncio.run, greet()).result()
+        return Client(address, timeout=CONNECT_SECONDS, set_as_default=False)
+    except (OSError, ValueError, TypeError) as error:
+        reason = str(error) or f"no answer of a Dask scheduler in {CONNECT_SECONDS} seconds"
+        raise WorkerError(f"the cluster {address} cannot be reached: {reason}") from None
+
+
+def _has_workers(client: Client) -> bool:
     with suppress(TimeoutError, OSError, CancelledError):
         return bool(client.ncores())
     return False

@@ -91,7 +91,6 @@ class UnitStore:
             if application == version == tables == 0:
                 for statement in TABLES.split(";"):
                     execute(statement)
-                self._connection.executemany("INSERT INTO identity VALUES (?, ?)", identity.items())
                 application, version = APPLICATION_ID, VERSION
             execute("COMMIT")
             if application != APPLICATION_ID:
@@ -99,7 +98,11 @@ class UnitStore:
             if version != VERSION:
                 raise DataError(f"{self.path}: its version is {version}; this lcorpp has version {VERSION}")
             stored = dict(execute("SELECT name, value FROM identity"))
-            self._results = {key: json.loads(text) for key, text in execute("SELECT key, result FROM unit")}
+            self._results = {key: self._parse(text) for key, text in execute("SELECT key, result FROM unit")}
+            if not self._results and stored != identity:  # nothing depends on the earlier identity
+                execute("DELETE FROM identity")
+                self._connection.executemany("INSERT INTO identity VALUES (?, ?)", identity.items())
+                stored = dict(identity)
         for name in (*identity, *stored):
             was, now = stored.get(name, "missing"), identity.get(name, "missing")
             if was != now:
@@ -107,6 +110,13 @@ class UnitStore:
                     f"{self.path}: its {len(self)} results are of another run: {name} was {was}, now {now};"
                     " expected another folder, or the file deleted"
                 )
+
+    def _parse(self, text: str) -> Any:
+        """Return a stored result."""
+        try:
+            return json.loads(text)
+        except ValueError as error:
+            raise DataError(f"{self.path}: a damaged result: {error}") from None
 
     @contextmanager
     def _name_errors(self) -> Iterator[None]:

@@ -50,6 +50,15 @@ def test_axes_that_vary_jointly(read):
     assert sweep.map_axes == (("cost", "greet"), ("discount",))
 
 
+def test_the_robot_and_the_world_vary_apart(read):
+    sweep = read("[axes]\nknown.classifier.interested = [0.7]\ntrue.classifier.interested = [0.8, 0.9]\n")
+    assert values(sweep) == [(0.7, 0.8), (0.7, 0.9)]
+
+
+def test_a_name_in_quotes_is_the_same_axis(read):
+    assert read('[axes]\n"cost.greet" = [1, 2]').axes == read("[axes]\ncost.greet = [1, 2]").axes
+
+
 def test_files_of_knowledge_are_beside_the_sweep_or_in_the_domain(read, tmp_path):
     from lcorpp.domains.loading import SHIPPED_FOLDER
     from lcorpp.experiments.sweeps.axes import configure
@@ -81,8 +90,8 @@ def test_files_of_knowledge_are_beside_the_sweep_or_in_the_domain(read, tmp_path
         ('domain = "intention"', "axes is missing"),
         ("[axes]\nnoise = 0.1", "s.toml:2: [axes] noise: expected a list such as [0.1, 0.2], or a range"),
         ('[axes]\nnoise = ["high"]', "[axes] noise: expected numbers from 0 to 1, not 'high'"),
-        ("[axes]\nnoise = [0.1, true]", "expected numbers, or texts, not True in [0.1, True]"),
-        ('[axes]\nnoise = [0.1, "0.2"]', "expected numbers, or texts, not 0.1 in [0.1, '0.2']"),
+        ("[axes]\nnoise = [0.1, true]", "expected finite numbers, or texts, not True in [0.1, True]"),
+        ('[axes]\nnoise = [0.1, "0.2"]', "expected finite numbers, or texts, not 0.1 in [0.1, '0.2']"),
         ("[axes]\nnoise = [0.1, 0.1]", "0.1 is there twice"),
         ("[axes]\nnoise = [1.5]", "expected numbers from 0 to 1, not 1.5"),
         ("[axes]\ndiscount = [1]", "s.toml:2: [axes] discount = 1: discount 1 is refused"),
@@ -107,6 +116,28 @@ def test_files_of_knowledge_are_beside_the_sweep_or_in_the_domain(read, tmp_path
             "[axes]\nprevalence.interested = [0.1]\nknown.prevalence.not_interested = [0.2]",
             "s.toml:3: [axes.known.prevalence] not_interested: prevalence.interested changes the same",
         ),
+        (
+            "[axes]\nnoise = [0.1]\nsimulation.noise = [0.2]",
+            "s.toml:3: [axes.simulation] noise: noise changes",
+        ),
+        (
+            '[axes]\n"reward.right" = [9]\nreward.right.interested = [8]',
+            "s.toml:3: [axes.reward.right] interested: reward.right changes the same",
+        ),
+        (f"[axes]\npr.{ATOM} = [0.1]\ntrue.pr.{ATOM.replace(' ', '')} = [0.2]", "changes the same"),
+        (f"[axes]\npr.{ATOM} = [0.1]\npr.{ATOM.replace(' ', '')} = [0.2]", "changes the same"),
+        ('[axes]\ncost.greet = [1]\n"cost.greet" = [2]', "cost.greet: cost.greet changes the same"),
+        (
+            "[axes]\nnoise = {}\ndiscount = [0.9]",
+            "s.toml:2: [axes] noise: expected a range with from, to, and",
+        ),
+        (
+            "[axes]\nnoise = { count = 3 }",
+            "s.toml:2: [axes] noise: expected a range with from, to, and count",
+        ),
+        ("[axes.cost]\ngreet = 3", "s.toml:2: [axes.cost] greet: expected a list such as"),
+        ("[axes]\ncost.ask = [1]", "[axes.cost] ask: unknown axis; expected one of cost."),
+        ("strategies = []\n[axes]\nnoise = [0.1]", "s.toml:1: strategies: expected at least one name"),
         ('domain = "intent"\n[axes]', "s.toml:1: domain: intent: no folder with a domain.toml"),
         ('preset = "papr"\n[axes]', "unknown preset 'papr'; expected one of paper, authors"),
         ('strategies = ["LCORP"]\n[axes]', "s.toml:1: strategies: unknown strategy"),

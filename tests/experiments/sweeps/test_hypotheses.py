@@ -84,10 +84,12 @@ def test_heat_maps_outline_the_region():
     assert [panel.get_title() for panel in panels[1:3]] == ["return: LCORPP − R+P", "return: R+P − P"]
     np.testing.assert_allclose(panels[2].images[0].get_array(), 1)
     for panel in panels:
-        xs = np.array([line.get_xdata() for line in panel.lines])
+        hatched, border = panel.collections
+        xs = np.array(border.get_segments())[:, :, 0]
         assert (xs.min(), xs.max()) == (-0.5, 1.5)  # of the cells 0.1 and 0.2
-        assert len(panel.lines) == 2 * 2 + 2 * 2  # below, above, left and right
-        assert len(panel.patches) == 2  # the hatched cells of 0.3
+        assert len(xs) == 2 * 2 + 2 * 2  # below, above, left and right
+        cells = [path.get_extents().extents.tolist() for path in hatched.get_paths()]
+        assert cells == [[1.5, -0.5, 2.5, 0.5], [1.5, 0.5, 2.5, 1.5]]  # those of 0.3
 
 
 def test_curves_shade_the_region():

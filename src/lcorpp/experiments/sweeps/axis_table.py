@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from difflib import get_close_matches
+from itertools import product
 from math import isfinite
 from pathlib import Path
 from typing import Any
@@ -20,6 +21,8 @@ from lcorpp.files import read_bytes
 
 RANGE = "{ from = 0.1, to = 0.4, count = 4 }"
 """An example of a range, for messages."""
+
+RANGE_KEYS = ("from", "to", "count", "step")
 
 MAX_VALUES = 100_000
 """Maximum number of values of a range."""
@@ -46,6 +49,7 @@ def read_axes(
     for path, values in _flatten(section):
         location = table.location("axes", *path)
         axis = _find_known(location, path, known)
+        _check_others(location, axis, axes)
         numbers = known.get(axis)
         read = _read_values(location, values)
         if axis == ("knowledge",) and not all(isinstance(value, str) for value in read):
@@ -62,7 +66,6 @@ def read_axes(
                 _check(problem, domain, setting)
     if not axes:
         raise DomainError(f"{table.location('axes')}: expected at least one axis, e.g. noise = {RANGE}")
-    _check_prevalences(table, axes)
     return axes
 
 
@@ -88,26 +91,34 @@ def locate_failures(location: str) -> Iterator[None]:
 
 
 def _flatten(table: TomlTable, path: Axis = ()) -> Iterator[tuple[Axis, Any]]:
-    """Yield the axes of nested tables and their values: lists, or ranges, which have the key `from`."""
+    """Yield the axes of nested tables and their values: lists or ranges."""
     for key in table:
         value = table.value(key)
-        if isinstance(value, dict) and not {"from", "to"} & value.keys():
+        if isinstance(value, dict) and value and not _is_range(value):
             yield from _flatten(table.section(key), (*path, key))
         else:
             yield (*path, key), value
 
 
+def _is_range(table: Mapping[str, Any]) -> bool:
+    """Whether a table is a range, perhaps an incomplete one, and not a part of the name of axes."""
+    return any(not isinstance(table.get(key, []), list | dict) for key in RANGE_KEYS)
+
+
 def _find_known(location: str, path: Axis, known: Mapping[Axis, object]) -> Axis:
     """Return an axis of the domain, or a key of its domain.toml."""
     *before, last = path
-    found = (*before, normalise_atom(last)) if before[-1:] == ["pr"] else path
-    if found in known or path == ("knowledge",) or (path[0] in SECTIONS and len(path) > 1):
-        return found
+    if before[-1:] == ["pr"]:
+        path = (*before, normalise_atom(last))
     names = {".".join(axis): axis for axis in (*known, ("knowledge",))}
-    close = get_close_matches(".".join(path), names, 1)
+    name = ".".join(path)  # a name in quotes is the same axis
+    if name in names or (path[0] in SECTIONS and len(path) > 1):
+        return names.get(name, path)
+    close = get_close_matches(name, names, 1)
     hint = f"did you mean {close[0]!r}? " if close else ""
-    short = dict.fromkeys(axis[0] for axis in names.values())
-    raise DomainError(f"{location}: unknown axis; {hint}{expected_one_of([*short, *SECTIONS], 20)}")
+    related = [other for other in names if other.startswith(f"{path[0]}.")]
+    expected = related or [*dict.fromkeys(axis[0] for axis in names.values()), *SECTIONS]
+    raise DomainError(f"{location}: unknown axis; {hint}{expected_one_of(expected, 20)}")
 
 
 def _read_values(location: str, values: Any) -> list[Value]:
@@ -122,7 +133,7 @@ def _read_values(location: str, values: Any) -> list[Value]:
     for value in values:
         number = isinstance(value, int | float) and not isinstance(value, bool) and isfinite(value)
         if len(kinds) > 1 or not (number or (isinstance(value, str) and value.strip())):
-            raise DomainError(f"{location}: expected numbers, or texts, not {value!r} in {values!r}")
+            raise DomainError(f"{location}: expected finite numbers, or texts, not {value!r} in {values!r}")
     for value in values:
         if values.count(value) > 1:
             raise DomainError(f"{location}: {value!r} is there twice")
@@ -132,7 +143,7 @@ def _read_values(location: str, values: Any) -> list[Value]:
 def _read_range(location: str, table: Mapping[str, Any]) -> Sequence[float]:
     """Return the numbers of a range with a count, or a step."""
     for key, value in table.items():
-        if key not in ("from", "to", "count", "step"):
+        if key not in RANGE_KEYS:
             raise DomainError(f"{location}: unknown key {key!r} of a range; expected {RANGE}")
         if not isinstance(value, int | float) or isinstance(value, bool) or not isfinite(value):
             raise DomainError(f"{location}: {key} = {value!r}; expected a number")
@@ -179,21 +190,24 @@ def _check(problem: Problem, domain: Domain, setting: Setting) -> None:
             check_defined(setting.name, changed.reasoning.shared, after)
 
 
-def _check_prevalences(table: TomlTable, axes: Collection[Axis]) -> None:
-    """Reject two axes of one attribute's prevalence, which would undo each other."""
-    seen: dict[Axis, Axis] = {}
-    for axis in axes:
-        if "prevalence" in axis[:2]:
-            for side in ("known", "true"):
-                if axis[0] in (side, "prevalence"):
-                    key = (side, *axis[axis.index("prevalence") + 1 : -1])
-                    if key in seen:
-                        other = ".".join(seen[key])
-                        raise DomainError(
-                            f"{table.location('axes', *axis)}: {other} changes the same distribution;"
-                            " expected one of the two"
-                        )
-                    seen[key] = axis
+def _check_others(location: str, axis: Axis, others: Collection[Axis]) -> None:
+    """Reject an axis that changes what another one changes: one of the two would have no effect."""
+    for other in others:
+        pairs = product(_list_targets(axis), _list_targets(other))
+        if any(a[: len(b)] == b or b[: len(a)] == a for a, b in pairs):
+            name = ".".join(other)
+            raise DomainError(f"{location}: {name} changes the same; expected one of the two")
+
+
+def _list_targets(axis: Axis) -> list[Axis]:
+    """Return what an axis changes: parts of the robot's knowledge, of the truth, or of both."""
+    if axis == ("noise",):
+        return [("simulation", "noise")]
+    both = axis[0] in ("classifier", "prevalence", "pr")
+    side, path = (axis[0], axis) if both else (axis[0], axis[1:])
+    if path[:1] == ("prevalence",):
+        path = path[:-1]  # the shares of all values sum to 1
+    return [(side, *path) for side in (("known", "true") if both else (side,))]
 
 
 def _describe(numbers: tuple[float, float]) -> str:

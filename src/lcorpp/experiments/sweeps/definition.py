@@ -85,7 +85,8 @@ def read_sweep(file: Path) -> Sweep:
     preset = table.text("preset") if "preset" in table else None
     with locate_failures(table.location("domain" if preset is None else "preset")):
         domain = load_domain(name, preset=preset)
-    names = [_locate_strategy(text, folder) for text in table.names("strategies", required=False)]
+    given = table.names("strategies") if "strategies" in table else ()
+    names = [_locate_strategy(text, folder) for text in given]
     trials = table.count("trials", 2) if "trials" in table else None
     problem = Problem(
         name, domain.preset, tuple(names), trials, table.count("seed", 0, 0), hash_domain(domain)

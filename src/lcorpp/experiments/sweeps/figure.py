@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Callable, Sequence
 from itertools import pairwise, product
 from typing import Any
@@ -9,8 +10,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.figure import Figure
-from matplotlib.patches import Rectangle
 
 from lcorpp.experiments.figures.result import Verdict
 from lcorpp.experiments.sweeps.evaluation import Rows
@@ -55,6 +56,7 @@ def _plot_curves(rows: Rows, axes: Sequence[str], hypotheses: Sequence[Hypothesi
     """Draw the scores of all strategies over one axis."""
     (axis,) = axes
     values, positions = _list_values(rows, axis)
+    by_value, by_strategy = _group(rows, axes), _group(rows, (axis, "strategy"))
     strategies = list(dict.fromkeys(row["strategy"] for row in rows))
     figure = Figure(figsize=(2 * PANEL + 2.4, PANEL + 0.4), layout="constrained")
     for panel, metric in zip(figure.subplots(1, 2), METRICS, strict=True):
@@ -62,7 +64,7 @@ def _plot_curves(rows: Rows, axes: Sequence[str], hypotheses: Sequence[Hypothesi
             colour = COLOURS[number % len(COLOURS)]
             style = LINE_STYLES[number // len(COLOURS) % len(LINE_STYLES)]
             ends = [
-                [_average(rows, {axis: value, "strategy": strategy}, f"{metric}{end}") for value in values]
+                [_average(by_strategy[value, strategy], f"{metric}{end}") for value in values]
                 for end in ("", "_low", "_high")
             ]
             panel.plot(positions, ends[0], style, color=colour, marker="o", markersize=3, label=strategy)
@@ -70,8 +72,7 @@ def _plot_curves(rows: Rows, axes: Sequence[str], hypotheses: Sequence[Hypothesi
         for hypothesis in hypotheses:
             if hypothesis.metric == metric:
                 panel.set_title(str(hypothesis), fontsize=9)
-                holds = [_holds(rows, {axis: value}, hypothesis) for value in values]
-                _shade(panel, positions, holds)
+                _shade(panel, positions, [_holds(by_value[value,], hypothesis) for value in values])
         panel.set(xlabel=axis, ylabel=f"mean {metric}")
         _label(panel.set_xticks, values, positions)
         despine(panel)
@@ -90,14 +91,15 @@ def _shade(panel: Axes, positions: Array, holds: Sequence[bool]) -> None:
 def _plot_maps(rows: Rows, axes: Sequence[str], hypotheses: Sequence[Hypothesis]) -> Figure:
     """Draw heat maps over two axes."""
     (columns, x), (lines, y) = (_list_values(rows, axis, evenly=True) for axis in axes)
-    cells = [[dict(zip(axes, at, strict=True)) for at in product(columns, [line])] for line in lines]
+    cells = [[*product(columns, [line])] for line in lines]
+    by_cell, by_strategy = _group(rows, axes), _group(rows, (*axes, "strategy"))
     strategies = list(dict.fromkeys(row["strategy"] for row in rows))
     order = hypotheses[0].strategies if hypotheses else tuple(reversed(strategies))
     figure = Figure(figsize=(PANEL * len(order) + 0.6, 2 * PANEL), layout="constrained")
     for panels, metric in zip(figure.subplots(2, len(order), squeeze=False), METRICS, strict=True):
         # (len(lines), len(columns)) means; NaN for a combination that the sweep does not have
         means = [
-            np.array([[_average(rows, {**at, "strategy": name}, metric) for at in line] for line in cells])
+            np.array([[_average(by_strategy[*cell, name], metric) for cell in line] for line in cells])
             for name in order
         ]
         _draw_map(figure, panels[0], means[0], f"{metric} of {order[0]}", "viridis")
@@ -110,7 +112,7 @@ def _plot_maps(rows: Rows, axes: Sequence[str], hypotheses: Sequence[Hypothesis]
         for hypothesis in hypotheses:
             if hypothesis.metric == metric:
                 panels[0].set_title(f"{metric} of {order[0]}\n{hypothesis}", fontsize=9)
-                region = np.array([[_holds(rows, at, hypothesis) for at in line] for line in cells])
+                region = np.array([[_holds(by_cell[cell], hypothesis) for cell in line] for line in cells])
                 for panel in panels:
                     _outline(panel, region)
         for panel in panels:
@@ -142,13 +144,14 @@ def _draw_map(
 
 def _outline(panel: Axes, region: npt.NDArray[np.bool_]) -> None:
     """Draw the border of a region, and hatch the cells outside."""
-    for y, x in np.argwhere(~region):
-        panel.add_patch(Rectangle((x - 0.5, y - 0.5), 1, 1, fill=False, hatch="///", linewidth=0, alpha=0.5))
+    corners = np.array([(-0.5, -0.5), (0.5, -0.5), (0.5, 0.5), (-0.5, 0.5)])
+    outside = np.argwhere(~region)[:, None, ::-1] + corners  # (n, 4, 2) x and y
+    panel.add_collection(PolyCollection(outside, facecolors="none", hatch="///", linewidths=0, alpha=0.5))
     padded = np.pad(region, 1)
-    for y, x in np.argwhere(padded[1:, 1:-1] != padded[:-1, 1:-1]):
-        panel.plot([x - 0.5, x + 0.5], [y - 0.5, y - 0.5], color=INK, linewidth=2, clip_on=False)
-    for y, x in np.argwhere(padded[1:-1, 1:] != padded[1:-1, :-1]):
-        panel.plot([x - 0.5, x - 0.5], [y - 0.5, y + 0.5], color=INK, linewidth=2, clip_on=False)
+    below = np.argwhere(padded[1:, 1:-1] != padded[:-1, 1:-1])[:, None, ::-1] + corners[:2]
+    left = np.argwhere(padded[1:-1, 1:] != padded[1:-1, :-1])[:, None, ::-1] + corners[[0, 3]]
+    border = np.concatenate([below, left])
+    panel.add_collection(LineCollection(list(border), colors=INK, linewidths=2, clip_on=False))
 
 
 def _list_values(rows: Rows, axis: str, *, evenly: bool = False) -> tuple[list[Any], Array]:
@@ -166,17 +169,19 @@ def _label(set_ticks: Callable[..., Any], values: Sequence[Any], positions: Arra
     set_ticks(positions[::step], texts[::step], fontsize=8)
 
 
-def _average(rows: Rows, at: dict[str, Any], column: str) -> float:
-    """Return the mean of a column over the rows with these cells; NaN without any."""
-    found = [row[column] for row in _select(rows, at)]
-    return float(np.mean(found)) if found else float("nan")
+def _group(rows: Rows, columns: Sequence[str]) -> defaultdict[tuple[Any, ...], Rows]:
+    """Return the rows by their cells in some columns."""
+    groups = defaultdict[tuple[Any, ...], Rows](list)
+    for row in rows:
+        groups[tuple([row[column] for column in columns])].append(row)
+    return groups
 
 
-def _holds(rows: Rows, at: dict[str, Any], hypothesis: Hypothesis) -> bool:
-    """Whether a hypothesis holds in all rows with these cells."""
-    found = _select(rows, at)
-    return bool(found) and all(row[hypothesis.column] == Verdict.HOLDS for row in found)
+def _average(rows: Rows, column: str) -> float:
+    """Return the mean of a column; NaN without rows."""
+    return sum(row[column] for row in rows) / len(rows) if rows else float("nan")
 
 
-def _select(rows: Rows, at: dict[str, Any]) -> Rows:
-    return [row for row in rows if all(row[name] == value for name, value in at.items())]
+def _holds(rows: Rows, hypothesis: Hypothesis) -> bool:
+    """Whether a hypothesis holds in all of some rows, at least one."""
+    return bool(rows) and all(row[hypothesis.column] == Verdict.HOLDS for row in rows)
