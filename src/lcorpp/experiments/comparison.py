@@ -2,33 +2,31 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Protocol
 
 from lcorpp.decision import Strategy
 from lcorpp.decision.strategies import list_strategies
-from lcorpp.domains import Domain, Sense
+from lcorpp.domains import Domain
 from lcorpp.errors import DecisionError, DomainError, check_type
 from lcorpp.experiments.decision_log import DecisionLog
-from lcorpp.experiments.robot_parts import ClassifierPart, RobotParts
+from lcorpp.experiments.robot_parts import RobotParts
 from lcorpp.experiments.scoring.exact_evaluation import check_enumerable, evaluate_exactly
 from lcorpp.experiments.scoring.experiment import Experiment
 from lcorpp.experiments.scoring.metrics import Scores, scores_to_html
 from lcorpp.experiments.scoring.trials import run_trials
+from lcorpp.experiments.sense_setup import describe_classifiers, set_up_senses
 from lcorpp.experiments.setup import (
     HARD_LABELS,
     ClassifierOptions,
     EvidenceOptions,
     ProgressDisplay,
     Senses,
-    SenseSetup,
     StoredOptions,
     TrainingOptions,
     explain_missing_reports,
-    from_channel,
     make_program,
     make_robot,
     no_progress,
@@ -119,16 +117,9 @@ def compare_strategies(
     check_type(options, ComparisonOptions, "`options`", DecisionError)
     for name in options.classifiers:
         domain.find_sense(name)
-    if options.trials is None and any(options.classifiers.values()):
-        raise DomainError(
-            "exact scores require the noisy channel: the error rates of a trained classifier are known from"
-            " trials only"
-        )
-    if options.trials is None and options.log is not None:
-        raise DomainError(f"{options.log}: exact scores are computed without decisions that a log could list")
     strategies = list_compared(domain, options)
     if options.trials is None:
-        check_enumerable(domain, strategies)
+        _check_exact(domain, options, strategies)
     with ExitStack() as stack:
         log = None if options.log is None else stack.enter_context(DecisionLog(options.log))
         experiment, senses, solution = set_up_experiment(
@@ -149,6 +140,18 @@ def compare_strategies(
         return Comparison(tuple(scores), completed, senses, solution)
 
 
+def _check_exact(domain: Domain, options: ComparisonOptions, strategies: Sequence[Strategy]) -> None:
+    """Check that exact scores exist; errors as of `compare_strategies`."""
+    if any(options.classifiers.values()):
+        raise DomainError(
+            "exact scores require the noisy channel: the error rates of a trained classifier are known from"
+            " trials only"
+        )
+    if options.log is not None:
+        raise DomainError(f"{options.log}: exact scores are computed without decisions that a log could list")
+    check_enumerable(domain, strategies)
+
+
 def list_compared(domain: Domain, options: ComparisonOptions) -> tuple[Strategy, ...]:
     """Return the strategies of a comparison."""
     return options.strategies or list_strategies([sense.name for sense in domain.senses])
@@ -164,14 +167,23 @@ def set_up_experiment(
 ) -> tuple[Experiment, Senses, Solution | None]:
     """Train or load the classifiers and solve the POMDP: everything before the first trial.
 
-    Args: as of `compare_strategies`.
+    Arguments and errors are those of `compare_strategies`.
 
     Returns:
-        The experiment, its classifiers, and the solution of the POMDP, None if a policy was given.
+        The experiment, the setup of each sense that a strategy uses, and the solution of the POMDP, None if a
+        policy was given.
     """
     strategies = list_compared(domain, options)
     used = [sense for sense in domain.senses if any(row.uses(sense.name) for row in strategies)]
-    senses = set_up_senses(domain, used, options, progress)
+    senses = set_up_senses(
+        domain,
+        used,
+        options.classifiers,
+        options.evidence,
+        seed=options.seed,
+        jobs=options.jobs,
+        progress=progress,
+    )
     solution = None
     if policy is not None:
         planner = Planner(policy, domain.pomdp)
@@ -182,68 +194,15 @@ def set_up_experiment(
     robot = make_robot(domain, senses, make_program(domain, senses, options.evidence.smoothing), planner)
     parts = None
     if options.log is not None:
-        parts = _make_parts(domain, senses, solution or planner.policy, options, policy_file)
+        parts = RobotParts(
+            domain,
+            planner.policy,
+            describe_classifiers(senses),
+            options.evidence.smoothing,
+            None if solution is None else options.solver or domain.planning.solver,
+            policy_file,
+        )
     classifiers = {name: setup.classifier for name, setup in senses.items()}
     signals = {name: setup.signals for name, setup in senses.items()}
     experiment = Experiment(domain, robot, classifiers, signals, strategies, options.seed, parts)
     return experiment, senses, solution
-
-
-def _make_parts(
-    domain: Domain,
-    senses: Senses,
-    planned: Solution | Policy,
-    options: ComparisonOptions,
-    policy_file: Path | None,
-) -> RobotParts:
-    """Return the parts that determine the decisions, for the log; a policy alone was given, not solved."""
-    classifiers = describe_classifiers(senses)
-    smoothing = options.evidence.smoothing
-    if isinstance(planned, Policy):
-        return RobotParts(domain, planned, classifiers, smoothing, policy_file=policy_file)
-    solver = options.solver or domain.planning.solver
-    return RobotParts(domain, planned.policy, classifiers, smoothing, solver)
-
-
-def describe_classifiers(senses: Senses) -> dict[str, ClassifierPart]:
-    """Return the classifiers of some senses as parts of a robot, for the log."""
-    return {
-        name: ClassifierPart.of(setup.source, setup.classifier, confusion=setup.confusion, soft=setup.soft)
-        for name, setup in senses.items()
-    }
-
-
-class SenseOptions(Protocol):
-    """Options that determine the classifiers of the senses; see `ComparisonOptions`."""
-
-    @property
-    def classifiers(self) -> Mapping[str, ClassifierOptions]: ...
-    @property
-    def evidence(self) -> EvidenceOptions: ...
-    @property
-    def seed(self) -> int: ...
-    @property
-    def jobs(self) -> int: ...
-
-
-def set_up_senses(
-    domain: Domain, senses: Iterable[Sense], options: SenseOptions, progress: ProgressDisplay
-) -> dict[str, SenseSetup]:
-    """Train or load the classifiers of some senses, or make their noisy channels."""
-    setups = {}
-    for sense in senses:
-        how = options.classifiers.get(sense.name)
-        if how is None:
-            setups[sense.name] = from_channel(domain, sense)
-            continue
-        # loads scikit-learn
-        from lcorpp.experiments.classifier_training import load_trained, train_classifier
-
-        evidence, seed = options.evidence, options.seed
-        if isinstance(how, StoredOptions):
-            setups[sense.name] = load_trained(domain, sense, how, evidence, seed=seed)
-        else:
-            setups[sense.name] = train_classifier(
-                domain, sense, how, evidence, seed=seed, jobs=options.jobs, progress=progress
-            )
-    return setups

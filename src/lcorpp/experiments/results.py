@@ -221,10 +221,7 @@ def _describe_difference(reference: Scores, scores: Scores) -> dict[str, Any] | 
     """Return how much higher the reference's scores are, with paired intervals; None for itself."""
     if scores is reference:
         return None
-    cells: dict[str, Any] = {"reference": reference.strategy}
-    for name, interval in reference.subtract(scores).items():
-        cells |= make_cells(name, interval)
-    return cells
+    return {"reference": reference.strategy, **make_cells(reference.subtract(scores))}
 
 
 def _write_figure(figure: Any, folder: Path, name: str, formats: Sequence[str]) -> list[Path]:

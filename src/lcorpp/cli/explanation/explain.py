@@ -107,10 +107,10 @@ def explain(
     from lcorpp.decision import STRATEGIES
     from lcorpp.decision.dt_control import log_decision
     from lcorpp.domains import load_domain, with_world
-    from lcorpp.experiments.comparison import ComparisonOptions, describe_classifiers, set_up_senses
     from lcorpp.experiments.decision_log import DecisionLog
     from lcorpp.experiments.robot_parts import RobotParts
     from lcorpp.experiments.scoring.experiment import make_generator
+    from lcorpp.experiments.sense_setup import describe_classifiers, set_up_senses
     from lcorpp.experiments.setup import (
         EvidenceOptions,
         ReadingOptions,
@@ -162,12 +162,17 @@ def explain(
     )
     soft = choose_soft_senses(loaded, sources, evidence or [])
     _check_evidence(sources, soft, labels, likelihoods, interactive=interactive)
-    ready = ComparisonOptions(
-        (row,), sources, EvidenceOptions(soft), seed=seed, jobs=console.count_processes(jobs)
-    )
     with nullcontext() if log is None else DecisionLog(log) as decisions:
         print_domain(loaded)
-        senses = set_up_senses(loaded, used, ready, console.show_progress)
+        senses = set_up_senses(
+            loaded,
+            used,
+            sources,
+            EvidenceOptions(soft),
+            seed=seed,
+            jobs=console.count_processes(jobs),
+            progress=console.show_progress,
+        )
         print_classifiers(loaded, senses)
         with console.show_progress("solving the POMDP") as advance:
             solution = solve_domain(loaded, chosen, cache=cache, advance=advance)

@@ -16,9 +16,9 @@ from lcorpp.experiments.active_learning.batches import BatchResult, Row, make_ro
 from lcorpp.experiments.active_learning.run_store import RunStore
 from lcorpp.experiments.active_learning.senses import ActiveLearningOptions, LearningSenses
 from lcorpp.experiments.active_learning.untrained import RandomClassifier, is_trainable
-from lcorpp.experiments.comparison import describe_classifiers
 from lcorpp.experiments.decision_log import DecisionLog
 from lcorpp.experiments.robot_parts import ClassifierPart, RobotParts
+from lcorpp.experiments.sense_setup import describe_classifiers
 from lcorpp.experiments.setup import EvidenceOptions, ProgressDisplay, no_progress
 from lcorpp.experiments.training_data import FOLDS, make_estimator
 from lcorpp.learning import train_and_validate

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 from lcorpp.domains import Domain
 from lcorpp.errors import DecisionError, DomainError, check_type
-from lcorpp.experiments.comparison import set_up_senses
+from lcorpp.experiments.sense_setup import set_up_senses
 from lcorpp.experiments.setup import (
     HARD_LABELS,
     ClassifierOptions,
@@ -102,4 +102,13 @@ def set_up_learning(
     }
     training = {name: choose_learner(own, data[name].dataset) for name, own in training.items()}
     others = [sense for sense in domain.senses if sense.name not in training]
-    return LearningSenses(data, training, set_up_senses(domain, others, options, progress))
+    fixed = set_up_senses(
+        domain,
+        others,
+        options.classifiers,
+        options.evidence,
+        seed=options.seed,
+        jobs=options.jobs,
+        progress=progress,
+    )
+    return LearningSenses(data, training, fixed)

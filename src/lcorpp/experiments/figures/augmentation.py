@@ -148,13 +148,12 @@ def _make_rows(results: Sequence[Result], run: str, classes: Sequence[str]) -> l
             "run": run,
             "batch": batch,
             "seeds": len(results),
-            **{
-                key: cell
-                for column, measure in measures.items()
-                for key, cell in make_cells(
-                    column, compute_seed_interval(summarise(results, run, batch, measure))
-                ).items()
-            },
+            **make_cells(
+                {
+                    column: compute_seed_interval(summarise(results, run, batch, measure))
+                    for column, measure in measures.items()
+                }
+            ),
         }
         for batch in range(1, BATCHES + 1)
     ]

@@ -70,7 +70,7 @@ def make_result(
                 "predicted": rate.predicted,
                 "tracks": rate.count,
                 "of": rate.cases,
-                **make_cells("rate", rate.interval),
+                **make_cells({"rate": rate.interval}),
                 "published": _find_published(rate),
             }
             for row in rates

@@ -44,11 +44,7 @@ class Evaluation:
                 "strategy": name,
                 "scores": kind,
                 "trials": trials,
-                **{
-                    key: cell
-                    for metric in METRICS
-                    for key, cell in make_cells(metric, scores.metrics[metric]).items()
-                },
+                **make_cells({metric: scores.metrics[metric] for metric in METRICS}),
                 "cost_sd": scores.cost_sd,
             }
             for kind, trials, table in (

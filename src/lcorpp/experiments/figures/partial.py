@@ -149,13 +149,12 @@ def _make_rows(results: Sequence[Result], trials: int) -> list[Row]:
             "strategy": name,
             "seeds": len(results),
             "trials": trials,
-            **{
-                key: cell
-                for metric in ("f1", "accuracy", "cost", "return")
-                for key, cell in make_cells(
-                    metric, compute_seed_interval(collect(results, name, part, metric))
-                ).items()
-            },
+            **make_cells(
+                {
+                    metric: compute_seed_interval(collect(results, name, part, metric))
+                    for metric in ("f1", "accuracy", "cost", "return")
+                }
+            ),
         }
         for part in PARTS
         for name in NAMES

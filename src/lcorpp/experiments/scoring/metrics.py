@@ -57,8 +57,7 @@ class Scores:
         With several shared variables, accuracy_NAME is the accuracy of each.
         """
         parts = {f"accuracy_{name}": accuracy for name, accuracy in self.variables.items()}
-        rows = (make_cells(name, interval) for name, interval in (self.metrics | parts).items())
-        return {name: value for cells in rows for name, value in cells.items()}
+        return make_cells(self.metrics | parts)
 
     @property
     def columns(self) -> dict[str, Interval]:
@@ -87,15 +86,14 @@ class Scores:
                 " comparison"
             )
         if self.samples:
-            return {
-                name: Interval.from_sample(self.samples[name] - other.samples[name]) for name in DIFFERENCES
-            }
-        pairs = {name: (self.metrics[name], other.metrics[name]) for name in DIFFERENCES}
+            pairs = ((name, own, other.samples[name]) for name, own in self.samples.items())
+            return {name: Interval.from_sample(own - others) for name, own, others in pairs}
+        bounds = ((name, self.metrics[name], other.metrics[name]) for name in DIFFERENCES)
         return {
             name: Interval(
                 a.estimate - b.estimate, a.low - b.high, a.high - b.low, min(a.confidence, b.confidence)
             )
-            for name, (a, b) in pairs.items()
+            for name, a, b in bounds
         }
 
     def __repr__(self) -> str:
@@ -108,9 +106,13 @@ class Scores:
         return scores_to_html([self])
 
 
-def make_cells(name: str, interval: Interval) -> dict[str, float]:
-    """Return the three cells of a quantity with its interval."""
-    return {name: interval.estimate, f"{name}_low": interval.low, f"{name}_high": interval.high}
+def make_cells(intervals: Mapping[str, Interval]) -> dict[str, float]:
+    """Return the cells of some quantities with their intervals: NAME, NAME_low and NAME_high of each."""
+    return {
+        f"{name}{end}": value
+        for name, interval in intervals.items()
+        for end, value in (("", interval.estimate), ("_low", interval.low), ("_high", interval.high))
+    }
 
 
 def find_reference(scores: Sequence[Scores]) -> Scores:

@@ -105,6 +105,6 @@ def _solve(model: _Model) -> Solution:
 def _describe_difference(better: Scores, scores: Scores) -> dict[str, Any]:
     """Return what a better strategy costs and returns more, with paired intervals; None for itself."""
     gaps = better.subtract(scores)
-    cells: dict[str, Any] = {"reference": better.strategy}
-    cells |= make_cells("cost_difference", gaps["cost"]) | make_cells("return_difference", gaps["return"])
-    return dict.fromkeys(cells) if better is scores else cells
+    cells = make_cells({f"{name}_difference": gaps[name] for name in ("cost", "return")})
+    row = {"reference": better.strategy, **cells}
+    return dict.fromkeys(row) if better is scores else row
