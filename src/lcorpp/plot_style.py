@@ -5,7 +5,7 @@ from __future__ import annotations
 import functools
 import io
 import textwrap
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any, NamedTuple, ParamSpec, TypeVar
 
@@ -115,3 +115,15 @@ def save_figure(figure: Figure, path: str | Path) -> None:
     with mpl.rc_context(RC_PARAMS):
         figure.savefig(image, format=kind, dpi=150, metadata=dateless[kind])
     write_atomically(path, image.getvalue())
+
+
+def save_figures(figure: Figure, stem: Path, formats: Iterable[str]) -> list[Path]:
+    """Write a figure in each format ("png", "svg", "pdf"), as STEM.FORMAT, and return the paths.
+
+    Raises:
+        FileError: as of `save_figure`.
+    """
+    paths = [Path(f"{stem}.{suffix}") for suffix in formats]
+    for path in paths:
+        save_figure(figure, path)
+    return paths

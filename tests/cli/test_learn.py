@@ -30,7 +30,7 @@ def stored(path):
 def test_an_interrupted_run_resumes_with_the_results_of_an_uninterrupted_run(
     lcorpp, tmp_path, monkeypatch, labels
 ):
-    monkeypatch.setattr("lcorpp.experiments.results._write_figure", lambda *_: [])  # takes half the time
+    monkeypatch.setattr("lcorpp.plot_style.save_figures", lambda *_: [])  # takes half the time
     learn = ("learn", ROOMS, *OPTIONS, "--labels", labels, "--max-batches", 3)
     plain = lcorpp(*learn, "--store", tmp_path / "plain.tracks", "--out", tmp_path / "plain")
     assert plain.code == 0, plain.err

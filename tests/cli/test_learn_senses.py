@@ -77,7 +77,7 @@ def test_the_last_matrix_is_that_of_all_labels(lcorpp, domain, tmp_path):
 
 def test_an_interrupted_run_of_two_senses_resumes(lcorpp, domain, tmp_path, monkeypatch):
     """Ctrl-C between the stores of the two senses, after a decision and after a training."""
-    monkeypatch.setattr("lcorpp.experiments.results._write_figure", lambda *_: [])
+    monkeypatch.setattr("lcorpp.plot_style.save_figures", lambda *_: [])
     learn = ("learn", domain, *LEARN, *BATCHES, "--max-batches", 3)
     plain = lcorpp(*learn, "--store", tmp_path / "plain.tracks", "--out", tmp_path / "plain")
     assert plain.code == 0, plain.err

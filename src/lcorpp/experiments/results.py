@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from lcorpp.domains.own_world import OwnWorlds
 from lcorpp.errors import DataError
@@ -22,6 +22,8 @@ if TYPE_CHECKING:
     from lcorpp.domains import Domain
     from lcorpp.experiments.active_learning.batches import BatchResult
     from lcorpp.protocols import Classifier
+
+T = TypeVar("T")
 
 FORMATS = ("png", "pdf")
 """The formats in which figures are written by default."""
@@ -114,7 +116,8 @@ def write_comparison(
     Raises:
         FileError: a file cannot be written.
     """
-    from lcorpp.experiments.figures.strategies import plot_strategies
+    from lcorpp.experiments.figures.strategies import plot_strategies  # imports matplotlib
+    from lcorpp.plot_style import save_figures
 
     make_folder(folder)
     sources = [sense["classifier"] for sense in configuration["senses"].values()]
@@ -135,18 +138,28 @@ def write_comparison(
     ]
     write_json(folder / "results.json", {"configuration": dict(configuration), "strategies": detailed})
     written = [folder / "results.csv", folder / "results.json"]
-    written += _write_figure(plot_strategies(comparison.scores, title), folder, "results", formats)
-    problems = []
-    for name, setup in comparison.senses.items():
-        saved = _write_sense(folder if len(comparison.senses) == 1 else folder / name, setup, formats)
-        written += saved.paths
-        problems += [saved.problem] if saved.problem else []
-    return WrittenFiles(tuple(written), "; ".join(problems) or None)
+    written += save_figures(plot_strategies(comparison.scores, title), folder / "results", formats)
+    return _join(
+        written,
+        [_write_sense(own, setup, formats) for own, setup in _make_folders(folder, comparison.senses)],
+    )
+
+
+def _make_folders(folder: Path, senses: Mapping[str, T]) -> Iterator[tuple[Path, T]]:
+    """Yield the folder for the files of each sense, which is created if it is missing, and the sense."""
+    for name, sense in senses.items():
+        yield make_folder(folder if len(senses) == 1 else folder / name), sense
+
+
+def _join(paths: Sequence[Path], parts: Sequence[WrittenFiles]) -> WrittenFiles:
+    """Return some files and those of each sense as one."""
+    problems = [part.problem for part in parts if part.problem]
+    complete = (*paths, *[path for part in parts for path in part.paths])
+    return WrittenFiles(complete, "; ".join(problems) or None)
 
 
 def _write_sense(folder: Path, setup: SenseSetup, formats: Sequence[str]) -> WrittenFiles:
     """Write the evaluation of a classifier that was trained now, and the classifier if it was trained."""
-    make_folder(folder)
     written = list[Path]()
     if setup.report is not None:
         from lcorpp.learning import plot_report, write_report
@@ -182,22 +195,20 @@ def write_batches(
     write_csv(folder / "batches.csv", (*columns, *METRICS), result.rows)
     head = {"domain": domain_name, "solution": describe_solution(solution)}
     write_json(folder / "batches.json", {**head, "batches": list(result.rows)})
-    written, problems = [folder / "batches.csv", folder / "batches.json"], list[str]()
-    for name, sense in result.batch.senses.items():
-        own = folder if len(result.batch.senses) == 1 else folder / name
-        make_folder(own)
-        saved = _save_if_trained(sense.classifier, own)
-        written += saved.paths
-        problems += [saved.problem] if saved.problem else []
+    written = [folder / "batches.csv", folder / "batches.json"]
+    saved = [
+        _save_if_trained(sense.classifier, own) for own, sense in _make_folders(folder, result.batch.senses)
+    ]
     scored = [row for row in result.rows if "f1" in row]
     if scored:
         from lcorpp.experiments.figures.batches import plot_batches
+        from lcorpp.plot_style import save_figures
 
         batches = [int(row["batch"]) for row in scored]
         f1, change = ([float(row[name]) for row in scored] for name in ("f1", "change"))
         figure = plot_batches(batches, f1, change)
-        written += _write_figure(figure, folder, "batches", formats)
-    return WrittenFiles(tuple(written), "; ".join(problems) or None)
+        written += save_figures(figure, folder / "batches", formats)
+    return _join(written, saved)
 
 
 def _save_if_trained(classifier: Classifier | None, folder: Path) -> WrittenFiles:
@@ -222,13 +233,3 @@ def _describe_difference(reference: Scores, scores: Scores) -> dict[str, Any] | 
     if scores is reference:
         return None
     return {"reference": reference.strategy, **make_cells(reference.subtract(scores))}
-
-
-def _write_figure(figure: Any, folder: Path, name: str, formats: Sequence[str]) -> list[Path]:
-    """Write a figure in each format ("png", "svg", "pdf") and return the paths."""
-    from lcorpp.plot_style import save_figure  # imports matplotlib
-
-    paths = [folder / f"{name}.{suffix}" for suffix in formats]
-    for path in paths:
-        save_figure(figure, path)
-    return paths

@@ -10,7 +10,7 @@ from lcorpp.experiments.sweeps.hypotheses import describe_results
 from lcorpp.experiments.sweeps.running import SweepResult
 from lcorpp.experiments.tables import has_parquet, write_csv, write_json, write_parquet
 from lcorpp.files import make_folder, write_atomically
-from lcorpp.plot_style import save_figure
+from lcorpp.plot_style import save_figures
 
 FORMATS = ("svg", "pdf", "png")
 
@@ -40,9 +40,7 @@ def write_sweep(folder: Path, result: SweepResult, *, formats: Sequence[str] = F
     write_csv(table, list(dict.fromkeys(name for row in rows for name in row)), rows)
     written = [table, *([write_parquet(folder / "sweep.parquet", rows)] if has_parquet() else [])]
     figure = plot_sweep(rows, [".".join(axis) for axis in sweep.map_axes], len(sweep.axes))
-    for suffix in formats:
-        written.append(folder / f"sweep.{suffix}")
-        save_figure(figure, written[-1])
+    written += save_figures(figure, folder / "sweep", formats)
     write_atomically(folder / "sweep.txt", f"{text}\n")
     description = {
         "file": str(sweep.file),
