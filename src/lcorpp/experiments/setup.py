@@ -38,10 +38,14 @@ class ProgressDisplay(Protocol):
     def __call__(self, title: str, total: int | None = None, /) -> AbstractContextManager[Advance]: ...
 
 
+def show_nothing(done: int, total: int) -> None:
+    """Display nothing of the completed parts of a step."""
+
+
 @contextmanager
 def no_progress(title: str, total: int | None = None, /) -> Iterator[Advance]:
     """Display nothing."""
-    yield lambda done, total: None
+    yield show_nothing
 
 
 @dataclass(frozen=True)
@@ -191,7 +195,7 @@ def solve_domain(
     solver: SolverOptions | None = None,
     *,
     cache: Path | None = None,
-    advance: Advance = lambda done, total: None,
+    advance: Advance = show_nothing,
 ) -> Solution:
     """Solve the domain's POMDP for all its start beliefs.
 
@@ -211,7 +215,7 @@ def solve_domain(
     def show(now: Progress) -> None:
         advance(round(now.seconds), round(limit))
 
-    callback = show if isfinite(limit) else None
+    callback = show if isfinite(limit) and advance is not show_nothing else None
     return solve_cached(domain.pomdp, domain.start_beliefs(), options, folder=cache, callback=callback)
 
 

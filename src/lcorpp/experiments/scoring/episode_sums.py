@@ -127,15 +127,15 @@ def sum_episodes(
         if ends.any():
             sums.end(owners[ends], moments[ends], actions[ends])
         sources, observations, parts = [nodes[:0]], [nodes[:0]], [moments[:0]]
+        moments = _add_cost(moments, -model.reward[actions])
         for a in sorted(set(actions[~ends].tolist())):
             rows = np.flatnonzero(actions == a)
-            after = _add_cost(moments[rows], -model.reward[a]) @ model.transition[a]
+            after = moments[rows] @ model.transition[a]
             possible, probabilities = model.feedback[a]
-            part = after[:, None] * probabilities[:, None]  # (n, k, 3, J)
-            n, o = np.nonzero(part[:, :, 0].sum(axis=2) >= MIN_PROBABILITY)
+            n, o = np.nonzero(after[:, 0] @ probabilities.T >= MIN_PROBABILITY)
             sources.append(rows[n])
             observations.append(possible[o])
-            parts.append(part[n, o])
+            parts.append(after[n] * probabilities[o, None])
         source, observation = np.concatenate(sources), np.concatenate(observations)
         moments = np.concatenate(parts)
         if not len(source):
@@ -174,7 +174,7 @@ def _find_ends(model: EpisodeModel, actions: Indices) -> npt.NDArray[np.bool_]:
 
 
 def _add_cost(moments: Array, cost: Array) -> Array:
-    """Add a further cost (J,) to the moments (n, 3, J) of episodes, in place."""
+    """Add a further cost (n, J) to the moments (n, 3, J) of episodes, in place."""
     probability, first, second = moments[:, 0], moments[:, 1], moments[:, 2]
     second += cost * (2 * first + cost * probability)
     first += cost * probability
