@@ -231,7 +231,7 @@ def test_histories_are_merged_only_if_the_state_is_known(intention):
             level = {
                 after
                 for node, action in zip(level, nodes.find_actions(list(level)), strict=True)
-                for after in nodes.extend([node, node], action, ["pos", "neg"])
+                for after in nodes.extend([node] * 2, [action] * 2, ["pos", "neg"])
             }
             counts.append(len(level))
         results.append(sorted(nodes.find_actions(list(level))))

@@ -48,12 +48,12 @@ def test_update_is_bayes_rule(pomdp):
 def test_many_updates_are_those_of_single_beliefs(pomdp, seed):
     rng = np.random.default_rng(seed)
     beliefs = rng.dirichlet(np.ones(len(pomdp.states)), size=5)
-    for a in range(len(pomdp.actions)):
-        chances = np.array([observation_probabilities(pomdp, b, a) for b in beliefs])
-        rows, observations = np.nonzero(chances > 1e-300)
-        after = update_many(pomdp, beliefs[rows], a, observations)
-        for i, (row, o) in enumerate(zip(rows, observations, strict=True)):
-            assert after[i] == pytest.approx(update(pomdp, beliefs[row], a, o), rel=1e-14, abs=0)
+    each = range(len(pomdp.actions))
+    chances = np.array([[observation_probabilities(pomdp, b, a) for a in each] for b in beliefs])
+    rows, actions, observations = np.nonzero(chances > 1e-300)
+    after = update_many(pomdp, beliefs[rows], actions, observations)
+    for belief, row, a, o in zip(after, rows, actions, observations, strict=True):
+        assert belief == pytest.approx(update(pomdp, beliefs[row], a, o), rel=1e-14, abs=0)
 
 
 def test_an_impossible_observation_among_many_is_that_of_its_belief():
@@ -61,7 +61,7 @@ def test_an_impossible_observation_among_many_is_that_of_its_belief():
     with pytest.raises(ObservationError) as single:
         update(lcorpp, beliefs[1], 0, 2)
     with pytest.raises(ObservationError) as many:
-        update_many(lcorpp, beliefs, 0, np.array([0, 2]))
+        update_many(lcorpp, beliefs, np.array([0, 0]), np.array([0, 2]))
     assert str(many.value) == str(single.value)
 
 

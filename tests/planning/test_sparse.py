@@ -29,8 +29,11 @@ def test_tables_round_trip(table):
     for a in range(len(table)):
         weights, worth = np.arange(table.shape[1]) + 1.0, np.arange(table.shape[2]) - 1.0
         assert rows.forward(a, weights) == pytest.approx(weights @ table[a])
-        many = np.outer([1.0, 2.0, 0.5], weights)
-        assert (rows.forward(a, many) == [rows.forward(a, each) for each in many]).all()
+        other = np.arange(len(table))[::-1]
+        many = np.outer(np.arange(len(table)), weights)
+        assert (
+            rows.forward_many(other, many) == [rows.forward(*each) for each in zip(other, many, strict=True)]
+        ).all()
         assert rows.backward(a, worth) == pytest.approx(table[a] @ worth)
         columns, values = rows.row(a, 0)
         assert table[a, 0, columns].tolist() == values.tolist()

@@ -42,19 +42,19 @@ def update(pomdp: Pomdp, belief: Belief, action: int, observation: int) -> Belie
     return weights
 
 
-def update_many(pomdp: Pomdp, beliefs: Array, action: int, observations: Indices) -> Array:
-    """Return the beliefs (n, S) after an action in each of some beliefs (n, S), and an observation (n,).
+def update_many(pomdp: Pomdp, beliefs: Array, actions: Indices, observations: Indices) -> Array:
+    """Return the beliefs (n, S) after actions (n,) in beliefs (n, S), and observations (n,).
 
     Raises:
         ObservationError, ModelError: as `update`; the dense table of observations is too large.
     """
-    weights = pomdp.transition.forward(action, beliefs)
-    weights *= pomdp.observation.dense[action].T[observations]
+    weights = pomdp.transition.forward_many(actions, beliefs)
+    weights *= pomdp.observation.dense[actions, :, observations]
     totals = weights.sum(axis=1, keepdims=True)
     impossible = np.flatnonzero(~(totals >= MIN_PROBABILITY))
     if len(impossible):
         i = int(impossible[0])
-        raise make_impossible_error(pomdp, beliefs[i], action, int(observations[i]))
+        raise make_impossible_error(pomdp, beliefs[i], int(actions[i]), int(observations[i]))
     weights /= totals
     return weights
 

@@ -36,14 +36,14 @@ class ModelPlanner:
         pomdp = self.pomdp
         return update(pomdp, belief, pomdp.action_index(action), pomdp.observation_index(observation))
 
-    def update_many(self, beliefs: Array, action: str, observations: Sequence[str]) -> Array:
+    def update_many(self, beliefs: Array, actions: Sequence[str], observations: Sequence[str]) -> Array:
         """Return the beliefs (n, S) after an action in each of n beliefs, and the observation there.
 
         They equal those of `update` up to rounding errors, faster. Errors are those of `update`.
         """
-        pomdp = self.pomdp
-        seen = np.array([pomdp.observation_index(name) for name in observations], np.intp)
-        return update_many(pomdp, beliefs, pomdp.action_index(action), seen)
+        done = np.array([self.pomdp.action_index(name) for name in actions], np.intp)
+        seen = np.array([self.pomdp.observation_index(name) for name in observations], np.intp)
+        return update_many(self.pomdp, beliefs, done, seen)
 
 
 class Planner(ModelPlanner):

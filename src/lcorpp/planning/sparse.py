@@ -189,14 +189,17 @@ class SparseTables:
         return ragged_indices(self.begins[rows], sizes), np.repeat(np.arange(len(rows)), sizes)
 
     def forward(self, action: int, weights: Array) -> Array:
-        """Return (N,) the weights (R,) times the matrix of an action; (n, N) of weights (n, R)."""
+        """Return (N,) the weights (R,) times the matrix of an action."""
         rows, columns, values = self._parts[action]
-        N = self.shape[2]
-        if weights.ndim == 1:
-            return np.asarray(np.bincount(columns, values * weights[rows], N), dtype=np.float64)
-        n = len(weights)
-        cells = np.add.outer(N * np.arange(n), columns).ravel()
-        sums = np.bincount(cells, (values * weights[:, rows]).ravel(), n * N)
+        return np.asarray(np.bincount(columns, values * weights[rows], self.shape[2]), dtype=np.float64)
+
+    def forward_many(self, actions: Indices, weights: Array) -> Array:
+        """Return (n, N) each row of weights (n, R) times the matrix of its action (n,)."""
+        n, N = len(weights), self.shape[2]
+        i, r = np.nonzero(weights)
+        entries, position = self.row_entries(actions[i] * self.shape[1] + r)
+        products = self.values[entries] * weights[i, r][position]
+        sums = np.bincount(i[position] * N + self.columns[entries], products, n * N)
         return np.asarray(sums, dtype=np.float64).reshape(n, N)
 
     def backward(self, action: int, column: Array) -> Array:

@@ -11,11 +11,11 @@ from lcorpp.decision import STRATEGIES, Robot
 from lcorpp.domains import load_domain
 from lcorpp.errors import DomainError
 from lcorpp.experiments.scoring import episode_totals
-from lcorpp.experiments.scoring.exact_evaluation import evaluate_exactly
+from lcorpp.experiments.scoring.exact_evaluation import compute_joint_distribution, evaluate_exactly
 from lcorpp.experiments.scoring.experiment import Experiment
 from lcorpp.experiments.scoring.metrics import Scores
 from lcorpp.experiments.scoring.trials import run_trials
-from lcorpp.reasoning import Enumeration
+from lcorpp.reasoning import Enumeration, Reasoner, parse_plog
 from lcorpp.simulation.simulated_classifier import NoisyChannel
 from tests.decision.fakes import FakeWorld
 
@@ -104,6 +104,45 @@ def test_return_is_report_reward_minus_cost():
     for scores in exactly("paper").values():
         expected = 80 * (2 * scores.accuracy.estimate - 1) - scores.cost.estimate
         assert scores.return_.estimate == pytest.approx(expected, abs=1e-6)
+
+
+@pytest.mark.parametrize("preset", TABLE)
+def test_scores_by_circuits_are_those_by_enumeration(preset):
+    """The reasoner of circuits infers all posteriors at once, the enumeration one by one."""
+    domain, robot, channels = parts(preset)
+    compiled = replace(robot, reasoner=Reasoner(domain.program))
+    for scores in evaluate_exactly(domain, compiled, channels, STRATEGIES):
+        other = exactly(preset)[scores.strategy]
+        np.testing.assert_allclose(scores.counts, other.counts, rtol=1e-12)
+        assert scores.return_.estimate == pytest.approx(other.return_.estimate, rel=1e-12)
+
+
+def test_a_planner_of_another_kind_acts_at_one_point_after_the_other():
+    class OneByOne:
+        """The same planner, without the methods for many beliefs."""
+
+        def __init__(self, planner):
+            self.start, self.action, self.update = planner.start, planner.action, planner.update
+
+    domain, robot, channels = parts("paper")
+    for scores in evaluate_exactly(
+        domain, replace(robot, planner=OneByOne(robot.planner)), channels, STRATEGIES
+    ):
+        other = exactly("paper")[scores.strategy]
+        np.testing.assert_allclose(scores.counts, other.counts, rtol=1e-12)
+        assert scores.cost.estimate == pytest.approx(other.cost.estimate, rel=1e-12)
+
+
+def test_the_joint_distribution_is_that_of_the_own_people():
+    """It is computed once for equal programs of the people, and their numbers tell programs apart."""
+    domain = load_domain("intention")
+    people = domain.simulation.true_program
+    others = parse_plog(str(people).replace("identity=student) = 3/10", "identity=student) = 2/5"))
+    changed = replace(domain, simulation=replace(domain.simulation, true_program=others))
+    for each, program in ((domain, people), (changed, others), (load_domain("intention"), people)):
+        expected = Enumeration(program).exact(["location", "intention"])
+        found = compute_joint_distribution(each, ("location", "intention"))
+        assert found == pytest.approx({values: float(p) for values, p in expected.items()}, abs=1e-15)
 
 
 def test_reactions_drawn_by_python_cannot_be_enumerated():

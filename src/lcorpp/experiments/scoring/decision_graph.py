@@ -66,17 +66,14 @@ class DecisionGraph:
             ObservationError: the robot holds an observation for impossible.
             DecisionError: the robot chooses an unknown action.
         """
-        n_observations, known = len(self._pomdp.observations), self._children
-        keys = (nodes * n_observations + observations).tolist()
-        new: dict[int, list[int]] = defaultdict(list)  # action -> keys
-        for key in dict.fromkeys(keys):
-            if key not in known:
-                new[self._actions[key // n_observations]].append(key)
-        for action, own in new.items():
-            here = [self._found[key // n_observations] for key in own]
-            seen = [self._pomdp.observations[key % n_observations] for key in own]
-            after = self._nodes.extend(here, self._pomdp.actions[action], seen)
-            known.update(zip(own, self.find_numbers(after), strict=True))
+        size, known = len(self._pomdp.observations), self._children
+        keys = (nodes * size + observations).tolist()
+        new = [key for key in dict.fromkeys(keys) if key not in known]
+        if new:
+            here = [self._found[key // size] for key in new]
+            done = [self._pomdp.actions[self._actions[key // size]] for key in new]
+            seen = [self._pomdp.observations[key % size] for key in new]
+            known.update(zip(new, self.find_numbers(self._nodes.extend(here, done, seen)), strict=True))
         return np.array([known[key] for key in keys], np.intp)
 
     def describe_root(self, roots: Iterable[int], node: int) -> str:

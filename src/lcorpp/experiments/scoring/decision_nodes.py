@@ -32,7 +32,9 @@ class DecisionNodes(Protocol):
     def find_actions(self, nodes: Sequence[Any], /) -> list[str | None]:
         """Return the robot's action at each node; None where the decision has ended without a report."""
 
-    def extend(self, nodes: Sequence[Any], action: str, observations: Sequence[str], /) -> Sequence[Hashable]:
+    def extend(
+        self, nodes: Sequence[Any], actions: Sequence[str], observations: Sequence[str], /
+    ) -> Sequence[Hashable]:
         """Return the node after an action at each of n nodes, and the observation there."""
 
     def describe(self, node: Any, /) -> str:
@@ -56,12 +58,11 @@ class BeliefNodes:
         is_terminal, act = self._domain.is_terminal, self._robot.planner.action
         return [None if is_terminal(belief) else act(belief) for belief in map(np.frombuffer, nodes)]
 
-    def extend(self, nodes: Sequence[bytes], action: str, observations: Sequence[str]) -> list[bytes]:
-        update = self._robot.planner.update
-        return [
-            update(np.frombuffer(node), action, observation).tobytes()
-            for node, observation in zip(nodes, observations, strict=True)
-        ]
+    def extend(
+        self, nodes: Sequence[bytes], actions: Sequence[str], observations: Sequence[str]
+    ) -> list[bytes]:
+        after = map(self._robot.planner.update, map(np.frombuffer, nodes), actions, observations)
+        return [belief.tobytes() for belief in after]
 
 
 class RoundedBeliefNodes(BeliefNodes):
@@ -78,12 +79,14 @@ class RoundedBeliefNodes(BeliefNodes):
         actions = zip(beliefs, planner.actions_at(beliefs), strict=True)
         return [None if self._domain.is_terminal(belief) else action for belief, action in actions]
 
-    def extend(self, nodes: Sequence[bytes], action: str, observations: Sequence[str]) -> list[bytes]:
+    def extend(
+        self, nodes: Sequence[bytes], actions: Sequence[str], observations: Sequence[str]
+    ) -> list[bytes]:
         planner = self._robot.planner
         if isinstance(planner, Planner):
-            after = planner.update_many(_stack(nodes), action, observations)
+            after = planner.update_many(_stack(nodes), actions, observations)
         else:
-            after = _stack(super().extend(nodes, action, observations))
+            after = _stack(super().extend(nodes, actions, observations))
         return [belief.tobytes() for belief in np.round(after, DIGITS)]
 
 
@@ -128,11 +131,11 @@ class HistoryNodes:
     def find_actions(self, nodes: Sequence[_History]) -> list[str | None]:
         return [self._actions[node] for node in nodes]
 
-    def extend(self, nodes: Sequence[_History], action: str, observations: Sequence[str]) -> list[Hashable]:
-        return [
-            self._merge(node._replace(steps=(*node.steps, (action, observation))))
-            for node, observation in zip(nodes, observations, strict=True)
-        ]
+    def extend(
+        self, nodes: Sequence[_History], actions: Sequence[str], observations: Sequence[str]
+    ) -> list[Hashable]:
+        steps = zip(actions, observations, strict=True)
+        return [self._merge(n._replace(steps=(*n.steps, step))) for n, step in zip(nodes, steps, strict=True)]
 
     def describe(self, node: _History) -> str:
         given = ", ".join(f"{name}={value}" for name, value in (*node.context, *node.labels))

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
+from functools import lru_cache
 from itertools import product
 from math import prod
 from typing import NamedTuple
@@ -26,7 +27,7 @@ from lcorpp.experiments.scoring.episode_model import EpisodeModel
 from lcorpp.experiments.scoring.episode_sums import EpisodeSums
 from lcorpp.experiments.scoring.metrics import Scores
 from lcorpp.protocols import Reasoner as ReasonerProtocol
-from lcorpp.reasoning import Reasoner
+from lcorpp.reasoning import Program, Reasoner
 from lcorpp.simulation.simulated_classifier import NoisyChannel
 from lcorpp.values import Array, Distribution, Label
 
@@ -119,8 +120,13 @@ def _group_strategies(strategies: Iterable[Strategy]) -> list[list[Strategy]]:
 
 def compute_joint_distribution(domain: Domain, attributes: Sequence[str]) -> dict[tuple[str, ...], float]:
     """Compute the joint distribution of some attributes of the people: value tuple -> probability."""
-    exact = Reasoner(domain.simulation.true_program).exact(list(attributes))
-    return {values: float(p) for values, p in exact.items()}
+    return dict(_compute_joint(domain.simulation.true_program, tuple(attributes)))
+
+
+@lru_cache(maxsize=16)
+def _compute_joint(program: Program, attributes: tuple[str, ...]) -> list[tuple[tuple[str, ...], float]]:
+    """Compute a joint distribution, once for the configurations of a sweep that have the same people."""
+    return [(values, float(p)) for values, p in Reasoner(program).exact(attributes).items()]
 
 
 class _Case(NamedTuple):
