@@ -16,7 +16,7 @@ from lcorpp.experiments.robot_parts import RobotParts
 from lcorpp.experiments.scoring.exact_evaluation import check_enumerable, evaluate_exactly
 from lcorpp.experiments.scoring.experiment import Experiment
 from lcorpp.experiments.scoring.metrics import Scores, scores_to_html
-from lcorpp.experiments.scoring.trials import run_trials
+from lcorpp.experiments.scoring.trials import check_numbers, run_trials
 from lcorpp.experiments.sense_setup import describe_classifiers, set_up_senses
 from lcorpp.experiments.setup import (
     HARD_LABELS,
@@ -68,6 +68,7 @@ class ComparisonOptions:
         for options in self.classifiers.values():
             check_type(options, kinds, "an option of `classifiers`", DecisionError)
         check_type(self.solver, (SolverOptions, type(None)), "the option `solver`", DecisionError)
+        check_numbers(1 if self.trials is None else self.trials, self.jobs, self.seed)
 
 
 @dataclass(frozen=True, eq=False)

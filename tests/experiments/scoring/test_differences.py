@@ -52,6 +52,8 @@ def test_scores_of_other_people_are_refused():
             DecisionError, match=r"P and .* different people; expected scores of one comparison"
         ):
             few.subtract(other)
+    with pytest.raises(DecisionError, match="scores is 'R'; expected Scores"):
+        few.subtract("R")
 
 
 def test_a_notebook_shows_each_variable():

@@ -239,7 +239,7 @@ def test_an_interrupt_before_the_first_trial_is_raised(rooms, monkeypatch):
     monkeypatch.setattr(trials, "run_chunks", tired)
     with pytest.raises(KeyboardInterrupt):
         run_trials(rooms, 100)
-    with pytest.raises(DecisionError, match="at least 1, not 0 and 1"):
+    with pytest.raises(DecisionError, match="`trials` must be at least 1, not 0"):
         run_trials(rooms, 0)
 
 

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from lcorpp.decision.strategies import strategies
 from lcorpp.domains import Domain
-from lcorpp.experiments.comparison import Comparison, ComparisonOptions, compare_strategies
+from lcorpp.experiments.comparison import ComparisonOptions, compare_strategies
 from lcorpp.experiments.figures.result import FigureOptions, Row
 from lcorpp.experiments.scoring.metrics import Scores, make_cells
 from lcorpp.experiments.setup import ProgressDisplay
@@ -80,40 +80,23 @@ def evaluate(
         names: of the strategies; all six by default.
 
     Raises:
-        KeyboardInterrupt: an interrupt; no trial is kept.
-    """
-    exact = compare_completely(domain, options, progress, names, exact=True)
-    simulated = compare_completely(domain, options, progress, names)
-    return Evaluation(
-        setting,
-        {row.strategy: row for row in exact.scores},
-        {row.strategy: row for row in simulated.scores},
-        options.n_trials,
-    )
-
-
-def compare_completely(
-    domain: Domain,
-    options: FigureOptions,
-    progress: ProgressDisplay,
-    names: Sequence[str],
-    *,
-    exact: bool = False,
-) -> Comparison:
-    """Compare strategies with the noisy channel as the classifier, for all trials of the options.
-
-    Raises:
-        KeyboardInterrupt: the solver or the trials were interrupted: a figure has all of its trials or none.
+        KeyboardInterrupt: the solver or the trials are interrupted; no trial is kept.
     """
     chosen = ComparisonOptions(
         strategies(names),
-        trials=None if exact else options.n_trials,
+        trials=options.n_trials,
         seed=options.seed,
         jobs=options.jobs,
         cache=find_cache_folder(),
     )
-    comparison = compare_strategies(domain, chosen, progress=progress)
+    exact = _score(domain, replace(chosen, trials=None), progress)
+    return Evaluation(setting, exact, _score(domain, chosen, progress), options.n_trials)
+
+
+def _score(domain: Domain, options: ComparisonOptions, progress: ProgressDisplay) -> dict[str, Scores]:
+    """Return strategy -> its scores; a figure has all of its trials or none."""
+    comparison = compare_strategies(domain, options, progress=progress)
     stopped = comparison.solution is not None and comparison.solution.reason == "interrupted"
-    if stopped or comparison.trials != chosen.trials:
+    if stopped or comparison.trials != options.trials:
         raise KeyboardInterrupt
-    return comparison
+    return {row.strategy: row for row in comparison.scores}

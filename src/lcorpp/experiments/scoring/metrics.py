@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 from lcorpp.decision import STRATEGIES
-from lcorpp.errors import DecisionError
+from lcorpp.errors import DecisionError, check_type
 from lcorpp.notebook import html_table
 from lcorpp.values import Array, Interval
 
@@ -77,8 +77,9 @@ class Scores:
         of the two means suggest. Differences of exact scores are exact; those of bounds are bounds.
 
         Raises:
-            DecisionError: the scores are of different numbers of people.
+            DecisionError: `other` is no `Scores`, or of another number of people.
         """
+        check_type(other, Scores, "the other strategy's scores", DecisionError)
         sizes = [{name: len(sample) for name, sample in each.samples.items()} for each in (self, other)]
         if sizes[0] != sizes[1]:
             raise DecisionError(

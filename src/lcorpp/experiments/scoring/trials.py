@@ -53,12 +53,11 @@ def run_trials(
         simulated at once are completed together.
 
     Raises:
-        DecisionError: `trials` or `jobs` is less than one; and whatever the robot's parts raise.
+        DecisionError: as of `check_numbers`; and whatever the robot's parts raise.
         KeyboardInterrupt: an interrupt before the first trial was complete.
     """
     check_type(experiment, Experiment, "the experiment", DecisionError)
-    if trials < 1 or jobs < 1:
-        raise DecisionError(f"trials and jobs must be at least 1, not {trials} and {jobs}")
+    check_numbers(trials, jobs, experiment.seed)
     if log is not None and experiment.parts is None:
         raise DecisionError("a log of an experiment needs its `parts`, which determine the decisions")
     results = make_results(trials, len(experiment.strategies))
@@ -93,6 +92,18 @@ def run_trials(
                     _append_lines(log, chunk)
         completed = np.array(results[results["truth"] >= 0])
     return _score_trials(experiment, completed), len(completed)
+
+
+def check_numbers(trials: int, jobs: int, seed: int) -> None:
+    """Check the numbers of a simulation.
+
+    Raises:
+        DecisionError: one is no integer, `trials` or `jobs` is less than 1, or `seed` is negative.
+    """
+    for name, number, least in (("trials", trials, 1), ("jobs", jobs, 1), ("seed", seed, 0)):
+        check_type(number, (int, np.integer), f"`{name}`", DecisionError)
+        if number < least:
+            raise DecisionError(f"`{name}` must be at least {least}, not {number}")
 
 
 @contextmanager
