@@ -1,6 +1,7 @@
 """`lcorpp sweep`."""
 
 import csv
+import json
 import re
 import signal
 import subprocess
@@ -89,15 +90,35 @@ def test_bad_input_ends_with_one_message(lcorpp, file, tmp_path, monkeypatch, ar
     assert words in ended.err
 
 
-def test_an_impossible_configuration_is_named_and_the_others_are_kept(lcorpp, tmp_path):
+IMPOSSIBLE = "known.classifier.interested = 1, known.classifier.not_interested = 0"
+
+
+def test_an_impossible_configuration_is_named_and_the_others_are_scored(lcorpp, tmp_path):
     """A robot that is sure of its classifier sees a person whom it holds for impossible."""
     (tmp_path / "s.toml").write_text(
-        'strategies = ["L+R"]\n[axes.known.classifier]\ninterested = [1]\nnot_interested = [0.6, 0]'
+        'strategies = ["R+P", "L+R"]\n'
+        "[axes.known.classifier]\ninterested = [0.9, 1]\nnot_interested = [0, 0.6]\n"
+    )
+    for _ in range(2):
+        ended = lcorpp("sweep", tmp_path / "s.toml", "--jobs", 1, "--out", tmp_path / "out")
+        assert ended.code == 0
+        assert ended.err.startswith(f"warning: without scores: {IMPOSSIBLE}: ")
+        assert ended.err.count("\n") == 1
+        assert "3 configurations of intention" in ended.out
+    assert "3 of 4 configurations are of an earlier run" in ended.out
+    rows = list(csv.DictReader((tmp_path / "out" / "sweep.csv").read_text().splitlines()))
+    assert [row["known.classifier.interested"] for row in rows] == ["0.9"] * 4 + ["1"] * 2
+    (failed,) = json.loads((tmp_path / "out" / "sweep.json").read_text())["failed"]
+    assert failed.startswith(IMPOSSIBLE)
+
+
+def test_a_sweep_without_any_possible_configuration_ends(lcorpp, tmp_path):
+    (tmp_path / "s.toml").write_text(
+        'strategies = ["L+R"]\n[axes.known.classifier]\ninterested = [1]\nnot_interested = [0]'
     )
     ended = lcorpp("sweep", tmp_path / "s.toml", "--jobs", 1, "--out", tmp_path / "out")
-    assert ended.code == 2
-    assert "known.classifier.interested = 1, known.classifier.not_interested = 0" in ended.err
-    assert "Traceback" not in ended.err
+    assert (ended.code, ended.err.count("\n")) == (2, 1)
+    assert ended.err.startswith(f"lcorpp: {IMPOSSIBLE}: ")
 
 
 def test_an_interrupted_sweep_continues(file, tmp_path):

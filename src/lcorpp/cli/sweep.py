@@ -11,6 +11,9 @@ from lcorpp.cli import console, output_files
 from lcorpp.cli.options import common as options
 from lcorpp.cli.options.senses import reject_given
 
+MAX_SHOWN = 10
+"""Maximum number of messages about configurations that fail."""
+
 
 def sweep(
     file: Annotated[Path, typer.Argument(metavar="FILE", help="The sweep, a TOML file; see docs/sweeps.md.")],
@@ -53,6 +56,10 @@ def sweep(
 
         workers = None if cluster is not None else console.count_processes(jobs)
         result = run_sweep(read, folder, jobs=workers, cluster=cluster, progress=advance)
+    for message in result.failures[:MAX_SHOWN]:
+        console.warn(f"without scores: {message}")
+    if len(result.failures) > MAX_SHOWN:
+        console.warn(f"... ({len(result.failures)} in all, listed in sweep.json)")
     written = write_sweep(folder, result, formats=formats or FORMATS)
     console.out.print(summarise(result), markup=False)
     if not has_parquet():

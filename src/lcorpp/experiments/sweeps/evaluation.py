@@ -67,6 +67,14 @@ def evaluate_configuration(problem: Problem, configuration: Configuration) -> Ro
     ]
 
 
+def try_configuration(problem: Problem, configuration: Configuration) -> Rows | str:
+    """Return the scores in a configuration, or a message why there are none."""
+    try:
+        return evaluate_configuration(problem, configuration)
+    except DecisionError as error:
+        return str(error)
+
+
 def describe(configuration: Configuration) -> str:
     """Return a configuration for messages: ``noise = 0.3, discount = 0.9``."""
     return ", ".join(f"{setting.name} = {setting.value}" for setting in configuration)

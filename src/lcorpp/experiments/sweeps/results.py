@@ -48,6 +48,7 @@ def write_sweep(folder: Path, result: SweepResult, *, formats: Sequence[str] = F
         "axes": {".".join(axis): [s.value for s in settings] for axis, settings in sweep.axes.items()},
         "configurations": len(sweep.configurations),
         "of an earlier run": result.resumed,
+        "failed": list(result.failures),
         "seconds": result.seconds,
         "paragraph": text,
     }

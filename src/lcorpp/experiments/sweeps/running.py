@@ -9,8 +9,9 @@ from pathlib import Path
 from time import perf_counter
 from typing import Any
 
+from lcorpp.errors import DecisionError
 from lcorpp.experiments.sweeps.definition import Sweep
-from lcorpp.experiments.sweeps.evaluation import Rows, evaluate_configuration, find_key
+from lcorpp.experiments.sweeps.evaluation import Rows, find_key, try_configuration
 from lcorpp.experiments.sweeps.hypotheses import judge_configuration
 from lcorpp.files import make_folder
 from lcorpp.work_units.running import evaluate_units
@@ -29,14 +30,21 @@ class SweepResult:
 
     rows: for each configuration its strategies in their order: the values of the axes, then the cells of
         `evaluate_configuration`, then the verdict on each hypothesis, see `list_hypotheses`.
+    failures: messages of the configurations that are impossible, or in which a strategy fails; they have no
+        rows.
     resumed: the number of configurations that an earlier run had finished.
     seconds: wall-clock time of this run.
     """
 
     sweep: Sweep
     rows: Rows
+    failures: tuple[str, ...]
     resumed: int
     seconds: float
+
+    def __repr__(self) -> str:
+        counts = f"{len(self.sweep.configurations)} configurations, {len(self.failures)} failed"
+        return f"<SweepResult {self.sweep.file.name}: {counts}>"
 
 
 def run_sweep(
@@ -61,7 +69,7 @@ def run_sweep(
         DataError: the folder has results of another sweep or version.
         FileError: the folder cannot be written.
         WorkerError: worker processes or the cluster are lost.
-        DecisionError: a configuration is impossible, e.g. an observation has probability 0 for the robot.
+        DecisionError: all configurations fail, e.g. an observation has probability 0 for the robot.
         KeyboardInterrupt: an interrupt. Finished configurations are kept in each case.
     """
     began = perf_counter()
@@ -71,24 +79,32 @@ def run_sweep(
         left = {key: c for key, c in units.items() if key not in store}
         ordered = sorted(left, key=lambda key: str([s for s in left[key] if s.is_loaded]))
         resumed = done = len(units) - len(left)
+        failures: dict[str, str] = {}
         progress(done, len(units), None)
         finished = evaluate_units(
-            partial(evaluate_configuration, sweep.problem),
+            partial(try_configuration, sweep.problem),
             {key: left[key] for key in ordered},
             jobs=jobs,
             cluster=cluster,
         )
         for key, rows in finished:
-            store.add(key, rows)
+            if isinstance(rows, str):
+                failures[key] = rows
+            else:
+                store.add(key, rows)
             done += 1
             pace = (perf_counter() - began) / (done - resumed)
             progress(done, len(units), pace * (len(units) - done))
+        failed = [failures[key] for key in units if key in failures]
+        if len(failed) == len(units):
+            raise DecisionError(failed[0])
         table = [
             {**{s.name: s.value for s in configuration}, **row}
             for key, configuration in units.items()
+            if key not in failures
             for row in _add_verdicts(store[key])
         ]
-    return SweepResult(sweep, table, resumed, perf_counter() - began)
+    return SweepResult(sweep, table, tuple(failed), resumed, perf_counter() - began)
 
 
 def _add_verdicts(rows: Rows) -> list[Mapping[str, Any]]:
