@@ -5,7 +5,7 @@ import pytest
 
 from lcorpp.domains import load_domain
 from lcorpp.errors import DomainError
-from lcorpp.experiments.active_learning.run import find_class_marginal
+from lcorpp.experiments.active_learning.recording import find_class_marginal
 from lcorpp.experiments.active_learning.senses import find_learning_senses
 from lcorpp.values import Distribution
 
