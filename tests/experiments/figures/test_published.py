@@ -5,7 +5,7 @@ from math import sqrt
 import pytest
 
 from lcorpp.experiments.figures import published
-from lcorpp.experiments.figures.published import compute_standard_error, deviate
+from lcorpp.experiments.figures.published import compute_standard_error, deviate_score
 from tests.experiments.figures.made_up import make_scores
 
 
@@ -37,14 +37,14 @@ def test_the_standard_error_of_an_f1_score_agrees_with_simulation():
 
 def test_a_reason_is_given_only_for_large_deviations():
     scores = make_scores("L", 0.6, 0.9, 0, 30)
-    assert deviate("paper", scores, "accuracy", "0.90", reason="why").reason == ""
-    assert deviate("paper", scores, "accuracy", "0.70", reason="why").reason == "why"
+    assert deviate_score("paper", scores, "accuracy", "0.90", reason="why").reason == ""
+    assert deviate_score("paper", scores, "accuracy", "0.70", reason="why").reason == "why"
 
 
 def test_our_interval_counts_too():
     exact, simulated = make_scores("L", 0.6, 0.9, 0, 30), make_scores("L", 0.6, 0.9, 0, 30, 0.0196)
-    one = deviate("paper", exact, "accuracy", "0.88")
-    both = deviate("paper", simulated, "accuracy", "0.88")
+    one = deviate_score("paper", exact, "accuracy", "0.88")
+    both = deviate_score("paper", simulated, "accuracy", "0.88")
     assert both.standard_error == pytest.approx(sqrt(one.standard_error**2 + 0.01**2), rel=1e-4)
 
 

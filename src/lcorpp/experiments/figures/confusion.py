@@ -14,7 +14,7 @@ from lcorpp.domains import load_domain
 from lcorpp.experiments.classifier_training import train_classifier
 from lcorpp.experiments.figures import published
 from lcorpp.experiments.figures.panels import make_panels
-from lcorpp.experiments.figures.published import Deviation
+from lcorpp.experiments.figures.published import Deviation, deviate
 from lcorpp.experiments.figures.result import (
     FigureOptions,
     FigureResult,
@@ -26,7 +26,7 @@ from lcorpp.experiments.scoring.metrics import make_cells
 from lcorpp.experiments.setup import ProgressDisplay, TrainingOptions
 from lcorpp.learning import Rate
 from lcorpp.plot_style import INK, with_style
-from lcorpp.values import Z95, Interval
+from lcorpp.values import Interval
 
 FAST = TrainingOptions(learner="lstm-fast", tracks=600)
 """The classifier with `FigureOptions.fast`; by default it is the domain's, the paper's LSTM."""
@@ -113,12 +113,11 @@ def _find_published(rate: Rate) -> float:
 
 
 def _deviate(rate: Rate) -> Deviation:
-    number, ours = published.CONFUSION[rate.true], rate.interval
-    theirs = float(number) * (1 - float(number)) / CASES[rate.true]
-    error = hypot((ours.high - ours.low) / (2 * Z95), sqrt(theirs))
-    far = abs(ours.estimate - float(number)) > 3 * error
+    number = published.CONFUSION[rate.true]
+    p = float(number)
+    error = sqrt(p * (1 - p) / CASES[rate.true])
     what = f"{POSITIVE} predicted of {rate.true}"
-    return Deviation("cross-validation", what, ours, number, error, REASON if far else "")
+    return deviate("cross-validation", what, rate.interval, number, error, REASON)
 
 
 @with_style

@@ -10,7 +10,8 @@ from lcorpp.domains import Domain
 from lcorpp.experiments.comparison import ComparisonOptions, compare_strategies
 from lcorpp.experiments.figures.result import FigureOptions, Row
 from lcorpp.experiments.scoring.metrics import Scores, make_cells
-from lcorpp.experiments.setup import ProgressDisplay
+from lcorpp.experiments.setup import ProgressDisplay, solve_domain
+from lcorpp.planning import Planner
 from lcorpp.planning.policy_cache import find_cache_folder
 from lcorpp.values import Z95, Interval
 
@@ -100,3 +101,16 @@ def _score(domain: Domain, options: ComparisonOptions, progress: ProgressDisplay
     if stopped or comparison.trials != options.trials:
         raise KeyboardInterrupt
     return {row.strategy: row for row in comparison.scores}
+
+
+def make_planner(domain: Domain, progress: ProgressDisplay) -> Planner:
+    """Return the planner of a domain's solved POMDP.
+
+    Raises:
+        KeyboardInterrupt: the solver is interrupted.
+    """
+    with progress("solving the POMDP") as advance:
+        solution = solve_domain(domain, cache=find_cache_folder(), advance=advance)
+    if solution.reason == "interrupted":
+        raise KeyboardInterrupt
+    return Planner(solution)

@@ -18,8 +18,8 @@ from matplotlib.lines import Line2D
 from lcorpp.domains import Domain, load_domain
 from lcorpp.experiments.figures import published
 from lcorpp.experiments.figures.evaluation import Evaluation, evaluate
-from lcorpp.experiments.figures.panels import Bars, add_legend, draw_bars, make_panels
-from lcorpp.experiments.figures.published import Deviation, deviate, find_published
+from lcorpp.experiments.figures.panels import LABELS, Bars, add_bar_legend, draw_bars, make_panels
+from lcorpp.experiments.figures.published import Deviation, deviate_score, find_published
 from lcorpp.experiments.figures.result import (
     FigureOptions,
     FigureResult,
@@ -165,15 +165,14 @@ def _deviate(evaluations: Evaluations) -> Iterator[Deviation]:
             for metric, number in numbers.items():
                 noise = setting == "paper" and "accuracy" in numbers  # only strategies that plan hear answers
                 reason = "; ".join([NOISE] * noise + [REASONS[level]] * (level != "High" or not noise))
-                yield deviate(each.setting, each.exact[name], metric, number, reason=reason)
+                yield deviate_score(each.setting, each.exact[name], metric, number, reason=reason)
 
 
 @with_style
 def _draw(evaluations: Evaluations, layout: Layout) -> Figure:
-    panels = (("f1", "F1 score"), ("cost", "mean action cost"), ("return", "mean return"))
     figure, axes = make_panels(layout, (1, 1, 1), rows=len(SETTINGS))
     line = Line2D([], [], label="P, without knowledge", **LINE)
-    for panel, (setting, (metric, label)) in zip(axes, product(SETTINGS, panels), strict=True):
+    for panel, (setting, (metric, label)) in zip(axes, product(SETTINGS, LABELS.items()), strict=True):
         at = [evaluations[setting, level] for level in LEVELS]
         names = [name for name in REASONERS if metric != "cost" or "P" in name]
         series = [
@@ -194,5 +193,5 @@ def _draw(evaluations: Evaluations, layout: Layout) -> Figure:
         if metric == "f1":
             panel.set_ylim(0, 1)
             if setting == "authors":
-                add_legend(figure, series, layout=layout, lines=[line])
+                add_bar_legend(figure, series, layout=layout, lines=[line])
     return figure

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+import numpy.typing as npt
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
@@ -18,6 +20,8 @@ from lcorpp.values import Interval
 PAGE_WIDTH, COLUMN_WIDTH, PANEL_HEIGHT, LEGEND_HEIGHT = 7.2, 3.5, 2.7, 0.4
 """Inches of a page and of a column in print, of a panel and of the legend above the panels."""
 
+LABELS: Mapping[str, str] = {"f1": "F1 score", "cost": "mean action cost", "return": "mean return"}
+"""Metric -> label of its axis."""
 
 EXACT: dict[str, Any] = {
     "marker": "D",
@@ -92,7 +96,16 @@ def _write_above(axes: Axes, x: float, y: float, text: str) -> None:
     axes.annotate(text, (x, y), xytext=(0, 3), textcoords="offset points", ha="center", fontsize=8.5)
 
 
-def add_legend(
+def draw_line(axes: Axes, x: npt.ArrayLike, intervals: Sequence[Interval], **style: Any) -> None:
+    """Draw a line through estimates, with their intervals as error bars; `style` as of matplotlib."""
+    middle, low, high = zip(*((each.estimate, each.low, each.high) for each in intervals), strict=True)
+    errors = np.subtract(middle, low), np.subtract(high, middle)
+    look: dict[str, Any] = {"ecolor": INK, "elinewidth": 0.8, "marker": "o", "markersize": 4, "capsize": 2}
+    axes.errorbar(x, middle, yerr=errors, **look | style)
+    despine(axes)
+
+
+def add_bar_legend(
     figure: Figure, series: Sequence[Bars], *, layout: Layout, lines: Sequence[Line2D] = ()
 ) -> None:
     """Draw one legend above all panels: series of one colour, further lines, and markers in use."""
@@ -104,6 +117,11 @@ def add_legend(
         handles.append(Line2D([], [], label="exact value", **EXACT))
     if any(value is not None for bars in series for value in bars.published):
         handles.append(Line2D([], [], label="published", **PUBLISHED))
+    add_legend(figure, handles, layout)
+
+
+def add_legend(figure: Figure, handles: Sequence[Any], layout: Layout) -> None:
+    """Draw a legend above all panels, of labelled artists."""
     figure.legend(
         handles=handles,
         loc="outside upper center",

@@ -9,13 +9,16 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from decimal import Decimal
-from math import sqrt
+from math import hypot, sqrt
 
 from lcorpp.experiments.scoring.metrics import Scores
 from lcorpp.values import Z95, Interval
 
 TRIALS = 5000
 """Trials behind each published number."""
+
+FAR = 3
+"""Deviations of more standard errors need a reason; the report has them in bold type."""
 
 STRATEGIES: Mapping[str, Mapping[str, str]] = {
     "L": {"f1": "0.66", "accuracy": "0.77"},
@@ -106,22 +109,36 @@ class Deviation:
 
 
 def deviate(
+    setting: str, what: str, ours: Interval, published: str, error: float, reason: str = ""
+) -> Deviation:
+    """Return the deviation of a mean from a published one.
+
+    Args:
+        error: the standard error of the published number; that of ours is taken from its interval.
+        reason: given if the two differ by more than `FAR` standard errors.
+    """
+    total = hypot((ours.high - ours.low) / (2 * Z95), error)
+    far = abs(ours.estimate - float(published)) > FAR * total
+    return Deviation(setting, what, ours, published, total, reason if far else "")
+
+
+def deviate_score(
     setting: str, scores: Scores, metric: str, published: str, *, sd: float | None = None, reason: str = ""
 ) -> Deviation:
     """Return the deviation of a score from a published number.
 
     Args:
         metric: "f1", "accuracy" or "cost".
-        sd: the published standard deviation of the cost of a trial; None takes ours.
-        reason: given if the numbers differ by more than 3 standard errors.
+        sd: as of `compute_standard_error`. reason: as of `deviate`.
     """
-    ours = scores.metrics[metric]
-    own = (ours.high - ours.low) / (2 * Z95)
-    total = sqrt(own**2 + compute_standard_error(scores, metric, published, sd) ** 2)
-    label = {"f1": "F1"}.get(metric, metric)
-    found = Deviation(setting, f"{scores.strategy}, {label}", ours, published, total, reason)
-    far = abs(found.difference) > 3 * total
-    return found if far else Deviation(setting, found.what, ours, published, total)
+    error = compute_standard_error(scores, metric, published, sd)
+    what = f"{scores.strategy}, {format_metric(metric)}"
+    return deviate(setting, what, scores.metrics[metric], published, error, reason)
+
+
+def format_metric(metric: str) -> str:
+    """Return the name of a metric in a sentence."""
+    return {"f1": "F1"}.get(metric, metric)
 
 
 def find_published(numbers: Mapping[str, str], metric: str) -> float | None:
@@ -133,6 +150,10 @@ def compute_standard_error(
     scores: Scores, metric: str, published: str, sd: float | None = None, *, trials: int = TRIALS
 ) -> float:
     """Return the standard error of a published mean of n = `trials` trials.
+
+    Args:
+        scores: ours of the same strategy.
+        sd: the published standard deviation of the cost of a trial; None takes ours.
 
     An accuracy p is a binomial proportion: p (1 - p) / n. F1 = 2p / (1 + p) grows with p, the share of true
     positives among the decisions that are positive or reported as positive; p is binomial given their

@@ -10,12 +10,10 @@ from pathlib import Path
 from string import Template
 from typing import Any
 
+from lcorpp.experiments.figures.published import FAR
 from lcorpp.experiments.figures.result import Verdict
 from lcorpp.experiments.figures.storage import StoredFigure
 from lcorpp.files import write_atomically
-
-FAR = 3
-"""Deviations of more standard errors are in bold type."""
 
 DIGITS = {"cost": 2, "return": 2, "cost_sd": 2}
 """Decimal places of the columns of tables; others have three."""

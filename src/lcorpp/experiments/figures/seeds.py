@@ -2,17 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import TypeVar
 
 import numpy as np
 from scipy.stats import t
 
+from lcorpp.experiments.figures.result import Row
+from lcorpp.experiments.scoring.metrics import make_cells
 from lcorpp.experiments.setup import Advance
 from lcorpp.values import Interval
 from lcorpp.work_units.running import evaluate_units
 
 T = TypeVar("T")
+Key = TypeVar("Key")
+
+Numbers = Mapping[str, Sequence[float]]
+"""Quantity -> a number of each seed; all in the same order, so that numbers are paired."""
 
 
 def run_seeds(unit: Callable[[int], T], seeds: Sequence[int], jobs: int, advance: Advance) -> list[T]:
@@ -30,6 +36,19 @@ def run_seeds(unit: Callable[[int], T], seeds: Sequence[int], jobs: int, advance
         results[key] = result
         advance(len(results), len(seeds))
     return [results[key] for key in units]
+
+
+def collect(measured: Sequence[Mapping[Key, Mapping[str, float]]]) -> dict[Key, dict[str, list[float]]]:
+    """Return setting -> quantity -> its number with each seed, from setting -> quantity -> number of each."""
+    return {
+        setting: {name: [one[setting][name] for one in measured] for name in quantities}
+        for setting, quantities in measured[0].items()
+    }
+
+
+def make_cells_of_seeds(numbers: Numbers) -> Row:
+    """Return the cells of a row: the mean over the seeds of each quantity with its interval."""
+    return make_cells({name: compute_seed_interval(values) for name, values in numbers.items()})
 
 
 def compute_seed_interval(numbers: Sequence[float]) -> Interval:

@@ -11,8 +11,8 @@ from matplotlib.figure import Figure
 from lcorpp.domains import load_domain
 from lcorpp.experiments.figures import published
 from lcorpp.experiments.figures.evaluation import Evaluation, evaluate
-from lcorpp.experiments.figures.panels import Bars, add_legend, draw_bars, make_panels
-from lcorpp.experiments.figures.published import Deviation, deviate, find_published
+from lcorpp.experiments.figures.panels import LABELS, Bars, add_bar_legend, draw_bars, make_panels
+from lcorpp.experiments.figures.published import Deviation, deviate_score, find_published
 from lcorpp.experiments.figures.result import (
     FigureOptions,
     FigureResult,
@@ -95,7 +95,7 @@ def _judge(scores: Evaluation) -> list[Finding]:
 def _deviate(scores: Evaluation) -> list[Deviation]:
     """Return the exact scores beside the published numbers."""
     return [
-        deviate(
+        deviate_score(
             scores.setting,
             scores.exact[name],
             metric,
@@ -110,9 +110,8 @@ def _deviate(scores: Evaluation) -> list[Deviation]:
 
 @with_style
 def _draw(evaluations: Sequence[Evaluation], layout: Layout) -> Figure:
-    panels = (("f1", "F1 score"), ("cost", "mean action cost"), ("return", "mean return"))
     figure, axes = make_panels(layout, (6, 3.4, 6))
-    for panel, (metric, label) in zip(axes, panels, strict=True):
+    for panel, (metric, label) in zip(axes, LABELS.items(), strict=True):
         names = PLANNERS if metric == "cost" else tuple(evaluations[0].exact)
         series = [
             Bars(
@@ -129,7 +128,7 @@ def _draw(evaluations: Sequence[Evaluation], layout: Layout) -> Figure:
         draw_bars(panel, names, series, label)
         if metric == "f1":
             panel.set_ylim(0, 1)
-            add_legend(figure, series, layout=layout)
+            add_bar_legend(figure, series, layout=layout)
     return figure
 
 

@@ -12,7 +12,8 @@ from matplotlib.patches import Patch
 from lcorpp.decision.dt_control import act_until_report, infer_prior
 from lcorpp.domains import load_domain
 from lcorpp.experiments.figures import published
-from lcorpp.experiments.figures.panels import make_panels
+from lcorpp.experiments.figures.evaluation import make_planner
+from lcorpp.experiments.figures.panels import add_legend, make_panels
 from lcorpp.experiments.figures.published import Deviation
 from lcorpp.experiments.figures.result import (
     FigureOptions,
@@ -21,9 +22,7 @@ from lcorpp.experiments.figures.result import (
     Layout,
     Verdict,
 )
-from lcorpp.experiments.setup import ProgressDisplay, from_channel, make_program, make_robot, solve_domain
-from lcorpp.planning import Planner
-from lcorpp.planning.policy_cache import find_cache_folder
+from lcorpp.experiments.setup import ProgressDisplay, from_channel, make_program, make_robot
 from lcorpp.plot_style import BLUE, INK, ORANGE, PALE, with_style
 from lcorpp.values import Interval
 
@@ -59,10 +58,9 @@ def decide(preset: str, progress: ProgressDisplay) -> list[TrialStep]:
     """Return the steps of the decision; the first is the belief before any evidence."""
     domain = load_domain("intention", preset=preset)
     sense = domain.senses[0]
-    with progress("solving the POMDP"):
-        solution = solve_domain(domain, cache=find_cache_folder())
+    planner = make_planner(domain, progress)
     senses = {sense.name: from_channel(domain, sense)}
-    robot = make_robot(domain, senses, make_program(domain, senses), Planner(solution))
+    robot = make_robot(domain, senses, make_program(domain, senses), planner)
     events, beliefs = [("reasoning", "no evidence")], [infer_prior(robot, {}, {})[2]]
     facts: dict[str, str] = {}
     for name, value in FACTS.items():
@@ -153,5 +151,5 @@ def _draw(trials: Mapping[str, Sequence[TrialStep]], layout: Layout) -> Figure:
         panel.tick_params(axis="y", length=0)
         panel.spines[["top", "right", "left"]].set_visible(False)
     handles = [Patch(color=colour, label=part) for part, colour in COLOURS.items()]
-    figure.legend(handles=handles, loc="outside upper center", ncols=2, fontsize=8, frameon=False)
+    add_legend(figure, handles, layout)
     return figure
