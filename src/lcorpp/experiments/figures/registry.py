@@ -40,10 +40,10 @@ def _make(module: str, options: FigureOptions, progress: ProgressDisplay) -> Fig
 FIGURES: Mapping[str, PaperFigure] = {
     name: PaperFigure(partial(_make, name), *seconds)
     for name, seconds in {
-        "strategies": (3, 2),
-        "knowledge": (6, 4),
+        "strategies": (2, 1),
+        "knowledge": (4, 2),
         "partial": (38, 8),
-        "augmentation": (65, 24),
+        "augmentation": (40, 45),
         "confusion": (6, 2),
         "trial": (1, 1),
     }.items()
