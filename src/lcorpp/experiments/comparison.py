@@ -177,13 +177,7 @@ def set_up_experiment(
     strategies = list_compared(domain, options)
     used = [sense for sense in domain.senses if any(row.uses(sense.name) for row in strategies)]
     senses = set_up_senses(
-        domain,
-        used,
-        options.classifiers,
-        options.evidence,
-        seed=options.seed,
-        jobs=options.jobs,
-        progress=progress,
+        domain, used, options.classifiers, options.evidence, progress, seed=options.seed, jobs=options.jobs
     )
     solution = None
     if policy is not None:

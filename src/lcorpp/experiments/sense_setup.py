@@ -23,10 +23,10 @@ def set_up_senses(
     senses: Iterable[Sense],
     classifiers: Mapping[str, ClassifierOptions],
     evidence: EvidenceOptions,
+    progress: ProgressDisplay = no_progress,
     *,
     seed: int = 0,
     jobs: int = 1,
-    progress: ProgressDisplay = no_progress,
 ) -> dict[str, SenseSetup]:
     """Train or load the classifiers of some senses, or make their noisy channels.
 

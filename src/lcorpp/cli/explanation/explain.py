@@ -160,18 +160,12 @@ def explain(
         training=options.choose_training(tracks=tracks, epochs=epochs, device=device, features=features),
         by_channel=True,
     )
-    soft = choose_soft_senses(loaded, sources, evidence or [])
+    soft, processes = choose_soft_senses(loaded, sources, evidence or []), console.count_processes(jobs)
     _check_evidence(sources, soft, labels, likelihoods, interactive=interactive)
     with nullcontext() if log is None else DecisionLog(log) as decisions:
         print_domain(loaded)
         senses = set_up_senses(
-            loaded,
-            used,
-            sources,
-            EvidenceOptions(soft),
-            seed=seed,
-            jobs=console.count_processes(jobs),
-            progress=console.show_progress,
+            loaded, used, sources, EvidenceOptions(soft), console.show_progress, seed=seed, jobs=processes
         )
         print_classifiers(loaded, senses)
         with console.show_progress("solving the POMDP") as advance:

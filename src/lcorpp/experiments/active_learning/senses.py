@@ -103,12 +103,6 @@ def set_up_learning(
     training = {name: choose_learner(own, data[name].dataset) for name, own in training.items()}
     others = [sense for sense in domain.senses if sense.name not in training]
     fixed = set_up_senses(
-        domain,
-        others,
-        options.classifiers,
-        options.evidence,
-        seed=options.seed,
-        jobs=options.jobs,
-        progress=progress,
+        domain, others, options.classifiers, options.evidence, progress, seed=options.seed, jobs=options.jobs
     )
     return LearningSenses(data, training, fixed)
