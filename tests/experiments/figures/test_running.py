@@ -2,18 +2,21 @@
 
 import csv
 import json
+from dataclasses import replace
 from functools import partial
 from html.parser import HTMLParser
 
 import pytest
 
+from lcorpp.domains import load_domain
 from lcorpp.errors import DataError, FileError
-from lcorpp.experiments.figures import running, storage
+from lcorpp.experiments.figures import evaluation, running, storage
 from lcorpp.experiments.figures.registry import PaperFigure
 from lcorpp.experiments.figures.remaining import RemainingTime
 from lcorpp.experiments.figures.result import FigureOptions
 from lcorpp.experiments.figures.running import FigureRun
-from lcorpp.experiments.setup import no_progress
+from lcorpp.experiments.setup import no_progress, solve_domain
+from lcorpp.planning.policy_cache import find_cache_folder
 from tests.experiments.figures.made_up import make_figure
 
 OPTIONS = FigureOptions(fast=True)
@@ -114,6 +117,7 @@ def test_a_missing_picture_is_named(made, tmp_path):
     (tmp_path / "small.svg").unlink()
     with pytest.raises(FileError, match=r"small\.svg: cannot be read: No such file"):
         run(tmp_path)
+    assert not run(tmp_path, "small", again=True)[0].reused
 
 
 def test_a_folder_that_is_a_file_is_refused(made, tmp_path):
@@ -172,6 +176,14 @@ def test_the_report_has_findings_numbers_deviations_and_options(made, tmp_path):
     assert "<td>+10.0</td><td>(1)</td></tr>" in text
     assert "<ol><li>other data</li></ol>" in text
     assert "fast True, seed 0, trials 1000" in text
+
+
+def test_an_interrupted_solver_ends_the_figure(monkeypatch):
+    domain = load_domain("intention")
+    stopped = replace(solve_domain(domain, cache=find_cache_folder()), reason="interrupted")
+    monkeypatch.setattr(evaluation, "solve_domain", lambda *_, **__: stopped)
+    with pytest.raises(KeyboardInterrupt):
+        evaluation.make_planner(domain, no_progress)
 
 
 def test_remaining_time_is_measured():

@@ -8,12 +8,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from time import perf_counter
 
-from lcorpp.errors import DataError
+from lcorpp.errors import DataError, FileError
 from lcorpp.experiments.figures.registry import FIGURES
 from lcorpp.experiments.figures.remaining import RemainingTime
 from lcorpp.experiments.figures.report import write_report
 from lcorpp.experiments.figures.result import FigureOptions
-from lcorpp.experiments.figures.storage import StoredFigure, find_difference, load_figure, store_figure
+from lcorpp.experiments.figures.storage import StoredFigure, load_figure, store_figure
 from lcorpp.experiments.setup import Advance, ProgressDisplay
 from lcorpp.files import make_folder
 
@@ -46,11 +46,12 @@ class FigureRun:
 
         Args:
             names: of `FIGURES`.
-            again: replace the figures in the folder that other options or another version made.
+            again: replace the figures in the folder that other options or another version made, or of which a
+                file is damaged or missing.
 
         Raises:
             DataError: the folder has a figure of other options or of another version, or a damaged one.
-            FileError: a file of the folder cannot be read.
+            FileError: a file of a figure is missing or cannot be read.
         """
         self._folder, self._names, self._options, self._clock = folder, names, options, clock
         self._finished = _find_finished(folder, options, again)
@@ -88,7 +89,7 @@ class FigureRun:
             kept = f"kept in {self._folder}: {names}" if names else "no figure is finished"
             message = f"interrupted while making {name}; {kept}; the same command continues"
             raise KeyboardInterrupt(message) from None
-        stored = load_figure(self._folder, name)
+        stored = load_figure(self._folder, name, self._options)
         if stored is None:
             raise DataError(f"{self._folder}: the figure {name} was removed while it was written")
         self._finished[name] = stored
@@ -110,25 +111,19 @@ class FigureRun:
 
 
 def _find_finished(folder: Path, options: FigureOptions, again: bool) -> dict[str, StoredFigure]:
-    """Return the figures of a folder that have these options and this version.
+    """Return the figures of a folder that can be reused.
 
     Raises:
-        DataError: a figure has others, unless they are to be made again.
+        DataError, FileError: one cannot, see `load_figure`, unless it is to be made again.
     """
     finished = {}
     for name in FIGURES:
         try:
-            stored = load_figure(folder, name)
-            difference = None if stored is None else find_difference(stored, options)
-        except DataError:
+            stored = load_figure(folder, name, options)
+        except (DataError, FileError):
             if not again:
                 raise
-            continue
-        if stored is not None and difference is None:
-            finished[name] = stored
-        elif difference is not None and not again:
-            raise DataError(
-                f"{folder}: the figure {name} cannot be reused: {difference}; expected another folder"
-                " (--out), or --again, which replaces it"
-            )
+        else:
+            if stored is not None:
+                finished[name] = stored
     return finished

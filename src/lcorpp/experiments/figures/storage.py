@@ -43,11 +43,8 @@ class StoredFigure:
         return float(self.content["seconds"])
 
 
-def store_figure(folder: Path, result: FigureResult, options: FigureOptions, seconds: float) -> list[Path]:
+def store_figure(folder: Path, result: FigureResult, options: FigureOptions, seconds: float) -> None:
     """Write the files of a figure, the description last: without it the figure counts as unfinished.
-
-    Returns:
-        The files, without the description.
 
     Raises:
         FileError: a file cannot be written.
@@ -55,24 +52,21 @@ def store_figure(folder: Path, result: FigureResult, options: FigureOptions, sec
     make_folder(folder)
     table = folder / f"{result.name}.csv"
     write_csv(table, list(result.table[0]), result.table)
-    paths = [table]
     if has_parquet():
-        paths.append(write_parquet(table.with_suffix(".parquet"), result.table))
+        write_parquet(table.with_suffix(".parquet"), result.table)
     for layout, formats in LAYOUTS.items():
         figure = result.draw(layout)
         for suffix in formats:
-            path = folder / _name_picture(result.name, layout, suffix)
-            save_figure(figure, path)
-            paths.append(path)
+            save_figure(figure, folder / _name_picture(result.name, layout, suffix))
     write_json(_find_description(folder, result.name), _describe(result, options, seconds))
-    return paths
 
 
-def load_figure(folder: Path, name: str) -> StoredFigure | None:
+def load_figure(folder: Path, name: str, options: FigureOptions) -> StoredFigure | None:
     """Return a finished figure; None if the folder has none of this name.
 
     Raises:
-        DataError: the description is damaged or has another format.
+        DataError: the description is damaged or has another format, or the figure was made with other options
+            or by another state of lcorpp.
         FileError: a file is missing or cannot be read.
     """
     path = _find_description(folder, name)
@@ -84,13 +78,18 @@ def load_figure(folder: Path, name: str) -> StoredFigure | None:
             raise ValueError(f"version {content['version']}, expected {VERSION}")
     except (ValueError, KeyError, TypeError) as error:
         raise DataError(f"{path}: not the description of a figure: {error}; expected another --out") from None
+    if difference := _find_difference(content, options):
+        raise DataError(
+            f"{folder}: the figure {name} cannot be reused: {difference}; expected another folder (--out), or"
+            " --again, which replaces it"
+        )
     pictures = {layout: read_text(folder / _name_picture(name, layout, "svg")) for layout in LAYOUTS}
     return StoredFigure(content, pictures)
 
 
-def find_difference(stored: StoredFigure, options: FigureOptions) -> str | None:
-    """Return in what a stored figure's options or code differ from the present ones; None if in nothing."""
-    then, now = stored.content, _identify(options)
+def _find_difference(then: Mapping[str, Any], options: FigureOptions) -> str | None:
+    """Return in what a description's options or code differ from the present ones; None if in nothing."""
+    now = _identify(options)
     if then["code"] != now["code"]:
         release = "another state of" if then["lcorpp"] == now["lcorpp"] else f"{then['lcorpp']} instead of"
         return f"it was made by {release} lcorpp {now['lcorpp']}"
