@@ -10,7 +10,7 @@ from lcorpp import planning
 from lcorpp.decision import STRATEGIES, Robot
 from lcorpp.domains import load_domain
 from lcorpp.errors import DomainError
-from lcorpp.experiments.scoring import episode_totals
+from lcorpp.experiments.scoring import decision_graph, episode_totals
 from lcorpp.experiments.scoring.exact_evaluation import compute_joint_distribution, evaluate_exactly
 from lcorpp.experiments.scoring.experiment import Experiment
 from lcorpp.experiments.scoring.metrics import Scores
@@ -115,6 +115,13 @@ def test_scores_by_circuits_are_those_by_enumeration(preset):
         other = exactly(preset)[scores.strategy]
         np.testing.assert_allclose(scores.counts, other.counts, rtol=1e-12)
         assert scores.return_.estimate == pytest.approx(other.return_.estimate, rel=1e-12)
+
+
+def test_points_are_the_same_however_many_are_extended_together(monkeypatch):
+    monkeypatch.setattr(decision_graph, "MAX_TOGETHER", 3)
+    domain, robot, channels = parts("paper")
+    for scores in evaluate_exactly(domain, robot, channels, STRATEGIES):
+        assert np.array_equal(scores.counts, exactly("paper")[scores.strategy].counts)
 
 
 def test_a_planner_of_another_kind_acts_at_one_point_after_the_other():

@@ -17,6 +17,9 @@ Indices = np.ndarray[Any, np.dtype[np.intp]]
 ENDED = -1
 """The action at a node where the decision has ended without a report."""
 
+MAX_TOGETHER = 5000
+"""The robot acts and updates its belief at this many points at once; more take memory and save no time."""
+
 
 class DecisionGraph:
     """The points at which a robot acts, numbered; equal points are one.
@@ -69,11 +72,12 @@ class DecisionGraph:
         size, known = len(self._pomdp.observations), self._children
         keys = (nodes * size + observations).tolist()
         new = [key for key in dict.fromkeys(keys) if key not in known]
-        if new:
-            here = [self._found[key // size] for key in new]
-            done = [self._pomdp.actions[self._actions[key // size]] for key in new]
-            seen = [self._pomdp.observations[key % size] for key in new]
-            known.update(zip(new, self.find_numbers(self._nodes.extend(here, done, seen)), strict=True))
+        for i in range(0, len(new), MAX_TOGETHER):
+            part = new[i : i + MAX_TOGETHER]
+            here = [self._found[key // size] for key in part]
+            done = [self._pomdp.actions[self._actions[key // size]] for key in part]
+            seen = [self._pomdp.observations[key % size] for key in part]
+            known.update(zip(part, self.find_numbers(self._nodes.extend(here, done, seen)), strict=True))
         return np.array([known[key] for key in keys], np.intp)
 
     def describe_root(self, roots: Iterable[int], node: int) -> str:
