@@ -69,40 +69,64 @@ def evaluate_on_cluster(calls: Iterable[Any], address: str) -> Generator[Any, No
             results.put(error)
 
     Thread(target=wait, daemon=True).start()
-    idle = stuck = 0
-    began = False
+    watch = _Watch(client, address)
     try:
         while True:
             try:
                 found = results.get(timeout=1)
             except Empty:
-                began = began or _has_workers(client)
-                idle = idle + 1 if began and not _has_workers(client) else 0
-                waiting = {"pending", "lost"} & {state.status for state in client.futures.copy().values()}
-                stuck = stuck + 1 if began and not waiting else 0
-                if idle >= IDLE_SECONDS:
-                    raise WorkerError(f"the cluster {address} is lost: {GONE}") from None
-                if stuck >= STUCK_SECONDS:  # joblib waits, but not for Dask
-                    raise WorkerError(
-                        f"one unit ended several workers of the cluster {address}, perhaps for lack of memory"
-                    ) from None
+                watch.count_second()
                 continue
-            if isinstance(found, TimeoutError):
-                raise WorkerError(
-                    f"the cluster {address} has no worker after {CONNECT_SECONDS} seconds; expected"
-                    f" `dask worker {address} --nthreads 1`"
-                )
-            if isinstance(found, CancelledError | OSError):
-                raise WorkerError(f"the cluster {address} is lost: {GONE}")
             if isinstance(found, BaseException):
-                raise found
+                raise _explain(found, address)
             if found is None:
                 return
-            idle, stuck, began = 0, 0, True
+            watch.reset()
             yield found[0]
     finally:
         with suppress(TimeoutError, OSError, CancelledError):
             client.close(timeout=1)
+
+
+class _Watch:
+    """Counts the seconds in which nothing can come of a cluster, once it has had a worker."""
+
+    def __init__(self, client: Client, address: str) -> None:
+        self._client, self._address = client, address
+        self._idle = self._stuck = 0
+        self._began = False
+
+    def reset(self) -> None:
+        """Begin again, as there is a result."""
+        self._idle, self._stuck, self._began = 0, 0, True
+
+    def count_second(self) -> None:
+        """Count a second without a result. Raises `WorkerError` if the cluster is given up."""
+        has_workers = _has_workers(self._client)
+        self._began = self._began or has_workers
+        if not self._began:
+            return
+        waiting = {"pending", "lost"} & {state.status for state in self._client.futures.copy().values()}
+        self._idle = 0 if has_workers else self._idle + 1
+        self._stuck = 0 if waiting else self._stuck + 1
+        if self._idle >= IDLE_SECONDS:
+            raise WorkerError(f"the cluster {self._address} is lost: {GONE}")
+        if self._stuck >= STUCK_SECONDS:  # joblib waits, but not for Dask
+            raise WorkerError(
+                f"one unit ended several workers of the cluster {self._address}, perhaps for lack of memory"
+            )
+
+
+def _explain(error: BaseException, address: str) -> BaseException:
+    """Return the error that ended joblib, one of the cluster as a `WorkerError`."""
+    if isinstance(error, TimeoutError):
+        return WorkerError(
+            f"the cluster {address} has no worker after {CONNECT_SECONDS} seconds; expected"
+            f" `dask worker {address} --nthreads 1`"
+        )
+    if isinstance(error, CancelledError | OSError):
+        return WorkerError(f"the cluster {address} is lost: {GONE}")
+    return error
 
 
 def _connect(address: str) -> Client:
