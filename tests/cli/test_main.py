@@ -103,7 +103,7 @@ def test_ctrl_c_names_the_step(lcorpp, monkeypatch, function, command, words):
 
 
 def test_ctrl_c_in_the_first_training_of_learn(lcorpp, monkeypatch, tmp_path):
-    monkeypatch.setattr("lcorpp.experiments.active_learning.run.train_and_validate", interrupt)
+    monkeypatch.setattr("lcorpp.experiments.active_learning.training.train_and_validate", interrupt)
     ended = lcorpp("learn", ROOMS, *SMALL)
     assert (ended.code, ended.err) == (130, "interrupted: no batch is complete\n")
     ended = lcorpp("learn", ROOMS, *SMALL, "--store", tmp_path / "s.tracks")
@@ -132,7 +132,7 @@ def test_outputs_are_checked_before_the_work(lcorpp, monkeypatch, tmp_path):
 
     for name in ("classifier_training.train_and_validate", "comparison.solve_domain"):
         monkeypatch.setattr(f"lcorpp.experiments.{name}", fail)
-    monkeypatch.setattr("lcorpp.experiments.active_learning.run.train_and_validate", fail)
+    monkeypatch.setattr("lcorpp.experiments.active_learning.training.train_and_validate", fail)
     (tmp_path / "file").write_text("")
     for out in (tmp_path / "file", tmp_path / "file" / "below"):
         refused(lcorpp("run", *SMALL, "--out", out), "is a file")
@@ -274,7 +274,7 @@ def test_tables_of_several_variables_and_senses_fit_into_80_columns(lcorpp, monk
         differences = lines[lines.index("differences on the same people, paired intervals") :]
         assert any(line.split() == [reference, "minus", "cost", "return"] for line in differences)
         (row,) = (line for line in differences if line.split()[:1] == [worse])
-        assert re.fullmatch(r" \S+ +-?[\d.]+ \[-?[\d.]+, -?[\d.]+\] +[\d.]+ \[[\d.]+, [\d.]+\] *", row), row
+        assert re.fullmatch(r" \S+ +-?[\d.]+ \[-?[\d.]+, -?[\d.]+\] +[\d.]+ \[-?[\d.]+, [\d.]+\] *", row), row
     assert next(line.split() for line in small if "item" in line) == [
         "strategy",
         "item",

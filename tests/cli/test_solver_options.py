@@ -118,7 +118,7 @@ def test_solvers_are_checked_before_the_work(lcorpp, own, monkeypatch, command):
     for name in (
         "setup.solve_cached",
         "classifier_training.train_and_validate",
-        "active_learning.run.train_and_validate",
+        "active_learning.training.train_and_validate",
     ):
         monkeypatch.setattr(f"lcorpp.experiments.{name}", None)
     refused(lcorpp(*command, "--solver", "pbvi"), "unknown solver 'pbvi'; expected one of sarsop")

@@ -55,6 +55,16 @@ def test_a_trial_is_that_of_the_log(lcorpp, tmp_path, domain, shared, options):
             assert re.search(rf"the prior belief\n +{state} +{probability:.6f} ", text)
 
 
+def test_a_strategy_meets_the_same_people_alone(lcorpp):
+    """Also without the first sense, whose signals are drawn before those of the second."""
+    command = ("run", "museum", *CHANNEL, "--trials", 60)
+    for trial in (0, 13, 50, 59):
+        both = lcorpp(*command, "--strategy", "L", "--strategy", "LCORPP-motion", "--trial", trial)
+        alone = lcorpp(*command, "--strategy", "LCORPP-motion", "--trial", trial)
+        title = f"\ntrial {trial}, LCORPP-motion\n"
+        assert alone.out.partition(title)[2] == both.out.partition(title)[2] != ""
+
+
 def test_all_trials_together_are_the_table(lcorpp, tmp_path):
     command = ("run", *CHANNEL, "--trials", 6, "--jobs", 1, "--strategy", "LCORPP")
     assert lcorpp(*command, "--out", tmp_path, "--format", "svg").code == 0

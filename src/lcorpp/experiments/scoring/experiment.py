@@ -114,7 +114,11 @@ class ChunkSource:
         experiment, seed = self._experiment, (self._experiment.seed, number)
         rng = np.random.default_rng(seed)
         people = self._population.sample(count, rng)
-        signals = {sense: source.simulate(people, rng) for sense, source in experiment.signals.items()}
+        signals = {}
+        for place, sense in enumerate(experiment.domain.senses):
+            if sense.name in experiment.signals:  # the same, whatever other senses the strategies use
+                own = rng if place == 0 else np.random.default_rng([*seed, place, 2])
+                signals[sense.name] = experiment.signals[sense.name].simulate(people, own)
         began = perf_counter()
         labels = {
             sense: classifier.classify_many(signals[sense])
