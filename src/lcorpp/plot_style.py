@@ -28,6 +28,7 @@ HATCHES = ("", "//", "..", "\\\\", "xx", "++", "oo", "**")
 
 RC_PARAMS = {
     "font.size": 10,
+    "text.parse_math": False,  # a dollar in a name is a dollar
     "text.color": INK,
     "axes.labelcolor": INK,
     "axes.edgecolor": MUTED,

@@ -8,11 +8,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from lcorpp.cli import console
 from lcorpp.learning import read_data, read_recording, save_dataset, write_recording
 from lcorpp.learning.data.repairs import REPAIRS
 from lcorpp.values import Dataset
 from tests.learning.data.server import serving
-from tests.learning.data.texts import GOOD, atc_rows, crowd, rows
+from tests.learning.data.texts import GOOD, HEADING, atc_rows, crowd, rows
 
 ROOMS = Path(__file__).parents[2] / "tests/domains/rooms"
 REAL = Path(__file__).parents[3] / "shared" / "data" / "authors"
@@ -73,6 +74,40 @@ def test_describe_prints_and_writes_the_repairs(lcorpp, tmp_path):
     assert "leak check: not possible: a leak check needs every class in two groups; in is in 1" in ended.out
     assert len((tmp_path / "r.csv").read_text().splitlines()) == 4
     refused(lcorpp("data", "describe", file, "--repair", "short"), "a.csv:39:1")
+
+
+def test_names_with_markup_are_printed_as_they_are(lcorpp, tmp_path):
+    """Neither rich's markup and emoji nor matplotlib's formulas have a meaning in a track id or a class."""
+    file = tmp_path / "[b].csv"
+    file.write_text(
+        HEADING
+        + "".join(rows(f"[/x]{i}", ("[bold]", ":smile:", "$x$y_^{")[i % 3], speed=1 + i) for i in range(6))
+        + rows("[/y]", "", speed=8)
+    )
+    ended = lcorpp("data", "describe", file, "--repair", "labels")
+    assert (ended.code, ended.err) == (0, "")
+    for words in (f"{file}: 6 tracks", "[bold] ", ":smile: ", "$x$y_^{ ", "in track [/x]5", "(track [/y])"):
+        assert words in ended.out
+    ended = lcorpp("data", "plot", file, tmp_path / "[b].png", "--repair", "labels")
+    assert ended.out == f"wrote {tmp_path / '[b].png'}\n"
+    table = tmp_path / "table.csv"
+    table.write_text("lean,[/gaze],label,group\n1,2,[/x],a\n3,2,[/x],a\n2,1,:smile:,[/b]\n")
+    ended = lcorpp("data", "describe", table)
+    assert ended.code == 0
+    for words in ("[/x] ", ":smile: ", "[/gaze] "):
+        assert words in ended.out
+
+
+def test_progress_of_a_file_with_markup_in_its_name(monkeypatch):
+    import io
+
+    from rich.console import Console
+
+    terminal = Console(file=io.StringIO(), force_terminal=True, width=80, markup=False)
+    monkeypatch.setattr(console, "err", terminal, raising=False)
+    with console.show_progress("reading [/x].csv") as advance:
+        advance(1, 2)
+    assert "reading [/x].csv" in terminal.file.getvalue()
 
 
 def test_describe_tracking_data_without_labels(lcorpp, tmp_path):

@@ -23,7 +23,8 @@ def __getattr__(name: str) -> Console:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     from rich.console import Console
 
-    created = Console(stderr=name == "err", highlight=False)
+    # texts of users are printed as they are: "[/x]" is no markup, ":x:" no emoji
+    created = Console(stderr=name == "err", highlight=False, markup=False, emoji=False)
     if not created.is_terminal:
         created.soft_wrap = True  # files and pipes get whole lines, terminals lines that break between words
     globals()[name] = created
@@ -41,12 +42,12 @@ def count_processes(jobs: int | None) -> int:
 
 def print_note(text: str) -> None:
     """Print a note."""
-    _console("out").print(f"note: {text}", style="yellow", markup=False)
+    _console("out").print(f"note: {text}", style="yellow")
 
 
 def warn(text: str) -> None:
     """Print a warning on standard error."""
-    _console("err").print(f"warning: {text}", style="yellow", markup=False)
+    _console("err").print(f"warning: {text}", style="yellow")
 
 
 @contextmanager
@@ -74,9 +75,9 @@ def show_progress(
 
     columns = (
         SpinnerColumn(),
-        TextColumn("{task.description}"),
+        TextColumn("{task.description}", markup=False),
         BarColumn(),
-        TextColumn("{task.fields[count]}"),
+        TextColumn("{task.fields[count]}", markup=False),
         TimeElapsedColumn(),
     )
     err = _console("err")
@@ -111,8 +112,11 @@ def show_delayed_progress(title: str) -> Iterator[Callable[[float, str], None]]:
             if display is None and visible and monotonic() - start > MIN_STEP_SECONDS:
                 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
-                columns = (TextColumn("{task.description}"), BarColumn(), TextColumn("{task.fields[text]}"))
-                display = Progress(*columns, TimeElapsedColumn(), console=_console("err"), transient=True)
+                title_column, text_column = (
+                    TextColumn(f"{{task.{field}}}", markup=False) for field in ("description", "fields[text]")
+                )
+                columns = (title_column, BarColumn(), text_column, TimeElapsedColumn())
+                display = Progress(*columns, console=_console("err"), transient=True)
                 stack.enter_context(display).add_task(title, total=1.0, text="")
             if display is not None:
                 display.update(display.task_ids[0], completed=share, text=text)

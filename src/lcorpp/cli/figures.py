@@ -67,5 +67,5 @@ def figures(
         how = "kept from an earlier run" if figure.reused else f"{figure.seconds:.1f} s"
         left = run.remaining.seconds
         rest = f"; about {console.format_time(left)} left" if left else ""
-        console.out.print(f"{figure.name}: {how} ({number} of {len(names)}{rest})", markup=False)
-    console.out.print(f"wrote {folder / 'report.html'}", markup=False)
+        console.out.print(f"{figure.name}: {how} ({number} of {len(names)}{rest})")
+    console.out.print(f"wrote {folder / 'report.html'}")

@@ -222,13 +222,13 @@ def learn(
         except KeyboardInterrupt:
             kept = "the batches above are kept" if has_complete_batch else "no batch is complete"
             kept += "" if store is None else f"; the decisions so far are kept in {store}"
-            console.err.print(f"interrupted: {kept}", markup=False)
+            console.err.print(f"interrupted: {kept}")
             if not has_complete_batch and store is None:
                 raise typer.Exit(130) from None
     if written is not None:
         if written.problem is not None and not any(problems):
             console.print_note(f"the classifier is not saved: {written.problem}")
-        console.out.print(f"wrote {', '.join(str(path) for path in written.paths)}", markup=False)
+        console.out.print(f"wrote {', '.join(str(path) for path in written.paths)}")
 
 
 def _check_options(
@@ -280,7 +280,7 @@ def _print_senses(domain: Domain, senses: LearningSenses) -> None:
 def _print_run_store(run_store: RunStore) -> None:
     """Print the content of the stores, their notes and the batch after which the run resumes."""
     for store in run_store.stores.values():
-        console.out.print(f"{store.path}: {store.snapshot().summary()}", markup=False)
+        console.out.print(f"{store.path}: {store.snapshot().summary()}")
     for text in run_store.notes:
         console.print_note(text)
     if run_store.number is not None:

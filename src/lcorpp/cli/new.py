@@ -81,10 +81,8 @@ def new(
             )
         answers = ask_answers(folder.absolute().name, input)
     domain = write_new_domain(folder, answers)
-    console.out.print(
-        f"{folder}: {len(domain.values)} values to decide among, {domain.pomdp!r}", markup=False
-    )
-    console.out.print(f"edit its knowledge.plog and interaction.py; then: lcorpp run {folder}", markup=False)
+    console.out.print(f"{folder}: {len(domain.values)} values to decide among, {domain.pomdp!r}")
+    console.out.print(f"edit its knowledge.plog and interaction.py; then: lcorpp run {folder}")
 
 
 def build(
@@ -156,7 +154,7 @@ def ask_answers(folder_name: str, ask: Callable[[str], str]) -> NewDomain:
                 answers = build(name, facts, shared, senses, questions, right, wrong)
                 break
             except DomainError as error:
-                console.out.print(str(error), style="yellow", markup=False)
+                console.out.print(str(error), style="yellow")
     return answers
 
 

@@ -45,7 +45,7 @@ def replay(
     damaged = list[DataError]()
     for result in replay_log(file, domain, cache=None if no_cache else find_cache_folder()):
         if isinstance(result, ChangedPart):
-            console.out.print(f"changed since the log: {result.what}", style="yellow", markup=False)
+            console.out.print(f"changed since the log: {result.what}", style="yellow")
         elif isinstance(result, DataError):
             damaged.append(result)
         else:
@@ -55,7 +55,7 @@ def replay(
             if not quiet:
                 _print_decision(result)
     where = f" in {different} of them" if different else ""
-    console.out.print(f"{count} decisions, {differences} differences{where}", markup=False)
+    console.out.print(f"{count} decisions, {differences} differences{where}")
     if damaged:
         raise DataError(_summarise(damaged, file))
     if different:
@@ -70,11 +70,9 @@ def _print_decision(result: ReplayedDecision) -> None:
     given = ", ".join(f"{name}={value}" for name, value in episode.evidence.items())
     steps = ", ".join(f"{step.action} {step.observation or ''}".rstrip() for step in episode.steps)
     report = "no report" if episode.report is None else format_value(episode.report)
-    console.out.print(
-        f"{result.line}  {result.strategy}: {given or 'no evidence'}: {steps}; {report}", markup=False
-    )
+    console.out.print(f"{result.line}  {result.strategy}: {given or 'no evidence'}: {steps}; {report}")
     for difference in result.differences:
-        console.out.print(f"    {difference}", style="red", markup=False)
+        console.out.print(f"    {difference}", style="red")
 
 
 def _summarise(damaged: list[DataError], file: Path) -> str:

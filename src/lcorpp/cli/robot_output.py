@@ -11,6 +11,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from rich.table import Table
+    from rich.text import Text
 
     from lcorpp.domains import Domain
     from lcorpp.experiments.scoring.metrics import Scores
@@ -19,8 +20,8 @@ if TYPE_CHECKING:
     from lcorpp.planning import Solution
     from lcorpp.values import Interval
 
-STACKED, INLINE = "{}\n[dim]\\[{},{}][/dim]", "{} [dim]\\[{}, {}][/dim]"
-"""Layouts of an estimate with its interval; below each other, six columns fit into 80 characters."""
+STACKED, INLINE = "\n[{},{}]", " [{}, {}]"
+"""Layouts of an interval after its estimate; below each other, six columns fit into 80 characters."""
 
 MAX_NAME_WIDTH = 13
 """Characters of a strategy's name on one line: six scores with their intervals fit beside it into 80."""
@@ -99,12 +100,14 @@ def _make_score_table(title: str, names: Sequence[str], columns: Sequence[str]) 
     return table
 
 
-def _format_interval(interval: Interval, number_format: str, layout: str) -> str:
+def _format_interval(interval: Interval, number_format: str, layout: str) -> Text:
     """Return the estimate and the interval with one digit less, as `STACKED` or `INLINE`.
 
     Exact values have no interval, or bounds if the least likely episodes were left out.
     """
-    text, digits = f"{interval.estimate:{number_format}}", int(number_format[1])
+    from rich.text import Text
+
+    text, digits = Text(f"{interval.estimate:{number_format}}"), int(number_format[1])
     low, high = interval.low, interval.high
     if interval.confidence == 1:  # bounds: rounded outwards, and left out if nothing of them is visible
         if high - low < 10.0 ** -(digits + 1):
@@ -114,7 +117,8 @@ def _format_interval(interval: Interval, number_format: str, layout: str) -> str
     elif low == high:
         return text
     ends = [f"{end:.{digits - 1}f}" for end in (low, high)]
-    return layout.format(text, *(end.removeprefix("0") if end.startswith("0.") else end for end in ends))
+    ends = [end.removeprefix("0") if end.startswith("0.") else end for end in ends]
+    return text.append(layout.format(*ends), "dim")
 
 
 def print_classifiers(domain: Domain, senses: Senses) -> None:
@@ -140,17 +144,17 @@ def print_classifier(setup: SenseSetup, sense: str = "") -> None:
         return
     report = setup.report
     if report is None:
-        console.out.print(f"{title}: {setup.source}", markup=False)
+        console.out.print(f"{title}: {setup.source}")
     else:
         console.out.print(
             f"{title}: {setup.source}, five-fold cross-validation on {report.source}:"
-            f" {setup.n_tracks} {setup.unit} of {report.people} people; \\[95% intervals]"
+            f" {setup.n_tracks} {setup.unit} of {report.people} people; [95% intervals]"
         )
-        console.out.print(f"  accuracy {report.accuracy}", markup=False)
+        console.out.print(f"  accuracy {report.accuracy}")
     for cells in setup.intervals:
         rates = ", ".join(f"{rate.predicted} {rate.interval}" for rate in cells)
         text = f"  true class {cells[0].true} ({cells[0].cases} cases); predicted: {rates}"
-        console.out.print(text, markup=False)
+        console.out.print(text)
     if report is not None:
         console.out.print(_make_report_table(report))
     if setup.trained.threshold is not None:
@@ -164,8 +168,7 @@ def print_solution(solution: Solution) -> None:
     cached = "; from the cache of policies (--no-cache solves again)" if solution.cached else ""
     console.out.print(
         f"{name}: value in [{lower:.3f}, {lower + gap:.3f}] at the start belief; {solution.vectors} vectors,"
-        f" {solution.seconds:.1f} s{cached}",
-        markup=False,
+        f" {solution.seconds:.1f} s{cached}"
     )
     if not solution.converged:
         kept = "; this is the best policy so far" if solution.reason == "interrupted" else ""
@@ -194,7 +197,7 @@ def _make_report_table(report: EvaluationReport) -> Table:
     for choices in zip(*(one.thresholds for one in classes), strict=True):
         rows[choices[0].label] = [f"{t.score:.3f} at threshold {t.probability:.3f}" for t in choices]
     for name, cells in rows.items():
-        table.add_row(name, *(cell.replace("[", "\\[") for cell in cells))
+        table.add_row(name, *cells)
     prevalence = ", ".join(f"{one.name} {one.thresholds[0].prevalence:.3g}" for one in classes)
     table.caption = f"best thresholds for the prevalence: {prevalence}"
     table.caption_justify = "left"

@@ -205,7 +205,7 @@ def run(
         written = write_comparison(out, comparison, configuration, formats=formats or FORMATS)
         if written.problem is not None and not announced:
             console.print_note(f"the classifier is not saved: {written.problem}")
-        console.out.print("wrote " + ", ".join(str(path) for path in written.paths), markup=False)
+        console.out.print("wrote " + ", ".join(str(path) for path in written.paths))
     if comparison.trials is not None and comparison.trials < number:
         console.err.print(f"interrupted: {comparison.trials} of {number} trials are kept")
 

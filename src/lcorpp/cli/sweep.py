@@ -61,7 +61,7 @@ def sweep(
     if len(result.failures) > MAX_SHOWN:
         console.warn(f"... ({len(result.failures)} in all, listed in sweep.json)")
     written = write_sweep(folder, result, formats=formats or FORMATS)
-    console.out.print(summarise(result), markup=False)
+    console.out.print(summarise(result))
     if not has_parquet():
         console.print_note("the table is written as CSV alone; Parquet needs the extra lcorpp[parquet]")
-    console.out.print("wrote " + ", ".join(map(str, written)), markup=False)
+    console.out.print("wrote " + ", ".join(map(str, written)))

@@ -65,28 +65,27 @@ def print_features(dataset: Dataset, path: Path, repairs: Sequence[Repair]) -> N
     emit(
         f"{path}: {len(dataset)} cases of {people} people; {len(dataset.channels)} {kind}{over_time}",
         style="bold",
-        markup=False,
     )
     names = sorted(set(dataset.labels))
     width = max(5, *map(len, names))
     emit(f"  {'class':<{width}}   cases  people")
     for name in names:
         groups = [g for g, label in zip(dataset.groups, dataset.labels, strict=True) if label == name]
-        emit(f"  {name:<{width}}  {len(groups):6}  {len(set(groups)):6}", markup=False)
+        emit(f"  {name:<{width}}  {len(groups):6}  {len(set(groups)):6}")
     shown = dataset.channels[:MAX_SHOWN]
     width = max(7, *map(len, shown))
-    emit(f"  {kind[:-1]:<{width}}  median [minimum, maximum]", markup=False)
+    emit(f"  {kind[:-1]:<{width}}  median [minimum, maximum]")
     for index, name in enumerate(shown):
         spread = Quantiles.of(dataset.trajectories[:, index].ravel())
         numbers = f"{spread.median:.4g} [{spread.min:.4g}, {spread.max:.4g}]"
-        emit(f"  {name:<{width}}  {numbers}", markup=False)
+        emit(f"  {name:<{width}}  {numbers}")
     if len(dataset.channels) > MAX_SHOWN:
         emit(f"  ... ({len(dataset.channels)} in all)")
     repeated = len(dataset) - len({case.tobytes() for case in dataset.trajectories})
     emit(f"repeated cases: {repeated or 'none'}")
     _print_repairs(repairs)
     for note in dataset.notes:
-        emit(f"note: {note}", style="yellow", markup=False)
+        emit(f"note: {note}", style="yellow")
 
 
 def _format_quantiles(spread: Quantiles, digits: int) -> str:

@@ -25,7 +25,7 @@ def print_trial(experiment: Experiment, number: int, trials: int) -> None:
     truth = domain.reasoning.join(trial.person)
     print_person(domain, trial.person)
     for strategy in experiment.strategies:
-        console.out.print(f"\ntrial {number}, {strategy.name}", style="bold", markup=False)
+        console.out.print(f"\ntrial {number}, {strategy.name}", style="bold")
         with strategy.locate_failures():
             robot, world = trial.make_robot(strategy), trial.make_world()
             labels = robot.classify(trial.instance)
