@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import os
+import stat
 from collections.abc import Container, Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
+from contextvars import ContextVar
 from typing import TYPE_CHECKING, BinaryIO, TextIO
 
 from lcorpp.errors import FileError
@@ -14,6 +16,23 @@ if TYPE_CHECKING:
 
 FIGURE_SUFFIXES = (".png", ".svg", ".pdf")
 """Supported formats of figures."""
+
+
+_pipes: ContextVar[tuple[ExitStack, dict[str, str]] | None] = ContextVar("pipes", default=None)
+
+
+@contextmanager
+def keep_pipes() -> Iterator[None]:
+    """Within this block, `open_text` can open a pipe several times: the first one copies it to a file."""
+    if _pipes.get() is not None:  # an outer block keeps them
+        yield
+        return
+    with ExitStack() as stack:
+        token = _pipes.set((stack, {}))
+        try:
+            yield
+        finally:
+            _pipes.reset(token)
 
 
 def read_text(path: str | Path) -> str:
@@ -57,11 +76,13 @@ def hash_files(folder: Path, suffixes: Container[str]) -> str:
 def open_text(path: str | Path) -> TextIO:
     """Open a UTF-8 text file for reading line by line; line endings become newlines.
 
+    A pipe has its content once; see `keep_pipes`.
+
     Raises:
         FileError: the file is missing, unreadable or a folder. Reading it may raise UnicodeDecodeError.
     """
     try:
-        return open(path, encoding="utf-8-sig")
+        return open(_copy_pipe(path), encoding="utf-8-sig")
     except (OSError, ValueError) as error:
         raise FileError(f"{_make_printable(path)}: cannot be read: {_describe_reason(error)}") from None
 
@@ -153,6 +174,23 @@ def make_folder(path: str | Path) -> Path:
             f"{_make_printable(path)}: cannot create the folder: {_describe_reason(error)}"
         ) from None
     return Path(path)
+
+
+def _copy_pipe(path: str | Path) -> str | Path:
+    """Return the path of the copy of a pipe; of any other file, and without `keep_pipes`, the path itself."""
+    kept = _pipes.get()
+    if kept is None or not stat.S_ISFIFO(os.stat(path).st_mode):
+        return path
+    stack, copies = kept
+    if str(path) not in copies:
+        import shutil
+        import tempfile
+
+        with open(path, "rb") as pipe, tempfile.NamedTemporaryFile(delete=False) as copy:
+            stack.callback(os.unlink, copy.name)
+            shutil.copyfileobj(pipe, copy)
+        copies[str(path)] = copy.name
+    return copies[str(path)]
 
 
 def _describe_reason(error: OSError | ValueError) -> str:

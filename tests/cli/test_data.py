@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import hashlib
+import os
+import threading
 from pathlib import Path
 
 import numpy as np
@@ -108,6 +110,31 @@ def test_progress_of_a_file_with_markup_in_its_name(monkeypatch):
     with console.show_progress("reading [/x].csv") as advance:
         advance(1, 2)
     assert "reading [/x].csv" in terminal.file.getvalue()
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="this system has no named pipes")
+def test_a_pipe_is_read_as_a_file_is(lcorpp, tmp_path):
+    """All readers open their file several times; a pipe has its content once."""
+    text = HEADING + "".join(rows(f"track {i}", "in" if i % 2 else "out", samples=60) for i in range(40))
+    assert len(text) > 40_000  # more than the detection of the format reads
+    (tmp_path / "file.csv").write_text(text)
+
+    def pipe(content):
+        (tmp_path / "pipe.csv").unlink(missing_ok=True)
+        os.mkfifo(tmp_path / "pipe.csv")
+        threading.Thread(target=(tmp_path / "pipe.csv").write_text, args=(content,), daemon=True).start()
+        return tmp_path / "pipe.csv"
+
+    ended, expected = (lcorpp("data", "describe", file) for file in (pipe(text), tmp_path / "file.csv"))
+    assert (ended.code, ended.out) == (0, expected.out.replace("file.csv", "pipe.csv"))
+    assert (
+        len(read_recording(pipe(text)))
+        == len(read_recording(pipe(text + "b,0,1,1,in\nb,1,2,2,in\n"))) - 1
+        == 40
+    )
+    refused(lcorpp("data", "describe", pipe(text + "b,0,1,x,in\n")), "pipe.csv:2402:7: 'x' is not a number")
+    table = "lean,label,group\n" + "".join(f"{i},{'ab'[i % 2]},{i}\n" for i in range(5000))
+    assert "5000 cases of 5000 people" in lcorpp("data", "describe", pipe(table)).out
 
 
 def test_describe_tracking_data_without_labels(lcorpp, tmp_path):

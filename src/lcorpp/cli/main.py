@@ -9,12 +9,14 @@ import sys
 from collections.abc import Sequence
 
 from lcorpp.errors import LcorppError
+from lcorpp.files import keep_pipes
 
 
 def main() -> None:
     """Run a command; bad input ends in one message on standard error and exit code 2."""
     try:
-        _run_command(sys.argv[1:])
+        with keep_pipes():
+            _run_command(sys.argv[1:])
     except LcorppError as error:
         print(f"lcorpp: {error}", file=sys.stderr)
         sys.exit(2)

@@ -87,8 +87,9 @@ class CsvFile(RowSource):
 
     def batches(self, progress: Progress | None = None) -> Iterator[RowBatch]:
         """Yield all rows without blank lines; one that cannot be parsed needs the repair `rows` or `cut`."""
-        size, read, number = os.path.getsize(self.file), 0, 1
+        read, number = 0, 1
         with open_text(self.file) as file:
+            size = os.fstat(file.fileno()).st_size
             while lines := self._read_lines(file, number):
                 self.ended = lines[-1].endswith("\n")
                 first = min(max(0, self._header + 1 - number), len(lines))

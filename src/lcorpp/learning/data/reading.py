@@ -10,7 +10,7 @@ from typing import Literal
 import numpy as np
 
 from lcorpp.errors import DataError, FileError, ParseError
-from lcorpp.files import open_text
+from lcorpp.files import keep_pipes, open_text
 from lcorpp.learning.data.authors import read_authors
 from lcorpp.learning.data.cleaning import MAX_GAP, convert_to_metres
 from lcorpp.learning.data.csv_formats import ATC_COLUMNS, REQUIRED, read_atc, read_long_csv
@@ -41,6 +41,7 @@ MAX_HEADING = 1_000_000
 Pose = tuple[float, float, float]
 
 
+@keep_pipes()
 def read_data(
     path: str | Path,
     *,
@@ -96,6 +97,7 @@ def read_data(
         raise DataError(f"{path}: {reason}") from None
 
 
+@keep_pipes()
 def read_recording(
     path: str | Path,
     *,
@@ -153,6 +155,7 @@ def read_recording(
     return recording if robot is None else recording.in_robot_frame(*robot)
 
 
+@keep_pipes()
 def read_features(
     path: str | Path,
     *,
