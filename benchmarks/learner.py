@@ -173,7 +173,8 @@ def _epoch(*, compiled: bool) -> float:
     rng = np.random.default_rng(0)
     n = CASES * (FOLDS - 1) // FOLDS
     inputs = rng.normal(size=(n, 30, 2)).astype(np.float32)
-    cases = TrainingSet(inputs, (np.arange(n) % 2).astype(np.int32), np.ones(n, dtype=np.float32), 2)
+    lengths = np.full(n, inputs.shape[1])
+    cases = TrainingSet(inputs, lengths, (np.arange(n) % 2).astype(np.int32), np.ones(n, dtype=np.float32), 2)
     plan = TrainingConfig(
         units=UNITS, dropout=DROPOUT, epochs=1, batch_size=BATCH, learning_rate=1e-3, schedule="constant"
     )

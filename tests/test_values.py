@@ -16,6 +16,8 @@ from lcorpp.values import (
     Interval,
     Likelihood,
     Step,
+    measure_lengths,
+    stack_signals,
     track_hash,
 )
 
@@ -96,6 +98,22 @@ def test_equal_trajectories_and_no_others_share_a_hash():
     assert track_hash(track) == track_hash(np.asfortranarray(track.astype(np.float32)).tolist())
     for other in (track.T, track.reshape(1, 6), track + 1e-12, track[:, :2]):
         assert track_hash(other) != track_hash(track)
+    assert track_hash(np.pad(track, ((0, 0), (0, 4)), constant_values=np.nan)) == track_hash(track)
+
+
+def test_tracks_of_unequal_length():
+    tracks = [np.ones((2, points)) for points in (61, 1801, 400)]
+    data = Dataset(stack_signals(tracks), ("a", "b", "a"), interval=1 / 30)
+    assert data.lengths.tolist() == [61, 1801, 400]
+    assert data.take([2, 0]).lengths.tolist() == [400, 61]
+    assert ", 2 to 60 s of x, y every 0.0333333 s, 3 groups)" in repr(data)
+    assert "), 61 points of x, y" in repr(data.take([0]))
+    assert Dataset(np.ones((3, 4)), ("a", "b", "a")).lengths.tolist() == [1, 1, 1]
+    assert data.take([]).extent == "1801 points"
+    instance = Instance({"motion": data.trajectories[0], "posture": np.ones(3)}, {})
+    assert [signal.shape for signal in instance.signals.values()] == [(2, 61), (3,)]
+    assert measure_lengths(np.full((2, 2, 5), np.nan)).tolist() == [0, 0]
+    assert measure_lengths(np.zeros((2, 2, 0))).tolist() == [0, 0]
 
 
 def test_interval():

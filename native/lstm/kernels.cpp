@@ -279,12 +279,16 @@ void back_weights(Index U, Index K, Index cases, Index times, const float* rows,
     }
 }
 
-void back(Shape shape, const float* backward, Index cases, Index times, Pass pass, float* gradient) {
+void back(Shape shape, const float* backward, Index cases, Index times, const Index* lengths, Pass pass, float* gradient) {
     const Index U = shape.units, K = shape.rows();
     // Unused lanes must not count in sums over lanes: their gradients are 0 from the start.
     const Index used = round_up(cases, kWide);
     for (Index t = times - 1; t >= 0; --t) {
         float* gates = pass.gates + t * 4 * U * kLanes;
+        for (Index i = 0; i < cases; ++i) {
+            if (lengths[i] != t + 1) continue;  // until its last time point a case has gradients of 0
+            for (Index u = 0; u < U; ++u) pass.hidden[u * kLanes + i] = pass.last[u * kLanes + i];
+        }
         back_gates(U, used, pass.cells + t * U * kLanes, pass.cells + (t + 1) * U * kLanes, gates, pass.hidden, pass.cell);
         if (t > 0) back_hidden(U, backward, used, gates, pass.hidden);
     }

@@ -26,12 +26,13 @@ struct Shape {
 // rows: (T + 1, K, kLanes); input: the inputs and ones of the first T, and the outputs of the first.
 // cells: (T + 1, U, kLanes); input: the first.
 // gates: (T, U, 4, kLanes), input, forget, cell and output; the backward pass overwrites them by their gradients.
-// hidden, cell: (U, kLanes), in the backward pass the gradients of the output and the cell; input: those of the last
-//   time point, 0 for the cell.
+// last: (U, kLanes), input: the gradients of the output at the last time point of each case.
+// hidden, cell: (U, kLanes), in the backward pass the gradients of the output and the cell at a time point; input: 0.
 struct Pass {
     float* rows;
     float* cells;
     float* gates;
+    const float* last;
     float* hidden;
     float* cell;
 };
@@ -48,8 +49,9 @@ struct Kernels {
     // One time step: computes gates, cells and outputs from the rows and cells before it. new_cells may be cells.
     void (*step)(Shape, const float* forward, Index cases, const float* rows, const float* cells, float* gates,
                  float* new_cells, float* outputs);
-    // Backpropagation through time; adds the gradient of the weights to `gradient` (K, U, 4).
-    void (*back)(Shape, const float* backward, Index cases, Index times, Pass, float* gradient);
+    // Backpropagation through time; adds the gradient of the weights to `gradient` (K, U, 4). lengths: (cases) the time
+    // points of each case, at most `times`; what comes after has no effect.
+    void (*back)(Shape, const float* backward, Index cases, Index times, const Index* lengths, Pass, float* gradient);
     // Updates n weights by Adam and sets their gradients to 0.
     void (*adam)(Index n, float size, float correction, float* weights, float* gradients, float* first,
                  float* second);

@@ -26,6 +26,7 @@ using namespace nb::literals;
 
 // Types of the Python stub, which `make stubs` generates from the signatures below.
 #define FLOATS "numpy.typing.NDArray[numpy.float32]"
+#define LENGTHS "numpy.typing.NDArray[numpy.int64]"
 #define WEIGHTS \
     "inputs: " FLOATS ", recurrent: " FLOATS ", bias: " FLOATS ", dense: " FLOATS ", dense_bias: " FLOATS ", "
 
@@ -44,6 +45,14 @@ void expect(bool condition, const char* message) {
 template <typename A>
 Index length(const A& array, std::size_t axis) {
     return static_cast<Index>(array.shape(axis));
+}
+
+// Expects (cases) numbers of time points from 1 to `times`.
+void expect_lengths(const In<std::int64_t, 1>& lengths, Index cases, Index times) {
+    expect(length(lengths, 0) == cases, "tracks and lengths do not match");
+    for (Index i = 0; i < cases; ++i) {
+        expect(lengths.data()[i] > 0 && lengths.data()[i] <= times, "a track has no time point, or more than there are");
+    }
 }
 
 template <typename A>
@@ -106,18 +115,19 @@ NB_MODULE(_kernels, m) {
             "inputs"_a, "recurrent"_a, "bias"_a, "dense"_a, "dense_bias"_a, "instruction_set"_a = nb::none(),
             nb::sig("def __init__(self, " WEIGHTS "instruction_set: str | None = None) -> None"))
         .def("scores",
-             [](const Network& network, In<float, 3> tracks) {
+             [](const Network& network, In<float, 3> tracks, In<std::int64_t, 1> lengths) {
                  const Index n = length(tracks, 0), outputs = network.shape().outputs;
                  expect(length(tracks, 2) == network.shape().channels, "the tracks have other channels");
+                 expect_lengths(lengths, n, length(tracks, 1));
                  std::vector<float> scores(static_cast<std::size_t>(n * outputs));
                  {
                      nb::gil_scoped_release unlock;
-                     network.scores(n, length(tracks, 1), tracks.data(), scores.data());
+                     network.scores(n, length(tracks, 1), tracks.data(), lengths.data(), scores.data());
                  }
                  return to_numpy(std::move(scores), {tracks.shape(0), static_cast<std::size_t>(outputs)});
              },
-             "tracks"_a, nb::sig("def scores(self, tracks: " FLOATS ") -> " FLOATS),
-             "Return the scores (n, O) after the last time point of tracks (n, time points, C).")
+             "tracks"_a, "lengths"_a, nb::sig("def scores(self, tracks: " FLOATS ", lengths: " LENGTHS ") -> " FLOATS),
+             "Return the scores (n, O) after the last of the `lengths` (n,) time points of tracks (n, time points, C).")
         // A step keeps the GIL, because it takes microseconds.
         .def("step",
              [](const Network& network, InOut<2> hidden, InOut<2> cell, In<float, 2> points) {
@@ -137,7 +147,7 @@ NB_MODULE(_kernels, m) {
         .def(
             "__init__",
             [](Trainer* self, Matrix inputs, Matrix recurrent, Row bias, Matrix dense, Row dense_bias, In<float, 3> tracks,
-               In<std::int32_t, 1> targets, In<float, 1> weights, Index batch, double keep,
+               In<std::int64_t, 1> lengths, In<std::int32_t, 1> targets, In<float, 1> weights, Index batch, double keep,
                const std::optional<std::string>& instruction_set) {
                 const Shape shape = shape_of(inputs, recurrent, bias, dense, dense_bias);
                 const Index n = length(tracks, 0), times = length(tracks, 1);
@@ -145,18 +155,19 @@ NB_MODULE(_kernels, m) {
                            length(weights, 0) == n,
                        "tracks, targets and weights do not match");
                 expect(batch > 0 && keep > 0 && keep <= 1, "batch and keep must be positive, keep at most 1");
+                expect_lengths(lengths, n, times);
                 const std::int32_t classes = shape.outputs == 1 ? 2 : static_cast<std::int32_t>(shape.outputs);
                 for (Index i = 0; i < n; ++i) {
                     expect(targets.data()[i] >= 0 && targets.data()[i] < classes, "there is no such class");
                 }
                 new (self) Trainer(select_kernels(instruction_set), shape,
                                    {inputs.data(), recurrent.data(), bias.data(), dense.data(), dense_bias.data()},
-                                   TrainingSet{n, times, to_vector(tracks), to_vector(targets), to_vector(weights)}, batch,
-                                   static_cast<float>(keep));
+                                   TrainingSet{n, times, to_vector(tracks), to_vector(lengths), to_vector(targets), to_vector(weights)},
+                                   batch, static_cast<float>(keep));
             },
-            "inputs"_a, "recurrent"_a, "bias"_a, "dense"_a, "dense_bias"_a, "tracks"_a, "targets"_a, "weights"_a, "batch"_a,
+            "inputs"_a, "recurrent"_a, "bias"_a, "dense"_a, "dense_bias"_a, "tracks"_a, "lengths"_a, "targets"_a, "weights"_a, "batch"_a,
             "keep"_a, "instruction_set"_a = nb::none(),
-            nb::sig("def __init__(self, " WEIGHTS "tracks: " FLOATS ", targets: numpy.typing.NDArray[numpy.int32], weights: " FLOATS
+            nb::sig("def __init__(self, " WEIGHTS "tracks: " FLOATS ", lengths: " LENGTHS ", targets: numpy.typing.NDArray[numpy.int32], weights: " FLOATS
                     ", batch: int, keep: float, instruction_set: str | None = None) -> None"))
         .def("epoch",
              [](Trainer& trainer, In<std::int64_t, 1> order, In<bool, 2> mask, In<double, 1> rates) {

@@ -49,24 +49,29 @@ Network::Network(const Kernels& kernels, Shape shape, const NumpyArrays<const fl
     kernels_.pack(shape, weights_.data(), forward_.data(), backward.data());
 }
 
-void Network::scores(Index n, Index times, const float* tracks, float* scores) const {
+void Network::scores(Index n, Index times, const float* tracks, const std::int64_t* lengths, float* scores) const {
     const Index U = shape().units, C = shape().channels, K = shape().rows();
     // Two buffers of rows (K, kLanes), used alternately: the state before and after a time point.
-    Floats rows(2 * K * kLanes), cells(U * kLanes), gates(4 * U * kLanes);
+    Floats rows(2 * K * kLanes), cells(U * kLanes), gates(4 * U * kLanes), last(U * kLanes);
     float *now = rows.data(), *next = now + K * kLanes;
     for (Index begin = 0; begin < n; begin += kLanes) {
         const Index cases = std::min(n - begin, kLanes);
         std::fill_n(now, (K - 1) * kLanes, 0.0f);
         std::fill_n(cells.data(), U * kLanes, 0.0f);
         for (float* buffer : {now, next}) std::fill_n(buffer + (K - 1) * kLanes, kLanes, 1.0f);  // for the bias
-        for (Index t = 0; t < times; ++t) {
+        const std::int64_t* const ends = lengths + begin;
+        for (Index t = 0, longest = *std::max_element(ends, ends + cases); t < longest; ++t) {
             for (Index i = 0; i < cases; ++i) {
                 for (Index c = 0; c < C; ++c) now[(U + c) * kLanes + i] = tracks[((begin + i) * times + t) * C + c];
             }
             kernels_.step(shape(), forward_.data(), cases, now, cells.data(), gates.data(), cells.data(), next);
             std::swap(now, next);
+            for (Index i = 0; i < cases; ++i) {
+                if (ends[i] != t + 1) continue;
+                for (Index u = 0; u < U; ++u) last[u * kLanes + i] = now[u * kLanes + i];
+            }
         }
-        apply_dense(cases, now, scores + begin * shape().outputs);
+        apply_dense(cases, last.data(), scores + begin * shape().outputs);
     }
 }
 

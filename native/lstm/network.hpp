@@ -55,8 +55,8 @@ class Network {
 
     const Shape& shape() const { return layout_.shape; }
 
-    // The scores (n, O) after the last time point of tracks (n, times, C).
-    void scores(Index n, Index times, const float* tracks, float* scores) const;
+    // The scores (n, O) after the last time point of tracks (n, times, C) with `lengths` (n) time points.
+    void scores(Index n, Index times, const float* tracks, const std::int64_t* lengths, float* scores) const;
 
     // The scores (n, O) after one more time point (n, C); updates hidden and cell (n, U).
     void step(Index n, const float* points, float* hidden, float* cell, float* scores) const;
@@ -70,10 +70,12 @@ class Network {
     Floats weights_, forward_;
 };
 
-// The training set: tracks (n, times, C), the class of each, and its weight in the loss.
+// The training set: tracks (n, times, C), the number of time points of each, finite numbers after them, the class of
+// each, and its weight in the loss.
 struct TrainingSet {
     Index n, times;
     std::vector<float> tracks;
+    std::vector<std::int64_t> lengths;
     std::vector<std::int32_t> targets;
     std::vector<float> weights;
 };
@@ -103,7 +105,7 @@ class Trainer {
     Index batch_;
     float keep_;
     Floats weights_, gradients_, first_, second_, forward_, backward_;
-    Floats rows_, cells_, gates_, hidden_, cell_, masks_;
+    Floats rows_, cells_, gates_, last_, last_gradients_, hidden_, cell_, masks_;
     double first_decay_ = 1.0, second_decay_ = 1.0;
 };
 

@@ -44,6 +44,8 @@ Trainer::Trainer(const Kernels& kernels, Shape shape, const NumpyArrays<const fl
       rows_((cases_.times + 1) * shape.rows() * kLanes),
       cells_((cases_.times + 1) * shape.units * kLanes),
       gates_(cases_.times * shape.units * 4 * kLanes),
+      last_(shape.units * kLanes),
+      last_gradients_(shape.units * kLanes),
       hidden_(shape.units * kLanes),
       cell_(shape.units * kLanes),
       masks_(shape.units * kLanes) {
@@ -68,11 +70,16 @@ void Trainer::epoch(const std::int64_t* order, const bool* mask, const double* r
 
 // Adds the gradients of up to kLanes cases of a batch.
 void Trainer::add_gradients(Index cases, const std::int64_t* order, const bool* mask, Index batch) {
-    const Index U = shape().units, C = shape().channels, K = shape().rows(), O = shape().outputs, T = cases_.times;
+    const Index U = shape().units, C = shape().channels, K = shape().rows(), O = shape().outputs;
     std::int32_t targets[kLanes];
+    Index lengths[kLanes], T = 0;
     float factors[kLanes];
     for (Index i = 0; i < cases; ++i) {
-        const float* track = cases_.tracks.data() + order[i] * T * C;
+        lengths[i] = cases_.lengths[static_cast<std::size_t>(order[i])];
+        T = std::max(T, lengths[i]);
+    }
+    for (Index i = 0; i < cases; ++i) {
+        const float* track = cases_.tracks.data() + order[i] * cases_.times * C;
         for (Index t = 0; t < T; ++t) {
             for (Index c = 0; c < C; ++c) rows_[(t * K + U + c) * kLanes + i] = track[t * C + c];
         }
@@ -86,8 +93,11 @@ void Trainer::add_gradients(Index cases, const std::int64_t* order, const bool* 
                       rows_.data() + (t + 1) * K * kLanes);
     }
 
-    float* const last = rows_.data() + T * K * kLanes;
-    for (Index i = 0; i < U * kLanes; ++i) last[i] *= masks_[i];
+    for (Index u = 0; u < U; ++u) {
+        for (Index i = 0; i < cases; ++i) {
+            last_[u * kLanes + i] = rows_[(lengths[i] * K + u) * kLanes + i] * masks_[u * kLanes + i];
+        }
+    }
     const float* dense = weights_.data() + layout_.dense();
     const float* bias = weights_.data() + layout_.dense_bias();
     Floats scores(O * kLanes);
@@ -95,7 +105,7 @@ void Trainer::add_gradients(Index cases, const std::int64_t* order, const bool* 
         float* score = scores.data() + o * kLanes;
         std::fill_n(score, kLanes, bias[o]);
         for (Index u = 0; u < U; ++u) {
-            for (Index i = 0; i < kLanes; ++i) score[i] += dense[o * U + u] * last[u * kLanes + i];
+            for (Index i = 0; i < kLanes; ++i) score[i] += dense[o * U + u] * last_[u * kLanes + i];
         }
     }
     replace_by_loss_gradients(O, cases, targets, factors, scores.data());
@@ -103,6 +113,7 @@ void Trainer::add_gradients(Index cases, const std::int64_t* order, const bool* 
     // Unused lanes have gradients of 0, and so add nothing to any sum.
     float* const dense_gradient = gradients_.data() + layout_.dense();
     float* const bias_gradient = gradients_.data() + layout_.dense_bias();
+    std::fill_n(last_gradients_.data(), U * kLanes, 0.0f);
     std::fill_n(hidden_.data(), U * kLanes, 0.0f);
     std::fill_n(cell_.data(), U * kLanes, 0.0f);
     for (Index o = 0; o < O; ++o) {
@@ -112,14 +123,15 @@ void Trainer::add_gradients(Index cases, const std::int64_t* order, const bool* 
             const Index at = u * kLanes;
             float sum = 0.0f;
             for (Index i = 0; i < cases; ++i) {
-                sum += score[i] * last[at + i];
-                hidden_[at + i] += score[i] * dense[o * U + u] * masks_[at + i];
+                sum += score[i] * last_[at + i];
+                last_gradients_[at + i] += score[i] * dense[o * U + u] * masks_[at + i];
             }
             dense_gradient[o * U + u] += sum;
         }
     }
-    kernels_.back(shape(), backward_.data(), cases, T,
-                  Pass{rows_.data(), cells_.data(), gates_.data(), hidden_.data(), cell_.data()}, gradients_.data());
+    const Pass pass{rows_.data(),           cells_.data(),  gates_.data(),
+                    last_gradients_.data(), hidden_.data(), cell_.data()};
+    kernels_.back(shape(), backward_.data(), cases, T, lengths, pass, gradients_.data());
 }
 
 // Adam: Kingma and Ba 2015, algorithm 1, with its decay rates.

@@ -27,3 +27,9 @@ from lcorpp.values.distribution import (
     read_value as read_value,
 )
 from lcorpp.values.episode import Episode as Episode, Instance as Instance, Step as Step
+from lcorpp.values.padding import (
+    Lengths as Lengths,
+    measure_lengths as measure_lengths,
+    stack_signals as stack_signals,
+    strip_padding as strip_padding,
+)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from hashlib import sha256
 from typing import Literal
 
@@ -14,6 +15,7 @@ import numpy.typing as npt
 from lcorpp.errors import DataError
 from lcorpp.notebook import join_some
 from lcorpp.values.arrays import Array, freeze
+from lcorpp.values.padding import Lengths, measure_lengths, stack_signals, strip_padding
 
 CHANNELS = ("x", "y", "velocity", "heading", "facing")
 """The channels of motion: position (m), speed (m/s), direction of motion and of the body (rad)."""
@@ -23,8 +25,11 @@ Kind = Literal["motion", "series", "table"]
 
 
 def track_hash(trajectory: npt.ArrayLike) -> str:
-    """Return the group of a track of an unknown person: a text that only equal trajectories share."""
-    numbers = np.ascontiguousarray(trajectory, dtype="<f8")
+    """Return the group of a track of an unknown person: a text that only equal trajectories share.
+
+    The padding of a track (channels, time points) does not count.
+    """
+    numbers = np.ascontiguousarray(strip_padding(np.asarray(trajectory, dtype=np.float64)), dtype="<f8")
     return "track " + sha256(repr(numbers.shape).encode() + numbers.tobytes()).hexdigest()[:16]
 
 
@@ -33,7 +38,8 @@ class Dataset:
     """Labelled trajectories or features: Omega of Algorithm 1.
 
     trajectories: (cases, channels, time points), or (cases, features). Motion is in metres, metres per second
-        and radians.
+        and radians. A track that is shorter than others is padded: after its last time point all its channels
+        are NaN.
     labels: (cases,) class names.
     groups: (cases,) group names; cross-validation never splits a group between training and test. Default:
         each case is its own group.
@@ -97,6 +103,13 @@ class Dataset:
             return "table"
         return "motion" if set(self.channels) <= set(CHANNELS) else "series"
 
+    @cached_property
+    def lengths(self) -> Lengths:
+        """(cases,) the number of time points of each case, without padding; 1 for features."""
+        if self.trajectories.ndim == 2:
+            return np.ones(len(self), dtype=np.int64)
+        return measure_lengths(self.trajectories)
+
     @property
     def unit(self) -> str:
         """The plural noun of the cases, for reports."""
@@ -112,9 +125,19 @@ class Dataset:
         if self.kind == "table":
             return f"Dataset({len(self)} cases ({join_some(counts)}), features {names}, {groups})"
         return (
-            f"Dataset({len(self)} trajectories ({join_some(counts)}), {self.trajectories.shape[2]} points of"
-            f" {names} every {self.interval:g} s, {groups})"
+            f"Dataset({len(self)} trajectories ({join_some(counts)}), {self.extent} of {names} every"
+            f" {self.interval:g} s, {groups})"
         )
+
+    @property
+    def extent(self) -> str:
+        """How long the tracks are, for reports: "304 points", or "2 to 60 s" if they differ."""
+        known = self.lengths if len(self) else [self.trajectories.shape[2]]
+        shortest, longest = min(known), max(known)
+        if shortest == longest:
+            return f"{longest} points"
+        first, last = (round((points - 1) * self.interval, 2) for points in (shortest, longest))
+        return f"{first:g} to {last:g} s"
 
     @property
     def is_weighted(self) -> bool:
@@ -132,12 +155,12 @@ class Dataset:
         """Return the data set with more (trajectory, label) pairs at its end.
 
         Args:
-            pairs: trajectories (channels, time points), or features (features,), of the same shape, each with
-                its label; or class -> probability, for a case of each possible class with this weight.
+            pairs: trajectories (channels, time points) of any length, or features (features,), each with its
+                label; or class -> probability, for a case of each possible class with this weight.
             groups: the group of each pair; cases of one person share a group.
 
         Raises:
-            DataError: a trajectory has another shape.
+            DataError: a trajectory has other channels, or other features.
         """
         shape = self.trajectories.shape[1:]
         cases = [
@@ -147,15 +170,16 @@ class Dataset:
             if weight > 0
         ]
         tracks = [track for track, *_ in cases]
+        signals = [*self.trajectories, *tracks]
         for track in tracks:
-            if track.shape != shape:
+            if track.ndim != len(shape) or len(track) != shape[0]:
                 raise DataError(
                     f"a trajectory of shape {track.shape} does not fit a data set of trajectories of shape"
                     f" {shape}"
                 )
         return replace(
             self,
-            trajectories=np.concatenate([self.trajectories, np.reshape(tracks, (-1, *shape))]),
+            trajectories=stack_signals(signals) if signals else self.trajectories,
             labels=(*self.labels, *(name for _, name, _, _ in cases)),
             groups=(*self.groups, *(group for *_, group in cases)),
             weights=np.concatenate([self.weights, [weight for _, _, weight, _ in cases]]),

@@ -12,6 +12,7 @@ from lcorpp.errors import DataError
 from lcorpp.notebook import html_table, join_some
 from lcorpp.values.arrays import Array, Belief, freeze
 from lcorpp.values.distribution import Distribution, Label, SharedValue, format_value
+from lcorpp.values.padding import strip_padding
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -19,7 +20,8 @@ class Instance:
     """What the robot perceives of one person before it acts: I of Algorithm 1.
 
     signals: sense -> what it perceived, the input of its classifier: a trajectory (channels, time points) or
-        features (n,). A sense that perceived nothing is left out.
+        features (n,). The padding of a trajectory, see `Dataset`, is removed. A sense that perceived nothing
+        is left out.
     context: the observed facts, P-log attribute -> value; beta of Algorithm 2.
 
     Raises:
@@ -52,7 +54,7 @@ def _copy_mapping(part: str, value: Any, expected: str) -> dict[str, Any]:
 
 def _freeze_signal(sense: str, signal: Array) -> Array:
     try:
-        array = freeze(signal)
+        array = strip_padding(freeze(signal))
     except (TypeError, ValueError):
         array = freeze(0)
     if array.ndim not in (1, 2):

@@ -6,7 +6,8 @@ from hypothesis import given, settings, strategies as st
 
 from lcorpp.errors import DataError
 from lcorpp.learning import check_trainable, split
-from lcorpp.values import Dataset
+from lcorpp.learning.data.dataset import check_tracks
+from lcorpp.values import Dataset, stack_signals, strip_padding
 
 RAMP = np.linspace(0, 1, 5)
 
@@ -29,8 +30,56 @@ def test_append_adds_a_row_and_leaves_the_old_data_set_unchanged():
 
 
 def test_append_of_another_shape_is_an_error():
-    with pytest.raises(DataError, match=r"shape \(2, 4\) does not fit .* \(2, 5\)"):
-        small("ab").append([(np.ones((2, 4)), "a")], ["g"])
+    for track in (np.ones((3, 5)), np.ones(2)):
+        with pytest.raises(DataError, match=r"shape \(.*\) does not fit .* \(2, 5\)"):
+            small("ab").append([(track, "a")], ["g"])
+
+
+def test_append_pads_the_shorter_tracks():
+    data = small("ab")
+    longer = data.append([(np.ones((2, 9)), "a"), (np.ones((2, 3)), "b")], ["c", "d"])
+    assert longer.trajectories.shape == (4, 2, 9)
+    assert longer.lengths.tolist() == [5, 5, 9, 3]
+    for case, track in enumerate([*data.trajectories, np.ones((2, 9)), np.ones((2, 3))]):
+        assert np.array_equal(strip_padding(longer.trajectories[case]), track)
+    assert np.array_equal(longer.append([], []).trajectories, longer.trajectories, equal_nan=True)
+
+
+def padded(lengths: list[int], channels: int = 2) -> np.ndarray:
+    rng = np.random.default_rng(0)
+    return stack_signals([rng.normal(size=(channels, n)) for n in lengths])
+
+
+def test_padded_tracks_are_accepted_and_other_nan_located():
+    tracks = padded([7, 3, 5])
+    assert check_tracks(tracks) is tracks
+    for case, channel, time in ((0, 1, 6), (1, 0, 2), (2, 1, 0)):
+        bad = tracks.copy()
+        bad[case, channel, time] = np.nan
+        words = f"case {case}, channel {channel}, time point {time} .* finite number, or NaN in all channels"
+        with pytest.raises(DataError, match=words):
+            check_tracks(bad)
+    infinite = tracks.copy()
+    infinite[1, 0, 5] = np.inf  # within the padding
+    with pytest.raises(DataError, match=r"case 1, channel 0, time point 3 \(counted from 0\) is nan"):
+        check_tracks(infinite)
+
+
+@pytest.mark.parametrize("points", [0, 1])
+def test_a_padded_track_needs_two_points(points):
+    tracks = padded([7, 3])
+    tracks[1, :, points:] = np.nan
+    with pytest.raises(
+        DataError, match=rf"case 1 .* has {points} time points, the others are NaN; at least 2"
+    ):
+        check_tracks(tracks)
+
+
+def test_equal_padded_tracks_are_refused():
+    tracks = np.ones((4, 2, 5))
+    tracks[:, :, 3:] = np.nan
+    with pytest.raises(DataError, match="all 4 tracks are the same"):
+        check_trainable(Dataset(tracks, tuple("abab")))
 
 
 def test_append_of_no_rows_changes_nothing():

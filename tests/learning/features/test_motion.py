@@ -9,6 +9,7 @@ from sklearn.pipeline import make_pipeline
 
 from lcorpp.errors import DataError
 from lcorpp.learning import ChannelStandardizer, Motion
+from lcorpp.values import stack_signals, strip_padding
 
 ALL = ("x", "y", "velocity", "heading", "facing")
 FEATURES = ("x", "y", "velocity", "heading", "facing", "approach", "attention", "distance", "bearing")
@@ -150,6 +151,30 @@ def test_standardization_uses_the_training_data_only():
     assert np.array_equal(scaling.mean_, before)
 
 
+def test_padding_does_not_count_in_the_standardization():
+    long, short = tracks(1), tracks(2, points=20)
+    scaling = ChannelStandardizer().fit(stack_signals([*long, *short]))
+    numbers = np.concatenate([np.moveaxis(each, 1, 0).reshape(2, -1) for each in (long, short)], axis=1)
+    np.testing.assert_allclose(scaling.mean_, numbers.mean(axis=1))
+    np.testing.assert_allclose(scaling.scale_, numbers.std(axis=1))
+    equal = ChannelStandardizer().fit(long)
+    assert np.array_equal([equal.mean_, equal.scale_], [long.mean((0, 2)), long.std((0, 2))])
+
+
+@settings(max_examples=30)
+@given(
+    seed=st.integers(0, 10**6),
+    rate=st.sampled_from([2.7, 3.0, 30.0, 1 / 0.033]),
+    lengths=st.lists(st.integers(16, 50), min_size=4, max_size=4),
+)
+def test_a_padded_track_has_the_motion_of_the_track_alone(seed, rate, lengths):
+    alone = [track[:, :length] for track, length in zip(measured(seed), lengths, strict=True)]
+    motion = Motion(rate=rate, inputs=ALL, features=FEATURES, robot=(1.0, -2.0, 0.3))
+    found = motion.fit_transform(stack_signals(alone))
+    for track, points in zip(alone, found, strict=True):
+        assert np.array_equal(strip_padding(points), motion.transform(track[None])[0])
+
+
 def test_a_constant_channel_becomes_zero():
     x = np.concatenate([tracks(0), np.full((4, 1, 50), 3.0)], axis=1)
     assert np.all(ChannelStandardizer().fit_transform(x)[:, 2] == 0)
@@ -168,7 +193,7 @@ def test_motion_works_in_a_pipeline_and_can_be_cloned():
     [
         (np.zeros((4, 50)), r"shape \(cases, channels, time points\), not \(4, 50\)"),
         (np.zeros((4, 2, 1)), "at least 2"),
-        (np.full((1, 2, 30), np.nan), "case 0, channel 0, time point 0"),
+        (np.full((1, 2, 30), np.nan), "case 0 .* has 0 time points, the others are NaN"),
         (np.zeros((1, 3, 30)), "trained on tracks of 2 channels, given 3"),
     ],
 )
@@ -181,8 +206,9 @@ def test_malformed_tracks_are_errors(x, words):
 def test_a_track_too_short_for_two_points_is_an_error():
     words = r"10 time points .* last 0.297 s; motion at 3 points per second needs more than 0.333 s"
     for use in (Motion().fit, Motion().fit(tracks(0)).transform):
-        with pytest.raises(DataError, match=words):
-            use(tracks(0)[:, :, :10])
+        for short in (tracks(0)[:, :, :10], stack_signals([*tracks(0), tracks(0)[0, :, :10]])):
+            with pytest.raises(DataError, match=words):
+                use(short)
 
 
 @pytest.mark.parametrize(

@@ -10,6 +10,7 @@ from sklearn.linear_model import LogisticRegression
 
 from lcorpp.errors import DataError
 from lcorpp.learning import QuadraticLogistic, SummaryFeatures
+from lcorpp.values import stack_signals
 
 
 def path(x, y):
@@ -36,6 +37,22 @@ def test_any_finite_track_has_finite_summaries(tracks):
     found = SummaryFeatures().fit_transform(tracks)
     assert found.shape[0] == 2
     assert np.isfinite(found).all()
+
+
+@settings(max_examples=50)
+@given(
+    st.lists(st.integers(2, 40), min_size=1, max_size=6),
+    st.integers(0, 10**6),
+    st.integers(0, 3),
+    st.sampled_from([3.0, None]),
+)
+def test_a_padded_track_has_the_summaries_of_the_track_alone(lengths, seed, padding, rate):
+    rng, width = np.random.default_rng(seed), max(lengths) + padding
+    alone = [rng.normal(size=(3, length)).cumsum(axis=1) for length in lengths]
+    tracks = stack_signals([*alone, np.zeros((3, width))])[:-1]
+    summaries = SummaryFeatures(rate=rate).fit(tracks)
+    expected = np.concatenate([summaries.transform(track[None]) for track in alone])
+    assert np.array_equal(summaries.transform(tracks), expected)
 
 
 def test_tracks_and_arrays_of_other_shapes_are_errors():

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings, strategies as st
@@ -37,6 +39,7 @@ def task(
     start = Weights.initialize(channels, units, 1 if classes == 2 else classes, rng)
     given = TrainingSet(
         rng.normal(size=(cases, points, channels)).astype(np.float32),
+        rng.integers(points, size=cases) + 1,
         rng.integers(classes, size=cases).astype(np.int32),
         rng.uniform(0.2, 3, size=cases).astype(np.float32),
         classes,
@@ -74,7 +77,11 @@ def test_scores_and_steps_are_those_of_numpy(shape):
     twin = NumpyNetwork(**start.arrays())
     for level in kernels.instruction_sets():
         network = kernels.Network(**start.arrays(), instruction_set=level)
-        np.testing.assert_allclose(network.scores(cases.inputs), twin.scores(cases.inputs), atol=2e-6)
+        np.testing.assert_allclose(
+            network.scores(cases.inputs, cases.lengths),
+            twin.scores(cases.inputs, cases.lengths),
+            atol=2e-6,
+        )
         ours, theirs = (np.full((2, len(cases), start.units), 0.5, dtype=np.float32) for _ in range(2))
         points = np.ascontiguousarray(cases.inputs[:, 0])
         np.testing.assert_allclose(network.step(*ours, points), twin.step(*theirs, points), atol=2e-6)
@@ -86,9 +93,10 @@ def test_saturated_gates_equal_those_of_numpy():
     start, *_ = task(channels=1, units=8, classes=2, cases=1, points=1)
     size = np.concatenate([np.linspace(0, 40, 400), 10.0 ** np.arange(-38, 31)])
     inputs = np.concatenate([-size, size]).astype(np.float32)[:, None, None]
-    expected = NumpyNetwork(**start.arrays()).scores(inputs)
+    ones = np.ones(len(inputs), dtype=np.int64)
+    expected = NumpyNetwork(**start.arrays()).scores(inputs, ones)
     for level in kernels.instruction_sets():
-        found = kernels.Network(**start.arrays(), instruction_set=level).scores(inputs)
+        found = kernels.Network(**start.arrays(), instruction_set=level).scores(inputs, ones)
         np.testing.assert_allclose(found, expected, atol=1e-6)
 
 
@@ -115,7 +123,12 @@ def test_kernels_reject_arrays_that_do_not_match():
     network = kernels.Network(**start.arrays())
     floats = {"dtype": np.float32}
     with pytest.raises(ValueError, match="the tracks have other channels"):
-        network.scores(np.zeros((1, 3, 3), **floats))
+        network.scores(np.zeros((1, 3, 3), **floats), np.array([3]))
+    for lengths in ([0], [4]):
+        with pytest.raises(ValueError, match="a track has no time point, or more than there are"):
+            network.scores(np.zeros((1, 3, 2), **floats), np.array(lengths))
+    with pytest.raises(ValueError, match="tracks and lengths do not match"):
+        network.scores(np.zeros((1, 3, 2), **floats), np.array([3, 3]))
     with pytest.raises(ValueError, match="state and points do not match"):
         network.step(np.zeros((1, 4), **floats), np.zeros((1, 5), **floats), np.zeros((1, 2), **floats))
     with pytest.raises(TypeError):  # a converted copy would take the changes
@@ -134,4 +147,27 @@ def test_kernels_reject_arrays_that_do_not_match():
         with pytest.raises(ValueError, match=r"order, dropout mask and rates|no such case"):
             trainer.run_epoch(*bad)
     with pytest.raises(ValueError, match="no such class"):
-        CompiledTrainer(start, TrainingSet(cases.inputs, cases.targets + 2, cases.weights, 2), plan)
+        CompiledTrainer(start, replace(cases, targets=cases.targets + 2), plan)
+    with pytest.raises(ValueError, match="a track has no time point, or more than there are"):
+        CompiledTrainer(start, replace(cases, lengths=cases.lengths + 3), plan)
+
+
+def test_numbers_after_the_end_of_a_track_have_no_effect():
+    start, cases, plan, epoch = task(channels=2, units=7, classes=3, cases=50, points=6)
+    after = np.arange(6)[:, None] >= cases.lengths[:, None, None]
+    others = replace(cases, inputs=np.where(after, np.float32(5), cases.inputs))
+    weights = []
+    for training_set in (cases, others):
+        trainer = CompiledTrainer(start, training_set, plan)
+        trainer.run_epoch(*epoch)
+        weights.append(trainer.weights())
+    for first, second in zip(*(each.arrays().values() for each in weights), strict=True):
+        assert np.array_equal(first, second)
+    network = weights[0].network
+    expected = network.scores(cases.inputs, cases.lengths)
+    assert np.array_equal(network.scores(others.inputs, cases.lengths), expected)
+    for case, length in enumerate(cases.lengths):
+        alone = np.ascontiguousarray(cases.inputs[case : case + 1, :length])
+        np.testing.assert_allclose(
+            network.scores(alone, np.array([length])), expected[case : case + 1], atol=1e-6
+        )

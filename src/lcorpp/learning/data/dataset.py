@@ -8,17 +8,20 @@ import numpy as np
 import numpy.typing as npt
 
 from lcorpp.errors import DataError
-from lcorpp.values import Array, Dataset
+from lcorpp.values import Array, Dataset, measure_lengths
 
 
 def check_tracks(tracks: npt.ArrayLike, channels: int | None = None) -> Array:
-    """Return `tracks` as float64 (cases, channels, time points) after checking that it is finite.
+    """Return `tracks` as float64 (cases, channels, time points) after checking them.
+
+    A track that is shorter than others is padded: after its end all its channels are NaN.
 
     Args:
         channels: the number of channels of the training data; None accepts any.
 
     Raises:
-        DataError: another shape, fewer than two time points, or a number that is NaN or infinite.
+        DataError: another shape, a track of fewer than two time points, or a number that is infinite, or NaN
+            and no padding.
     """
     array = np.asarray(tracks, dtype=np.float64)
     if array.ndim != 3 or 0 in array.shape[:2]:
@@ -26,14 +29,30 @@ def check_tracks(tracks: npt.ArrayLike, channels: int | None = None) -> Array:
     if array.shape[2] < 2:
         raise DataError(f"a track of {array.shape[2]} time points shows no motion; at least 2 are needed")
     if not np.isfinite(array).all():
-        case, channel, time = (int(i) for i in np.argwhere(~np.isfinite(array))[0])
-        raise DataError(
-            f"case {case}, channel {channel}, time point {time} (counted from 0) is"
-            f" {array[case, channel, time]}; expected a finite number"
-        )
+        _check_padded(array)
     if channels is not None and array.shape[1] != channels:
         raise DataError(f"trained on tracks of {channels} channels, given {array.shape[1]}")
     return array
+
+
+def _check_padded(tracks: Array) -> None:
+    """Raise a DataError unless all numbers that are not finite are padding."""
+    lengths = measure_lengths(tracks)
+    bad = ~np.isfinite(tracks) & (np.arange(tracks.shape[2]) < lengths[:, None])[:, None]
+    if bad.any():
+        case, channel, time = (int(i) for i in np.argwhere(bad)[0])
+        number = tracks[case, channel, time]
+        padding = ", or NaN in all channels from there to the end of a shorter track"
+        raise DataError(
+            f"case {case}, channel {channel}, time point {time} (counted from 0) is {number}; expected a"
+            f" finite number{padding if np.isnan(number) else ''}"
+        )
+    if lengths.min() < 2:
+        case = int(lengths.argmin())
+        raise DataError(
+            f"case {case} (counted from 0) has {lengths[case]} time points, the others are NaN; at least 2"
+            " are needed"
+        )
 
 
 def check_signals(signals: npt.ArrayLike) -> Array:
@@ -76,7 +95,7 @@ def check_trainable(dataset: Dataset, *, folds: int = 1) -> None:
     if min(groups.values()) < folds:
         counts = ", ".join(f"{name} in {count}" for name, count in groups.items())
         raise DataError(f"{folds} folds need every class in at least {folds} groups; there are: {counts}")
-    if np.all(signals == signals[:1]):
+    if np.array_equal(signals, np.broadcast_to(signals[:1], signals.shape), equal_nan=True):
         raise DataError(f"all {len(dataset)} {dataset.unit} are the same; nothing can be learnt from them")
 
 

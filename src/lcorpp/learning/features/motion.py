@@ -25,13 +25,13 @@ from lcorpp.learning.features.motion_features import (
     list_feature_rows,
 )
 from lcorpp.learning.features.resampling import (
-    InterpolationWeights,
+    SAME_TIME,
     check_rate,
     compute_interpolation_weights,
     interpolate,
     resample,
 )
-from lcorpp.values import Array
+from lcorpp.values import Array, measure_lengths
 
 
 class Motion(TransformerMixin, BaseEstimator):  # type: ignore[misc]  # scikit-learn has no types
@@ -99,19 +99,24 @@ class Motion(TransformerMixin, BaseEstimator):  # type: ignore[misc]  # scikit-l
             raise DataError(
                 f"the inputs are {', '.join(self.inputs)}, but the tracks have {tracks.shape[1]} channels"
             )
-        self._compute_interpolation_weights(tracks.shape[2])  # only to check the duration
+        self._check_durations(tracks)
         self.rows_ = list_feature_rows(self.features)
         return self
 
     def transform(self, X: npt.ArrayLike) -> Array:
         """(cases, len(rows_), points) the motion features of X (cases, inputs, samples).
 
+        A shorter track has fewer points, the same as alone, and is padded with NaN like X.
+
         Raises:
-            DataError: X is not of shape (cases, inputs, samples), not finite, or has fewer than two points.
+            DataError: X is not of shape (cases, inputs, samples), not finite, or a track has fewer than two
+                points.
         """
         check_is_fitted(self, "rows_")
         tracks = check_tracks(X, len(self.inputs))
-        weights = self._compute_interpolation_weights(tracks.shape[2])
+        self._check_durations(tracks)
+        elapsed = np.arange(tracks.shape[2], dtype=np.float64) * self.interval
+        weights = compute_interpolation_weights(elapsed, self.rate)
         return self.transform_points(interpolate(tracks, weights, self.angles))
 
     def transform_stamped(self, times: npt.ArrayLike, values: npt.ArrayLike) -> Array:
@@ -178,15 +183,15 @@ class Motion(TransformerMixin, BaseEstimator):  # type: ignore[misc]  # scikit-l
         if len(self.robot) != 3 or not np.isfinite(np.asarray(self.robot, dtype=np.float64)).all():
             raise DataError(f"the robot's pose is {self.robot}; expected x, y and heading, finite")
 
-    def _compute_interpolation_weights(self, samples: int) -> InterpolationWeights:
-        elapsed = np.arange(samples, dtype=np.float64) * self.interval
-        weights = compute_interpolation_weights(elapsed, self.rate)
-        if len(weights[0]) < 2:
+    def _check_durations(self, tracks: Array) -> None:
+        """Raise a DataError if a track has fewer than two points at the fixed rate."""
+        samples = int(measure_lengths(tracks).min())
+        duration = (samples - 1) * self.interval
+        if duration < 1 / self.rate - SAME_TIME:
             raise DataError(
-                f"{samples} time points {self.interval:g} s apart last {(samples - 1) * self.interval:.3g} s;"
+                f"{samples} time points {self.interval:g} s apart last {duration:.3g} s;"
                 f" motion at {self.rate:g} points per second needs more than {1 / self.rate:.3g} s"
             )
-        return weights
 
 
 class ChannelStandardizer(TransformerMixin, BaseEstimator):  # type: ignore[misc]
@@ -196,10 +201,13 @@ class ChannelStandardizer(TransformerMixin, BaseEstimator):  # type: ignore[misc
     """
 
     def fit(self, X: npt.ArrayLike, y: object = None) -> Self:
-        """Estimate mean and standard deviation of each channel of X (cases, channels, time points)."""
+        """Estimate mean and standard deviation of each channel of X (cases, channels, time points).
+
+        The padding of shorter tracks does not count.
+        """
         tracks = check_tracks(X)
-        self.mean_: Array = tracks.mean(axis=(0, 2))
-        deviation = tracks.std(axis=(0, 2))
+        self.mean_: Array = np.nanmean(tracks, axis=(0, 2))
+        deviation = np.nanstd(tracks, axis=(0, 2))
         self.scale_: Array = np.where(deviation > 0, deviation, 1.0)  # a constant channel becomes 0
         return self
 

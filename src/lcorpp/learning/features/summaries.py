@@ -13,7 +13,7 @@ from sklearn.utils.validation import check_is_fitted
 
 from lcorpp.errors import DataError
 from lcorpp.learning.data.dataset import check_tracks
-from lcorpp.values import Array
+from lcorpp.values import Array, measure_lengths
 
 SEGMENTS = 4
 """Segments of equal duration, each with its own mean."""
@@ -59,7 +59,7 @@ class SummaryFeatures(TransformerMixin, BaseEstimator):  # type: ignore[misc]  #
         return self
 
     def transform(self, X: npt.ArrayLike) -> Array:
-        """(cases, features) the summary features of X.
+        """(cases, features) the summary features of X; those of a padded track are those of its points.
 
         Raises:
             DataError: X does not have the rows that `fit` saw.
@@ -68,6 +68,15 @@ class SummaryFeatures(TransformerMixin, BaseEstimator):  # type: ignore[misc]  #
         tracks = check_tracks(X)
         if tracks.shape[1] != self.rows_:
             raise DataError(f"fitted to tracks of {self.rows_} channels, given {tracks.shape[1]}")
+        lengths = measure_lengths(tracks)
+        if lengths.min() == tracks.shape[2]:
+            return self._summarize(tracks)
+        groups = [np.flatnonzero(lengths == length) for length in np.unique(lengths)]
+        parts = [self._summarize(tracks[rows, :, : lengths[rows[0]]]) for rows in groups]
+        return np.concatenate(parts)[np.argsort(np.concatenate(groups))]
+
+    def _summarize(self, tracks: Array) -> Array:
+        """(cases, features) the summary features of tracks of equal length (cases, rows, points)."""
         rows = np.moveaxis(tracks, 1, 0)
         if self.rate is None:
             return np.concatenate([_compute_statistics(values) for values in rows], axis=1)

@@ -17,7 +17,7 @@ from lcorpp.learning.data.dataset import check_tracks
 from lcorpp.learning.lstm.network import Floats, Weights
 from lcorpp.learning.lstm.trainer import TrainingConfig, TrainingSet
 from lcorpp.learning.lstm.training import SCHEDULES, compute_class_weights, train
-from lcorpp.values import Array
+from lcorpp.values import Array, Lengths, measure_lengths
 
 _PREDICTION_BATCH = 4096
 """Cases per call of the network in `predict_proba`, which bounds memory."""
@@ -119,7 +119,8 @@ class LstmClassifier(ProbabilityClassifier):
         """Train from random initial weights.
 
         Args:
-            X: (cases, channels, time points).
+            X: (cases, channels, time points); shorter tracks are padded with NaN, as in `Dataset`. The dense
+                layer reads the output at the last point of each.
             y: (cases,) class names.
             sample_weight: (cases,) the weight of each case in the loss, 1 by default, multiplied by that of
                 its class.
@@ -129,7 +130,7 @@ class LstmClassifier(ProbabilityClassifier):
                 is not available, there are neither compiled kernels nor torch, or the training diverged.
         """
         self._check_parameters()
-        inputs = _to_inputs(check_tracks(X))
+        inputs, lengths = _to_inputs(check_tracks(X))
         classes, index = np.unique(np.asarray(y), return_inverse=True)
         if index.shape != (len(inputs),):
             raise DataError(f"{len(inputs)} tracks need as many labels, not shape {index.shape}")
@@ -139,7 +140,9 @@ class LstmClassifier(ProbabilityClassifier):
         if given.shape != index.shape or not ((given >= 0) & np.isfinite(given)).all():
             raise DataError(f"{len(index)} cases need as many finite weights from 0, not {given}")
         weights = given * compute_class_weights(self.class_weight, classes, np.bincount(index, given))[index]
-        training_set = TrainingSet(inputs, index.astype(np.int32), weights.astype(np.float32), len(classes))
+        training_set = TrainingSet(
+            inputs, lengths, index.astype(np.int32), weights.astype(np.float32), len(classes)
+        )
         config = TrainingConfig(
             units=int(self.units),
             dropout=float(self.dropout),
@@ -161,9 +164,11 @@ class LstmClassifier(ProbabilityClassifier):
             NotFittedError: before `fit`.
         """
         weights = self._require_weights()
-        inputs = _to_inputs(check_tracks(X, weights.channels))
-        starts = range(0, len(inputs), _PREDICTION_BATCH)
-        scores = [weights.network.scores(inputs[start : start + _PREDICTION_BATCH]) for start in starts]
+        inputs, lengths = _to_inputs(check_tracks(X, weights.channels))
+        batches = [
+            slice(start, start + _PREDICTION_BATCH) for start in range(0, len(inputs), _PREDICTION_BATCH)
+        ]
+        scores = [weights.network.scores(inputs[batch], lengths[batch]) for batch in batches]
         return _to_probabilities(np.concatenate(scores))
 
     def begin(self, n: int = 1) -> LstmState:
@@ -256,11 +261,14 @@ class LstmClassifier(ProbabilityClassifier):
             raise DataError(f"unknown device {self.device!r}; expected cpu or cuda")
 
 
-def _to_inputs(tracks: Array) -> Floats:
-    """(cases, time points, channels) float32."""
+def _to_inputs(tracks: Array) -> tuple[Floats, Lengths]:
+    """(cases, time points, channels) float32, 0 as padding, and the (cases,) numbers of time points."""
+    lengths = measure_lengths(tracks)
+    if lengths.min() < tracks.shape[2]:
+        tracks = np.nan_to_num(tracks)
     if np.abs(tracks).max() > _MAX_INPUT:
         raise DataError(f"a track has numbers above {_MAX_INPUT:g}, too large for the LSTM; scale the tracks")
-    return np.ascontiguousarray(tracks.transpose(0, 2, 1), dtype=np.float32)
+    return np.ascontiguousarray(tracks.transpose(0, 2, 1), dtype=np.float32), lengths
 
 
 def _to_probabilities(scores: Floats) -> Array:

@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lcorpp.errors import DataError
+from lcorpp.values import Lengths
 
 Floats = npt.NDArray[np.float32]
 
@@ -21,8 +22,8 @@ class Network(Protocol):
     All arrays are float32 and contiguous in C order.
     """
 
-    def scores(self, tracks: Floats, /) -> Floats:
-        """(n, O) the scores after the last time point of tracks (n, time points, C)."""
+    def scores(self, tracks: Floats, lengths: Lengths, /) -> Floats:
+        """(n, O) the scores of tracks (n, time points, C) after the last of their `lengths` (n,) points."""
 
     def step(self, hidden: Floats, cell: Floats, points: Floats, /) -> Floats:
         """(n, O) the scores after one more time point (n, C) of n tracks.
@@ -135,12 +136,13 @@ class NumpyNetwork:
         self._bias, self._dense, self._dense_bias = bias, np.ascontiguousarray(dense.T), dense_bias
         self._units = recurrent.shape[1]
 
-    def scores(self, tracks: Floats, /) -> Floats:
+    def scores(self, tracks: Floats, lengths: Lengths, /) -> Floats:
         """As `Network.scores`."""
-        hidden, cell = np.zeros((2, len(tracks), self._units), dtype=np.float32)
-        for points in tracks.transpose(1, 0, 2):
+        hidden, cell, last = np.zeros((3, len(tracks), self._units), dtype=np.float32)
+        for count, points in enumerate(tracks.transpose(1, 0, 2), start=1):
             self._advance(hidden, cell, points)
-        return self._apply_dense(hidden)
+            last[lengths == count] = hidden[lengths == count]
+        return self._apply_dense(last)
 
     def step(self, hidden: Floats, cell: Floats, points: Floats, /) -> Floats:
         """As `Network.step`."""

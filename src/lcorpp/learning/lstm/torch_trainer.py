@@ -52,6 +52,7 @@ class TorchTrainer:
         self._dense_bias = _tensor(start.dense_bias).to(device).requires_grad_()
         self._adam = _Adam(self._parameters())
         self._inputs = _tensor(training_set.inputs).to(device)
+        self._last_points = _tensor(training_set.lengths - 1).to(device)
         kind = torch.float32 if self._binary else torch.int64
         self._targets = _tensor(training_set.targets).to(device, kind)
         self._weights = _tensor(training_set.weights).to(device)
@@ -79,7 +80,8 @@ class TorchTrainer:
         return [lstm.weight_ih_l0, lstm.weight_hh_l0, lstm.bias_ih_l0, self._dense, self._dense_bias]
 
     def _loss(self, rows: torch.Tensor, mask: torch.Tensor) -> torch.Tensor:
-        last = self._lstm(self._inputs[rows])[0][:, -1]
+        outputs = self._lstm(self._inputs[rows])[0]
+        last = outputs[torch.arange(len(rows)), self._last_points[rows]]
         scores, targets = functional.linear(last * mask, self._dense, self._dense_bias), self._targets[rows]
         if self._binary:
             losses = functional.binary_cross_entropy_with_logits(scores[:, 0], targets, reduction="none")

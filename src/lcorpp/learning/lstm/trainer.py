@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lcorpp.learning.lstm.network import Floats, Weights, load_kernels
-from lcorpp.values import Array
+from lcorpp.values import Array, Lengths
 
 Indices = npt.NDArray[np.int64]
 Flags = npt.NDArray[np.bool_]
@@ -19,11 +19,13 @@ Flags = npt.NDArray[np.bool_]
 class TrainingSet:
     """The training data, n cases.
 
-    inputs: (n, time points, channels). targets: (n,) the class of each case, 0 to classes - 1.
-    weights: (n,) the weight of each case in the loss.
+    inputs: (n, time points, channels), finite. lengths: (n,) the number of time points of each case; numbers
+        after them have no effect.
+    targets: (n,) the class of each case, 0 to classes - 1. weights: (n,) the weight of each case in the loss.
     """
 
     inputs: Floats
+    lengths: Lengths
     targets: npt.NDArray[np.int32]
     weights: Floats
     classes: int
@@ -73,7 +75,8 @@ class CompiledTrainer:
         *,
         instruction_set: str | None = None,
     ) -> None:
-        cases = training_set.inputs, training_set.targets, training_set.weights
+        tracks = training_set.inputs, training_set.lengths
+        cases = *tracks, training_set.targets, training_set.weights
         self._trainer = load_kernels().Trainer(
             *start.arrays().values(), *cases, config.batch_size, 1 - config.dropout, instruction_set
         )

@@ -19,7 +19,7 @@ from lcorpp.errors import DataError
 from lcorpp.learning.contract import ProbabilityClassifier, fit_clone, predict_proba
 from lcorpp.learning.data.dataset import check_tracks
 from lcorpp.learning.features.motion import ChannelStandardizer, Motion
-from lcorpp.values import Array
+from lcorpp.values import Array, measure_lengths
 
 MIN_PROBABILITY = 1e-12
 """Smaller probabilities are raised to this one before their logarithms are averaged."""
@@ -80,7 +80,8 @@ class PrefixEnsemble(ProbabilityClassifier):
         """Train every copy.
 
         Args:
-            X: (cases, rows, points). y: (cases,) class names.
+            X: (cases, rows, points); a prefix of a shorter, padded track is at most the whole track.
+            y: (cases,) class names.
 
         Raises:
             DataError: X is malformed, a fraction is out of range, the lengths do not rise, or the classifier
@@ -107,7 +108,7 @@ class PrefixEnsemble(ProbabilityClassifier):
         """
         check_is_fitted(self, "classifiers_")
         tracks = check_tracks(X)
-        weights = self._compute_weights(np.full(len(tracks), tracks.shape[2]))
+        weights = self._compute_weights(measure_lengths(tracks))
         # log 1 = 0: copies of weight 0 add nothing
         probabilities = np.full((len(self.classifiers_), len(tracks), len(self.classes_)), 1.0)
         for copy in np.flatnonzero(weights.any(axis=0)):
@@ -136,7 +137,7 @@ class PrefixEnsemble(ProbabilityClassifier):
         state.point_counts[:] += 1
         return _average_geometrically(probabilities, self._compute_weights(state.point_counts))
 
-    def _compute_weights(self, point_counts: npt.NDArray[np.intp]) -> Array:
+    def _compute_weights(self, point_counts: npt.NDArray[np.integer]) -> Array:
         """(n, copies) the weight of each copy for tracks with these numbers of points (n,)."""
         copies = np.arange(len(self.lengths_))
         position = np.interp(point_counts, self.lengths_, copies)

@@ -1,0 +1,45 @@
+"""Tracks of unequal length in one array (cases, channels, time points): after its end a track is NaN."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import numpy.typing as npt
+
+from lcorpp.values.arrays import Array
+
+Lengths = npt.NDArray[np.int64]
+"""(cases,) numbers of time points."""
+
+
+def measure_lengths(tracks: Array) -> Lengths:
+    """(cases,) the number of time points of tracks (cases, channels, time points) before their padding."""
+    points = tracks.shape[2]
+    lengths = np.full(len(tracks), points, dtype=np.int64)
+    padded = np.flatnonzero(np.isnan(tracks[:, :, -1:]).all(axis=(1, 2)))
+    if len(padded):
+        is_known = ~np.isnan(tracks[padded]).all(axis=1)
+        lengths[padded] = (is_known * np.arange(1, points + 1)).max(axis=1, initial=0)
+    return lengths
+
+
+def strip_padding(track: Array) -> Array:
+    """Return a track (channels, time points) without its padding; any other array as it is."""
+    if track.ndim != 2 or not track.size or not np.isnan(track[0, -1]):
+        return track
+    return track[:, : int(measure_lengths(track[None])[0])]
+
+
+def stack_signals(signals: Sequence[Array]) -> Array:
+    """Stack signals: tracks (channels, time points) of any length, padded, or features (features,).
+
+    The signals, at least one, have the same channels or features.
+    """
+    if signals[0].ndim == 1:
+        return np.stack(signals)
+    points = max(track.shape[1] for track in signals)
+    padded = np.full((len(signals), len(signals[0]), points), np.nan)
+    for row, track in zip(padded, signals, strict=True):
+        row[:, : track.shape[1]] = track
+    return padded
