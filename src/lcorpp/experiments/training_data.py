@@ -16,6 +16,7 @@ from lcorpp.experiments.setup import READ_AS_IT_IS, ReadingOptions, TrainingOpti
 from lcorpp.learning import format_leakage_warning, learner, read_data, split
 from lcorpp.learning.classifiers.registry import DEFAULTS
 from lcorpp.learning.data.cleaning import MAX_GAP
+from lcorpp.learning.features.motion_features import MOTION_FEATURES
 from lcorpp.simulation.people import (
     RecordedSignals,
     SignalSource,
@@ -175,7 +176,10 @@ def read_training_data(
 
 def _drop_unused_channels(dataset: Dataset, features: Sequence[str]) -> Dataset:
     """Return the data set with x, y and the channels that the features are computed from."""
-    needed = {"x", "y", *features, *(["facing"] if "attention" in features else [])}
+    known = [MOTION_FEATURES[name] for name in features if name in MOTION_FEATURES]
+    needed = {"x", "y", *features}.union(
+        *(feature.needs[-1] for feature in known)
+    )  # from x and y, if possible
     indices = [index for index, name in enumerate(dataset.channels) if name in needed]
     names = tuple(dataset.channels[index] for index in indices)
     return replace(dataset, trajectories=dataset.trajectories[:, indices], channels=names)

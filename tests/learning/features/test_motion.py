@@ -9,10 +9,13 @@ from sklearn.pipeline import make_pipeline
 
 from lcorpp.errors import DataError
 from lcorpp.learning import ChannelStandardizer, Motion
+from lcorpp.learning.features.motion_features import MOTION_FEATURES, TrackHistory
 from lcorpp.values import stack_signals, strip_padding
 
 ALL = ("x", "y", "velocity", "heading", "facing")
-FEATURES = ("x", "y", "velocity", "heading", "facing", "approach", "attention", "distance", "bearing")
+FEATURES = tuple(MOTION_FEATURES)
+OWN = ("velocity", "acceleration", "turn_rate", "ahead", "left", "facing_ahead")
+"""The features that are the same from wherever a person is seen."""
 SECOND = {"rate": 1.0, "interval": 0.5}
 """Every second sample comes out."""
 
@@ -76,14 +79,49 @@ def test_features_relative_to_the_robot_of_a_known_track():
         "heading_sin": [0, 0],
         "facing_cos": [0, 0],
         "facing_sin": [1, 1],
+        "acceleration": [0, 0],
+        "turn_rate": [0, 0],
+        "ahead": [0, 1],
+        "left": [0, 0],
+        "facing_ahead_cos": [0, 0],
+        "facing_ahead_sin": [0, -1],
         "approach_cos": [0, 1],
         "approach_sin": [0, 0],
         "attention_cos": [0, 0],
         "attention_sin": [-1, -1],  # a quarter turn clockwise from the robot
         "distance": [3, 2],
+        "distance_rate": [0, -1],
         "bearing_cos": [1, 1],
         "bearing_sin": [0, 0],
+        "bearing_rate": [0, 0],
     }
+
+
+def test_turning_and_acceleration_of_a_walk_known_by_hand():
+    """North for .3 m, then .4 m; a metre west, then standing, then east."""
+    x = [[1, 1, 1, 0, 0, 0.5], [2, 2.3, 2.7, 2.7, 2.7, 2.7]]
+    found = rows_of(x, rate=2, features=(*OWN[:5], "bearing_rate"))
+    assert found["velocity"] == [0, 0.6, 0.8, 2, 0, 1]
+    assert found["acceleration"] == pytest.approx([0, 0, 0.4, 2.4, -4, 2])
+    assert found["turn_rate"] == pytest.approx([0, 0, 0, np.pi, 0, 0])  # a quarter turn to the left in .5 s
+    assert found["ahead"] == pytest.approx([0, 0.3, 0.7, 0.7, 0.7, 0.7])
+    assert found["left"] == pytest.approx([0, 0, 0, 1, 1, 0.5])
+    assert found["bearing_rate"][3] == pytest.approx(2 * np.arctan2(1, 2.7))
+
+
+def test_changes_of_measured_speed_and_heading():
+    x = [[0.0] * 4, [0.0] * 4, [1.0, 2, 0.05, 2], [0, np.pi / 2, 0, 3], [0.0, 1, 2, 3]]
+    found = rows_of(x, rate=2, inputs=ALL, features=("acceleration", "turn_rate", "facing_ahead"))
+    assert found["acceleration"] == pytest.approx([0, 2, -3.9, 3.9])
+    assert found["turn_rate"] == pytest.approx([0, np.pi, 0, 0])
+    assert found["facing_ahead_cos"] == pytest.approx(np.cos([0, 1 - np.pi / 2, 2, 0]))
+    assert found["facing_ahead_sin"] == pytest.approx(np.sin([0, 1 - np.pi / 2, 2, 0]))
+
+
+def test_a_track_that_stays_near_its_first_point_leads_ahead():
+    found = rows_of([[0, 0.1, 0.1, -0.2], [0, 0, 0.2, 0.1]], rate=2, features=("ahead", "left"))
+    assert found["ahead"] == pytest.approx([0, 0.1, np.hypot(0.1, 0.2), np.hypot(0.2, 0.1)])
+    assert found["left"] == pytest.approx([0] * 4)
 
 
 def measured(seed: int, points: int = 50) -> np.ndarray:
@@ -136,6 +174,37 @@ def test_features_do_not_depend_on_the_frame_of_the_tracks(seed, x, y, turned):
         seen = Motion(robot=(0, 0, 0), **parameters).fit_transform(here[:, rows])
         same = Motion(robot=(x, y, turned), **parameters).fit_transform(there[:, rows])
         np.testing.assert_allclose(seen, same, atol=1e-6)  # a short step has a direction to 1e-7
+
+
+@settings(max_examples=30)
+@given(seed=st.integers(0, 10**6), x=st.floats(-50, 50), y=st.floats(-50, 50), turned=st.floats(-9, 9))
+def test_own_features_do_not_depend_on_where_the_robot_stands(seed, x, y, turned):
+    for inputs, rows in ((ALL, [0, 1, 2, 3, 4]), (("x", "y", "facing"), [0, 1, 4])):
+        seen = measured(seed)[:, rows]
+        one = Motion(inputs=inputs, features=OWN).fit_transform(seen)
+        other = Motion(inputs=inputs, features=OWN, robot=(x, y, turned)).fit_transform(seen)
+        np.testing.assert_allclose(one, other, atol=1e-6)
+
+
+@pytest.mark.parametrize("inputs", [ALL, ("x", "y", "facing"), ("velocity", "heading", "facing")])
+def test_features_of_points_one_by_one_equal_those_of_the_track(inputs):
+    """Number for number, of people who walk, stand and vanish."""
+    points = measured(3)[:, [ALL.index(name) for name in inputs]]
+    points[1] = points[1, :, :1]
+    points[2, :, 20:] = points[2, :, 20:21]
+    points[3, :, 30:] = np.nan
+    usable = [name for name in FEATURES if any(need <= set(inputs) for need in MOTION_FEATURES[name].needs)]
+    motion = Motion(inputs=inputs, features=usable).fit(points[:3])
+    history = TrackHistory(*np.full((4, 4, len(inputs), 1), np.nan))
+    found = []
+    for now in np.split(points, points.shape[2], axis=2):
+        history = history.at(now, inputs)
+        found.append(motion.compute_features(now, history))
+        history = history.after(now)
+    whole = motion.transform_points(points)
+    assert np.array_equal(np.concatenate(found, axis=2), whole, equal_nan=True)
+    assert np.isnan(whole[3, :, 30:]).all()
+    assert np.isfinite(whole[3, :, :30]).all()
 
 
 def test_standardization_uses_the_training_data_only():

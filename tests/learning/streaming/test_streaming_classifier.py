@@ -18,6 +18,7 @@ from lcorpp.learning import (
     train_and_validate,
 )
 from lcorpp.learning.contract import SigmoidScores, fit_clone
+from lcorpp.learning.features.motion_features import MOTION_FEATURES
 from lcorpp.learning.features.resampling import resample
 from lcorpp.protocols import Classifier
 from tests.learning.walkers import walkers
@@ -25,10 +26,9 @@ from tests.learning.walkers import walkers
 from .people import ByWay, batch, by_way, lstm, walk
 
 INTERVAL = 0.033
-SEEN = ("x", "y", "velocity", "heading", "facing")
 RICH = {
     "inputs": ("x", "y", "facing"),
-    "features": (*SEEN, "approach", "attention", "distance", "bearing"),
+    "features": tuple(MOTION_FEATURES),
     "robot": (1.0, 2.0, 0.5),
 }
 PIPELINES = {

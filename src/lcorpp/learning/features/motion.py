@@ -19,6 +19,7 @@ from lcorpp.learning.data.dataset import check_tracks
 from lcorpp.learning.features.motion_features import (
     ANGLES,
     Pose,
+    TrackHistory,
     TrackPoints,
     check_features,
     compute_features,
@@ -50,15 +51,23 @@ class Motion(TransformerMixin, BaseEstimator):  # type: ignore[misc]  # scikit-l
     - heading: cosine and sine of the direction of motion, anticlockwise from the robot's heading; without
       such an input, the direction from the previous point. (0, 0) if there is no motion;
     - facing: the same for the direction of the body or head, which has to be an input;
+    - acceleration: change of speed, m/s²;
+    - turn_rate: change of heading, radians per second anticlockwise; 0 while standing;
+    - ahead, left: displacement from the first point in the person's own frame, whose axis points from the
+      first point to the first one half a metre away from it (until then, to the person);
+    - facing_ahead: cosine and sine of facing relative to heading: (1, 0) if the person looks ahead;
     - approach: cosine and sine of heading relative to the direction to the robot: (1, 0) if the person walks
       straight to it;
     - attention: the same for facing: (1, 0) if the person looks at the robot;
-    - distance: metres from the robot;
-    - bearing: cosine and sine of the direction from the robot to the person.
+    - distance: metres from the robot; distance_rate: its change, m/s;
+    - bearing: cosine and sine of the direction from the robot to the person; bearing_rate: its change,
+      radians per second anticlockwise.
 
-    The last four, approach to bearing, contain the person's place, not only the motion: they carry more
-    information about intention, and on data that leaks its label by place a classifier learns the leak. The
-    other features do not depend on place.
+    The last six, approach to bearing_rate, depend on the place of a track: they carry more information about
+    intention, and on data that leaks its label by place a classifier learns the leak. x, y, heading and
+    facing depend on the direction in which the robot stands. All others depend on the person alone: velocity,
+    acceleration, turn_rate, ahead, left and facing_ahead are the same from wherever a person is seen, so a
+    classifier that was trained at one place works at another.
 
     Args:
         rate: points per second of the result.
@@ -141,17 +150,11 @@ class Motion(TransformerMixin, BaseEstimator):  # type: ignore[misc]  # scikit-l
 
     def transform_points(self, points: Array) -> Array:
         """(cases, rows, points) the features of whole tracks (cases, inputs, points) at the fixed rate."""
-        previous = np.concatenate([points[..., :1], points[..., :-1]], axis=2)
-        return self.compute_features(points, previous, points[..., :1])
+        return self.compute_features(points, TrackHistory.of_tracks(points, self.inputs))
 
-    def compute_features(self, points: Array, previous: Array, first: Array) -> Array:
-        """(..., rows, points) the features of points (..., inputs, points) at the fixed rate.
-
-        Args:
-            previous: (..., inputs, points) the predecessor of each point, or a first point itself.
-            first: (..., inputs, points or 1) the first point of each track.
-        """
-        track_points = TrackPoints(points, previous, first, self.inputs, self.robot, self.rate)
+    def compute_features(self, points: Array, history: TrackHistory) -> Array:
+        """(..., rows, points) the features of points (..., inputs, points) at the fixed rate."""
+        track_points = TrackPoints(points, history, self.inputs, self.robot, self.rate)
         return compute_features(self.features, track_points)
 
     @property

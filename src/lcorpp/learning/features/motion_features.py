@@ -1,17 +1,18 @@
-"""Motion features: displacement, speed and directions of a person at each point of a track.
+"""Motion features: displacement, speed, turning and directions of a person at each point of a track.
 
-Each feature depends on the track up to its point only. A direction is stored as cosine and sine, which do not
-jump as an angle does; it is (0, 0) if there is no direction: at the first point, and if the person stands
-still.
+Each feature depends on the track up to its point only: on the point and the few points before it that
+`TrackHistory` contains. A direction is stored as cosine and sine, which do not jump as an angle does; it is
+(0, 0) if there is no direction: at the first point, and if the person stands still.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+import numpy.typing as npt
 
 from lcorpp.errors import DataError, expected_one_of
 from lcorpp.values import CHANNELS, Array
@@ -23,32 +24,98 @@ ANGLES = ("heading", "facing")
 """The inputs that are angles, in radians, anticlockwise from the x axis of the tracks."""
 
 
+MIN_SPEED = 0.1
+"""m/s; below this speed a direction is noise, and the person counts as not turning."""
+
+START_DISTANCE = 0.5
+"""Metres from the first point, after which the direction in which a person starts is known."""
+
+
+@dataclass(frozen=True, eq=False)
+class TrackHistory:
+    """What the features of points need of the tracks before them; NaN if there is no such point.
+
+    first: (..., inputs, points or 1) the first point of each track.
+    start: (..., inputs, points) the first point that is `START_DISTANCE` from the first one; until there is
+        such a point, the point itself.
+    previous, earlier: (..., inputs, points) the predecessor of each point, and the predecessor of that.
+    """
+
+    first: Array
+    start: Array
+    previous: Array
+    earlier: Array
+
+    @classmethod
+    def of_tracks(cls, points: Array, inputs: Sequence[str]) -> TrackHistory:
+        """Return the history of all points of whole tracks (..., inputs, points)."""
+        first = points[..., :1]
+        none = np.full_like(first, np.nan)
+        previous = np.concatenate([none, points[..., :-1]], axis=-1)
+        earlier = np.concatenate([none, previous[..., :-1]], axis=-1)
+        is_far = _has_left(first, points, inputs)
+        n = points.shape[-1]
+        at = np.where(is_far.any(axis=-1), is_far.argmax(axis=-1), n)[..., None]
+        start = np.take_along_axis(points, np.minimum(np.arange(n), at)[..., None, :], axis=-1)
+        return cls(first, start, previous, earlier)
+
+    def at(self, points: Array, inputs: Sequence[str]) -> TrackHistory:
+        """Return the history of the next points (..., inputs, 1), given that `after` the points before."""
+        first = np.where(np.isnan(self.first), points, self.first)
+        is_known = _has_left(first, self.start, inputs)[..., None, :]
+        return TrackHistory(first, np.where(is_known, self.start, points), self.previous, self.earlier)
+
+    def after(self, points: Array) -> TrackHistory:
+        """Return the history, which is that of `points`, once they are past."""
+        return TrackHistory(self.first, self.start, points, self.previous)
+
+
+def _has_left(first: Array, points: Array, inputs: Sequence[str]) -> npt.NDArray[np.bool_]:
+    """(..., points) whether the points are `START_DISTANCE` from the first ones, if positions are inputs."""
+    if not {"x", "y"}.issubset(inputs):
+        return np.zeros(points[..., 0, :].shape, dtype=bool)
+    x, y = (points[..., row, :] - first[..., row, :] for row in (inputs.index("x"), inputs.index("y")))
+    return np.asarray(np.hypot(x, y) >= START_DISTANCE)
+
+
 @dataclass(eq=False)
 class TrackPoints:
-    """Consecutive points of tracks in the robot's frame.
+    """Points of tracks in the robot's frame.
 
-    points, previous: (..., inputs, points) the points, and the predecessor of each; a first point is its own
-        predecessor. first: (..., inputs, points or 1) the first point of each track.
+    points: (..., inputs, points). history: of the points.
     inputs: the names of the inputs. robot: the robot's pose in the frame of the tracks. rate: points per
         second.
     """
 
     points: Array
-    previous: Array
-    first: Array
+    history: TrackHistory
     inputs: Sequence[str]
     robot: Pose
     rate: float
 
     @cached_property
+    def before(self) -> TrackPoints:
+        """The predecessors of the points; a first point is its own predecessor."""
+        past = self.history
+        points = np.where(np.isnan(past.previous), self.points, past.previous)
+        history = replace(past, previous=past.earlier, earlier=np.full_like(past.earlier, np.nan))
+        return replace(self, points=points, history=history)
+
+    @cached_property
     def displacement(self) -> Array:
         """(2, ..., points) vector from the first point, in metres, along the robot's axes."""
-        return self._compute_vector_from(self.first)
+        return self._compute_vector(self.history.first, self.points)
 
     @cached_property
     def increment(self) -> Array:
         """(2, ..., points) vector from the previous point, in metres, along the robot's axes."""
-        return self._compute_vector_from(self.previous)
+        return self._compute_vector(self.before.points, self.points)
+
+    @property
+    def own_displacement(self) -> Array:
+        """(2, ..., points) displacement ahead and to the left, as the person saw it at the start."""
+        start = self._compute_vector(self.history.first, self.history.start)
+        return _rotate_relative(self.displacement, _normalize(start))
 
     @cached_property
     def position(self) -> Array:
@@ -67,18 +134,43 @@ class TrackPoints:
         return self._compute_direction("facing")
 
     @property
+    def direction_to_robot(self) -> Array:
+        """(2, ..., points) direction from the person to the robot."""
+        return _normalize(-self.position)
+
+    @property
     def velocity(self) -> Array:
         """(1, ..., points) speed, m/s: measured, else length of the increment times the rate."""
         measured = "velocity" in self.inputs
         return (self._find("velocity") if measured else np.hypot(*self.increment) * self.rate)[None]
 
+    @property
+    def acceleration(self) -> Array:
+        """(1, ..., points) change of speed, m/s²; 0 before there are two speeds."""
+        change = (self.velocity - self.before.velocity) * self.rate
+        has_two = "velocity" in self.inputs or ~np.isnan(self.history.earlier[..., 0, :])
+        return np.asarray(np.where(has_two, change, 0.0 * change))  # the padding of a short track stays NaN
+
+    @property
+    def turn_rate(self) -> Array:
+        """(1, ..., points) change of heading, rad/s anticlockwise; 0 while standing."""
+        is_standing = np.minimum(self.velocity, self.before.velocity) <= MIN_SPEED
+        rate = _compute_angle(self.heading, self.before.heading) * self.rate
+        return np.asarray(np.where(is_standing, 0.0, rate))
+
+    @property
+    def distance(self) -> Array:
+        """(1, ..., points) metres from the robot."""
+        distance: Array = np.hypot(*self.position)
+        return distance[None]
+
     def _find(self, name: str) -> Array:
         """(..., points) the input of this name."""
         return self.points[..., self.inputs.index(name), :]
 
-    def _compute_vector_from(self, other: Array) -> Array:
+    def _compute_vector(self, start: Array, end: Array) -> Array:
         rows = [self.inputs.index("x"), self.inputs.index("y")]
-        return self._rotate(*(self.points[..., row, :] - other[..., row, :] for row in rows))
+        return self._rotate(*(end[..., row, :] - start[..., row, :] for row in rows))
 
     def _compute_direction(self, name: str) -> Array:
         relative = self._find(name) - self.robot[2]
@@ -116,6 +208,13 @@ def _rotate_relative(direction: Array, reference: Array) -> Array:
     return np.stack([rx * dx + ry * dy, rx * dy - ry * dx])
 
 
+def _compute_angle(direction: Array, reference: Array) -> Array:
+    """(1, ...) the angle from a reference to a direction in [-pi, pi], 0 if one of them is (0, 0)."""
+    cosine, sine = _rotate_relative(direction, reference)
+    angle: Array = np.arctan2(sine, cosine)
+    return angle[None]
+
+
 _XY = {"x", "y"}
 
 MOTION_FEATURES = {
@@ -124,14 +223,25 @@ MOTION_FEATURES = {
     "velocity": MotionFeature(lambda p: p.velocity, ({"velocity"}, _XY)),
     "heading": MotionFeature(lambda p: p.heading, ({"heading"}, _XY), is_direction=True),
     "facing": MotionFeature(lambda p: p.facing, ({"facing"},), is_direction=True),
+    "acceleration": MotionFeature(lambda p: p.acceleration, ({"velocity"}, _XY)),
+    "turn_rate": MotionFeature(lambda p: p.turn_rate, ({"velocity", "heading"}, _XY)),
+    "ahead": MotionFeature(lambda p: p.own_displacement[:1], (_XY,)),
+    "left": MotionFeature(lambda p: p.own_displacement[1:], (_XY,)),
+    "facing_ahead": MotionFeature(
+        lambda p: _rotate_relative(p.facing, p.heading),
+        ({"heading", "facing"}, {*_XY, "facing"}),
+        is_direction=True,
+    ),
     "approach": MotionFeature(
-        lambda p: _rotate_relative(p.heading, _normalize(-p.position)), (_XY,), is_direction=True
+        lambda p: _rotate_relative(p.heading, p.direction_to_robot), (_XY,), is_direction=True
     ),
     "attention": MotionFeature(
-        lambda p: _rotate_relative(p.facing, _normalize(-p.position)), ({*_XY, "facing"},), is_direction=True
+        lambda p: _rotate_relative(p.facing, p.direction_to_robot), ({*_XY, "facing"},), is_direction=True
     ),
-    "distance": MotionFeature(lambda p: np.hypot(*p.position)[None], (_XY,)),
+    "distance": MotionFeature(lambda p: p.distance, (_XY,)),
+    "distance_rate": MotionFeature(lambda p: (p.distance - p.before.distance) * p.rate, (_XY,)),
     "bearing": MotionFeature(lambda p: _normalize(p.position), (_XY,), is_direction=True),
+    "bearing_rate": MotionFeature(lambda p: _compute_angle(p.position, p.before.position) * p.rate, (_XY,)),
 }
 """The motion features by name; the docstring of `Motion` describes each."""
 

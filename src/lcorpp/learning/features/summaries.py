@@ -13,13 +13,11 @@ from sklearn.utils.validation import check_is_fitted
 
 from lcorpp.errors import DataError
 from lcorpp.learning.data.dataset import check_tracks
+from lcorpp.learning.features.motion_features import MIN_SPEED
 from lcorpp.values import Array, measure_lengths
 
 SEGMENTS = 4
 """Segments of equal duration, each with its own mean."""
-
-MIN_SPEED = 0.1
-"""m/s; below this speed a direction is noise, and the person counts as not turning."""
 
 STANDING_SPEED = 2 * MIN_SPEED
 """m/s; below this speed the person counts as standing still."""

@@ -14,6 +14,7 @@ from sklearn.utils.validation import check_is_fitted
 from lcorpp.errors import DataError
 from lcorpp.learning.contract import SigmoidScores, predict_proba
 from lcorpp.learning.features.motion import ChannelStandardizer, Motion
+from lcorpp.learning.features.motion_features import TrackHistory
 from lcorpp.values import Array
 
 Slots = npt.NDArray[np.intp]
@@ -44,33 +45,29 @@ class RecurrentState:
     def __init__(self, motion: Motion, standardizers: Sequence[ChannelStandardizer], classifier: Any) -> None:
         self._motion, self._standardizers, self._classifier = motion, standardizers, classifier
         self._state = classifier.begin(0)
-        # (slots, 2, inputs) first and previous point of each track; NaN before the first
-        self._known = np.empty((0, 2, len(motion.inputs)))
+        # (4, slots, inputs, 1) the `TrackHistory` of each slot; NaN before the first point
+        self._history = np.empty((4, 0, len(motion.inputs), 1))
 
     def grow(self, size: int) -> None:
         """As `StreamState.grow`."""
-        old_size = len(self._known)
+        old_size = self._history.shape[1]
         state = self._classifier.begin(size)
         state.put(np.arange(old_size), self._state)
         self._state = state
-        more = np.full((size - old_size, *self._known.shape[1:]), np.nan)
-        self._known = np.concatenate([self._known, more])
+        more = np.full((4, size - old_size, *self._history.shape[2:]), np.nan)
+        self._history = np.concatenate([self._history, more], axis=1)
 
     def reset(self, slots: Slots) -> None:
         """As `StreamState.reset`."""
         self._state.put(slots, self._classifier.begin(len(slots)))
-        self._known[slots] = np.nan
+        self._history[:, slots] = np.nan
 
     def advance(self, slots: Slots, points: Array) -> Array:
         """As `StreamState.advance`."""
-        known = self._known[slots]
-        new = np.isnan(known[:, 0, 0])
-        if new.any():
-            known[new] = points[new, None]
-        first, previous = known[:, 0, :, None], known[:, 1, :, None]
-        features = self._motion.compute_features(points[..., None], previous, first)
-        known[:, 1] = points
-        self._known[slots] = known
+        now = points[..., None]
+        history = TrackHistory(*self._history[:, slots]).at(now, self._motion.inputs)
+        features = self._motion.compute_features(now, history)
+        self._history[:, slots] = list(vars(history.after(now)).values())
         for standardizer in self._standardizers:
             features = standardizer.standardize(features)
         state = self._state.take(slots)
