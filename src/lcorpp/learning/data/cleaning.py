@@ -1,21 +1,18 @@
-"""Split the rows of one id into tracks in metres; each fault is an error unless its repair was requested.
-
-Millimetres taken for metres, or the reverse, are detected by impossible speeds.
-"""
+"""Split the rows of one id into tracks; each fault is an error unless its repair was requested."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-import numpy.typing as npt
 
 from lcorpp.learning.data.csv_reader import Lines
 from lcorpp.learning.data.labels import class_of_label, describe_unknown_label
 from lcorpp.learning.data.repairs import RowSource
 from lcorpp.learning.data.tracks import MAX_NUMBER, Track
+from lcorpp.learning.data.units import MAX_SPEED, find_jumps
 from lcorpp.values import Array
 
 MAX_GAP = 5.0
@@ -23,15 +20,6 @@ MAX_GAP = 5.0
 
 MIN_RUN = 10
 """Minimum mean length of a run, in samples, at which decreasing times mean a new person, not disorder."""
-
-MAX_SPEED = 12.0
-"""Maximum median speed of a track in m/s; the fastest sprint ever reached 12.4 at its peak."""
-
-MIN_SPEED = 0.005
-"""Minimum median speed of all tracks of a file in m/s; even a tracker's noise is faster."""
-
-FACTOR = 1000.0
-LENGTHS = ("x", "y", "z")
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,14 +88,20 @@ def _check_words(raw: RawTrack, source: RowSource) -> tuple[tuple[str, int] | No
 def _drop_nonfinite(raw: RawTrack, source: RowSource) -> RawTrack:
     columns = {"time": raw.times, **raw.columns}
     most = {name: MAX_NUMBER if name != "time" else np.finfo(np.float64).max for name in columns}
-    bad = ~np.all([np.abs(values) <= most[name] for name, values in columns.items()], axis=0)
-    for row in np.flatnonzero(bad).tolist():
-        name, value = next((n, v[row]) for n, v in columns.items() if not abs(v[row]) <= most[n])
+    bad = {name: ~(np.abs(values) <= most[name]) for name, values in columns.items()}
+    if "velocity" in bad:
+        bad["velocity"] |= columns["velocity"] < 0
+    is_bad = np.any(list(bad.values()), axis=0)
+    for row in np.flatnonzero(is_bad).tolist():
+        name = next(name for name, flags in bad.items() if flags[row])
+        value = columns[name][row]
         what = "missing or NaN" if np.isnan(value) else "infinite" if np.isinf(value) else f"{value:g}"
-        limit = f" up to {MAX_NUMBER:g}" if np.isfinite(value) else ""
+        limit = ""
+        if np.isfinite(value):
+            limit = " from 0, a speed" if name == "velocity" and value < 0 else f" up to {MAX_NUMBER:g}"
         message = f"the {name} is {what}; expected a finite number{limit}"
         source.repair_or_raise("nonfinite", int(raw.lines[row]), message, field=name, track=raw.id)
-    return raw.take(np.flatnonzero(~bad)) if bad.any() else raw
+    return raw.take(np.flatnonzero(~is_bad)) if is_bad.any() else raw
 
 
 def _split_runs(raw: RawTrack, source: RowSource, gap: float) -> list[RawTrack]:
@@ -145,11 +139,21 @@ def _drop_duplicates(raw: RawTrack, source: RowSource) -> RawTrack:
 
 
 def _split_gaps(raw: RawTrack, source: RowSource, gap: float) -> list[RawTrack]:
-    silences = np.diff(raw.times)
-    ends = np.flatnonzero(silences > gap) + 1
+    """Split the rows of a track where its person is silent for too long, or jumps as no human can."""
+    silences, x, y = np.diff(raw.times), raw.columns["x"], raw.columns["y"]
+    ends = np.flatnonzero((silences > gap) | find_jumps(raw.times, x, y)) + 1
     pieces = [raw.take(rows) for rows in np.split(np.arange(len(raw)), ends)]
     for end, piece in zip(ends.tolist(), pieces[1:], strict=True):
-        message = f"silent for {silences[end - 1]:.3f} s before; expected at most {gap:g} s of one person"
+        silence = f"{silences[end - 1]:.3f} s"
+        if silences[end - 1] > gap:
+            message = f"silent for {silence} before; expected at most {gap:g} s of one person"
+            if np.median(silences) > gap and np.all(raw.times == np.round(raw.times)):
+                message += "; are its times frame numbers or milliseconds, not seconds?"
+        else:
+            distance = np.hypot(x[end] - x[end - 1], y[end] - y[end - 1])
+            message = (
+                f"a jump of {distance:.3g} m in {silence}; expected at most {MAX_SPEED:g} m/s of a human"
+            )
         _split_off(piece, message, source)
     return pieces
 
@@ -174,45 +178,3 @@ def _check_motion(piece: RawTrack, raw: RawTrack, source: RowSource) -> bool:
     line = int((piece if len(piece) else raw).lines[0])
     source.repair_or_raise(reason, line, message, field=field, track=raw.id, rows=len(piece))
     return False
-
-
-def convert_to_metres(tracks: Sequence[Track], first_lines: Sequence[int], source: RowSource) -> list[Track]:
-    """Convert the tracks of one file, which begin in `first_lines`, to metres and metres per second.
-
-    If at least half of the tracks are too fast, all are converted, including those of people who stand;
-    otherwise only the tracks that are too fast. A speed that no factor of 1000 explains is an error.
-    """
-    if not tracks:
-        return []
-    speed = np.array([np.median(track.speeds) for track in tracks])
-    written = np.array([np.median(t.columns["velocity"]) if "velocity" in t.columns else 0.0 for t in tracks])
-    slow = 0 < np.median(speed) < MIN_SPEED and speed.max() < 10 * MIN_SPEED
-    length_factors = np.where(_too_fast(speed), 1 / FACTOR, FACTOR if slow else 1.0).tolist()
-    speed_factors = np.where(_too_fast(written), 1 / FACTOR, 1.0).tolist()
-    scaled = []
-    for row, (track, length_factor, speed_factor) in enumerate(
-        zip(tracks, length_factors, speed_factors, strict=True)
-    ):
-        if length_factor == speed_factor == 1.0:
-            scaled.append(track)
-            continue
-        what, value, field, factor = ("speed", speed[row], "x", length_factor)
-        if length_factor == 1:
-            what, value, field, factor = ("velocity", written[row], "velocity", speed_factor)
-        fault, line = f"the median {what} is {value:.3g} m/s, which no human has", first_lines[row]
-        if speed[row] * length_factor > MAX_SPEED or written[row] * speed_factor > MAX_SPEED:
-            message = f"track {track.id!r}: {fault}; no unit of length explains it"
-            raise source.error_at(line, "x", message)
-        unit = "metres taken for millimetres" if length_factor > 1 else "millimetres taken for metres"
-        message, done = f"{fault}; it looks like {unit}", f"times {factor:g}"
-        source.repair_or_raise("units", line, message, done, field=field, track=track.id, rows=len(track))
-        factors = dict.fromkeys(LENGTHS, length_factor) | {"velocity": speed_factor}
-        columns = {name: values * factors.get(name, 1.0) for name, values in track.columns.items()}
-        scaled.append(replace(track, columns=columns))
-    return scaled
-
-
-def _too_fast(speed: Array) -> npt.NDArray[np.bool_]:
-    """(tracks,) whether each track needs another unit."""
-    fast = speed > MAX_SPEED
-    return np.full(len(speed), True) if np.mean(fast) >= 0.5 else fast

@@ -8,10 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from lcorpp.errors import LcorppError
-from lcorpp.learning.data.cleaning import RawTrack, convert_to_metres, split_tracks
+from lcorpp.learning.data.cleaning import RawTrack, split_tracks
 from lcorpp.learning.data.csv_reader import Lines, Progress, RowBatch
 from lcorpp.learning.data.repairs import RepairLog, RowSource
 from lcorpp.learning.data.tracks import Track
+from lcorpp.learning.data.units import convert_units
 from lcorpp.values import Array
 
 
@@ -58,7 +59,7 @@ def assemble_tracks(
         lines += [int(raw.lines[0])] * (len(tracks) - len(lines))
     if not tracks and options.only is None and not options.repair_log.repairs:
         raise empty
-    return convert_to_metres(tracks, lines, source)
+    return convert_units(tracks, lines, source)
 
 
 def _select_rows(batch: RowBatch, source: RowSource, only: Collection[str] | None) -> RowBatch:

@@ -12,7 +12,7 @@ import numpy as np
 from lcorpp.errors import DataError, FileError, ParseError
 from lcorpp.files import keep_pipes, open_text
 from lcorpp.learning.data.authors import read_authors
-from lcorpp.learning.data.cleaning import MAX_GAP, convert_to_metres
+from lcorpp.learning.data.cleaning import MAX_GAP
 from lcorpp.learning.data.csv_formats import ATC_COLUMNS, REQUIRED, read_atc, read_long_csv
 from lcorpp.learning.data.csv_reader import Progress, is_number, parse_line
 from lcorpp.learning.data.ingest import ReadOptions
@@ -22,6 +22,7 @@ from lcorpp.learning.data.parquet import SUFFIXES, ParquetFile, read_parquet
 from lcorpp.learning.data.repairs import RepairLog, RowSource
 from lcorpp.learning.data.table import has_table_columns, read_table
 from lcorpp.learning.data.tracks import Recording, Track
+from lcorpp.learning.data.units import convert_units, note_implausible
 from lcorpp.learning.data.windows import INTERVAL, POINTS, to_dataset
 from lcorpp.learning.store import Snapshot, is_store, read_store
 from lcorpp.notebook import join_some
@@ -151,6 +152,7 @@ def read_recording(
             if missing:
                 notes = (*notes, f"{missing} of {len(classes)} ids of {label_file} have no tracks")
             tracks = labelled
+        notes = (*notes, *note_implausible(tracks))
         recording = Recording(tuple(tracks), file.name, notes, tuple(repair_log.repairs))
     return recording if robot is None else recording.in_robot_frame(*robot)
 
@@ -241,10 +243,13 @@ def detect_format(path: str | Path) -> Format:
     raise ParseError(str(path), 1, 1, f"the file is empty; expected a line that names {', '.join(REQUIRED)}")
 
 
-def _convert_dataset_to_metres(dataset: Dataset, source: RowSource) -> Dataset:
-    """Convert a stored data set to metres, like the tracks of a file."""
+def _convert_dataset_units(dataset: Dataset, source: RowSource) -> Dataset:
+    """Convert a stored data set to metres and radians, like the tracks of a file."""
     tracks = to_recording(dataset).tracks
-    scaled = convert_to_metres(tracks, [1] * len(tracks), source)
+    scaled = convert_units(tracks, [1] * len(tracks), source)
+    new = [note for note in note_implausible(scaled) if note not in dataset.notes]
+    if new:
+        dataset = replace(dataset, notes=(*dataset.notes, *new))
     if all(new is old for new, old in zip(scaled, tracks, strict=True)):
         return dataset
     rows = [np.stack([track.columns[name] for name in dataset.channels]) for track in scaled]
@@ -266,7 +271,7 @@ def _read_rectangular(
     if kind == "npz":
         dataset = load_dataset(file)
         if dataset.kind == "motion":
-            dataset = _convert_dataset_to_metres(dataset, source)
+            dataset = _convert_dataset_units(dataset, source)
     else:
         dataset = read_store(file).dataset()
     classes = [class_of_label(word, labels) for word in dataset.labels]

@@ -14,13 +14,13 @@ from lcorpp.learning.data.tracks import Repair
 REPAIRS = {
     "rows": "leave out rows that cannot be read: too many or too few columns, or words for numbers",
     "cut": "leave out the last line of a file that ends in the middle of it",
-    "nonfinite": "leave out samples that are missing, NaN or infinite",
+    "nonfinite": "leave out samples that are missing, NaN, infinite or of negative speed",
     "order": "sort the samples of a track by time",
     "duplicates": "keep the first of several samples of a track at one time",
-    "gaps": "split a track whose id was reused: silent for too long, or with times that begin again",
+    "gaps": "split a track whose id was reused: silent for too long, jumps, or times that begin anew",
     "short": "leave out tracks of fewer than two samples",
     "constant": "leave out tracks that never move",
-    "units": "rescale positions and speeds that no human has by a factor of 1000",
+    "units": "convert positions, speeds and angles that no human has from millimetres, centimetres, degrees",
     "labels": "leave out tracks without a label, with an unknown one or with several",
 }
 """Repairs: name -> what it does."""

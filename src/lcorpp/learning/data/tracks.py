@@ -40,6 +40,11 @@ class Repair(NamedTuple):
     done: str
 
 
+JUMP_TOLERANCE = 0.1
+"""Seconds added to the time between two samples before their speed is compared with the maximum: trackers are
+noisy and correct themselves."""
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class Track:
     """The sampled motion of one person.

@@ -11,15 +11,11 @@ from dataclasses import dataclass, fields
 from math import hypot, isfinite, pi
 
 from lcorpp.errors import DataError
-from lcorpp.learning.data.tracks import MAX_NUMBER
+from lcorpp.learning.data.tracks import JUMP_TOLERANCE, MAX_NUMBER
 from lcorpp.learning.features.resampling import SAME_TIME
 
 Sample = tuple[float, ...]
 """The measurements at one time, in the order of the inputs."""
-
-JUMP_TOLERANCE = 0.1
-"""Seconds added to the time between two samples before their speed is compared with `max_speed`: trackers are
-noisy and correct themselves."""
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,140 @@
+"""Detect units other than metres, seconds and radians by values that no human has, and convert on request."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+import numpy.typing as npt
+
+from lcorpp.learning.data.repairs import RowSource
+from lcorpp.learning.data.tracks import ANGLES, JUMP_TOLERANCE, Track
+from lcorpp.values import Array
+
+MAX_SPEED = 12.0
+"""Maximum median speed of a track in m/s; the fastest sprint ever reached 12.4 at its peak."""
+
+MIN_SPEED = 0.005
+"""Minimum median speed of all tracks of a file in m/s; even a tracker's noise is faster."""
+
+MIN_WALK, MAX_WALK = 0.25, 2.5
+"""Speeds in m/s between which the faster people of a file are expected: factors of ten cannot be confused."""
+
+FASTER = 0.9
+"""Quantile of the tracks' median speeds: even where most people stand, a tenth of them walks."""
+
+LENGTHS = ("x", "y", "z")
+
+Flags = npt.NDArray[np.bool_]
+
+
+def convert_units(tracks: Sequence[Track], first_lines: Sequence[int], source: RowSource) -> list[Track]:
+    """Convert the tracks of one file, which begin in `first_lines`, to metres, metres per second and radians.
+
+    If at least half of the tracks are too fast, all are converted, including those of people who stand;
+    otherwise only the tracks that are too fast. Angles are degrees if half of the tracks have some above
+    2 pi. Each conversion needs the repair `units`; a speed that no unit explains is an error.
+    """
+    if not tracks:
+        return []
+    for track, line in zip(tracks, first_lines, strict=True):
+        least = track.columns["velocity"].min() if "velocity" in track.columns else 0.0
+        if least < 0:
+            message = f"track {track.id!r}: the velocity is {least:g}; expected a speed, 0 or more"
+            raise source.error_at(line, "velocity", message)
+    speed = np.array([np.median(track.speeds) for track in tracks])
+    written = np.array([np.median(t.columns["velocity"]) if "velocity" in t.columns else 0.0 for t in tracks])
+    slow = 0 < np.median(speed) < MIN_SPEED and speed.max() < 10 * MIN_SPEED
+    length_factors = np.full(len(tracks), 1000.0) if slow else _factors(speed)
+    degrees = _find_degrees(tracks)
+    converted = []
+    for row, (track, length_factor, speed_factor) in enumerate(
+        zip(tracks, length_factors.tolist(), _factors(written).tolist(), strict=True)
+    ):
+        factors = dict.fromkeys(LENGTHS, length_factor) | {"velocity": speed_factor}
+        factors |= dict.fromkeys(degrees, np.pi / 180)
+        for what, value, name in (("speed", speed[row], "x"), ("velocity", written[row], "velocity")):
+            fault = f"the median {what} is {value:.3g} m/s, which no human has"
+            if np.isnan(factors[name]):
+                message = f"track {track.id!r}: {fault}; no unit of length explains it"
+                raise source.error_at(first_lines[row], name, message)
+            if factors[name] != 1:
+                message = f"{fault}; it looks like {_UNITS[factors[name]]} ({value * factors[name]:.3g} m/s)"
+                _record(source, track, first_lines[row], name, message, factors[name])
+        for name in degrees:
+            largest = np.abs(track.columns[name]).max()
+            message = f"the {name} is up to {largest:.4g}; expected radians; it looks like degrees"
+            _record(source, track, first_lines[row], name, message, factors[name])
+        if any(factors[name] != 1 for name in track.columns if name in factors):
+            columns = {name: values * factors.get(name, 1.0) for name, values in track.columns.items()}
+            track = replace(track, columns=columns)
+        converted.append(track)
+    return converted
+
+
+_UNITS = {
+    1e-3: "millimetres taken for metres",
+    1e-2: "centimetres taken for metres",
+    1e3: "metres taken for millimetres",
+}
+
+
+def _record(source: RowSource, track: Track, line: int, name: str, message: str, factor: float) -> None:
+    """Record the conversion of a track, or raise the error."""
+    done = f"times {factor:.4g}"
+    source.repair_or_raise("units", line, message, done, field=name, track=track.id, rows=len(track))
+
+
+def _factors(speed: Array) -> Array:
+    """(tracks,) what converts speeds to those of humans: 1, .01, .001, or NaN if none does."""
+    fast = speed > MAX_SPEED
+    if np.mean(fast) < 0.5:  # single tracks in another unit
+        return np.where(fast, [_factor(value) for value in speed], 1.0)
+    factor = _factor(float(np.quantile(speed, FASTER)))
+    return np.where(speed * factor > MAX_SPEED, np.nan, factor)
+
+
+def _factor(speed: float) -> float:
+    """Return the factor that makes a speed plausible; NaN if none does."""
+    if MIN_WALK <= speed / 100 < MAX_WALK:
+        return 1e-2
+    return 1e-3 if MIN_WALK <= speed / 1000 <= MAX_SPEED else np.nan
+
+
+def _find_degrees(tracks: Sequence[Track]) -> list[str]:
+    """Return the angles that are in degrees in every track that has them."""
+    largest = {name: [np.abs(t.columns[name]).max() for t in tracks if name in t.columns] for name in ANGLES}
+    return [name for name, sizes in largest.items() if sizes and np.mean(np.array(sizes) > 2 * np.pi) >= 0.5]
+
+
+def find_jumps(times: Array, x: Array, y: Array) -> Flags:
+    """(samples - 1,) whether no human moves that far from each sample to the next.
+
+    A track whose median speed needs another unit is judged by the smallest one, millimetres; where no unit
+    explains the speed, only what is much faster is a jump.
+    """
+    step, distance = np.diff(times), np.hypot(np.diff(x), np.diff(y))
+    usual = float(np.median(distance / step)) if len(step) else 0.0
+    limit = MAX_SPEED if usual <= MAX_SPEED else max(1000 * MAX_SPEED, 10 * usual)
+    return np.asarray(distance > limit * (step + JUMP_TOLERANCE))
+
+
+def note_implausible(tracks: Sequence[Track]) -> tuple[str, ...]:
+    """Return notes about tracks that are possible, but look like another unit of time or length, or jump."""
+    if not tracks:
+        return ()
+    notes = []
+    speed = float(np.quantile([np.median(track.speeds) for track in tracks], FASTER))
+    if 0 < speed < MIN_WALK:
+        slow = f"nine of ten tracks have a median speed below {speed:.2g} m/s"
+        if all((track.times == np.round(track.times)).all() for track in tracks):
+            notes.append(f"{slow}, and all times are whole: are they frame numbers, not seconds?")
+        else:
+            notes.append(
+                f"{slow}: do all people stand, or are positions not in metres or times not in seconds?"
+            )
+    jumping = [t.id for t in tracks if find_jumps(t.times, t.columns["x"], t.columns["y"]).any()]
+    if jumping:
+        notes.append(f"{len(jumping)} tracks jump faster than {MAX_SPEED:g} m/s, the first is {jumping[0]}")
+    return tuple(notes)
