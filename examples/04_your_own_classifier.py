@@ -1,7 +1,6 @@
 """Your own classifier: any scikit-learn classifier of arrays (people, channels, time points).
 
-The same from the command line: `lcorpp run --learner examples/04_your_own_classifier.py:nearest`, and with
-`pip install 'lcorpp[aeon]'` also `lcorpp run --learner minirocket`.
+The same from the command line: `lcorpp run --learner examples/04_your_own_classifier.py:nearest`.
 """
 
 from sklearn.neighbors import KNeighborsClassifier

@@ -1,7 +1,6 @@
 """`lcorpp run` with any learner, with soft evidence and with thresholds."""
 
 import json
-from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
@@ -10,14 +9,10 @@ from tests.cli.test_bad_input import refused
 
 ROOMS = Path(__file__).parents[1] / "domains/rooms"
 FEW = ("--trials", 60, "--tracks", 60, "--jobs", 1, "--strategy", "L+R")
-NAMES = ["summaries", "forest", "lstm", "lstm-fast"]
-AEON = [
-    pytest.mark.skipif(find_spec("aeon") is None, reason="aeon is not installed: pip install 'lcorpp[aeon]'"),
-    pytest.mark.slow,
-]
+NAMES = ["summaries", "forest", "lstm", "lstm-fast", "minirocket"]
 
 
-@pytest.mark.parametrize("name", [*NAMES, pytest.param("minirocket", marks=AEON)])
+@pytest.mark.parametrize("name", NAMES)
 def test_every_learner_gives_the_same_report(lcorpp, tmp_path, name):
     """Shows 6."""
     passes = ("--epochs", 2) if name in ("lstm", "lstm-fast") else ()

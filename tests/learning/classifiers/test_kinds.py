@@ -33,7 +33,7 @@ def make_series(cases=60, seed=0):
 def test_every_learner_of_a_table_or_a_series_is_better_than_chance():
     for data in (make_table(), make_series()):
         for name, row in LEARNERS.items():
-            if data.kind not in row.kinds or name == "minirocket":
+            if data.kind not in row.kinds:
                 continue
             estimator = learner(name, inputs=data.channels, kind=data.kind, **FAST.get(name, {}))
             classifier, validation = train_and_validate(estimator, data, folds=3)

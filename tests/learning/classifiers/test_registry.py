@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from importlib.util import find_spec
-
 import numpy as np
 import pytest
 from sklearn.base import BaseEstimator
@@ -27,15 +25,12 @@ from lcorpp.values import Dataset
 from tests.learning.walkers import walkers
 
 DATA = walkers(60)
-AEON = pytest.mark.skipif(
-    find_spec("aeon") is None, reason="aeon is not installed: pip install 'lcorpp[aeon]'"
-)
 MADE = [
     ("lstm", {"epochs": 3}),
     ("lstm-fast", {"epochs": 3}),
     ("summaries", {}),
     ("forest", {}),
-    pytest.param("minirocket", {}, marks=[AEON, pytest.mark.slow]),  # numba compiles it for a minute
+    ("minirocket", {}),
 ]
 
 
@@ -98,12 +93,6 @@ def test_the_same_seed_is_the_same_classifier():
 def test_unknown_and_unfit_learners_are_errors(name, options, words):
     with pytest.raises(DataError, match=words):
         learner(name, **options)
-
-
-@pytest.mark.skipif(find_spec("aeon") is not None, reason="aeon is installed")
-def test_without_aeon_the_error_names_the_installation():
-    with pytest.raises(DataError, match=r"minirocket needs aeon, .* pip install 'lcorpp\[aeon\]'"):
-        learner("minirocket")
 
 
 OWN = '''

@@ -97,7 +97,7 @@ def test_calibration_and_threshold_come_back(trained, tmp_path):
     assert all(a == b for a, b in pairs)
 
 
-@pytest.mark.parametrize("name", ["summaries", pytest.param("forest", marks=skops)])
+@pytest.mark.parametrize("name", ["summaries", "minirocket", pytest.param("forest", marks=skops)])
 def test_other_learners_are_stored_like_the_lstm(name, forest, tmp_path):
     tracks = walkers(30, seed=9).trajectories
     trained = forest if name == "forest" else train_and_validate(learner(name), walkers(), folds=2)[0]

@@ -18,7 +18,7 @@ from sklearn.pipeline import Pipeline
 
 from lcorpp.errors import DataError, expected_one_of
 from lcorpp.learning.classifiers.plugin import load_learner_plugin
-from lcorpp.learning.contract import SigmoidScores, accepts_weights, report_failure
+from lcorpp.learning.contract import accepts_weights, report_failure
 from lcorpp.learning.features.motion import ChannelStandardizer, Motion
 from lcorpp.learning.features.summaries import SummaryFeatures
 from lcorpp.learning.lstm import LstmClassifier
@@ -78,14 +78,12 @@ class Learner:
     """A row of the table.
 
     iterative: the learner takes `epochs` and `device`. kinds: the data that it learns from.
-    weighted: it learns from weighted cases.
     """
 
     about: str
     make: Callable[[LearnerConfig], Any]
     iterative: bool = False
     kinds: tuple[Kind, ...] = ("motion", "series")
-    weighted: bool = True
 
 
 def paper_pipeline(
@@ -145,18 +143,10 @@ def _forest(config: LearnerConfig) -> Pipeline:
 
 
 def _minirocket(config: LearnerConfig) -> Pipeline:
-    import numpy as np
-    from sklearn.linear_model import RidgeClassifierCV
+    from lcorpp.learning.classifiers.minirocket import MiniRocket
 
-    try:
-        from aeon.classification.convolution_based import MiniRocketClassifier
-    except ModuleNotFoundError as error:
-        if (error.name or "").partition(".")[0] != "aeon":
-            raise
-        raise DataError("minirocket needs aeon, which is not installed: pip install 'lcorpp[aeon]'") from None
-    # MiniRocket's default classifier, which alone would give the probabilities 0 and 1 only
-    ridge = SigmoidScores(RidgeClassifierCV(np.logspace(-3, 3, 10), class_weight="balanced"))
-    return config.pipeline(("minirocket", MiniRocketClassifier(estimator=ridge, random_state=config.seed)))
+    steps = ("scaling", ChannelStandardizer()), ("minirocket", MiniRocket(random_state=config.seed))
+    return config.pipeline(*steps)
 
 
 LEARNERS: Mapping[str, Learner] = {
@@ -167,9 +157,7 @@ LEARNERS: Mapping[str, Learner] = {
     "summaries": Learner("logistic regression on summaries of the motion", _summaries, kinds=KINDS),
     "forest": Learner("a random forest on summaries of the motion", _forest, kinds=KINDS),
     "logistic": Learner("logistic regression on a table of features", _summaries, kinds=("table",)),
-    "minirocket": Learner(
-        "aeon's MiniRocket, random convolutions of the motion", _minirocket, weighted=False
-    ),
+    "minirocket": Learner("MiniRocket: a ridge classifier on ten thousand convolutions", _minirocket),
 }
 """The learners by name."""
 
@@ -252,10 +240,9 @@ def check_weighted(name: str, estimator: Any) -> None:
         DataError: its `fit` has no `sample_weight`; the message names the learners that have it.
     """
     if not accepts_weights(estimator):
-        known = [other for other, row in LEARNERS.items() if row.weighted]
         raise DataError(
             f"learner {name!r} cannot learn from weighted cases: its fit has no sample_weight;"
-            f" {expected_one_of(known)}"
+            f" {expected_one_of([*LEARNERS])}"
         )
 
 

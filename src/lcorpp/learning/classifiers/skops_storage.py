@@ -25,8 +25,6 @@ TREE = "sklearn.tree._tree.Tree"
 
 TRUSTED = (
     TREE,
-    "aeon.classification.convolution_based._minirocket.MiniRocketClassifier",
-    "aeon.transformations.collection.convolution_based._minirocket.MiniRocket",
     "lcorpp.learning.contract.SigmoidScores",
 )
 

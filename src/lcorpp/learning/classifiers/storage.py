@@ -134,6 +134,7 @@ def load_classifier(path: str | Path) -> TrainedClassifier:
 def _native_kinds() -> dict[str, Any]:
     """The natively stored steps by their name in files, which does not change with the class name."""
     from lcorpp.learning.classifiers.logistic import QuadraticLogistic
+    from lcorpp.learning.classifiers.minirocket import MiniRocket
 
     return {
         "Motion": Motion,
@@ -141,6 +142,7 @@ def _native_kinds() -> dict[str, Any]:
         "LstmClassifier": LstmClassifier,
         "Summaries": SummaryFeatures,
         "QuadraticLogistic": QuadraticLogistic,
+        "MiniRocket": MiniRocket,
     }
 
 
