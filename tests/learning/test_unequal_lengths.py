@@ -34,7 +34,7 @@ def make(name: str, **options):
     return learner(name, **epochs, **options)
 
 
-@pytest.mark.parametrize("name", ["lstm", "lstm-fast", "summaries", "forest"])
+@pytest.mark.parametrize("name", ["lstm", "lstm-fast", "summaries", "forest", "minirocket"])
 def test_padding_changes_nothing(name):
     data = walks()
     tracks, labels = data.trajectories, np.array(data.labels)

@@ -14,7 +14,7 @@ from sklearn.utils.validation import check_is_fitted
 from lcorpp.errors import DataError
 from lcorpp.learning.contract import ProbabilityClassifier, balance_weights, to_probabilities
 from lcorpp.learning.data.dataset import check_tracks
-from lcorpp.values import Array
+from lcorpp.values import Array, measure_lengths
 
 Floats = npt.NDArray[np.float32]
 
@@ -124,7 +124,7 @@ class MiniRocket(ProbabilityClassifier):
 
     def _choose_convolutions(self, tracks: Array, rng: np.random.Generator) -> None:
         """Spread the dilations evenly over powers of 2, up to kernels as long as the longest track."""
-        channels, longest = tracks.shape[1], int(np.isfinite(tracks[:, 0]).sum(axis=1).max())
+        channels, longest = tracks.shape[1], int(measure_lengths(tracks).max())
         per_kernel = self.features // len(KERNELS)
         number = min(per_kernel, MAX_DILATIONS)
         exponents = np.linspace(0, np.log2(max((longest - 1) / (TAPS - 1), 1)), number)
@@ -140,11 +140,11 @@ class MiniRocket(ProbabilityClassifier):
         """Take quantiles of each convolution of a random training case."""
         counts = np.repeat(self.counts_, len(KERNELS))
         quantiles = np.split(np.arange(1, counts.sum() + 1) * GOLDEN_RATIO % 1, np.cumsum(counts)[:-1])
-        cases = rng.integers(len(tracks), size=len(counts))
+        cases, lengths = rng.integers(len(tracks), size=len(counts)), measure_lengths(tracks)
         biases = []
         for number, (case, at) in enumerate(zip(cases, quantiles, strict=True)):
-            track = tracks[case : case + 1, :, np.isfinite(tracks[case, 0])]
-            biases.append(np.quantile(self._convolve(number, track.astype(np.float32)), at))
+            track = tracks[case : case + 1, :, : lengths[case]].astype(np.float32)
+            biases.append(np.quantile(self._convolve(number, track), at))
         self.biases_ = np.concatenate(biases).astype(np.float32)
 
     def _transform(self, tracks: Array) -> Floats:
@@ -154,9 +154,9 @@ class MiniRocket(ProbabilityClassifier):
         return np.concatenate([self._transform_block(block) for block in blocks])
 
     def _transform_block(self, tracks: Array) -> Floats:
-        inside = np.isfinite(tracks[:, 0])
-        known, times = np.nan_to_num(tracks).astype(np.float32), np.arange(tracks.shape[2])
-        ends, ones = inside.sum(axis=1, keepdims=True), np.ones(len(times), dtype=np.float32)
+        ends, times = measure_lengths(tracks)[:, None], np.arange(tracks.shape[2])
+        inside, ones = times < ends, np.ones(len(times), dtype=np.float32)
+        known = np.nan_to_num(tracks).astype(np.float32)
         biases = np.split(self.biases_, np.cumsum(np.repeat(self.counts_, len(KERNELS)))[:-1])
         features = []
         for number, thresholds in enumerate(biases):
