@@ -162,7 +162,7 @@ def test_a_message_has_the_name_of_the_recording_once(lcorpp, tmp_path):
     file = tmp_path / "few.csv"
     file.write_text("time,track,x,y,label\n0,1,0,0,interested\n0.1,1,0,1,interested\n")
     ended = lcorpp("learn", "--data", file)
-    refused(ended, f"{file}: every track is shorter than 9.999 s")
+    refused(ended, f"{file}: every track is shorter than 1 s")
     assert ended.err.count("few.csv") == 1
 
 

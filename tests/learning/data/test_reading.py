@@ -11,7 +11,7 @@ from lcorpp.learning import Recording, read_data, read_recording, save_dataset, 
 from lcorpp.learning.data.csv_reader import CsvFile
 from lcorpp.learning.data.reading import detect_format
 from lcorpp.learning.data.repairs import RepairLog
-from lcorpp.values import Dataset
+from lcorpp.values import Dataset, stack_signals, strip_padding
 
 from .texts import GOOD, HEADING, atc_rows, rows, walk
 
@@ -103,9 +103,11 @@ def test_labels_are_converted_to_classes(tmp_path):
     assert recording.labels == ("in", "out")
 
 
-def test_a_data_set_stays_as_it_was_stored(tmp_path):
+@pytest.mark.parametrize("lengths", [(5, 5, 5), (5, 3, 4)])
+def test_a_data_set_stays_as_it_was_stored(tmp_path, lengths):
+    rng = np.random.default_rng(0)
     data = Dataset(
-        np.random.default_rng(0).normal(size=(3, 3, 5)),
+        stack_signals([rng.normal(size=(3, points)) for points in lengths]),
         ("in", "out", "in"),
         ("p", "q", "p"),
         "a source",
@@ -119,7 +121,8 @@ def test_a_data_set_stays_as_it_was_stored(tmp_path):
     for name in ("labels", "groups", "source", "notes", "interval", "channels"):
         assert getattr(back, name) == getattr(data, name)
     fewer = read_data(tmp_path / "d.npz", points=3, channels=("x", "y"))
-    np.testing.assert_allclose(fewer.trajectories, data.trajectories[:, :2, 2:], atol=1e-12)
+    expected = [strip_padding(track)[:2, -3:] for track in data.trajectories]
+    np.testing.assert_allclose(fewer.trajectories, expected, atol=1e-12)
     assert [t.id for t in read_recording(tmp_path / "d.npz").tracks] == ["p", "q", "p#2"]
 
 
@@ -135,12 +138,15 @@ def test_a_damaged_data_set(tmp_path, cut):
 def test_read_data_uses_the_last_seconds_and_notes_short_tracks(tmp_path):
     text = HEADING + rows("a", "in", samples=40) + rows("b", "out", samples=12) + rows("c", "out", samples=45)
     data = read_data(written(tmp_path, text), interval=0.1, points=31)
-    assert data.labels == ("in", "out")
+    assert data.labels == ("in", "out", "out")
+    assert data.lengths.tolist() == [31, 12, 31]
     assert (data.interval, data.channels) == (0.1, ("x", "y"))
     np.testing.assert_allclose(data.trajectories[0, 0], np.arange(9, 40) / 10)
-    assert data.notes == ("1 of 3 tracks are shorter than 3 s and left out: 1 out",)
-    with pytest.raises(DataError, match=r"people\.csv: every track is shorter than 9\.999 s"):
-        read_data(written(tmp_path, text))
+    assert data.notes == ("1 of 3 tracks are shorter than 3 s and used whole: 1 out",)
+    with pytest.raises(
+        DataError, match=r"people\.csv: every track is shorter than 1 s; the longest lasts 0\.9"
+    ):
+        read_data(written(tmp_path, HEADING + rows("a", "in", samples=10)))
 
 
 def test_in_the_frame_of_a_robot(tmp_path):

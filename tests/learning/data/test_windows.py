@@ -8,7 +8,7 @@ import pytest
 from lcorpp.errors import DataError
 from lcorpp.learning import Recording, to_dataset
 from lcorpp.learning.data.npz import to_recording
-from lcorpp.values import Dataset
+from lcorpp.values import Dataset, stack_signals
 
 from .texts import walk
 
@@ -35,18 +35,37 @@ def test_angles_are_resampled_the_shorter_way_round():
     assert np.abs(data.trajectories[0, 2]).max() <= np.pi
 
 
-def test_short_tracks_are_left_out_and_counted_by_class():
-    seconds = (12.0, 9.95, 9.99, 10.0, 3.0)
+def test_short_tracks_keep_their_length_and_very_short_ones_are_left_out():
+    seconds = (12.0, 9.95, 9.99, 10.0, 3.0, 0.5)
     tracks = [walk(str(i), ("in", "out")[i % 2], seconds=s, rate=100) for i, s in enumerate(seconds)]
     data = to_dataset(Recording(tuple(tracks)))
-    assert data.groups == ("0", "2", "3")  # 9.99 s lacks less than half an interval
-    assert data.notes == ("2 of 5 tracks are shorter than 9.999 s and left out: 1 in, 1 out",)
+    assert data.groups == ("0", "1", "2", "3", "4")
+    assert data.lengths.tolist() == [304, 302, 304, 304, 91]  # 9.99 s lacks less than half an interval
+    assert data.notes == (
+        "1 of 6 tracks are shorter than 1 s and left out: 1 out",
+        "2 of 6 tracks are shorter than 9.999 s and used whole: 1 in, 1 out",
+    )
+    np.testing.assert_allclose(data.trajectories[4, 0, :91], 3 - 0.033 * np.arange(90, -1, -1), atol=1e-9)
+    for shortest, groups in ((0, 6), (5, 4), (9.999, 3), (99, 3)):
+        assert len(to_dataset(Recording(tuple(tracks)), min_seconds=shortest)) == groups
+    first = to_dataset(Recording((tracks[4],)), end="first", points=400)
+    np.testing.assert_allclose(first.trajectories[0, 0], 0.033 * np.arange(91), atol=1e-9)
 
 
-def test_rectangular_tracks_are_unchanged():
+def test_two_points_are_the_least_of_a_track():
+    recording = Recording((walk("a", seconds=12), walk("b", "out", seconds=2)))
+    data = to_dataset(recording, interval=5, points=3)
+    assert (data.groups, data.lengths.tolist()) == (("a",), [3])
+    assert to_dataset(recording, interval=2, points=3).lengths.tolist() == [3, 2]
+
+
+def test_tracks_of_the_same_interval_are_unchanged():
     rng = np.random.default_rng(0)
-    data = Dataset(rng.normal(size=(4, 2, 30)), ("a", "b") * 2, ("p", "q", "q", "r"), interval=0.1)
-    back = to_dataset(to_recording(data), interval=0.1, points=30)
+    tracks = stack_signals([rng.normal(size=(2, points)) for points in (30, 11, 20, 30)])
+    data = Dataset(tracks, ("a", "b") * 2, ("p", "q", "q", "r"), interval=0.1)
+    recording = to_recording(data)
+    np.testing.assert_allclose([track.duration for track in recording.tracks], [2.9, 1, 1.9, 2.9])
+    back = to_dataset(recording, interval=0.1, points=30)
     np.testing.assert_allclose(back.trajectories, data.trajectories, atol=1e-12)
     assert (back.labels, back.groups) == (data.labels, data.groups)
 
@@ -60,7 +79,11 @@ def test_rectangular_tracks_are_unchanged():
         ({"end": "middle"}, "unknown end 'middle'; expected one of last, first"),
         ({"channels": ("x", "y", "mood")}, "unknown channel 'mood'"),
         ({"channels": ("x", "y", "facing")}, "track 'a' has no facing; expected one of x, y"),
-        ({"points": 1000}, r"walks: every track is shorter than 32\.967 s .* the longest lasts 12\.000 s"),
+        ({"min_seconds": -1}, "the shortest track lasts -1 s; expected a finite number from 0"),
+        (
+            {"points": 1000, "min_seconds": 20},
+            r"walks: every track is shorter than 20 s; the longest lasts 12\.000 s",
+        ),
     ],
 )
 def test_arguments_out_of_range_are_errors(options, words):

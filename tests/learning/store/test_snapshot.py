@@ -14,7 +14,7 @@ import pytest
 from lcorpp.errors import DataError
 from lcorpp.learning import convert_snapshot, read_data, read_recording, write_recording
 from lcorpp.learning.store import NewTrack, Store, TrackSchema, is_store, read_store
-from lcorpp.values import Dataset, Distribution
+from lcorpp.values import Dataset, Distribution, stack_signals, strip_padding, track_hash
 from tests.learning.store.stores import CLASSES, SCHEMA, filled, track, walk
 
 
@@ -62,13 +62,31 @@ def test_tracks_of_different_length(path):
     with Store(path, SCHEMA) as store:
         store.extend([track(row, points=3 + row) for row in range(4)])
         reading = store.snapshot()
-    with pytest.raises(DataError, match="'t1' has 4 time points and 't0' 3"):
-        reading.dataset()
-    dataset = reading.dataset(points=5)
-    assert np.array_equal(dataset.trajectories, [walk(2, 5), walk(3, 6)[:, 1:]])
-    assert dataset.notes == ("2 tracks of fewer than 5 time points left out",)
+    whole, cut = reading.dataset(), reading.dataset(points=5)
+    assert (whole.lengths.tolist(), cut.lengths.tolist()) == ([3, 4, 5, 6], [3, 4, 5, 5])
+    for row in range(4):
+        assert np.array_equal(strip_padding(whole.trajectories[row]), walk(row, 3 + row))
+        assert np.array_equal(strip_padding(cut.trajectories[row]), walk(row, 3 + row)[:, -5:])
+    assert reading.dataset(points=9).trajectories.shape == (4, 2, 6)
     with pytest.raises(DataError, match="at least 2"):
         reading.dataset(points=1)
+
+
+def test_a_data_set_of_tracks_of_different_length_is_stored_without_padding(path):
+    data = Dataset(stack_signals([walk(row, 3 + row) for row in range(4)]), (*CLASSES, *CLASSES))
+    schema = TrackSchema.from_dataset(data, CLASSES)
+    assert schema.points is None
+    assert TrackSchema.from_dataset(data.take([1]), CLASSES).points is None
+    assert TrackSchema.from_dataset(data.take([3]), CLASSES).points == 6
+    with Store(path, schema) as store:
+        pairs = zip(data.trajectories, data.labels, strict=True)
+        store.extend([NewTrack(track, label) for track, label in pairs])
+    snapshot = read_store(path)
+    assert [stored.points for stored in snapshot] == [3, 4, 5, 6]
+    assert [stored.group for stored in snapshot] == [track_hash(walk(row, 3 + row)) for row in range(4)]
+    assert np.array_equal(snapshot.dataset().trajectories, data.trajectories, equal_nan=True)
+    assert [len(track) for track in convert_snapshot(snapshot).tracks] == [3, 4, 5, 6]
+    assert read_data(path, seconds=0.1).lengths.tolist() == [4, 4, 4]
 
 
 def test_a_persons_word_holds_over_the_robots(path):

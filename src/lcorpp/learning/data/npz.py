@@ -16,7 +16,7 @@ from lcorpp.files import read_bytes, write_atomically
 from lcorpp.learning.data.dataset import check_signals
 from lcorpp.learning.data.tracks import Recording, Track
 from lcorpp.notebook import join_some
-from lcorpp.values import CHANNELS, Array, Dataset
+from lcorpp.values import CHANNELS, Dataset, strip_padding
 
 FORMAT, VERSION = "lcorpp dataset", 1
 SUFFIX = ".npz"
@@ -92,12 +92,12 @@ def to_recording(dataset: Dataset) -> Recording:
             f"the data are {join_some(dataset.channels)}; expected tracks of {', '.join(CHANNELS)}"
         )
     check_signals(dataset.trajectories)
-    times: Array = np.arange(dataset.trajectories.shape[2], dtype=np.float64) * dataset.interval
     counts: dict[str, int] = {}
     tracks = []
     for trajectory, label, group in zip(dataset.trajectories, dataset.labels, dataset.groups, strict=True):
         counts[group] = counts.get(group, 0) + 1
         name = group if counts[group] == 1 else f"{group}#{counts[group]}"
-        columns = dict(zip(dataset.channels, trajectory, strict=True))
-        tracks.append(Track(name, times, columns, label, group))
+        values = strip_padding(trajectory)
+        times = np.arange(values.shape[1], dtype=np.float64) * dataset.interval
+        tracks.append(Track(name, times, dict(zip(dataset.channels, values, strict=True)), label, group))
     return Recording(tuple(tracks), dataset.source, dataset.notes)

@@ -26,12 +26,12 @@ from lcorpp.learning.data.units import convert_units, note_implausible
 from lcorpp.learning.data.windows import INTERVAL, POINTS, to_dataset
 from lcorpp.learning.store import Snapshot, is_store, read_store
 from lcorpp.notebook import join_some
-from lcorpp.values import Dataset
+from lcorpp.values import Dataset, stack_signals
 
 Format = Literal["authors", "npz", "store", "parquet", "atc", "long", "table"]
 
 RECTANGULAR = ("authors", "npz", "store", "table")
-"""Formats whose tracks all have the same number of time points, and tables of features."""
+"""Formats whose tracks have equal intervals, and tables of features."""
 
 RAW_LABELS = {"0": "0", "1": "1"}
 """Labels of the authors' files, if the caller does not name their classes."""
@@ -59,8 +59,8 @@ def read_data(
 ) -> Dataset:
     """Read labelled tracks of any format, or a table of features, as a data set to learn from.
 
-    The authors' files, .npz and stores are rectangular and stay unchanged unless an argument changes them;
-    other formats of tracks are cut to the last ten seconds of each track, 304 points .033 s apart.
+    The authors' files, .npz and stores stay unchanged unless an argument changes them; other formats of
+    tracks are cut to the last ten seconds of each track, at most 304 points .033 s apart, see `to_dataset`.
 
     Args:
         interval, points, channels: as in `to_dataset`. seconds: the duration, instead of points.
@@ -253,7 +253,7 @@ def _convert_dataset_units(dataset: Dataset, source: RowSource) -> Dataset:
     if all(new is old for new, old in zip(scaled, tracks, strict=True)):
         return dataset
     rows = [np.stack([track.columns[name] for name in dataset.channels]) for track in scaled]
-    return replace(dataset, trajectories=np.stack(rows))
+    return replace(dataset, trajectories=stack_signals(rows))
 
 
 def _read_rectangular(

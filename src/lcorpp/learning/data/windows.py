@@ -1,19 +1,25 @@
-"""Resample tracks of unequal length to a rectangular data set: equal duration, fixed interval."""
+"""Resample tracks to a data set of a fixed interval: the last seconds of each, or all of a shorter track."""
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Literal
 
 import numpy as np
 
 from lcorpp.errors import DataError, expected_one_of
 from lcorpp.learning.data.tracks import ANGLES, Recording, Track, wrap_angle
-from lcorpp.values import CHANNELS, Array, Dataset
+from lcorpp.values import CHANNELS, Array, Dataset, stack_signals
 
 INTERVAL, POINTS = 0.033, 304
 """The paper's values: 304 points at 30 Hz, ten seconds."""
+
+MIN_SECONDS = 1.0
+"""Shorter tracks are left out."""
+
+CLOCK_TOLERANCE = 1e-6
+"""Intervals that may be missing in the duration of a track: rounding of the clock."""
 
 End = Literal["last", "first"]
 
@@ -25,28 +31,33 @@ def to_dataset(
     points: int = POINTS,
     channels: Sequence[str] | None = None,
     end: End = "last",
+    min_seconds: float = MIN_SECONDS,
 ) -> Dataset:
-    """Cut all tracks to the same duration and resample them every `interval` seconds.
+    """Cut all tracks to at most the same duration and resample them every `interval` seconds.
 
-    Tracks that are shorter than (points - 1) * interval by more than half an interval are left out; the notes
-    count them. Values are interpolated linearly, angles along the shorter arc.
+    Tracks that are shorter than (points - 1) * interval by half an interval or more have fewer points, see
+    `Dataset`; the notes count them. Values are interpolated linearly, angles along the shorter arc.
 
     Args:
         recording: tracks with labels.
-        interval: seconds between two time points. points: time points per case.
+        interval: seconds between two time points. points: time points per case, at most.
         channels: the channels to use, including x and y; None uses those that every track has.
         end: whether to use the last or the first seconds of each track.
+        min_seconds: tracks that are shorter than this by an interval or more, and shorter than all points,
+            are left out; also those of a single point.
 
     Returns:
         Cases in the order of the tracks.
 
     Raises:
-        DataError: an argument is out of range, a track lacks its label or a channel, or all are too short.
+        DataError: an argument is out of range, a track lacks its label or a channel, or all are left out.
     """
     if points < 2:
         raise DataError(f"a data set needs at least 2 time points, not {points}")
     if not 0 < interval < float("inf"):
         raise DataError(f"the interval is {interval} s; expected a finite number above 0")
+    if not 0 <= min_seconds < float("inf"):
+        raise DataError(f"the shortest track lasts {min_seconds} s; expected a finite number from 0")
     if end not in ("last", "first"):
         raise DataError(f"unknown end {end!r}; {expected_one_of(('last', 'first'))}")
     if not recording.tracks:
@@ -54,31 +65,44 @@ def to_dataset(
     names = recording.channels if channels is None else tuple(channels)
     for track in recording.tracks:
         _check_track(track, names)
-    needed = (points - 1) * interval
-    kept = [track for track in recording.tracks if track.duration > needed - interval / 2]
+    window = (points - 1) * interval
+    shortest = max(min(min_seconds, window), interval)
+    least = count_points(shortest, interval, points)
+    kept = [track for track in recording.tracks if count_points(track.duration, interval, points) >= least]
     if not kept:
         longest = max(track.duration for track in recording.tracks)
         raise DataError(
-            f"{recording.source or 'the recording'}: every track is shorter than {needed:g} s"
-            f" ({points} points, {interval:g} s apart); the longest lasts {longest:.3f} s"
+            f"{recording.source or 'the recording'}: every track is shorter than {shortest:g} s; the longest"
+            f" lasts {longest:.3f} s"
         )
-    notes = recording.notes
-    if len(kept) < len(recording):
-        notes = (*notes, _describe_short_tracks(recording, kept, needed))
+    cases = [extract_window(track, names, interval, points, end) for track in kept]
+    whole = [track for track, case in zip(kept, cases, strict=True) if case.shape[1] == points]
+    notes = [
+        f"{len(longer) - len(fewer)} of {len(recording)} tracks are shorter than {seconds:g} s and {what}:"
+        f" {_count_classes(longer, fewer)}"
+        for longer, fewer, seconds, what in (
+            (recording.tracks, kept, shortest, "left out"),
+            (kept, whole, window, "used whole"),
+        )
+        if len(longer) > len(fewer)
+    ]
     return Dataset(
-        np.stack([extract_window(track, names, interval, points, end) for track in kept]),
+        stack_signals(cases),
         tuple(str(track.label) for track in kept),
         tuple(track.group for track in kept),
         recording.source,
-        notes,
+        (*recording.notes, *notes),
         interval,
         names,
     )
 
 
 def extract_window(track: Track, channels: Sequence[str], interval: float, points: int, end: End) -> Array:
-    """(channels, points) a window of one track; outside its times the first or last value is repeated."""
-    steps = np.arange(points) * interval
+    """(channels, points) a window of one track; fewer points of a shorter one, see `count_points`.
+
+    Outside its times the first or last value is repeated.
+    """
+    steps = np.arange(count_points(track.duration, interval, points)) * interval
     at = track.times[0] + steps if end == "first" else track.times[-1] - steps[::-1]
     return np.stack(
         [
@@ -88,6 +112,13 @@ def extract_window(track: Track, channels: Sequence[str], interval: float, point
             for name in channels
         ]
     )
+
+
+def count_points(duration: float, interval: float, points: int) -> int:
+    """Return the number of points of a track: all, if less than half an interval is missing for the last."""
+    if duration > (points - 1) * interval - interval / 2:
+        return points
+    return 1 + int(duration / interval + CLOCK_TOLERANCE)
 
 
 def _check_track(track: Track, channels: Sequence[str]) -> None:
@@ -102,8 +133,7 @@ def _check_track(track: Track, channels: Sequence[str]) -> None:
             raise DataError(f"track {track.id!r} has no {name}; {expected_one_of(list(track.columns))}")
 
 
-def _describe_short_tracks(recording: Recording, kept: list[Track], needed: float) -> str:
-    """Return a note that counts the short tracks of each class."""
-    short = Counter(map(str, recording.labels)) - Counter(str(track.label) for track in kept)
-    counts = ", ".join(f"{count} {name}" for name, count in sorted(short.items()))
-    return f"{short.total()} of {len(recording)} tracks are shorter than {needed:g} s and left out: {counts}"
+def _count_classes(tracks: Iterable[Track], others: Iterable[Track]) -> str:
+    """Return the classes of the tracks that are not among the others, with their numbers, as a phrase."""
+    counts = Counter(str(track.label) for track in tracks) - Counter(str(track.label) for track in others)
+    return ", ".join(f"{count} {name}" for name, count in sorted(counts.items()))

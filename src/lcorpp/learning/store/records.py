@@ -16,7 +16,7 @@ import numpy.typing as npt
 
 from lcorpp.errors import DataError, expected_one_of
 from lcorpp.notebook import join_some
-from lcorpp.values import CHANNELS, Array, Dataset, Distribution, freeze, track_hash
+from lcorpp.values import CHANNELS, Array, Dataset, Distribution, freeze, strip_padding, track_hash
 
 SOURCES = ("person", "robot")
 """Sources of a label: a person who knows the class, or the robot that reported it."""
@@ -65,9 +65,10 @@ class TrackSchema:
 
     @classmethod
     def from_dataset(cls, dataset: Dataset, classes: Sequence[str]) -> TrackSchema:
-        """Return the schema of the tracks or features in `dataset`, labelled with `classes`."""
+        """Return the schema of the tracks, of any length if theirs differ, or features in `dataset`."""
         points = FEATURES if dataset.kind == "table" else dataset.trajectories.shape[2]
-        return cls(dataset.channels, dataset.interval, tuple(classes), points)
+        is_equal = not len(dataset) or dataset.lengths.min() == points
+        return cls(dataset.channels, dataset.interval, tuple(classes), points if is_equal else None)
 
     @property
     def is_table(self) -> bool:
@@ -113,7 +114,7 @@ class TrackSchema:
 class NewTrack:
     """A track to be stored.
 
-    trajectory: (channels, time points) or (features,), as in the store's schema.
+    trajectory: (channels, time points) or (features,), as in the store's schema. Padding is removed.
     label: its class; None if unknown, e.g. for a decision that ended without a report.
     source: the source of the label, "person" or "robot".
     belief: the robot's final belief over the classes, if it had one.
@@ -268,9 +269,9 @@ def is_intact(row: Row) -> bool:
 
 
 def _check_trajectory(trajectory: npt.ArrayLike, schema: TrackSchema) -> Array:
-    """Return a frozen float64 copy, (channels, time points) or (features,)."""
+    """Return a frozen float64 copy, (channels, time points) without padding or (features,)."""
     try:
-        array = freeze(trajectory)
+        array = strip_padding(freeze(trajectory))
     except (ValueError, TypeError) as error:
         raise DataError(f"a trajectory is an array of numbers: {error}") from None
     names, ndim = join_some(schema.channels), 1 if schema.is_table else 2

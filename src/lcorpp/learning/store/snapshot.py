@@ -116,28 +116,21 @@ class Snapshot:
     ) -> Array:
         """(cases, channels, time points) the trajectories of some tracks of this snapshot; by default of all.
 
-        A table has features, (cases, features).
+        Shorter ones are padded with NaN, as in `Dataset`. A table has features, (cases, features).
 
         Args:
-            points: only the last time points of each track; None takes all.
+            points: only so many last time points of longer tracks; None takes all.
 
         Raises:
-            DataError: the tracks differ in their number of time points.
             FileError: the file cannot be read, or was changed or damaged after the snapshot.
         """
         tracks = self.tracks if tracks is None else tracks
-        if points is None:
-            points = tracks[0].points if tracks else self.schema.points or 2
-            for track in tracks:
-                if track.points != points:
-                    raise DataError(
-                        f"{self.path}: track {track.id!r} has {track.points} time points and"
-                        f" {tracks[0].id!r} {points}; a data set needs an equal number: select tracks, or cut"
-                        " them with `points`"
-                    )
-        numbers = np.empty((len(tracks), len(self.schema.channels), points))
+        longest = max((track.points for track in tracks), default=self.schema.points or 2)
+        width = longest if points is None else min(points, longest)
+        numbers = np.full((len(tracks), len(self.schema.channels), width), np.nan)
         for row, array in zip(numbers, self.iterate_trajectories(tracks), strict=True):
-            row[:] = array.reshape(len(row), -1)[:, -points:]
+            kept = array.reshape(len(row), -1)[:, -width:]
+            row[:, : kept.shape[1]] = kept
         return numbers[..., 0] if self.schema.is_table else numbers
 
     def iterate_trajectories(self, tracks: Sequence[StoredTrack]) -> Iterator[Array]:
@@ -165,24 +158,18 @@ class Snapshot:
 
         Args:
             tracks: from `select`; None takes all labelled tracks.
-            points: cut each track to its last `points` time points and drop shorter tracks; the notes count
-                them. None takes the tracks as they are.
+            points: cut longer tracks to their last `points` time points. None takes the tracks as they are.
 
         Raises:
-            DataError: the tracks differ in their time points, one has no label, or `points` is below 2 or
-                given for features.
+            DataError: a track has no label, or `points` is below 2 or given for features.
             FileError: as `trajectories`.
         """
         tracks = self.select() if tracks is None else tracks
-        notes = [str(damage) for damage in self.damage]
         if points is not None:
             if self.schema.is_table:
                 raise DataError(f"{self.path}: has features, which have no time points to cut")
             if points < 2:
                 raise DataError(f"tracks cut to {points} time points show no motion; at least 2 are needed")
-            count, tracks = len(tracks), [track for track in tracks if track.points >= points]
-            if len(tracks) < count:
-                notes.append(f"{count - len(tracks)} tracks of fewer than {points} time points left out")
         labels = []
         for track in tracks:
             if track.label is None:
@@ -193,7 +180,7 @@ class Snapshot:
             tuple(labels),
             tuple(track.group for track in tracks),
             source=str(self.path),
-            notes=tuple(notes),
+            notes=tuple(map(str, self.damage)),
             interval=self.schema.interval,
             channels=self.schema.channels,
         )
