@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
+import numpy as np
+
 from lcorpp.cli import console
 from lcorpp.errors import DataError
 from lcorpp.learning.data.describe import Description, Quantiles, describe, join_pairs
@@ -60,8 +62,7 @@ def print_features(dataset: Dataset, path: Path, repairs: Sequence[Repair]) -> N
     if dataset.kind == "table":
         kind, over_time = "features", ""
     else:
-        points = dataset.trajectories.shape[2]
-        kind, over_time = "channels", f"; {points} points every {dataset.interval:g} s"
+        kind, over_time = "channels", f"; {dataset.extent} every {dataset.interval:g} s"
     emit(
         f"{path}: {len(dataset)} cases of {people} people; {len(dataset.channels)} {kind}{over_time}",
         style="bold",
@@ -76,7 +77,8 @@ def print_features(dataset: Dataset, path: Path, repairs: Sequence[Repair]) -> N
     width = max(7, *map(len, shown))
     emit(f"  {kind[:-1]:<{width}}  median [minimum, maximum]")
     for index, name in enumerate(shown):
-        spread = Quantiles.of(dataset.trajectories[:, index].ravel())
+        values = dataset.trajectories[:, index]
+        spread = Quantiles.of(values[~np.isnan(values)])
         numbers = f"{spread.median:.4g} [{spread.min:.4g}, {spread.max:.4g}]"
         emit(f"  {name:<{width}}  {numbers}")
     if len(dataset.channels) > MAX_SHOWN:

@@ -93,8 +93,8 @@ def measure_leakage(
 ) -> tuple[ShortcutScore, ...]:
     """Measure how well end position, duration and sampling alone predict the labels of `data`.
 
-    All tracks of a `Dataset` have the same duration and interval; only traces of an earlier resampling are
-    left. A `Recording` still has the original sampling.
+    Of a `Dataset` the duration is that of each track without padding, and of the sampling only traces of an
+    earlier resampling are left. A `Recording` still has the original sampling.
 
     Args:
         n_splits: number of random splits into folds; the AUC is their mean.
