@@ -146,6 +146,9 @@ def test_the_options_of_learn_are_checked_before_the_work(lcorpp, monkeypatch, t
     refused(lcorpp("learn", *SMALL, "--store", tmp_path / "file" / "x.tracks"), "file is a file")
     refused(lcorpp("learn", *SMALL, "--store", tmp_path / "no" / "x.tracks"), "there is no folder")
     refused(lcorpp("learn", *SMALL, "--epsilon", "nan"), "--epsilon nan: expected a number from 0")
+    expected = "expected a number from 0, below 1"
+    refused(lcorpp("learn", *SMALL, "--confidence", "1"), f"--confidence 1: {expected}")
+    refused(lcorpp("learn", *SMALL, "--confidence", "nan"), f"--confidence nan: {expected}")
     refused(lcorpp("learn", "--device", "x"), "--device x: expected one of cpu, cuda")
     refused(lcorpp("learn", "--learner", "nosuch"), "unknown learner 'nosuch'")
 

@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from lcorpp.decision import Batch, ResumePoint, TrainedSense, lcorpp
-from lcorpp.decision.lcorpp import compute_ssub
 from lcorpp.errors import DecisionError
 from lcorpp.values import ConfusionMatrix, Dataset, Instance
 from tests.decision.fakes import (
@@ -24,9 +23,17 @@ START = Dataset(np.zeros((2, 1, 2)), ("yes", "no"), ("a", "b"), channels=("x",))
 
 
 def run(
-    counts: list[list[list[float]]], *, batch_size: int = 3, epsilon: float = 0.05, soft_labels: bool = False
+    counts: list[list[list[float]]],
+    *,
+    batch_size: int = 3,
+    epsilon: float = 0.05,
+    confidence: float = 0,
+    soft_labels: bool = False,
 ) -> tuple[list[Batch], list]:
-    """Run with the given confusion counts, one matrix per training; also return the learner's data sets."""
+    """Run with the given confusion counts, one matrix per training; also return the learner's data sets.
+
+    With confidence 0 the estimates of the rates decide, as in the paper.
+    """
     matrices, trained, reasoned = iter(counts), [], []
 
     def train(_sense: str, dataset: Dataset):
@@ -51,6 +58,7 @@ def run(
             ),
             batch_size=batch_size,
             epsilon=epsilon,
+            confidence=confidence,
             soft_labels=soft_labels,
         )
     )
@@ -73,17 +81,26 @@ def test_change_is_between_successive_matrices_not_zero_as_the_printed_line_woul
     first, second = [[8, 2], [3, 7]], [[80, 20], [10, 90]]
     batches, _ = run([first, second, second])
     rates = [ConfusionMatrix(VALUES, np.array(c)).probabilities for c in (first, second)]
-    assert batches[0].change == pytest.approx(np.abs(rates[0] - 0.5).sum())
-    assert batches[1].change == pytest.approx(np.abs(rates[1] - rates[0]).sum())
-    assert batches[1].change > 0.05
-    assert batches[2].change == 0
+    assert batches[0].change.estimate == pytest.approx(np.abs(rates[0] - 0.5).sum())
+    assert batches[1].change.estimate == pytest.approx(np.abs(rates[1] - rates[0]).sum())
+    assert batches[1].change.estimate > 0.05
+    assert batches[2].change.estimate == 0
+
+
+def test_equal_matrices_of_few_cases_do_not_end_the_loop():
+    """Their rates are too uncertain: with 95 % confidence they may have changed by more than epsilon."""
+    few, many = [[8, 2], [3, 7]], [[320, 80], [100, 300]]
+    batches, _ = run([few, few, many, many], epsilon=0.2, confidence=0.95)
+    assert [batch.converged for batch in batches] == [False, False, False, True]
+    assert batches[1].change.estimate == 0 < batches[1].change.high
+    assert batches[1].changes["eyes"] is batches[1].change
 
 
 def test_a_run_without_data_goes_on_until_the_classifier_is_trained():
     """A matrix without counts is uniform, as C_hat is at the start: the change alone would end the run."""
     batches, _ = run([[[0, 0], [0, 0]], [[0, 0], [0, 0]], [[8, 2], [3, 7]], [[8, 2], [3, 7]]])
     assert [batch.converged for batch in batches] == [False, False, False, True]
-    assert [batch.change for batch in batches[:2]] == [0, 0]
+    assert [batch.change.estimate for batch in batches[:2]] == [0, 0]
     assert [batch.senses["eyes"].is_trained for batch in batches] == [False, False, True, True]
 
 
@@ -131,6 +148,7 @@ def resume(
         collect=lambda: (make_instance(index := next(line)), FakeWorld("nod" if index == 0 else "shake")),
         batch_size=4,
         epsilon=epsilon,
+        confidence=0,
         resume_point=resumed,
     )
 
@@ -157,22 +175,24 @@ def test_a_resumed_run_ends_like_an_uninterrupted_one(decided):
 
 def test_resuming_a_converged_run_makes_no_decision():
     matrix = ConfusionMatrix(VALUES, np.array(MATRICES[0]))
-    senses = {"eyes": TrainedSense(FakeClassifier(), matrix, 0.01)}
+    senses = {"eyes": TrainedSense(FakeClassifier(), matrix, matrix)}
     batches = list(resume(ResumePoint(5, senses, 0), START, [], iter(())))
     assert [(batch.number, batch.converged, batch.episodes) for batch in batches] == [(5, True, ())]
 
 
 @pytest.mark.parametrize(
-    ("batch_size", "epsilon", "words"),
-    [(0, 0.1, "K must be at least 1, not 0"), (1, -1.0, "at least 0"), (1, float("nan"), "at least 0")],
+    ("settings", "words"),
+    [
+        ({"batch_size": 0}, "K must be at least 1, not 0"),
+        ({"epsilon": -1.0}, "at least 0"),
+        ({"epsilon": float("nan")}, "at least 0"),
+        ({"confidence": 1.0}, "at least 0 and below 1, not 1.0"),
+        ({"confidence": float("nan")}, "at least 0 and below 1, not nan"),
+    ],
 )
-def test_invalid_settings(batch_size, epsilon, words):
+def test_invalid_settings(settings, words):
     with pytest.raises(DecisionError, match=words):
-        run([[[1, 1], [1, 1]]], batch_size=batch_size, epsilon=epsilon)
-
-
-def test_ssub_sums_absolute_differences():
-    assert compute_ssub(np.array([[0.5, 0.5], [0.2, 0.8]]), np.array([[0.75, 0.25], [0.2, 0.8]])) == 0.5
+        run([[[1, 1], [1, 1]]], **settings)
 
 
 def test_several_senses_learn_from_the_same_reports():
@@ -212,6 +232,7 @@ def test_several_senses_learn_from_the_same_reports():
             collect=collect,
             batch_size=2,
             epsilon=0.05,
+            confidence=0,
         )
     )
     assert trained == [
@@ -223,7 +244,7 @@ def test_several_senses_learn_from_the_same_reports():
     ]
     assert [batch.converged for batch in batches] == [False, False, True]
     second = batches[1]
-    assert (second.senses["eyes"].change, second.change) == (0, second.senses["ears"].change)
+    assert (second.changes["eyes"].estimate, second.change) == (0, second.changes["ears"])
     assert second.datasets["ears"].labels[4:] == second.datasets["eyes"].labels[2:] == ("yes", "yes")
     assert dict(second.episodes[0].labels) == {"eyes": "yes", "ears": "yes"}
 

@@ -32,6 +32,7 @@ def walks(cases: int, seed: int = 0) -> Dataset:
 
 
 DATA = walks(24)
+PREVIOUS = ConfusionMatrix(("fast", "slow"), np.array([[6.0, 2.0], [1.0, 7.0]]))
 MATRIX = ConfusionMatrix(CLASSES, np.array([[9, 3], [2, 10]]))
 
 
@@ -94,12 +95,12 @@ def ended(opened):
 
 
 def batch(number: int, dataset: Dataset) -> Batch:
-    return make_batch(number, dataset, *learn("walk", dataset), 0.125)
+    return make_batch(number, dataset, *learn("walk", dataset), PREVIOUS)
 
 
-def make_batch(number: int, dataset: Dataset, classifier, confusion, change: float) -> Batch:
-    sense = TrainedSense(classifier, confusion, change)
-    return Batch(number, {"walk": dataset}, {"walk": sense}, (), (), False)
+def make_batch(number: int, dataset: Dataset, classifier, confusion, previous: ConfusionMatrix) -> Batch:
+    sense = TrainedSense(classifier, confusion, previous)
+    return Batch(number, {"walk": dataset}, {"walk": sense}, (), (), {}, False)
 
 
 def test_a_run_resumes_where_it_ended(opened, ended):
@@ -108,7 +109,8 @@ def test_a_run_resumes_where_it_ended(opened, ended):
     assert (run_store.notes, run_store.number, run_store.n_people) == ([], 1, 5)
     assert run_store.rows == [{"batch": 0}, {"batch": 1, "f1": 0.1 + 0.2}]
     assert [(s.extra.get("note"), s.label) for s in run_store.pending] == [("a", "slow"), (None, None)]
-    assert (resumed.number, resumed.senses["walk"].change, resumed.decided) == (1, 0.125, 2)
+    assert (resumed.number, resumed.decided) == (1, 2)
+    assert resumed.senses["walk"].previous.counts.tolist() == PREVIOUS.counts.tolist()
     assert np.array_equal(resumed.senses["walk"].confusion.counts, ended.senses["walk"].confusion.counts)
     tracks = walks(50, seed=9).trajectories
     assert resumed.senses["walk"].classifier.classify_many(tracks) == ended.senses[
@@ -140,7 +142,7 @@ def test_a_soft_classifier_is_restored_from_the_checkpoint(opened):
     run_store = opened()
     first = batch(0, run_store.datasets()["walk"])
     soft = first.senses["walk"].classifier.soft()
-    run_store.save_checkpoint(make_batch(0, DATA, soft, first.senses["walk"].confusion, 1), [])
+    run_store.save_checkpoint(make_batch(0, DATA, soft, first.senses["walk"].confusion, PREVIOUS), [])
     tracks = walks(3, seed=9).trajectories
     again = opened().resume(never).senses["walk"].classifier.classify_many(tracks)
     assert [str(likelihood) for likelihood in again] == [str(one) for one in soft.classify_many(tracks)]
@@ -154,7 +156,7 @@ def test_a_classifier_that_cannot_be_stored_is_trained_again(opened, path):
             return "slow"
 
     run_store = opened()
-    run_store.save_checkpoint(make_batch(0, DATA, Odd(), MATRIX, 1), [])
+    run_store.save_checkpoint(make_batch(0, DATA, Odd(), MATRIX, PREVIOUS), [])
     decide(run_store, 1)
     given = []
     resumed = opened().resume(lambda _, dataset: given.append(dataset) or (Odd(), MATRIX))
@@ -173,13 +175,14 @@ def test_labels_of_persons_cause_a_training_at_the_next_start(opened, ended, pat
     resumed = run_store.resume(lambda name, dataset: given.append(dataset) or learn(name, dataset))
     assert run_store.notes == ["2 records were added by persons or another run: trained again"]
     assert given[0].labels[24:] == ("slow", "fast", "slow", "slow")
-    assert resumed.senses["walk"].change != 0.125
+    assert np.array_equal(resumed.senses["walk"].previous.counts, ended.senses["walk"].confusion.counts)
     trained = resumed.senses["walk"]
-    batch_again = make_batch(1, given[0], trained.classifier, trained.confusion, 0.5)
+    batch_again = make_batch(1, given[0], trained.classifier, trained.confusion, trained.previous)
     run_store.save_checkpoint(batch_again, run_store.rows)
     run_store = opened()
     resumed = run_store.resume(never)
-    assert (resumed.decided, resumed.senses["walk"].change) == (2, 0.5)
+    assert resumed.decided == 2
+    assert np.array_equal(resumed.senses["walk"].previous.counts, trained.previous.counts)
 
 
 @pytest.mark.parametrize(
@@ -230,10 +233,11 @@ def make_sense_change(**facts):
         (("checkpoint.json", cut), "not used, it is damaged"),
         (("checkpoint.json", lambda file: file.write_bytes(b"\xff")), "not UTF-8"),
         (("checkpoint.json", lambda file: file.write_text("[]")), "damaged"),
-        (("checkpoint.json", make_file_change(version=3)), "'lcorpp checkpoint', version 3"),
+        (("checkpoint.json", make_file_change(version=4)), "'lcorpp checkpoint', version 4"),
         (("checkpoint.json", make_file_change(store="00")), "another store"),
         (("checkpoint.json", make_file_change(number=-1)), "-1 is no number"),
         (("checkpoint.json", make_sense_change(counts=[[1]])), "cannot have shape"),
+        (("checkpoint.json", make_sense_change(previous=[[1]])), "cannot have shape"),
         (("checkpoint.json", make_file_change(rows=3)), "damaged"),
         (("checkpoint.json", make_file_change(settings=None)), "damaged"),
         (("checkpoint.json", make_sense_change(classifier="x")), "damaged"),
@@ -261,7 +265,7 @@ def test_a_damaged_classifier_is_trained_again(opened, ended, path, how, words):
     run_store = opened()
     resumed = run_store.resume(learn)
     assert words in run_store.notes[0]
-    assert (resumed.number, resumed.decided, resumed.senses["walk"].change) == (1, 2, 0.125)
+    assert (resumed.number, resumed.decided) == (1, 2)
     tracks = walks(50, seed=9).trajectories
     assert resumed.senses["walk"].classifier.classify_many(tracks) == ended.senses[
         "walk"
@@ -301,7 +305,8 @@ def test_a_run_with_a_store_of_version_1_is_resumed(path, opened):
     run_store = opened()
     resumed = run_store.resume(learn)
     assert (run_store.notes, run_store.number, run_store.n_people) == ([], 1, 4)
-    assert (resumed.number, resumed.senses["walk"].change, resumed.decided) == (1, 0.125, 1)
+    assert (resumed.number, resumed.decided) == (1, 1)
+    assert not resumed.senses["walk"].previous.counts.any()  # version 1 of a checkpoint is without them
     assert np.array_equal(resumed.senses["walk"].confusion.counts, MATRIX.counts)
     assert run_store.datasets()["walk"].labels == (*DATA.labels, "fast", "fast", "slow")
     assert np.array_equal(run_store.datasets()["walk"].trajectories[-1], walks(1, seed=3).trajectories[0])

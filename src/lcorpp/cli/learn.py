@@ -60,8 +60,21 @@ def learn(
         int, typer.Option(min=1, max=options.MAX_TRACKS, help="K: decisions between two trainings.")
     ] = 100,
     epsilon: Annotated[
-        float, typer.Option(min=0, help="Stop when no confusion matrix changes by more than this.")
-    ] = 0.05,
+        float,
+        typer.Option(
+            min=0,
+            help="Stop when no confusion matrix changes by more than this, which is the sum of the absolute"
+            " differences of its rates.",
+        ),
+    ] = 0.2,
+    confidence: Annotated[
+        float,
+        typer.Option(
+            min=0,
+            help="Probability, below 1, with which the change is at most epsilon; 0 compares the estimates"
+            " alone, as the paper does.",
+        ),
+    ] = 0.95,
     max_batches: Annotated[int, typer.Option(min=1, help="Stop after this many batches.")] = 20,
     tracks: Annotated[
         int | None,
@@ -119,6 +132,7 @@ def learn(
     """
     from lcorpp.cli.robot_output import print_domain, print_solution, print_storage_problem
     from lcorpp.domains import load_domain
+    from lcorpp.experiments.active_learning.batches import explain_end
     from lcorpp.experiments.active_learning.run import open_run_store, run_active_learning
     from lcorpp.experiments.active_learning.senses import (
         ActiveLearningOptions,
@@ -165,11 +179,12 @@ def learn(
         soft_labels=labels is Labels.soft,
         batch_size=batch_size,
         epsilon=epsilon,
+        confidence=confidence,
         max_batches=max_batches,
         seed=seed,
         jobs=console.count_processes(jobs),
     )
-    _check_options(epsilon, tracks, sources, soft_labels=labels is Labels.soft)
+    _check_options(epsilon, confidence, tracks, sources, soft_labels=labels is Labels.soft)
     if store is not None and not store.exists():
         output_files.check_writable(store)
     output_files.check_results(out, formats)
@@ -211,14 +226,8 @@ def learn(
                     written = write_batches(
                         out, loaded.name, result, solution=solution, formats=formats or FORMATS
                     )
-                if batch.converged:
-                    console.out.print(
-                        f"converged: the confusion matrix changed by {batch.change:.3f}, at most {epsilon:g}"
-                    )
-                elif batch.number >= max_batches:
-                    console.out.print(
-                        f"stopped after {batch.number} batches; the confusion matrix has not converged"
-                    )
+                if batch.converged or batch.number >= max_batches:
+                    console.out.print(explain_end(batch, epsilon))
         except KeyboardInterrupt:
             kept = "the batches above are kept" if has_complete_batch else "no batch is complete"
             kept += "" if store is None else f"; the decisions so far are kept in {store}"
@@ -232,13 +241,18 @@ def learn(
 
 
 def _check_options(
-    epsilon: float, tracks: int | None, sources: Mapping[str, ClassifierOptions], *, soft_labels: bool
+    epsilon: float,
+    confidence: float,
+    tracks: int | None,
+    sources: Mapping[str, ClassifierOptions],
+    *,
+    soft_labels: bool,
 ) -> None:
     """Reject before the work what the training would reject after it.
 
     Raises:
-        DataError: the change that ends the run is no number, there are too few tracks, a learner or the
-            device is unknown, or a learner cannot learn from soft labels.
+        DataError: the change that ends the run or its confidence is out of range, there are too few tracks, a
+            learner or the device is unknown, or a learner cannot learn from soft labels.
     """
     from lcorpp.experiments.setup import TrainingOptions
     from lcorpp.learning import learner
@@ -246,6 +260,8 @@ def _check_options(
 
     if math.isnan(epsilon):
         raise DataError("--epsilon nan: expected a number from 0")
+    if not confidence < 1:
+        raise DataError(f"--confidence {confidence:g}: expected a number from 0, below 1")
     if tracks is not None and 0 < tracks < MIN_TRACKS:
         raise DataError(f"--tracks {tracks}: expected 0, or at least {MIN_TRACKS}")
     for training in sources.values():

@@ -8,9 +8,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from lcorpp.decision.dt_control import Robot, dt_control
+from lcorpp.decision.stopping import compute_change
 from lcorpp.errors import DecisionError
 from lcorpp.protocols import Classifier, DomainInterface, Planner, Reasoner, World
-from lcorpp.values import Array, ConfusionMatrix, Dataset, Distribution, Episode, Instance, track_hash
+from lcorpp.values import ConfusionMatrix, Dataset, Distribution, Episode, Instance, Interval, track_hash
+
+CONFIDENCE = 0.95
+"""Confidence with which the change of a confusion matrix is at most epsilon, by default."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -18,14 +22,14 @@ class TrainedSense:
     """A sense after a (re)training.
 
     classifier: rho. confusion: C.
-    change: SSUB, the sum of absolute differences between this confusion matrix and the previous one.
+    previous: C of the training before; without any count before the first one.
 
     A matrix without any count, whose rates are uniform, is that of a classifier that is not trained yet.
     """
 
     classifier: Classifier
     confusion: ConfusionMatrix
-    change: float
+    previous: ConfusionMatrix
 
     @property
     def is_trained(self) -> bool:
@@ -44,7 +48,9 @@ class Batch:
     number: 0 for the initial training, then one more for every K decisions.
     datasets: sense -> Omega with the reported labels so far. senses: sense -> what was trained on it.
     instances, episodes: the decisions of this batch, without those of an earlier (resumed) run.
-    converged: whether `change` is at most epsilon, which ends the loop.
+    changes: sense -> change of its confusion matrix with the training, see `compute_change`.
+    converged: whether all senses are trained and no change, up to the end of its interval, exceeds epsilon,
+        which ends the loop.
     """
 
     number: int
@@ -52,17 +58,18 @@ class Batch:
     senses: Senses
     instances: tuple[Instance, ...]
     episodes: tuple[Episode, ...]
+    changes: Mapping[str, Interval]
     converged: bool
 
     @property
-    def change(self) -> float:
-        """The largest change of a confusion matrix."""
-        return find_largest_change(self.senses)
+    def change(self) -> Interval:
+        """The change of the confusion matrix that may have changed most."""
+        return max(self.changes.values(), key=lambda change: change.high)
 
     def __repr__(self) -> str:
         state = "converged" if self.converged else "not converged"
         senses = "; ".join(
-            f"{name}: {len(self.datasets[name])} cases, change {sense.change:.4g}, {sense.confusion}"
+            f"{name}: {len(self.datasets[name])} cases, change {self.changes[name]:.4g}, {sense.confusion}"
             for name, sense in self.senses.items()
         )
         return f"Batch({self.number}: {len(self.episodes)} decisions, {state}; {senses})"
@@ -91,6 +98,7 @@ def lcorpp(
     collect: Callable[[], tuple[Instance, World]],
     batch_size: int,
     epsilon: float,
+    confidence: float = CONFIDENCE,
     other_classifiers: Mapping[str, Classifier] = {},
     listener: Callable[[Instance, Episode], None] = lambda _instance, _episode: None,
     soft_labels: bool = False,
@@ -111,7 +119,8 @@ def lcorpp(
         domain: translates between the parts.
         collect: returns a new instance and the world in which to act on it: line 8.
         batch_size: K, the number of decisions between two trainings.
-        epsilon: the loop ends when no confusion matrix changes by more than this.
+        epsilon: the loop ends when no confusion matrix changes by more than this ...
+        confidence: ... with this probability, see `compute_change`; 0 compares the estimates, as the paper.
         other_classifiers: of the senses that do not learn.
         listener: called after every decision.
         soft_labels: a case counts for each class with the weight of the belief at the report, instead of for
@@ -120,7 +129,8 @@ def lcorpp(
             yielded is the last complete one of that run, without a training; its decisions are not repeated.
 
     Raises:
-        DecisionError: no sense learns, K < 1 or epsilon < 0; and whatever the parts raise.
+        DecisionError: no sense learns, K < 1, epsilon < 0 or the confidence is not from 0 and below 1; and
+            whatever the parts raise.
 
     Source: Algorithm 1. As printed, line 17 sets C to C_hat in the same step that computes C_hat, and
     the test of line 7 would read 0 after the first batch. The intended comparison, implemented here, is of
@@ -134,17 +144,26 @@ def lcorpp(
         raise DecisionError(f"the batch size K must be at least 1, not {batch_size}")
     if not epsilon >= 0:
         raise DecisionError(f"the threshold epsilon must be at least 0, not {epsilon}")
+    if not 0 <= confidence < 1:
+        raise DecisionError(f"the confidence must be at least 0 and below 1, not {confidence}")
     if resume_point is None:
         resume_point = ResumePoint(0, _train_all(train, datasets, {}), 0)
     number, senses, decided = resume_point.number, resume_point.senses, resume_point.decided
-    converged = has_converged(senses, epsilon)
-    yield Batch(number, datasets, senses, (), (), converged)
-    while not converged:
+    instances, episodes = list[Instance](), list[Episode]()
+    while True:
+        changes = {
+            name: compute_change(sense.previous, sense.confusion, confidence)
+            for name, sense in senses.items()
+        }
+        converged = has_converged(senses, changes, epsilon)
+        yield Batch(number, datasets, senses, tuple(instances), tuple(episodes), changes, converged)
+        if converged:
+            return
         number += 1
         classifiers = {name: sense.classifier for name, sense in senses.items()}
         reasoner = make_reasoner({name: sense.confusion for name, sense in senses.items()})
         robot = Robot({**other_classifiers, **classifiers}, reasoner, planner, domain)
-        instances, episodes = list[Instance](), list[Episode]()
+        instances, episodes = [], []
         while decided + len(episodes) < batch_size:
             instance, world = collect()
             episode = dt_control(robot, instance, world)
@@ -157,8 +176,6 @@ def lcorpp(
             for name, dataset in datasets.items()
         }
         senses = _train_all(train, datasets, senses)
-        converged = has_converged(senses, epsilon)
-        yield Batch(number, datasets, senses, tuple(instances), tuple(episodes), converged)
 
 
 def _train_all(
@@ -170,26 +187,15 @@ def _train_all(
     senses = {}
     for name, dataset in datasets.items():
         classifier, confusion = train(name, dataset)
-        n = len(confusion.classes)
-        previous = before[name].confusion.probabilities if before else np.full((n, n), 1 / n)
-        change = compute_ssub(previous, confusion.probabilities)
-        senses[name] = TrainedSense(classifier, confusion, change)
+        untrained = ConfusionMatrix(confusion.classes, np.zeros_like(confusion.counts))
+        senses[name] = TrainedSense(classifier, confusion, before[name].confusion if before else untrained)
     return senses
 
 
-def find_largest_change(senses: Senses) -> float:
-    """Return the largest change of a confusion matrix."""
-    return max(sense.change for sense in senses.values())
-
-
-def has_converged(senses: Senses, epsilon: float) -> bool:
-    """Return whether all classifiers are trained and no confusion matrix has changed by more than epsilon."""
-    return all(sense.is_trained for sense in senses.values()) and find_largest_change(senses) <= epsilon
-
-
-def compute_ssub(first: Array, second: Array) -> float:
-    """Return the sum of absolute differences of two matrices of equal shape: SSUB of Algorithm 1."""
-    return float(np.abs(first - second).sum())
+def has_converged(senses: Senses, changes: Mapping[str, Interval], epsilon: float) -> bool:
+    """Return whether all classifiers are trained and every interval of a change ends by epsilon."""
+    is_small = all(change.high <= epsilon for change in changes.values())
+    return is_small and all(sense.is_trained for sense in senses.values())
 
 
 def augment(

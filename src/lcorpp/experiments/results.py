@@ -16,11 +16,11 @@ from lcorpp.experiments.tables import write_csv, write_json
 from lcorpp.files import make_folder
 from lcorpp.planning import Solution
 from lcorpp.planning.solution import describe_start
-from lcorpp.values import LAPLACE
+from lcorpp.values import LAPLACE, Interval
 
 if TYPE_CHECKING:
     from lcorpp.domains import Domain
-    from lcorpp.experiments.active_learning.batches import BatchResult
+    from lcorpp.experiments.active_learning.batches import BatchResult, Row
     from lcorpp.protocols import Classifier
 
 T = TypeVar("T")
@@ -205,10 +205,19 @@ def write_batches(
         from lcorpp.plot_style import save_figures
 
         batches = [int(row["batch"]) for row in scored]
-        f1, change = ([float(row[name]) for row in scored] for name in ("f1", "change"))
-        figure = plot_batches(batches, f1, change)
+        f1 = [float(row["f1"]) for row in scored]
+        changes = [_read_change(row) for row in scored]
+        figure = plot_batches(batches, f1, changes)
         written += save_figures(figure, folder / "batches", formats)
     return _join(written, saved)
+
+
+def _read_change(row: Row) -> Interval:
+    """Return the change of a batch with its interval; rows of older stores have none."""
+    change, low, high = (
+        float(row.get(name, row["change"])) for name in ("change", "change_low", "change_high")
+    )
+    return Interval(change, low, high)
 
 
 def _save_if_trained(classifier: Classifier | None, folder: Path) -> WrittenFiles:

@@ -10,7 +10,7 @@ import numpy as np
 from lcorpp.decision import Batch
 from lcorpp.domains import Domain
 from lcorpp.experiments.scoring.decision_scores import score_decisions
-from lcorpp.experiments.scoring.metrics import Scores, get_format
+from lcorpp.experiments.scoring.metrics import Scores, get_format, make_cells
 from lcorpp.experiments.training_data import FOLDS
 from lcorpp.simulation.people_stream import DecisionResult
 
@@ -58,10 +58,22 @@ class BatchResult:
         recall = ", ".join(
             f"{value} {rate:.3f}" for value, rate in zip(sense.confusion.classes, rates, strict=True)
         )
-        return f"{size}; recall: {recall}; change {sense.change:.3f}"
+        return f"{size}; recall: {recall}; change {self.batch.changes[name]:.3f}"
 
     def __repr__(self) -> str:
         return f"<BatchResult {self.batch.number}: {self.summary()}>"
+
+
+def explain_end(batch: Batch, epsilon: float) -> str:
+    """Return why a run of Algorithm 1 ends after a batch, in one sentence."""
+    if not all(sense.is_trained for sense in batch.senses.values()):
+        return f"stopped after {batch.number} batches; not all classifiers could be trained"
+    change = batch.change
+    known = f"with {100 * change.confidence:g} % confidence " if change.confidence else ""
+    text = f"{known}it changed by at most {change.high:.3f},"
+    if batch.converged:
+        return f"the confusion matrix has converged: {text} not above {epsilon:g}"
+    return f"stopped after {batch.number} batches; the confusion matrix has not converged: {text} above {epsilon:g}"
 
 
 def make_row(batch: Batch, scores: Scores | None) -> Row:
@@ -69,11 +81,11 @@ def make_row(batch: Batch, scores: Scores | None) -> Row:
     sizes = {name: round(dataset.n_people) for name, dataset in batch.datasets.items()}
     row: Row = {"batch": batch.number}
     if len(sizes) == 1:
-        row |= {"tracks": sum(sizes.values()), "change": batch.change}
+        row |= {"tracks": sum(sizes.values()), **make_cells({"change": batch.change})}
     else:
         row |= {f"tracks_{name}": size for name, size in sizes.items()}
-        row |= {"change": batch.change}
-        row |= {f"change_{name}": sense.change for name, sense in batch.senses.items()}
+        row |= make_cells({"change": batch.change})
+        row |= make_cells({f"change_{name}": change for name, change in batch.changes.items()})
     if scores is not None:
         row |= {f"accuracy_{name}": accuracy.estimate for name, accuracy in scores.variables.items()}
         row |= {name: interval.estimate for name, interval in scores.metrics.items()}

@@ -19,8 +19,8 @@ from lcorpp.learning import SoftClassifier, TrainedClassifier, load_classifier, 
 from lcorpp.protocols import Classifier
 from lcorpp.values import ConfusionMatrix
 
-FORMAT, VERSION = "lcorpp checkpoint", 2
-"""Version 1 was of one sense, whose values were not in a table `senses`."""
+FORMAT, VERSION = "lcorpp checkpoint", 3
+"""Version 1 was of one sense, whose values were not in a table `senses`; 2 had no previous counts."""
 
 Rows = list[dict[str, float | int | str]]
 
@@ -29,13 +29,13 @@ Rows = list[dict[str, float | int | str]]
 class SenseCheckpoint:
     """The state of a sense after a training.
 
-    confusion, change: as in `TrainedSense`.
+    confusion, previous: as in `TrainedSense`.
     records: number of records in its store, without the decisions of an incomplete batch.
     classifier: None if its type cannot be stored.
     """
 
     confusion: ConfusionMatrix
-    change: float
+    previous: ConfusionMatrix
     records: int
     classifier: Classifier | None
 
@@ -86,7 +86,7 @@ class CheckpointFolder:
             name: {
                 "classes": sense.confusion.classes,
                 "counts": sense.confusion.counts.tolist(),
-                "change": sense.change,
+                "previous": sense.previous.counts.tolist(),
                 "records": records[name],
                 "classifier": self._write_classifier(sense.classifier, number),
             }
@@ -134,7 +134,7 @@ class CheckpointFolder:
     ) -> Checkpoint:
         """Return the checkpoint that the content of its file describes; errors: as `read` catches them."""
         version = content["version"]
-        if content["format"] != FORMAT or version not in (1, VERSION):
+        if content["format"] != FORMAT or version not in (1, 2, VERSION):
             raise DataError(f"it is {content['format']!r}, version {version!r}")
         if content["store"] != self._identity:
             raise DataError("it belongs to another store")
@@ -142,7 +142,7 @@ class CheckpointFolder:
         for name, value in self._settings.items():
             if before.get(name) != value:
                 raise DataError(f"{name} was {before.get(name)}, and is {value} now")
-        senses = content["senses"] if version == VERSION else {names[0]: content}
+        senses = content["senses"] if version != 1 else {names[0]: content}
         if list(senses) != names:
             raise DataError(f"the senses that learn were {', '.join(senses)}, and are {', '.join(names)} now")
         return Checkpoint(
@@ -151,8 +151,7 @@ class CheckpointFolder:
             list(content["rows"]),
             {
                 name: SenseCheckpoint(
-                    ConfusionMatrix(tuple(sense["classes"]), np.array(sense["counts"])),
-                    float(sense["change"]),
+                    *_read_matrices(sense),
                     _check_count(sense["records"]),
                     self._read_classifier(sense["classifier"], note),
                 )
@@ -188,6 +187,13 @@ class CheckpointFolder:
         except (DataError, FileError) as error:
             note(f"{error}; trained again")
             return None
+
+
+def _read_matrices(sense: Mapping[str, Any]) -> tuple[ConfusionMatrix, ConfusionMatrix]:
+    """Return the confusion matrix and the previous one, which is without counts in older checkpoints."""
+    classes, counts = tuple(sense["classes"]), np.array(sense["counts"])
+    previous = np.array(sense["previous"]) if "previous" in sense else np.zeros_like(counts)
+    return ConfusionMatrix(classes, counts), ConfusionMatrix(classes, previous)
 
 
 def _check_count(value: Any) -> int:

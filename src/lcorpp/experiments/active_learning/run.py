@@ -95,6 +95,7 @@ def run_active_learning(
         collect=stream.next,
         batch_size=options.batch_size,
         epsilon=options.epsilon,
+        confidence=options.confidence,
         listener=recorder.record,
         soft_labels=options.soft_labels,
         resume_point=resume_point,

@@ -16,7 +16,6 @@ from typing import Any, Self
 from uuid import uuid4
 
 from lcorpp.decision import Batch, ResumePoint, TrainedSense
-from lcorpp.decision.lcorpp import compute_ssub
 from lcorpp.experiments.active_learning.checkpoint import CheckpointFolder, Rows
 from lcorpp.learning.store import NewTrack, Snapshot, Store, StoredTrack, TrackSchema
 from lcorpp.protocols import Classifier
@@ -140,12 +139,11 @@ class RunStore:
             )
             self.notes.append(text if len(self.stores) == 1 else f"{name}: {text}")
             classifier, confusion = train(name, self.datasets()[name])
-            change = compute_ssub(checkpoint.confusion.probabilities, confusion.probabilities)
-            return TrainedSense(classifier, confusion, change)
+            return TrainedSense(classifier, confusion, checkpoint.confusion)
         trained = checkpoint.classifier
         if trained is None:
             trained, _ = train(name, self.datasets(without=self.pending)[name])
-        return TrainedSense(trained, checkpoint.confusion, checkpoint.change)
+        return TrainedSense(trained, checkpoint.confusion, checkpoint.previous)
 
     def append_decision(
         self,

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
+from lcorpp.decision.lcorpp import CONFIDENCE
 from lcorpp.domains import Domain
 from lcorpp.errors import DecisionError, DomainError, check_type
 from lcorpp.experiments.sense_setup import set_up_senses
@@ -19,6 +20,9 @@ from lcorpp.experiments.setup import (
 )
 from lcorpp.experiments.training_data import TrainingData, choose_learner, make_training_data
 
+EPSILON = 0.2
+"""The change of a confusion matrix at which Algorithm 1 stops, by default."""
+
 
 @dataclass(frozen=True)
 class ActiveLearningOptions:
@@ -31,7 +35,8 @@ class ActiveLearningOptions:
     soft_labels: a reported case counts for each class with the weight of the belief at the report, instead of
         for the reported class alone.
     batch_size: K, decisions between two trainings.
-    epsilon: the run ends when no confusion matrix changes by more than this.
+    epsilon, confidence: the run ends when no confusion matrix changes by more than this, with this
+        probability.
     max_batches: the run ends after this many batches.
     seed: of all random numbers. jobs: processes for training.
     """
@@ -40,7 +45,8 @@ class ActiveLearningOptions:
     evidence: EvidenceOptions = HARD_LABELS
     soft_labels: bool = False
     batch_size: int = 100
-    epsilon: float = 0.05
+    epsilon: float = EPSILON
+    confidence: float = CONFIDENCE
     max_batches: int = 20
     seed: int = 0
     jobs: int = 1
