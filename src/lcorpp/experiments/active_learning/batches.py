@@ -73,7 +73,8 @@ def explain_end(batch: Batch, epsilon: float) -> str:
     text = f"{known}it changed by at most {change.high:.3f},"
     if batch.converged:
         return f"the confusion matrix has converged: {text} not above {epsilon:g}"
-    return f"stopped after {batch.number} batches; the confusion matrix has not converged: {text} above {epsilon:g}"
+    text = f"the confusion matrix has not converged: {text} above {epsilon:g}"
+    return f"stopped after {batch.number} batches; {text}"
 
 
 def make_row(batch: Batch, scores: Scores | None) -> Row:
