@@ -47,11 +47,13 @@ def test_a_learner_of_the_users_file(lcorpp, tmp_path):
     assert "mine.py:guess, five-fold cross-validation on" in ended.out
 
 
-def test_soft_evidence_now_and_from_the_file(lcorpp, tmp_path):
-    soft = (*FEW, "--evidence", "soft")
+@pytest.mark.parametrize("kind", ["soft", "set", "set:0.8"])
+def test_evidence_now_and_from_the_file(lcorpp, tmp_path, kind):
+    soft = (*FEW, "--evidence", kind)
     first = lcorpp("run", *soft, "--learner", "summaries", "--out", tmp_path)
     assert first.code == 0, first.err
-    assert json.loads((tmp_path / "results.json").read_text())["configuration"]["evidence"] == "soft"
+    assert json.loads((tmp_path / "results.json").read_text())["configuration"]["evidence"] == kind
+    assert ("\nprediction sets of coverage 0." in first.out) == (kind != "soft")
     again = lcorpp(
         "run",
         "--trials",
@@ -61,7 +63,7 @@ def test_soft_evidence_now_and_from_the_file(lcorpp, tmp_path):
         "--strategy",
         "L+R",
         "--evidence",
-        "soft",
+        kind,
         "--classifier",
         tmp_path / "classifier.npz",
     )
@@ -69,6 +71,11 @@ def test_soft_evidence_now_and_from_the_file(lcorpp, tmp_path):
     rows = [[line for line in ended.out.splitlines() if "L+R" in line] for ended in (first, again)]
     assert rows[0] == rows[1]
     assert len(rows[0]) == 1
+    report = json.loads((tmp_path / "report.json").read_text())["prediction_sets"]
+    assert report["coverage"] == (0.8 if kind == "set:0.8" else 0.95)
+    assert list(report["covered"]) == ["interested", "not_interested"]
+    other = lcorpp("run", "--evidence", "set:0.9", "--classifier", tmp_path / "classifier.npz")
+    refused(other, f"prediction sets of coverage {report['coverage']}, not 0.9")
 
 
 def test_soft_evidence_of_three_rooms(lcorpp):

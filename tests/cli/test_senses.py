@@ -9,11 +9,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from lcorpp.cli.options.senses import choose_evidence
 from lcorpp.domains import load_domain
 from lcorpp.errors import DomainError, LcorppError
 from lcorpp.experiments import TrainingOptions, train_classifier
 from lcorpp.reasoning import Reasoner
-from lcorpp.values import ConfusionMatrix
+from lcorpp.values import ConfusionMatrix, EvidenceKind
 from tests.cli.test_bad_input import refused
 from tests.domains.deliveries import GAZE, VOICE, write_domain
 
@@ -219,6 +220,16 @@ def test_each_sense_has_a_matrix_or_a_likelihood(lcorpp, tmp_path, two):
         lcorpp("run", two, *FEW, *channel, "--evidence", "gaze=soft"),
         "--evidence gaze=soft needs a trained classifier: a channel has labels only",
     )
+
+
+def test_the_domain_has_an_evidence_that_the_command_overrules(tmp_path):
+    domain = load_domain(write_domain(tmp_path / "domain", senses=GAZE + 'evidence = "set:0.9"\n' + VOICE))
+    trained = {"gaze": TrainingOptions(), "voice": TrainingOptions()}
+    sets, soft = EvidenceKind("set", 0.9), EvidenceKind("soft")
+    assert choose_evidence(domain, trained, []) == {"gaze": sets}
+    assert choose_evidence(domain, trained, ["voice=soft"]) == {"gaze": sets, "voice": soft}
+    assert choose_evidence(domain, trained, ["hard", "voice=set:0.9"]) == {"voice": sets}
+    assert choose_evidence(domain, {"gaze": None, "voice": TrainingOptions()}, []) == {}  # a channel
 
 
 def test_simulated_tracks_beside_recorded_data_are_refused(lcorpp, gaze):

@@ -41,6 +41,10 @@ WRONG = [
         + '[learning.labels]\nlow = "ann"\nhigh = 3\n',
         r"toml:18: \[learning\[2\]\] labels: expected a table of names",
     ),
+    (
+        GAZE + 'evidence = "firm"\n' + VOICE,
+        r"toml:12: \[learning\[1\]\] evidence: 'firm': expected one of hard, soft, set",
+    ),
     (GAZE + "trucks = 1\n" + VOICE, r"toml:12: \[learning\[1\]\] trucks: unknown key"),
     (
         GAZE.replace('"gaze"\nof', '"item"\nof'),

@@ -9,7 +9,7 @@ from lcorpp.experiments.active_learning.untrained import RandomClassifier, is_tr
 from lcorpp.experiments.setup import EvidenceOptions, solve_domain
 from lcorpp.planning import Planner
 from lcorpp.planning.policy_cache import find_cache_folder
-from lcorpp.values import Dataset, Likelihood
+from lcorpp.values import Dataset, EvidenceKind, Likelihood
 from tests.experiments.scoring.test_exact_evaluation import TABLE
 
 CLASSES = ("yes", "no", "maybe")
@@ -58,12 +58,14 @@ def test_soft_labels_count_by_weight():
     assert is_trainable(empty.append(pairs, groups), ("a", "b"), 4)
 
 
-@pytest.mark.parametrize("soft", [False, True])
-def test_without_data_lcorpp_decides_like_r_and_p(soft):
+@pytest.mark.parametrize("evidence", ["hard", "soft", "set"])
+def test_without_data_lcorpp_decides_like_r_and_p(evidence):
     """One batch of 1000 people: within four standard errors of the exact scores of R+P."""
     domain = load_domain("intention", preset="paper")
     options = ActiveLearningOptions(
-        {"motion": TrainingOptions(learner="summaries", tracks=0)}, EvidenceOptions(soft), batch_size=1000
+        {"motion": TrainingOptions(learner="summaries", tracks=0)},
+        EvidenceOptions({"motion": EvidenceKind(evidence)}),
+        batch_size=1000,
     )
     senses = set_up_learning(domain, options)
     assert (len(senses.data["motion"].dataset), senses.data["motion"].dataset.channels) == (0, ("x", "y"))

@@ -28,7 +28,7 @@ from lcorpp.cli.options.senses import (
     EvidenceOption,
     LearnersOption,
     choose_classifiers,
-    choose_soft_senses,
+    choose_evidence,
 )
 from lcorpp.errors import DataError, expected_one_of
 
@@ -175,7 +175,7 @@ def learn(
                 sources[name] = replace(source, tracks=None)
     chosen = ActiveLearningOptions(
         sources,
-        EvidenceOptions(choose_soft_senses(loaded, sources, evidence or [])),
+        EvidenceOptions(choose_evidence(loaded, sources, evidence or [])),
         soft_labels=labels is Labels.soft,
         batch_size=batch_size,
         epsilon=epsilon,

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from lcorpp.domains import Domain
     from lcorpp.experiments.scoring.metrics import Scores
     from lcorpp.experiments.setup import Senses, SenseSetup, TrainingOptions
-    from lcorpp.learning import EvaluationReport
+    from lcorpp.learning import EvaluationReport, PredictionSets
     from lcorpp.planning import Solution
     from lcorpp.values import Interval
 
@@ -157,8 +157,19 @@ def print_classifier(setup: SenseSetup, sense: str = "") -> None:
         console.out.print(text)
     if report is not None:
         console.out.print(_make_report_table(report))
+    if setup.evidence.name == "set" and setup.trained.prediction_sets is not None:
+        console.out.print(_describe_sets(setup.trained.prediction_sets), markup=False)
     if setup.trained.threshold is not None:
         console.out.print(f"decision threshold: {setup.trained.threshold}")
+
+
+def _describe_sets(sets: PredictionSets) -> str:
+    covered = ", ".join(f"{name} {part}" for name, part in zip(sets.classes, sets.coverages, strict=True))
+    return (
+        f"prediction sets of coverage {sets.coverage:g}, out of fold; true class in the set: {covered}\n"
+        f"  mean size {sets.mean_size:.2f}; don't know: {sets.full:.3f} with all classes,"
+        f" {sets.empty:.3f} empty"
+    )
 
 
 def print_solution(solution: Solution) -> None:

@@ -23,7 +23,7 @@ from lcorpp.cli.options.senses import (
     EvidenceOption,
     LearnersOption,
     choose_classifiers,
-    choose_soft_senses,
+    choose_evidence,
     reject_given,
 )
 from lcorpp.errors import DomainError
@@ -156,9 +156,9 @@ def run(
     if exact:
         reject_given("nothing is sampled with --exact", trials=trials)
         reject_given("no single decisions are made with --exact", log=log)
-    soft = choose_soft_senses(loaded, sources, evidence or [])
+    kinds = choose_evidence(loaded, sources, evidence or [])
     trained = [name for name, source in sources.items() if source is not None]
-    only_soft = bool(trained) and set(trained) <= set(soft)
+    only_soft = bool(trained) and set(trained) <= set(kinds)
     _check_combination(not trained, exact=exact, soft=only_soft, laplace=laplace, threshold=threshold)
     number = TRIALS if trials is None else trials
     if trial is not None:
@@ -169,7 +169,7 @@ def run(
     chosen = ComparisonOptions(
         strategies=rows,
         classifiers=sources,
-        evidence=EvidenceOptions(soft, LAPLACE if laplace else JEFFREYS),
+        evidence=EvidenceOptions(kinds, LAPLACE if laplace else JEFFREYS),
         trials=None if exact else number,
         seed=seed,
         jobs=console.count_processes(jobs),
@@ -238,6 +238,6 @@ def _check_combination(
             " trials only"
         )
     if soft and threshold is not None:
-        raise DomainError("--threshold determines labels; --evidence soft uses none")
+        raise DomainError("--threshold determines labels; evidence by likelihoods or sets uses none")
     if laplace and (soft or channels_only):
         raise DomainError("--smoothing applies to the labels of a trained classifier only")

@@ -45,7 +45,7 @@ from lcorpp.learning.classifiers.registry import DEFAULTS
 from lcorpp.learning.classifiers.storage import check_storable
 from lcorpp.notebook import join_some
 from lcorpp.simulation.people import SignalSource, SimulatedSignals
-from lcorpp.values import ConfusionMatrix
+from lcorpp.values import COVERAGE, ConfusionMatrix
 
 
 def train_classifier(
@@ -67,12 +67,13 @@ def train_classifier(
     check_type(domain, Domain, "the domain", DomainError)
     goal = None if options.threshold is None else parse_goal(sense, options.threshold)
     _make_untrained(options)  # reject options before the work
+    coverage = evidence.kind(sense.name).coverage or COVERAGE
     data = make_training_data(domain, sense, options, seed)
     options = choose_learner(options, data.dataset)
     estimator = make_estimator(data, options, seed)
     with progress(f"training and cross-validating {options.learner}", FOLDS + 1) as advance:
         trained, validation = train_and_validate(
-            estimator, data.dataset, folds=FOLDS, seed=seed, jobs=jobs, progress=advance
+            estimator, data.dataset, folds=FOLDS, seed=seed, jobs=jobs, progress=advance, coverage=coverage
         )
     positive = find_positive_class(sense)
     prevalence = compute_class_prevalence(domain, sense, options.prevalence)
@@ -89,6 +90,7 @@ def train_classifier(
         costs=goal if isinstance(goal, tuple) else None,
         learner=options.learner or "",
         source=data.dataset.source,
+        coverage=coverage,
     )
     return replace(
         _make_setup(sense, trained, validation.confusion, evidence, data.signals, options.learner or ""),
@@ -171,15 +173,15 @@ def _make_setup(
     Args:
         source: the learner, or the file of the classifier.
     """
-    soft = evidence.is_soft(sense.name)
+    kind = evidence.kind(sense.name)
     rows = [[float(rate) for rate in row] for row in confusion.rates(evidence.smoothing)]
     return SenseSetup(
-        trained.soft() if soft else trained,
+        trained.as_evidence(kind),
         signals,
         nest_rates(confusion.classes, rows),
         confusion,
         estimate_rates(confusion, smoothing=evidence.smoothing),
         source=source,
         trained=trained,
-        soft=soft,
+        evidence=kind,
     )

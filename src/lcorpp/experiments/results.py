@@ -54,7 +54,7 @@ def describe_run(
             name: _describe_sense(options.classifiers.get(name), setup)
             for name, setup in comparison.senses.items()
         },
-        "evidence": "soft" if options.evidence.soft else "hard",
+        "evidence": ", ".join(dict.fromkeys(map(str, options.evidence.kinds.values()))) or "hard",
         "smoothing": "laplace" if options.evidence.smoothing == LAPLACE else "jeffreys",
         "policy": str(policy) if policy else "solved",
         "solution": describe_solution(comparison.solution),
@@ -89,7 +89,7 @@ def _describe_sense(options: ClassifierOptions, setup: SenseSetup) -> dict[str, 
         "threshold": training.threshold,
         "prevalence": training.prevalence,
         "device": training.device,
-        "evidence": "soft" if setup.soft else "hard",
+        "evidence": str(setup.evidence),
         "rates": setup.rates,
         "data": str(setup.data) if setup.data else None,
         "tracks": setup.n_tracks,

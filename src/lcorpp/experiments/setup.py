@@ -23,7 +23,7 @@ from lcorpp.protocols import Planner
 from lcorpp.reasoning import Program, Reasoner
 from lcorpp.simulation.people import SignalSource
 from lcorpp.simulation.simulated_classifier import BatchClassifier, NoisyChannel
-from lcorpp.values import JEFFREYS, ConfusionMatrix
+from lcorpp.values import JEFFREYS, ConfusionMatrix, EvidenceKind
 
 if TYPE_CHECKING:  # scikit-learn takes seconds to load, and a noisy channel does without
     from lcorpp.learning import EvaluationReport, Rate, TrainedClassifier
@@ -117,18 +117,20 @@ ClassifierOptions = TrainingOptions | StoredOptions | None
 class EvidenceOptions:
     """The classifier's evidence for the reasoner.
 
-    soft: whether the evidence is a likelihood of each class instead of a label; or the names of the senses of
-        which it is. A noisy channel has labels only.
+    kinds: sense -> kind of evidence; the others give labels, as noisy channels always do.
     smoothing: added to the counts of the confusion matrix that becomes the rules for labels.
     """
 
-    soft: bool | tuple[str, ...] = False
+    kinds: Mapping[str, EvidenceKind] = field(default_factory=dict)
     smoothing: Fraction = JEFFREYS
 
-    def is_soft(self, sense: str) -> bool:
-        """Whether the evidence of a trained sense is a likelihood."""
-        return self.soft if isinstance(self.soft, bool) else sense in self.soft
+    def kind(self, sense: str) -> EvidenceKind:
+        """Return the kind of evidence of a trained sense."""
+        return self.kinds.get(sense, LABEL)
 
+
+LABEL = EvidenceKind()
+"""A label as evidence."""
 
 HARD_LABELS = EvidenceOptions()
 """Labels as evidence, with Jeffreys' smoothing."""
@@ -143,7 +145,7 @@ class SenseSetup:
     intervals: one row of rates with intervals per true class; () for a noisy channel.
     source: "channel", the learner, or the file of the classifier.
     trained: the trained classifier, without soft evidence; None for a noisy channel.
-    soft: whether its evidence is a likelihood of each class, so that the program does without its rates.
+    evidence: its kind of evidence; if a likelihood, the program does without its rates.
     n_tracks: number of training cases, report: evaluation of the classifier; None if it was not trained now.
     unit: plural noun of the cases. data: the recorded data, None if they are simulated.
     notes: warnings about the data.
@@ -156,7 +158,7 @@ class SenseSetup:
     intervals: Sequence[Sequence[Rate]] = ()
     source: str = "channel"
     trained: TrainedClassifier | None = None
-    soft: bool = False
+    evidence: EvidenceKind = LABEL
     n_tracks: int | None = None
     report: EvaluationReport | None = None
     unit: str = "tracks"
@@ -186,7 +188,7 @@ def from_channel(domain: Domain, sense: Sense) -> SenseSetup:
 def make_program(domain: Domain, senses: Senses, smoothing: Fraction = JEFFREYS) -> Program:
     """Return the domain's program with the error rates of trained classifiers as rules."""
     confusions = {name: setup.confusion for name, setup in senses.items() if setup.confusion is not None}
-    soft = [name for name, setup in senses.items() if setup.soft]
+    soft = [name for name, setup in senses.items() if setup.evidence.is_likelihood]
     return domain.program_for(confusions, smoothing, soft=soft)
 
 

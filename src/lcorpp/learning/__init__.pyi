@@ -40,6 +40,10 @@ from .evaluation.leakage import (
     format_leakage_warning as format_leakage_warning,
     measure_leakage as measure_leakage,
 )
+from .evaluation.prediction_sets import (
+    PredictionSets as PredictionSets,
+    fit_prediction_sets as fit_prediction_sets,
+)
 from .evaluation.report import (
     ClassReport as ClassReport,
     EvaluationReport as EvaluationReport,

@@ -27,6 +27,12 @@ from lcorpp.values.distribution import (
     read_value as read_value,
 )
 from lcorpp.values.episode import Episode as Episode, Instance as Instance, Step as Step
+from lcorpp.values.evidence_kind import (
+    COVERAGE as COVERAGE,
+    EVIDENCE as EVIDENCE,
+    EvidenceKind as EvidenceKind,
+    check_coverage as check_coverage,
+)
 from lcorpp.values.padding import (
     Lengths as Lengths,
     measure_lengths as measure_lengths,

@@ -26,13 +26,13 @@ from lcorpp.cli.options.senses import (
     EvidenceOption,
     LearnersOption,
     choose_classifiers,
-    choose_soft_senses,
+    choose_evidence,
 )
 from lcorpp.errors import DecisionError, DomainError
 
 if TYPE_CHECKING:
     from lcorpp.experiments.setup import ClassifierOptions
-    from lcorpp.values import Label
+    from lcorpp.values import EvidenceKind, Label
 
 
 def explain(
@@ -160,12 +160,12 @@ def explain(
         training=options.choose_training(tracks=tracks, epochs=epochs, device=device, features=features),
         by_channel=True,
     )
-    soft, processes = choose_soft_senses(loaded, sources, evidence or []), console.count_processes(jobs)
-    _check_evidence(sources, soft, labels, likelihoods, interactive=interactive)
+    kinds, processes = choose_evidence(loaded, sources, evidence or []), console.count_processes(jobs)
+    _check_evidence(sources, kinds, labels, likelihoods, interactive=interactive)
     with nullcontext() if log is None else DecisionLog(log) as decisions:
         print_domain(loaded)
         senses = set_up_senses(
-            loaded, used, sources, EvidenceOptions(soft), console.show_progress, seed=seed, jobs=processes
+            loaded, used, sources, EvidenceOptions(kinds), console.show_progress, seed=seed, jobs=processes
         )
         print_classifiers(loaded, senses)
         with console.show_progress("solving the POMDP") as advance:
@@ -194,7 +194,7 @@ def explain(
 
 def _check_evidence(
     sources: Mapping[str, ClassifierOptions],
-    soft: Collection[str],
+    kinds: Mapping[str, EvidenceKind],
     labels: Collection[str],
     likelihoods: Collection[str],
     *,
@@ -210,7 +210,7 @@ def _check_evidence(
             raise DomainError(
                 f"--likelihood is the evidence of {name}, expected no --learner, --classifier, --data of it"
             )
-    for name in soft:
+    for name, kind in kinds.items():
         if interactive or name in labels:
             other = f"a label of {name} is given" if name in labels else "--interactive asks for labels"
-            raise DomainError(f"--evidence soft: {other}; expected the likelihood of a simulated person")
+            raise DomainError(f"--evidence {kind}: {other}; expected the likelihood of a simulated person")

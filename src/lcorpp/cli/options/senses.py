@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from lcorpp.errors import DomainError, expected_one_of
+from lcorpp.errors import DataError, DomainError
+from lcorpp.values import EvidenceKind
 
 if TYPE_CHECKING:
     from lcorpp.domains import Domain
@@ -34,9 +35,9 @@ LearnersOption = Annotated[
 EvidenceOption = Annotated[
     list[str] | None,
     typer.Option(
-        metavar="[SENSE=]hard|soft",
-        help="The reasoner's evidence: the label (hard, the default) or a likelihood (soft) of a trained"
-        " classifier; repeatable.",
+        metavar="[SENSE=]hard|soft|set[:COVERAGE]",
+        help="The reasoner's evidence: the label (hard, the default), a likelihood (soft) or a conformal"
+        " prediction set (set, by default of coverage 0.95) of a trained classifier; repeatable.",
     ),
 ]
 DataOption = Annotated[
@@ -119,10 +120,10 @@ def choose_classifiers(
     return chosen
 
 
-def choose_soft_senses(
+def choose_evidence(
     domain: Domain, chosen: Mapping[str, ClassifierOptions], texts: Sequence[str]
-) -> tuple[str, ...]:
-    """Return the senses whose evidence is a likelihood, by the texts of --evidence.
+) -> dict[str, EvidenceKind]:
+    """Return the evidence of the senses that give a likelihood, by the texts of --evidence or the domain.
 
     Args:
         chosen: the result of `choose_classifiers`.
@@ -131,16 +132,28 @@ def choose_soft_senses(
         DomainError: a word is unknown, or the classifier has labels only.
     """
     kind_of, general = _split_by_sense(domain, chosen, "--evidence", texts)
-    for kind in (*kind_of.values(), general or "hard"):
-        if kind not in ("hard", "soft"):
-            raise DomainError(f"--evidence {kind!r}: {expected_one_of(('hard', 'soft'))}")
+    kinds = {text: _parse_evidence(text) for text in (*kind_of.values(), general or "hard")}
     trained = [name for name, options in chosen.items() if options is not None]
-    for name, kind in kind_of.items():
-        if kind == "soft" and name not in trained:
-            raise DomainError(f"--evidence {name}=soft needs a trained classifier: a channel has labels only")
-    if general == "soft" and not trained:
-        raise DomainError("--evidence soft needs a trained classifier: a channel has labels only")
-    return tuple(name for name in trained if kind_of.get(name, general) == "soft")
+    for name, text in kind_of.items():
+        if kinds[text].is_likelihood and name not in trained:
+            raise DomainError(
+                f"--evidence {name}={text} needs a trained classifier: a channel has labels only"
+            )
+    if general is not None and kinds[general].is_likelihood and not trained:
+        raise DomainError(f"--evidence {general} needs a trained classifier: a channel has labels only")
+    given = {name: kind_of.get(name, general) for name in trained}
+    evidence = {
+        name: domain.find_sense(name).evidence if text is None else kinds[text]
+        for name, text in given.items()
+    }
+    return {name: kind for name, kind in evidence.items() if kind.is_likelihood}
+
+
+def _parse_evidence(text: str) -> EvidenceKind:
+    try:
+        return EvidenceKind.parse(text)
+    except DataError as error:
+        raise DomainError(f"--{error}") from None
 
 
 def reject_given(reason: str, **given: object) -> None:

@@ -9,8 +9,9 @@ from pathlib import Path
 from lcorpp.domains.sections.names import check_defined, check_same_names, find_attribute_values
 from lcorpp.domains.sections.reasoning import ReasoningSection, read_value_mapping
 from lcorpp.domains.toml import TomlTable
-from lcorpp.errors import DomainError, expected_one_of
+from lcorpp.errors import DataError, DomainError, expected_one_of
 from lcorpp.user_code import split_function
+from lcorpp.values import EvidenceKind
 
 CLASSIFIERS = ("lstm", "lstm-fast", "summaries", "forest", "logistic", "minirocket", "channel")
 """Names in `learning.classifiers.registry`, and the simulated noisy classifier."""
@@ -34,6 +35,7 @@ class Sense:
     positive: the class that F1, precision and recall refer to; None averages over all classes.
     classifier: name of the default classifier, "channel", or a learner of the domain's own as
         FILE.py:FUNCTION or MODULE:FUNCTION; None takes the learner that suits the data.
+    evidence: what a trained classifier gives to the reasoner, if the command does not say otherwise.
     tracks, epochs: number of simulated training cases, and of passes over them.
     interval: seconds between two points of simulated tracks.
     channels: names of the simulated channels or features; () for x and y, or the numbers of the features.
@@ -52,6 +54,7 @@ class Sense:
     classes: tuple[str, ...]
     positive: str | None
     classifier: str | None
+    evidence: EvidenceKind
     tracks: int
     epochs: int
     interval: float
@@ -125,6 +128,7 @@ def _read_sense(table: TomlTable, reasoning: ReasoningSection, folder: Path) -> 
         classes=classes,
         positive=positive,
         classifier=_read_classifier(table, folder) if "classifier" in table else None,
+        evidence=_read_evidence(table),
         tracks=table.count("tracks", 2 * len(classes), 1600),
         epochs=table.count("epochs", 1, 20),
         interval=table.number("interval", MIN_INTERVAL, MAX_INTERVAL, DEFAULT_INTERVAL),
@@ -178,6 +182,14 @@ def _read_classifier(table: TomlTable, folder: Path) -> str:
             " FILE.py:FUNCTION or MODULE:FUNCTION"
         )
     return name
+
+
+def _read_evidence(table: TomlTable) -> EvidenceKind:
+    try:
+        return EvidenceKind.parse(table.text("evidence", "hard"))
+    except DataError as error:
+        words = str(error).removeprefix("evidence ")
+        raise DomainError(f"{table.location('evidence')}: {words}") from None
 
 
 def _find_file(table: TomlTable, key: str, path: Path) -> Path:

@@ -17,7 +17,7 @@ from lcorpp.errors import DataError, FileError
 from lcorpp.files import make_folder, read_bytes, read_text, sync_folder, write_atomically
 from lcorpp.learning import SoftClassifier, TrainedClassifier, load_classifier, save_classifier
 from lcorpp.protocols import Classifier
-from lcorpp.values import ConfusionMatrix
+from lcorpp.values import ConfusionMatrix, EvidenceKind
 
 FORMAT, VERSION = "lcorpp checkpoint", 3
 """Version 1 was of one sense, whose values were not in a table `senses`; 2 had no previous counts."""
@@ -170,7 +170,8 @@ class CheckpointFolder:
         except DataError:
             return None  # it is trained again at the next start
         sync_folder(path)
-        return {"file": path.name, "crc32": zlib.crc32(read_bytes(path)), "soft": trained is not classifier}
+        kind = classifier.evidence if isinstance(classifier, SoftClassifier) else EvidenceKind()
+        return {"file": path.name, "crc32": zlib.crc32(read_bytes(path)), "evidence": kind.name}
 
     def _read_classifier(
         self, about: Mapping[str, Any] | None, note: Callable[[str], None]
@@ -183,7 +184,8 @@ class CheckpointFolder:
             if zlib.crc32(read_bytes(path)) != about["crc32"]:
                 raise DataError(f"{path}: differs from the file that was written")
             trained = load_classifier(path)
-            return trained.soft() if about["soft"] else trained
+            former = "soft" if about.get("soft") else "hard"  # of older versions
+            return trained.as_evidence(EvidenceKind(about.get("evidence", former)))
         except (DataError, FileError) as error:
             note(f"{error}; trained again")
             return None

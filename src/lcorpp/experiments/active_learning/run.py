@@ -34,7 +34,7 @@ def open_run_store(
     for number, (name, training) in enumerate(senses.training.items()):
         own = {
             "learner": training.learner,
-            "evidence": "soft" if options.evidence.is_soft(name) else "hard",
+            "evidence": str(options.evidence.kind(name)),
             "epochs": training.epochs,
             "labels": "soft" if options.soft_labels else "hard",
         }

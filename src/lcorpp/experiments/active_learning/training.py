@@ -16,7 +16,7 @@ from lcorpp.learning import train_and_validate
 from lcorpp.learning.classifiers.registry import check_weighted
 from lcorpp.protocols import Classifier
 from lcorpp.reasoning import Reasoner
-from lcorpp.values import ConfusionMatrix, Dataset
+from lcorpp.values import COVERAGE, ConfusionMatrix, Dataset
 
 
 class SenseTrainer:
@@ -42,9 +42,9 @@ class SenseTrainer:
     def train(self, name: str, dataset: Dataset) -> tuple[Classifier, ConfusionMatrix]:
         """Train and cross-validate the classifier of a sense; a random one as long as that is impossible."""
         options, classes = self._options, self._domain.find_sense(name).classes
-        soft = options.evidence.is_soft(name)
+        kind = options.evidence.kind(name)
         if not len(self._senses.data[name].dataset) and not is_trainable(dataset, classes, FOLDS):
-            untrained = RandomClassifier(classes, options.seed, soft)
+            untrained = RandomClassifier(classes, options.seed, kind.is_likelihood)
             return untrained, untrained.confusion
         sense = f"{name}: " if len(self._estimators) > 1 else ""
         title = f"{sense}training on {dataset.n_people:g} {dataset.unit}"
@@ -56,15 +56,16 @@ class SenseTrainer:
                 seed=options.seed,
                 jobs=options.jobs,
                 progress=advance,
+                coverage=kind.coverage or COVERAGE,
             )
-        return (trained.soft() if soft else trained), validation.confusion
+        return trained.as_evidence(kind), validation.confusion
 
     def make_reasoner(self, learned: Mapping[str, ConfusionMatrix]) -> Reasoner:
         """Return the reasoner with the error rates of all senses as rules, but for soft evidence."""
         evidence = self._options.evidence
         fixed = {name: setup.confusion for name, setup in self._senses.fixed.items()}
         confusions = {name: own for name, own in {**fixed, **learned}.items() if own is not None}
-        soft = [name for name in confusions if evidence.is_soft(name)]
+        soft = [name for name in confusions if evidence.kind(name).is_likelihood]
         return Reasoner(self._domain.program_for(confusions, evidence.smoothing, soft=soft))
 
     def describe_classifiers(self, batch: Batch) -> dict[str, ClassifierPart]:
@@ -74,7 +75,7 @@ class SenseTrainer:
                 (self._senses.training[name].learner or "") if sense.is_trained else "random",
                 sense.classifier,
                 confusion=sense.confusion,
-                soft=self._options.evidence.is_soft(name),
+                soft=self._options.evidence.kind(name).is_likelihood,
             )
             for name, sense in batch.senses.items()
         }

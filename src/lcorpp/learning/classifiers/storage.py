@@ -1,10 +1,10 @@
 """Storage of a trained classifier in one file of numbers and JSON; loading it executes nothing.
 
 The file is a numpy archive (.npz). Its entry `classifier` is JSON: format and version, the kind and
-parameters of each step of the pipeline, the confusion matrix, the calibration, the decision threshold and the
-names of the channels or features. The entries `<step>/<name>` are the fitted arrays of the steps. Steps of
-other libraries, such as forests, are stored by skops if it is installed, see `skops_storage`; pickles are
-neither written nor read.
+parameters of each step of the pipeline, the confusion matrix, the calibration, the decision threshold, the
+prediction sets and the names of the channels or features. The entries `<step>/<name>` are the fitted arrays
+of the steps. Steps of other libraries, such as forests, are stored by skops if it is installed, see
+`skops_storage`; pickles are neither written nor read.
 """
 
 from __future__ import annotations
@@ -27,6 +27,7 @@ from lcorpp.files import read_bytes, write_atomically
 from lcorpp.learning.classifiers.skops_storage import SKOPS, dump_step, load_step
 from lcorpp.learning.classifiers.trained import TrainedClassifier
 from lcorpp.learning.evaluation.calibration import Calibration
+from lcorpp.learning.evaluation.prediction_sets import PredictionSets
 from lcorpp.learning.evaluation.thresholds import DecisionThreshold
 from lcorpp.learning.features.motion import ChannelStandardizer, Motion
 from lcorpp.learning.features.summaries import SummaryFeatures
@@ -49,7 +50,7 @@ DAMAGED = (
 
 
 def save_classifier(classifier: TrainedClassifier, path: str | Path) -> None:
-    """Write a trained pipeline, e.g. of a `learner`, with its confusion matrix, calibration and threshold.
+    """Write a trained pipeline, e.g. of a `learner`, with its error rates, calibration, threshold and sets.
 
     Raises:
         DataError: the classifier is not a pipeline, is not trained, or has a step that cannot be stored
@@ -84,6 +85,8 @@ def save_classifier(classifier: TrainedClassifier, path: str | Path) -> None:
         "calibration": classifier.calibration and classifier.calibration.to_json(),
         "cut": threshold and [threshold.name, threshold.probability],
     }
+    if classifier.prediction_sets is not None:
+        header["sets"] = classifier.prediction_sets.to_json()
     if classifier.inputs:
         header["inputs"] = classifier.inputs
     buffer = io.BytesIO()
@@ -118,13 +121,16 @@ def load_classifier(path: str | Path) -> TrainedClassifier:
         calibration = header["calibration"] and Calibration.from_json(header["calibration"])
         cut = header["cut"]
         threshold = cut and DecisionThreshold(str(cut[0]), float(cut[1]))
-        if (calibration and calibration.classes != classes) or (threshold and threshold.name not in classes):
+        sets = PredictionSets.from_json(header["sets"]) if header.get("sets") else None
+        if any(part and part.classes != classes for part in (calibration, sets)) or (
+            threshold and threshold.name not in classes
+        ):
             raise DataError(
-                f"the classes of its last step are {', '.join(classes)}; its calibration or threshold is for"
-                " others"
+                f"the classes of its last step are {', '.join(classes)}; its prediction sets, calibration or"
+                " threshold is for others"
             )
         inputs = tuple(map(str, header.get("inputs", ())))
-        return TrainedClassifier(Pipeline(steps), confusion, calibration, threshold, inputs)
+        return TrainedClassifier(Pipeline(steps), confusion, calibration, threshold, inputs, sets)
     except DataError as error:
         raise DataError(f"{path}: not a classifier that can be used: {error}") from None
     except DAMAGED as error:

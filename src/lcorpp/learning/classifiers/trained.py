@@ -12,9 +12,10 @@ from lcorpp.errors import DataError
 from lcorpp.learning.contract import ensure_predict_proba, fit_clone, name_of, predict_proba
 from lcorpp.learning.data.dataset import check_trainable
 from lcorpp.learning.evaluation.calibration import Calibration, fit_calibration
+from lcorpp.learning.evaluation.prediction_sets import PredictionSets, fit_prediction_sets
 from lcorpp.learning.evaluation.thresholds import DecisionThreshold, apply_threshold
 from lcorpp.learning.evaluation.validation import Progress, Validation, fit_and_validate
-from lcorpp.values import Array, ConfusionMatrix, Dataset, Likelihood
+from lcorpp.values import COVERAGE, Array, ConfusionMatrix, Dataset, EvidenceKind, Likelihood, check_coverage
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,6 +27,7 @@ class TrainedClassifier:
     calibration: calibration of its probabilities; None if it was not validated.
     threshold: decision threshold of one class; if None, the label is the most probable class.
     inputs: the channels or features of its training data; () if they are unknown.
+    prediction_sets: its conformal prediction sets; None if it was not validated.
     """
 
     estimator: Any
@@ -33,6 +35,7 @@ class TrainedClassifier:
     calibration: Calibration | None = None
     threshold: DecisionThreshold | None = None
     inputs: tuple[str, ...] = ()
+    prediction_sets: PredictionSets | None = None
 
     def __repr__(self) -> str:
         parts = [name_of(self.estimator), f"classes {', '.join(self.classes)}"]
@@ -76,19 +79,54 @@ class TrainedClassifier:
             )
         return SoftClassifier(self, self.calibration)
 
+    def sets(self, coverage: float | None = None) -> SoftClassifier:
+        """Return the same classifier with likelihoods of its prediction sets instead of labels.
+
+        Args:
+            coverage: the expected coverage of the sets; None accepts any.
+
+        Raises:
+            DataError: it was not validated, so it has no prediction sets, or theirs is another coverage.
+        """
+        sets = self.prediction_sets
+        if sets is None:
+            raise DataError(
+                "evidence by sets needs a classifier with prediction sets; this one was trained without"
+                " cross-validation, or by an older version"
+            )
+        if coverage is not None and coverage != sets.coverage:
+            raise DataError(
+                f"the classifier has prediction sets of coverage {sets.coverage:g}, not {coverage:g}; train"
+                " it again for another one"
+            )
+        return SoftClassifier(self, sets)
+
+    def as_evidence(self, kind: EvidenceKind) -> TrainedClassifier | SoftClassifier:
+        """Return the classifier that gives a kind of evidence; raises as `soft` and `sets`."""
+        if kind.name == "set":
+            return self.sets(kind.coverage)
+        return self.soft() if kind.name == "soft" else self
+
 
 @dataclass(frozen=True, eq=False)
 class SoftClassifier:
     """A trained classifier that returns the likelihood of each class; a `protocols.Classifier`.
 
     The reasoner multiplies its prior knowledge by the likelihood, see `Domain.soft_program`.
+
+    source: of the likelihoods: calibrated probabilities, or prediction sets.
     """
 
     trained: TrainedClassifier
-    calibration: Calibration
+    source: Calibration | PredictionSets
 
     def __repr__(self) -> str:
-        return f"<SoftClassifier of {self.trained!r}>"
+        return f"<SoftClassifier of {self.trained!r}; evidence {self.evidence}>"
+
+    @property
+    def evidence(self) -> EvidenceKind:
+        """The kind of evidence that it gives."""
+        return EvidenceKind("set" if isinstance(self.source, PredictionSets) else "soft")
 
     def classify(self, signal: Array) -> Likelihood:
         """Return the likelihood of each class for one person's trajectory (channels, time points).
@@ -100,7 +138,7 @@ class SoftClassifier:
 
     def classify_many(self, trajectories: npt.ArrayLike) -> list[Likelihood]:
         """Return the likelihoods of (n, channels, time points); raises as `classify`."""
-        return self.calibration.likelihoods(self.trained.probabilities(trajectories))
+        return self.source.likelihoods(self.trained.probabilities(trajectories))
 
 
 def train(estimator: Any, dataset: Dataset) -> TrainedClassifier:
@@ -123,14 +161,18 @@ def train_and_validate(
     seed: int = 0,
     jobs: int = 1,
     progress: Progress | None = None,
+    coverage: float = COVERAGE,
 ) -> tuple[TrainedClassifier, Validation]:
     """Train on all of `dataset` and cross-validate: rho and C of Algorithm 1, lines 1 and 2.
 
     The final training runs in parallel with the folds; arguments and errors are those of `cross_validate`.
-    The calibration is fitted to all out-of-fold predictions.
+    Calibration and prediction sets are fitted to all out-of-fold predictions; `coverage` is that of the sets.
     """
+    check_coverage(coverage)
     trained, validation = fit_and_validate(estimator, dataset, folds, seed, jobs, progress)
     calibration = fit_calibration(
         validation.classes, validation.probabilities, validation.labels, validation.weights
     )
-    return TrainedClassifier(trained, validation.confusion, calibration, None, dataset.channels), validation
+    sets = fit_prediction_sets(validation, coverage)
+    classifier = TrainedClassifier(trained, validation.confusion, calibration, None, dataset.channels, sets)
+    return classifier, validation

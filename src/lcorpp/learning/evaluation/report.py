@@ -21,10 +21,11 @@ from lcorpp.learning.evaluation.metrics import (
     expected_ece_if_calibrated,
     reliability,
 )
+from lcorpp.learning.evaluation.prediction_sets import PredictionSets, fit_prediction_sets
 from lcorpp.learning.evaluation.thresholds import GOALS, ThresholdChoice, choose_threshold
 from lcorpp.learning.evaluation.validation import Rate, Validation
 from lcorpp.notebook import html_table
-from lcorpp.values import Array, Interval
+from lcorpp.values import COVERAGE, Array, Interval
 
 NAN = float("nan")
 
@@ -94,7 +95,7 @@ class EvaluationReport:
     cases, people, folds: their numbers.
     accuracy: fraction of correct predictions. rates: (K, K) rates of the confusion matrix.
     classes: one report per class; for two classes only the positive one, as the other is its mirror image.
-    calibration: fitted to all out-of-fold predictions, for the classifier trained on all cases.
+    calibration, sets: fitted to all out-of-fold predictions, for the classifier trained on all cases.
     """
 
     learner: str
@@ -106,6 +107,7 @@ class EvaluationReport:
     rates: tuple[tuple[Rate, ...], ...]
     classes: tuple[ClassReport, ...]
     calibration: Calibration
+    sets: PredictionSets
 
     def __repr__(self) -> str:
         lines = [f"<EvaluationReport: {self.title}; accuracy {self.accuracy}"]
@@ -142,6 +144,12 @@ class EvaluationReport:
         for rates in self.rates:
             for rate in rates:
                 yield Row(rate.true, f"predicted {rate.predicted}", rate.interval, rate.predicted)
+        sets = f"prediction sets of coverage {self.sets.coverage:g}"
+        for name, interval in zip(self.sets.classes, self.sets.coverages, strict=True):
+            yield Row(name, f"{sets}: true class in the set", interval)
+        for quantity in ("mean size", "full", "empty"):
+            value = getattr(self.sets, quantity.replace(" ", "_"))
+            yield Row("", f"{sets}: {quantity}", Interval(value, NAN, NAN))
         for one in self.classes:
             yield Row(one.name, "AUC", one.auc)
             for suffix, quality in (("", one.raw), (", calibrated", one.calibrated)):
@@ -163,6 +171,7 @@ def build_report(
     costs: tuple[float, float] | None = None,
     learner: str = "",
     source: str = "",
+    coverage: float = COVERAGE,
 ) -> EvaluationReport:
     """Compute all metrics of a cross-validation.
 
@@ -173,6 +182,7 @@ def build_report(
             None takes the frequencies among the cases.
         costs: of a false negative and of a false positive: an additional goal of thresholds.
         learner, source: names to print.
+        coverage: of the prediction sets.
 
     Raises:
         DataError: `positive` is unknown, a prevalence is missing or not between 0 and 1, or the cases are
@@ -222,6 +232,7 @@ def build_report(
         validation.rates,
         tuple(parts),
         fit_calibration(classes, validation.probabilities, validation.labels),
+        fit_prediction_sets(validation, coverage),
     )
 
 

@@ -65,6 +65,13 @@ def as_json(report: EvaluationReport) -> dict[str, Any]:
             for one in report.classes
         },
         "calibration": report.calibration.to_json(),
+        "prediction_sets": {
+            "coverage": report.sets.coverage,
+            "covered": dict(
+                zip(report.sets.classes, map(_interval_as_json, report.sets.coverages), strict=True)
+            ),
+            **{name: getattr(report.sets, name) for name in ("mean_size", "full", "empty")},
+        },
     }
 
 

@@ -1,0 +1,216 @@
+"""Conformal prediction sets: classes that contain the true one with a chosen frequency, and their likelihood.
+
+A set of one class is an answer, a set of all classes is "don't know". The frequency holds for people
+exchangeable with those of the data, whatever the classifier; a poor classifier has large sets. It is not a
+strict guarantee, as that of a single held-out part would be: the sets come from out-of-fold predictions, and
+the classifier that is used is trained on all cases.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from lcorpp.errors import DataError
+from lcorpp.learning.evaluation.metrics import jeffreys_interval
+from lcorpp.learning.evaluation.validation import Validation
+from lcorpp.values import COVERAGE, Array, Interval, Likelihood, check_coverage, freeze
+
+Members = npt.NDArray[np.bool_]
+
+ROUNDING = 1e-9
+"""Tolerance of a sum of masses, so that the 19th of 19 people is a 95 % quantile."""
+
+
+@dataclass(frozen=True, eq=False)
+class PredictionSets:
+    """Prediction sets of a classifier, and how often each was predicted for the cases of each class.
+
+    What is predicted for a case, its outcome, is the most probable class and the set: the set alone would
+    discard the classifier's opinion wherever it contains all classes.
+
+    classes: (K,) the class names, in the order of the probabilities.
+    coverage: the intended fraction of cases whose set contains the true class.
+    floors: (K,) a class is in the set if its probability is at least this; 0 if it always is.
+    best: (outcomes,) the column of the most probable class. members: (outcomes, K) the classes in the set.
+    counts: (outcomes, K) out-of-fold cases of each true class, by weight; the sets of a fold have the floors
+        of the other folds.
+    """
+
+    classes: tuple[str, ...]
+    coverage: float
+    floors: Array
+    best: npt.NDArray[np.intp]
+    members: Members
+    counts: Array
+
+    def __post_init__(self) -> None:
+        check_coverage(self.coverage)
+        for name in ("floors", "counts"):
+            object.__setattr__(self, name, freeze(getattr(self, name)))
+        k, outcomes = len(self.classes), len(self.best)
+        shapes = [self.floors.shape, self.members.shape, self.counts.shape]
+        if not outcomes or shapes != [(k,), (outcomes, k), (outcomes, k)]:
+            raise DataError(
+                f"prediction sets of {k} classes cannot have floors and counts of shapes {shapes}"
+            )
+        numbers = np.concatenate([self.floors, self.counts.ravel()])
+        if (
+            not np.isfinite(numbers).all()
+            or numbers.min() < 0
+            or not 0 <= self.best.min() <= self.best.max() < k
+        ):
+            raise DataError("the floors and counts of prediction sets are finite and not negative")
+
+    def __repr__(self) -> str:
+        covered = [f"{name} covered {part}" for name, part in zip(self.classes, self.coverages, strict=True)]
+        shown = covered if len(covered) <= 6 else [*covered[:6], f"and {len(covered) - 6} more classes"]
+        return (
+            f"<PredictionSets of {self.coverage:.3g}: {', '.join(shown)}; mean size {self.mean_size:.2f},"
+            f" {self.full:.3f} full, {self.empty:.3f} empty>"
+        )
+
+    def contains(self, probabilities: Array) -> Members:
+        """(cases, K) whether each class is in the set of each case, from the uncalibrated probabilities."""
+        return np.asarray(probabilities >= self.floors)
+
+    def predict(self, probabilities: Array) -> list[tuple[str, ...]]:
+        """Return the set of each case (cases, K), the most probable class first."""
+        orders, members = np.argsort(-probabilities, axis=1, kind="stable"), self.contains(probabilities)
+        return [
+            tuple(self.classes[column] for column in order if inside[column])
+            for order, inside in zip(orders, members, strict=True)
+        ]
+
+    def likelihoods(self, probabilities: Array) -> list[Likelihood]:
+        """The likelihood of each case (cases, K): P(most probable class and set | class).
+
+        It is the posterior mean of multinomial rates. The prior counts as one case of each class, spread over
+        the outcomes as if the most probable class and the members of the set were independent.
+        """
+        k, cases = len(self.classes), self.counts.sum(axis=0)
+        best_rates = (np.eye(k)[self.best].T @ self.counts + 0.5) / (cases + k / 2)
+        member_rates = (self.members.T.astype(float) @ self.counts + 0.5) / (cases + 1)
+        result = []
+        for best, inside in zip(probabilities.argmax(axis=1), self.contains(probabilities), strict=True):
+            prior = best_rates[best] * np.where(inside[:, None], member_rates, 1 - member_rates).prod(axis=0)
+            counts = self._counts_of.get((int(best), inside.tobytes()), np.zeros(k))
+            result.append(Likelihood(self.classes, (counts + prior) / (cases + 1)))
+        return result
+
+    @cached_property
+    def _counts_of(self) -> Mapping[tuple[int, bytes], Array]:
+        keys = zip(self.best.tolist(), map(np.ndarray.tobytes, self.members), strict=True)
+        return dict(zip(keys, self.counts, strict=True))
+
+    @property
+    def coverages(self) -> tuple[Interval, ...]:
+        """(K,) fraction of the cases of each class whose set contains it, with Jeffreys' 95 % interval."""
+        covered = (self.members * self.counts).sum(axis=0)
+        return tuple(map(jeffreys_interval, covered.tolist(), self.counts.sum(axis=0).tolist()))
+
+    @property
+    def mean_size(self) -> float:
+        """The mean number of classes in a set, over all cases."""
+        return self._mean(self.members.sum(axis=1))
+
+    @property
+    def full(self) -> float:
+        """The fraction of cases whose set contains all classes: "don't know"."""
+        return self._mean(self.members.all(axis=1))
+
+    @property
+    def empty(self) -> float:
+        """The fraction of cases whose set is empty: unlike the cases of every class."""
+        return self._mean(~self.members.any(axis=1))
+
+    def _mean(self, of_outcome: npt.ArrayLike) -> float:
+        return float(np.asarray(of_outcome) @ self.counts.sum(axis=1) / self.counts.sum())
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the parameters as plain values."""
+        return {
+            "classes": list(self.classes),
+            "coverage": self.coverage,
+            "floors": self.floors.tolist(),
+            "best": self.best.tolist(),
+            "members": self.members.astype(int).tolist(),
+            "counts": self.counts.tolist(),
+        }
+
+    @classmethod
+    def from_json(cls, numbers: Mapping[str, Any]) -> PredictionSets:
+        """Restore the sets that `to_json` returned.
+
+        Raises:
+            DataError: the parameters do not match.
+        """
+        return cls(
+            tuple(map(str, numbers["classes"])),
+            float(numbers["coverage"]),
+            np.array(numbers["floors"]),
+            np.array(numbers["best"], dtype=np.intp),
+            np.array(numbers["members"], dtype=bool),
+            np.array(numbers["counts"]),
+        )
+
+
+def fit_prediction_sets(
+    validation: Validation, coverage: float = COVERAGE, *, by_class: bool = True
+) -> PredictionSets:
+    """Fit prediction sets to the out-of-fold predictions of a cross-validation.
+
+    Args:
+        coverage: the fraction of people whose set contains the true class, between 0 and 1. With fewer than
+            coverage / (1 - coverage) people of a class, 19 for .95, it is in every set.
+        by_class: whether each class is covered that often (Mondrian), or all cases together, so that a rare
+            class may be covered less.
+
+    Raises:
+        DataError: the coverage is not between 0 and 1.
+
+    A person counts once for each class: the cases of a person share its mass, as they are not exchangeable
+    with those of others.
+
+    Source: Vovk, Gammerman and Shafer, Algorithmic Learning in a Random World, 2005, and Vovk, Annals of
+    Mathematics and Artificial Intelligence 74, 2015 (cross-conformal); Sadinle, Lei and Wasserman, JASA 114,
+    2019 (sets by class); Lee, Barber and Willett, arXiv:2306.06342 (several cases of a person).
+    """
+    check_coverage(coverage)
+    columns = np.searchsorted(np.array(validation.classes), np.array(validation.labels))
+    groups = np.unique(validation.groups or np.arange(len(columns)), return_inverse=True)[1]
+    p, k = validation.probabilities, len(validation.classes)
+    parts = columns if by_class else np.zeros_like(columns)
+    _, index, cases = np.unique(groups * k + parts, return_inverse=True, return_counts=True)
+    masses, own = validation.weights / cases[index], p[np.arange(len(p)), columns]
+
+    def find_floors(used: Members) -> Array:
+        each = [used & (parts == part) for part in (range(k) if by_class else [0])]
+        return np.broadcast_to([_find_floor(own[part], masses[part], coverage) for part in each], k)
+
+    folds = np.array(validation.folds)
+    members = np.empty(p.shape, dtype=bool)
+    for fold in np.unique(folds):
+        held_out = folds == fold
+        members[held_out] = p[held_out] >= find_floors(~held_out)
+    outcomes, index = np.unique(np.column_stack([p.argmax(axis=1), members]), axis=0, return_inverse=True)
+    counts = np.zeros((len(outcomes), k))
+    np.add.at(counts, (index.ravel(), columns), validation.weights)
+    everyone = np.ones(len(p), dtype=bool)
+    return PredictionSets(
+        validation.classes, coverage, find_floors(everyone), outcomes[:, 0], outcomes[:, 1:] > 0, counts
+    )
+
+
+def _find_floor(probabilities: Array, masses: Array, coverage: float) -> float:
+    """The largest bound at or above which lies `coverage` of the mass, that of a new case, 1, being below."""
+    order = np.argsort(-probabilities, kind="stable")
+    above = np.cumsum(masses[order])
+    needed = coverage * (masses.sum() + 1) - ROUNDING
+    position = int(np.searchsorted(above, needed))
+    return float(probabilities[order[position]]) if position < len(order) else 0.0
