@@ -86,6 +86,7 @@ from .streaming.prefixes import (
     cross_predict_over_time as cross_predict_over_time,
     predict_over_time as predict_over_time,
     truncate as truncate,
+    with_prefixes as with_prefixes,
 )
 from .streaming.streaming_classifier import StreamingClassifier as StreamingClassifier
 from .streaming.timeline import (

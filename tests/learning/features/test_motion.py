@@ -273,7 +273,10 @@ def test_malformed_tracks_are_errors(x, words):
 
 
 def test_a_track_too_short_for_two_points_is_an_error():
-    words = r"10 time points .* last 0.297 s; motion at 3 points per second needs more than 0.333 s"
+    words = (
+        r"case \d \(counted from 0\): 10 time points .* last 0.297 s; motion at 3 points per second needs more"
+        " than 0.333 s"
+    )
     for use in (Motion().fit, Motion().fit(tracks(0)).transform):
         for short in (tracks(0)[:, :, :10], stack_signals([*tracks(0), tracks(0)[0, :, :10]])):
             with pytest.raises(DataError, match=words):

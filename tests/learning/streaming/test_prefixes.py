@@ -1,14 +1,26 @@
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from sklearn.metrics import roc_auc_score
 from sklearn.pipeline import make_pipeline
 
 from lcorpp.errors import DataError
-from lcorpp.learning import Motion, PredictionTimeline, cross_predict_over_time, predict_over_time, truncate
+from lcorpp.learning import (
+    Motion,
+    PredictionTimeline,
+    calibrate_prefixes,
+    cross_predict_over_time,
+    cross_validate,
+    learner,
+    predict_over_time,
+    truncate,
+    with_prefixes,
+)
 from lcorpp.learning.streaming.plots import draw_timeline, plot_timeline
-from lcorpp.values import Dataset
+from lcorpp.values import Dataset, stack_signals, strip_padding
 from tests.learning.walkers import walkers
 
 from .people import ByWay, by_way, lstm
@@ -21,6 +33,39 @@ def test_truncate_returns_the_first_points_of_every_track(fraction, points):
     part = truncate(DATA, fraction)
     assert np.array_equal(part.trajectories, DATA.trajectories[:, :, :points])
     assert (part.labels, part.groups, part.interval) == (DATA.labels, DATA.groups, DATA.interval)
+
+
+def shortened(data: Dataset) -> Dataset:
+    """The same tracks, of 20, 30 and 40 points in turn."""
+    lengths = (20, 30, 40)
+    tracks = [track[:, : lengths[case % 3]] for case, track in enumerate(data.trajectories)]
+    return replace(data, trajectories=stack_signals(tracks))
+
+
+def test_truncate_takes_a_fraction_of_the_own_length_of_each_track():
+    data = shortened(DATA)
+    half = truncate(data, 0.5)
+    assert half.lengths.tolist() == [10, 15, 20] * 20
+    for part, track in zip(half.trajectories, DATA.trajectories, strict=True):
+        assert np.array_equal(strip_padding(part), track[:, : len(strip_padding(part)[0])])
+    assert np.array_equal(truncate(data, 1).trajectories, data.trajectories, equal_nan=True)
+    with pytest.raises(DataError, match="1 of 20 time points show no motion"):
+        truncate(data, 0.05)
+
+
+def test_prefixes_and_whole_tracks_are_one_data_set():
+    data = shortened(DATA)
+    both = with_prefixes(data, (0.6, 1))
+    assert both.lengths.tolist() == [*[12, 18, 24] * 20, *[20, 30, 40] * 20]
+    assert (both.labels, both.groups) == (data.labels * 2, data.groups * 2)
+    assert np.array_equal(both.take(range(60, 120)).trajectories, data.trajectories, equal_nan=True)
+    weighted = with_prefixes(replace(data, weights=np.linspace(0.1, 1, 60)))
+    assert np.array_equal(weighted.weights, np.tile(np.linspace(0.1, 1, 60), 4))
+    held_out = cross_validate(learner("summaries"), both, folds=3).folds
+    assert held_out[:60] == held_out[60:]
+    for fractions, words in (((), "there are no fractions"), ((0.5, 2), "not 2")):
+        with pytest.raises(DataError, match=words):
+            with_prefixes(data, fractions)
 
 
 @pytest.mark.parametrize(
@@ -50,6 +95,37 @@ def test_predictions_over_time_equal_those_of_each_prefix(pipeline):
         positive = [label == "not_interested" for label in data.labels]
         assert said.auc_at(fraction) == pytest.approx(roc_auc_score(positive, expected[:, 1]), abs=0.01)
     assert said.seconds[-1] == pytest.approx(39 * 0.033)
+
+
+@pytest.mark.parametrize("pipeline", [lstm(), by_way()], ids=["lstm", "by way"])
+def test_predictions_end_with_the_track(pipeline):
+    data = shortened(two_labels())
+    said, whole = predict_over_time(pipeline, data), predict_over_time(pipeline, two_labels())
+    assert said.points == whole.points
+    assert np.array_equal(said.lengths, data.lengths)
+    is_running = np.arange(40) < data.lengths[:, None]
+    np.testing.assert_allclose(said.probabilities[is_running], whole.probabilities[is_running], atol=1e-6)
+    assert np.isnan(said.probabilities[~is_running]).all()
+    positive = [label == "not_interested" for label in data.labels]
+    at_end = said.probabilities[np.arange(60), data.lengths - 1, 1]
+    assert said.auc_at(1) == roc_auc_score(positive, at_end)
+    assert said.auc[39] == roc_auc_score(positive[2::3], said.probabilities[2::3, 39, 1])
+
+
+def test_tracks_of_unequal_length_out_of_fold():
+    data = shortened(two_labels())
+    long = [case for case in range(60) if case % 3 == 2][:12]
+    few = data.take([case for case in range(60) if case % 3 < 2 or case in long])
+    said = cross_predict_over_time(by_way(), few, folds=3)
+    assert said.points == predict_over_time(by_way(), DATA).points[:40]
+    assert np.array_equal(said.lengths, few.lengths)
+    early = calibrate_prefixes(said)
+    assert early.min_points + len(early.calibrations) - 1 == said.points[29]  # 12 tracks last longer
+    right = early.calibrate(said)
+    assert np.array_equal(np.isnan(right.probabilities), np.isnan(said.probabilities))
+    assert right.auc_at(0.5) == pytest.approx(said.auc_at(0.5), abs=1e-9)
+    figure = draw_timeline(said, examples=3)
+    assert all(len(line.get_xdata()) for line in figure.axes[0].lines)
 
 
 def test_long_tracks_and_slow_samples_are_predicted_to_their_end():

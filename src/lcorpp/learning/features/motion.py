@@ -188,12 +188,13 @@ class Motion(TransformerMixin, BaseEstimator):  # type: ignore[misc]  # scikit-l
 
     def _check_durations(self, tracks: Array) -> None:
         """Raise a DataError if a track has fewer than two points at the fixed rate."""
-        samples = int(measure_lengths(tracks).min())
+        lengths = measure_lengths(tracks)
+        samples, case = int(lengths.min()), int(lengths.argmin())
         duration = (samples - 1) * self.interval
         if duration < 1 / self.rate - SAME_TIME:
             raise DataError(
-                f"{samples} time points {self.interval:g} s apart last {duration:.3g} s;"
-                f" motion at {self.rate:g} points per second needs more than {1 / self.rate:.3g} s"
+                f"case {case} (counted from 0): {samples} time points {self.interval:g} s apart last"
+                f" {duration:.3g} s; motion at {self.rate:g} points per second needs more than {1 / self.rate:.3g} s"
             )
 
 

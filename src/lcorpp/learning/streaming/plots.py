@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 
 from lcorpp.learning.streaming.timeline import PredictionTimeline
 from lcorpp.plot_style import BLUE, COLOURS, INK, MUTED, ORANGE, despine, save_figure, with_style
-from lcorpp.values import Array
+from lcorpp.values import Array, measure_lengths
 
 N_EXAMPLES = 6
 """People of each class drawn one by one."""
@@ -71,14 +71,15 @@ def plot_timeline(
 def _draw_class(
     axes: Axes, seconds: Array, probabilities: Array, name: str, colour: str, examples: int
 ) -> None:
-    known = np.isfinite(probabilities).all(axis=0)
+    known = np.isfinite(probabilities).any(axis=0)  # a shorter track ends before others
     if not len(probabilities) or not known.any():
         return
-    low, median, high = np.quantile(probabilities[:, known], (0.25, 0.5, 0.75), axis=0)
+    low, median, high = np.nanquantile(probabilities[:, known], (0.25, 0.5, 0.75), axis=0)
     axes.fill_between(seconds[known], low, high, color=colour, alpha=0.18, linewidth=0, step="post")
     label = f"{_format_name(name)} ({len(probabilities)})"
     axes.plot(seconds[known], median, color=colour, linewidth=2.4, label=label, drawstyle="steps-post")
-    order = np.argsort(probabilities[:, -1])
+    last = np.maximum(measure_lengths(probabilities[:, None]), 1) - 1
+    order = np.argsort(probabilities[np.arange(len(last)), last])
     for row in order[np.linspace(0, len(order) - 1, min(examples, len(order)) + 2).astype(int)[1:-1]]:
         axes.plot(seconds, probabilities[row], color=colour, linewidth=0.8, alpha=0.7, drawstyle="steps-post")
 

@@ -21,6 +21,9 @@ from lcorpp.learning.data.dataset import check_tracks
 from lcorpp.learning.features.motion import ChannelStandardizer, Motion
 from lcorpp.values import Array, measure_lengths
 
+FRACTIONS = (0.25, 0.5, 0.75, 1.0)
+"""The prefix lengths, as fractions of the tracks."""
+
 MIN_PROBABILITY = 1e-12
 """Smaller probabilities are raised to this one before their logarithms are averaged."""
 
@@ -72,7 +75,7 @@ class PrefixEnsemble(ProbabilityClassifier):
             points of the training prefixes.
     """
 
-    def __init__(self, classifier: Any, *, fractions: Sequence[float] = (0.25, 0.5, 0.75, 1.0)) -> None:
+    def __init__(self, classifier: Any, *, fractions: Sequence[float] = FRACTIONS) -> None:
         self.classifier = classifier
         self.fractions = fractions
 
@@ -144,9 +147,7 @@ class PrefixEnsemble(ProbabilityClassifier):
         return np.asarray(np.maximum(0, 1 - np.abs(position[:, None] - copies)))
 
 
-def with_prefix_ensemble(
-    pipeline: Pipeline, *, fractions: Sequence[float] = (0.25, 0.5, 0.75, 1.0)
-) -> Pipeline:
+def with_prefix_ensemble(pipeline: Pipeline, *, fractions: Sequence[float] = FRACTIONS) -> Pipeline:
     """Return an unfitted pipeline with one classifier per prefix length, after the shared preprocessing.
 
     Args:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -11,9 +12,10 @@ from sklearn.base import clone
 from lcorpp.errors import DataError
 from lcorpp.learning.data.dataset import check_tracks, check_trainable
 from lcorpp.learning.evaluation.validation import assign_folds
+from lcorpp.learning.streaming.prefix_ensemble import FRACTIONS
 from lcorpp.learning.streaming.streaming_classifier import StreamingClassifier
 from lcorpp.learning.streaming.timeline import PredictionTimeline
-from lcorpp.values import Dataset
+from lcorpp.values import Dataset, stack_signals
 
 MIN_GAP_LIMIT = 1.0
 """Seconds; the smallest `max_gap` for recorded tracks, and the default of `StreamingClassifier`."""
@@ -23,15 +25,44 @@ def truncate(dataset: Dataset, fraction: float) -> Dataset:
     """Return the first `fraction` of every track, for training or validation on prefixes.
 
     Raises:
-        DataError: `fraction` is not in (0, 1], or leaves less than two time points.
+        DataError: `fraction` is not in (0, 1], or leaves less than two time points of a track.
     """
     if not 0 < fraction <= 1:
         raise DataError(f"the fraction of a track must lie in (0, 1], not {fraction}")
-    points = dataset.trajectories.shape[2]
-    kept = round(fraction * points)
-    if kept < 2:
-        raise DataError(f"{kept} of {points} time points show no motion; at least 2 are needed")
-    return replace(dataset, trajectories=dataset.trajectories[:, :, :kept])
+    kept = np.rint(fraction * dataset.lengths).astype(np.int64)
+    if kept.min(initial=2) < 2:
+        points = dataset.lengths[kept.argmin()]
+        raise DataError(f"{kept.min()} of {points} time points show no motion; at least 2 are needed")
+    times = np.arange(kept.max(initial=2))
+    part = dataset.trajectories[:, :, : len(times)]
+    return replace(dataset, trajectories=np.where(times < kept[:, None, None], part, np.nan))
+
+
+def with_prefixes(dataset: Dataset, fractions: Sequence[float] = FRACTIONS) -> Dataset:
+    """Return several prefixes of every track, e.g. to train one classifier for tracks of any length.
+
+    A prefix is a shorter track of the same label, group and weight. Cross-validation keeps groups whole, so
+    it never predicts a prefix of a track that it was trained on.
+
+    Args:
+        fractions: of each track, as in `truncate`; 1 is the whole track.
+
+    Returns:
+        All tracks by the first fraction, in their order, then all by the second, and so on.
+
+    Raises:
+        DataError: there are no fractions; or as `truncate`.
+    """
+    if not len(fractions):
+        raise DataError("there are no fractions of the tracks; expected at least one in (0, 1]")
+    n, parts = len(fractions), [truncate(dataset, fraction) for fraction in fractions]
+    return replace(
+        dataset,
+        trajectories=stack_signals([track for part in parts for track in part.trajectories]),
+        labels=dataset.labels * n,
+        groups=dataset.groups * n,
+        weights=np.tile(dataset.weights, n),
+    )
 
 
 def predict_over_time(
@@ -55,12 +86,13 @@ def predict_over_time(
         )
     tracks = check_tracks(dataset.trajectories)
     cases, _, samples = tracks.shape
-    probabilities, points = np.full((cases, samples, len(streams.classes)), np.nan), []
-    for t, frame in enumerate(tracks.transpose(2, 0, 1).tolist()):
-        stamp = t * dataset.interval
-        predictions = streams.push_many([(stamp, case, *values) for case, values in enumerate(frame)])
-        points.append(predictions[0].points)
-        for case in range(cases):
+    probabilities, points = np.full((cases, samples, len(streams.classes)), np.nan), [0] * samples
+    for t in range(int(dataset.lengths.max())):
+        running = np.flatnonzero(dataset.lengths > t).tolist()
+        stamp, frame = t * dataset.interval, zip(running, tracks[running, :, t].tolist(), strict=True)
+        predictions = streams.push_many([(stamp, case, *values) for case, values in frame])
+        points[t:] = [predictions[running[0]].points] * (samples - t)
+        for case in running:
             known = predictions[case].probabilities
             if known is not None:
                 probabilities[case, t] = known
@@ -101,4 +133,5 @@ def cross_predict_over_time(
     probabilities = np.empty((len(dataset), *parts[0].probabilities.shape[1:]))
     for fold, part in enumerate(parts):
         probabilities[fold_of == fold] = part.probabilities
-    return replace(parts[0], probabilities=probabilities, labels=dataset.labels)
+    points = tuple(map(max, *(part.points for part in parts)))  # a fold may lack the longest track
+    return replace(parts[0], probabilities=probabilities, points=points, labels=dataset.labels)

@@ -16,14 +16,18 @@ from sklearn.metrics import roc_auc_score
 
 from lcorpp.errors import DataError, expected_one_of
 from lcorpp.learning.evaluation.calibration import Calibration, fit_calibration
-from lcorpp.values import Array, freeze
+from lcorpp.values import Array, Lengths, freeze, measure_lengths
+
+MIN_CASES = 20
+"""The number of tracks that a calibration is fitted to, if not all tracks last so long."""
 
 
 @dataclass(frozen=True, eq=False)
 class PredictionTimeline:
     """The predictions for recorded tracks after each of their samples.
 
-    probabilities: (cases, time points, K) after each sample, NaN before the first prediction.
+    probabilities: (cases, time points, K) after each sample, NaN before the first prediction and after the
+        end of a track that is shorter than others.
     points: (time points,) number of points at the fixed rate after each sample; predictions change only with
         this number.
     labels: (cases,) the true classes. classes: (K,). interval: seconds between two time points.
@@ -63,26 +67,42 @@ class PredictionTimeline:
 
     @property
     def auc(self) -> Array:
-        """(time points,) the AUC of two classes, NaN before the first prediction.
+        """(time points,) the AUC of two classes among the tracks that last so long.
+
+        It is NaN before the first prediction, and if these tracks are all of one class.
 
         Raises:
             DataError: there are not two classes.
         """
-        if len(self.classes) != 2:
-            raise DataError(f"an AUC needs two classes, not {len(self.classes)}")
-        is_second = np.array(self.labels) == self.classes[1]
-        auc = np.full(self.probabilities.shape[1], np.nan)
-        for t, scores in enumerate(self.probability_of(self.classes[1]).T):
-            if t and self.points[t] == self.points[t - 1]:
-                auc[t] = auc[t - 1]
-            elif np.isfinite(scores).all():
-                auc[t] = roc_auc_score(is_second, scores)
+        scores = self._find_scores().T
+        auc = np.full(len(scores), np.nan)
+        for t, now in enumerate(scores):
+            is_unchanged = t and np.array_equal(now, scores[t - 1], equal_nan=True)
+            auc[t] = auc[t - 1] if is_unchanged else self._compute_auc(now)
         return auc
 
     def auc_at(self, fraction: float) -> float:
-        """The AUC after the first `fraction` of the tracks, with the rounding of `truncate`."""
-        samples = self.probabilities.shape[1]
-        return float(self.auc[max(1, min(samples, round(fraction * samples))) - 1])
+        """The AUC after the first `fraction` of each track, rounded as in `truncate`; raises as `auc`."""
+        last = np.rint(fraction * self.lengths).astype(np.int64).clip(1, self.probabilities.shape[1]) - 1
+        return self._compute_auc(self._find_scores()[np.arange(len(last)), last])
+
+    @property
+    def lengths(self) -> Lengths:
+        """(cases,) the number of time points until the last prediction of each track; 0 without one."""
+        return measure_lengths(self.probabilities.transpose(0, 2, 1))
+
+    def _find_scores(self) -> Array:
+        """(cases, time points) the probability of the second of two classes."""
+        if len(self.classes) != 2:
+            raise DataError(f"an AUC needs two classes, not {len(self.classes)}")
+        return self.probability_of(self.classes[1])
+
+    def _compute_auc(self, scores: Array) -> float:
+        """The AUC of scores of the second class (cases,); NaN are left out."""
+        known = np.isfinite(scores)
+        is_second = (np.array(self.labels) == self.classes[1])[known]
+        has_both = 0 < is_second.sum() < len(is_second)
+        return float(roc_auc_score(is_second, scores[known])) if has_both else float("nan")
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,8 +138,9 @@ class PrefixCalibration:
         """Return the timeline with calibrated probabilities."""
         calibrated = np.array(timeline.probabilities)
         for column, points in enumerate(timeline.points):
-            if np.isfinite(calibrated[:, column]).all():
-                calibrated[:, column] = self.at(points).calibrate(calibrated[:, column])
+            known = np.isfinite(calibrated[:, column]).all(axis=1)
+            if known.any():
+                calibrated[known, column] = self.at(points).calibrate(calibrated[known, column])
         return replace(timeline, probabilities=calibrated)
 
     def to_json(self) -> dict[str, Any]:
@@ -139,20 +160,22 @@ class PrefixCalibration:
 def calibrate_prefixes(timeline: PredictionTimeline) -> PrefixCalibration:
     """Fit a calibration for each number of points to out-of-fold predictions.
 
+    Of tracks of unequal length the last one is for the largest number of points that tracks of every class
+    reach, `MIN_CASES` in all.
+
     Args:
         timeline: the result of `cross_predict_over_time`.
 
     Raises:
         DataError: the timeline has no predictions.
     """
-    columns = [
-        column
-        for column, points in enumerate(timeline.points)
-        if np.isfinite(timeline.probabilities[:, column]).all()
-        and (not column or points > timeline.points[column - 1])
-    ]
-    calibrations = [
-        fit_calibration(timeline.classes, timeline.probabilities[:, column], timeline.labels)
-        for column in columns
-    ]
-    return PrefixCalibration(timeline.points[columns[0]] if columns else 0, tuple(calibrations))
+    labels, calibrations = np.array(timeline.labels), dict[int, Calibration]()
+    for column, points in enumerate(timeline.points):
+        probabilities = timeline.probabilities[:, column]
+        known = np.isfinite(probabilities).all(axis=1)
+        is_enough = known.all() or (known.sum() >= MIN_CASES and set(labels[known]) == set(labels))
+        if is_enough and points not in calibrations:
+            calibrations[points] = fit_calibration(
+                timeline.classes, probabilities[known], labels[known].tolist()
+            )
+    return PrefixCalibration(min(calibrations, default=0), tuple(calibrations.values()))
