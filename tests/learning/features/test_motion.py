@@ -274,8 +274,8 @@ def test_malformed_tracks_are_errors(x, words):
 
 def test_a_track_too_short_for_two_points_is_an_error():
     words = (
-        r"case \d \(counted from 0\): 10 time points .* last 0.297 s; motion at 3 points per second needs more"
-        " than 0.333 s"
+        r"case \d \(counted from 0\): 10 time points .* last 0.297 s; motion at 3 points per second needs"
+        " more than 0.333 s"
     )
     for use in (Motion().fit, Motion().fit(tracks(0)).transform):
         for short in (tracks(0)[:, :, :10], stack_signals([*tracks(0), tracks(0)[0, :, :10]])):

@@ -194,7 +194,8 @@ class Motion(TransformerMixin, BaseEstimator):  # type: ignore[misc]  # scikit-l
         if duration < 1 / self.rate - SAME_TIME:
             raise DataError(
                 f"case {case} (counted from 0): {samples} time points {self.interval:g} s apart last"
-                f" {duration:.3g} s; motion at {self.rate:g} points per second needs more than {1 / self.rate:.3g} s"
+                f" {duration:.3g} s; motion at {self.rate:g} points per second needs more than"
+                f" {1 / self.rate:.3g} s"
             )
 
 
