@@ -142,7 +142,7 @@ def test_wrong_options_end_in_one_message(lcorpp, tmp_path):
         lcorpp("run", *FEW, "--learner", "summaries", "--threshold", "nan"), "threshold of interested is nan"
     )
     refused(lcorpp("run", *FEW, "--learner", "summaries", "--threshold", 7), "threshold of interested is 7")
-    refused(lcorpp("run", ROOMS, *FEW, "--learner", "summaries", "--threshold", "f1"), "for two classes")
+    refused(lcorpp("run", ROOMS, *FEW, "--learner", "summaries", "--threshold", "f1"), "3 classes: name one")
     refused(lcorpp("run", "--prevalence", 0), "--prevalence")
     refused(lcorpp("explain", "--likelihood", "one"), "expected VALUE=NUMBER")
     refused(lcorpp("explain", "--likelihood", "one=1", "--likelihood", "one=2"), "given twice")

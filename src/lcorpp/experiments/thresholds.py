@@ -22,10 +22,13 @@ def parse_goal(sense: Sense, text: str) -> Goal:
     """Parse a goal: a number, the name of a metric, or two costs as MISS:ALARM.
 
     Raises:
-        DataError: the text is no goal, or the sense has more than two classes.
+        DataError: the text is no goal, or the sense has more than two classes and none of them is positive.
     """
-    if len(sense.classes) != 2:
-        raise DataError(f"--threshold is for two classes, and there are {len(sense.classes)}")
+    if len(sense.classes) > 2 and sense.positive is None:
+        raise DataError(
+            f"--threshold is for the positive class; {sense.name} has {len(sense.classes)} classes:"
+            f" name one of them as `positive` in [learning]"
+        )
     try:
         numbers = [float(part) for part in text.split(":")]
     except ValueError:

@@ -162,7 +162,7 @@ def read_training_data(
         )
     try:
         train, test = split(dataset, seed=seed)
-        leak = format_leakage_warning(train) if len(sense.classes) == 2 and is_motion else None
+        leak = format_leakage_warning(train) if is_motion else None
     except DataError as error:
         raise DataError(f"{path}: {error}") from None
     unit = dataset.unit

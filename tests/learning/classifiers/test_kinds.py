@@ -71,6 +71,35 @@ def test_data_that_a_learner_cannot_use_are_refused(name, options, words):
         learner(name, **options)
 
 
+@pytest.mark.parametrize("channels", [1, 6, 12])
+def test_channels_of_any_name_need_no_kind(channels):
+    rng = np.random.default_rng(0)
+    names = tuple(f"sensor {i}" for i in range(channels))
+    data = Dataset(rng.normal(size=(30, channels, 20)), CLASSES * 10, channels=names)
+    for name, row in LEARNERS.items():
+        if "series" in row.kinds:
+            trained = train(learner(name, inputs=names, **FAST.get(name, {})), data)
+            assert trained.probabilities(data.trajectories).shape == (30, 3)
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"interval": "0.033"}, "interval must be a finite number of seconds above 0, not '0.033'"),
+        ({"interval": 0}, "interval must be a finite number of seconds above 0, not 0"),
+        ({"inputs": "x,y"}, "inputs must be a sequence of names, .* not 'x,y'"),
+        ({"features": "x"}, "features must be a sequence of names, .* not 'x'"),
+        ({"seed": -1}, "seed must be a whole number of at least 0, not -1"),
+        ({"epochs": 2.5}, "epochs must be a whole number of at least 1, not 2.5"),
+        ({"kind": "picture"}, "unknown kind of data 'picture'; expected one of motion, series, table"),
+    ],
+)
+def test_a_wrong_argument_is_named(options, words):
+    for name in ("lstm-fast", "sklearn.dummy:DummyClassifier"):
+        with pytest.raises(DataError, match=words):
+            learner(name, **options)
+
+
 def test_motion_without_x_and_y_is_refused_by_the_features():
     rng = np.random.default_rng(0)
     data = Dataset(rng.normal(size=(4, 1, 40)), tuple("abab"), channels=("velocity",))

@@ -87,7 +87,10 @@ def test_predictions_by_a_threshold():
     assert apply_threshold(("a", "b"), probabilities) == ["b", "a", "a"]
     assert apply_threshold(("a", "b"), probabilities, DecisionThreshold("b", 0.4)) == ["b", "b", "b"]
     assert apply_threshold(("a", "b"), probabilities, DecisionThreshold("a", 0.6)) == ["b", "a", "b"]
-    with pytest.raises(DataError, match="for two classes, not for a, b, c"):
-        apply_threshold(("a", "b", "c"), np.full((1, 3), 1 / 3), DecisionThreshold("a", 0.5))
+    three = np.array([[0.3, 0.1, 0.6], [0.2, 0.5, 0.3], [0.6, 0.1, 0.3]])
+    assert apply_threshold(("a", "b", "c"), three, DecisionThreshold("a", 0.3)) == ["a", "b", "a"]
+    assert apply_threshold(("a", "b", "c"), three, DecisionThreshold("a", 0.7)) == ["c", "b", "c"]
+    with pytest.raises(DataError, match="a threshold of d is for other classes than a, b, c"):
+        apply_threshold(("a", "b", "c"), three, DecisionThreshold("d", 0.5))
     with pytest.raises(DataError, match="expected 0"):
         DecisionThreshold("a", 1.5)

@@ -9,11 +9,12 @@ import numpy as np
 
 from lcorpp.cli import console
 from lcorpp.errors import DataError
+from lcorpp.learning.classifiers.registry import RECOMMENDED
 from lcorpp.learning.data.describe import Description, Quantiles, describe, join_pairs
 from lcorpp.learning.data.repairs import REPAIRS
 from lcorpp.learning.data.tracks import Recording, Repair, count_repairs
 from lcorpp.learning.evaluation.leakage import MIN_SUSPICIOUS_AUC, measure_leakage
-from lcorpp.values import Dataset
+from lcorpp.values import Dataset, Kind
 
 MAX_SHOWN = 20
 """Maximal number of features of which the range is shown."""
@@ -52,6 +53,7 @@ def print_description(recording: Recording, path: Path, seed: int) -> None:
     _print_duplicates(description)
     _print_repairs(recording.repairs)
     _print_leaks(recording, seed)
+    _print_recommendation("motion")
     for note in recording.notes:
         emit(f"note: {note}", style="yellow")
 
@@ -86,8 +88,14 @@ def print_features(dataset: Dataset, path: Path, repairs: Sequence[Repair]) -> N
     repeated = len(dataset) - len({case.tobytes() for case in dataset.trajectories})
     emit(f"repeated cases: {repeated or 'none'}")
     _print_repairs(repairs)
+    _print_recommendation(dataset.kind)
     for note in dataset.notes:
         emit(f"note: {note}", style="yellow")
+
+
+def _print_recommendation(kind: Kind) -> None:
+    name, reason = RECOMMENDED[kind]
+    console.out.print(f"recommended learner: {name}, because {reason}")
 
 
 def _format_quantiles(spread: Quantiles, digits: int) -> str:

@@ -10,8 +10,9 @@ and contains its preprocessing, so that cross-validation estimates both from tra
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from numbers import Integral, Real
 from typing import Any
 
 from sklearn.pipeline import Pipeline
@@ -23,7 +24,7 @@ from lcorpp.learning.features.motion import ChannelStandardizer, Motion
 from lcorpp.learning.features.summaries import SummaryFeatures
 from lcorpp.learning.lstm import LstmClassifier
 from lcorpp.notebook import join_some
-from lcorpp.values import Kind
+from lcorpp.values import CHANNELS, Kind
 
 TREES = 100
 """Trees of the forest: more do not change the second digit of its AUC."""
@@ -57,6 +58,18 @@ class LearnerConfig:
     device: str
 
     kind: Kind
+
+    def __post_init__(self) -> None:
+        interval = self.interval
+        if not isinstance(interval, Real) or isinstance(interval, bool) or not 0 < interval < float("inf"):
+            raise DataError(f"interval must be a finite number of seconds above 0, not {interval!r}")
+        for name, lowest in (("seed", 0), ("epochs", 1)):
+            number = getattr(self, name)
+            is_whole = isinstance(number, Integral) and not isinstance(number, bool)
+            if not (is_whole and number >= lowest) and (name, number) != ("epochs", None):
+                raise DataError(f"{name} must be a whole number of at least {lowest}, not {number!r}")
+        if self.kind not in KINDS:
+            raise DataError(f"unknown kind of data {self.kind!r}; {expected_one_of(KINDS)}")
 
     def pipeline(self, *steps: tuple[str, Any]) -> Pipeline:
         """Return these steps, for tracks after `Motion`."""
@@ -161,8 +174,18 @@ LEARNERS: Mapping[str, Learner] = {
 }
 """The learners by name."""
 
-DEFAULTS: Mapping[Kind, str] = {"motion": "lstm", "series": "lstm", "table": "logistic"}
-"""The learner of each kind of data if none is chosen."""
+DEFAULTS: Mapping[Kind, str] = {"motion": "lstm", "series": "minirocket", "table": "logistic"}
+"""The learner of each kind of data if none is chosen; for motion that of the paper."""
+
+RECOMMENDED: Mapping[Kind, tuple[str, str]] = {
+    "motion": ("summaries", "it has the highest AUC on 1600 simulated tracks (docs/learning.md)"),
+    "series": (
+        "minirocket",
+        "it has the highest mean accuracy on nine public sets of short or few series (docs/learning.md)",
+    ),
+    "table": ("logistic", "features without time need no summary"),
+}
+"""The learner that is best for each kind of data by our measurements, with the reason."""
 
 
 def learner(
@@ -187,19 +210,24 @@ def learner(
         seed: seed of everything random; it also sets parameters called random_state that are None.
         epochs: passes over the data; None is the learner's default.
         device: "cpu", or "cuda" for the LSTM.
-        kind: of the data, `Dataset.kind`: other channels than those of motion are used as they are. None
-            takes the first one from which the learner learns.
+        kind: of the data, `Dataset.kind`: other channels than those of motion are used as they are. None is
+            motion if `inputs` are channels of motion, a series otherwise, and a table for learners that need
+            one.
 
     Returns:
         An estimator with `fit`, `predict_proba` and `get_params`.
 
     Raises:
-        DataError: the learner is unknown, a package that it needs is missing, the function fails or does not
-            return a classifier, learns from another kind of data, or `epochs`, `device` or `features` is
-            given to a learner without that option.
+        DataError: the learner is unknown, the function fails or does not return a classifier, learns from
+            another kind of data, `epochs`, `device` or `features` is given to a learner without that option,
+            or an argument has another type.
     """
-    known = LEARNERS[name].kinds[0] if name in LEARNERS else "motion"
-    config = LearnerConfig(interval, tuple(inputs), tuple(features), seed, epochs, device, kind or known)
+    if kind is None:
+        kind = "motion" if set(_check_names("inputs", inputs)) <= set(CHANNELS) else "series"
+        if name in LEARNERS and kind not in LEARNERS[name].kinds:
+            kind = LEARNERS[name].kinds[0]
+    names = _check_names("inputs", inputs), _check_names("features", features)
+    config = LearnerConfig(interval, *names, seed, epochs, device, kind)
     if ":" in name:
         defaults = {"features": ("x", "y"), "epochs": None, "device": "cpu"}
         required = [key for key, value in defaults.items() if getattr(config, key) != value]
@@ -231,6 +259,12 @@ def learner(
             f" {_DESCRIPTIONS[config.kind]}: {join_some(inputs)}"
         )
     return row.make(config)
+
+
+def _check_names(argument: str, names: Any) -> tuple[str, ...]:
+    if isinstance(names, str) or not isinstance(names, Iterable):
+        raise DataError(f"{argument} must be a sequence of names, e.g. ('x', 'y'), not {names!r}")
+    return tuple(map(str, names))
 
 
 def check_weighted(name: str, estimator: Any) -> None:

@@ -18,7 +18,7 @@ from lcorpp.values import Array
 
 @dataclass(frozen=True)
 class DecisionThreshold:
-    """The probability from which on a class of two is predicted; below it, the other class is."""
+    """The probability from which on a class is predicted; below it, the most probable other class is."""
 
     name: str
     probability: float
@@ -40,15 +40,17 @@ def apply_threshold(
         classes: (K,) the columns of `probabilities` (cases, K).
 
     Raises:
-        DataError: there is a threshold, and its class is not one of two.
+        DataError: there is a threshold of an unknown class.
     """
     if threshold is None:
         return [classes[column] for column in probabilities.argmax(axis=1).tolist()]
-    if len(classes) != 2 or threshold.name not in classes:
-        raise DataError(f"a threshold of {threshold.name} is for two classes, not for {', '.join(classes)}")
+    if threshold.name not in classes:
+        raise DataError(f"a threshold of {threshold.name} is for other classes than {', '.join(classes)}")
     column = classes.index(threshold.name)
-    positive = probabilities[:, column] >= threshold.probability
-    return [threshold.name if is_positive else classes[1 - column] for is_positive in positive.tolist()]
+    others = probabilities.copy()
+    others[:, column] = -1
+    best = np.where(probabilities[:, column] >= threshold.probability, column, others.argmax(axis=1))
+    return [classes[column] for column in best.tolist()]
 
 
 UTILITY_TOLERANCE = 1e-12
