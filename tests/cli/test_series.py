@@ -33,7 +33,7 @@ def test_series_are_described_and_their_default_learner_is_the_recommended_one(l
     file = write_series(tmp_path / "series.npz", channels)
     described = lcorpp("data", "describe", file)
     assert described.code == 0, described.err
-    assert f"60 cases of 60 people; {channels} channels; 3 to 4.9 s every 0.1 s" in described.out
+    assert f"60 cases of 60 people; {channels} channels; 2.9 to 4.8 s every 0.1 s" in described.out
     assert "recommended learner: minirocket, because it has the highest mean accuracy" in described.out
     ended = lcorpp(
         "run", ROOMS, "--data", file, "--trials", 30, "--jobs", 1, "--strategy", "L+R", "--evidence", "soft",

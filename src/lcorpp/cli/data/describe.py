@@ -53,7 +53,7 @@ def print_description(recording: Recording, path: Path, seed: int) -> None:
     _print_duplicates(description)
     _print_repairs(recording.repairs)
     _print_leaks(recording, seed)
-    _print_recommendation("motion")
+    _print_recommendation("motion", recording.labels)
     for note in recording.notes:
         emit(f"note: {note}", style="yellow")
 
@@ -88,12 +88,14 @@ def print_features(dataset: Dataset, path: Path, repairs: Sequence[Repair]) -> N
     repeated = len(dataset) - len({case.tobytes() for case in dataset.trajectories})
     emit(f"repeated cases: {repeated or 'none'}")
     _print_repairs(repairs)
-    _print_recommendation(dataset.kind)
+    _print_recommendation(dataset.kind, dataset.labels)
     for note in dataset.notes:
         emit(f"note: {note}", style="yellow")
 
 
-def _print_recommendation(kind: Kind) -> None:
+def _print_recommendation(kind: Kind, labels: Sequence[str | None]) -> None:
+    if len(set(labels) - {None}) < 2:
+        return
     name, reason = RECOMMENDED[kind]
     console.out.print(f"recommended learner: {name}, because {reason}")
 
