@@ -146,7 +146,7 @@ def test_describe_tracking_data_without_labels(lcorpp, tmp_path):
     labelled = ("--label-file", tmp_path / "labels.csv", "--label", "1=in", "--label", "0=out")
     ended = lcorpp("data", "describe", tmp_path / "atc.csv", *labelled, "--robot", 1, 2, 3.14)
     assert "out         3       3" in ended.out
-    assert "duration      0.500 [0.500, 0.500]  no leak" in ended.out
+    assert "duration        0.500 [0.500, 0.500]  no leak" in ended.out
 
 
 @pytest.mark.skipif(not REAL.is_dir(), reason="the authors' data is not here (shared/data/authors)")
@@ -155,8 +155,8 @@ def test_describe_finds_the_leaks_of_the_authors_tracks(lcorpp):
     assert ended.code == 0
     assert "123 tracks of 109 people; x, y" in ended.out
     assert "people with several tracks: 13" in ended.out
-    assert "end position  0.98" in ended.out
-    assert ended.out.count("  LEAK") == 2
+    assert "end position    0.98" in ended.out
+    assert ended.out.count("  LEAK") == 3
 
 
 def test_fetch(lcorpp, tmp_path, monkeypatch):

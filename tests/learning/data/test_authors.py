@@ -106,11 +106,12 @@ def test_the_authors_data_have_their_known_properties():
 @real
 def test_a_warning_reports_the_leak_of_the_authors_data():
     data = read_data(REAL, labels=LABELS)
-    end, duration, sampling = measure_leakage(data, n_splits=2)
+    start, end, duration, sampling = measure_leakage(data, n_splits=2)
+    assert 0.85 < start.auc.estimate < 0.97
     assert end.auc.estimate >= 0.98
     assert duration.auc.estimate == 0.5  # the true ones are lost
     assert 0.82 < sampling.auc.estimate < 0.92
-    assert [leak.is_suspicious for leak in (end, duration, sampling)] == [True, False, True]
+    assert [leak.is_suspicious for leak in (start, end, duration, sampling)] == [True, True, False, True]
     note = format_leakage_warning(data) or ""
     assert "end position alone (AUC 0.99) and sampling alone (AUC 0.86)" in note
 

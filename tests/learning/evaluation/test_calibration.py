@@ -181,3 +181,31 @@ def test_calibration_is_restored_from_json_and_invalid_numbers_are_errors():
         fit_calibration(CLASSES, np.full((1, 2), 0.5), ["maybe"])
     with pytest.raises(DataError, match="no cases"):
         fit_calibration(CLASSES, np.empty((0, 2)), [])
+
+
+@pytest.mark.parametrize(
+    ("probabilities", "words"),
+    [
+        (
+            [[0.2, 0.8], [np.nan, 0.3]],
+            r"case 1, class 0 \(counted from 0\) is nan; expected a number from 0 to 1",
+        ),
+        ([[0.2, np.inf], [0.5, 0.5]], "case 0, class 1 .* is inf"),
+        ([[-0.1, 1.1], [0.5, 0.5]], "case 0, class 0 .* is -0.1"),
+        ([0.2, 0.8], r"shape \(2,\); expected \(cases, 2\), a column for each class"),
+        ([["a", "b"]], "expected numbers"),
+        ([[0.2, 0.8]], "2 labels need as many rows of probabilities, not 1"),
+    ],
+)
+def test_what_is_no_probability_is_an_error(probabilities, words):
+    with pytest.raises(DataError, match=words):
+        fit_calibration(("a", "b"), probabilities, ("a", "b"))
+    if "labels" not in words:
+        with pytest.raises(DataError, match=words):
+            Calibration(("a", "b"), 1.0, np.zeros(2), np.zeros(2), np.full(2, 0.5)).calibrate(probabilities)
+
+
+def test_weights_are_checked():
+    for weights in ([1, np.nan], [1, 0], [1]):
+        with pytest.raises(DataError, match="as many weights, finite and above 0"):
+            fit_calibration(("a", "b"), np.full((2, 2), 0.5), ("a", "b"), weights)

@@ -31,9 +31,38 @@ def test_a_nonlinear_leak_by_end_position_is_detected():
     assert "predicted from end position alone (AUC 1.00)" in (format_leakage_warning(data) or "")
 
 
+def beginning_at(starts: np.ndarray) -> Dataset:
+    """Tracks from the given starts (cases, 2) to ends that do not depend on them, labels in turn."""
+    ends = np.random.default_rng(1).normal(0, 0.1, starts.shape)
+    steps = np.linspace(0, 1, 4)
+    tracks = starts[:, :, None] * (1 - steps) + ends[:, :, None] * steps
+    return Dataset(tracks, ("in", "out") * (len(starts) // 2))
+
+
+def test_a_leak_by_start_position_is_detected():
+    """All end at the same place, one class comes from the left and the other from the right."""
+    rng = np.random.default_rng(0)
+    side = np.where(np.arange(80) % 2 == 0, -1.0, 1.0)
+    data = beginning_at(np.stack([side * rng.uniform(2, 8, 80), rng.normal(0, 3, 80)], axis=1))
+    found = by_name(data, n_splits=2)
+    assert [name for name, leak in found.items() if leak.is_suspicious] == ["start position"]
+    assert found["start position"].auc.estimate > 0.98
+    assert "predicted from start position alone (AUC " in (format_leakage_warning(data) or "")
+
+
+def test_the_way_that_slow_people_leave_between_start_and_end_is_no_leak():
+    """All end at the same place, one class walks slowly: where it begins is its speed."""
+    rng = np.random.default_rng(0)
+    angle, way = rng.uniform(0, 2 * np.pi, 300), rng.uniform(2, 6, 300) + 2 * (np.arange(300) % 2)
+    data = beginning_at(np.stack([way * np.cos(angle), way * np.sin(angle)], axis=1))
+    start = by_name(data, n_splits=2)["start position"]
+    assert 0.4 < start.auc.estimate < 0.65  # .73 without strata
+    assert not start.is_suspicious
+
+
 def test_classes_of_equal_distribution_do_not_leak():
     leaks = by_name(crowd(300), n_splits=2)
-    assert list(leaks) == ["end position", "duration", "sampling"]
+    assert list(leaks) == ["start position", "end position", "duration", "sampling"]
     for leak in leaks.values():
         assert abs(leak.auc.estimate - 0.5) < 0.1  # three standard errors
         assert leak.auc.low <= leak.auc.estimate <= leak.auc.high
@@ -137,7 +166,11 @@ def test_auc_equals_that_of_scikit_learn():
     scores = rng.dirichlet([1, 1, 1], 200).round(1)  # with ties
     truth = labels[:, None] == np.arange(3)
     expected = np.mean([roc_auc_score(truth[:, k], scores[:, k]) for k in range(3)])
-    assert _compute_mean_auc(scores[None], truth) == pytest.approx(expected)
-    assert _compute_mean_auc(np.stack([scores, scores])[:, :, :2], truth[:, :2]) == pytest.approx(
-        roc_auc_score(truth[:, 1], scores[:, 1])
-    )
+    everyone = np.zeros(200, dtype=int)
+    assert _compute_mean_auc(scores[None], truth, everyone) == pytest.approx(expected)
+    two = np.stack([scores, scores])[:, :, :2], truth[:, :2]
+    assert _compute_mean_auc(*two, everyone) == pytest.approx(roc_auc_score(truth[:, 1], scores[:, 1]))
+    halves = [roc_auc_score(truth[rows, 1], scores[rows, 1]) for rows in (slice(100), slice(100, 200))]
+    pairs = [truth[rows, 1].sum() * (~truth[rows, 1]).sum() for rows in (slice(100), slice(100, 200))]
+    strata = np.arange(200) // 100
+    assert _compute_mean_auc(*two, strata) == pytest.approx(np.average(halves, weights=pairs))

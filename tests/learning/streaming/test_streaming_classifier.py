@@ -160,6 +160,19 @@ def test_a_long_gap_begins_a_new_track():
     np.testing.assert_allclose(answers[-1].probabilities, expected, atol=1e-6)
 
 
+@pytest.mark.parametrize("unit", [1e3, 1e9])
+def test_stamps_in_another_unit_are_a_warning(unit):
+    """In milliseconds every sample comes after a gap: no track has a second point, and no prediction."""
+    streams = StreamingClassifier(PIPELINES["lstm"])
+    samples, times = walk(3, samples=40), np.arange(40) * INTERVAL * unit
+    pushed(streams, times[:5], samples[:, :5])
+    with pytest.warns(
+        UserWarning, match=r"the last 5 samples of 'p' .* expected seconds: are these milli"
+    ) as found:
+        answers = pushed(streams, times[5:], samples[:, 5:])
+    assert (len(found), answers[-1].probabilities) == (1, None)
+
+
 def test_silent_people_are_removed_and_stay_in_the_report():
     streams = StreamingClassifier(PIPELINES["lstm"], max_silence=2.0)
     streams.push(0.0, "a", 0, 0)

@@ -141,4 +141,4 @@ def _print_leaks(recording: Recording, seed: int) -> None:
     for leak in leaks:
         verdict = "LEAK" if leak.is_suspicious else "no leak"
         style = "bold red" if leak.is_suspicious else ""
-        emit(f"  {leak.name:<12}  {leak.auc}  {verdict}", style=style)
+        emit(f"  {leak.name:<14}  {leak.auc}  {verdict}", style=style)

@@ -8,11 +8,13 @@ this; dividing by the class frequencies of these cases leaves the likelihood of 
 
 from __future__ import annotations
 
+import reprlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 from scipy.optimize import minimize
 from scipy.special import softmax
 
@@ -29,6 +31,9 @@ STARTS = ((0.0, 0.01), (1.0, 0.1))
 
 MIN_LAPSE, MAX_LAPSE_SUM = 1e-6, 0.9
 """The smallest lapse, so that no class becomes impossible, and the largest sum of lapses."""
+
+ROUNDING = 1e-6
+"""How far above 1 a probability may be: classifiers compute with single precision."""
 
 ARRAYS = ("offsets", "lapses", "shares")
 """The fields of a calibration that are arrays (K,)."""
@@ -78,8 +83,13 @@ class Calibration:
         return f"<Calibration: slope {self.slope:.3g}; {'; '.join(shown)}>"
 
     def calibrate(self, probabilities: Array) -> Array:
-        """(cases, K) calibrated probabilities, at the class frequencies of the cases of the fit."""
-        curve = softmax(self.slope * _clip_and_log(probabilities) + self.offsets, axis=1)
+        """(cases, K) calibrated probabilities, at the class frequencies of the cases of the fit.
+
+        Raises:
+            DataError: `probabilities` (cases, K) are not finite, or not from 0 to 1.
+        """
+        logs = _clip_and_log(probabilities, len(self.classes))
+        curve = softmax(self.slope * logs + self.offsets, axis=1)
         return np.asarray(self.lapses + (1 - self.lapses.sum()) * curve)
 
     def likelihoods(self, probabilities: Array) -> list[Likelihood]:
@@ -113,7 +123,8 @@ def fit_calibration(
         weights: (cases,) as in `Dataset`; None is 1 for all.
 
     Raises:
-        DataError: there are no cases, or a label is not one of `classes`.
+        DataError: there are no cases, a label is not one of `classes`, a probability is not from 0 to 1, or a
+            weight is not above 0.
 
     Maximum likelihood with Platt's smoothed targets: the target of a case of a class with n cases is
     (n + 1) / (n + K). The logarithm of the slope has a standard normal prior, which matters only for some ten
@@ -126,11 +137,23 @@ def fit_calibration(
         if name not in columns:
             raise DataError(f"a case is of class {name!r}; {expected_one_of(list(classes))}")
     index = np.array([columns[name] for name in labels])
-    k, weight = len(classes), np.ones(len(index)) if weights is None else weights
+    k, weight = (
+        len(classes),
+        np.ones(len(index)) if weights is None else np.asarray(weights, dtype=np.float64),
+    )
+    logs = _clip_and_log(probabilities, k)
+    if (
+        len(logs) != len(index)
+        or weight.shape != index.shape
+        or not ((weight > 0) & np.isfinite(weight)).all()
+    ):
+        raise DataError(
+            f"{len(index)} labels need as many rows of probabilities, not {len(logs)}, and as many weights,"
+            f" finite and above 0, not {weight}"
+        )
     counts = np.bincount(index, weight, minlength=k)
     cases = counts.sum()
     targets = ((np.eye(k) * counts[:, None] + 1) / (counts[:, None] + k))[index] * weight[:, None]
-    logs = _clip_and_log(probabilities)
 
     def loss(parameters: Array) -> tuple[float, Array]:
         slope, offsets, lapses = _unpack_parameters(parameters, k)
@@ -169,5 +192,21 @@ def _unpack_parameters(parameters: Array, k: int) -> tuple[float, Array, Array]:
     return float(np.exp(parameters[0])), np.append(parameters[1:k], 0.0), parameters[k:]
 
 
-def _clip_and_log(probabilities: Array) -> Array:
-    return np.log(np.clip(probabilities, MIN_PROBABILITY, 1 - MIN_PROBABILITY))
+def _clip_and_log(probabilities: npt.ArrayLike, k: int) -> Array:
+    """(cases, k) logarithms of checked probabilities."""
+    try:
+        checked = np.asarray(probabilities, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise DataError(f"the probabilities are {reprlib.repr(probabilities)}; expected numbers") from None
+    if checked.ndim != 2 or checked.shape[1] != k:
+        raise DataError(
+            f"probabilities of shape {checked.shape}; expected (cases, {k}), a column for each class"
+        )
+    bad = ~((checked >= 0) & (checked <= 1 + ROUNDING))
+    if bad.any():
+        row, column = np.argwhere(bad)[0].tolist()
+        raise DataError(
+            f"the probability of case {row}, class {column} (counted from 0) is {checked[row, column]};"
+            " expected a number from 0 to 1"
+        )
+    return np.log(np.clip(checked, MIN_PROBABILITY, 1 - MIN_PROBABILITY))

@@ -4,15 +4,14 @@ A shortcut feature is something other than motion, e.g. the last position. A sim
 cross-validated. If the model separates the classes, a classifier may do the same, and its score proves little
 about motion.
 
+Where a track begins is where it ends less the way between, so that the first position contains the motion:
+who walks slowly begins near the end. Its AUC therefore compares tracks whose ways are about equally long.
+
 The model is kernel ridge regression on the ranks of the features, with Gaussian kernels of several widths. It
 fits any shape, is robust to outliers, works with few cases and takes milliseconds. On the authors' 123 tracks
 its AUC is .99 by end position and .86 by sampling; nearest neighbours reach .97 and .79; forests, ten times
 slower, .99 and .86. The AUC is the mean over several splits, because that of one split of a hundred cases may
 be off by .02.
-
-The sampling features are the intervals between samples and the numerical traces of an earlier resampling:
-collinear points, repeated positions, values on a grid. Smooth and rough motion do not differ in these traces,
-so these features do not depend on the motion.
 
 Source: Rifkin and Klautau, "In defense of one-vs-all classification", JMLR 5, 2004, section 2.3 (regularised
 least squares); Williams and Seeger, NIPS 2000 (Nyström approximation: kernels centred at a subset of the
@@ -21,6 +20,7 @@ training cases, the landmarks).
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -35,6 +35,7 @@ from lcorpp.errors import DataError
 from lcorpp.learning.data.npz import to_recording
 from lcorpp.learning.data.tracks import Recording, Track
 from lcorpp.learning.evaluation.metrics import Flags
+from lcorpp.learning.evaluation.shortcuts import SHORTCUTS, compute_shortcut_features
 from lcorpp.learning.evaluation.validation import Indices, find_test_folds
 from lcorpp.values import Array, Dataset, Interval
 
@@ -54,15 +55,8 @@ KERNEL_JITTER = 1e-8  # added to the diagonal of the landmarks' kernel matrix, s
 
 BOOTSTRAP_REPLICATES, CONFIDENCE = 300, 0.95
 
-RELATIVE_TOLERANCE = 1e-9
-"""Tolerance relative to the largest position: rounding error of sums of numbers with 15 digits."""
-
-COLLINEARITY_FACTOR = 4  # rounding errors in the deviation of a point from the line between its neighbours
-CLOCK_DECIMALS = 9  # of a sampling feature: the rounding of a clock is not a trace
-MILLIMETRE = 1e-3
-
-SHORTCUTS = ("end position", "duration", "sampling")
-"""The shortcuts by name; `compute_shortcut_features` describes their features."""
+MAX_STRATA, MIN_STRATUM = 5, 20
+"""Groups of tracks with about equally long ways: their number, and the cases in each."""
 
 Strings = npt.NDArray[np.str_]
 
@@ -91,7 +85,7 @@ class ShortcutScore:
 def measure_leakage(
     data: Dataset | Recording, *, n_splits: int = N_SPLITS, seed: int = 0
 ) -> tuple[ShortcutScore, ...]:
-    """Measure how well end position, duration and sampling alone predict the labels of `data`.
+    """Measure how well start and end position, duration and sampling alone predict the labels of `data`.
 
     Of a `Dataset` the duration is that of each track without padding, and of the sampling only traces of an
     earlier resampling are left. A `Recording` still has the original sampling.
@@ -117,9 +111,13 @@ def measure_leakage(
     groups = np.array([track.group for track in recording.tracks])
     features = [compute_shortcut_features(track) for track in recording.tracks]
     folds = np.stack([_assign_folds(labels, groups, seed + split) for split in range(n_splits)])
+    everyone = np.zeros(len(labels), dtype=np.intp)
+    strata = dict.fromkeys(SHORTCUTS, everyone) | {"start position": _stratify_by_way(recording.tracks)}
     with threadpool_limits(1):  # small matrices: threads on busy cores would only wait for each other
         return tuple(
-            _measure_shortcut(name, np.stack([each[name] for each in features]), labels, groups, folds, seed)
+            _measure_shortcut(
+                name, np.stack([each[name] for each in features]), labels, groups, folds, strata[name], seed
+            )
             for name in SHORTCUTS
         )
 
@@ -143,42 +141,6 @@ def format_leakage_warning(data: Dataset | Recording) -> str | None:
         " learn places and recordings, not intentions; give it motion relative to the first point, at a low"
         " rate."
     )
-
-
-def compute_shortcut_features(track: Track) -> dict[str, Array]:
-    """Shortcut -> (features,) of one track of at least two samples.
-
-    End position: x and y. Duration: seconds and number of samples. Sampling: mean, median, standard deviation
-    and maximum of the interval; fraction and longest run of collinear points; fraction of repeated positions
-    and of positions in whole millimetres.
-    """
-    positions, step = track.positions, np.diff(track.times)
-    tolerance = max(float(np.abs(positions).max()), MILLIMETRE) * RELATIVE_TOLERANCE
-    collinear = _find_collinear(track, tolerance)
-    repeated = np.all(np.abs(np.diff(positions, axis=1)) <= tolerance, axis=0)
-    grid = positions / MILLIMETRE
-    on_grid = np.all(np.abs(grid - np.round(grid)) <= tolerance / MILLIMETRE, axis=0)
-    intervals = [step.mean(), np.median(step), step.std(), step.max()]
-    collinearity = [collinear.mean() if len(collinear) else 0.0, _measure_longest_run(collinear)]
-    return {
-        "end position": positions[:, -1],
-        "duration": np.array([track.duration, len(track)]),
-        "sampling": np.round([*intervals, *collinearity, repeated.mean(), on_grid.mean()], CLOCK_DECIMALS),
-    }
-
-
-def _find_collinear(track: Track, tolerance: float) -> Flags:
-    """(samples - 2,) whether each inner sample is on the line between its neighbours; tolerance: metres."""
-    step = np.diff(track.times)
-    velocity = np.diff(track.positions, axis=1) / step
-    deviation = np.abs(np.diff(velocity, axis=1)) * np.minimum(step[1:], step[:-1])  # metres
-    return np.asarray(np.all(deviation <= COLLINEARITY_FACTOR * tolerance, axis=0))
-
-
-def _measure_longest_run(flags: Flags) -> float:
-    """Return the length of the longest run of true flags."""
-    ends = np.flatnonzero(~flags)
-    return float(np.diff(np.concatenate([[-1], ends, [len(flags)]])).max() - 1)
 
 
 def _find_missing_requirement(data: Dataset | Recording) -> str | None:
@@ -206,12 +168,22 @@ def _find_missing_requirement(data: Dataset | Recording) -> str | None:
 
 
 def _measure_shortcut(
-    name: str, features: Array, labels: Strings, groups: Strings, folds: Indices, seed: int
+    name: str,
+    features: Array,
+    labels: Strings,
+    groups: Strings,
+    folds: Indices,
+    strata: Indices,
+    seed: int,
 ) -> ShortcutScore:
-    """Measure how well features (cases, features) predict the labels; folds: (splits, cases) test folds."""
+    """Measure how well features (cases, features) predict the labels.
+
+    folds: (splits, cases) test folds. strata: (cases,) groups within which cases are compared.
+    """
     features = features[:, np.ptp(features, axis=0) > 0]
+    chance = ShortcutScore(name, Interval(0.5, 0.5, 0.5))
     if not features.shape[1]:  # constant features predict nothing
-        return ShortcutScore(name, Interval(0.5, 0.5, 0.5))
+        return chance
     scores = np.stack([_score_out_of_fold(features, labels, fold_of, seed) for fold_of in folds])
     truth = labels[:, None] == np.unique(labels)
     members = [np.flatnonzero(groups == group) for group in np.unique(groups)]
@@ -220,9 +192,11 @@ def _measure_shortcut(
     for _ in range(BOOTSTRAP_REPLICATES):
         rows = np.concatenate([members[i] for i in rng.integers(len(members), size=len(members))])
         if truth[rows].any(axis=0).all():
-            replicates.append(_compute_mean_auc(scores[:, rows], truth[rows]))
-    low, high = np.quantile(replicates, [(1 - CONFIDENCE) / 2, (1 + CONFIDENCE) / 2])
-    estimate = _compute_mean_auc(scores, truth)
+            replicates.append(_compute_mean_auc(scores[:, rows], truth[rows], strata[rows]))
+    estimate = _compute_mean_auc(scores, truth, strata)
+    if np.isnan(estimate):  # no two cases can be compared
+        return chance
+    low, high = np.nanquantile(replicates, [(1 - CONFIDENCE) / 2, (1 + CONFIDENCE) / 2])
     return ShortcutScore(name, Interval(estimate, float(low), float(high), CONFIDENCE))
 
 
@@ -277,15 +251,28 @@ def _average_kernels(cases: Array, landmarks: Array, scale: float) -> Array:
     return np.asarray(np.mean([np.exp(-squared_distances / width**2) for width in KERNEL_WIDTHS], axis=0))
 
 
-def _compute_mean_auc(scores: Array, truth: Flags) -> float:
+def _stratify_by_way(tracks: Sequence[Track]) -> Indices:
+    """(tracks,) the group of each track by the distance from its first to its last point."""
+    ways = [np.hypot(*(track.positions[:, -1] - track.positions[:, 0])) for track in tracks]
+    number = max(1, min(MAX_STRATA, len(ways) // MIN_STRATUM))
+    return np.asarray((rankdata(ways) - 0.5) * number // len(ways), dtype=np.intp)
+
+
+def _compute_mean_auc(scores: Array, truth: Flags, strata: Indices) -> float:
     """Mean AUC over splits and classes of scores (splits, cases, classes); truth: (cases, classes).
 
-    For two classes the second one suffices: the two scores of a case sum to 0.
+    Cases are compared with those of the same stratum (cases,); NaN if no stratum has two classes. For two
+    classes the second one suffices: the two scores of a case sum to 0.
     """
     areas = []
     for column in [1] if truth.shape[1] == 2 else range(truth.shape[1]):
-        positive = truth[:, column]
-        p, n = int(positive.sum()), int((~positive).sum())
-        ranks = rankdata(scores[:, :, column], axis=1)[:, positive].sum(axis=1)
-        areas.append(float(np.mean((ranks - p * (p + 1) / 2) / (p * n))))
+        ordered, pairs = 0.0, 0
+        for stratum in np.unique(strata):
+            rows = strata == stratum
+            positive = truth[rows, column]
+            p, n = int(positive.sum()), int((~positive).sum())
+            ranks = rankdata(scores[:, rows, column], axis=1)[:, positive].sum(axis=1)
+            ordered += float(np.mean(ranks - p * (p + 1) / 2))
+            pairs += p * n
+        areas.append(ordered / pairs if pairs else np.nan)
     return float(np.mean(areas))

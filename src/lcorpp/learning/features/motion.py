@@ -40,8 +40,8 @@ class Motion(TransformerMixin, BaseEstimator):  # type: ignore[misc]  # scikit-l
 
     The place of a track often leaks its label (see `leakage`); its motion does not. Point j of the result
     uses no sample later than the first one at or after j / rate seconds, so a prefix of a track gives a
-    prefix of the result, number for number. 304 samples .033 seconds apart become 30 points at 3 per second,
-    as in the paper.
+    prefix of the result, number for number. 304 samples .033 seconds apart become 30 points at 3 per second:
+    as many as the paper's network reads, over ten seconds.
 
     The features, each of one or two numbers:
 

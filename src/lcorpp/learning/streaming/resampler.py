@@ -120,6 +120,7 @@ class TrackResampler:
 
     Attributes:
         track_count: number of tracks so far, including the current one.
+        lone_samples: number of samples in a row that long gaps made tracks of their own.
         repairs: counts of the repairs.
     """
 
@@ -134,7 +135,7 @@ class TrackResampler:
         self._next = 0  # index of the next point, due at _next / rate seconds
         self._points: list[Sample] = []  # points since the last `take_points`
         self._is_new = False  # whether these points begin a new track
-        self.track_count = 0
+        self.track_count = self.lone_samples = 0
         self.repairs = RepairCounts()
 
     @property
@@ -209,6 +210,7 @@ class TrackResampler:
             self._begin, self._elapsed, self._last, self._next = time, 0.0, sample, 1
             self._points, self._is_new = [sample], True  # drops the points of the previous track
             return
+        self.lone_samples = 0
         gap = elapsed - self._elapsed
         if gap > 1 / rate + SAME_TIME:
             self.repairs.interpolated_gaps += 1
@@ -227,6 +229,7 @@ class TrackResampler:
         distance = hypot(sample[x] - last[x], sample[y] - last[y]) if self._xy else 0.0
         if gap > rules.max_gap:
             repairs.long_gaps += 1
+            self.lone_samples += 1
         elif distance > rules.max_speed * (gap + JUMP_TOLERANCE):
             repairs.jumps += 1
         elif elapsed > rules.max_duration:

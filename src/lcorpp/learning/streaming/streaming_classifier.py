@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Hashable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from math import isfinite
@@ -18,6 +19,9 @@ from lcorpp.learning.streaming.resampler import Clock, RepairCounts, Sample, Str
 from lcorpp.learning.streaming.state import make_state
 from lcorpp.learning.streaming.timeline import PrefixCalibration
 from lcorpp.values import Array, freeze
+
+MAX_LONE_SAMPLES = 5
+"""From this many samples in a row after gaps longer than `max_gap` on, the unit of the stamps is doubtful."""
 
 MIN_SLOTS = 16
 """Slots of the classifier's state that the first person allocates; full slots are doubled."""
@@ -109,7 +113,7 @@ class StreamingClassifier:
         self._people: dict[Hashable, _Person] = {}  # in the order of their last samples
         self._free: list[int] = []  # slots without a person
         self._slots = 0
-        self._clock = Clock(max_gap)
+        self._clock, self._has_warned = Clock(max_gap), False
         self._removed, self._removals = RepairCounts(), 0
         self._trained = TrainedClassifier(pipeline)
         self._prefix_calibration: PrefixCalibration | None = None
@@ -232,6 +236,14 @@ class StreamingClassifier:
         self._people[name] = person
         person.last_seen = self._clock.elapsed
         person.resampler.add(time, sample)
+        if person.resampler.lone_samples >= MAX_LONE_SAMPLES and not self._has_warned:
+            self._has_warned = True
+            warnings.warn(
+                f"the last {MAX_LONE_SAMPLES} samples of {name!r} came after gaps of more than max_gap,"
+                f" {self._rules.max_gap:g} s, so that no track has two points; the last stamp is {time:.15g};"
+                " expected seconds: are these milliseconds?",
+                stacklevel=2,
+            )
         return person
 
     def _create_person(self, name: Hashable) -> _Person:
