@@ -93,4 +93,13 @@ from .streaming.timeline import (
     PredictionTimeline as PredictionTimeline,
     PrefixCalibration as PrefixCalibration,
     calibrate_prefixes as calibrate_prefixes,
+    cross_calibrate_prefixes as cross_calibrate_prefixes,
+)
+from .streaming.timeline_table import write_timeline as write_timeline
+from .streaming.trigger import EarlyDecision as EarlyDecision, EarlyScore as EarlyScore, Trigger as Trigger
+from .streaming.trigger_figure import plot_trigger as plot_trigger
+from .streaming.trigger_fitting import (
+    TriggerSearch as TriggerSearch,
+    fit_trigger as fit_trigger,
+    search_trigger as search_trigger,
 )

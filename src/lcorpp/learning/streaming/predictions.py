@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lcorpp.learning.streaming.resampler import RepairCounts
+from lcorpp.learning.streaming.trigger import EarlyDecision
 from lcorpp.values import Array
 
 
@@ -19,6 +20,7 @@ class Prediction:
     person: the id. track: number of tracks of this id so far; the prediction is for the last one.
     points: points of that track at the fixed rate. time: stamp of the last point, None without one.
     probabilities: (K,) uncalibrated, of the classes of the classifier; None with too few points.
+    decision: of the trigger on this track, once enough of it is seen; None before, and without a trigger.
     """
 
     person: Hashable
@@ -26,10 +28,14 @@ class Prediction:
     points: int
     time: float | None
     probabilities: Array | None
+    decision: EarlyDecision | None = None
 
     def __repr__(self) -> str:
         values = None if self.probabilities is None else [round(float(p), 3) for p in self.probabilities[:8]]
-        return f"<Prediction for {self.person!r}: track {self.track}, {self.points} points, {values}>"
+        decided = "" if self.decision is None else f"; decided: {self.decision.label}"
+        return (
+            f"<Prediction for {self.person!r}: track {self.track}, {self.points} points, {values}{decided}>"
+        )
 
 
 @dataclass(frozen=True, eq=False)

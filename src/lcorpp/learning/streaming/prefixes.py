@@ -96,7 +96,9 @@ def predict_over_time(
             known = predictions[case].probabilities
             if known is not None:
                 probabilities[case, t] = known
-    return PredictionTimeline(probabilities, tuple(points), dataset.labels, streams.classes, dataset.interval)
+    return PredictionTimeline(
+        probabilities, tuple(points), dataset.labels, streams.classes, dataset.interval, groups=dataset.groups
+    )
 
 
 def cross_predict_over_time(
@@ -134,4 +136,11 @@ def cross_predict_over_time(
     for fold, part in enumerate(parts):
         probabilities[fold_of == fold] = part.probabilities
     points = tuple(map(max, *(part.points for part in parts)))  # a fold may lack the longest track
-    return replace(parts[0], probabilities=probabilities, points=points, labels=dataset.labels)
+    return replace(
+        parts[0],
+        probabilities=probabilities,
+        points=points,
+        labels=dataset.labels,
+        folds=tuple(fold_of.tolist()),
+        groups=dataset.groups,
+    )

@@ -18,6 +18,7 @@ from lcorpp.learning.streaming.predictions import ConstantEstimator, Prediction,
 from lcorpp.learning.streaming.resampler import Clock, RepairCounts, Sample, StreamRules, TrackResampler
 from lcorpp.learning.streaming.state import make_state
 from lcorpp.learning.streaming.timeline import PrefixCalibration
+from lcorpp.learning.streaming.trigger import Trigger, TriggerState
 from lcorpp.values import Array, freeze
 
 MAX_LONE_SAMPLES = 5
@@ -26,6 +27,8 @@ MAX_LONE_SAMPLES = 5
 MIN_SLOTS = 16
 """Slots of the classifier's state that the first person allocates; full slots are doubled."""
 
+NOT_DECIDED = TriggerState()
+
 
 @dataclass(eq=False, slots=True)
 class _Person:
@@ -33,7 +36,7 @@ class _Person:
 
     resampler: its current track. slot: its index in the classifier's state. prediction: the current one.
     last_seen: clock time of its last sample. probabilities: (K,) after the last point, NaN before the first
-    prediction.
+    prediction. trigger: what the trigger remembers of the track.
     """
 
     resampler: TrackResampler
@@ -41,6 +44,7 @@ class _Person:
     prediction: Prediction
     last_seen: float = 0.0
     probabilities: Array = field(default_factory=lambda: np.empty(0))
+    trigger: TriggerState = NOT_DECIDED
 
 
 class StreamingClassifier:
@@ -117,6 +121,7 @@ class StreamingClassifier:
         self._removed, self._removals = RepairCounts(), 0
         self._trained = TrainedClassifier(pipeline)
         self._prefix_calibration: PrefixCalibration | None = None
+        self._trigger: Trigger | None = None
         self.classes, self.constant_cost = self._trained.classes, self._state.constant_cost
 
     def __repr__(self) -> str:
@@ -129,16 +134,30 @@ class StreamingClassifier:
         trained: TrainedClassifier,
         *,
         prefix_calibration: PrefixCalibration | None = None,
+        trigger: Trigger | None = None,
         **options: Any,
     ) -> Self:
         """Return a streaming classifier with the threshold and calibration of a trained classifier.
 
         Args:
-            prefix_calibration: the calibration of early predictions, from `calibrate_prefixes`.
+            prefix_calibration: the calibration of early predictions, from `calibrate_prefixes`; None takes
+                that of the trigger, if there is one.
+            trigger: decides when enough of a track is seen, see `Prediction.decision`; from `fit_trigger`.
             options: the keyword arguments of the class.
+
+        Raises:
+            DataError: as the class, or the trigger is for other classes.
         """
         streams = cls(trained.estimator, **options)
+        if trigger is not None and trigger.classes != streams.classes:
+            raise DataError(
+                f"the trigger is for {', '.join(trigger.classes)}; the classifier for"
+                f" {', '.join(streams.classes)}"
+            )
+        if prefix_calibration is None and trigger is not None:
+            prefix_calibration = trigger.calibration
         streams._trained, streams._prefix_calibration = trained, prefix_calibration
+        streams._trigger = trigger
         return streams
 
     def classifier(self, person: Hashable) -> TrainedClassifier:
@@ -261,6 +280,7 @@ class StreamingClassifier:
             new_points, is_new_track = person.resampler.take_points()
             if is_new_track:
                 self._state.reset(np.array([person.slot]))
+                person.trigger = NOT_DECIDED
             if new_points:
                 due.append((person, new_points))
         try:
@@ -273,7 +293,8 @@ class StreamingClassifier:
             track, points = person.resampler.track_count, person.resampler.point_count
             if (track, points) != (person.prediction.track, person.prediction.points):
                 known = freeze(person.probabilities) if points >= self._min_points else None
-                person.prediction = Prediction(name, track, points, person.resampler.time, known)
+                decision, time = person.trigger.decision, person.resampler.time
+                person.prediction = Prediction(name, track, points, time, known, decision)
 
     def _advance(self, due: Sequence[tuple[_Person, Sequence[Sample]]]) -> None:
         """Advance the state by the new points of people: the first point of each, then the second, ..."""
@@ -283,6 +304,11 @@ class StreamingClassifier:
             probabilities = self._state.advance(np.array(slots), np.array(points))
             for (person, _), row in zip(batch, probabilities, strict=True):
                 person.probabilities = row
+            if self._trigger is not None:
+                for person, new_points in due:
+                    seen = person.resampler.point_count - len(new_points) + turn + 1
+                    if len(new_points) > turn and seen >= self._min_points:
+                        person.trigger = self._trigger.advance(person.trigger, seen, person.probabilities)
 
     def _drop(self, name: Hashable) -> None:
         person = self._people.pop(name)

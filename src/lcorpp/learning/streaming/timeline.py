@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 from typing import Any, Self
 
 import numpy as np
+import numpy.typing as npt
 from sklearn.metrics import roc_auc_score
 
 from lcorpp.errors import DataError, expected_one_of
@@ -31,6 +32,8 @@ class PredictionTimeline:
     points: (time points,) number of points at the fixed rate after each sample; predictions change only with
         this number.
     labels: (cases,) the true classes. classes: (K,). interval: seconds between two time points.
+    folds: (cases,) the fold in which each case was held out; () if the predictions are not out of fold.
+    groups: (cases,) the group, e.g. the person, of each case; () if it is unknown.
     """
 
     probabilities: Array
@@ -38,6 +41,8 @@ class PredictionTimeline:
     labels: tuple[str, ...]
     classes: tuple[str, ...]
     interval: float
+    folds: tuple[int, ...] = ()
+    groups: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "probabilities", freeze(self.probabilities))
@@ -49,6 +54,16 @@ class PredictionTimeline:
             quarter, half, whole = (self.auc_at(fraction) for fraction in (0.25, 0.5, 1.0))
             aucs = f"; AUC {quarter:.2f}, {half:.2f}, {whole:.2f} at a quarter, half, end"
         return f"<PredictionTimeline: {cases} tracks of {samples * self.interval:.3g} s{aucs}>"
+
+    def take(self, cases: npt.NDArray[np.intp]) -> PredictionTimeline:
+        """Return the timeline of some cases."""
+        return replace(
+            self,
+            probabilities=self.probabilities[cases],
+            labels=tuple(self.labels[case] for case in cases),
+            folds=tuple(self.folds[case] for case in cases) if self.folds else (),
+            groups=tuple(self.groups[case] for case in cases) if self.groups else (),
+        )
 
     @property
     def seconds(self) -> Array:
@@ -179,3 +194,20 @@ def calibrate_prefixes(timeline: PredictionTimeline) -> PrefixCalibration:
                 timeline.classes, probabilities[known], labels[known].tolist()
             )
     return PrefixCalibration(min(calibrations, default=0), tuple(calibrations.values()))
+
+
+def cross_calibrate_prefixes(timeline: PredictionTimeline) -> PredictionTimeline:
+    """Return the timeline with the predictions of each fold calibrated by a fit to the other folds.
+
+    Raises:
+        DataError: the timeline has no folds or no predictions.
+    """
+    if not timeline.folds:
+        raise DataError("the timeline has no folds; expected the result of cross_predict_over_time")
+    folds = np.array(timeline.folds)
+    calibrated = np.array(timeline.probabilities)
+    for fold in np.unique(folds):
+        calibration = calibrate_prefixes(timeline.take(np.flatnonzero(folds != fold)))
+        part = timeline.take(np.flatnonzero(folds == fold))
+        calibrated[folds == fold] = calibration.calibrate(part).probabilities
+    return replace(timeline, probabilities=calibrated)
