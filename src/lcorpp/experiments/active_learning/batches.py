@@ -47,6 +47,8 @@ class BatchResult:
             cells = {name: cell for name, cell in self.scores.columns.items() if name not in LEFT_OUT}
             formatted = [f"{name} {cell.estimate:{get_format(name)}}" for name, cell in cells.items()]
             texts.append(", ".join(formatted))
+        if self.rows and self.rows[-1].get("drift"):
+            texts.append(f"drift: {self.rows[-1]['drift']}")
         return "; ".join(texts)
 
     def _summarise_sense(self, name: str, prefix: str) -> str:

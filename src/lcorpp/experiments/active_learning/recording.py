@@ -9,6 +9,7 @@ import numpy as np
 from lcorpp.decision import STRATEGIES
 from lcorpp.decision.lcorpp import sum_by_class
 from lcorpp.domains import Domain
+from lcorpp.experiments.active_learning.drift import DriftMonitor, agrees_with
 from lcorpp.experiments.active_learning.run_store import RunStore
 from lcorpp.experiments.decision_log import DecisionLog
 from lcorpp.experiments.robot_parts import RobotParts
@@ -20,6 +21,7 @@ class DecisionRecorder:
     """Records the decisions about the people of a stream.
 
     parts: those that decide now, for the log; None without a log.
+    trained: the senses whose classifiers that decide now are trained.
     """
 
     def __init__(
@@ -27,15 +29,17 @@ class DecisionRecorder:
         domain: Domain,
         learning: Collection[str],
         stream: PeopleStream,
+        monitor: DriftMonitor,
         run_store: RunStore | None,
         log: DecisionLog | None,
     ) -> None:
         """learning: the senses that learn. run_store: its decisions since the last batch are results, too."""
-        self._domain, self._learning, self._stream = domain, learning, stream
+        self._domain, self._learning, self._stream, self._monitor = domain, learning, stream, monitor
         self._run_store, self._log = run_store, log
         pending = run_store.pending if run_store is not None else ()
         self._results = [result for track in pending if (result := DecisionResult.from_stored(track))]
         self.parts: RobotParts | None = None
+        self.trained: Collection[str] = ()
 
     def take_results(self) -> tuple[DecisionResult, ...]:
         """Return the results since the last call."""
@@ -47,6 +51,14 @@ class DecisionRecorder:
         domain, report = self._domain, episode.report
         result = self._stream.result(episode)
         self._results.append(result)
+        agrees = {
+            name: agrees_with(label, domain.class_of(name, report))
+            for name, label in episode.labels.items()
+            if name in self.trained and report is not None
+        }
+        for name in self._learning:
+            if name in instance.signals:
+                self._monitor.add(name, instance.signals[name], agrees.get(name))
         if self._log is not None and self.parts is not None:
             truth = self._stream.describe_truth()
             self._log.append(self.parts, STRATEGIES[-1], instance.context, episode, truth)
@@ -57,7 +69,7 @@ class DecisionRecorder:
                 instance.context,
                 {name: None if report is None else domain.class_of(name, report) for name in self._learning},
                 {name: find_class_marginal(domain, name, joint) for name in self._learning},
-                result.to_extra(),
+                {**result.to_extra(), "agrees": agrees},
             )
 
 

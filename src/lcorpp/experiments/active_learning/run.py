@@ -10,6 +10,7 @@ from lcorpp.decision import lcorpp
 from lcorpp.domains import Domain
 from lcorpp.errors import DecisionError, DomainError, check_type
 from lcorpp.experiments.active_learning.batches import BatchResult, Row, make_row, score_batch
+from lcorpp.experiments.active_learning.drift import DriftMonitor
 from lcorpp.experiments.active_learning.recording import DecisionRecorder
 from lcorpp.experiments.active_learning.run_store import RunStore
 from lcorpp.experiments.active_learning.senses import ActiveLearningOptions, LearningSenses
@@ -84,7 +85,10 @@ def run_active_learning(
     sources = {name: data.signals for name, data in senses.data.items()}
     sources |= {name: setup.signals for name, setup in senses.fixed.items()}
     stream = PeopleStream(domain, sources, options.seed, position=position)
-    recorder = DecisionRecorder(domain, tuple(senses.data), stream, run_store, log)
+    monitor = DriftMonitor(tuple(senses.data), options.seed)
+    if run_store is not None:
+        monitor.restore(run_store)
+    recorder = DecisionRecorder(domain, tuple(senses.data), stream, monitor, run_store, log)
     batches = lcorpp(
         datasets,
         other_classifiers={name: setup.classifier for name, setup in senses.fixed.items()},
@@ -108,7 +112,8 @@ def run_active_learning(
         decisions = () if resumed else recorder.take_results()
         scores = score_batch(domain, decisions) if decisions else None
         if not resumed:
-            rows.append(make_row(batch, scores))
+            rows.append(make_row(batch, scores) | monitor.test_batch(batch.number, rows))
+        recorder.trained = [name for name, sense in batch.senses.items() if sense.is_trained]
         if run_store is not None:
             run_store.save_checkpoint(batch, rows)
         yield BatchResult(batch, scores, tuple(rows), resumed, decisions)

@@ -115,6 +115,12 @@ class RunStore:
             datasets[name] = self._initial[name].append(pairs, added.groups)
         return datasets
 
+    def decisions(self, name: str) -> list[tuple[StoredTrack, Array]]:
+        """Return the robot's complete decisions, of all runs, with their signals of a sense."""
+        complete, snapshot = {track.id for track in self.store.snapshot()}, self.stores[name].snapshot()
+        tracks = [track for track in snapshot if track.id in complete and "met" in track.extra]
+        return list(zip(tracks, snapshot.trajectories(tracks), strict=True)) if tracks else []
+
     def resume(self, train: Train) -> ResumePoint | None:
         """Return the state in which the earlier run ended; None for a new run.
 
