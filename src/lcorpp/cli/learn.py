@@ -106,6 +106,8 @@ def learn(
     epochs: options.EpochsOption = None,
     device: options.DeviceOption = "cpu",
     features: options.FeaturesOption = "x,y",
+    rate: options.RateOption = None,
+    seconds: options.SecondsOption = None,
     store: Annotated[
         Path | None,
         typer.Option(
@@ -162,7 +164,9 @@ def learn(
         learners=learner or [],
         data=data or [],
         reading=ReadingOptions(parse_written_labels(label), label_file, tuple(repair or ()), robot, gap),
-        training=options.choose_training(tracks=tracks, epochs=epochs, device=device, features=features),
+        training=options.choose_training(
+            tracks=tracks, epochs=epochs, device=device, features=features, rate=rate, seconds=seconds
+        ),
         trained=find_learning_senses(loaded, {}),
     )
     learning = find_learning_senses(loaded, sources)

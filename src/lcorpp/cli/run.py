@@ -62,6 +62,8 @@ def run(
     epochs: options.EpochsOption = None,
     device: options.DeviceOption = "cpu",
     features: options.FeaturesOption = "x,y",
+    rate: options.RateOption = None,
+    seconds: options.SecondsOption = None,
     smoothing: options.SmoothingOption = options.Smoothing.jeffreys,
     threshold: Annotated[
         str | None,
@@ -137,6 +139,8 @@ def run(
         epochs=epochs,
         device=device,
         features=features,
+        rate=rate,
+        seconds=seconds,
         threshold=threshold,
         prevalence=prevalence,
     )

@@ -28,6 +28,7 @@ from lcorpp.experiments.training_data import (
     FOLDS,
     choose_learner,
     make_estimator,
+    make_signal_source,
     make_training_data,
     read_training_data,
 )
@@ -44,7 +45,7 @@ from lcorpp.learning import (
 from lcorpp.learning.classifiers.registry import DEFAULTS
 from lcorpp.learning.classifiers.storage import check_storable
 from lcorpp.notebook import join_some
-from lcorpp.simulation.people import SignalSource, SimulatedSignals
+from lcorpp.simulation.people import SignalSource
 from lcorpp.values import COVERAGE, ConfusionMatrix
 
 
@@ -127,11 +128,13 @@ def load_trained(
         )
     path, source = options.data or sense.data, str(options.file)
     if path is None:
-        signals = SimulatedSignals.from_domain(domain, sense)
+        signals = make_signal_source(domain, sense, options.seconds)
         return _make_setup(sense, trained, confusion, evidence, signals, source)
     motion = trained.estimator.steps[0][1]
     inputs = trained.inputs or getattr(motion, "inputs", ("x", "y"))
-    recorded = read_training_data(domain, sense, path, seed, features=inputs, reading=options.reading)
+    recorded = read_training_data(
+        domain, sense, path, seed, features=inputs, reading=options.reading, seconds=options.seconds
+    )
     interval, channels = recorded.dataset.interval, recorded.dataset.channels
     if isinstance(motion, Motion) and (motion.interval, tuple(motion.inputs)) != (interval, channels):
         raise DataError(

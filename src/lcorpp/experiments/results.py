@@ -86,6 +86,8 @@ def _describe_sense(options: ClassifierOptions, setup: SenseSetup) -> dict[str, 
     return {
         "classifier": setup.source,
         "features": ",".join(training.features),
+        "rate": training.rate,
+        "seconds": options.seconds if options else None,
         "threshold": training.threshold,
         "prevalence": training.prevalence,
         "device": training.device,

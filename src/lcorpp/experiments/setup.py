@@ -17,6 +17,7 @@ from lcorpp.decision import Robot
 from lcorpp.domains import Domain
 from lcorpp.domains.sections.learning import Sense
 from lcorpp.errors import NoReportError
+from lcorpp.learning.features.resampling import RATE
 from lcorpp.planning import Progress, Solution, SolverOptions
 from lcorpp.planning.policy_cache import solve_cached
 from lcorpp.protocols import Planner
@@ -83,6 +84,8 @@ class TrainingOptions:
     tracks: number of simulated training tracks; None takes the domain's number.
     data: recorded data for training and trials; None takes the domain's, or simulates them.
     reading: how to read them.
+    rate: points of motion per second, see `Motion`.
+    seconds: the last seconds of each track that are used; None takes those of the domain, or all.
     """
 
     learner: str | None = None
@@ -94,6 +97,8 @@ class TrainingOptions:
     tracks: int | None = None
     data: Path | None = None
     reading: ReadingOptions = READ_AS_IT_IS
+    rate: float = RATE
+    seconds: float | None = None
 
 
 @dataclass(frozen=True)
@@ -102,11 +107,13 @@ class StoredOptions:
 
     file: the classifier.
     data: recorded data for the trials; None takes the domain's, or simulates them. reading: how to read them.
+    seconds: as in `TrainingOptions`.
     """
 
     file: Path
     data: Path | None = None
     reading: ReadingOptions = READ_AS_IT_IS
+    seconds: float | None = None
 
 
 ClassifierOptions = TrainingOptions | StoredOptions | None

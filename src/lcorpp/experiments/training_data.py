@@ -16,8 +16,10 @@ from lcorpp.experiments.setup import READ_AS_IT_IS, ReadingOptions, TrainingOpti
 from lcorpp.learning import format_leakage_warning, learner, read_data, split
 from lcorpp.learning.classifiers.registry import DEFAULTS
 from lcorpp.learning.data.cleaning import MAX_GAP
+from lcorpp.learning.data.windows import count_window
 from lcorpp.learning.features.motion_features import MOTION_FEATURES
 from lcorpp.simulation.people import (
+    CutSignals,
     RecordedSignals,
     SignalSource,
     SimulatedSignals,
@@ -60,9 +62,15 @@ def make_training_data(domain: Domain, sense: Sense, options: TrainingOptions, s
                 f"--tracks {options.tracks}: nothing is simulated, as {path} has the recorded data"
             )
         return read_training_data(
-            domain, sense, path, seed, features=options.features, reading=options.reading
+            domain,
+            sense,
+            path,
+            seed,
+            features=options.features,
+            reading=options.reading,
+            seconds=options.seconds,
         )
-    return simulate_training_data(domain, sense, seed, tracks=options.tracks)
+    return simulate_training_data(domain, sense, seed, tracks=options.tracks, seconds=options.seconds)
 
 
 def choose_learner(options: TrainingOptions, dataset: Dataset) -> TrainingOptions:
@@ -89,25 +97,36 @@ def make_estimator(data: TrainingData, options: TrainingOptions, seed: int) -> A
         seed=seed,
         device=options.device,
         kind=data.dataset.kind,
+        rate=options.rate,
     )
 
 
 def simulate_training_data(
-    domain: Domain, sense: Sense, seed: int, *, tracks: int | None = None
+    domain: Domain, sense: Sense, seed: int, *, tracks: int | None = None, seconds: float | None = None
 ) -> TrainingData:
     """Simulate a training set; the trials simulate new trajectories.
 
     Args:
         tracks: the number of tracks; None takes the sense's number.
+        seconds: the last seconds of each track that are used; None takes all.
 
     Raises:
         DomainError: the domain has no `people.py` with a function for the sense.
+        DataError: seconds are given, and the signals are features.
     """
     check_type(domain, Domain, "the domain", DomainError)
-    source = SimulatedSignals.from_domain(domain, sense)
+    source = make_signal_source(domain, sense, seconds)
     rng = np.random.default_rng([seed, 0])
     dataset = simulate_dataset(domain, sense, source, sense.tracks if tracks is None else tracks, rng)
     return TrainingData(dataset, source, sense.epochs)
+
+
+def make_signal_source(domain: Domain, sense: Sense, seconds: float | None) -> SignalSource:
+    """Return the simulated signals of a sense, or their last seconds; raises as `simulate_training_data`."""
+    source = SimulatedSignals.from_domain(domain, sense)
+    if seconds is None:
+        return source
+    return CutSignals(source, slice(-count_window(seconds, sense.interval), None))
 
 
 def read_training_data(
@@ -118,6 +137,7 @@ def read_training_data(
     *,
     features: Sequence[str] = ("x", "y"),
     reading: ReadingOptions = READ_AS_IT_IS,
+    seconds: float | None = None,
 ) -> TrainingData:
     """Read recorded data and split them: 70 % for training, the other people's 30 % for the trials.
 
@@ -125,7 +145,8 @@ def read_training_data(
         path: a path that `read_data` accepts: a folder of the authors' files, CSV, Parquet or .npz.
         features: the classifier's features, see `Motion`. Channels of motion that no feature needs are
             dropped, so that the classifier also works where they are not measured.
-        reading: how to read them. Tracks are cut and resampled to the sense's `seconds` and `rate`.
+        reading: how to read them. Tracks are resampled to the sense's `rate`.
+        seconds: the last seconds of each track that are used; None takes those of the sense.
 
     Raises:
         DataError: a class is none of the sense's, or has no case; x or y is missing; there are too few
@@ -139,7 +160,7 @@ def read_training_data(
         labels={**labels, **reading.labels},
         label_file=reading.label_file,
         interval=None if sense.rate is None else 1 / sense.rate,
-        seconds=sense.seconds,
+        seconds=sense.seconds if seconds is None else seconds,
         repair=reading.repair,
         robot=reading.robot,
         gap=MAX_GAP if reading.gap is None else reading.gap,

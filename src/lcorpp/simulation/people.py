@@ -12,7 +12,7 @@ from lcorpp.domains import Domain
 from lcorpp.domains.sections.learning import Sense
 from lcorpp.errors import DataError, DomainError
 from lcorpp.reasoning import Reasoner
-from lcorpp.values import Array, Dataset
+from lcorpp.values import Array, Dataset, cut_tracks
 
 Person = Mapping[str, str]
 """One person: every attribute of the simulation's program and its value."""
@@ -85,6 +85,20 @@ class RecordedSignals:
                 raise DataError(f"no recorded case of class {person[self.of]!r} is left for the trials")
             rows.append(int(rng.choice(candidates)))
         return self.dataset.trajectories[rows]
+
+
+@dataclass(frozen=True, eq=False)
+class CutSignals:
+    """A part of the signals over time of another source, e.g. slice(-90, None), the last 90 time points."""
+
+    source: SignalSource
+    part: slice
+
+    def simulate(self, people: Sequence[Person], rng: np.random.Generator) -> Array:
+        signals = self.source.simulate(people, rng)
+        if signals.ndim == 2:
+            raise DataError("features have no duration; expected no seconds to cut them to")
+        return cut_tracks(signals, self.part)
 
 
 def simulate_dataset(

@@ -89,6 +89,8 @@ def explain(
     epochs: options.EpochsOption = None,
     device: options.DeviceOption = "cpu",
     features: options.FeaturesOption = "x,y",
+    rate: options.RateOption = None,
+    seconds: options.SecondsOption = None,
     jobs: options.JobsOption = None,
     log: options.LogOption = None,
     solver: options.SolverOption = None,
@@ -157,7 +159,9 @@ def explain(
         learners=learner or [],
         data=data or [],
         reading=ReadingOptions({}, label_file, tuple(repair or ()), robot, gap),
-        training=options.choose_training(tracks=tracks, epochs=epochs, device=device, features=features),
+        training=options.choose_training(
+            tracks=tracks, epochs=epochs, device=device, features=features, rate=rate, seconds=seconds
+        ),
         by_channel=True,
     )
     kinds, processes = choose_evidence(loaded, sources, evidence or []), console.count_processes(jobs)

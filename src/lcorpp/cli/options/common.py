@@ -57,6 +57,21 @@ FeaturesOption = Annotated[
         " and more, see docs/learning.md."
     ),
 ]
+SecondsOption = Annotated[
+    float | None,
+    typer.Option(
+        min=0.001,
+        max=3600,
+        help="The last seconds of each track that are used; by default those of the domain, ten of recorded"
+        " and all of simulated tracks.",
+    ),
+]
+RateOption = Annotated[
+    float | None,
+    typer.Option(
+        min=0.001, max=1000, help="Points per second at which the features are computed; 3 by default."
+    ),
+]
 SmoothingOption = Annotated[
     Smoothing,
     typer.Option(
@@ -131,6 +146,8 @@ def choose_training(
     epochs: int | None,
     device: str,
     features: str,
+    rate: float | None,
+    seconds: float | None,
     threshold: str | None = None,
     prevalence: float | None = None,
 ) -> dict[str, Any]:
@@ -142,6 +159,8 @@ def choose_training(
         "prevalence": prevalence,
         "device": device if device != "cpu" else None,
         "features": tuple(name.strip() for name in features.split(",")) if features != "x,y" else None,
+        "rate": rate,
+        "seconds": seconds,
     }
 
 

@@ -96,7 +96,7 @@ def choose_classifiers(
         text = data_of.get(name, general_data)
         path = None if text is None else Path(text)
         if kind is not None and kind not in CLASSIFIERS:
-            chosen[name] = StoredOptions(Path(kind), path, reading)
+            chosen[name] = StoredOptions(Path(kind), path, reading, training["seconds"])
             continue
         learner = kind or learner or ("channel" if by_channel else sense.classifier)
         if learner == "channel" and kind is None and (path is not None or name in trained):
@@ -184,7 +184,8 @@ def _reject_unused(
     elif kinds == {type(None)}:
         reject_given("nothing is trained, as the classifier is a channel", data=data, **training)
     elif TrainingOptions not in kinds:
-        reject_given("nothing is trained, as --classifier gives a file", **training)
+        only_trained = {key: value for key, value in training.items() if key != "seconds"}
+        reject_given("nothing is trained, as --classifier gives a file", **only_trained)
 
 
 def _split_by_sense(

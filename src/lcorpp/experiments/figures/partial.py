@@ -44,8 +44,7 @@ from lcorpp.experiments.training_data import FOLDS, simulate_training_data
 from lcorpp.learning import learner, train_and_validate, truncate
 from lcorpp.plot_style import BLUE, INK, MUTED, ORANGE, with_style
 from lcorpp.protocols import Planner
-from lcorpp.simulation.people import Person, SignalSource
-from lcorpp.values import Array
+from lcorpp.simulation.people import CutSignals
 
 PARTS: Mapping[str, float] = {"quarter": 0.25, "half": 0.5, "whole": 1.0}
 """Name -> the first part of each trajectory that classifiers are trained on and see."""
@@ -78,17 +77,6 @@ class PartResult:
     recalls: Mapping[str, float]
 
 
-@dataclass(frozen=True, eq=False)
-class TruncatedSignals:
-    """The first points of the signals of another source."""
-
-    source: SignalSource
-    points: int
-
-    def simulate(self, people: Sequence[Person], rng: np.random.Generator) -> Array:
-        return self.source.simulate(people, rng)[:, :, : self.points]
-
-
 def make_figure(options: FigureOptions, progress: ProgressDisplay) -> FigureResult:
     """Train a classifier on each part of the trajectories and score the strategies with it."""
     domain = load_domain("intention", preset="paper")
@@ -109,7 +97,7 @@ def run_seed(domain: Domain, planner: Planner, seed: int, *, tracks: int, trials
         estimator = learner(LEARNER, interval=dataset.interval, inputs=dataset.channels, seed=seed)
         classifier, validation = train_and_validate(estimator, dataset, folds=FOLDS, seed=seed)
         confusion = validation.confusion
-        signals = TruncatedSignals(data.signals, dataset.trajectories.shape[2])
+        signals = CutSignals(data.signals, slice(dataset.trajectories.shape[2]))
         rates = nest_rates(confusion.classes, confusion.probabilities.tolist())
         setups = {sense.name: SenseSetup(classifier, signals, rates, confusion)}
         robot = make_robot(domain, setups, make_program(domain, setups), planner)

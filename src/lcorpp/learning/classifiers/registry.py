@@ -21,6 +21,7 @@ from lcorpp.errors import DataError, expected_one_of
 from lcorpp.learning.classifiers.plugin import load_learner_plugin
 from lcorpp.learning.contract import accepts_weights, report_failure
 from lcorpp.learning.features.motion import ChannelStandardizer, Motion
+from lcorpp.learning.features.resampling import RATE, check_rate
 from lcorpp.learning.features.summaries import SummaryFeatures
 from lcorpp.learning.lstm import LstmClassifier
 from lcorpp.notebook import join_some
@@ -47,7 +48,7 @@ class LearnerConfig:
     interval: seconds between two time points of the tracks. inputs: the channels of the tracks.
     features: the motion features that the classifier uses, see `Motion`.
     seed: seed of everything random. epochs: passes over the data; None is the learner's default.
-    device: "cpu" or "cuda". kind: of the data, `Dataset.kind`.
+    device: "cpu" or "cuda". kind: of the data, `Dataset.kind`. rate: points of motion per second.
     """
 
     interval: float
@@ -58,6 +59,7 @@ class LearnerConfig:
     device: str
 
     kind: Kind
+    rate: float
 
     def __post_init__(self) -> None:
         interval = self.interval
@@ -70,19 +72,22 @@ class LearnerConfig:
                 raise DataError(f"{name} must be a whole number of at least {lowest}, not {number!r}")
         if self.kind not in KINDS:
             raise DataError(f"unknown kind of data {self.kind!r}; {expected_one_of(KINDS)}")
+        if not isinstance(self.rate, Real) or isinstance(self.rate, bool):
+            raise DataError(f"rate must be a number of points per second, not {self.rate!r}")
+        check_rate(self.rate)
 
     def pipeline(self, *steps: tuple[str, Any]) -> Pipeline:
         """Return these steps, for tracks after `Motion`."""
         if self.kind != "motion":
             return Pipeline(list(steps))
-        motion = Motion(interval=self.interval, inputs=self.inputs, features=self.features)
+        motion = Motion(rate=self.rate, interval=self.interval, inputs=self.inputs, features=self.features)
         return Pipeline([("motion", motion), *steps])
 
     def summarize(self, *steps: tuple[str, Any]) -> Pipeline:
         """Return `pipeline` of summary features and these steps; features of a table need no summary."""
         if self.kind == "table":
             return self.pipeline(*steps)
-        summaries = SummaryFeatures() if self.kind == "motion" else SummaryFeatures(rate=None)
+        summaries = SummaryFeatures(rate=self.rate if self.kind == "motion" else None)
         return self.pipeline(("summaries", summaries), *steps)
 
 
@@ -101,7 +106,7 @@ class Learner:
 
 def paper_pipeline(
     *,
-    rate: float = 3.0,
+    rate: float = RATE,
     interval: float = 0.033,
     inputs: Sequence[str] = ("x", "y"),
     features: Sequence[str] = ("x", "y"),
@@ -198,6 +203,7 @@ def learner(
     epochs: int | None = None,
     device: str = "cpu",
     kind: Kind | None = None,
+    rate: float = RATE,
 ) -> Any:
     """Return an unfitted classifier.
 
@@ -213,23 +219,24 @@ def learner(
         kind: of the data, `Dataset.kind`: other channels than those of motion are used as they are. None is
             motion if `inputs` are channels of motion, a series otherwise, and a table for learners that need
             one.
+        rate: points of motion per second, see `Motion`.
 
     Returns:
         An estimator with `fit`, `predict_proba` and `get_params`.
 
     Raises:
         DataError: the learner is unknown, the function fails or does not return a classifier, learns from
-            another kind of data, `epochs`, `device` or `features` is given to a learner without that option,
-            or an argument has another type.
+            another kind of data, `epochs`, `device`, `features` or `rate` is given to a learner without that
+            option, or an argument has another type.
     """
     if kind is None:
         kind = "motion" if set(_check_names("inputs", inputs)) <= set(CHANNELS) else "series"
         if name in LEARNERS and kind not in LEARNERS[name].kinds:
             kind = LEARNERS[name].kinds[0]
     names = _check_names("inputs", inputs), _check_names("features", features)
-    config = LearnerConfig(interval, *names, seed, epochs, device, kind)
+    config = LearnerConfig(interval, *names, seed, epochs, device, kind, rate)
     if ":" in name:
-        defaults = {"features": ("x", "y"), "epochs": None, "device": "cpu"}
+        defaults = {"features": ("x", "y"), "epochs": None, "device": "cpu", "rate": RATE}
         required = [key for key, value in defaults.items() if getattr(config, key) != value]
         return _set_seed(load_learner_plugin(name, vars(config), required), seed)
     if name in RENAMED:
@@ -253,9 +260,9 @@ def learner(
             f"learner {name!r} needs {needs}; the data are {given}: {join_some(inputs)}; {given} are for"
             f" {suitable}, or a learner of your own"
         )
-    if config.kind != "motion" and config.features != ("x", "y"):
+    if config.kind != "motion" and (config.features != ("x", "y") or rate != RATE):
         raise DataError(
-            "features are computed from motion; the data are"
+            f"{'features are' if rate == RATE else 'points at a rate are'} computed from motion; the data are"
             f" {_DESCRIPTIONS[config.kind]}: {join_some(inputs)}"
         )
     return row.make(config)

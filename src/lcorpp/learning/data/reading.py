@@ -23,10 +23,10 @@ from lcorpp.learning.data.repairs import RepairLog, RowSource
 from lcorpp.learning.data.table import has_table_columns, read_table
 from lcorpp.learning.data.tracks import Recording, Track
 from lcorpp.learning.data.units import convert_units, note_implausible
-from lcorpp.learning.data.windows import INTERVAL, POINTS, to_dataset
+from lcorpp.learning.data.windows import INTERVAL, POINTS, count_window, to_dataset
 from lcorpp.learning.store import Snapshot, is_store, read_store
 from lcorpp.notebook import join_some
-from lcorpp.values import Dataset, stack_signals
+from lcorpp.values import Dataset, cut_tracks, stack_signals
 
 Format = Literal["authors", "npz", "store", "parquet", "atc", "long", "table"]
 
@@ -78,6 +78,9 @@ def read_data(
         whole = _read_rectangular(Path(path), kind, labels, RepairLog(repair), progress)
         if all(argument is None for argument in changes):
             return whole
+        if whole.kind == "series" and not any((interval, channels, robot, label_file)):
+            part = slice(-(points or count_window(seconds or 0, whole.interval)), None)
+            return replace(whole, trajectories=cut_tracks(whole.trajectories, part))
         if whole.kind != "motion":
             raise DataError(
                 f"{path}: has no tracks of motion, but {join_some(whole.channels)}; durations, rates, poses"
@@ -87,7 +90,7 @@ def read_data(
         points = points or (None if seconds else whole.trajectories.shape[2])
     interval = interval or INTERVAL
     if seconds is not None:
-        points = round(seconds / interval) + 1
+        points = count_window(seconds, interval)
     recording = read_recording(
         path, labels=labels, label_file=label_file, repair=repair, robot=robot, gap=gap, progress=progress
     )

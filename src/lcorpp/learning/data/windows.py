@@ -114,6 +114,11 @@ def extract_window(track: Track, channels: Sequence[str], interval: float, point
     )
 
 
+def count_window(seconds: float, interval: float) -> int:
+    """Return the number of points of a window, at least two."""
+    return max(2, round(seconds / interval) + 1)
+
+
 def count_points(duration: float, interval: float, points: int) -> int:
     """Return the number of points of a track: all, if less than half an interval is missing for the last."""
     if duration > (points - 1) * interval - interval / 2:

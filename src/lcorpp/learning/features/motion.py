@@ -26,6 +26,7 @@ from lcorpp.learning.features.motion_features import (
     list_feature_rows,
 )
 from lcorpp.learning.features.resampling import (
+    RATE,
     SAME_TIME,
     check_rate,
     compute_interpolation_weights,
@@ -84,7 +85,7 @@ class Motion(TransformerMixin, BaseEstimator):  # type: ignore[misc]  # scikit-l
     def __init__(
         self,
         *,
-        rate: float = 3.0,
+        rate: float = RATE,
         interval: float = 0.033,
         features: Sequence[str] = ("x", "y"),
         inputs: Sequence[str] = ("x", "y"),

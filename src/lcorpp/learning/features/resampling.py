@@ -20,6 +20,9 @@ SAME_TIME = 1e-6
 """Seconds; times that differ by less are treated as equal. Times since 1970 have a floating-point resolution
 of 2e-7."""
 
+RATE = 3.0
+"""The rate of the paper's classifier, points per second."""
+
 MAX_RATE = 1000.0
 """The highest rate, points per second."""
 
