@@ -50,6 +50,24 @@ def test_make_and_describe(lcorpp, tmp_path):
     assert again.read_bytes() == file.read_bytes()
 
 
+def test_describe_the_last_seconds(lcorpp, tmp_path):
+    file = tmp_path / "people.csv"
+    lcorpp("data", "make", "--tracks", 40, "--positives", 20, "--seconds", 2, 20, "--out", file)
+    whole, last = lcorpp("data", "describe", file), lcorpp("data", "describe", file, "--seconds", 2)
+    assert whole.code == last.code == 0, last.err
+    assert "2.0 [2.0, 2.0]" in last.out
+    assert "2.0 [2.0, 2.0]" not in whole.out
+    series = Dataset(
+        np.random.default_rng(0).normal(size=(4, 1, 11)), ("a", "b") * 2, channels=("pitch",), interval=1
+    )
+    save_dataset(series.append([(np.ones((1, 3)), "a")], ["x"]), tmp_path / "series.npz")
+    assert "1 channels; 2 to 10 s every 1 s" in lcorpp("data", "describe", tmp_path / "series.npz").out
+    cut = lcorpp("data", "describe", tmp_path / "series.npz", "--seconds", 3).out
+    assert "1 channels; 2 to 3 s every 1 s" in cut
+    (tmp_path / "table.csv").write_text("a,label\n1,x\n2,y\n")
+    refused(lcorpp("data", "describe", tmp_path / "table.csv", "--seconds", 3), "features have no duration")
+
+
 def test_make_a_data_set(lcorpp, tmp_path):
     file = tmp_path / "people.npz"
     assert lcorpp("data", "make", "intention", "-o", file, "--tracks", 37, "--seconds", 10, 12).code == 0

@@ -39,6 +39,44 @@ def test_every_learner_gives_the_same_report(lcorpp, tmp_path, name):
     assert kept != ("the classifier will not be saved" in ended.out)
 
 
+def test_seconds_and_rate(lcorpp, tmp_path):
+    """Two seconds at two points per second are five points."""
+    file = tmp_path / "mine.py"
+    file.write_text(
+        "from sklearn.dummy import DummyClassifier\n"
+        "from sklearn.pipeline import make_pipeline\n"
+        "from lcorpp.learning import Motion\n"
+        "class Points(DummyClassifier):\n"
+        "    def fit(self, X, y, sample_weight=None):\n"
+        "        assert X.shape[2] == 5, X.shape\n"
+        "        return super().fit(X, y, sample_weight)\n"
+        "    def predict_proba(self, X):\n"
+        "        assert X.shape[2] == 5, X.shape\n"
+        "        return super().predict_proba(X)\n"
+        "def points(rate):\n    return make_pipeline(Motion(rate=rate), Points())\n"
+    )
+    short = ("--learner", f"{file}:points", "--seconds", 2.05, "--rate", 2, "--jobs", 1)
+    for command in (
+        ("run", *FEW),
+        ("explain", "--tracks", 60),
+        ("learn", "--tracks", 60, "--max-batches", 1),
+    ):
+        ended = (
+            lcorpp(*command, *short, "--out", tmp_path) if command[0] == "run" else lcorpp(*command, *short)
+        )
+        assert ended.code == 0, ended.err
+    sense = json.loads((tmp_path / "results.json").read_text())["configuration"]["senses"]["motion"]
+    assert (sense["rate"], sense["seconds"]) == (2, 2.05)
+    for wrong, words in (
+        (("--rate", 0), "'--rate': 0.0 is not in the range"),
+        (("--seconds", -1), "'--seconds': -1.0 is not in the range"),
+        (("--rate", 2, "--learner", "logistic"), "points at a rate are computed from motion; the data are"),
+        (("--seconds", 2, "--classifier", "channel"), "--seconds: nothing is trained"),
+        (("--seconds", 0.3, "--learner", "summaries", "--tracks", 40), "needs more than 0.333 s"),
+    ):
+        refused(lcorpp("run", *wrong, "--jobs", 1), words)
+
+
 def test_a_learner_of_the_users_file(lcorpp, tmp_path):
     file = tmp_path / "mine.py"
     file.write_text("from sklearn.dummy import DummyClassifier\ndef guess():\n    return DummyClassifier()\n")

@@ -9,9 +9,14 @@ from lcorpp.domains import load_domain
 from lcorpp.domains.loading import SHIPPED_FOLDER
 from lcorpp.errors import DataError, DomainError
 from lcorpp.experiments import TrainingOptions, train_classifier
-from lcorpp.experiments.setup import ReadingOptions
-from lcorpp.experiments.training_data import read_training_data
-from lcorpp.learning import Recording, Track, write_recording
+from lcorpp.experiments.classifier_training import load_trained
+from lcorpp.experiments.setup import ReadingOptions, StoredOptions
+from lcorpp.experiments.training_data import make_training_data, read_training_data
+from lcorpp.learning import Recording, Track, save_classifier, write_recording
+from lcorpp.simulation.people import CutSignals, RecordedSignals
+from lcorpp.values import Dataset
+
+TABLE = Dataset(np.ones((1, 4)), ("interested",))
 
 
 @pytest.fixture(scope="module")
@@ -68,6 +73,43 @@ def test_the_domain_s_recordings_train_its_classifier(tmp_path, recorded):
     setup = train_classifier(domain, domain.senses[0], TrainingOptions("summaries"))
     assert (setup.data, setup.unit, setup.n_tracks) == (tmp_path / "d" / "people.csv", "tracks", 28)
     assert setup.report.accuracy.estimate == 1
+
+
+def test_the_option_seconds_takes_precedence_and_shorter_tracks_are_used_whole(tmp_path, recorded):
+    domain = load_domain(copy_domain(tmp_path / "d", recorded, "seconds = 3\nrate = 10"))
+    sense = domain.senses[0]
+    for seconds, points in ((2, 21), (5.95, 61), (30, 61)):
+        options = TrainingOptions("summaries", seconds=seconds)
+        data = make_training_data(domain, sense, options, 0)
+        assert data.dataset.trajectories.shape[2] == points
+        assert (
+            data.signals.simulate([{"intention": "interested"}], np.random.default_rng(0)).shape[2] == points
+        )
+    (notes,) = [note for note in data.dataset.notes if "shorter" in note]
+    assert notes == "40 of 40 tracks are shorter than 30 s and used whole: 20 interested, 20 not_interested"
+
+
+def test_the_last_seconds_of_simulated_tracks(tmp_path, recorded):
+    domain = load_domain("intention")
+    sense, people = domain.senses[0], [{"intention": "interested"}] * 3
+    whole = make_training_data(domain, sense, TrainingOptions(tracks=20), 0)
+    last = make_training_data(domain, sense, TrainingOptions(tracks=20, seconds=2), 0)
+    assert np.array_equal(last.dataset.trajectories, whole.dataset.trajectories[:, :, -62:])
+    assert np.array_equal(last.dataset.trajectories, whole.dataset.last(2).trajectories)
+    signals = [data.signals.simulate(people, np.random.default_rng(0)) for data in (whole, last)]
+    assert np.array_equal(signals[0][:, :, -62:], signals[1])
+    stored = tmp_path / "classifier.npz"
+    trained = train_classifier(domain, sense, TrainingOptions("summaries", tracks=40, rate=5)).trained
+    assert (trained.estimator[0].rate, trained.estimator[1].rate) == (5, 5)
+    save_classifier(trained, stored)
+    loaded = load_trained(domain, sense, StoredOptions(stored, seconds=2))
+    assert np.array_equal(loaded.signals.simulate(people, np.random.default_rng(0)), signals[1])
+    with pytest.raises(DataError, match="features have no duration"):
+        CutSignals(RecordedSignals("intention", TABLE), slice(-3, None)).simulate(
+            people, np.random.default_rng(0)
+        )
+    with pytest.raises(DataError, match="features have no duration"):
+        TABLE.last(2)
 
 
 @pytest.mark.parametrize(

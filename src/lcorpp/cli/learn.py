@@ -258,8 +258,8 @@ def _check_options(
         DataError: the change that ends the run or its confidence is out of range, there are too few tracks, a
             learner or the device is unknown, or a learner cannot learn from soft labels.
     """
+    from lcorpp.experiments.classifier_training import make_untrained
     from lcorpp.experiments.setup import TrainingOptions
-    from lcorpp.learning import learner
     from lcorpp.learning.classifiers.registry import DEFAULTS, check_weighted
 
     if math.isnan(epsilon):
@@ -273,9 +273,7 @@ def _check_options(
             name = training.learner or DEFAULTS["motion"]
             if ":" not in name and training.device.split(":")[0] not in DEVICES:
                 raise DataError(f"--device {training.device}: {expected_one_of(DEVICES)}")
-            estimator = learner(
-                name, epochs=training.epochs, device=training.device, features=training.features
-            )
+            estimator = make_untrained(training)
             if soft_labels:
                 check_weighted(name, estimator)
 

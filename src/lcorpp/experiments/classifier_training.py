@@ -67,7 +67,7 @@ def train_classifier(
     """
     check_type(domain, Domain, "the domain", DomainError)
     goal = None if options.threshold is None else parse_goal(sense, options.threshold)
-    _make_untrained(options)  # reject options before the work
+    make_untrained(options)  # reject options before the work
     coverage = evidence.kind(sense.name).coverage or COVERAGE
     data = make_training_data(domain, sense, options, seed)
     options = choose_learner(options, data.dataset)
@@ -152,15 +152,21 @@ def load_trained(
 def find_storage_problem(options: TrainingOptions) -> str | None:
     """Return the reason why the classifier cannot be stored after training; None if it can."""
     try:
-        check_storable(_make_untrained(options))
+        check_storable(make_untrained(options))
     except DataError as error:
         return str(error)
     return None
 
 
-def _make_untrained(options: TrainingOptions) -> Any:
+def make_untrained(options: TrainingOptions) -> Any:
     """Return an estimator of the learner before the data are known; raises as `learner`."""
-    return learner(options.learner or DEFAULTS["motion"], epochs=options.epochs, device=options.device)
+    return learner(
+        options.learner or DEFAULTS["motion"],
+        epochs=options.epochs,
+        device=options.device,
+        features=options.features,
+        rate=options.rate,
+    )
 
 
 def _make_setup(

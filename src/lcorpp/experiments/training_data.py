@@ -16,7 +16,6 @@ from lcorpp.experiments.setup import READ_AS_IT_IS, ReadingOptions, TrainingOpti
 from lcorpp.learning import format_leakage_warning, learner, read_data, split
 from lcorpp.learning.classifiers.registry import DEFAULTS
 from lcorpp.learning.data.cleaning import MAX_GAP
-from lcorpp.learning.data.windows import count_window
 from lcorpp.learning.features.motion_features import MOTION_FEATURES
 from lcorpp.simulation.people import (
     CutSignals,
@@ -25,7 +24,7 @@ from lcorpp.simulation.people import (
     SimulatedSignals,
     simulate_dataset,
 )
-from lcorpp.values import Dataset
+from lcorpp.values import Dataset, count_window
 
 FOLDS = 5
 """Folds of every cross-validation."""

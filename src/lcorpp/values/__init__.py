@@ -35,6 +35,7 @@ from lcorpp.values.evidence_kind import (
 )
 from lcorpp.values.padding import (
     Lengths as Lengths,
+    count_window as count_window,
     cut_tracks as cut_tracks,
     measure_lengths as measure_lengths,
     stack_signals as stack_signals,

@@ -15,7 +15,14 @@ import numpy.typing as npt
 from lcorpp.errors import DataError
 from lcorpp.notebook import join_some
 from lcorpp.values.arrays import Array, freeze
-from lcorpp.values.padding import Lengths, measure_lengths, stack_signals, strip_padding
+from lcorpp.values.padding import (
+    Lengths,
+    count_window,
+    cut_tracks,
+    measure_lengths,
+    stack_signals,
+    strip_padding,
+)
 
 CHANNELS = ("x", "y", "velocity", "heading", "facing")
 """The channels of motion: position (m), speed (m/s), direction of motion and of the body (rad)."""
@@ -184,6 +191,17 @@ class Dataset:
             groups=(*self.groups, *(group for *_, group in cases)),
             weights=np.concatenate([self.weights, [weight for _, _, weight, _ in cases]]),
         )
+
+    def last(self, seconds: float) -> Dataset:
+        """Return the last seconds of each case, two time points at least.
+
+        Raises:
+            DataError: features have no duration.
+        """
+        if self.kind == "table":
+            raise DataError("features have no duration; expected no seconds to cut them to")
+        part = slice(-count_window(seconds, self.interval), None)
+        return replace(self, trajectories=cut_tracks(self.trajectories, part))
 
     def take(self, rows: npt.ArrayLike) -> Dataset:
         """Return the data set of the given rows, in their order. rows: (k,) indices."""

@@ -31,6 +31,11 @@ def strip_padding(track: Array) -> Array:
     return track[:, : int(measure_lengths(track[None])[0])]
 
 
+def count_window(seconds: float, interval: float) -> int:
+    """Return the number of time points of a window, at least two."""
+    return max(2, round(seconds / interval) + 1)
+
+
 def cut_tracks(tracks: Array, part: slice) -> Array:
     """(cases, channels, time points) a part of each track, e.g. slice(-90, None), its last 90 time points."""
     return stack_signals([strip_padding(track)[:, part] for track in tracks]) if len(tracks) else tracks

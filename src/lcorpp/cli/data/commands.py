@@ -128,6 +128,7 @@ def describe(
     repair: RepairOption = None,
     robot: RobotOption = None,
     gap: GapOption = None,
+    seconds: options.SecondsOption = None,
     report: Annotated[Path | None, typer.Option(help="CSV file to write, one line per repair.")] = None,
     seed: options.SeedOption = 0,
 ) -> None:
@@ -148,9 +149,13 @@ def describe(
     if features is not None:
         if label_file is not None or robot is not None or gap is not None:
             raise DataError(f"{path}: has no tracks; --label-file, --robot and --gap are for tracks")
+        if seconds is not None:
+            features = features.last(seconds)
         print_features(features, path, repairs)
     else:
         recording = _read(path, label, label_file, repair, robot, gap)
+        if seconds is not None:
+            recording = recording.last(seconds)
         print_description(recording, path, seed)
         repairs = recording.repairs
     if report is not None:

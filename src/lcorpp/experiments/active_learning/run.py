@@ -17,10 +17,12 @@ from lcorpp.experiments.active_learning.senses import ActiveLearningOptions, Lea
 from lcorpp.experiments.active_learning.training import SenseTrainer
 from lcorpp.experiments.decision_log import DecisionLog
 from lcorpp.experiments.robot_parts import RobotParts
-from lcorpp.experiments.setup import ProgressDisplay, no_progress
+from lcorpp.experiments.setup import ProgressDisplay, TrainingOptions, no_progress
 from lcorpp.protocols import Planner
 from lcorpp.simulation.people_stream import PeopleStream
 from lcorpp.values import Dataset
+
+DEFAULTS = TrainingOptions()
 
 
 def open_run_store(
@@ -39,6 +41,9 @@ def open_run_store(
             "epochs": training.epochs,
             "labels": "soft" if options.soft_labels else "hard",
         }
+        for key in ("features", "rate"):  # older checkpoints have the default ones
+            if (value := getattr(training, key)) != getattr(DEFAULTS, key):
+                own[key] = str(value)
         settings |= {key if number == 0 else f"{name} {key}": value for key, value in own.items()}
     datasets = {name: data.dataset for name, data in senses.data.items()}
     classes = {name: domain.find_sense(name).classes for name in datasets}

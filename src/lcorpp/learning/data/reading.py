@@ -23,10 +23,10 @@ from lcorpp.learning.data.repairs import RepairLog, RowSource
 from lcorpp.learning.data.table import has_table_columns, read_table
 from lcorpp.learning.data.tracks import Recording, Track
 from lcorpp.learning.data.units import convert_units, note_implausible
-from lcorpp.learning.data.windows import INTERVAL, POINTS, count_window, to_dataset
+from lcorpp.learning.data.windows import INTERVAL, POINTS, to_dataset
 from lcorpp.learning.store import Snapshot, is_store, read_store
 from lcorpp.notebook import join_some
-from lcorpp.values import Dataset, cut_tracks, stack_signals
+from lcorpp.values import Dataset, count_window, stack_signals
 
 Format = Literal["authors", "npz", "store", "parquet", "atc", "long", "table"]
 
@@ -78,9 +78,8 @@ def read_data(
         whole = _read_rectangular(Path(path), kind, labels, RepairLog(repair), progress)
         if all(argument is None for argument in changes):
             return whole
-        if whole.kind == "series" and not any((interval, channels, robot, label_file)):
-            part = slice(-(points or count_window(seconds or 0, whole.interval)), None)
-            return replace(whole, trajectories=cut_tracks(whole.trajectories, part))
+        if seconds is not None and whole.kind == "series" and changes.count(None) == len(changes) - 1:
+            return whole.last(seconds)
         if whole.kind != "motion":
             raise DataError(
                 f"{path}: has no tracks of motion, but {join_some(whole.channels)}; durations, rates, poses"

@@ -20,6 +20,9 @@ COLUMNS = ("x", "y", "z", "velocity", "heading", "facing")
 ANGLES = ("heading", "facing")
 """Columns that are angles, in radians."""
 
+CLOCK_TOLERANCE = 1e-6
+"""Seconds that may be missing in the duration of a track: rounding of the clock."""
+
 MAX_NUMBER = 1e9
 """Maximum size of a coordinate or speed in any unit; squares of larger numbers lose precision."""
 
@@ -111,6 +114,13 @@ class Track:
         speeds: Array = np.hypot(step[0], step[1]) / np.diff(self.times)
         return speeds
 
+    def last(self, seconds: float) -> Track:
+        """Return the last seconds of the track, two samples at least."""
+        first = int(np.searchsorted(self.times, self.times[-1] - seconds - CLOCK_TOLERANCE))
+        first = min(first, len(self) - 2)
+        columns = {name: values[first:] for name, values in self.columns.items()}
+        return replace(self, times=self.times[first:], columns=columns)
+
     def in_robot_frame(self, x: float, y: float, angle: float) -> Track:
         """Transform positions and angles to the frame of a robot at (x, y), m, that faces `angle`, rad."""
         cosine, sine = np.cos(angle), np.sin(angle)
@@ -181,6 +191,10 @@ class Recording:
     def channels(self) -> tuple[str, ...]:
         """Channels of a `Dataset` that every track has, in the order of `CHANNELS`."""
         return tuple(name for name in CHANNELS if all(name in track.columns for track in self.tracks))
+
+    def last(self, seconds: float) -> Recording:
+        """Return the last seconds of every track; see `Track.last`."""
+        return replace(self, tracks=tuple(track.last(seconds) for track in self.tracks))
 
     def in_robot_frame(self, x: float, y: float, angle: float) -> Recording:
         """Transform all tracks to the frame of a robot; see `Track.in_robot_frame`."""

@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 
 from lcorpp.errors import DataError, expected_one_of
-from lcorpp.learning.data.tracks import ANGLES, Recording, Track, wrap_angle
+from lcorpp.learning.data.tracks import ANGLES, CLOCK_TOLERANCE, Recording, Track, wrap_angle
 from lcorpp.values import CHANNELS, Array, Dataset, stack_signals
 
 INTERVAL, POINTS = 0.033, 304
@@ -17,9 +17,6 @@ INTERVAL, POINTS = 0.033, 304
 
 MIN_SECONDS = 1.0
 """Shorter tracks are left out."""
-
-CLOCK_TOLERANCE = 1e-6
-"""Intervals that may be missing in the duration of a track: rounding of the clock."""
 
 End = Literal["last", "first"]
 
@@ -114,16 +111,11 @@ def extract_window(track: Track, channels: Sequence[str], interval: float, point
     )
 
 
-def count_window(seconds: float, interval: float) -> int:
-    """Return the number of points of a window, at least two."""
-    return max(2, round(seconds / interval) + 1)
-
-
 def count_points(duration: float, interval: float, points: int) -> int:
     """Return the number of points of a track: all, if less than half an interval is missing for the last."""
     if duration > (points - 1) * interval - interval / 2:
         return points
-    return 1 + int(duration / interval + CLOCK_TOLERANCE)
+    return 1 + int((duration + CLOCK_TOLERANCE) / interval)
 
 
 def _check_track(track: Track, channels: Sequence[str]) -> None:
