@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from lcorpp.decision import Batch, ResumePoint, TrainedSense, lcorpp
+from lcorpp.decision.stopping import choose_epsilon
 from lcorpp.errors import DecisionError
 from lcorpp.values import ConfusionMatrix, Dataset, Instance
 from tests.decision.fakes import (
@@ -26,7 +27,7 @@ def run(
     counts: list[list[list[float]]],
     *,
     batch_size: int = 3,
-    epsilon: float = 0.05,
+    epsilon: float | None = 0.05,
     confidence: float = 0,
     soft_labels: bool = False,
 ) -> tuple[list[Batch], list]:
@@ -94,6 +95,16 @@ def test_equal_matrices_of_few_cases_do_not_end_the_loop():
     assert [batch.converged for batch in batches] == [False, False, False, True]
     assert batches[1].change.estimate == 0 < batches[1].change.high
     assert batches[1].changes["eyes"] is batches[1].change
+
+
+def test_the_default_epsilon_grows_with_the_classes():
+    """SSUB adds up all rates. Between these matrices it is a little below .18."""
+    first, second = [[800, 200], [200, 800]], [[755, 245], [245, 755]]
+    batches, _ = run([first, second], epsilon=None)
+    assert [batch.converged for batch in batches] == [False, True]
+    assert batches[1].change.estimate == pytest.approx(0.18, abs=0.001)
+    assert choose_epsilon(None, 2) == 0.18 < choose_epsilon(None, 3)
+    assert choose_epsilon(0.05, 3) == 0.05
 
 
 def test_a_run_without_data_goes_on_until_the_classifier_is_trained():

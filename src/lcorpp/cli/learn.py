@@ -60,13 +60,14 @@ def learn(
         int, typer.Option(min=1, max=options.MAX_TRACKS, help="K: decisions between two trainings.")
     ] = 100,
     epsilon: Annotated[
-        float,
+        float | None,
         typer.Option(
             min=0,
             help="Stop when no confusion matrix changes by more than this, which is the sum of the absolute"
             " differences of its rates.",
+            show_default=".09 for each class",
         ),
-    ] = 0.2,
+    ] = None,
     confidence: Annotated[
         float,
         typer.Option(
@@ -245,7 +246,7 @@ def learn(
 
 
 def _check_options(
-    epsilon: float,
+    epsilon: float | None,
     confidence: float,
     tracks: int | None,
     sources: Mapping[str, ClassifierOptions],
@@ -262,7 +263,7 @@ def _check_options(
     from lcorpp.experiments.setup import TrainingOptions
     from lcorpp.learning.classifiers.registry import DEFAULTS, check_weighted
 
-    if math.isnan(epsilon):
+    if epsilon is not None and math.isnan(epsilon):
         raise DataError("--epsilon nan: expected a number from 0")
     if not confidence < 1:
         raise DataError(f"--confidence {confidence:g}: expected a number from 0, below 1")

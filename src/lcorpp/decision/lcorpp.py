@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from lcorpp.decision.dt_control import Robot, dt_control
-from lcorpp.decision.stopping import compute_change
+from lcorpp.decision.stopping import choose_epsilon, compute_change
 from lcorpp.errors import DecisionError
 from lcorpp.protocols import Classifier, DomainInterface, Planner, Reasoner, World
 from lcorpp.values import ConfusionMatrix, Dataset, Distribution, Episode, Instance, Interval, track_hash
@@ -97,7 +97,7 @@ def lcorpp(
     domain: DomainInterface,
     collect: Callable[[], tuple[Instance, World]],
     batch_size: int,
-    epsilon: float,
+    epsilon: float | None = None,
     confidence: float = CONFIDENCE,
     other_classifiers: Mapping[str, Classifier] = {},
     listener: Callable[[Instance, Episode], None] = lambda _instance, _episode: None,
@@ -119,8 +119,8 @@ def lcorpp(
         domain: translates between the parts.
         collect: returns a new instance and the world in which to act on it: line 8.
         batch_size: K, the number of decisions between two trainings.
-        epsilon: the loop ends when no confusion matrix changes by more than this ...
-        confidence: ... with this probability, see `compute_change`; 0 compares the estimates, as the paper.
+        epsilon: the loop ends when no confusion matrix changes by more than this; default: `choose_epsilon`.
+        confidence: with this probability, see `compute_change`; 0 compares the estimates, as the paper does.
         other_classifiers: of the senses that do not learn.
         listener: called after every decision.
         soft_labels: a case counts for each class with the weight of the belief at the report, instead of for
@@ -142,7 +142,7 @@ def lcorpp(
         raise DecisionError("no sense learns; expected a data set of at least one")
     if batch_size < 1:
         raise DecisionError(f"the batch size K must be at least 1, not {batch_size}")
-    if not epsilon >= 0:
+    if epsilon is not None and not epsilon >= 0:
         raise DecisionError(f"the threshold epsilon must be at least 0, not {epsilon}")
     if not 0 <= confidence < 1:
         raise DecisionError(f"the confidence must be at least 0 and below 1, not {confidence}")
@@ -192,10 +192,12 @@ def _train_all(
     return senses
 
 
-def has_converged(senses: Senses, changes: Mapping[str, Interval], epsilon: float) -> bool:
+def has_converged(senses: Senses, changes: Mapping[str, Interval], epsilon: float | None) -> bool:
     """Return whether all classifiers are trained and every interval of a change ends by epsilon."""
-    is_small = all(change.high <= epsilon for change in changes.values())
-    return is_small and all(sense.is_trained for sense in senses.values())
+    return all(
+        sense.is_trained and changes[name].high <= choose_epsilon(epsilon, len(sense.confusion.classes))
+        for name, sense in senses.items()
+    )
 
 
 def augment(

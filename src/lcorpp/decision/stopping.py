@@ -11,6 +11,14 @@ from lcorpp.values import Array, ConfusionMatrix, Interval
 N_DRAWS = 20_000
 """Draws from the posteriors of the rates; with another seed the width of an interval differs by about 1 %."""
 
+EPSILON_PER_CLASS = 0.09
+"""Default epsilon, for each class. Each of two rates then is within about .05 when Algorithm 1 stops."""
+
+
+def choose_epsilon(epsilon: float | None, n_classes: int) -> float:
+    """Return epsilon, or its default: SSUB adds up the changes of all classes, so that it grows with them."""
+    return EPSILON_PER_CLASS * n_classes if epsilon is None else epsilon
+
 
 def compute_change(before: ConfusionMatrix, after: ConfusionMatrix, confidence: float) -> Interval:
     """Return by how much the rates of two confusion matrices differ, with the interval of the true change.

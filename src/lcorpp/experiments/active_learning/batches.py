@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from lcorpp.decision import Batch
+from lcorpp.decision.stopping import choose_epsilon
 from lcorpp.domains import Domain
 from lcorpp.experiments.scoring.decision_scores import score_decisions
 from lcorpp.experiments.scoring.metrics import Scores, get_format, make_cells
@@ -66,16 +67,20 @@ class BatchResult:
         return f"<BatchResult {self.batch.number}: {self.summary()}>"
 
 
-def explain_end(batch: Batch, epsilon: float) -> str:
+def explain_end(batch: Batch, epsilon: float | None) -> str:
     """Return why a run of Algorithm 1 ends after a batch, in one sentence."""
     if not all(sense.is_trained for sense in batch.senses.values()):
         return f"stopped after {batch.number} batches; not all classifiers could be trained"
-    change = batch.change
+    limits = {
+        name: choose_epsilon(epsilon, len(sense.confusion.classes)) for name, sense in batch.senses.items()
+    }
+    name = max(limits, key=lambda name: batch.changes[name].high - limits[name])
+    change, matrix = batch.changes[name], f"the confusion matrix{f' of {name}' if len(limits) > 1 else ''}"
     known = f"with {100 * change.confidence:g} % confidence " if change.confidence else ""
     text = f"{known}it changed by at most {change.high:.3f},"
     if batch.converged:
-        return f"the confusion matrix has converged: {text} not above {epsilon:g}"
-    text = f"the confusion matrix has not converged: {text} above {epsilon:g}"
+        return f"{matrix} has converged: {text} not above {limits[name]:g}"
+    text = f"{matrix} has not converged: {text} above {limits[name]:g}"
     return f"stopped after {batch.number} batches; {text}"
 
 

@@ -20,9 +20,6 @@ from lcorpp.experiments.setup import (
 )
 from lcorpp.experiments.training_data import TrainingData, choose_learner, make_training_data
 
-EPSILON = 0.2
-"""The change of a confusion matrix at which Algorithm 1 stops, by default."""
-
 
 @dataclass(frozen=True)
 class ActiveLearningOptions:
@@ -36,7 +33,7 @@ class ActiveLearningOptions:
         for the reported class alone.
     batch_size: K, decisions between two trainings.
     epsilon, confidence: the run ends when no confusion matrix changes by more than this, with this
-        probability.
+        probability; the default of epsilon depends on the number of classes.
     max_batches: the run ends after this many batches.
     seed: of all random numbers. jobs: processes for training.
     """
@@ -45,7 +42,7 @@ class ActiveLearningOptions:
     evidence: EvidenceOptions = HARD_LABELS
     soft_labels: bool = False
     batch_size: int = 100
-    epsilon: float = EPSILON
+    epsilon: float | None = None
     confidence: float = CONFIDENCE
     max_batches: int = 20
     seed: int = 0
