@@ -61,7 +61,9 @@ def test_describe_the_last_seconds(lcorpp, tmp_path):
         np.random.default_rng(0).normal(size=(4, 1, 11)), ("a", "b") * 2, channels=("pitch",), interval=1
     )
     save_dataset(series.append([(np.ones((1, 3)), "a")], ["x"]), tmp_path / "series.npz")
-    assert "1 channels; 2 to 10 s every 1 s" in lcorpp("data", "describe", tmp_path / "series.npz").out
+    described = lcorpp("data", "describe", tmp_path / "series.npz").out
+    assert "1 channels; 2 to 10 s every 1 s" in described
+    assert "\n  duration        0." in described
     cut = lcorpp("data", "describe", tmp_path / "series.npz", "--seconds", 3).out
     assert "1 channels; 2 to 3 s every 1 s" in cut
     (tmp_path / "table.csv").write_text("a,label\n1,x\n2,y\n")

@@ -164,8 +164,7 @@ def read_training_data(
         robot=reading.robot,
         gap=MAX_GAP if reading.gap is None else reading.gap,
     )
-    is_motion = dataset.kind == "motion"
-    if is_motion:
+    if dataset.kind == "motion":
         dataset = _drop_unused_channels(dataset, features)
     unknown = sorted(set(dataset.labels) - set(sense.classes))
     if unknown:
@@ -182,7 +181,7 @@ def read_training_data(
         )
     try:
         train, test = split(dataset, seed=seed)
-        leak = format_leakage_warning(train) if is_motion else None
+        leak = format_leakage_warning(train)
     except DataError as error:
         raise DataError(f"{path}: {error}") from None
     unit = dataset.unit

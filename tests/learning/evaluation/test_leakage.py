@@ -1,12 +1,14 @@
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from lcorpp.errors import DataError
 from lcorpp.learning import Recording, Track, format_leakage_warning, measure_leakage
 from lcorpp.learning.evaluation.leakage import _compute_mean_auc, compute_shortcut_features
-from lcorpp.values import Dataset
+from lcorpp.values import Dataset, stack_signals
 from tests.learning.data.texts import crowd
 from tests.learning.walkers import walkers
 
@@ -140,6 +142,22 @@ def test_folds_keep_groups_whole():
     assert by_name(Dataset(tracks, labels), n_splits=1)["end position"].auc.estimate > 0.75
 
 
+@pytest.mark.parametrize("channels", [("x", "y"), ("pitch", "loudness"), ("x", "velocity")])
+def test_a_leak_by_the_length_of_tracks_is_detected(channels):
+    rng = np.random.default_rng(0)
+    tracks = rng.normal(size=(40, 2, 20)).cumsum(axis=2)
+    data = Dataset(tracks, ("a", "b") * 20, channels=channels)
+    lengths = np.where(rng.random(40) < 0.1, 5, 12) + 8 * (np.arange(40) % 2)
+    cut = replace(data, trajectories=stack_signals([t[:, :n] for t, n in zip(tracks, lengths, strict=True)]))
+    assert by_name(data)["duration"].auc.estimate == 0.5
+    assert by_name(cut)["duration"].is_suspicious
+    assert len(by_name(cut)) == (4 if channels == ("x", "y") else 1)
+    warning = format_leakage_warning(cut)
+    assert "from duration alone (AUC 1.00)" in warning
+    assert warning.endswith("a classifier may learn how long tracks last.")
+    assert format_leakage_warning(data) is None
+
+
 def test_three_classes_are_measured_and_missing_requirements_are_errors():
     assert by_name(walkers(90, classes=3), n_splits=1)["end position"].auc.estimate < 0.75
     with pytest.raises(DataError, match="two classes; all 6 tracks are slow"):
@@ -151,8 +169,8 @@ def test_three_classes_are_measured_and_missing_requirements_are_errors():
         measure_leakage(Recording((first, Track("1", second.times, second.columns))))
     with pytest.raises(DataError, match="at least 1 split, not 0"):
         measure_leakage(walkers(), n_splits=0)
-    with pytest.raises(DataError, match="the channels x and y; there are x"):
-        measure_leakage(Dataset(np.zeros((4, 1, 3)), ("a", "b") * 2, channels=("x",)))
+    with pytest.raises(DataError, match="tracks over time; the data are features"):
+        measure_leakage(Dataset(np.zeros((4, 1)), ("a", "b") * 2))
     with pytest.raises(DataError, match="two classes; there are no tracks"):
         measure_leakage(Recording(()))
     assert format_leakage_warning(walkers(6)) is None  # `check_trainable` has the better message

@@ -151,7 +151,7 @@ def describe(
             raise DataError(f"{path}: has no tracks; --label-file, --robot and --gap are for tracks")
         if seconds is not None:
             features = features.last(seconds)
-        print_features(features, path, repairs)
+        print_features(features, path, repairs, seed)
     else:
         recording = _read(path, label, label_file, repair, robot, gap)
         if seconds is not None:

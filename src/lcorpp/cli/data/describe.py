@@ -58,8 +58,8 @@ def print_description(recording: Recording, path: Path, seed: int) -> None:
         emit(f"note: {note}", style="yellow")
 
 
-def print_features(dataset: Dataset, path: Path, repairs: Sequence[Repair]) -> None:
-    """Print counts, the range of each channel or feature, and repairs, of data that are no motion."""
+def print_features(dataset: Dataset, path: Path, repairs: Sequence[Repair], seed: int) -> None:
+    """Print counts, ranges, repairs and the leak check of features, or of channels that are no motion."""
     emit, people = console.out.print, len(set(dataset.groups))
     if dataset.kind == "table":
         kind, over_time = "features", ""
@@ -88,6 +88,8 @@ def print_features(dataset: Dataset, path: Path, repairs: Sequence[Repair]) -> N
     repeated = len(dataset) - len({case.tobytes() for case in dataset.trajectories})
     emit(f"repeated cases: {repeated or 'none'}")
     _print_repairs(repairs)
+    if dataset.kind == "series":
+        _print_leaks(dataset, seed)
     _print_recommendation(dataset.kind, dataset.labels)
     for note in dataset.notes:
         emit(f"note: {note}", style="yellow")
@@ -130,10 +132,10 @@ def _print_repairs(repairs: Sequence[Repair]) -> None:
         )
 
 
-def _print_leaks(recording: Recording, seed: int) -> None:
+def _print_leaks(data: Dataset | Recording, seed: int) -> None:
     emit = console.out.print
     try:
-        leaks = measure_leakage(recording, seed=seed)
+        leaks = measure_leakage(data, seed=seed)
     except DataError as error:
         emit(f"leak check: not possible: {error}")
         return

@@ -88,7 +88,8 @@ def measure_leakage(
     """Measure how well start and end position, duration and sampling alone predict the labels of `data`.
 
     Of a `Dataset` the duration is that of each track without padding, and of the sampling only traces of an
-    earlier resampling are left. A `Recording` still has the original sampling.
+    earlier resampling are left. A `Recording` still has the original sampling. Of a series without x and y
+    the duration alone is measured.
 
     Args:
         n_splits: number of random splits into folds; the AUC is their mean.
@@ -98,27 +99,28 @@ def measure_leakage(
         One score for every entry of `SHORTCUTS`, in this order, also if it is at chance.
 
     Raises:
-        DataError: there are not two classes, each in two groups or more; a track has no label or position; or
-            `n_splits` is below 1.
+        DataError: there are not two classes, each in two groups or more; a track has no label; the data are
+            features without time; or `n_splits` is below 1.
     """
     if n_splits < 1:
         raise DataError(f"a leak check needs at least 1 split, not {n_splits}")
     missing = _find_missing_requirement(data)
     if missing is not None:
         raise DataError(f"a leak check needs {missing}")
-    recording = to_recording(data) if isinstance(data, Dataset) else data
-    labels = np.array([str(label) for label in recording.labels])
-    groups = np.array([track.group for track in recording.tracks])
-    features = [compute_shortcut_features(track) for track in recording.tracks]
+    labels, groups = map(np.array, _list_labels_and_groups(data))
+    strata = dict.fromkeys(SHORTCUTS, np.zeros(len(labels), dtype=np.intp))
+    if isinstance(data, Dataset) and not (data.kind == "motion" and {"x", "y"} <= set(data.channels)):
+        features = {"duration": data.lengths[:, None].astype(np.float64)}
+    else:
+        tracks = (to_recording(data) if isinstance(data, Dataset) else data).tracks
+        rows = [compute_shortcut_features(track) for track in tracks]
+        features = {name: np.stack([row[name] for row in rows]) for name in SHORTCUTS}
+        strata["start position"] = _stratify_by_way(tracks)
     folds = np.stack([_assign_folds(labels, groups, seed + split) for split in range(n_splits)])
-    everyone = np.zeros(len(labels), dtype=np.intp)
-    strata = dict.fromkeys(SHORTCUTS, everyone) | {"start position": _stratify_by_way(recording.tracks)}
     with threadpool_limits(1):  # small matrices: threads on busy cores would only wait for each other
         return tuple(
-            _measure_shortcut(
-                name, np.stack([each[name] for each in features]), labels, groups, folds, strata[name], seed
-            )
-            for name in SHORTCUTS
+            _measure_shortcut(name, numbers, labels, groups, folds, strata[name], seed)
+            for name, numbers in features.items()
         )
 
 
@@ -136,6 +138,8 @@ def format_leakage_warning(data: Dataset | Recording) -> str | None:
     if not suspicious:
         return None
     shortcuts = " and ".join(f"{score.name} alone (AUC {score.auc.estimate:.2f})" for score in suspicious)
+    if {score.name for score in suspicious} == {"duration"}:
+        return f"The label can be predicted from {shortcuts}: a classifier may learn how long tracks last."
     return (
         f"The label can be predicted from {shortcuts}: a classifier that sees positions or every sample may"
         " learn places and recordings, not intentions; give it motion relative to the first point, at a low"
@@ -146,15 +150,13 @@ def format_leakage_warning(data: Dataset | Recording) -> str | None:
 def _find_missing_requirement(data: Dataset | Recording) -> str | None:
     """Return what `measure_leakage` needs and `data` lack; None if nothing."""
     if isinstance(data, Dataset):
-        labels, groups = data.labels, data.groups
-        if not {"x", "y"} <= set(data.channels):
-            return f"the channels x and y; there are {', '.join(data.channels)}"
+        if data.kind == "table":
+            return "tracks over time; the data are features"
     else:
         for track in data.tracks:
             if track.label is None:
                 return f"labels; track {track.id!r} has none"
-        labels = tuple(map(str, data.labels))
-        groups = tuple(track.group for track in data.tracks)
+    labels, groups = _list_labels_and_groups(data)
     groups_of: dict[str, set[str]] = {}
     for label, group in zip(labels, groups, strict=True):
         groups_of.setdefault(label, set()).add(group)
@@ -165,6 +167,12 @@ def _find_missing_requirement(data: Dataset | Recording) -> str | None:
         if len(members) < 2:
             return f"every class in two groups; {name} is in {len(members)}"
     return None
+
+
+def _list_labels_and_groups(data: Dataset | Recording) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    if isinstance(data, Dataset):
+        return data.labels, data.groups
+    return tuple(map(str, data.labels)), tuple(track.group for track in data.tracks)
 
 
 def _measure_shortcut(
