@@ -73,30 +73,42 @@ def test_a_person_with_many_cases_counts_once():
     )
     for by_class in (True, False):
         expected = fit_prediction_sets(once, 0.8, by_class=by_class).floors
-        assert fit_prediction_sets(often, 0.8, by_class=by_class).floors.tolist() == expected.tolist()
+        sets = fit_prediction_sets(often, 0.8, by_class=by_class)
+        assert sets.floors.tolist() == expected.tolist()
+        assert sets.counts.sum(axis=0) == pytest.approx([20, 20])
     halves = replace(often, groups=(), weights=np.full(len(repeated), 0.5))
     assert fit_prediction_sets(halves, 0.8).counts.sum() == len(repeated) / 2
 
 
-@pytest.mark.parametrize("classes", [2, 3])
-def test_coverage_over_many_data_sets(classes):
-    """Of classifiers trained on all cases, for new people; and of the reported out-of-fold sets."""
+@pytest.mark.parametrize(("classes", "many"), [(2, 1), (3, 1), (2, 20), (3, 20)])
+def test_coverage_over_many_data_sets(classes, many):
+    """Of classifiers trained on all cases, for new people; and of the reported out-of-fold sets.
+
+    Some people have many cases that are alike, and other ones than people with one.
+    """
     rng = np.random.default_rng(classes)
     names, covered, reported = np.array(list("abc"[:classes])), [], []
 
     def draw(n):
         truth = rng.choice(classes, n, p=[0.2, 0.8] if classes == 2 else [0.2, 0.3, 0.5])
-        return rng.normal(size=(n, 2)) + np.array([(0, 0), (1.5, 0), (0, 1.5)])[truth], truth
+        x = rng.normal(size=(n, 2)) + np.array([(0, 0), (1.5, 0), (0, 1.5)])[truth]
+        cases = np.where(rng.random(n) < 0.2, many, 1)
+        person = np.repeat(np.arange(n), cases)
+        x[cases > 1] /= 3
+        return x[person] + (many > 1) * rng.normal(0, 0.3, (len(person), 2)), truth[person], person
 
     for _ in range(40):
-        x, truth = draw(300)
-        new_x, new_truth = draw(2000)
-        dataset = Dataset(x, tuple(names[truth]), channels=("u", "v"))
+        x, truth, person = draw(300)
+        new_x, new_truth, new_person = draw(2000)
+        share = 1 / np.bincount(new_person)[new_person]
+        dataset = Dataset(x, tuple(names[truth]), groups=tuple(map(str, person)), channels=("u", "v"))
         trained, validation = train_and_validate(LogisticRegression(), dataset)
         for sets in (trained.prediction_sets, fit_prediction_sets(validation, 0.95)):
-            assert sets.counts.sum() == 300
+            assert sets.counts.sum() == pytest.approx(300)
         members = trained.prediction_sets.contains(trained.probabilities(new_x))
-        covered.append([members[new_truth == c, c].mean() for c in range(classes)])
+        covered.append(
+            [np.average(members[new_truth == c, c], weights=share[new_truth == c]) for c in range(classes)]
+        )
         reported.append([part.estimate for part in trained.prediction_sets.coverages])
     for each in (covered, reported):
         means = np.mean(each, axis=0)

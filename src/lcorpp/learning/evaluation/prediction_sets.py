@@ -38,8 +38,8 @@ class PredictionSets:
     coverage: the intended fraction of cases whose set contains the true class.
     floors: (K,) a class is in the set if its probability is at least this; 0 if it always is.
     best: (outcomes,) the column of the most probable class. members: (outcomes, K) the classes in the set.
-    counts: (outcomes, K) out-of-fold cases of each true class, by weight; the sets of a fold have the floors
-        of the other folds.
+    counts: (outcomes, K) out-of-fold people of each true class, by weight; the cases of a person share a
+        count of 1, and the sets of a fold have the floors of the other folds.
     """
 
     classes: tuple[str, ...]
@@ -90,17 +90,17 @@ class PredictionSets:
     def likelihoods(self, probabilities: Array) -> list[Likelihood]:
         """The likelihood of each case (cases, K): P(most probable class and set | class).
 
-        It is the posterior mean of multinomial rates. The prior counts as one case of each class, spread over
-        the outcomes as if the most probable class and the members of the set were independent.
+        It is the posterior mean of multinomial rates. The prior counts as one person of each class, spread
+        over the outcomes as if the most probable class and the members of the set were independent.
         """
-        k, cases = len(self.classes), self.counts.sum(axis=0)
-        best_rates = (np.eye(k)[self.best].T @ self.counts + 0.5) / (cases + k / 2)
-        member_rates = (self.members.T.astype(float) @ self.counts + 0.5) / (cases + 1)
+        k, people = len(self.classes), self.counts.sum(axis=0)
+        best_rates = (np.eye(k)[self.best].T @ self.counts + 0.5) / (people + k / 2)
+        member_rates = (self.members.T.astype(float) @ self.counts + 0.5) / (people + 1)
         result = []
         for best, inside in zip(probabilities.argmax(axis=1), self.contains(probabilities), strict=True):
             prior = best_rates[best] * np.where(inside[:, None], member_rates, 1 - member_rates).prod(axis=0)
             counts = self._counts_of.get((int(best), inside.tobytes()), np.zeros(k))
-            result.append(Likelihood(self.classes, (counts + prior) / (cases + 1)))
+            result.append(Likelihood(self.classes, (counts + prior) / (people + 1)))
         return result
 
     @cached_property
@@ -110,23 +110,23 @@ class PredictionSets:
 
     @property
     def coverages(self) -> tuple[Interval, ...]:
-        """(K,) fraction of the cases of each class whose set contains it, with Jeffreys' 95 % interval."""
+        """(K,) fraction of the people of each class whose set contains it, with Jeffreys' 95 % interval."""
         covered = (self.members * self.counts).sum(axis=0)
         return tuple(map(jeffreys_interval, covered.tolist(), self.counts.sum(axis=0).tolist()))
 
     @property
     def mean_size(self) -> float:
-        """The mean number of classes in a set, over all cases."""
+        """The mean number of classes in a set, over all people."""
         return self._mean(self.members.sum(axis=1))
 
     @property
     def full(self) -> float:
-        """The fraction of cases whose set contains all classes: "don't know"."""
+        """The fraction of people whose set contains all classes: "don't know"."""
         return self._mean(self.members.all(axis=1))
 
     @property
     def empty(self) -> float:
-        """The fraction of cases whose set is empty: unlike the cases of every class."""
+        """The fraction of people whose set is empty: unlike the people of every class."""
         return self._mean(~self.members.any(axis=1))
 
     def _mean(self, of_outcome: npt.ArrayLike) -> float:
@@ -186,8 +186,7 @@ def fit_prediction_sets(
     groups = np.unique(validation.groups or np.arange(len(columns)), return_inverse=True)[1]
     p, k = validation.probabilities, len(validation.classes)
     parts = columns if by_class else np.zeros_like(columns)
-    _, index, cases = np.unique(groups * k + parts, return_inverse=True, return_counts=True)
-    masses, own = validation.weights / cases[index], p[np.arange(len(p)), columns]
+    masses, own = _share(validation.weights, groups * k + parts), p[np.arange(len(p)), columns]
 
     def find_floors(used: Members) -> Array:
         each = [used & (parts == part) for part in (range(k) if by_class else [0])]
@@ -200,11 +199,17 @@ def fit_prediction_sets(
         members[held_out] = p[held_out] >= find_floors(~held_out)
     outcomes, index = np.unique(np.column_stack([p.argmax(axis=1), members]), axis=0, return_inverse=True)
     counts = np.zeros((len(outcomes), k))
-    np.add.at(counts, (index.ravel(), columns), validation.weights)
+    np.add.at(counts, (index.ravel(), columns), _share(validation.weights, groups * k + columns))
     everyone = np.ones(len(p), dtype=bool)
     return PredictionSets(
         validation.classes, coverage, find_floors(everyone), outcomes[:, 0], outcomes[:, 1:] > 0, counts
     )
+
+
+def _share(weights: Array, owners: npt.NDArray[np.int64]) -> Array:
+    """(cases,) the weights, each divided by the number of cases with the same owner."""
+    _, index, cases = np.unique(owners, return_inverse=True, return_counts=True)
+    return np.asarray(weights / cases[index])
 
 
 def _find_floor(probabilities: Array, masses: Array, coverage: float) -> float:

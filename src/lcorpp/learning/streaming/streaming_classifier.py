@@ -164,8 +164,8 @@ class StreamingClassifier:
         """The current prediction for a person as a classifier for the decision loop.
 
         Its label is the same for any instance. Its `soft()` gives likelihoods, calibrated for the number of
-        points if there is a prefix calibration. Otherwise calibration, threshold and confusion matrix are
-        those of whole tracks; for early decisions, validate on `truncate`.
+        points if there is a prefix calibration. Otherwise calibration, threshold, prediction sets and
+        confusion matrix are those of whole tracks; for early decisions, validate on `truncate`.
 
         Raises:
             DataError: there is no prediction for the person yet.
