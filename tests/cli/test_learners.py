@@ -116,8 +116,9 @@ def test_evidence_now_and_from_the_file(lcorpp, tmp_path, kind):
     refused(other, f"prediction sets of coverage {report['coverage']}, not 0.9")
 
 
-def test_soft_evidence_of_three_rooms(lcorpp):
-    ended = lcorpp("run", ROOMS, *FEW, "--learner", "summaries", "--evidence", "soft")
+@pytest.mark.parametrize("kind", ["soft", "set"])
+def test_soft_evidence_of_three_rooms(lcorpp, kind):
+    ended = lcorpp("run", ROOMS, *FEW, "--learner", "summaries", "--evidence", kind)
     assert ended.code == 0, ended.err
     assert "true class lab (20 cases); predicted" in ended.out
 

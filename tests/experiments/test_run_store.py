@@ -16,7 +16,7 @@ from lcorpp.experiments.active_learning.checkpoint import CheckpointFolder
 from lcorpp.experiments.active_learning.run_store import RunStore
 from lcorpp.learning import learner, train_and_validate
 from lcorpp.learning.store import NewTrack, Store, read_store
-from lcorpp.values import ConfusionMatrix, Dataset, Distribution
+from lcorpp.values import ConfusionMatrix, Dataset, Distribution, EvidenceKind
 
 CLASSES = ("slow", "fast")
 BELIEF = Distribution(CLASSES, np.array([0.9, 0.1]))
@@ -138,10 +138,11 @@ def test_stored_decisions_contain_their_run_and_batch(opened, path):
     assert stored.extra["simulated"] == {"actual": "fast"}
 
 
-def test_a_soft_classifier_is_restored_from_the_checkpoint(opened):
+@pytest.mark.parametrize("evidence", ["soft", "set"])
+def test_a_soft_classifier_is_restored_from_the_checkpoint(opened, evidence):
     run_store = opened()
     first = batch(0, run_store.datasets()["walk"])
-    soft = first.senses["walk"].classifier.soft()
+    soft = first.senses["walk"].classifier.as_evidence(EvidenceKind(evidence))
     run_store.save_checkpoint(make_batch(0, DATA, soft, first.senses["walk"].confusion, PREVIOUS), [])
     tracks = walks(3, seed=9).trajectories
     again = opened().resume(never).senses["walk"].classifier.classify_many(tracks)
