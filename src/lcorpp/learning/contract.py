@@ -88,15 +88,6 @@ def to_probabilities(scores: Array) -> Array:
     return np.asarray(softmax(scores, axis=1))
 
 
-def balance_weights(labels: npt.ArrayLike, weights: npt.ArrayLike | None = None) -> Array:
-    """(cases,) the weights of cases, 1 by default, scaled so that all classes have equal total weight."""
-    # scikit-learn's class_weight="balanced" counts cases, not their weights, before version 1.7
-    _, index = np.unique(np.asarray(labels), return_inverse=True)
-    given = np.ones(len(index)) if weights is None else np.asarray(weights, dtype=np.float64)
-    totals = np.bincount(index, given)
-    return np.asarray(given * (totals.sum() / (len(totals) * totals))[index])
-
-
 def ensure_predict_proba(estimator: Any) -> Any:
     """Return the estimator if it has predict_proba, or `SigmoidScores` around it if it has only scores.
 

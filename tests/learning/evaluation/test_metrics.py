@@ -7,10 +7,10 @@ import pytest
 from sklearn.metrics import brier_score_loss, roc_auc_score
 
 from lcorpp.learning.evaluation.metrics import (
-    auc,
     bootstrap_interval,
     brier,
     cluster_bootstrap_weights,
+    compute_auc,
     expected_calibration_error,
     expected_ece_if_calibrated,
     reliability,
@@ -28,10 +28,10 @@ def cases(count: int, *, seed: int = 0, sharpen: float = 1.0):
 def test_a_few_by_hand():
     scores, positive = np.array([0.1, 0.4, 0.4, 0.8]), np.array([False, True, False, True])
     one = np.ones((1, 4))
-    assert auc(scores, positive, one)[0] == 3.5 / 4  # of the four pairs one is a tie
+    assert compute_auc(scores, positive, one)[0] == 3.5 / 4  # of the four pairs one is a tie
     assert brier(scores, positive, one)[0] == pytest.approx((0.01 + 0.36 + 0.16 + 0.04) / 4)
     twice = np.array([[1.0, 2.0, 1.0, 1.0], [1, 0, 1, 0]])
-    both = auc(scores, positive, twice)
+    both = compute_auc(scores, positive, twice)
     assert both[0] == pytest.approx((2 * 1.5 + 2) / 6)
     assert np.isnan(both[1])  # nobody positive was drawn
 
@@ -41,7 +41,7 @@ def test_as_scikit_learn_computes_them():
     scores = np.round(scores, 2)  # with ties
     weights = np.random.default_rng(1).integers(0, 4, (3, 500)).astype(float)
     for row, area, distance in zip(
-        weights, auc(scores, positive, weights), brier(scores, positive, weights), strict=True
+        weights, compute_auc(scores, positive, weights), brier(scores, positive, weights), strict=True
     ):
         assert area == pytest.approx(roc_auc_score(positive, scores, sample_weight=row))
         assert distance == pytest.approx(brier_score_loss(positive, scores, sample_weight=row))
@@ -76,7 +76,9 @@ def test_intervals_have_their_nominal_coverage():
     for seed in range(60):
         scores, positive = cases(150, seed=seed)
         weights = cluster_bootstrap_weights([str(i) for i in range(150)], count=300, seed=seed)
-        interval = bootstrap_interval(float(roc_auc_score(positive, scores)), auc(scores, positive, weights))
+        interval = bootstrap_interval(
+            float(roc_auc_score(positive, scores)), compute_auc(scores, positive, weights)
+        )
         hits += interval.low <= truth <= interval.high
     assert hits >= 52
 
@@ -88,8 +90,8 @@ def test_people_with_several_cases_are_drawn_whole():
     assert (weights.reshape(50, 40, 5) == weights.reshape(50, 40, 5)[:, :, :1]).all()
     scores = np.repeat(np.random.default_rng(0).normal(size=40), 5)
     positive = np.repeat(np.arange(40) % 2 == 0, 5)
-    wide = bootstrap_interval(0.5, auc(scores, positive, weights))
+    wide = bootstrap_interval(0.5, compute_auc(scores, positive, weights))
     alone = bootstrap_interval(
-        0.5, auc(scores, positive, cluster_bootstrap_weights([str(i) for i in range(200)], count=50))
+        0.5, compute_auc(scores, positive, cluster_bootstrap_weights([str(i) for i in range(200)], count=50))
     )
     assert wide.high - wide.low > 1.5 * (alone.high - alone.low)  # five copies tell nothing new

@@ -11,7 +11,7 @@ from sklearn.linear_model import LogisticRegression
 from sklearn.utils.validation import check_is_fitted
 
 from lcorpp.errors import DataError
-from lcorpp.learning.contract import ProbabilityClassifier, balance_weights, to_probabilities
+from lcorpp.learning.contract import ProbabilityClassifier, to_probabilities
 from lcorpp.values import Array
 
 CLIP = 3.0
@@ -51,8 +51,8 @@ class QuadraticLogistic(ProbabilityClassifier):
         self.mean_: Array = np.average(features, axis=0, weights=weights)
         deviation = np.sqrt(np.average((features - self.mean_) ** 2, axis=0, weights=weights))
         self.scale_: Array = np.where(deviation > 1e-9, deviation, 1.0)
-        model = LogisticRegression(C=self.C, max_iter=MAX_ITERATIONS)
-        model.fit(self._add_squares(features), y, balance_weights(y, weights))
+        model = LogisticRegression(C=self.C, max_iter=MAX_ITERATIONS, class_weight="balanced")
+        model.fit(self._add_squares(features), y, weights)
         self.classes_, self.weights_, self.bias_ = model.classes_, model.coef_, model.intercept_
         return self
 

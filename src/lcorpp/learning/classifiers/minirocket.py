@@ -9,10 +9,11 @@ from typing import Any, Self
 import numpy as np
 import numpy.typing as npt
 from sklearn.linear_model import RidgeClassifierCV
+from sklearn.utils.class_weight import compute_class_weight
 from sklearn.utils.validation import check_is_fitted
 
 from lcorpp.errors import DataError
-from lcorpp.learning.contract import ProbabilityClassifier, balance_weights, to_probabilities
+from lcorpp.learning.contract import ProbabilityClassifier, to_probabilities
 from lcorpp.learning.data.dataset import check_tracks
 from lcorpp.values import Array, measure_lengths
 
@@ -74,7 +75,10 @@ class MiniRocket(ProbabilityClassifier):
         features = self._transform(tracks)
         scale = features.std(axis=0, dtype=np.float64)
         scale[scale == 0] = 1.0
-        ridge = RidgeClassifierCV(RIDGE_PENALTIES).fit(features / scale, y, balance_weights(y, sample_weight))
+        weights = np.ones(len(features)) if sample_weight is None else np.asarray(sample_weight)
+        classes, index = np.unique(np.asarray(y), return_inverse=True)
+        by_class = compute_class_weight("balanced", classes=classes, y=y, sample_weight=weights)
+        ridge = RidgeClassifierCV(RIDGE_PENALTIES).fit(features / scale, y, weights * by_class[index])
         self.classes_, self.intercept_ = ridge.classes_, np.ravel(ridge.intercept_)
         self.weights_: Array = np.atleast_2d(ridge.coef_) / scale
         return self

@@ -34,7 +34,12 @@ from threadpoolctl import threadpool_limits
 from lcorpp.errors import DataError
 from lcorpp.learning.data.npz import to_recording
 from lcorpp.learning.data.tracks import Recording, Track
-from lcorpp.learning.evaluation.metrics import Flags
+from lcorpp.learning.evaluation.metrics import (
+    Flags,
+    bootstrap_interval,
+    cluster_bootstrap_weights,
+    compute_auc,
+)
 from lcorpp.learning.evaluation.shortcuts import SHORTCUTS, compute_shortcut_features
 from lcorpp.learning.evaluation.validation import Indices, find_test_folds
 from lcorpp.values import Array, Dataset, Interval
@@ -53,7 +58,7 @@ MAX_LANDMARKS = 300
 
 KERNEL_JITTER = 1e-8  # added to the diagonal of the landmarks' kernel matrix, singular for equal cases
 
-BOOTSTRAP_REPLICATES, CONFIDENCE = 300, 0.95
+BOOTSTRAP_REPLICATES = 300
 
 MAX_STRATA, MIN_STRATUM = 5, 20
 """Groups of tracks with about equally long ways: their number, and the cases in each."""
@@ -194,18 +199,12 @@ def _measure_shortcut(
         return chance
     scores = np.stack([_score_out_of_fold(features, labels, fold_of, seed) for fold_of in folds])
     truth = labels[:, None] == np.unique(labels)
-    members = [np.flatnonzero(groups == group) for group in np.unique(groups)]
-    rng = np.random.default_rng(seed)
-    replicates = []
-    for _ in range(BOOTSTRAP_REPLICATES):
-        rows = np.concatenate([members[i] for i in rng.integers(len(members), size=len(members))])
-        if truth[rows].any(axis=0).all():
-            replicates.append(_compute_mean_auc(scores[:, rows], truth[rows], strata[rows]))
-    estimate = _compute_mean_auc(scores, truth, strata)
+    resampled = cluster_bootstrap_weights(groups.tolist(), count=BOOTSTRAP_REPLICATES, seed=seed)
+    weights = np.concatenate([np.ones((1, len(labels))), resampled])
+    estimate, *replicates = _compute_mean_auc(scores, truth, strata, weights)
     if np.isnan(estimate):  # no two cases can be compared
         return chance
-    low, high = np.nanquantile(replicates, [(1 - CONFIDENCE) / 2, (1 + CONFIDENCE) / 2])
-    return ShortcutScore(name, Interval(estimate, float(low), float(high), CONFIDENCE))
+    return ShortcutScore(name, bootstrap_interval(estimate, np.array(replicates)))
 
 
 def _assign_folds(labels: Strings, groups: Strings, seed: int) -> Indices:
@@ -266,21 +265,22 @@ def _stratify_by_way(tracks: Sequence[Track]) -> Indices:
     return np.asarray((rankdata(ways) - 0.5) * number // len(ways), dtype=np.intp)
 
 
-def _compute_mean_auc(scores: Array, truth: Flags, strata: Indices) -> float:
-    """Mean AUC over splits and classes of scores (splits, cases, classes); truth: (cases, classes).
+def _compute_mean_auc(scores: Array, truth: Flags, strata: Indices, weights: Array) -> Array:
+    """(resamples,) mean AUC over splits and classes of scores (splits, cases, classes).
 
-    Cases are compared with those of the same stratum (cases,); NaN if no stratum has two classes. For two
-    classes the second one suffices: the two scores of a case sum to 0.
+    truth: (cases, classes). weights: (resamples, cases), as in `metrics`. Cases are compared with those of
+    the same stratum (cases,); NaN if no stratum has two classes. For two classes the second one suffices: the
+    two scores of a case sum to 0.
     """
     areas = []
     for column in [1] if truth.shape[1] == 2 else range(truth.shape[1]):
-        ordered, pairs = 0.0, 0
+        ordered, pairs = np.zeros((2, len(weights)))
         for stratum in np.unique(strata):
-            rows = strata == stratum
-            positive = truth[rows, column]
-            p, n = int(positive.sum()), int((~positive).sum())
-            ranks = rankdata(scores[:, rows, column], axis=1)[:, positive].sum(axis=1)
-            ordered += float(np.mean(ranks - p * (p + 1) / 2))
-            pairs += p * n
-        areas.append(ordered / pairs if pairs else np.nan)
-    return float(np.mean(areas))
+            rows = np.flatnonzero(strata == stratum)
+            positive, counts = truth[rows, column], weights[:, rows]
+            compared = (counts @ positive) * (counts @ ~positive)
+            area = np.mean([compute_auc(split[rows, column], positive, counts) for split in scores], axis=0)
+            ordered += np.where(compared > 0, area, 0) * compared
+            pairs += compared
+        areas.append(np.divide(ordered, pairs, out=np.full(len(weights), np.nan), where=pairs > 0))
+    return np.asarray(np.mean(areas, axis=0))

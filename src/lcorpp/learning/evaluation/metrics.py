@@ -72,7 +72,7 @@ def jeffreys_interval(count: float, cases: float, *, level: float = 0.95, smooth
     return Interval(count / cases if cases else 0.0, low, high)
 
 
-def auc(scores: Array, positive: Flags, weights: Array) -> Array:
+def compute_auc(scores: Array, positive: Flags, weights: Array) -> Array:
     """(resamples,) the area under the ROC curve; ties count half.
 
     Args:
@@ -83,7 +83,8 @@ def auc(scores: Array, positive: Flags, weights: Array) -> Array:
     Source: Hanley and McNeil, Radiology 143, 1982.
     """
     order = np.argsort(scores, kind="stable")
-    first = np.flatnonzero(np.r_[True, np.diff(scores[order]) > 0])  # the first case of each distinct score
+    starts = np.diff(scores[order], prepend=-np.inf) > 0  # the first case of each distinct score
+    first = np.flatnonzero(starts)
     sorted_weights, is_positive = weights[:, order], positive[order]
     positives = np.add.reduceat(sorted_weights * is_positive, first, axis=1)
     negatives = np.add.reduceat(sorted_weights * ~is_positive, first, axis=1)

@@ -10,13 +10,13 @@ from typing import Any
 import joblib
 import numpy as np
 import numpy.typing as npt
-from sklearn.metrics import confusion_matrix, roc_auc_score
+from sklearn.metrics import confusion_matrix
 from sklearn.model_selection import StratifiedGroupKFold
 
 from lcorpp.errors import DataError
 from lcorpp.learning.contract import clone_unfitted, ensure_predict_proba, fit_clone, predict_proba
 from lcorpp.learning.data.dataset import check_trainable
-from lcorpp.learning.evaluation.metrics import jeffreys_interval
+from lcorpp.learning.evaluation.metrics import compute_auc, jeffreys_interval
 from lcorpp.notebook import html_table
 from lcorpp.values import JEFFREYS, Array, ConfusionMatrix, Dataset, Interval, freeze
 from lcorpp.workers import ignore_sigint
@@ -210,7 +210,7 @@ def fit_and_validate(
     confusion = _count_confusion(tuple(classes.tolist()), dataset.labels, predictions, weights)
     auc = None
     if len(classes) == 2:
-        auc = float(roc_auc_score(labels == classes[1], probabilities[:, 1], sample_weight=weights))
+        auc = float(compute_auc(probabilities[:, 1], labels == classes[1], weights[None])[0])
     held_out = tuple(fold_of.tolist())
     return final, Validation(
         confusion, predictions, probabilities, auc, held_out, dataset.labels, dataset.groups, weights

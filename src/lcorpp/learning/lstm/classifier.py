@@ -139,7 +139,7 @@ class LstmClassifier(ProbabilityClassifier):
         given = np.ones(len(index)) if sample_weight is None else np.asarray(sample_weight, dtype=np.float64)
         if given.shape != index.shape or not ((given >= 0) & np.isfinite(given)).all():
             raise DataError(f"{len(index)} cases need as many finite weights from 0, not {given}")
-        weights = given * compute_class_weights(self.class_weight, classes, np.bincount(index, given))[index]
+        weights = given * compute_class_weights(self.class_weight, classes, np.asarray(y), given)[index]
         training_set = TrainingSet(
             inputs, lengths, index.astype(np.int32), weights.astype(np.float32), len(classes)
         )

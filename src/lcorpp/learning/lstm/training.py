@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from functools import partial
-from numbers import Real
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+from sklearn.utils.class_weight import compute_class_weight
 
 from lcorpp.errors import DataError
 from lcorpp.learning.lstm.network import Weights, load_kernels
@@ -69,31 +69,29 @@ def compute_learning_rates(config: TrainingConfig, cases: int) -> Array:
 
 
 def compute_class_weights(
-    weighting: str | Mapping[Any, float] | None, classes: npt.NDArray[Any], counts: npt.NDArray[np.intp]
+    weighting: str | Mapping[Any, float] | None,
+    classes: npt.NDArray[Any],
+    labels: npt.NDArray[Any],
+    weights: Array,
 ) -> Array:
     """(K,) the weight of a case of each class, as in scikit-learn.
 
     Args:
-        weighting: None: 1 for all; "balanced": equal total weight of all classes, mean weight 1; or class
-            name -> weight.
-        classes: (K,) the class names. counts: (K,) the number of cases of each.
+        weighting: None: 1 for all; "balanced": equal total weight of all classes; or class name -> weight.
+        classes: (K,) the class names. labels, weights: (cases,).
 
     Raises:
-        DataError: `weighting` is none of these, has other classes, or has a weight that is not positive and
+        DataError: `weighting` is none of these, has an unknown class, or a weight that is not positive and
             finite.
     """
-    if weighting is None:
-        return np.ones(len(classes))
-    if isinstance(weighting, str) and weighting == "balanced":
-        return np.asarray(counts.sum() / (len(classes) * counts), dtype=np.float64)
-    if not isinstance(weighting, Mapping):
-        raise DataError(f"class_weight must be None, 'balanced' or a mapping, not {weighting!r}")
-    names = classes.tolist()
-    if set(weighting) != set(names):
-        raise DataError(f"class_weight is for {sorted(map(str, weighting))}, the classes are {names}")
-    if not all(isinstance(weighting[name], Real) and 0 < weighting[name] < np.inf for name in names):
-        raise DataError(f"the weights of class_weight must be positive and finite, not {dict(weighting)}")
-    return np.array([weighting[name] for name in names], dtype=np.float64)
+    given = dict(weighting) if isinstance(weighting, Mapping) else weighting
+    try:
+        found = compute_class_weight(given, classes=classes, y=labels, sample_weight=weights)
+    except ValueError as error:
+        raise DataError(f"class_weight: {error}") from None
+    if not ((found > 0) & np.isfinite(found)).all():
+        raise DataError(f"the weights of class_weight must be positive and finite, not {given}")
+    return np.asarray(found, dtype=np.float64)
 
 
 def select_trainer(device: str) -> Callable[[Weights, TrainingSet, TrainingConfig], Trainer]:

@@ -13,10 +13,10 @@ from typing import Any, Self
 
 import numpy as np
 import numpy.typing as npt
-from sklearn.metrics import roc_auc_score
 
 from lcorpp.errors import DataError, expected_one_of
 from lcorpp.learning.evaluation.calibration import Calibration, fit_calibration
+from lcorpp.learning.evaluation.metrics import compute_auc
 from lcorpp.values import Array, Lengths, freeze, measure_lengths
 
 MIN_CASES = 20
@@ -116,8 +116,7 @@ class PredictionTimeline:
         """The AUC of scores of the second class (cases,); NaN are left out."""
         known = np.isfinite(scores)
         is_second = (np.array(self.labels) == self.classes[1])[known]
-        has_both = 0 < is_second.sum() < len(is_second)
-        return float(roc_auc_score(is_second, scores[known])) if has_both else float("nan")
+        return float(compute_auc(scores[known], is_second, np.ones((1, len(is_second))))[0])
 
 
 @dataclass(frozen=True, eq=False)
