@@ -184,11 +184,13 @@ def test_auc_equals_that_of_scikit_learn():
     scores = rng.dirichlet([1, 1, 1], 200).round(1)  # with ties
     truth = labels[:, None] == np.arange(3)
     expected = np.mean([roc_auc_score(truth[:, k], scores[:, k]) for k in range(3)])
-    everyone = np.zeros(200, dtype=int)
-    assert _compute_mean_auc(scores[None], truth, everyone) == pytest.approx(expected)
+    everyone, once = np.zeros(200, dtype=int), np.ones((1, 200))
+    assert _compute_mean_auc(scores[None], truth, everyone, once)[0] == pytest.approx(expected)
     two = np.stack([scores, scores])[:, :, :2], truth[:, :2]
-    assert _compute_mean_auc(*two, everyone) == pytest.approx(roc_auc_score(truth[:, 1], scores[:, 1]))
+    assert _compute_mean_auc(*two, everyone, once)[0] == pytest.approx(
+        roc_auc_score(truth[:, 1], scores[:, 1])
+    )
     halves = [roc_auc_score(truth[rows, 1], scores[rows, 1]) for rows in (slice(100), slice(100, 200))]
     pairs = [truth[rows, 1].sum() * (~truth[rows, 1]).sum() for rows in (slice(100), slice(100, 200))]
     strata = np.arange(200) // 100
-    assert _compute_mean_auc(*two, strata) == pytest.approx(np.average(halves, weights=pairs))
+    assert _compute_mean_auc(*two, strata, once)[0] == pytest.approx(np.average(halves, weights=pairs))
