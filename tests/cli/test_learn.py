@@ -26,7 +26,7 @@ def stored(path):
     return said, reading.trajectories().tolist()
 
 
-@pytest.mark.parametrize("labels", ["hard", "soft"])
+@pytest.mark.parametrize("labels", ["hard", "soft", "corrected"])
 def test_an_interrupted_run_resumes_with_the_results_of_an_uninterrupted_run(
     lcorpp, tmp_path, monkeypatch, labels
 ):
@@ -80,7 +80,7 @@ def test_an_interrupted_run_resumes_with_the_results_of_an_uninterrupted_run(
     assert len(read_store(tmp_path / "s.tracks")) == 16
 
 
-@pytest.mark.parametrize("labels", ["hard", "soft"])
+@pytest.mark.parametrize("labels", ["hard", "soft", "corrected"])
 def test_a_run_from_no_data_resumes_as_if_it_had_not_ended(lcorpp, tmp_path, labels):
     """With this seed batch 4 is the first after which each class has the five cases of cross-validation."""
     options = ("--tracks", 0, "--learner", "summaries", "--batch-size", 8, "--epsilon", 0, "--jobs", 1)
@@ -99,7 +99,7 @@ def test_a_run_from_no_data_resumes_as_if_it_had_not_ended(lcorpp, tmp_path, lab
         assert again.code == 0, again.err
     assert again.out.splitlines()[-2] == lines[4]
     assert stored(tmp_path / "s.tracks") == stored(tmp_path / "p.tracks")
-    other = {"hard": "soft", "soft": "hard"}[labels]
+    other = {"hard": "soft", "soft": "hard", "corrected": "hard"}[labels]
     changed = lcorpp(*learn, other, "--max-batches", 1)
     assert f"labels was {labels}, and is {other} now; trained on all that is stored" in changed.out
 
@@ -109,14 +109,14 @@ def test_options_of_labels_and_tracks_are_checked_before_the_work(lcorpp, tmp_pa
         "from sklearn.neighbors import KNeighborsClassifier as Near\n\n\ndef near():\n    return Near()\n"
     )
     learner = f"{tmp_path / 'mine.py'}:near"
-    refused = lcorpp("learn", "--labels", "soft", "--learner", learner)
-    assert refused.code == 2
     words = "cannot learn from weighted cases: its fit has no sample_weight; expected one of lstm, lstm-fast,"
-    assert words in refused.err
+    for labels in ("soft", "corrected"):
+        refused = lcorpp("learn", "--labels", labels, "--learner", learner)
+        assert (refused.code, words in refused.err) == (2, True)
     few = lcorpp("learn", "--tracks", 19)
     assert (few.code, "--tracks 19: expected 0, or at least 20" in few.err) == (2, True)
     unknown = lcorpp("learn", "--labels", "medium")
-    assert (unknown.code, "'medium' is not one of 'hard', 'soft'" in unknown.err) == (2, True)
+    assert (unknown.code, "'medium' is not one of 'hard', 'soft', 'corrected'" in unknown.err) == (2, True)
 
 
 def test_paths_that_cannot_be_a_store_are_rejected(lcorpp, tmp_path):

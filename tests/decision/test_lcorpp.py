@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from lcorpp.decision import Batch, ResumePoint, TrainedSense, lcorpp
+from lcorpp.decision.lcorpp import Training
 from lcorpp.decision.stopping import choose_epsilon
 from lcorpp.errors import DecisionError
 from lcorpp.values import ConfusionMatrix, Dataset, Instance
@@ -29,7 +30,6 @@ def run(
     batch_size: int = 3,
     epsilon: float | None = 0.05,
     confidence: float = 0,
-    soft_labels: bool = False,
 ) -> tuple[list[Batch], list]:
     """Run with the given confusion counts, one matrix per training; also return the learner's data sets.
 
@@ -60,7 +60,6 @@ def run(
             batch_size=batch_size,
             epsilon=epsilon,
             confidence=confidence,
-            soft_labels=soft_labels,
         )
     )
     assert len(reasoned) == len(batches) - 1
@@ -115,14 +114,33 @@ def test_a_run_without_data_goes_on_until_the_classifier_is_trained():
     assert [batch.senses["eyes"].is_trained for batch in batches] == [False, False, True, True]
 
 
-def test_soft_labels_are_the_beliefs_at_the_reports():
+def test_the_evidence_of_a_label_is_what_the_robot_heard_and_believed():
     """The prior is .8, and an answer right with probability .75: .8 * .75 / (.8 * .75 + .2 * .25) = 12/13."""
-    _, trained = run([[[8, 2], [3, 7]], [[80, 20], [10, 90]], [[80, 20], [10, 90]]], soft_labels=True)
-    assert trained[1].labels == ("yes", "no", "no", "yes", "no", "yes", "no", "yes")
-    expected = [1, 1, 1 / 13, 12 / 13, 12 / 13, 1 / 13, 1 / 13, 12 / 13]
-    np.testing.assert_allclose(trained[1].weights, expected)
-    assert [data.n_people for data in trained] == [2, 5, 8]
-    assert trained[1].groups[2:4] == trained[1].groups[6:8]  # a person, and an equal track
+    _, trained = run([[[8, 2], [3, 7]], [[80, 20], [10, 90]], [[80, 20], [10, 90]]])
+    assert trained[1].evidence[:2] == (None, None)
+    assert [own.belief["yes"] for own in trained[1].evidence[2:]] == pytest.approx([12 / 13, 1 / 13, 12 / 13])
+    answers = [own.answers for own in trained[1].evidence[2:]]
+    assert answers == [(("ask", "nod"),), (("ask", "shake"),), (("ask", "nod"),)]
+    assert all(dict(own.context) == dict(make_instance(0).context) for own in trained[1].evidence[2:])
+
+
+def test_a_training_may_correct_its_matrix():
+    """The rules get the corrected one, and the other is kept beside it."""
+    corrected, reported = (ConfusionMatrix(VALUES, np.eye(2) * 9 + n) for n in (1, 3))
+    reasoned = []
+    loop = lcorpp(
+        {"eyes": START},
+        train=lambda *_: Training(FakeClassifier(), corrected, reported),
+        make_reasoner=lambda confusions: reasoned.append(confusions) or FakeReasoner(),
+        planner=FakePlanner(),
+        domain=FakeDomain(),
+        collect=lambda: (make_instance(0), FakeWorld("nod")),
+        batch_size=1,
+        epsilon=0.05,
+        confidence=0,
+    )
+    assert [batch.senses["eyes"].against_reports for batch in loop] == [reported] * 2
+    assert reasoned == [{"eyes": corrected}]
 
 
 def test_a_classifier_as_good_as_chance_does_not_start_the_loop():

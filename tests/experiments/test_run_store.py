@@ -16,10 +16,11 @@ from lcorpp.experiments.active_learning.checkpoint import CheckpointFolder
 from lcorpp.experiments.active_learning.run_store import RunStore
 from lcorpp.learning import learner, train_and_validate
 from lcorpp.learning.store import NewTrack, Store, read_store
-from lcorpp.values import ConfusionMatrix, Dataset, Distribution, EvidenceKind
+from lcorpp.values import ConfusionMatrix, Dataset, Distribution, EvidenceKind, LabelEvidence
 
 CLASSES = ("slow", "fast")
 BELIEF = Distribution(CLASSES, np.array([0.9, 0.1]))
+ANSWERS = (("ask", "yes"), ("ask", "no"))
 
 
 def walks(cases: int, seed: int = 0) -> Dataset:
@@ -55,7 +56,7 @@ def never(_sense, _dataset):
 
 def decide(run_store: RunStore, row: int, report: str | None = "slow", **extra: object) -> str:
     signals, labels = {"walk": walks(1, seed=row).trajectories[0]}, {"walk": report}
-    return run_store.append_decision(signals, {"time": "noon"}, labels, {"walk": BELIEF}, extra)
+    return run_store.append_decision(signals, {"time": "noon"}, labels, {"walk": BELIEF}, ANSWERS, extra)
 
 
 @pytest.fixture
@@ -136,6 +137,32 @@ def test_stored_decisions_contain_their_run_and_batch(opened, path):
     assert stored.extra["batch"] == 1
     assert stored.extra["met"] == 0
     assert stored.extra["simulated"] == {"actual": "fast"}
+
+
+def test_the_evidence_of_stored_labels_is_that_of_the_decisions(opened, ended, path):
+    """A label by a person is certain; a store of an earlier version has no answers."""
+    omega = opened().datasets()["walk"]
+    assert omega.evidence[:24] == (None,) * 24
+    assert omega.evidence[24:] == (LabelEvidence(dict(BELIEF), {"time": "noon"}, ANSWERS),) * 3
+    opened().close()
+    with Store(path, read_store(path).schema) as store:
+        (first, *_) = store.snapshot()
+        store.relabel(first.id, "slow")
+        store.append(NewTrack(walks(1, seed=99).trajectories[0], "fast", belief=BELIEF))
+    omega = opened().datasets()["walk"]
+    assert [own and own.answers for own in omega.evidence[24:]] == [None, ANSWERS, ANSWERS, None]
+    assert omega.evidence[24] is None
+    assert omega.evidence[-1] == LabelEvidence(dict(BELIEF))
+
+
+def test_both_matrices_are_restored_from_the_checkpoint(opened):
+    run_store = opened()
+    trained, _ = learn("walk", DATA)
+    sense = TrainedSense(trained, MATRIX, MATRIX, ConfusionMatrix(CLASSES, MATRIX.counts + 1))
+    run_store.save_checkpoint(Batch(0, {"walk": DATA}, {"walk": sense}, (), (), {}, False), [])
+    again = opened().resume(never).senses["walk"]
+    assert again.confusion.counts.tolist() == MATRIX.counts.tolist()
+    assert again.against_reports.counts.tolist() == (MATRIX.counts + 1).tolist()
 
 
 @pytest.mark.parametrize("evidence", ["soft", "set"])

@@ -7,6 +7,7 @@ from lcorpp import load_domain
 from lcorpp.experiments import ActiveLearningOptions, TrainingOptions, run_active_learning, set_up_learning
 from lcorpp.experiments.active_learning.untrained import RandomClassifier, is_trainable
 from lcorpp.experiments.setup import EvidenceOptions, solve_domain
+from lcorpp.learning.label_noise.class_weights import split_by_class
 from lcorpp.planning import Planner
 from lcorpp.planning.policy_cache import find_cache_folder
 from lcorpp.values import Dataset, EvidenceKind, Likelihood
@@ -52,10 +53,10 @@ def test_each_class_needs_a_group_for_each_fold(labels, groups, expected):
 
 def test_soft_labels_count_by_weight():
     tracks = np.random.default_rng(0).normal(size=(20, 1, 2))
-    pairs, groups = [(track, {"a": 0.8, "b": 0.2}) for track in tracks], [str(i) for i in range(20)]
-    empty = Dataset(np.zeros((0, 1, 2)), (), channels=("x",))
-    assert not is_trainable(empty.append(pairs, groups), ("a", "b"), 5)  # b has a weight of 4
-    assert is_trainable(empty.append(pairs, groups), ("a", "b"), 4)
+    reported = Dataset(tracks, ("a",) * 20, channels=("x",))
+    weighted, _ = split_by_class(reported, [{"a": 0.8, "b": 0.2}] * 20)
+    assert not is_trainable(weighted, ("a", "b"), 5)  # b has a weight of 4
+    assert is_trainable(weighted, ("a", "b"), 4)
 
 
 @pytest.mark.parametrize("evidence", ["hard", "soft", "set"])

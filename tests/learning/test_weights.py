@@ -23,6 +23,7 @@ from lcorpp.learning import (
 from lcorpp.learning.classifiers.registry import LEARNERS, check_weighted
 from lcorpp.learning.contract import SigmoidScores, accepts_weights
 from lcorpp.learning.evaluation.calibration import fit_calibration
+from lcorpp.learning.label_noise.class_weights import split_by_class
 from lcorpp.values import Dataset
 
 KNOWN = "expected one of lstm, lstm-fast, summaries, forest, logistic"
@@ -93,11 +94,7 @@ def test_confusion_matrix_auc_and_calibration_count_by_weight():
 def test_copies_of_an_uncertain_person_stay_in_one_fold():
     data = table()
     other = {"yes": "no", "no": "yes"}
-    pairs = [
-        (row, {label: 0.9, other[label]: 0.1})
-        for row, label in zip(data.trajectories, data.labels, strict=True)
-    ]
-    soft = Dataset(np.zeros((0, 3)), ()).append(pairs, data.groups)
+    soft, _ = split_by_class(data, [{label: 0.9, other[label]: 0.1} for label in data.labels])
     assert (len(soft), soft.n_people, soft.labels[:2]) == (400, 200, ("no", "yes"))
     groups = soft.groups
     validation = cross_validate(learner("logistic", kind="table"), soft)

@@ -43,10 +43,11 @@ TRACKS, MIN_TRACKS = 100, 20
 
 
 class Labels(StrEnum):
-    """What a report says about the class of a track."""
+    """How far a report is trusted as the label of a track."""
 
     hard = "hard"
     soft = "soft"
+    corrected = "corrected"
 
 
 DEVICES = ("cpu", "cuda")
@@ -95,7 +96,8 @@ def learn(
         Labels,
         typer.Option(
             help="hard: a reported label is taken as certain; soft: a track counts for each class with the"
-            " weight of the robot's belief when it reported."
+            " weight of the robot's belief when it reported; corrected: with the probability of the class"
+            " that the answers and the classifier's predictions imply; the confusion matrix is corrected too."
         ),
     ] = Labels.hard,
     data: DataOption = None,
@@ -181,7 +183,7 @@ def learn(
     chosen = ActiveLearningOptions(
         sources,
         EvidenceOptions(choose_evidence(loaded, sources, evidence or [])),
-        soft_labels=labels is Labels.soft,
+        labels=labels.value,
         batch_size=batch_size,
         epsilon=epsilon,
         confidence=confidence,
@@ -189,7 +191,7 @@ def learn(
         seed=seed,
         jobs=console.count_processes(jobs),
     )
-    _check_options(epsilon, confidence, tracks, sources, soft_labels=labels is Labels.soft)
+    _check_options(epsilon, confidence, tracks, sources, weighted=labels is not Labels.hard)
     if store is not None and not store.exists():
         output_files.check_writable(store)
     output_files.check_results(out, formats)
@@ -251,13 +253,13 @@ def _check_options(
     tracks: int | None,
     sources: Mapping[str, ClassifierOptions],
     *,
-    soft_labels: bool,
+    weighted: bool,
 ) -> None:
     """Reject before the work what the training would reject after it.
 
     Raises:
         DataError: the change that ends the run or its confidence is out of range, there are too few tracks, a
-            learner or the device is unknown, or a learner cannot learn from soft labels.
+            learner or the device is unknown, or a learner cannot learn from weighted cases.
     """
     from lcorpp.experiments.classifier_training import make_untrained
     from lcorpp.experiments.setup import TrainingOptions
@@ -275,7 +277,7 @@ def _check_options(
             if ":" not in name and training.device.split(":")[0] not in DEVICES:
                 raise DataError(f"--device {training.device}: {expected_one_of(DEVICES)}")
             estimator = make_untrained(training)
-            if soft_labels:
+            if weighted:
                 check_weighted(name, estimator)
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -11,10 +12,31 @@ from lcorpp.decision.dt_control import Robot, dt_control
 from lcorpp.decision.stopping import choose_epsilon, compute_change
 from lcorpp.errors import DecisionError
 from lcorpp.protocols import Classifier, DomainInterface, Planner, Reasoner, World
-from lcorpp.values import ConfusionMatrix, Dataset, Distribution, Episode, Instance, Interval, track_hash
+from lcorpp.values import (
+    ConfusionMatrix,
+    Dataset,
+    Distribution,
+    Episode,
+    Instance,
+    Interval,
+    LabelEvidence,
+    track_hash,
+)
 
 CONFIDENCE = 0.95
 """Confidence with which the change of a confusion matrix is at most epsilon, by default."""
+
+
+class Training(NamedTuple):
+    """What a training returns; the values are those of `TrainedSense`."""
+
+    classifier: Classifier
+    confusion: ConfusionMatrix
+    against_reports: ConfusionMatrix | None = None
+
+
+Train = Callable[[str, Dataset], Training | tuple[Classifier, ConfusionMatrix]]
+"""Trains and cross-validates the classifier of a sense; a pair is a training without the third value."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,6 +45,7 @@ class TrainedSense:
 
     classifier: rho. confusion: C.
     previous: C of the training before; without any count before the first one.
+    against_reports: if C is corrected for wrong reports, the matrix that takes them as the true classes.
 
     A matrix without any count, whose rates are uniform, is that of a classifier that is not trained yet.
     """
@@ -30,6 +53,7 @@ class TrainedSense:
     classifier: Classifier
     confusion: ConfusionMatrix
     previous: ConfusionMatrix
+    against_reports: ConfusionMatrix | None = None
 
     @property
     def is_trained(self) -> bool:
@@ -91,7 +115,7 @@ class ResumePoint:
 def lcorpp(
     datasets: Mapping[str, Dataset],
     *,
-    train: Callable[[str, Dataset], tuple[Classifier, ConfusionMatrix]],
+    train: Train,
     make_reasoner: Callable[[Mapping[str, ConfusionMatrix]], Reasoner],
     planner: Planner,
     domain: DomainInterface,
@@ -101,7 +125,6 @@ def lcorpp(
     confidence: float = CONFIDENCE,
     other_classifiers: Mapping[str, Classifier] = {},
     listener: Callable[[Instance, Episode], None] = lambda _instance, _episode: None,
-    soft_labels: bool = False,
     resume_point: ResumePoint | None = None,
 ) -> Iterator[Batch]:
     """Run the outer loop; every training yields a batch, so the caller may stop at any of them.
@@ -123,8 +146,6 @@ def lcorpp(
         confidence: with this probability, see `compute_change`; 0 compares the estimates, as the paper does.
         other_classifiers: of the senses that do not learn.
         listener: called after every decision.
-        soft_labels: a case counts for each class with the weight of the belief at the report, instead of for
-            the reported class alone.
         resume_point: state in which an earlier run ended; `datasets` are as of then. The first batch
             yielded is the last complete one of that run, without a training; its decisions are not repeated.
 
@@ -172,23 +193,24 @@ def lcorpp(
             listener(instance, episode)
         decided = 0
         datasets = {
-            name: augment(dataset, domain, name, instances, episodes, soft=soft_labels)
-            for name, dataset in datasets.items()
+            name: augment(dataset, domain, name, instances, episodes) for name, dataset in datasets.items()
         }
         senses = _train_all(train, datasets, senses)
 
 
 def _train_all(
-    train: Callable[[str, Dataset], tuple[Classifier, ConfusionMatrix]],
+    train: Train,
     datasets: Mapping[str, Dataset],
     before: Senses,
 ) -> dict[str, TrainedSense]:
     """Train each sense; `before`: after the last training, empty before the first one."""
     senses = {}
     for name, dataset in datasets.items():
-        classifier, confusion = train(name, dataset)
-        untrained = ConfusionMatrix(confusion.classes, np.zeros_like(confusion.counts))
-        senses[name] = TrainedSense(classifier, confusion, before[name].confusion if before else untrained)
+        training = Training(*train(name, dataset))
+        matrix = training.confusion
+        untrained = ConfusionMatrix(matrix.classes, np.zeros_like(matrix.counts))
+        previous = before[name].confusion if before else untrained
+        senses[name] = TrainedSense(training.classifier, matrix, previous, training.against_reports)
     return senses
 
 
@@ -206,26 +228,28 @@ def augment(
     sense: str,
     instances: list[Instance],
     episodes: list[Episode],
-    *,
-    soft: bool = False,
 ) -> Dataset:
-    """Return Omega with the (signal of a sense, reported class) pairs appended.
+    """Return Omega with the (signal of a sense, reported class) pairs and their evidence appended.
 
-    With `soft`, the pair has the belief at the report instead: a weighted case of each class.
     Each new case is its own group, but equal trajectories share a group: a repeated track must not be in
     both the training and the test part of a fold. A decision without a report or signal adds nothing.
     """
-    pairs = [
-        (
-            instance.signals[sense],
-            sum_by_class(domain, sense, domain.marginal(episode.steps[-1].belief))
-            if soft
-            else domain.class_of(sense, episode.report),
-        )
+    new = [
+        (instance.signals[sense], episode.report, find_evidence(domain, sense, instance, episode))
         for instance, episode in zip(instances, episodes, strict=True)
         if episode.report is not None and sense in instance.signals
     ]
-    return dataset.append(pairs, [track_hash(signal) for signal, _ in pairs])
+    return dataset.append(
+        [(signal, domain.class_of(sense, report)) for signal, report, _ in new],
+        [track_hash(signal) for signal, _, _ in new],
+        [evidence for _, _, evidence in new],
+    )
+
+
+def find_evidence(domain: DomainInterface, sense: str, instance: Instance, episode: Episode) -> LabelEvidence:
+    """Return what the report of an episode, as the label of the signal of a sense, is based on."""
+    belief = sum_by_class(domain, sense, domain.marginal(episode.steps[-1].belief))
+    return LabelEvidence(belief, dict(instance.context), episode.answers)
 
 
 def sum_by_class(domain: DomainInterface, sense: str, joint: Distribution) -> dict[str, float]:

@@ -184,7 +184,8 @@ def write_batches(
 ) -> WrittenFiles:
     """Write batches.csv, batches.json, the latest classifiers and the figure of all batches so far.
 
-    With several senses, the classifier of each is in a folder of its name.
+    The JSON file contains the confusion matrices, too. With several senses, the classifier of each is in a
+    folder of its name.
 
     Args:
         solution: of the POMDP, for batches.json.
@@ -193,8 +194,9 @@ def write_batches(
         FileError: a file cannot be written.
     """
     make_folder(folder)
-    columns = dict.fromkeys(name for row in result.rows for name in row if name not in METRICS)
-    write_csv(folder / "batches.csv", (*columns, *METRICS), result.rows)
+    flat = [{name: cell for name, cell in row.items() if name != "matrices"} for row in result.rows]
+    columns = dict.fromkeys(name for row in flat for name in row if name not in METRICS)
+    write_csv(folder / "batches.csv", (*columns, *METRICS), flat)
     head = {"domain": domain_name, "solution": describe_solution(solution)}
     write_json(folder / "batches.json", {**head, "batches": list(result.rows)})
     written = [folder / "batches.csv", folder / "batches.json"]
@@ -217,7 +219,7 @@ def write_batches(
 def _read_change(row: Row) -> Interval:
     """Return the change of a batch with its interval; rows of older stores have none."""
     change, low, high = (
-        float(row.get(name, row["change"])) for name in ("change", "change_low", "change_high")
+        float(row[name if name in row else "change"]) for name in ("change", "change_low", "change_high")
     )
     return Interval(change, low, high)
 

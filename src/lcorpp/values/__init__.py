@@ -16,6 +16,7 @@ from lcorpp.values.dataset import (
     CHANNELS as CHANNELS,
     Dataset as Dataset,
     Kind as Kind,
+    LabelEvidence as LabelEvidence,
     track_hash as track_hash,
 )
 from lcorpp.values.distribution import (

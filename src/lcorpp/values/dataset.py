@@ -40,6 +40,20 @@ def track_hash(trajectory: npt.ArrayLike) -> str:
     return "track " + sha256(repr(numbers.shape).encode() + numbers.tobytes()).hexdigest()[:16]
 
 
+@dataclass(frozen=True)
+class LabelEvidence:
+    """What a robot's report, a label that may be wrong, is based on.
+
+    belief: class -> probability, the robot's belief when it reported.
+    context: attribute -> value, the observed facts.
+    answers: pairs (action, observation) in their order, without the report; None if they were not recorded.
+    """
+
+    belief: Mapping[str, float]
+    context: Mapping[str, str] = field(default_factory=dict)
+    answers: tuple[tuple[str, str], ...] | None = None
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class Dataset:
     """Labelled trajectories or features: Omega of Algorithm 1.
@@ -58,6 +72,8 @@ class Dataset:
     weights: (cases,) above 0: a case of weight 2 counts as two equal cases of one group, in the training and
         in the counts of cross-validation. A person whose class is uncertain is a case of each class, whose
         weights sum to 1, in one group. Default: 1 for all.
+    evidence: (cases,) what the label of a case is based on; None for a certain label, e.g. by a person.
+        Default: None for all.
     """
 
     trajectories: Array
@@ -68,6 +84,7 @@ class Dataset:
     interval: float = 0.033
     channels: tuple[str, ...] = ()
     weights: Array = field(default_factory=lambda: np.ones(0))
+    evidence: tuple[LabelEvidence | None, ...] = ()
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "trajectories", freeze(self.trajectories))
@@ -78,6 +95,10 @@ class Dataset:
         object.__setattr__(self, "weights", freeze(self.weights if np.size(self.weights) else np.ones(n)))
         if self.weights.shape != (n,) or not ((self.weights > 0) & np.isfinite(self.weights)).all():
             raise DataError(f"{n} cases need as many weights, finite and above 0, not {self.weights}")
+        if not self.evidence:
+            object.__setattr__(self, "evidence", (None,) * n)
+        if len(self.evidence) != n:
+            raise DataError(f"{n} labels need evidence for as many, not for {len(self.evidence)}")
         shape = self.trajectories.shape
         if len(shape) not in (2, 3) or shape[0] != n or len(self.groups) != n:
             raise DataError(
@@ -157,26 +178,24 @@ class Dataset:
         return round(float(self.weights.sum()), 6)
 
     def append(
-        self, pairs: Sequence[tuple[npt.ArrayLike, str | Mapping[str, float]]], groups: Sequence[str]
+        self,
+        pairs: Sequence[tuple[npt.ArrayLike, str]],
+        groups: Sequence[str],
+        evidence: Sequence[LabelEvidence | None] = (),
     ) -> Dataset:
-        """Return the data set with more (trajectory, label) pairs at its end.
+        """Return the data set with more (trajectory, label) pairs, of weight 1, at its end.
 
         Args:
             pairs: trajectories (channels, time points) of any length, or features (features,), each with its
-                label; or class -> probability, for a case of each possible class with this weight.
+                label.
             groups: the group of each pair; cases of one person share a group.
+            evidence: what each label is based on, as the field; by default the labels are certain.
 
         Raises:
             DataError: a trajectory has other channels, or other features.
         """
         shape = self.trajectories.shape[1:]
-        cases = [
-            (np.asarray(track, dtype=np.float64), name, weight, group)
-            for (track, label), group in zip(pairs, groups, strict=True)
-            for name, weight in ([(label, 1.0)] if isinstance(label, str) else sorted(label.items()))
-            if weight > 0
-        ]
-        tracks = [track for track, *_ in cases]
+        tracks = [np.asarray(track, dtype=np.float64) for track, _ in pairs]
         signals = [*self.trajectories, *tracks]
         for track in tracks:
             if track.ndim != len(shape) or len(track) != shape[0]:
@@ -187,9 +206,10 @@ class Dataset:
         return replace(
             self,
             trajectories=stack_signals(signals) if signals else self.trajectories,
-            labels=(*self.labels, *(name for _, name, _, _ in cases)),
-            groups=(*self.groups, *(group for *_, group in cases)),
-            weights=np.concatenate([self.weights, [weight for _, _, weight, _ in cases]]),
+            labels=(*self.labels, *(label for _, label in pairs)),
+            groups=(*self.groups, *groups),
+            weights=np.concatenate([self.weights, np.ones(len(pairs))]),
+            evidence=(*self.evidence, *(evidence or (None,) * len(pairs))),
         )
 
     def last(self, seconds: float) -> Dataset:
@@ -212,4 +232,5 @@ class Dataset:
             labels=tuple(self.labels[i] for i in index),
             groups=tuple(self.groups[i] for i in index),
             weights=self.weights[index],
+            evidence=tuple(self.evidence[i] for i in index),
         )

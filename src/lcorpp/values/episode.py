@@ -107,6 +107,11 @@ class Episode:
         object.__setattr__(self, "labels", MappingProxyType(dict(self.labels)))
         object.__setattr__(self, "evidence", MappingProxyType(dict(self.evidence)))
 
+    @property
+    def answers(self) -> tuple[tuple[str, str], ...]:
+        """The pairs (action, observation), without the report."""
+        return tuple((step.action, step.observation) for step in self.steps if step.observation is not None)
+
     def __repr__(self) -> str:
         evidence = join_some([f"{name}={value}" for name, value in self.evidence.items()])
         labels = join_some([f"{sense} {label}" for sense, label in self.labels.items()])

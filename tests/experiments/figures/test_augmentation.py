@@ -6,14 +6,8 @@ import numpy as np
 import pytest
 
 from lcorpp import load_domain
-from lcorpp.experiments.active_learning.from_no_data import (
-    HARD,
-    NONE,
-    RUNS,
-    SOFT,
-    BatchOutcome,
-    run_from_no_data,
-)
+from lcorpp.experiments.active_learning.from_no_data import NONE, BatchOutcome, run_from_no_data
+from lcorpp.experiments.active_learning.senses import CORRECTED, HARD, SOFT
 from lcorpp.experiments.figures.augmentation import BATCHES, make_result
 from lcorpp.experiments.setup import solve_domain
 from lcorpp.planning import Planner
@@ -56,7 +50,8 @@ def test_without_learning_all_batches_are_decided_like_r_and_p(found):
 
 
 def test_the_first_batch_is_the_same_in_all_runs(found):
-    first = [found[run][0] for run in RUNS]
+    assert list(found) == [NONE, HARD, SOFT, CORRECTED]
+    first = [own[0] for own in found.values()]
     for other in first[1:]:
         assert (other.scores.counts == first[0].scores.counts).all()
         assert other.scores.cost == first[0].scores.cost
@@ -92,9 +87,16 @@ def test_a_nearly_perfect_classifier_looks_as_bad_as_the_labels_in_the_rules(fou
     assert second.scores.return_.estimate > found[NONE][1].scores.return_.estimate
 
 
+def test_corrected_labels_show_in_the_rules_how_good_a_nearly_perfect_classifier_is(found):
+    rates = found[CORRECTED][1].rules.probabilities.diagonal()
+    true = found[CORRECTED][1].true.probabilities.diagonal()
+    np.testing.assert_allclose(rates, true, atol=0.03)
+    assert (rates > found[HARD][1].rules.probabilities.diagonal() + 0.05).all()
+
+
 def make_results(f1, seeds=4, belief=0.88):
     """Made-up results: F1 of each batch by run; a higher F1 goes with a higher return and a lower cost."""
-    jitter = np.random.default_rng(0).uniform(-0.002, 0.002, size=(seeds, BATCHES, len(RUNS)))
+    jitter = np.random.default_rng(0).uniform(-0.002, 0.002, size=(seeds, BATCHES, len(f1)))
 
     def make(value):
         scores = make_scores("LCORPP", value, 0.85, 50 - 47 * value, 100 * value)
@@ -103,7 +105,7 @@ def make_results(f1, seeds=4, belief=0.88):
         return BatchOutcome(scores, rules, ConfusionMatrix(CLASSES, np.array([[34.0, 6], [6, 54]])), belief)
 
     return [
-        {run: [make(f1[run][b] + jitter[s, b, r]) for b in range(BATCHES)] for r, run in enumerate(RUNS)}
+        {run: [make(f1[run][b] + jitter[s, b, r]) for b in range(BATCHES)] for r, run in enumerate(f1)}
         for s in range(seeds)
     ]
 
@@ -128,6 +130,18 @@ def test_findings_hold_where_the_curve_rises():
     assert len(rows) == 12
     assert rows[HARD, 4]["label_error_interested"] == pytest.approx(0.2)
     assert rows[HARD, 4]["recall_in_rules_interested"] == pytest.approx(30.5 / 41)
+
+
+def test_corrected_labels_are_compared_with_hard_ones():
+    results = make_results(RISING | {CORRECTED: (0.81, 0.85, 0.87, 0.89)})
+    result = make_result(results, "interested")
+    assert [finding.verdict for finding in result.findings] == ["holds"] * 8
+    assert (
+        "In the last batch F1 and return are higher with corrected labels than with hard ones"
+        in result.paragraph
+    )
+    assert {row["run"] for row in result.table} == {NONE, HARD, SOFT, CORRECTED}
+    assert [len(axes.containers) for axes in result.draw("wide").axes] == [4, 6, 4, 4]
 
 
 def test_findings_fail_where_it_falls_and_are_open_where_nothing_changes():

@@ -71,7 +71,9 @@ def run(path: Path, report, batches: int | None = None) -> None:
     def decided(instance: Instance, episode: Episode) -> None:
         belief = Distribution(VALUES, episode.steps[-1].belief)
         labels, beliefs = {"eyes": episode.report}, {"eyes": belief}
-        id = run_store.append_decision(instance.signals, instance.context, labels, beliefs, {})
+        id = run_store.append_decision(
+            instance.signals, instance.context, labels, beliefs, episode.answers, {}
+        )
         report(f"kept {id} {episode.report}")
 
     with RunStore(path, {"eyes": data}, {"eyes": VALUES}, {"seed": 0}) as run_store:

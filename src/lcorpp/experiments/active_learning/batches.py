@@ -4,18 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
-from lcorpp.decision import Batch
+from lcorpp.decision import Batch, TrainedSense
 from lcorpp.decision.stopping import choose_epsilon
 from lcorpp.domains import Domain
 from lcorpp.experiments.scoring.decision_scores import score_decisions
 from lcorpp.experiments.scoring.metrics import Scores, get_format, make_cells
 from lcorpp.experiments.training_data import FOLDS
 from lcorpp.simulation.people_stream import DecisionResult
+from lcorpp.values import ConfusionMatrix
 
-Row = dict[str, float | int | str]
+Row = dict[str, Any]
+"""Column -> number or text; and "matrices", the confusion matrices of each sense, which are no column."""
 
 LEFT_OUT = ("precision", "recall", "accuracy")
 """Scores that the line of a batch leaves out; with several variables there are others."""
@@ -57,14 +60,18 @@ class BatchResult:
         size = f"{prefix}{dataset.n_people:g} {dataset.unit}"
         if not sense.is_trained:
             return f"{size}; random labels, as cross-validation needs {FOLDS} of each class"
-        rates = np.diag(sense.confusion.probabilities)
-        recall = ", ".join(
-            f"{value} {rate:.3f}" for value, rate in zip(sense.confusion.classes, rates, strict=True)
-        )
+        recall = _describe_recall(sense.confusion)
+        if sense.against_reports is not None:
+            recall += f" (against the reports: {_describe_recall(sense.against_reports)})"
         return f"{size}; recall: {recall}; change {self.batch.changes[name]:.3f}"
 
     def __repr__(self) -> str:
         return f"<BatchResult {self.batch.number}: {self.summary()}>"
+
+
+def _describe_recall(confusion: ConfusionMatrix) -> str:
+    rates = np.diag(confusion.probabilities)
+    return ", ".join(f"{name} {rate:.3f}" for name, rate in zip(confusion.classes, rates, strict=True))
 
 
 def explain_end(batch: Batch, epsilon: float | None) -> str:
@@ -85,7 +92,10 @@ def explain_end(batch: Batch, epsilon: float | None) -> str:
 
 
 def make_row(batch: Batch, scores: Scores | None) -> Row:
-    """Return a batch as a row of a table; with several senses the sizes and changes of each."""
+    """Return a batch as a row of a table; with several senses the sizes and changes of each.
+
+    The matrix in the rules is that of which the rules of the next decisions are made.
+    """
     sizes = {name: round(dataset.n_people) for name, dataset in batch.datasets.items()}
     row: Row = {"batch": batch.number}
     if len(sizes) == 1:
@@ -97,7 +107,16 @@ def make_row(batch: Batch, scores: Scores | None) -> Row:
     if scores is not None:
         row |= {f"accuracy_{name}": accuracy.estimate for name, accuracy in scores.variables.items()}
         row |= {name: interval.estimate for name, interval in scores.metrics.items()}
+    row["matrices"] = {name: _describe_matrices(sense) for name, sense in batch.senses.items()}
     return row
+
+
+def _describe_matrices(sense: TrainedSense) -> dict[str, Any]:
+    """Return the counts, true class by predicted class; `against_reports` if the labels are corrected."""
+    described = {"classes": sense.confusion.classes, "in_rules": sense.confusion.counts.tolist()}
+    if sense.against_reports is not None:
+        described["against_reports"] = sense.against_reports.counts.tolist()
+    return described
 
 
 def score_batch(domain: Domain, results: Sequence[DecisionResult]) -> Scores:

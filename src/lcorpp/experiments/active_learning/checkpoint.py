@@ -22,14 +22,14 @@ from lcorpp.values import ConfusionMatrix, EvidenceKind
 FORMAT, VERSION = "lcorpp checkpoint", 3
 """Version 1 was of one sense, whose values were not in a table `senses`; 2 had no previous counts."""
 
-Rows = list[dict[str, float | int | str]]
+Rows = list[dict[str, Any]]
 
 
 @dataclass(frozen=True, eq=False)
 class SenseCheckpoint:
     """The state of a sense after a training.
 
-    confusion, previous: as in `TrainedSense`.
+    confusion, previous, against_reports: as in `TrainedSense`.
     records: number of records in its store, without the decisions of an incomplete batch.
     classifier: None if its type cannot be stored.
     """
@@ -38,6 +38,7 @@ class SenseCheckpoint:
     previous: ConfusionMatrix
     records: int
     classifier: Classifier | None
+    against_reports: ConfusionMatrix | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,6 +88,7 @@ class CheckpointFolder:
                 "classes": sense.confusion.classes,
                 "counts": sense.confusion.counts.tolist(),
                 "previous": sense.previous.counts.tolist(),
+                "against_reports": sense.against_reports and sense.against_reports.counts.tolist(),
                 "records": records[name],
                 "classifier": self._write_classifier(sense.classifier, number),
             }
@@ -151,9 +153,11 @@ class CheckpointFolder:
             list(content["rows"]),
             {
                 name: SenseCheckpoint(
-                    *_read_matrices(sense),
+                    _read_matrix(sense, "counts"),
+                    _read_matrix(sense, "previous" if "previous" in sense else None),
                     _check_count(sense["records"]),
                     self._read_classifier(sense["classifier"], note),
+                    _read_matrix(sense, "against_reports") if sense.get("against_reports") else None,
                 )
                 for name, sense in senses.items()
             },
@@ -191,11 +195,10 @@ class CheckpointFolder:
             return None
 
 
-def _read_matrices(sense: Mapping[str, Any]) -> tuple[ConfusionMatrix, ConfusionMatrix]:
-    """Return the confusion matrix and the previous one, which is without counts in older checkpoints."""
-    classes, counts = tuple(sense["classes"]), np.array(sense["counts"])
-    previous = np.array(sense["previous"]) if "previous" in sense else np.zeros_like(counts)
-    return ConfusionMatrix(classes, counts), ConfusionMatrix(classes, previous)
+def _read_matrix(sense: Mapping[str, Any], name: str | None) -> ConfusionMatrix:
+    """Return a matrix of a sense, without counts if it has no name."""
+    counts = np.array(sense[name]) if name else np.zeros_like(np.array(sense["counts"]))
+    return ConfusionMatrix(tuple(sense["classes"]), counts)
 
 
 def _check_count(value: Any) -> int:

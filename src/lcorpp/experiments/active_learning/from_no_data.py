@@ -14,7 +14,7 @@ from lcorpp.domains import Domain
 from lcorpp.domains.sections.simulation import Simulate
 from lcorpp.experiments.active_learning.batches import score_batch
 from lcorpp.experiments.active_learning.run import run_active_learning
-from lcorpp.experiments.active_learning.senses import ActiveLearningOptions, set_up_learning
+from lcorpp.experiments.active_learning.senses import LABEL_KINDS, ActiveLearningOptions, set_up_learning
 from lcorpp.experiments.active_learning.untrained import RandomClassifier
 from lcorpp.experiments.scoring.metrics import Scores
 from lcorpp.experiments.setup import TrainingOptions
@@ -24,9 +24,8 @@ from lcorpp.simulation.people import Person, SimulatedSignals
 from lcorpp.simulation.people_stream import DecisionResult, PeopleStream
 from lcorpp.values import Array, ConfusionMatrix, Episode
 
-NONE, HARD, SOFT = "none", "hard", "soft"
-RUNS = (NONE, HARD, SOFT)
-"""Without new data; with the reported labels as certain; with labels weighted by the belief at the report."""
+NONE = "none"
+"""The run without new data; the others are named after their kind of labels."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,25 +45,33 @@ class BatchOutcome:
 
 
 def run_from_no_data(
-    domain: Domain, planner: Planner, seed: int, *, learner: str, batches: int, batch_size: int
+    domain: Domain,
+    planner: Planner,
+    seed: int,
+    *,
+    learner: str,
+    batches: int,
+    batch_size: int,
+    labels: Sequence[str] = LABEL_KINDS,
 ) -> dict[str, list[BatchOutcome]]:
-    """Decide about batches of people, first with a random classifier; each of `RUNS` meets the same people.
+    """Decide about batches of people, first with a random classifier; each run meets the same people.
 
     Args:
         domain: with one sense, whose signals are simulated.
         learner: a name in the table of learners.
+        labels: kinds of labels, of each of which there is a run.
 
     Returns:
-        Run -> its batches.
+        Run -> its batches: without new data, and with each kind of labels.
     """
     sense = domain.senses[0]
     signals = {sense.name: _simulate_once(domain.simulation.signals[sense.name])}
     domain = replace(domain, simulation=replace(domain.simulation, signals=signals))
 
-    def learn(labels: str) -> list[BatchOutcome]:
+    def learn(kind: str) -> list[BatchOutcome]:
         options = ActiveLearningOptions(
             {sense.name: TrainingOptions(learner=learner, tracks=0)},
-            soft_labels=labels == SOFT,
+            labels=kind,
             batch_size=batch_size,
             epsilon=0,
             max_batches=batches,
@@ -79,7 +86,7 @@ def run_from_no_data(
         ]
 
     unchanged = _decide_without_learning(domain, planner, seed, batches, batch_size)
-    return {NONE: unchanged, HARD: learn(HARD), SOFT: learn(SOFT)}
+    return {NONE: unchanged, **{kind: learn(kind) for kind in labels}}
 
 
 def _simulate_once(simulate: Simulate) -> Simulate:

@@ -39,7 +39,7 @@ def open_run_store(
             "learner": training.learner,
             "evidence": str(options.evidence.kind(name)),
             "epochs": training.epochs,
-            "labels": "soft" if options.soft_labels else "hard",
+            "labels": options.labels,
         }
         for key in ("features", "rate"):  # older checkpoints have the default ones
             if (value := getattr(training, key)) != getattr(DEFAULTS, key):
@@ -47,7 +47,7 @@ def open_run_store(
         settings |= {key if number == 0 else f"{name} {key}": value for key, value in own.items()}
     datasets = {name: data.dataset for name, data in senses.data.items()}
     classes = {name: domain.find_sense(name).classes for name in datasets}
-    return RunStore(path, datasets, classes, settings, soft_labels=options.soft_labels)
+    return RunStore(path, datasets, classes, settings)
 
 
 def run_active_learning(
@@ -73,7 +73,7 @@ def run_active_learning(
         log: receives every decision. parts: the domain and the planner's policy, which a log needs.
 
     Raises:
-        DataError, DecisionError: an option is wrong, or soft labels are for a learner without
+        DataError, DecisionError: an option is wrong, or uncertain labels are for a learner without
             `sample_weight`; and whatever the robot's parts raise.
     """
     check_type(domain, Domain, "the domain", DomainError)
@@ -106,7 +106,6 @@ def run_active_learning(
         epsilon=options.epsilon,
         confidence=options.confidence,
         listener=recorder.record,
-        soft_labels=options.soft_labels,
         resume_point=resume_point,
     )
     resumed = resume_point is not None  # true of the first batch only

@@ -9,19 +9,17 @@ the classifiers are trained again, and nothing else is lost.
 from __future__ import annotations
 
 import zlib
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 from pathlib import Path
 from typing import Any, Self
 from uuid import uuid4
 
 from lcorpp.decision import Batch, ResumePoint, TrainedSense
+from lcorpp.decision.lcorpp import Train, Training
 from lcorpp.experiments.active_learning.checkpoint import CheckpointFolder, Rows
 from lcorpp.learning.store import NewTrack, Snapshot, Store, StoredTrack, TrackSchema
-from lcorpp.protocols import Classifier
-from lcorpp.values import Array, ConfusionMatrix, Dataset, Distribution, track_hash
-
-Train = Callable[[str, Dataset], tuple[Classifier, ConfusionMatrix]]
+from lcorpp.values import Array, Dataset, Distribution, LabelEvidence, track_hash
 
 
 class RunStore:
@@ -39,8 +37,6 @@ class RunStore:
         datasets: Mapping[str, Dataset],
         classes: Mapping[str, Sequence[str]],
         settings: Mapping[str, Any],
-        *,
-        soft_labels: bool = False,
     ):
         """Open or create the stores and read the checkpoint of an earlier run.
 
@@ -51,12 +47,11 @@ class RunStore:
             classes: sense -> the classes that it predicts.
             settings: everything else that a training depends on, as JSON can represent it, e.g. the seed; a
                 checkpoint with other settings is not used.
-            soft_labels: the robot's labels have the weights of its beliefs, those of persons weight 1.
 
         Raises:
             FileError, DataError: as `Store`.
         """
-        path, self._initial, self._soft_labels = Path(path), dict(datasets), soft_labels
+        path, self._initial = Path(path), dict(datasets)
         first = next(iter(datasets))
         digests = {
             "data" if name == first else f"{name} data": _compute_digest(dataset)
@@ -110,9 +105,9 @@ class RunStore:
                 if track.id not in excluded and (track.id in complete or "run" not in track.extra)
             ]
             added = snapshot.dataset(chosen)
-            labels = [self._weigh_label(track) for track in chosen]
-            pairs = list(zip(added.trajectories, labels, strict=True))
-            datasets[name] = self._initial[name].append(pairs, added.groups)
+            pairs = list(zip(added.trajectories, added.labels, strict=True))
+            evidence = [find_stored_evidence(track) for track in chosen]
+            datasets[name] = self._initial[name].append(pairs, added.groups, evidence)
         return datasets
 
     def decisions(self, name: str) -> list[tuple[StoredTrack, Array]]:
@@ -144,12 +139,14 @@ class RunStore:
                 else f"{-since} records that the last training used are lost: trained again"
             )
             self.notes.append(text if len(self.stores) == 1 else f"{name}: {text}")
-            classifier, confusion = train(name, self.datasets()[name])
-            return TrainedSense(classifier, confusion, checkpoint.confusion)
+            training = Training(*train(name, self.datasets()[name]))
+            return TrainedSense(
+                training.classifier, training.confusion, checkpoint.confusion, training.against_reports
+            )
         trained = checkpoint.classifier
         if trained is None:
-            trained, _ = train(name, self.datasets(without=self.pending)[name])
-        return TrainedSense(trained, checkpoint.confusion, checkpoint.previous)
+            trained = train(name, self.datasets(without=self.pending)[name])[0]
+        return TrainedSense(trained, checkpoint.confusion, checkpoint.previous, checkpoint.against_reports)
 
     def append_decision(
         self,
@@ -157,6 +154,7 @@ class RunStore:
         context: Mapping[str, str],
         labels: Mapping[str, str | None],
         beliefs: Mapping[str, Distribution],
+        answers: Sequence[tuple[str, str]],
         extra: Mapping[str, Any],
     ) -> str:
         """Store a decision: the signals, the reported classes and the beliefs behind them, by sense.
@@ -167,6 +165,7 @@ class RunStore:
             signals: those of the senses that learn, and maybe others.
             labels: the class by the robot's report, None without a report.
             beliefs: over the classes, when the robot reported.
+            answers: pairs (action, observation), as `Episode.answers`.
             extra: further data to store, e.g. the simulated truth.
 
         Returns:
@@ -182,7 +181,13 @@ class RunStore:
                 belief=beliefs[name],
                 context=context,
                 id=id,
-                extra={"run": self._run, "batch": self._number + 1, "met": self.n_people, **extra},
+                extra={
+                    "run": self._run,
+                    "batch": self._number + 1,
+                    "met": self.n_people,
+                    "answers": answers,
+                    **extra,
+                },
             )
             store.append(track)
         self.n_people += 1
@@ -213,19 +218,24 @@ class RunStore:
     def __exit__(self, *exception: object) -> None:
         self.close()
 
-    def _weigh_label(self, track: StoredTrack) -> str | dict[str, float]:
-        """Return the label of a track, or class -> probability for a soft label."""
-        record = track.label_record
-        if self._soft_labels and record.source == "robot" and record.belief is not None:
-            return dict(record.belief)
-        return record.label or ""
-
     def _find_pending(self, snapshot: Snapshot) -> tuple[StoredTrack, ...]:
         """Return the decisions of the batch that is not complete."""
         batch = self._run, self._number + 1
         return tuple(
             stored for stored in snapshot if (stored.extra.get("run"), stored.extra.get("batch")) == batch
         )
+
+
+def find_stored_evidence(track: StoredTrack) -> LabelEvidence | None:
+    """Return what a robot's label is based on; None for a label by a person.
+
+    Earlier versions did not store the answers.
+    """
+    record, stored = track.label_record, track.extra.get("answers")
+    if record.source != "robot" or record.belief is None:
+        return None
+    answers = None if stored is None else tuple((action, observation) for action, observation in stored)
+    return LabelEvidence(dict(record.belief), dict(track.context), answers)
 
 
 def _compute_digest(dataset: Dataset) -> str:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 from lcorpp.decision.lcorpp import CONFIDENCE
 from lcorpp.domains import Domain
-from lcorpp.errors import DecisionError, DomainError, check_type
+from lcorpp.errors import DecisionError, DomainError, check_type, expected_one_of
 from lcorpp.experiments.sense_setup import set_up_senses
 from lcorpp.experiments.setup import (
     HARD_LABELS,
@@ -20,6 +20,10 @@ from lcorpp.experiments.setup import (
 )
 from lcorpp.experiments.training_data import TrainingData, choose_learner, make_training_data
 
+HARD, SOFT, CORRECTED = LABEL_KINDS = ("hard", "soft", "corrected")
+"""A reported case counts for the reported class alone; for each class with the weight of the belief at the
+report; or with the probability of the class that `correct_labels` estimates, which corrects C, too."""
+
 
 @dataclass(frozen=True)
 class ActiveLearningOptions:
@@ -29,8 +33,7 @@ class ActiveLearningOptions:
         (`Domain.class_of`) learns from the reports; all others stay as they are. A sense that is left out
         learns by default if a report names its class, else it is the domain's noisy channel.
     evidence: labels or likelihoods.
-    soft_labels: a reported case counts for each class with the weight of the belief at the report, instead of
-        for the reported class alone.
+    labels: how far a report is trusted as the label of a case, see `LABEL_KINDS`.
     batch_size: K, decisions between two trainings.
     epsilon, confidence: the run ends when no confusion matrix changes by more than this, with this
         probability; the default of epsilon depends on the number of classes.
@@ -40,7 +43,7 @@ class ActiveLearningOptions:
 
     classifiers: Mapping[str, ClassifierOptions] = field(default_factory=dict)
     evidence: EvidenceOptions = HARD_LABELS
-    soft_labels: bool = False
+    labels: str = HARD
     batch_size: int = 100
     epsilon: float | None = None
     confidence: float = CONFIDENCE
@@ -91,11 +94,14 @@ def set_up_learning(
     """Make the initial data of the senses that learn, and the classifiers of the others.
 
     Raises:
+        DecisionError: the options name no kind of labels.
         DomainError: no sense learns, or the domain has no such signals or noisy channel.
         DataError, FileError: the data, or the files of other classifiers, are wrong.
     """
     check_type(domain, Domain, "the domain", DomainError)
     check_type(options, ActiveLearningOptions, "`options`", DecisionError)
+    if options.labels not in LABEL_KINDS:
+        raise DecisionError(f"the labels are {options.labels!r}; {expected_one_of(LABEL_KINDS)}")
     for name in options.classifiers:
         domain.find_sense(name)
     training = find_learning_senses(domain, options.classifiers)

@@ -4,16 +4,28 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+import numpy as np
+
 from lcorpp.decision import Batch
+from lcorpp.decision.lcorpp import Training
 from lcorpp.domains import Domain
-from lcorpp.experiments.active_learning.senses import ActiveLearningOptions, LearningSenses
+from lcorpp.experiments.active_learning.corrected_labels import correct_labels
+from lcorpp.experiments.active_learning.senses import (
+    CORRECTED,
+    HARD,
+    SOFT,
+    ActiveLearningOptions,
+    LearningSenses,
+)
 from lcorpp.experiments.active_learning.untrained import RandomClassifier, is_trainable
 from lcorpp.experiments.robot_parts import ClassifierPart
 from lcorpp.experiments.sense_setup import describe_classifiers
 from lcorpp.experiments.setup import ProgressDisplay
 from lcorpp.experiments.training_data import FOLDS, make_estimator
-from lcorpp.learning import train_and_validate
+from lcorpp.learning import TrainedClassifier, Validation, train_and_validate
 from lcorpp.learning.classifiers.registry import check_weighted
+from lcorpp.learning.evaluation.validation import count_confusion
+from lcorpp.learning.label_noise.class_weights import split_by_class
 from lcorpp.protocols import Classifier
 from lcorpp.reasoning import Reasoner
 from lcorpp.values import COVERAGE, ConfusionMatrix, Dataset
@@ -29,36 +41,72 @@ class SenseTrainer:
         options: ActiveLearningOptions,
         progress: ProgressDisplay,
     ) -> None:
-        """Raises `DataError` if soft labels are for a learner without `sample_weight`."""
+        """Raises `DataError` if uncertain labels are for a learner without `sample_weight`."""
         self._domain, self._senses, self._options, self._progress = domain, senses, options, progress
         self._estimators = {
             name: make_estimator(data, senses.training[name], options.seed)
             for name, data in senses.data.items()
         }
-        if options.soft_labels:
+        if options.labels != HARD:
             for name, estimator in self._estimators.items():
                 check_weighted(senses.training[name].learner or "", estimator)
 
-    def train(self, name: str, dataset: Dataset) -> tuple[Classifier, ConfusionMatrix]:
+    def train(self, name: str, dataset: Dataset) -> Training:
         """Train and cross-validate the classifier of a sense; a random one as long as that is impossible."""
-        options, classes = self._options, self._domain.find_sense(name).classes
-        kind = options.evidence.kind(name)
-        if not len(self._senses.data[name].dataset) and not is_trainable(dataset, classes, FOLDS):
-            untrained = RandomClassifier(classes, options.seed, kind.is_likelihood)
-            return untrained, untrained.confusion
+        if self._options.labels == CORRECTED:
+            return self._train_corrected(name, dataset)
+        beliefs = [None if own is None else own.belief for own in dataset.evidence]
+        weighted = split_by_class(dataset, beliefs)[0] if self._options.labels == SOFT else dataset
+        if not self._is_trainable(name, weighted):
+            return self._make_untrained(name)
+        trained, validation = self._validate(name, weighted)
+        return Training(self._finish(name, trained), validation.confusion)
+
+    def _train_corrected(self, name: str, dataset: Dataset) -> Training:
+        """Cross-validate on the reports, correct the labels, train on them, and correct the matrix."""
+        if not self._is_trainable(name, dataset):
+            return self._make_untrained(name)
+        _, first = self._validate(name, dataset, title="cross-validation against the reports on")
+        corrected = correct_labels(self._domain, name, dataset, first.predictions)
+        weighted, origins = split_by_class(dataset, corrected.distributions)
+        if not self._is_trainable(name, weighted):
+            return self._make_untrained(name)
+        trained, second = self._validate(name, weighted)
+        _, rows = np.unique(origins, return_index=True)  # the cases of a person have the same prediction
+        predictions = [second.predictions[row] for row in rows]
+        confusion = correct_labels(self._domain, name, dataset, predictions).confusion
+        reported = count_confusion(confusion.classes, dataset.labels, predictions, dataset.weights)
+        return Training(self._finish(name, trained), confusion, reported)
+
+    def _is_trainable(self, name: str, dataset: Dataset) -> bool:
+        """Return whether a sense that began without data has enough; initial data are checked elsewhere."""
+        classes = self._domain.find_sense(name).classes
+        return bool(len(self._senses.data[name].dataset)) or is_trainable(dataset, classes, FOLDS)
+
+    def _make_untrained(self, name: str) -> Training:
+        sense, options = self._domain.find_sense(name), self._options
+        untrained = RandomClassifier(sense.classes, options.seed, options.evidence.kind(name).is_likelihood)
+        return Training(untrained, untrained.confusion)
+
+    def _validate(
+        self, name: str, dataset: Dataset, title: str = "training on"
+    ) -> tuple[TrainedClassifier, Validation]:
+        options = self._options
         sense = f"{name}: " if len(self._estimators) > 1 else ""
-        title = f"{sense}training on {dataset.n_people:g} {dataset.unit}"
+        title = f"{sense}{title} {dataset.n_people:g} {dataset.unit}"
         with self._progress(title, FOLDS + 1) as advance:
-            trained, validation = train_and_validate(
+            return train_and_validate(
                 self._estimators[name],
                 dataset,
                 folds=FOLDS,
                 seed=options.seed,
                 jobs=options.jobs,
                 progress=advance,
-                coverage=kind.coverage or COVERAGE,
+                coverage=options.evidence.kind(name).coverage or COVERAGE,
             )
-        return trained.as_evidence(kind), validation.confusion
+
+    def _finish(self, name: str, trained: TrainedClassifier) -> Classifier:
+        return trained.as_evidence(self._options.evidence.kind(name))
 
     def make_reasoner(self, learned: Mapping[str, ConfusionMatrix]) -> Reasoner:
         """Return the reasoner with the error rates of all senses as rules, but for soft evidence."""

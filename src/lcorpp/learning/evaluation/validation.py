@@ -112,7 +112,7 @@ class Validation:
 
     def with_predictions(self, predictions: Sequence[str]) -> Validation:
         """Return a copy with other predicted classes (cases,), e.g. by another decision threshold."""
-        confusion = _count_confusion(self.classes, self.labels, predictions, self.weights)
+        confusion = count_confusion(self.classes, self.labels, predictions, self.weights)
         return replace(self, confusion=confusion, predictions=tuple(predictions))
 
 
@@ -207,7 +207,7 @@ def fit_and_validate(
                 progress(done, len(parts))
 
     predictions = tuple(classes[probabilities.argmax(axis=1)].tolist())
-    confusion = _count_confusion(tuple(classes.tolist()), dataset.labels, predictions, weights)
+    confusion = count_confusion(tuple(classes.tolist()), dataset.labels, predictions, weights)
     auc = None
     if len(classes) == 2:
         auc = float(compute_auc(probabilities[:, 1], labels == classes[1], weights[None])[0])
@@ -217,9 +217,10 @@ def fit_and_validate(
     )
 
 
-def _count_confusion(
+def count_confusion(
     classes: tuple[str, ...], labels: Sequence[str], predictions: Sequence[str], weights: Array
 ) -> ConfusionMatrix:
+    """Return the matrix of labels (cases,) by predictions (cases,), each case with its weight (cases,)."""
     counts = confusion_matrix(labels, predictions, labels=classes, sample_weight=weights)
     return ConfusionMatrix(classes, counts.astype(np.float64))
 

@@ -41,8 +41,8 @@ def truncate(dataset: Dataset, fraction: float) -> Dataset:
 def with_prefixes(dataset: Dataset, fractions: Sequence[float] = FRACTIONS) -> Dataset:
     """Return several prefixes of every track, e.g. to train one classifier for tracks of any length.
 
-    A prefix is a shorter track of the same label, group and weight. Cross-validation keeps groups whole, so
-    it never predicts a prefix of a track that it was trained on.
+    A prefix is a shorter track of the same label, group, weight and evidence. Cross-validation keeps groups
+    whole, so it never predicts a prefix of a track that it was trained on.
 
     Args:
         fractions: of each track, as in `truncate`; 1 is the whole track.
@@ -56,12 +56,9 @@ def with_prefixes(dataset: Dataset, fractions: Sequence[float] = FRACTIONS) -> D
     if not len(fractions):
         raise DataError("there are no fractions of the tracks; expected at least one in (0, 1]")
     n, parts = len(fractions), [truncate(dataset, fraction) for fraction in fractions]
+    repeated = dataset.take(np.tile(np.arange(len(dataset)), n))
     return replace(
-        dataset,
-        trajectories=stack_signals([track for part in parts for track in part.trajectories]),
-        labels=dataset.labels * n,
-        groups=dataset.groups * n,
-        weights=np.tile(dataset.weights, n),
+        repeated, trajectories=stack_signals([track for part in parts for track in part.trajectories])
     )
 
 

@@ -1,0 +1,135 @@
+"""Hidden classes of cases and error rates of the answers about them, estimated together: Dawid and Skene."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from lcorpp.errors import DataError
+from lcorpp.values import Array, freeze
+
+Indices = npt.NDArray[np.intp]
+
+CONTEXT_WEIGHT = 10.0
+"""The classes of all cases count in each context like this many cases of it."""
+
+TOLERANCE, MAX_STEPS = 1e-6, 5000
+"""The estimation ends when no probability of a class changes by more than this, or after the steps."""
+
+SMALLEST = 1e-300
+"""Probability of an answer that cannot be, so that its logarithm is finite."""
+
+
+@dataclass(frozen=True, eq=False)
+class AnswerSource:
+    """A source of answers about the hidden class of each case: a question to a person, a classifier.
+
+    counts: (N, O) how often each case got each answer.
+    rows: (K,) for each class the row of the source's matrix; classes that answer alike share a row.
+    pseudo_counts: (R, O) answers of each row that count as seen before: a Dirichlet prior. They distinguish
+        the classes, which the answers alone leave open up to a permutation, so each row needs a positive one.
+    """
+
+    counts: Array
+    rows: Indices
+    pseudo_counts: Array
+
+    def __post_init__(self) -> None:
+        for name in ("counts", "pseudo_counts"):
+            values = freeze(getattr(self, name))
+            if values.ndim != 2 or not (np.isfinite(values).all() and (values >= 0).all()):
+                raise DataError(f"the {name} of answers: expected a matrix of finite numbers from 0")
+            object.__setattr__(self, name, values)
+        object.__setattr__(self, "rows", np.asarray(self.rows, dtype=np.intp))
+        n_rows, n_answers = self.pseudo_counts.shape
+        if (
+            self.counts.shape[1] != n_answers
+            or self.rows.ndim != 1
+            or not np.isin(self.rows, range(n_rows)).all()
+        ):
+            raise DataError(
+                f"answers of shape {self.counts.shape} and the rows {self.rows.tolist()} of the classes do"
+                f" not fit a matrix of shape {self.pseudo_counts.shape}"
+            )
+        if not (self.pseudo_counts.sum(axis=1) > 0).all():
+            raise DataError(
+                "a row of a source's matrix has no pseudo-counts; expected a positive sum in each"
+            )
+
+    def count_by_row(self, posteriors: Array) -> Array:
+        """Return the expected number (R, O) of the answers of each row. posteriors: (N, K) of the classes."""
+        counts = np.zeros_like(self.pseudo_counts)
+        np.add.at(counts, self.rows, posteriors.T @ self.counts)
+        return counts
+
+
+@dataclass(frozen=True, eq=False)
+class ClassEstimate:
+    """The classes of cases, and the error rates that were estimated along with them.
+
+    posteriors: (N, K) P(class | context, all answers) of each case.
+    matrices: (R, O) of each source, P(answer | class) by row.
+    counts: (R, O) of each source, the expected number of the answers by row, without pseudo-counts.
+    """
+
+    posteriors: Array
+    matrices: tuple[Array, ...]
+    counts: tuple[Array, ...]
+
+
+def estimate_classes(sources: Sequence[AnswerSource], contexts: Indices, n_classes: int) -> ClassEstimate:
+    """Estimate the class of each case and the error rates of each source by expectation-maximisation.
+
+    Given the class, all answers are independent of each other and of the context. Which questions were asked,
+    and when the asking ended, may depend on the answers before.
+
+    Args:
+        sources: with the answers about the same N cases.
+        contexts: (N,) the number of each case's context, e.g. of its place and time; the classes of a context
+            have a distribution of their own, shrunk towards that of all cases.
+        n_classes: K.
+
+    Raises:
+        DataError: a source is not about N cases of K classes.
+
+    Source: Dawid and Skene, Maximum likelihood estimation of observer error-rates using the EM algorithm,
+    Applied Statistics 28 (1979), here with Dirichlet priors and a distribution of the classes by context.
+    """
+    N, K = len(contexts), n_classes
+    for source in sources:
+        if (len(source.counts), len(source.rows)) != (N, K):
+            raise DataError(
+                f"a source is about {len(source.counts)} cases of {len(source.rows)} classes;"
+                f" expected {N} of {K}"
+            )
+    numbers, contexts = np.unique(contexts, return_inverse=True)
+    matrices = [_normalise(source.pseudo_counts) for source in sources]
+    priors, posteriors = np.full((len(numbers), K), 1 / K), np.zeros((N, K))
+    for _ in range(MAX_STEPS):
+        before, posteriors = posteriors, _infer_classes(sources, matrices, priors[contexts])
+        expected = [source.count_by_row(posteriors) for source in sources]
+        matrices = [_normalise(own + s.pseudo_counts) for own, s in zip(expected, sources, strict=True)]
+        overall = posteriors.sum(axis=0) / max(N, 1)
+        priors = CONTEXT_WEIGHT * overall[np.newaxis].repeat(len(numbers), axis=0)
+        np.add.at(priors, contexts, posteriors)
+        priors = _normalise(priors)
+        if np.abs(posteriors - before).max(initial=0) <= TOLERANCE:
+            break
+    return ClassEstimate(posteriors, tuple(matrices), tuple(expected))
+
+
+def _infer_classes(sources: Sequence[AnswerSource], matrices: Sequence[Array], priors: Array) -> Array:
+    """Return the posterior (N, K) of each case by Bayes' rule. priors: (N, K)."""
+    logs = np.log(np.maximum(priors, SMALLEST))
+    for source, matrix in zip(sources, matrices, strict=True):
+        logs += source.counts @ np.log(np.maximum(matrix, SMALLEST))[source.rows].T
+    return _normalise(np.exp(logs - logs.max(axis=1, keepdims=True)))
+
+
+def _normalise(weights: Array) -> Array:
+    """Return each row divided by its sum."""
+    normalised: Array = weights / weights.sum(axis=1, keepdims=True)
+    return normalised
