@@ -19,7 +19,7 @@ from lcorpp.learning import (
     train_and_validate,
 )
 from lcorpp.learning.evaluation.prediction_sets import PredictionSets
-from lcorpp.learning.evaluation.validation import Validation, _count_confusion
+from lcorpp.learning.evaluation.validation import Validation, count_confusion
 from lcorpp.values import Dataset, EvidenceKind
 
 
@@ -28,7 +28,7 @@ def make_validation(probabilities, labels, folds, groups=(), weights=None) -> Va
     p, labels = np.array(probabilities, dtype=float), tuple(labels)
     weights = np.ones(len(labels)) if weights is None else weights
     predictions = tuple(classes[i] for i in p.argmax(axis=1))
-    confusion = _count_confusion(classes, labels, predictions, weights)
+    confusion = count_confusion(classes, labels, predictions, weights)
     return Validation(confusion, predictions, p, None, tuple(folds), labels, tuple(groups), weights)
 
 
