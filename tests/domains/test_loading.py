@@ -9,9 +9,10 @@ import pytest
 from lcorpp.domains import list_domains, load_domain
 from lcorpp.domains.toml import read_toml
 from lcorpp.errors import DomainError, FileError, LcorppError, ParseError
+from lcorpp.experiments import TrainingOptions, train_classifier
 from lcorpp.experiments.training_data import simulate_training_data
 from lcorpp.reasoning import Reasoner
-from lcorpp.values import ConfusionMatrix, Distribution, Likelihood
+from lcorpp.values import ConfusionMatrix, Distribution, Likelihood, strip_padding
 
 ROOMS = Path(__file__).parent / "rooms"
 
@@ -252,9 +253,11 @@ def test_a_people_file_that_cannot_be_loaded(folder, text, words):
         ),
         ("def trajectories(p, rng):\n    return [[[1.0, float('nan')]]] * 2\n", r"is not a number"),
         (
-            "import numpy as np\ndef trajectory(p, rng):\n    return np.zeros((2, rng.integers(9) + 1))\n",
-            "unequal|shape",
+            "import numpy as np\ndef trajectory(p, rng):\n    return np.zeros((1 + len(p['goal']), 3))\n",
+            "not of unequal shapes",
         ),
+        ("def trajectories(p, rng):\n    return 3\n", "not of unequal shapes"),
+        ("def trajectories(p, rng):\n    return [[[1.0], [2.0]]]\n", r"not \(1, 2, 1\)"),
     ],
 )
 def test_a_people_file_that_fails_when_called(folder, text, words):
@@ -262,6 +265,23 @@ def test_a_people_file_that_fails_when_called(folder, text, words):
     simulate = load_domain(folder).simulation.signals["heading"]
     with pytest.raises(DomainError, match=words):
         simulate([{"goal": "lab"}, {"goal": "store"}], np.random.default_rng(0))
+
+
+def test_simulated_tracks_of_unequal_length(folder):
+    (folder / "people.py").write_text(
+        "import numpy as np\n"
+        "def trajectory(p, rng):\n"
+        "    return rng.normal(size=(2, int(rng.integers(60, 300)))).cumsum(axis=1)\n"
+    )
+    domain = load_domain(folder)
+    data = simulate_training_data(domain, domain.senses[0], 0)
+    assert len(set(data.dataset.lengths.tolist())) > 20
+    signals = data.signals.simulate([{"goal": "lab"}] * 3, np.random.default_rng(0))
+    rng = np.random.default_rng(0)
+    for signal in signals:
+        assert np.array_equal(strip_padding(signal), domain.simulation.signals["heading"]([{}], rng)[0])
+    setup = train_classifier(domain, domain.senses[0], TrainingOptions("summaries"))
+    assert set(setup.classifier.classify_many(signals)) <= {"lab", "office", "store"}
 
 
 def test_unknown_evidence():

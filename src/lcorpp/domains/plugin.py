@@ -13,7 +13,7 @@ from lcorpp.domains.own_world import ReactionWorld
 from lcorpp.errors import DomainError
 from lcorpp.protocols import World
 from lcorpp.user_code import UserFile, load_file
-from lcorpp.values import Array
+from lcorpp.values import Array, stack_signals
 
 FUNCTIONS = ("trajectory", "trajectories", "reaction")
 """Functions of a plug-in, beside those with the names of senses; it defines at least one."""
@@ -26,7 +26,8 @@ class SimulationPlugin:
 
     - for each sense a function of its name ``motion(people, rng)`` -> one signal for each person:
       (people, channels, time points) or (people, features). The first sense may also have
-      ``trajectories(people, rng)`` or ``trajectory(person, rng)`` -> (channels, time points);
+      ``trajectories(people, rng)`` or ``trajectory(person, rng)`` -> (channels, time points). The numbers of
+      time points may differ;
     - ``reaction(person, action, rng)`` -> observation;
     - ``recordings(people, rng, *, seconds)`` -> one array (samples, columns) for each person, with
       COLUMNS, the names of the columns, "time" first.
@@ -73,27 +74,28 @@ class SimulationPlugin:
         return {sense: partial(self._simulate, name) for sense, name in functions.items()}
 
     def _simulate(self, name: str, people: Sequence[Mapping[str, str]], rng: np.random.Generator) -> Array:
-        """Return the signals of people by the function of this name."""
-        ranks: tuple[int, ...] = (2, 3)
+        """Return the signals of people by the function of this name; shorter tracks are padded."""
+        ranks: tuple[int, ...] = (1, 2)
         shapes = f"({len(people)}, channels, time points) or ({len(people)}, features)"
         if name in ("trajectory", "trajectories"):
-            ranks, shapes = (3,), f"({len(people)}, channels, time points)"
+            ranks, shapes = (2,), f"({len(people)}, channels, time points)"
         if name == "trajectory":
             signals = [self._call(name, person, rng) for person in people]
         else:
             signals = self._call(name, people, rng)
         try:
-            array = np.array(signals, dtype=np.float64)
+            arrays = [np.array(signal, dtype=np.float64) for signal in signals]
         except (TypeError, ValueError):
-            array = np.empty(0)
-        if array.ndim not in ranks or len(array) != len(people) or 0 in array.shape:
-            raise DomainError(
-                f"{self.path}: {name}(): expected signals of shape {shapes}, not"
-                f" {array.shape if array.size else 'of unequal shapes'}"
-            )
-        if not np.isfinite(array).all():
+            arrays = []
+        known = {array.shape for array in arrays}
+        fixed = {(len(shape), *shape[:1]) for shape in known}  # the numbers of time points may differ
+        is_array = len(fixed) == 1 and not any(0 in shape or len(shape) not in ranks for shape in known)
+        if not is_array or len(arrays) != len(people):
+            found = (len(arrays), *known.pop()) if len(known) == 1 else "of unequal shapes"
+            raise DomainError(f"{self.path}: {name}(): expected signals of shape {shapes}, not {found}")
+        if not all(np.isfinite(array).all() for array in arrays):
             raise DomainError(f"{self.path}: {name}(): a signal has a value that is not a number")
-        return array
+        return stack_signals(arrays)
 
     def recordings(
         self,

@@ -44,7 +44,7 @@ INTERVAL = 0.033
 """Seconds between two time points, as the mall's tracker had."""
 DURATION = (10.0, 14.0)
 """Duration of a recording, uniform."""
-MAX_DURATION = 30.0
+MAX_DURATION = 60.0
 """Maximum duration of a recording."""
 COLUMNS = ("time", "x", "y", "z", "velocity", "heading", "facing")
 """Columns of a recording. z: height of the head. heading: direction of motion. facing: that of the body."""
