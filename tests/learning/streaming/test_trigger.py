@@ -162,6 +162,20 @@ def test_dearer_waiting_decides_earlier():
     assert best.scores[-1].earliness == 0
 
 
+@pytest.mark.parametrize("rule", ["threshold", "teaser"])
+def test_a_search_on_tracks_of_unequal_length(rule):
+    lengths = np.random.default_rng(0).integers(2, 9, 300)
+    timeline = make_timeline(0, lengths=lengths)
+    search = search_trigger(timeline, rule=rule, waiting_cost=0)
+    if rule == "threshold":
+        at_the_end = search.scores[-1]
+        assert at_the_end.seconds == pytest.approx((lengths - 1).mean())
+        assert at_the_end.earliness == 0
+    for decision, length in zip(search.trigger.decide(timeline), lengths, strict=True):
+        assert 2 <= decision.points <= 1 + length
+    assert 0.5 < search.trigger.expected.accuracy < 0.8
+
+
 def test_a_trigger_is_better_than_one_age_for_all():
     search = search_trigger(make_timeline(1, 2000), waiting_cost=0.01)
     at_one_age = search.accuracy - 0.01 * search.seconds
