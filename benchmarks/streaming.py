@@ -71,7 +71,10 @@ def main(
         ("lstm", 30.0, False, False),
         ("lstm, prefix ensemble", 3.0, False, True),
         ("summaries", 3.0, False, True),
+        ("summaries", 3.0, False, False),
         ("forest", 3.0, False, True),
+        ("forest", 3.0, False, False),
+        ("minirocket", 3.0, False, True),
     ):
         kind, _, ensemble = name.partition(", ")
         epochs = EPOCHS if kind == "lstm" else None
@@ -132,7 +135,9 @@ def _make_realistic(frames: Frames, rng: np.random.Generator) -> Frames:
 
 
 def _measure(pipeline: Any, frames: Frames, realistic: bool, together: bool) -> list[str]:
-    streams = StreamingClassifier(pipeline, allowed_lateness=0.1 if realistic else 0.0)
+    streams = StreamingClassifier(
+        pipeline, allowed_lateness=0.1 if realistic else 0.0, min_points=9 if "minirocket" in pipeline else 2
+    )
     streams.push(-10.0, "before", 0.0, 0.0)  # triggers lazy initialisation
     streams.remove("before")
     costs = []

@@ -108,7 +108,7 @@ def learn(
     gap: GapOption = None,
     epochs: options.EpochsOption = None,
     device: options.DeviceOption = "cpu",
-    features: options.FeaturesOption = "x,y",
+    features: options.FeaturesOption = None,
     rate: options.RateOption = None,
     seconds: options.SecondsOption = None,
     store: Annotated[

@@ -61,7 +61,7 @@ def run(
     tracks: options.TracksOption = None,
     epochs: options.EpochsOption = None,
     device: options.DeviceOption = "cpu",
-    features: options.FeaturesOption = "x,y",
+    features: options.FeaturesOption = None,
     rate: options.RateOption = None,
     seconds: options.SecondsOption = None,
     smoothing: options.SmoothingOption = options.Smoothing.jeffreys,

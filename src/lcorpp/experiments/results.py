@@ -82,10 +82,12 @@ def describe_solution(solution: Solution | None) -> dict[str, Any] | None:
 
 
 def _describe_sense(options: ClassifierOptions, setup: SenseSetup) -> dict[str, Any]:
+    from lcorpp.learning.classifiers.registry import default_features
+
     training = options if isinstance(options, TrainingOptions) else TrainingOptions()
     return {
         "classifier": setup.source,
-        "features": ",".join(training.features),
+        "features": ",".join(training.features or default_features(setup.source)),
         "rate": training.rate,
         "seconds": options.seconds if options else None,
         "threshold": training.threshold,

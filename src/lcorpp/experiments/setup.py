@@ -77,7 +77,7 @@ class TrainingOptions:
     learner: a name in `lcorpp.learning.learner`'s table, MODULE:FUNCTION or FILE.py:FUNCTION; None takes the
         one that suits the data.
     epochs: None takes the number that suits the data. device: "cpu" or "cuda".
-    features: the classifier's features of the motion.
+    features: the classifier's features of the motion; None takes those that suit the learner.
     threshold: the decision threshold of the positive class: a number, the name of a metric to optimise, or
         the costs of a miss and of a false alarm as MISS:ALARM; None predicts the most probable class.
     prevalence: of the positive class, for thresholds; None takes it from the domain's knowledge.
@@ -91,7 +91,7 @@ class TrainingOptions:
     learner: str | None = None
     epochs: int | None = None
     device: str = "cpu"
-    features: tuple[str, ...] = ("x", "y")
+    features: tuple[str, ...] | None = None
     threshold: str | None = None
     prevalence: float | None = None
     tracks: int | None = None

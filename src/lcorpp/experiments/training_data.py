@@ -134,7 +134,7 @@ def read_training_data(
     path: Path,
     seed: int,
     *,
-    features: Sequence[str] = ("x", "y"),
+    features: Sequence[str] | None = None,
     reading: ReadingOptions = READ_AS_IT_IS,
     seconds: float | None = None,
 ) -> TrainingData:
@@ -142,8 +142,9 @@ def read_training_data(
 
     Args:
         path: a path that `read_data` accepts: a folder of the authors' files, CSV, Parquet or .npz.
-        features: the classifier's features, see `Motion`. Channels of motion that no feature needs are
-            dropped, so that the classifier also works where they are not measured.
+        features: the classifier's features, see `Motion`; None takes those that need x and y only. Channels
+            of motion that no feature needs are dropped, so that the classifier also works where they are not
+            measured.
         reading: how to read them. Tracks are resampled to the sense's `rate`.
         seconds: the last seconds of each track that are used; None takes those of the sense.
 
@@ -165,7 +166,7 @@ def read_training_data(
         gap=MAX_GAP if reading.gap is None else reading.gap,
     )
     if dataset.kind == "motion":
-        dataset = _drop_unused_channels(dataset, features)
+        dataset = _drop_unused_channels(dataset, features or ())
     unknown = sorted(set(dataset.labels) - set(sense.classes))
     if unknown:
         raise DataError(
@@ -196,9 +197,8 @@ def read_training_data(
 def _drop_unused_channels(dataset: Dataset, features: Sequence[str]) -> Dataset:
     """Return the data set with x, y and the channels that the features are computed from."""
     known = [MOTION_FEATURES[name] for name in features if name in MOTION_FEATURES]
-    needed = {"x", "y", *features}.union(
-        *(feature.needs[-1] for feature in known)
-    )  # from x and y, if possible
+    derived = [feature.needs[-1] for feature in known]  # from x and y, if that is possible
+    needed = {"x", "y", *features}.union(*derived)
     indices = [index for index, name in enumerate(dataset.channels) if name in needed]
     names = tuple(dataset.channels[index] for index in indices)
     return replace(dataset, trajectories=dataset.trajectories[:, indices], channels=names)

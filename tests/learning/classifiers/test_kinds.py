@@ -104,7 +104,8 @@ def test_motion_without_x_and_y_is_refused_by_the_features():
     rng = np.random.default_rng(0)
     data = Dataset(rng.normal(size=(4, 1, 40)), tuple("abab"), channels=("velocity",))
     estimator = learner("summaries", inputs=data.channels, kind=data.kind)
-    with pytest.raises(DataError, match="feature 'x' needs the input x and y; the inputs are velocity"):
+    words = "feature 'turn_rate' needs the input velocity and heading or x and y; the inputs are velocity"
+    with pytest.raises(DataError, match=words):
         train(estimator, data)
 
 

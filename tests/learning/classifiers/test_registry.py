@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from sklearn.base import BaseEstimator
+from sklearn.ensemble import RandomForestClassifier
+from sklearn.exceptions import NotFittedError
 from sklearn.linear_model import LogisticRegression, Perceptron, RidgeClassifier
 from sklearn.neighbors import NearestCentroid
 from sklearn.pipeline import make_pipeline
@@ -20,6 +22,9 @@ from lcorpp.learning import (
     train,
     train_and_validate,
 )
+from lcorpp.learning.classifiers.forest import Forest
+from lcorpp.learning.classifiers.logistic import QuadraticLogistic
+from lcorpp.learning.classifiers.registry import default_features
 from lcorpp.learning.contract import SigmoidScores, ensure_predict_proba
 from lcorpp.values import Dataset
 from tests.learning.walkers import walkers
@@ -59,11 +64,56 @@ def test_a_domain_may_name_every_learner():
 
 def test_the_same_seed_is_the_same_classifier():
     def probabilities(seed):
-        forest = learner("forest", seed=seed).set_params(forest__n_estimators=5)
+        forest = learner("forest", features=("x", "y"), seed=seed).set_params(forest__n_estimators=5)
         return train(forest, DATA).probabilities(DATA.trajectories)
 
     assert np.array_equal(probabilities(3), probabilities(3))
     assert not np.array_equal(probabilities(3), probabilities(4))
+
+
+@pytest.mark.parametrize("name", ["summaries", "forest"])
+def test_learners_of_summaries_do_not_depend_on_where_a_person_is_seen(name):
+    trained = train(learner(name), DATA)
+    seen = walkers(30, seed=3).trajectories
+    turned = np.stack([5 - seen[:, 1], seen[:, 0] - 3], axis=1)
+    np.testing.assert_allclose(trained.probabilities(seen), trained.probabilities(turned), atol=1e-9)
+
+
+def test_the_forest_predicts_as_scikit_learn_does():
+    """Number for number, of three classes, with weights."""
+    data, rng = walkers(90, classes=3), np.random.default_rng(0)
+    X, y = rng.normal(size=(90, 5)), np.array(data.labels)
+    forest = Forest(20, random_state=0).fit(X, y, rng.uniform(0.5, 2, 90))
+    assert np.array_equal(forest.predict_proba(X), RandomForestClassifier.predict_proba(forest, X))
+    assert np.array_equal(forest.predict(X), RandomForestClassifier.predict(forest, X))
+    with pytest.raises(DataError, match=r"trained on 5 features, given shape \(90, 4\)"):
+        forest.predict_proba(X[:, :4])
+    with pytest.raises(NotFittedError):
+        Forest().predict_proba(X)
+
+
+def test_without_chosen_features_each_learner_has_its_own():
+    for name in LEARNERS:
+        if name != "logistic":
+            assert learner(name)[0].features == default_features(name)
+    assert default_features("lstm") == default_features("my.py:own") == ("x", "y")
+    assert default_features("summaries") == ("velocity", "acceleration", "turn_rate")
+    assert learner("summaries", features=["x", "y", "heading"])[1].rate == 3.0
+    assert learner("summaries", features=["velocity", "ahead"])[1].rate is None
+
+
+def test_more_cases_than_the_limit_do_not_weaken_the_regularization():
+    rng = np.random.default_rng(0)
+    X, y = rng.normal(size=(40, 3)), np.array(["a", "b"] * 20)
+    once, twice = (
+        QuadraticLogistic(C=0.1, max_cases=40).fit(np.tile(X, (times, 1)), np.tile(y, times))
+        for times in (1, 2)
+    )
+    np.testing.assert_allclose(once.weights_, twice.weights_, atol=1e-5)
+    unlimited = QuadraticLogistic(C=0.1).fit(np.tile(X, (2, 1)), np.tile(y, 2))
+    assert np.abs(unlimited.weights_).sum() > 1.2 * np.abs(twice.weights_).sum()
+    with pytest.raises(DataError, match="max_cases must be above 0, not 0"):
+        QuadraticLogistic(max_cases=0).fit(X, y)
 
 
 @pytest.mark.parametrize(

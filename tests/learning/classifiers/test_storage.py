@@ -80,7 +80,10 @@ def test_the_names_in_the_file_do_not_change(tmp_path):
         stored = Path(__file__).parent / "stored" / f"{name}.npz"
         save_classifier(load_classifier(stored), tmp_path / "again.npz")
         with np.load(stored) as before, np.load(tmp_path / "again.npz") as after:
-            assert json.loads(str(before["classifier"])) == json.loads(str(after["classifier"]))
+            old, new = (json.loads(str(archive["classifier"])) for archive in (before, after))
+            for former, step in zip(old["steps"], new["steps"], strict=True):
+                former["parameters"] = {**step["parameters"], **former["parameters"]}  # some are newer
+            assert old == new
             assert before.files == after.files
 
 

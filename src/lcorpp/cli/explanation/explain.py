@@ -88,7 +88,7 @@ def explain(
     tracks: options.TracksOption = None,
     epochs: options.EpochsOption = None,
     device: options.DeviceOption = "cpu",
-    features: options.FeaturesOption = "x,y",
+    features: options.FeaturesOption = None,
     rate: options.RateOption = None,
     seconds: options.SecondsOption = None,
     jobs: options.JobsOption = None,

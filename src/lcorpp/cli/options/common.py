@@ -51,10 +51,10 @@ DeviceOption = Annotated[
     str, typer.Option(help="The device of the LSTM: cpu or cuda; other learners use the cpu.")
 ]
 FeaturesOption = Annotated[
-    str,
+    str | None,
     typer.Option(
-        help="The classifier's features of the motion, separated by commas: x, y, velocity, heading, facing"
-        " and more, see docs/learning.md."
+        help="The classifier's features of the motion, separated by commas: x, y, velocity, turn_rate"
+        " and more, see docs/learning.md; by default those that suit the learner."
     ),
 ]
 SecondsOption = Annotated[
@@ -145,7 +145,7 @@ def choose_training(
     tracks: int | None,
     epochs: int | None,
     device: str,
-    features: str,
+    features: str | None,
     rate: float | None,
     seconds: float | None,
     threshold: str | None = None,
@@ -158,7 +158,7 @@ def choose_training(
         "threshold": threshold,
         "prevalence": prevalence,
         "device": device if device != "cpu" else None,
-        "features": tuple(name.strip() for name in features.split(",")) if features != "x,y" else None,
+        "features": None if features is None else tuple(name.strip() for name in features.split(",")),
         "rate": rate,
         "seconds": seconds,
     }

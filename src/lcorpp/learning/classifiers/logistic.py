@@ -28,6 +28,8 @@ class QuadraticLogistic(ProbabilityClassifier):
 
     Args:
         C: inverse of the regularization strength, as in scikit-learn.
+        max_cases: more cases than that do not weaken the regularization; None for no limit. Cases of a new
+            place, or overlapping parts of one track, are no independent draws from one distribution.
 
     Attributes:
         classes_: (K,) the class names in order, set by `fit`.
@@ -35,23 +37,27 @@ class QuadraticLogistic(ProbabilityClassifier):
         weights_: (1 or K, 2 features), bias_: (1 or K,); two classes share one row.
     """
 
-    def __init__(self, *, C: float = 0.02) -> None:
+    def __init__(self, *, C: float = 0.02, max_cases: float | None = None) -> None:
         self.C = C
+        self.max_cases = max_cases
 
     def fit(self, X: npt.ArrayLike, y: npt.ArrayLike, sample_weight: npt.ArrayLike | None = None) -> Self:
         """Train on X (cases, features) and class names y (cases,), with weights (cases,), 1 by default.
 
         Raises:
-            DataError: `C` is not above 0.
+            DataError: `C` or `max_cases` is not above 0.
         """
         if not 0 < self.C < float("inf"):
             raise DataError(f"C must be a finite number above 0, not {self.C}")
+        if self.max_cases is not None and not self.max_cases > 0:
+            raise DataError(f"max_cases must be above 0, not {self.max_cases}")
         features = np.asarray(X, dtype=np.float64)
         weights = np.ones(len(features)) if sample_weight is None else np.asarray(sample_weight)
         self.mean_: Array = np.average(features, axis=0, weights=weights)
         deviation = np.sqrt(np.average((features - self.mean_) ** 2, axis=0, weights=weights))
         self.scale_: Array = np.where(deviation > 1e-9, deviation, 1.0)
-        model = LogisticRegression(C=self.C, max_iter=MAX_ITERATIONS, class_weight="balanced")
+        share = 1.0 if self.max_cases is None else min(1.0, self.max_cases / weights.sum())
+        model = LogisticRegression(C=self.C * share, max_iter=MAX_ITERATIONS, class_weight="balanced")
         model.fit(self._add_squares(features), y, weights)
         self.classes_, self.weights_, self.bias_ = model.classes_, model.coef_, model.intercept_
         return self

@@ -40,6 +40,16 @@ _DESCRIPTIONS = {
 
 KINDS: tuple[Kind, ...] = ("motion", "series", "table")
 
+PAPER_FEATURES = ("x", "y")
+"""The motion features of the paper, which learners of time series use if none are chosen."""
+
+OWN_FEATURES = ("velocity", "acceleration", "turn_rate")
+"""Motion features that depend on the person alone, which learners of summaries use if none are chosen."""
+
+MAX_CASES = 25
+"""More training tracks do not weaken the regularization of a logistic regression: people at another place
+differ from those of the training by more than chance (docs/learning.md has the measurements)."""
+
 
 @dataclass(frozen=True)
 class LearnerConfig:
@@ -87,7 +97,8 @@ class LearnerConfig:
         """Return `pipeline` of summary features and these steps; features of a table need no summary."""
         if self.kind == "table":
             return self.pipeline(*steps)
-        summaries = SummaryFeatures(rate=self.rate if self.kind == "motion" else None)
+        is_path = self.kind == "motion" and self.features[:2] == ("x", "y")
+        summaries = SummaryFeatures(rate=self.rate if is_path else None)
         return self.pipeline(("summaries", summaries), *steps)
 
 
@@ -96,12 +107,14 @@ class Learner:
     """A row of the table.
 
     iterative: the learner takes `epochs` and `device`. kinds: the data that it learns from.
+    features: of motion, if none are chosen.
     """
 
     about: str
     make: Callable[[LearnerConfig], Any]
     iterative: bool = False
     kinds: tuple[Kind, ...] = ("motion", "series")
+    features: tuple[str, ...] = PAPER_FEATURES
 
 
 def paper_pipeline(
@@ -147,16 +160,14 @@ def _summaries(config: LearnerConfig) -> Pipeline:
     from lcorpp.learning.classifiers.logistic import QuadraticLogistic
 
     # of many summaries, each of which depends little on the class, none may get a large weight
-    strength = {"C": 1.0} if config.kind == "table" else {}
-    return config.summarize(("logistic", QuadraticLogistic(**strength)))
+    options: dict[str, Any] = {"table": {"C": 1.0}, "series": {}, "motion": {"max_cases": MAX_CASES}}
+    return config.summarize(("logistic", QuadraticLogistic(**options[config.kind])))
 
 
 def _forest(config: LearnerConfig) -> Pipeline:
-    from sklearn.ensemble import RandomForestClassifier
+    from lcorpp.learning.classifiers.forest import Forest
 
-    forest = RandomForestClassifier(
-        TREES, min_samples_leaf=5, class_weight="balanced_subsample", random_state=config.seed
-    )
+    forest = Forest(TREES, min_samples_leaf=5, class_weight="balanced_subsample", random_state=config.seed)
     return config.summarize(("forest", forest))
 
 
@@ -172,8 +183,12 @@ LEARNERS: Mapping[str, Learner] = {
     "lstm-fast": Learner(
         "the LSTM, trained in a tenth of the time", lambda c: _lstm(c, fast_pipeline), iterative=True
     ),
-    "summaries": Learner("logistic regression on summaries of the motion", _summaries, kinds=KINDS),
-    "forest": Learner("a random forest on summaries of the motion", _forest, kinds=KINDS),
+    "summaries": Learner(
+        "logistic regression on summaries of the motion", _summaries, kinds=KINDS, features=OWN_FEATURES
+    ),
+    "forest": Learner(
+        "a random forest on summaries of the motion", _forest, kinds=KINDS, features=OWN_FEATURES
+    ),
     "logistic": Learner("logistic regression on a table of features", _summaries, kinds=("table",)),
     "minirocket": Learner("MiniRocket: a ridge classifier on ten thousand convolutions", _minirocket),
 }
@@ -193,12 +208,17 @@ RECOMMENDED: Mapping[Kind, tuple[str, str]] = {
 """The learner that is best for each kind of data by our measurements, with the reason."""
 
 
+def default_features(name: str) -> tuple[str, ...]:
+    """Return the motion features that a learner uses if none are chosen."""
+    return LEARNERS[name].features if name in LEARNERS else PAPER_FEATURES
+
+
 def learner(
     name: str,
     *,
     interval: float = 0.033,
     inputs: Sequence[str] = ("x", "y"),
-    features: Sequence[str] = ("x", "y"),
+    features: Sequence[str] | None = None,
     seed: int = 0,
     epochs: int | None = None,
     device: str = "cpu",
@@ -212,7 +232,7 @@ def learner(
             returns a classifier; it receives those of the arguments below that are among its parameters.
         interval: seconds between two time points of the tracks, `Dataset.interval`.
         inputs: the channels of the tracks, or the features of a table, `Dataset.channels`.
-        features: the motion features that the classifier uses, see `Motion`.
+        features: the motion features that the classifier uses, see `Motion`; None takes `default_features`.
         seed: seed of everything random; it also sets parameters called random_state that are None.
         epochs: passes over the data; None is the learner's default.
         device: "cpu", or "cuda" for the LSTM.
@@ -233,10 +253,11 @@ def learner(
         kind = "motion" if set(_check_names("inputs", inputs)) <= set(CHANNELS) else "series"
         if name in LEARNERS and kind not in LEARNERS[name].kinds:
             kind = LEARNERS[name].kinds[0]
-    names = _check_names("inputs", inputs), _check_names("features", features)
+    chosen = default_features(name) if features is None else features
+    names = _check_names("inputs", inputs), _check_names("features", chosen)
     config = LearnerConfig(interval, *names, seed, epochs, device, kind, rate)
     if ":" in name:
-        defaults = {"features": ("x", "y"), "epochs": None, "device": "cpu", "rate": RATE}
+        defaults = {"features": PAPER_FEATURES, "epochs": None, "device": "cpu", "rate": RATE}
         required = [key for key, value in defaults.items() if getattr(config, key) != value]
         return _set_seed(load_learner_plugin(name, vars(config), required), seed)
     if name in RENAMED:
@@ -260,7 +281,7 @@ def learner(
             f"learner {name!r} needs {needs}; the data are {given}: {join_some(inputs)}; {given} are for"
             f" {suitable}, or a learner of your own"
         )
-    if config.kind != "motion" and (config.features != ("x", "y") or rate != RATE):
+    if config.kind != "motion" and (features is not None or rate != RATE):
         raise DataError(
             f"{'features are' if rate == RATE else 'points at a rate are'} computed from motion; the data are"
             f" {_DESCRIPTIONS[config.kind]}: {join_some(inputs)}"

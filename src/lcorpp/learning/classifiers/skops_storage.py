@@ -25,6 +25,7 @@ TREE = "sklearn.tree._tree.Tree"
 
 TRUSTED = (
     TREE,
+    "lcorpp.learning.classifiers.forest.Forest",
     "lcorpp.learning.contract.SigmoidScores",
 )
 
