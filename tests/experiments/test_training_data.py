@@ -99,7 +99,9 @@ def test_the_last_seconds_of_simulated_tracks(tmp_path, recorded):
     signals = [data.signals.simulate(people, np.random.default_rng(0)) for data in (whole, last)]
     assert np.array_equal(signals[0][:, :, -62:], signals[1])
     stored = tmp_path / "classifier.npz"
-    trained = train_classifier(domain, sense, TrainingOptions("summaries", tracks=40, rate=5)).trained
+    trained = train_classifier(
+        domain, sense, TrainingOptions("summaries", features=("x", "y"), tracks=40, rate=5)
+    ).trained
     assert (trained.estimator[0].rate, trained.estimator[1].rate) == (5, 5)
     save_classifier(trained, stored)
     loaded = load_trained(domain, sense, StoredOptions(stored, seconds=2))
