@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from sklearn.linear_model import LogisticRegression
+from sklearn.pipeline import make_pipeline
+from sklearn.preprocessing import FunctionTransformer
 
 from lcorpp.errors import DataError
-from lcorpp.learning import learner, with_prefix_ensemble
+from lcorpp.learning import learner, train, with_prefix_ensemble
 from lcorpp.values import Dataset, stack_signals
 
 LENGTHS = (40, 60, 100, 304)
@@ -60,6 +63,8 @@ def test_a_prefix_ensemble_weighs_its_copies_by_the_length_of_each_track():
         for track, length in zip(tracks, data.lengths, strict=True)
     ]
     np.testing.assert_allclose(trained.predict_proba(tracks), alone, atol=1e-6)
+    again = with_prefix_ensemble(make("lstm-fast")).fit(widen(tracks), labels)
+    assert np.array_equal(again.predict_proba(tracks), trained.predict_proba(tracks))
 
 
 def test_a_series_may_have_unequal_lengths():
@@ -76,3 +81,13 @@ def test_a_track_of_one_point_is_located():
     tracks[3, :, 1:] = np.nan
     with pytest.raises(DataError, match=r"case 3 \(counted from 0\) has 1 time points, the others are NaN"):
         make("summaries").fit(tracks, np.array(["a", "b"] * 4))
+
+
+def test_a_learner_that_cannot_take_padding_is_named_with_the_reason():
+    data = walks()
+    flat = make_pipeline(FunctionTransformer(lambda X: X.reshape(len(X), -1)), LogisticRegression())
+    words = (
+        r"failed in fit: .*contains NaN.*; expected fit\(X, y\) to accept X of shape \(40, 2, 304\), whose"
+    )
+    with pytest.raises(DataError, match=rf"(?s){words} shorter tracks end in NaN and y of the classes fast"):
+        train(flat, data)

@@ -166,7 +166,7 @@ def fit_clone(
     routed = _route_weights(estimator, given) if (given != 1).any() else {}
     trained, known = clone_unfitted(estimator), np.unique(labels)
     names = ", ".join(map(str, known))
-    shapes = f"fit(X, y) to accept X of shape {tracks.shape} and y of the classes {names}"
+    shapes = f"fit(X, y) to accept X of {_describe_shape(tracks)} and y of the classes {names}"
     with report_failure(trained, "fit", shapes):
         trained.fit(tracks, labels, **routed)
     classes = np.asarray(getattr(trained, "classes_", None))
@@ -186,7 +186,9 @@ def predict_proba(trained: Any, tracks: Array) -> Array:
         DataError: the classifier fails, or its result is not an array of distributions.
     """
     shape, method = (len(tracks), len(trained.classes_)), "predict_proba"
-    with report_failure(trained, method, f"probabilities of shape {shape} for X of shape {tracks.shape}"):
+    with report_failure(
+        trained, method, f"probabilities of shape {shape} for X of {_describe_shape(tracks)}"
+    ):
         probabilities = np.asarray(trained.predict_proba(tracks), dtype=np.float64)
     if probabilities.shape != shape:
         raise make_error(
@@ -203,6 +205,11 @@ def predict_proba(trained: Any, tracks: Array) -> Array:
             f" a distribution: {shape[1]} numbers from 0 to 1 with the sum 1",
         )
     return probabilities
+
+
+def _describe_shape(tracks: Array) -> str:
+    padding = ", whose shorter tracks end in NaN" if np.isnan(tracks).any() else ""
+    return f"shape {tracks.shape}{padding}"
 
 
 def name_of(estimator: Any) -> str:

@@ -6,7 +6,7 @@ csv_reader      CSV text in columns, errors located         csv_formats  long CS
 parquet, npz, authors, labels                               the other formats, and files of labels
 ingest          rows of any format -> tracks: it collects the rows of each id, cleaning splits and checks
                 them and detects millimetres, repairs lists the faults that may be repaired
-windows         tracks -> a rectangular Dataset             dataset      check and split a Dataset
+windows         tracks -> a Dataset of a fixed interval     dataset      check and split a Dataset
 writing         Recording -> CSV or Parquet                 describe     counts, durations, speeds, duplicates
 fetching        resumable downloads                         plots        figures, with matplotlib
 """

@@ -30,8 +30,8 @@ from lcorpp.values import Dataset, count_window, stack_signals
 
 Format = Literal["authors", "npz", "store", "parquet", "atc", "long", "table"]
 
-RECTANGULAR = ("authors", "npz", "store", "table")
-"""Formats whose tracks have equal intervals, and tables of features."""
+DATASETS = ("authors", "npz", "store", "table")
+"""Formats of data sets: tracks of one interval, or tables of features."""
 
 RAW_LABELS = {"0": "0", "1": "1"}
 """Labels of the authors' files, if the caller does not name their classes."""
@@ -74,8 +74,8 @@ def read_data(
     if points is not None and seconds is not None:
         raise DataError(f"{points} points and {seconds:g} seconds are given; expected one of them")
     changes = (interval, points, seconds, channels, robot, label_file)
-    if kind in RECTANGULAR:
-        whole = _read_rectangular(Path(path), kind, labels, RepairLog(repair), progress)
+    if kind in DATASETS:
+        whole = _read_dataset(Path(path), kind, labels, RepairLog(repair), progress)
         if all(argument is None for argument in changes):
             return whole
         if seconds is not None and whole.kind == "series" and changes.count(None) == len(changes) - 1:
@@ -135,10 +135,10 @@ def read_recording(
         raise DataError(f"the longest silence is {gap} s; expected a number above 0")
     repair_log = RepairLog(repair)
     classes = None if label_file is None else read_labels(label_file, labels)
-    if kind in RECTANGULAR:
+    if kind in DATASETS:
         if classes is not None:
             raise DataError(f"{path}: has labels of its own; {label_file} cannot give others")
-        data = _read_rectangular(file, kind, labels, repair_log, progress)
+        data = _read_dataset(file, kind, labels, repair_log, progress)
         if data.kind != "motion":
             raise DataError(f"{path}: has no tracks of motion, but {join_some(data.channels)}")
         whole = to_recording(data)
@@ -175,7 +175,7 @@ def read_features(
     kind = detect_format(path)
     if kind not in ("npz", "table", "store") or (kind == "store" and read_store(path).schema.is_motion):
         return None
-    whole = _read_rectangular(Path(path), kind, labels, repair_log, progress)
+    whole = _read_dataset(Path(path), kind, labels, repair_log, progress)
     return None if whole.kind == "motion" else whole
 
 
@@ -258,7 +258,7 @@ def _convert_dataset_units(dataset: Dataset, source: RowSource) -> Dataset:
     return replace(dataset, trajectories=stack_signals(rows))
 
 
-def _read_rectangular(
+def _read_dataset(
     file: Path,
     kind: Format,
     labels: Mapping[str, str] | None,

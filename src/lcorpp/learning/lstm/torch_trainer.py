@@ -81,7 +81,7 @@ class TorchTrainer:
 
     def _loss(self, rows: torch.Tensor, mask: torch.Tensor) -> torch.Tensor:
         outputs = self._lstm(self._inputs[rows])[0]
-        last = outputs[torch.arange(len(rows)), self._last_points[rows]]
+        last = outputs[torch.arange(len(rows), device=self._device), self._last_points[rows]]
         scores, targets = functional.linear(last * mask, self._dense, self._dense_bias), self._targets[rows]
         if self._binary:
             losses = functional.binary_cross_entropy_with_logits(scores[:, 0], targets, reduction="none")

@@ -68,7 +68,7 @@ class PrefixEnsemble(ProbabilityClassifier):
     Args:
         classifier: a classifier of tracks of any length; each prefix length has a clone. The ensemble has
             `begin` and `advance` if the classifier has.
-        fractions: the prefix lengths, as fractions of the training tracks.
+        fractions: the prefix lengths, as fractions of the longest training track.
 
     Attributes:
         classes_: (K,) the class names, set by `fit`. classifiers_: the copies. lengths_: (copies,) number of
@@ -93,7 +93,8 @@ class PrefixEnsemble(ProbabilityClassifier):
         tracks = check_tracks(X)
         if not len(self.fractions) or not all(0 < fraction <= 1 for fraction in self.fractions):
             raise DataError(f"the prefix lengths are fractions in (0, 1], not {tuple(self.fractions)}")
-        lengths = [max(2, round(fraction * tracks.shape[2])) for fraction in self.fractions]
+        longest = int(measure_lengths(tracks).max())
+        lengths = [max(2, round(fraction * longest)) for fraction in self.fractions]
         if any(longer <= shorter for shorter, longer in pairwise(lengths)):
             raise DataError(
                 f"the prefix lengths {tuple(self.fractions)} are {lengths} points; expected rising numbers"
@@ -152,7 +153,7 @@ def with_prefix_ensemble(pipeline: Pipeline, *, fractions: Sequence[float] = FRA
 
     Args:
         pipeline: `Motion`, perhaps `ChannelStandardizer`, and a classifier of tracks of any length.
-        fractions: the prefix lengths, as fractions of the training tracks.
+        fractions: the prefix lengths, as fractions of the longest training track.
 
     Raises:
         DataError: there is no step after `Motion` and `ChannelStandardizer`.
