@@ -12,8 +12,10 @@ from lcorpp.errors import DataError, expected_one_of
 from lcorpp.learning.label_noise.dawid_skene import AnswerSource, Indices, estimate_classes
 from lcorpp.values import Array, ConfusionMatrix, Dataset, LabelEvidence
 
-MODEL_WEIGHT = 20.0
-"""The planner's observation model counts like this many answers to each action by people of each value."""
+MODEL_WEIGHT, MATRIX_WEIGHT = 20.0, 10.0
+"""The planner's observation model counts like this many answers to each action by people of each value, and
+the confusion matrix against the reports like this many people of each class. Few answers leave the rates of
+errors nearly open: the classes would follow the classifier, which would seem better than it is."""
 
 LEAST_PROBABILITY = 0.005
 """A class that is less probable is left out: the case would be twice in the training for nothing."""
@@ -58,10 +60,12 @@ def correct_labels(
     rows, evidence = [row for row, _ in uncertain], [own for _, own in uncertain]
     certain_weights = np.where([own is None for own in dataset.evidence], dataset.weights, 0)
     known = (labels * certain_weights[:, np.newaxis]).T @ predicted
+    against_reports = labels.T @ predicted + np.eye(len(classes)) + 0.5
+    against_reports /= against_reports.sum(axis=1, keepdims=True)
     sources = [
         *_find_answers(domain, evidence),
         *_find_reports(evidence, labels[rows], class_of, classes),
-        AnswerSource(predicted[rows], class_of, known + np.eye(len(classes)) + 0.5),
+        AnswerSource(predicted[rows], class_of, known + MATRIX_WEIGHT * against_reports),
     ]
     facts = [str(sorted(own.context.items())) for own in evidence]
     contexts = np.unique(np.array(facts, dtype=str), return_inverse=True)[1]
