@@ -58,7 +58,7 @@ def main(
 
     table = describe_rules([list(learn(seed)) for seed in range(seeds)])
     if out is None:
-        Console().print(table, markup=False)
+        Console().print(table, markup=False, soft_wrap=True)
     else:
         make_folder(out.parent)
         write_atomically(out, table)
