@@ -62,6 +62,15 @@ def test_a_domain_may_name_every_learner():
     assert set(CLASSIFIERS) == {*LEARNERS, "channel"}
 
 
+def test_the_fast_lstm_makes_few_passes_unless_the_data_are_few():
+    for options, expected in (({}, (6, 300)), ({"epochs": 4}, (4, 0))):
+        network = learner("lstm-fast", **options)[-1]
+        assert (network.epochs, network.min_updates) == expected
+    series = learner("lstm-fast", inputs=("pitch",))
+    assert [name for name, _ in series.steps] == ["segments", "scaling", "lstm"]
+    assert (series[-1].min_updates, series[-1].dropout) == (600, 0.2)
+
+
 def test_the_same_seed_is_the_same_classifier():
     def probabilities(seed):
         forest = learner("forest", features=("x", "y"), seed=seed).set_params(forest__n_estimators=5)
@@ -97,7 +106,11 @@ def test_without_chosen_features_each_learner_has_its_own():
         if name != "logistic":
             assert learner(name)[0].features == default_features(name)
     assert default_features("lstm") == default_features("my.py:own") == ("x", "y")
-    assert default_features("summaries") == ("velocity", "acceleration", "turn_rate")
+    assert (
+        default_features("summaries")
+        == default_features("lstm-fast")
+        == ("velocity", "acceleration", "turn_rate")
+    )
     assert learner("summaries", features=["x", "y", "heading"])[1].rate == 3.0
     assert learner("summaries", features=["velocity", "ahead"])[1].rate is None
 

@@ -12,18 +12,25 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from numbers import Integral, Real
 from typing import Any
 
 from sklearn.pipeline import Pipeline
 
 from lcorpp.errors import DataError, expected_one_of
+from lcorpp.learning.classifiers.pipelines import (
+    OWN_FEATURES,
+    PAPER_FEATURES,
+    fast_pipeline,
+    paper_pipeline,
+)
 from lcorpp.learning.classifiers.plugin import load_learner_plugin
 from lcorpp.learning.contract import accepts_weights, report_failure
 from lcorpp.learning.features.motion import ChannelStandardizer, Motion
 from lcorpp.learning.features.resampling import RATE, check_rate
+from lcorpp.learning.features.segments import SegmentStatistics
 from lcorpp.learning.features.summaries import SummaryFeatures
-from lcorpp.learning.lstm import LstmClassifier
 from lcorpp.notebook import join_some
 from lcorpp.values import CHANNELS, Kind
 
@@ -39,12 +46,6 @@ _DESCRIPTIONS = {
 }
 
 KINDS: tuple[Kind, ...] = ("motion", "series", "table")
-
-PAPER_FEATURES = ("x", "y")
-"""The motion features of the paper, which learners of time series use if none are chosen."""
-
-OWN_FEATURES = ("velocity", "acceleration", "turn_rate")
-"""Motion features that depend on the person alone, which learners of summaries use if none are chosen."""
 
 MAX_CASES = 25
 """More training tracks do not weaken the regularization of a logistic regression: people at another place
@@ -117,43 +118,19 @@ class Learner:
     features: tuple[str, ...] = PAPER_FEATURES
 
 
-def paper_pipeline(
-    *,
-    rate: float = RATE,
-    interval: float = 0.033,
-    inputs: Sequence[str] = ("x", "y"),
-    features: Sequence[str] = ("x", "y"),
-    class_weight: Any = "balanced",
-    **options: Any,
-) -> Pipeline:
-    """The paper's classifier: three points of motion per second, standardized, into an LSTM of 50 units.
-
-    The defaults are the paper's, except for the class weights, which make no difference on its balanced data;
-    `Motion` describes the first four arguments, `LstmClassifier` all others, such as epochs, batch_size and
-    random_state. On two thousand simulated tracks 300 epochs overfit
-    (AUC .75, `fast_pipeline` .76); on the authors' 123 they do not (.82, .78).
-    """
-    lstm = LstmClassifier(class_weight=class_weight, **options)
-    motion = Motion(rate=rate, interval=interval, features=features, inputs=inputs)
-    return Pipeline([("motion", motion), ("scaling", ChannelStandardizer()), ("lstm", lstm)])
-
-
-def fast_pipeline(
-    *, epochs: int = 20, learning_rate: float = 1e-2, schedule: str = "one-cycle", **others: Any
-) -> Pipeline:
-    """`paper_pipeline` in a fifteenth of its time: few epochs with a one-cycle learning rate.
-
-    It is the better choice for some hundred tracks or more, because it does not overfit; for fewer tracks it
-    makes too few updates. The other arguments are those of `paper_pipeline`.
-    """
-    return paper_pipeline(epochs=epochs, learning_rate=learning_rate, schedule=schedule, **others)
-
-
 def _lstm(config: LearnerConfig, pipeline: Callable[..., Pipeline] = paper_pipeline) -> Pipeline:
     arguments = {name: value for name, value in vars(config).items() if value is not None}
     kind, seed = arguments.pop("kind"), arguments.pop("seed")
     whole = pipeline(random_state=seed, **arguments)
     return whole if kind == "motion" else whole[1:]  # without the step `Motion`
+
+
+def _fast_lstm(config: LearnerConfig) -> Pipeline:
+    if config.kind == "motion":
+        return _lstm(config, fast_pipeline)
+    # series are less ambiguous than people's motion: more updates, less dropout
+    network = partial(fast_pipeline, min_updates=600, dropout=0.2, learning_rate=5e-3)
+    return Pipeline([("segments", SegmentStatistics()), *_lstm(config, network).steps])
 
 
 def _summaries(config: LearnerConfig) -> Pipeline:
@@ -181,7 +158,7 @@ def _minirocket(config: LearnerConfig) -> Pipeline:
 LEARNERS: Mapping[str, Learner] = {
     "lstm": Learner("the paper's LSTM", _lstm, iterative=True),
     "lstm-fast": Learner(
-        "the LSTM, trained in a tenth of the time", lambda c: _lstm(c, fast_pipeline), iterative=True
+        "the LSTM, trained in a tenth of the time", _fast_lstm, iterative=True, features=OWN_FEATURES
     ),
     "summaries": Learner(
         "logistic regression on summaries of the motion", _summaries, kinds=KINDS, features=OWN_FEATURES

@@ -30,6 +30,7 @@ from lcorpp.learning.evaluation.calibration import Calibration
 from lcorpp.learning.evaluation.prediction_sets import PredictionSets
 from lcorpp.learning.evaluation.thresholds import DecisionThreshold
 from lcorpp.learning.features.motion import ChannelStandardizer, Motion
+from lcorpp.learning.features.segments import SegmentStatistics
 from lcorpp.learning.features.summaries import SummaryFeatures
 from lcorpp.learning.lstm import LstmClassifier
 from lcorpp.values import ConfusionMatrix
@@ -149,6 +150,7 @@ def _native_kinds() -> dict[str, Any]:
         "Summaries": SummaryFeatures,
         "QuadraticLogistic": QuadraticLogistic,
         "MiniRocket": MiniRocket,
+        "SegmentStatistics": SegmentStatistics,
     }
 
 

@@ -22,6 +22,9 @@ from lcorpp.values import Array, Lengths, measure_lengths
 _PREDICTION_BATCH = 4096
 """Cases per call of the network in `predict_proba`, which bounds memory."""
 
+LOWER_BOUNDS = {"units": 1, "epochs": 1, "min_updates": 0, "batch_size": 1, "random_state": 0}
+"""The smallest values of the parameters that are whole numbers."""
+
 _MAX_INPUT = 1e30
 """Inputs up to this size, times any weight, are finite in float32."""
 
@@ -73,6 +76,7 @@ class LstmClassifier(ProbabilityClassifier):
         units: units of the LSTM.
         dropout: dropout rate of its outputs in training.
         epochs: passes over the training data.
+        min_updates: lower bound on the number of updates: small data sets get as many passes as that takes.
         batch_size: cases per update.
         learning_rate: of Adam; for the schedule "one-cycle" the highest.
         schedule: "constant" as in the paper; "one-cycle" rises over the first quarter of the training and
@@ -96,6 +100,7 @@ class LstmClassifier(ProbabilityClassifier):
         units: int = 50,
         dropout: float = 0.2,
         epochs: int = 300,
+        min_updates: int = 0,
         batch_size: int = 32,
         learning_rate: float = 1e-3,
         schedule: str = "constant",
@@ -107,6 +112,7 @@ class LstmClassifier(ProbabilityClassifier):
         self.units = units
         self.dropout = dropout
         self.epochs = epochs
+        self.min_updates = min_updates
         self.batch_size = batch_size
         self.learning_rate = learning_rate
         self.schedule = schedule
@@ -143,10 +149,11 @@ class LstmClassifier(ProbabilityClassifier):
         training_set = TrainingSet(
             inputs, lengths, index.astype(np.int32), weights.astype(np.float32), len(classes)
         )
+        batches = -(-len(inputs) // int(self.batch_size))
         config = TrainingConfig(
             units=int(self.units),
             dropout=float(self.dropout),
-            epochs=int(self.epochs),
+            epochs=max(int(self.epochs), -(-int(self.min_updates) // batches)),
             batch_size=int(self.batch_size),
             learning_rate=float(self.learning_rate),
             schedule=self.schedule,
@@ -245,7 +252,7 @@ class LstmClassifier(ProbabilityClassifier):
         return weights
 
     def _check_parameters(self) -> None:
-        for name, minimum in (("units", 1), ("epochs", 1), ("batch_size", 1), ("random_state", 0)):
+        for name, minimum in LOWER_BOUNDS.items():
             value = getattr(self, name)
             if not isinstance(value, Integral) or isinstance(value, bool):
                 raise DataError(f"{name} must be a whole number, not {value!r}")
