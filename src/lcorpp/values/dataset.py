@@ -12,6 +12,7 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 
+from lcorpp.arguments import check_arguments, check_fields, to_numbers
 from lcorpp.errors import DataError
 from lcorpp.notebook import join_some
 from lcorpp.values.arrays import Array, freeze
@@ -87,6 +88,9 @@ class Dataset:
     evidence: tuple[LabelEvidence | None, ...] = ()
 
     def __post_init__(self) -> None:
+        check_fields(self)
+        for name in ("labels", "groups", "notes"):
+            object.__setattr__(self, name, tuple(getattr(self, name)))
         object.__setattr__(self, "trajectories", freeze(self.trajectories))
         object.__setattr__(self, "channels", tuple(self.channels) or self._name_channels())
         n = len(self.labels)
@@ -177,6 +181,7 @@ class Dataset:
         """The sum of the weights: a person of uncertain class, who is a case of each class, counts once."""
         return round(float(self.weights.sum()), 6)
 
+    @check_arguments
     def append(
         self,
         pairs: Sequence[tuple[npt.ArrayLike, str]],
@@ -194,6 +199,8 @@ class Dataset:
         Raises:
             DataError: a trajectory has other channels, or other features.
         """
+        if len(pairs) != len(groups):
+            raise DataError(f"{len(pairs)} pairs need as many groups, not {len(groups)}")
         shape = self.trajectories.shape[1:]
         tracks = [np.asarray(track, dtype=np.float64) for track, _ in pairs]
         signals = [*self.trajectories, *tracks]
@@ -224,8 +231,13 @@ class Dataset:
         return replace(self, trajectories=cut_tracks(self.trajectories, part))
 
     def take(self, rows: npt.ArrayLike) -> Dataset:
-        """Return the data set of the given rows, in their order. rows: (k,) indices."""
-        index = np.asarray(rows, dtype=np.intp)
+        """Return the data set of the given rows, in their order; a DataError if there are none such.
+
+        rows: (k,) indices.
+        """
+        index = to_numbers(rows, "the rows").astype(np.intp)
+        if index.ndim != 1 or (len(index) and not -len(self) <= index.min() <= index.max() < len(self)):
+            raise DataError(f"the rows are {index}; expected a sequence of indices below {len(self)}")
         return replace(
             self,
             trajectories=self.trajectories[index],

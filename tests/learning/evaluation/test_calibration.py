@@ -193,7 +193,7 @@ def test_calibration_is_restored_from_json_and_invalid_numbers_are_errors():
         ([[0.2, np.inf], [0.5, 0.5]], "case 0, class 1 .* is inf"),
         ([[-0.1, 1.1], [0.5, 0.5]], "case 0, class 0 .* is -0.1"),
         ([0.2, 0.8], r"shape \(2,\); expected \(cases, 2\), a column for each class"),
-        ([["a", "b"]], "expected numbers"),
+        ([["a", "b"]], "expected an array of numbers"),
         ([[0.2, 0.8]], "2 labels need as many rows of probabilities, not 1"),
     ],
 )

@@ -12,6 +12,7 @@ from sklearn.utils.validation import check_is_fitted
 
 from lcorpp.errors import DataError
 from lcorpp.learning.contract import ProbabilityClassifier, to_probabilities
+from lcorpp.learning.data.dataset import check_labels, check_signals
 from lcorpp.values import Array
 
 CLIP = 3.0
@@ -51,7 +52,10 @@ class QuadraticLogistic(ProbabilityClassifier):
             raise DataError(f"C must be a finite number above 0, not {self.C}")
         if self.max_cases is not None and not self.max_cases > 0:
             raise DataError(f"max_cases must be above 0, not {self.max_cases}")
-        features = np.asarray(X, dtype=np.float64)
+        features = check_signals(X)
+        if features.ndim != 2:
+            raise DataError(f"features of shape {features.shape}; expected (cases, features)")
+        y = check_labels(y, len(features))
         weights = np.ones(len(features)) if sample_weight is None else np.asarray(sample_weight)
         self.mean_: Array = np.average(features, axis=0, weights=weights)
         deviation = np.sqrt(np.average((features - self.mean_) ** 2, axis=0, weights=weights))

@@ -22,6 +22,7 @@ import numpy as np
 import numpy.typing as npt
 from sklearn.pipeline import Pipeline
 
+from lcorpp.arguments import check_arguments
 from lcorpp.errors import DataError, expected_one_of
 from lcorpp.files import read_bytes, write_atomically
 from lcorpp.learning.classifiers.skops_storage import SKOPS, dump_step, load_step
@@ -50,6 +51,7 @@ DAMAGED = (
 """What numpy, zipfile and json raise on invalid bytes."""
 
 
+@check_arguments
 def save_classifier(classifier: TrainedClassifier, path: str | Path) -> None:
     """Write a trained pipeline, e.g. of a `learner`, with its error rates, calibration, threshold and sets.
 
@@ -95,6 +97,7 @@ def save_classifier(classifier: TrainedClassifier, path: str | Path) -> None:
     write_atomically(path, buffer.getvalue())
 
 
+@check_arguments
 def load_classifier(path: str | Path) -> TrainedClassifier:
     """Read a file of `save_classifier`; the loaded classifier gives exactly the same probabilities.
 

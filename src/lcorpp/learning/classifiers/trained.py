@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from lcorpp.arguments import check_arguments, to_numbers
 from lcorpp.errors import DataError
 from lcorpp.learning.contract import ensure_predict_proba, fit_clone, name_of, predict_proba
 from lcorpp.learning.data.dataset import check_trainable
@@ -60,7 +61,7 @@ class TrainedClassifier:
 
     def probabilities(self, trajectories: npt.ArrayLike) -> Array:
         """(n, K) the uncalibrated probabilities of `classes` for (n, channels, time points)."""
-        return predict_proba(self.estimator, np.asarray(trajectories, dtype=np.float64))
+        return predict_proba(self.estimator, to_numbers(trajectories, "the trajectories"))
 
     @property
     def classes(self) -> tuple[str, ...]:
@@ -141,6 +142,7 @@ class SoftClassifier:
         return self.source.likelihoods(self.trained.probabilities(trajectories))
 
 
+@check_arguments
 def train(estimator: Any, dataset: Dataset) -> TrainedClassifier:
     """Train a clone of `estimator` on all of `dataset`, without validation.
 
@@ -153,6 +155,7 @@ def train(estimator: Any, dataset: Dataset) -> TrainedClassifier:
     return TrainedClassifier(fitted, inputs=dataset.channels)
 
 
+@check_arguments
 def train_and_validate(
     estimator: Any,
     dataset: Dataset,

@@ -9,6 +9,7 @@ from typing import NoReturn
 
 import numpy as np
 
+from lcorpp.arguments import check_arguments
 from lcorpp.errors import ParseError, expected_one_of
 from lcorpp.files import read_text
 from lcorpp.learning.data.csv_reader import column_of
@@ -43,6 +44,7 @@ class _Row:
         raise ParseError(str(self.file), self.line, column_of(self.text, cell), message, self.text)
 
 
+@check_arguments
 def read_authors(folder: str | Path, *, labels: Mapping[str, str]) -> Dataset:
     """Read `interposx.csv` and `interposy.csv` of the authors' repository.
 

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import reprlib
 from collections import defaultdict
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
+from lcorpp.arguments import check_arguments, to_numbers
 from lcorpp.errors import DataError
 from lcorpp.values import Array, Dataset, measure_lengths
 
@@ -23,7 +26,7 @@ def check_tracks(tracks: npt.ArrayLike, channels: int | None = None) -> Array:
         DataError: another shape, a track of fewer than two time points, or a number that is infinite, or NaN
             and no padding.
     """
-    array = np.asarray(tracks, dtype=np.float64)
+    array = to_numbers(tracks, "the tracks")
     if array.ndim != 3 or 0 in array.shape[:2]:
         raise DataError(f"expected tracks of shape (cases, channels, time points), not {array.shape}")
     if array.shape[2] < 2:
@@ -32,6 +35,26 @@ def check_tracks(tracks: npt.ArrayLike, channels: int | None = None) -> Array:
         _check_padded(array)
     if channels is not None and array.shape[1] != channels:
         raise DataError(f"trained on tracks of {channels} channels, given {array.shape[1]}")
+    return array
+
+
+def check_labels(labels: npt.ArrayLike, cases: int) -> npt.NDArray[Any]:
+    """Return labels as an array (cases,) after checking them.
+
+    Raises:
+        DataError: another shape, None or NaN, or names of several types.
+    """
+    try:
+        array = np.asarray(labels)
+        missing = [i for i, label in enumerate(array.tolist()) if label is None or label != label]
+        if not missing:
+            np.unique(array)  # sorts them
+    except (TypeError, ValueError):
+        raise DataError(f"the labels are {reprlib.repr(labels)}; expected an array of names") from None
+    if missing:
+        raise DataError(f"label {missing[0]} (counted from 0) is {array[missing[0]]}; expected a class")
+    if array.shape != (cases,):
+        raise DataError(f"{cases} cases need as many labels, not shape {array.shape}")
     return array
 
 
@@ -61,7 +84,7 @@ def check_signals(signals: npt.ArrayLike) -> Array:
     Raises:
         DataError: another shape, no features, or a number that is NaN or infinite.
     """
-    array = np.asarray(signals, dtype=np.float64)
+    array = to_numbers(signals, "the signals")
     if array.ndim != 2 or 0 in array.shape:
         return check_tracks(array)
     if not np.isfinite(array).all():
@@ -73,6 +96,7 @@ def check_signals(signals: npt.ArrayLike) -> Array:
     return array
 
 
+@check_arguments
 def check_trainable(dataset: Dataset, *, folds: int = 1) -> None:
     """Check that a classifier can be trained on `dataset` and validated in `folds` grouped folds.
 
@@ -99,6 +123,7 @@ def check_trainable(dataset: Dataset, *, folds: int = 1) -> None:
         raise DataError(f"all {len(dataset)} {dataset.unit} are the same; nothing can be learnt from them")
 
 
+@check_arguments
 def split(dataset: Dataset, *, test: float = 0.3, seed: int) -> tuple[Dataset, Dataset]:
     """Split into training and test data, stratified by class; all cases of a group go to one side.
 
@@ -111,6 +136,8 @@ def split(dataset: Dataset, *, test: float = 0.3, seed: int) -> tuple[Dataset, D
     Raises:
         DataError: `test` is not between 0 and 1, or a side lacks a class.
     """
+    if seed < 0:
+        raise DataError(f"the seed is {seed}; expected 0 or more")
     if not 0 < test < 1:
         raise DataError(f"the test share must lie between 0 and 1, not {test}")
     members, strata = defaultdict[str, list[int]](list), defaultdict[tuple[str, ...], list[list[int]]](list)

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
+from lcorpp.arguments import check_arguments
 from lcorpp.errors import DataError
 from lcorpp.files import read_bytes, write_atomically
 from lcorpp.learning.data.dataset import check_signals
@@ -28,6 +29,7 @@ DAMAGE_ERRORS = (
 """Errors that numpy, zipfile and json raise for damaged files."""
 
 
+@check_arguments
 def save_dataset(dataset: Dataset, path: str | Path) -> None:
     """Write a data set as a numpy archive (.npz) of numbers and JSON, without executable content.
 
@@ -42,6 +44,7 @@ def save_dataset(dataset: Dataset, path: str | Path) -> None:
     write_atomically(path, buffer.getvalue())
 
 
+@check_arguments
 def load_dataset(path: str | Path) -> Dataset:
     """Read a data set that `save_dataset` wrote, bit for bit.
 

@@ -11,6 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 
+from lcorpp.arguments import check_arguments
 from lcorpp.errors import DataError
 from lcorpp.learning.data.tracks import Recording, Track
 from lcorpp.plot_style import COLOURS, INK, MUTED, despine, with_style
@@ -33,6 +34,7 @@ CLASS_COLOURS = tuple(COLOURS[number] for number in (5, 1, 2, 3, 6, 0))
 
 
 @with_style
+@check_arguments
 def plot_tracks(recording: Recording, *, title: str = "", max_tracks: int = MAX_TRACKS) -> Figure:
     """Plot the tracks of each class to one scale, above the speeds of all classes.
 

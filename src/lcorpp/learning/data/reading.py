@@ -9,6 +9,7 @@ from typing import Literal
 
 import numpy as np
 
+from lcorpp.arguments import check_arguments
 from lcorpp.errors import DataError, FileError, ParseError
 from lcorpp.files import keep_pipes, open_text
 from lcorpp.learning.data.authors import read_authors
@@ -42,6 +43,7 @@ MAX_HEADING = 1_000_000
 Pose = tuple[float, float, float]
 
 
+@check_arguments
 @keep_pipes()
 def read_data(
     path: str | Path,
@@ -52,7 +54,7 @@ def read_data(
     points: int | None = None,
     seconds: float | None = None,
     channels: Sequence[str] | None = None,
-    repair: Collection[str] = (),
+    repair: str | Collection[str] = (),
     robot: Pose | None = None,
     gap: float = MAX_GAP,
     progress: Progress | None = None,
@@ -100,13 +102,14 @@ def read_data(
         raise DataError(f"{path}: {reason}") from None
 
 
+@check_arguments
 @keep_pipes()
 def read_recording(
     path: str | Path,
     *,
     labels: Mapping[str, str] | None = None,
     label_file: str | Path | None = None,
-    repair: Collection[str] = (),
+    repair: str | Collection[str] = (),
     robot: Pose | None = None,
     gap: float = MAX_GAP,
     progress: Progress | None = None,
@@ -179,6 +182,7 @@ def read_features(
     return None if whole.kind == "motion" else whole
 
 
+@check_arguments
 def convert_snapshot(snapshot: Snapshot) -> Recording:
     """Convert all tracks of a store, of any length, with their labels, e.g. for `write_recording`.
 

@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from lcorpp.arguments import check_arguments, check_fields
 from lcorpp.errors import DataError, expected_one_of
 from lcorpp.notebook import html_table
 from lcorpp.values import CHANNELS, Array, freeze
@@ -70,6 +71,7 @@ class Track:
     group: str = ""
 
     def __post_init__(self) -> None:
+        check_fields(self)
         object.__setattr__(self, "times", freeze(self.times))
         columns = {name: freeze(values) for name, values in self.columns.items()}
         object.__setattr__(self, "columns", MappingProxyType(columns))
@@ -153,6 +155,7 @@ class Recording:
     repairs: tuple[Repair, ...] = ()
 
     def __post_init__(self) -> None:
+        check_fields(self)
         names = [track.id for track in self.tracks]
         if len(set(names)) < len(names):
             twice = next(name for name in names if names.count(name) > 1)
@@ -201,6 +204,7 @@ class Recording:
         return replace(self, tracks=tuple(track.in_robot_frame(x, y, angle) for track in self.tracks))
 
 
+@check_arguments
 def count_repairs(repairs: Iterable[Repair]) -> dict[str, tuple[int, int]]:
     """Count repairs: reason -> (rows changed, places)."""
     counts: dict[str, tuple[int, int]] = {}

@@ -8,6 +8,7 @@ from typing import Literal
 
 import numpy as np
 
+from lcorpp.arguments import check_arguments
 from lcorpp.errors import DataError, expected_one_of
 from lcorpp.learning.data.tracks import ANGLES, CLOCK_TOLERANCE, Recording, Track, wrap_angle
 from lcorpp.values import CHANNELS, Array, Dataset, stack_signals
@@ -21,6 +22,7 @@ MIN_SECONDS = 1.0
 End = Literal["last", "first"]
 
 
+@check_arguments
 def to_dataset(
     recording: Recording,
     *,
@@ -60,6 +62,8 @@ def to_dataset(
     if not recording.tracks:
         raise DataError(f"{recording.source or 'the recording'}: there are no tracks")
     names = recording.channels if channels is None else tuple(channels)
+    if not names:
+        raise DataError(f"the channels are empty; {expected_one_of(recording.channels)}")
     for track in recording.tracks:
         _check_track(track, names)
     window = (points - 1) * interval

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
+from lcorpp.arguments import check_arguments
 from lcorpp.errors import DataError, FileError, expected_one_of
 from lcorpp.files import open_atomically
 from lcorpp.learning.data.csv_formats import LONG_COLUMNS
@@ -27,6 +28,7 @@ WORDS: dict[str, Callable[[Track], str]] = {
 """Columns of words -> their value for a track."""
 
 
+@check_arguments
 def write_recording(recording: Recording, path: str | Path) -> None:
     """Write all tracks as a long CSV (.csv) or as Parquet (.parquet), whole or not at all.
 

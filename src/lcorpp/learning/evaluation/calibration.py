@@ -8,7 +8,6 @@ this; dividing by the class frequencies of these cases leaves the likelihood of 
 
 from __future__ import annotations
 
-import reprlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -18,6 +17,7 @@ import numpy.typing as npt
 from scipy.optimize import minimize
 from scipy.special import softmax
 
+from lcorpp.arguments import check_arguments, check_fields, to_numbers
 from lcorpp.errors import DataError, expected_one_of
 from lcorpp.learning.evaluation.validation import Validation
 from lcorpp.values import Array, Likelihood, freeze
@@ -63,6 +63,7 @@ class Calibration:
     shares: Array
 
     def __post_init__(self) -> None:
+        check_fields(self)
         for name in ARRAYS:
             object.__setattr__(self, name, freeze(getattr(self, name)))
         k = len(self.classes)
@@ -108,10 +109,14 @@ class Calibration:
         Raises:
             DataError: the parameters do not match.
         """
-        classes = tuple(str(name) for name in numbers["classes"])
-        return cls(classes, float(numbers["slope"]), *(np.array(numbers[name]) for name in ARRAYS))
+        try:
+            classes = tuple(str(name) for name in numbers["classes"])
+            return cls(classes, float(numbers["slope"]), *(np.array(numbers[name]) for name in ARRAYS))
+        except (KeyError, TypeError, ValueError) as error:
+            raise DataError(f"no parameters of a calibration, or damaged ones: {error}") from None
 
 
+@check_arguments
 def fit_calibration(
     classes: Sequence[str], probabilities: Array, labels: Sequence[str], weights: Array | None = None
 ) -> Calibration:
@@ -175,6 +180,7 @@ def fit_calibration(
     return Calibration(tuple(classes), *_unpack_parameters(best.x, k), shares)
 
 
+@check_arguments
 def cross_calibrate(validation: Validation) -> Array:
     """(cases, K) the out-of-fold probabilities, each fold calibrated by a fit to the other folds."""
     calibrated = np.empty_like(validation.probabilities)
@@ -194,10 +200,7 @@ def _unpack_parameters(parameters: Array, k: int) -> tuple[float, Array, Array]:
 
 def _clip_and_log(probabilities: npt.ArrayLike, k: int) -> Array:
     """(cases, k) logarithms of checked probabilities."""
-    try:
-        checked = np.asarray(probabilities, dtype=np.float64)
-    except (TypeError, ValueError):
-        raise DataError(f"the probabilities are {reprlib.repr(probabilities)}; expected numbers") from None
+    checked = to_numbers(probabilities, "the probabilities")
     if checked.ndim != 2 or checked.shape[1] != k:
         raise DataError(
             f"probabilities of shape {checked.shape}; expected (cases, {k}), a column for each class"

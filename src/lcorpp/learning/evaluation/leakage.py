@@ -31,6 +31,7 @@ from scipy.stats import rankdata
 from sklearn.model_selection import StratifiedGroupKFold, StratifiedKFold
 from threadpoolctl import threadpool_limits
 
+from lcorpp.arguments import check_arguments
 from lcorpp.errors import DataError
 from lcorpp.learning.data.npz import to_recording
 from lcorpp.learning.data.tracks import Recording, Track
@@ -87,6 +88,7 @@ class ShortcutScore:
         return self.auc.estimate >= MIN_SUSPICIOUS_AUC and self.auc.low > 0.5
 
 
+@check_arguments
 def measure_leakage(
     data: Dataset | Recording, *, n_splits: int = N_SPLITS, seed: int = 0
 ) -> tuple[ShortcutScore, ...]:
@@ -129,6 +131,7 @@ def measure_leakage(
         )
 
 
+@check_arguments
 def format_leakage_warning(data: Dataset | Recording) -> str | None:
     """Return a warning to print with any score on `data`; None if no shortcut is suspicious.
 

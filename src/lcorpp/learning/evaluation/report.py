@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from sklearn.metrics import roc_curve
 
+from lcorpp.arguments import check_arguments
 from lcorpp.errors import DataError, expected_one_of
 from lcorpp.learning.evaluation.calibration import Calibration, cross_calibrate, fit_calibration
 from lcorpp.learning.evaluation.metrics import (
@@ -163,6 +164,7 @@ class EvaluationReport:
                 yield Row(one.name, best, Interval(choice.score, NAN, NAN))
 
 
+@check_arguments
 def build_report(
     validation: Validation,
     *,

@@ -10,6 +10,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from lcorpp.arguments import check_arguments
 from lcorpp.learning.evaluation.metrics import ReliabilityBin
 from lcorpp.learning.evaluation.report import EvaluationReport
 from lcorpp.learning.evaluation.thresholds import ThresholdChoice
@@ -29,6 +30,7 @@ from lcorpp.values import Array
 
 
 @with_style
+@check_arguments
 def plot_report(report: EvaluationReport, path: str | Path) -> None:
     """Draw a report to a .png, .svg or .pdf file.
 

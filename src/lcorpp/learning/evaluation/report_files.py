@@ -10,6 +10,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
+from lcorpp.arguments import check_arguments
 from lcorpp.files import make_folder, write_atomically
 from lcorpp.learning.evaluation.report import EvaluationReport, ProbabilityQuality
 from lcorpp.learning.evaluation.validation import Rate
@@ -18,6 +19,7 @@ from lcorpp.values import Interval
 COLUMNS = ("class", "quantity", "value", "low", "high")
 
 
+@check_arguments
 def write_report(report: EvaluationReport, folder: str | Path) -> tuple[Path, ...]:
     """Write report.json, report.csv and report.md; `plot_report` draws the figure.
 

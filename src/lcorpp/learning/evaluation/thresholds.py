@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from lcorpp.arguments import check_arguments
 from lcorpp.errors import DataError, expected_one_of
 from lcorpp.learning.evaluation.metrics import Flags
 from lcorpp.values import Array
@@ -31,6 +32,7 @@ class DecisionThreshold:
         return f"{self.name} from probability {self.probability:.3f} on"
 
 
+@check_arguments
 def apply_threshold(
     classes: Sequence[str], probabilities: Array, threshold: DecisionThreshold | None = None
 ) -> list[str]:
@@ -116,6 +118,7 @@ def resolve_goal(goal: str | tuple[float, float]) -> tuple[str, Goal]:
     return "cost", lambda tpr, fpr, p: -(p * (1 - tpr) * missed + (1 - p) * fpr * false_alarm)
 
 
+@check_arguments
 def choose_threshold(
     scores: Array,
     positive: Flags,

@@ -13,6 +13,7 @@ import numpy.typing as npt
 from sklearn.metrics import confusion_matrix
 from sklearn.model_selection import StratifiedGroupKFold
 
+from lcorpp.arguments import check_arguments, check_fields
 from lcorpp.errors import DataError
 from lcorpp.learning.contract import clone_unfitted, ensure_predict_proba, fit_clone, predict_proba
 from lcorpp.learning.data.dataset import check_trainable
@@ -73,6 +74,7 @@ class Validation:
     weights: Array = field(default_factory=lambda: np.ones(0))
 
     def __post_init__(self) -> None:
+        check_fields(self)
         object.__setattr__(self, "probabilities", freeze(self.probabilities))
         object.__setattr__(
             self, "weights", freeze(self.weights if np.size(self.weights) else np.ones(len(self.labels)))
@@ -116,6 +118,7 @@ class Validation:
         return replace(self, confusion=confusion, predictions=tuple(predictions))
 
 
+@check_arguments
 def estimate_rates(
     confusion: ConfusionMatrix, level: float = 0.95, smoothing: Fraction = JEFFREYS
 ) -> tuple[tuple[Rate, ...], ...]:
@@ -140,6 +143,7 @@ def estimate_rates(
     )
 
 
+@check_arguments
 def cross_validate(
     estimator: Any,
     dataset: Dataset,
@@ -181,6 +185,8 @@ def fit_and_validate(
     """`cross_validate`, and in parallel a classifier trained on all cases (None unless `whole`)."""
     if folds < 2:
         raise DataError(f"cross-validation needs at least 2 folds, not {folds}")
+    if jobs < 1 and jobs != -1:
+        raise DataError(f"jobs is {jobs}; expected a number of processes, 1 or more, or -1 for all cores")
     if not 0 <= seed < 2**32:
         raise DataError(f"the seed must lie between 0 and {2**32 - 1}, not {seed}")
     check_trainable(dataset, folds=folds)

@@ -14,6 +14,7 @@ import numpy.typing as npt
 from sklearn.base import BaseEstimator, TransformerMixin
 from sklearn.utils.validation import check_is_fitted
 
+from lcorpp.arguments import check_value, to_numbers
 from lcorpp.errors import DataError
 from lcorpp.learning.data.dataset import check_tracks
 from lcorpp.learning.features.motion_features import (
@@ -181,10 +182,12 @@ class Motion(TransformerMixin, BaseEstimator):  # type: ignore[misc]  # scikit-l
 
     def _check_parameters(self) -> None:
         check_rate(self.rate)
+        check_value(self.interval, float, "the interval")
         if not 0 < self.interval < float("inf"):
             raise DataError(f"the interval is {self.interval} s; expected a finite number above 0")
         check_features(self.features, self.inputs)
-        if len(self.robot) != 3 or not np.isfinite(np.asarray(self.robot, dtype=np.float64)).all():
+        pose = to_numbers(self.robot, "the robot's pose")
+        if pose.shape != (3,) or not np.isfinite(pose).all():
             raise DataError(f"the robot's pose is {self.robot}; expected x, y and heading, finite")
 
     def _check_durations(self, tracks: Array) -> None:

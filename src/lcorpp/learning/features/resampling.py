@@ -13,6 +13,7 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
+from lcorpp.arguments import check_arguments, check_value
 from lcorpp.errors import DataError
 from lcorpp.values import Array
 
@@ -33,6 +34,7 @@ InterpolationWeights = tuple[npt.NDArray[np.intp], npt.NDArray[np.intp], Array]
 """(points,) each: index of the sample before, index of the sample after, and weight of the sample after."""
 
 
+@check_arguments
 def resample(
     times: npt.ArrayLike, samples: npt.ArrayLike, rate: float, *, angles: Sequence[int] = ()
 ) -> Array:
@@ -107,5 +109,6 @@ def compute_angle_difference(start: Array, end: Array) -> Array:
 
 def check_rate(rate: float) -> None:
     """Raise DataError unless `rate` is above 0 and at most `MAX_RATE`."""
+    check_value(rate, float, "the rate")
     if not 0 < rate <= MAX_RATE:
         raise DataError(f"a rate of {rate} points per second; expected one above 0 and up to {MAX_RATE:g}")

@@ -11,9 +11,10 @@ import numpy as np
 import numpy.typing as npt
 from sklearn.exceptions import NotFittedError
 
+from lcorpp.arguments import check_value
 from lcorpp.errors import DataError, expected_one_of
 from lcorpp.learning.contract import ProbabilityClassifier
-from lcorpp.learning.data.dataset import check_tracks
+from lcorpp.learning.data.dataset import check_labels, check_tracks
 from lcorpp.learning.lstm.network import Floats, Weights
 from lcorpp.learning.lstm.trainer import TrainingConfig, TrainingSet
 from lcorpp.learning.lstm.training import SCHEDULES, compute_class_weights, train
@@ -137,9 +138,7 @@ class LstmClassifier(ProbabilityClassifier):
         """
         self._check_parameters()
         inputs, lengths = _to_inputs(check_tracks(X))
-        classes, index = np.unique(np.asarray(y), return_inverse=True)
-        if index.shape != (len(inputs),):
-            raise DataError(f"{len(inputs)} tracks need as many labels, not shape {index.shape}")
+        classes, index = np.unique(check_labels(y, len(inputs)), return_inverse=True)
         if len(classes) < 2:
             raise DataError(f"all cases are of class {str(classes[0])!r}; at least two classes are needed")
         given = np.ones(len(index)) if sample_weight is None else np.asarray(sample_weight, dtype=np.float64)
@@ -262,6 +261,8 @@ class LstmClassifier(ProbabilityClassifier):
             raise DataError(f"dropout must lie in [0, 1), not {self.dropout}")
         if not isinstance(self.learning_rate, Real) or not 0 < self.learning_rate <= 1:
             raise DataError(f"learning_rate must lie in (0, 1], not {self.learning_rate}")
+        check_value(self.schedule, str, "schedule")
+        check_value(self.device, str, "device")
         if self.schedule not in SCHEDULES:
             raise DataError(f"unknown schedule {self.schedule!r}; {expected_one_of(SCHEDULES)}")
         if self.device not in ("cpu", "cuda"):

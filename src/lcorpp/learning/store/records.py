@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from lcorpp.arguments import check_value
 from lcorpp.errors import DataError, expected_one_of
 from lcorpp.notebook import join_some
 from lcorpp.values import CHANNELS, Array, Dataset, Distribution, freeze, strip_padding, track_hash
@@ -206,6 +207,11 @@ class StoredTrack:
 
 def encode_track(track: NewTrack, record: int, id: str, schema: TrackSchema) -> Row:
     """Convert a track to a row of the table `track`; a DataError means that it does not fit the schema."""
+    check_value(track.label, str | None, "the label of a track")
+    check_value(track.source, str, "the source of a label")
+    check_value(track.belief, Distribution | None, "the belief in a label")
+    check_value(track.context, Mapping[Any, Any], "the context of a track")
+    check_value(track.extra, Mapping[Any, Any], "what else is known of a track")
     trajectory = _check_trajectory(track.trajectory, schema)
     group = track_hash(trajectory) if track.group is None else track.group
     for what, name in (("id", id), ("group", group)):

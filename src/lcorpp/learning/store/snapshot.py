@@ -12,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
+from lcorpp.arguments import check_arguments
 from lcorpp.errors import DataError, FileError, expected_one_of
 from lcorpp.learning.store import database
 from lcorpp.learning.store.conversion import convert
@@ -220,6 +221,7 @@ def is_store(path: str | Path) -> bool:
         return False
 
 
+@check_arguments
 def read_store(path: str | Path) -> Snapshot:
     """Read a store; this does not disturb a process that writes to it.
 

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Self
 from uuid import uuid4
 
+from lcorpp.arguments import check_arguments
 from lcorpp.errors import DataError, FileError
 from lcorpp.learning.store import database
 from lcorpp.learning.store.conversion import convert, rebuild
@@ -45,6 +46,7 @@ class Store:
     notes: the damage found when the store was opened, and what was done about it, as sentences.
     """
 
+    @check_arguments
     def __init__(self, path: str | Path, schema: TrackSchema) -> None:
         """Open a store; create it if there is no file, or an empty one.
 

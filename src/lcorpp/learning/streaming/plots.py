@@ -9,6 +9,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from lcorpp.arguments import check_arguments
 from lcorpp.learning.streaming.timeline import PredictionTimeline
 from lcorpp.plot_style import BLUE, COLOURS, INK, MUTED, ORANGE, despine, save_figure, with_style
 from lcorpp.values import Array, measure_lengths
@@ -52,6 +53,7 @@ def draw_timeline(
     return figure
 
 
+@check_arguments
 def plot_timeline(
     timeline: PredictionTimeline,
     path: str | Path,

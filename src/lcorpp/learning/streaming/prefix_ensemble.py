@@ -15,6 +15,7 @@ from sklearn.pipeline import Pipeline
 from sklearn.utils.metaestimators import available_if
 from sklearn.utils.validation import check_is_fitted
 
+from lcorpp.arguments import check_arguments
 from lcorpp.errors import DataError
 from lcorpp.learning.contract import ProbabilityClassifier, fit_clone, predict_proba
 from lcorpp.learning.data.dataset import check_tracks
@@ -148,6 +149,7 @@ class PrefixEnsemble(ProbabilityClassifier):
         return np.asarray(np.maximum(0, 1 - np.abs(position[:, None] - copies)))
 
 
+@check_arguments
 def with_prefix_ensemble(pipeline: Pipeline, *, fractions: Sequence[float] = FRACTIONS) -> Pipeline:
     """Return an unfitted pipeline with one classifier per prefix length, after the shared preprocessing.
 

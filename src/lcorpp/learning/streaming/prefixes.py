@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from sklearn.base import clone
 
+from lcorpp.arguments import check_arguments
 from lcorpp.errors import DataError
 from lcorpp.learning.data.dataset import check_tracks, check_trainable
 from lcorpp.learning.evaluation.validation import assign_folds
@@ -21,6 +22,7 @@ MIN_GAP_LIMIT = 1.0
 """Seconds; the smallest `max_gap` for recorded tracks, and the default of `StreamingClassifier`."""
 
 
+@check_arguments
 def truncate(dataset: Dataset, fraction: float) -> Dataset:
     """Return the first `fraction` of every track, for training or validation on prefixes.
 
@@ -62,6 +64,7 @@ def with_prefixes(dataset: Dataset, fractions: Sequence[float] = FRACTIONS) -> D
     )
 
 
+@check_arguments
 def predict_over_time(
     pipeline: Any, dataset: Dataset, *, min_points: int = 2, window: int | None = None
 ) -> PredictionTimeline:
@@ -98,6 +101,7 @@ def predict_over_time(
     )
 
 
+@check_arguments
 def cross_predict_over_time(
     estimator: Any,
     dataset: Dataset,

@@ -11,6 +11,7 @@ from typing import Any, Self
 
 import numpy as np
 
+from lcorpp.arguments import check_arguments, check_value
 from lcorpp.errors import DataError
 from lcorpp.learning.classifiers.trained import TrainedClassifier
 from lcorpp.learning.contract import name_of
@@ -21,9 +22,7 @@ from lcorpp.learning.streaming.timeline import PrefixCalibration
 from lcorpp.learning.streaming.trigger import Trigger, TriggerState
 from lcorpp.values import Array, freeze
 
-MAX_LONE_SAMPLES = 5
-"""From this many samples in a row after gaps longer than `max_gap` on, the unit of the stamps is doubtful."""
-
+MAX_LONE_SAMPLES = 5  # in a row after gaps longer than `max_gap`; then the unit of the stamps is doubtful
 MIN_SLOTS = 16
 """Slots of the classifier's state that the first person allocates; full slots are doubled."""
 
@@ -93,6 +92,7 @@ class StreamingClassifier:
         NotFittedError: the pipeline is not fitted.
     """
 
+    @check_arguments
     def __init__(
         self,
         pipeline: Any,
@@ -129,6 +129,7 @@ class StreamingClassifier:
         return f"<StreamingClassifier: {name}; classes {', '.join(self.classes)}; {len(self._people)} people>"
 
     @classmethod
+    @check_arguments
     def from_trained(
         cls,
         trained: TrainedClassifier,
@@ -207,6 +208,7 @@ class StreamingClassifier:
             DataError: a sample is malformed; then none of them is used. Or the classifier fails; then the
                 people in these samples are removed.
         """
+        check_value(samples, Iterable, "the samples")
         checked = [self._check(sample) for sample in samples]
         updated = {name: self._add(time, name, sample) for time, name, sample in checked}
         self._update(updated)
@@ -257,12 +259,11 @@ class StreamingClassifier:
         person.resampler.add(time, sample)
         if person.resampler.lone_samples >= MAX_LONE_SAMPLES and not self._has_warned:
             self._has_warned = True
-            warnings.warn(
-                f"the last {MAX_LONE_SAMPLES} samples of {name!r} came after gaps of more than max_gap,"
-                f" {self._rules.max_gap:g} s, so that no track has two points; the last stamp is {time:.15g};"
-                " expected seconds: are these milliseconds?",
-                stacklevel=2,
+            message = (
+                f"the last {MAX_LONE_SAMPLES} samples of {name!r} came after gaps longer than max_gap,"
+                f" the last at {time:.15g}; expected seconds: are these milliseconds?"
             )
+            warnings.warn(message, stacklevel=2)
         return person
 
     def _create_person(self, name: Hashable) -> _Person:

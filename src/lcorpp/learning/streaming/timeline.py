@@ -14,6 +14,7 @@ from typing import Any, Self
 import numpy as np
 import numpy.typing as npt
 
+from lcorpp.arguments import check_arguments, check_fields
 from lcorpp.errors import DataError, expected_one_of
 from lcorpp.learning.evaluation.calibration import Calibration, fit_calibration
 from lcorpp.learning.evaluation.metrics import compute_auc
@@ -45,6 +46,7 @@ class PredictionTimeline:
     groups: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
+        check_fields(self)
         object.__setattr__(self, "probabilities", freeze(self.probabilities))
 
     def __repr__(self) -> str:
@@ -131,6 +133,7 @@ class PrefixCalibration:
     calibrations: tuple[Calibration, ...]
 
     def __post_init__(self) -> None:
+        check_fields(self)
         if not self.calibrations:
             raise DataError("there is no prediction to calibrate: the tracks are too short")
 
@@ -138,6 +141,7 @@ class PrefixCalibration:
         last = self.min_points + len(self.calibrations) - 1
         return f"<PrefixCalibration for {self.min_points} to {last} points>"
 
+    @check_arguments
     def at(self, points: int) -> Calibration:
         """The calibration for prefixes of `points` points.
 
@@ -148,6 +152,7 @@ class PrefixCalibration:
             raise DataError(f"there is no prediction after {points} points; {self.min_points} are needed")
         return self.calibrations[min(points - self.min_points, len(self.calibrations) - 1)]
 
+    @check_arguments
     def calibrate(self, timeline: PredictionTimeline) -> PredictionTimeline:
         """Return the timeline with calibrated probabilities."""
         calibrated = np.array(timeline.probabilities)
@@ -171,6 +176,7 @@ class PrefixCalibration:
         return cls(int(numbers["least"]), tuple(map(Calibration.from_json, numbers["calibrations"])))
 
 
+@check_arguments
 def calibrate_prefixes(timeline: PredictionTimeline) -> PrefixCalibration:
     """Fit a calibration for each number of points to out-of-fold predictions.
 
