@@ -150,7 +150,7 @@ def test_interested_people_face_the_robot():
 
 
 @settings(max_examples=20)
-@given(st.floats(0.04, 30), st.integers(1, 5), st.integers(0, 2**32))
+@given(st.floats(0.04, 60), st.integers(1, 5), st.integers(0, 2**32))
 def test_recordings_last_as_long_as_asked(seconds, size, seed):
     for table in people.recordings(crowd(size), np.random.default_rng(seed), seconds=(seconds, seconds)):
         assert seconds - 1e-9 <= table[-1, 0] < seconds + people.INTERVAL
@@ -158,9 +158,9 @@ def test_recordings_last_as_long_as_asked(seconds, size, seed):
         assert np.all(np.isfinite(table))
 
 
-@pytest.mark.parametrize("seconds", [(5, 4), (0, 4), (4, 31), (float("nan"), 4)])
+@pytest.mark.parametrize("seconds", [(5, 4), (0, 4), (4, 61), (float("nan"), 4)])
 def test_impossible_durations_are_rejected(seconds):
-    with pytest.raises(ValueError, match=r"expected 0\.033 <= shortest <= longest <= 30"):
+    with pytest.raises(ValueError, match=r"expected 0\.033 <= shortest <= longest <= 60"):
         people.recordings(crowd(1), np.random.default_rng(0), seconds=seconds)
 
 

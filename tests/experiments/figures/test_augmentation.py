@@ -21,10 +21,10 @@ SIZES = {"learner": "summaries", "batches": 2, "batch_size": 300}
 
 
 def show_always(people, rng):
-    """Tracks whose direction is the intention."""
-    ahead = np.array([person["intention"] == "interested" for person in people])
+    """Tracks whose speed is the intention: the interested walk, the others all but stand."""
+    walking = np.array([person["intention"] == "interested" for person in people])
     steps = rng.normal(0, 0.01, size=(len(people), 2, 40))
-    steps[:, 0] += np.where(ahead, 0.05, -0.05)[:, None]
+    steps[:, 0] += np.where(walking, 0.05, 0.01)[:, None]
     return np.cumsum(steps, axis=2)
 
 

@@ -18,10 +18,11 @@ TRIALS = 600
 
 
 def show_late(people, rng):
-    """Tracks that depend on the intention in their second half only: there the interested walk ahead."""
+    """Tracks that depend on the intention in their second half only: there the others all but stand."""
     steps = rng.normal(0, 0.01, size=(len(people), 2, 80))
     interested = np.array([person["intention"] == "interested" for person in people])
-    steps[:, 0, 40:] += np.where(interested, 0.05, -0.05)[:, None]
+    steps[:, 0] += 0.05
+    steps[~interested, 0, 40:] -= 0.04
     return np.cumsum(steps, axis=2)
 
 

@@ -157,7 +157,7 @@ def facts(path: Path) -> tuple[list, np.ndarray, list]:
     return (
         rows,
         reading.trajectories(),
-        [content["number"], content["senses"]["eyes"]["counts"], content["senses"]["eyes"]["change"]],
+        [content["number"], content["senses"]["eyes"]["counts"], content["senses"]["eyes"]["previous"]],
     )
 
 
