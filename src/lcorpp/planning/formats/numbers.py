@@ -11,8 +11,9 @@ from lcorpp.values import Array
 ROW_TOLERANCE = 1e-4
 """Tolerance of row sums: published files have few digits, and errors up to 5e-6 are common."""
 
-# Possessive quantifiers: a word of a million digits followed by a letter is rejected in one pass.
-NUMBER = r"[+-]?+(?:[0-9]++(?:\.[0-9]*+)?+|\.[0-9]++)(?:[eE][+-]?+[0-9]++)?+"
+# Possessive quantifiers: a word of a million digits followed by a letter is rejected in one pass. Groups have
+# none: Python before 3.11.5 goes on after a partial match of such a group (CPython issue 106052).
+NUMBER = r"[+-]?+(?:[0-9]++(?:\.[0-9]*+)?|\.[0-9]++)(?:[eE][+-]?+[0-9]++)?"
 """Pattern of a number; ``nan``, ``inf``, ``1_0`` and digits of other scripts do not match."""
 
 _NUMBER = re.compile(NUMBER)

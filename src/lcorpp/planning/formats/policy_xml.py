@@ -31,7 +31,7 @@ MAX_DEPTH = 9
 """Maximum nesting of elements; APPL's files have four levels."""
 
 _VECTORS = ("Vector", "SparseVector")
-_STATE_SETS = re.compile(r"\s*lcorpp pieces ([0-9]{1,9}(?:[-, ][0-9]{1,9})*+)\s*")
+_STATE_SETS = re.compile(r"\s*lcorpp pieces ([0-9]{1,9}(?:[-, ][0-9]{1,9})*)\s*")
 _FINGERPRINT = re.compile(r"\s*lcorpp model sha256 ([0-9a-f]{64})\s*")
 
 

@@ -29,7 +29,7 @@ _WORD = r"[^\s:#]++"
 _FIRST = re.compile(_SKIP)
 _TOKEN = re.compile(rf"(:|{_WORD}){_SKIP}")
 _KEYWORDS = "|".join(
-    (*PREAMBLE_KEYWORDS, *TABLE_KEYWORDS, rf"start(?:(?![^\s:#]){_SKIP}(?:include|exclude))?+")
+    (*PREAMBLE_KEYWORDS, *TABLE_KEYWORDS, rf"start(?:(?![^\s:#]){_SKIP}(?:include|exclude))?")
 )
 _STATEMENT = re.compile(rf"(?:{_KEYWORDS}){_SKIP}:")
 _COMMENT = re.compile(r"#[^\r\n]*+")
@@ -39,7 +39,7 @@ _LINE_END = re.compile(r"\r\n|\r|\n")
 def _make_entry_pattern(keyword: str, names: int) -> re.Pattern[str]:
     """Pattern of an entry, ``T: a : s : s' 0.5``, optionally with a stray colon before its number."""
     references = rf":{_SKIP}({_WORD}){_SKIP}" * names
-    return re.compile(rf"{keyword}{_SKIP}{references}(?::{_SKIP})?+({NUMBER})(?![^\s:#]){_SKIP}")
+    return re.compile(rf"{keyword}{_SKIP}{references}(?::{_SKIP})?({NUMBER})(?![^\s:#]){_SKIP}")
 
 
 _ENTRIES = {keyword: _make_entry_pattern(keyword, names) for keyword, names in (("T", 3), ("O", 3), ("R", 4))}
