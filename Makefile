@@ -58,7 +58,7 @@ sanitize: $(VENV)-sanitize/.installed
 
 $(VENV)-sanitize/.installed: $(NATIVE)
 	$(PYTHON) -m venv $(VENV)-sanitize
-	$(VENV)-sanitize/bin/pip install --quiet --disable-pip-version-check -C cmake.define.LCORPP_SANITIZE=ON . pytest hypothesis
+	$(VENV)-sanitize/bin/pip install --quiet --disable-pip-version-check --config-settings cmake.define.LCORPP_SANITIZE=ON . pytest hypothesis
 	touch $@
 
 # Models that the planner's benchmark solves, and pomdpsol, too, where it is on the PATH.
