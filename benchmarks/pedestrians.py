@@ -48,7 +48,7 @@ STOP, MOVING = 0.2, 0.5
 STANDING = 0.1
 """m/s; below this speed a direction is noise."""
 LEARNERS = ("summaries", "forest", "lstm-fast")
-"""By default; minirocket takes an hour for all windows, a minute for every twelfth."""
+"""The default. `minirocket` takes an hour for all windows, a minute for every twelfth window."""
 SCENES = ("eth", "hotel", "students03", "zara01", "zara02")
 
 Flags = npt.NDArray[np.bool_]
@@ -128,7 +128,7 @@ def baselines() -> dict[str, Callable[[], Any]]:
 
 def main(
     folder: Annotated[Path, typer.Argument(help="Folder of the five scenes.")],
-    every: Annotated[int, typer.Option(min=1, help="Use one window in so many of a track.")] = 3,
+    every: Annotated[int, typer.Option(min=1, help="Use every N-th window of a track.")] = 3,
     learners: Annotated[list[str] | None, typer.Option("--learner", help="Repeatable.")] = None,
     features: Annotated[
         list[str] | None, typer.Option(help="Motion features; repeatable. By default the learner's, and x,y.")

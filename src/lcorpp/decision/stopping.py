@@ -33,7 +33,8 @@ def compute_change(before: ConfusionMatrix, after: ConfusionMatrix, confidence: 
     the rates are almost equal, however few cases there are, and the batch size would decide when to stop.
 
     Args:
-        before, after: of the same classes. A matrix without counts has uniform rates, known to nobody.
+        before, after: of the same classes. A matrix without counts has uniform rates and the
+            widest interval.
         confidence: from 0, below 1.
 
     Source: SSUB is from the paper's Algorithm 1; Jeffreys' prior as in `ConfusionMatrix.rates`.

@@ -17,7 +17,7 @@ MODEL_WEIGHT, MATRIX_WEIGHT = 20.0, 10.0
 the confusion matrix against the reports like this many people of each class. Few answers leave the rates of
 errors nearly open: the classes would follow the classifier, which would seem better than it is."""
 
-LEAST_PROBABILITY = 0.005
+MIN_PROBABILITY = 0.005
 """A class that is less probable is left out: the case would be twice in the training for nothing."""
 
 
@@ -40,8 +40,8 @@ def correct_labels(
 
     The hidden class of a case is the person's shared value. Its evidence are the answers, the observed facts
     and the prediction; what the robot believed is not used, as its models of answers and people may be wrong.
-    See `estimate_classes` for the assumptions. If answers were not recorded, or nobody was asked, the report
-    counts as an answer.
+    See `estimate_classes` for the assumptions. The report of a case without recorded
+    answers counts as one answer.
 
     Args:
         dataset: with the evidence of each label that is not certain.
@@ -121,5 +121,5 @@ def _find_reports(
 
 
 def _drop_improbable(classes: Sequence[str], probabilities: Array) -> dict[str, float]:
-    kept = np.where(probabilities < LEAST_PROBABILITY, 0, probabilities)
+    kept = np.where(probabilities < MIN_PROBABILITY, 0, probabilities)
     return dict(zip(classes, (kept / kept.sum()).tolist(), strict=True))

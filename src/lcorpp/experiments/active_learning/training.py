@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from contextlib import AbstractContextManager
 
 import numpy as np
 
@@ -20,9 +21,9 @@ from lcorpp.experiments.active_learning.senses import (
 from lcorpp.experiments.active_learning.untrained import RandomClassifier, is_trainable
 from lcorpp.experiments.robot_parts import ClassifierPart
 from lcorpp.experiments.sense_setup import describe_classifiers
-from lcorpp.experiments.setup import ProgressDisplay
+from lcorpp.experiments.setup import Advance, ProgressDisplay
 from lcorpp.experiments.training_data import FOLDS, make_estimator
-from lcorpp.learning import TrainedClassifier, Validation, train_and_validate
+from lcorpp.learning import TrainedClassifier, Validation, cross_validate, train_and_validate
 from lcorpp.learning.classifiers.registry import check_weighted
 from lcorpp.learning.evaluation.validation import count_confusion
 from lcorpp.learning.label_noise.class_weights import split_by_class
@@ -66,7 +67,16 @@ class SenseTrainer:
         """Cross-validate on the reports, correct the labels, train on them, and correct the matrix."""
         if not self._is_trainable(name, dataset):
             return self._make_untrained(name)
-        _, first = self._validate(name, dataset, title="cross-validation against the reports on")
+        options = self._options
+        with self._show(name, "cross-validation against the reports on", dataset, FOLDS) as advance:
+            first = cross_validate(
+                self._estimators[name],
+                dataset,
+                folds=FOLDS,
+                seed=options.seed,
+                jobs=options.jobs,
+                progress=advance,
+            )
         corrected = correct_labels(self._domain, name, dataset, first.predictions)
         weighted, origins = split_by_class(dataset, corrected.distributions)
         if not self._is_trainable(name, weighted):
@@ -88,13 +98,13 @@ class SenseTrainer:
         untrained = RandomClassifier(sense.classes, options.seed, options.evidence.kind(name).is_likelihood)
         return Training(untrained, untrained.confusion)
 
-    def _validate(
-        self, name: str, dataset: Dataset, title: str = "training on"
-    ) -> tuple[TrainedClassifier, Validation]:
-        options = self._options
+    def _show(self, name: str, title: str, dataset: Dataset, parts: int) -> AbstractContextManager[Advance]:
         sense = f"{name}: " if len(self._estimators) > 1 else ""
-        title = f"{sense}{title} {dataset.n_people:g} {dataset.unit}"
-        with self._progress(title, FOLDS + 1) as advance:
+        return self._progress(f"{sense}{title} {dataset.n_people:g} {dataset.unit}", parts)
+
+    def _validate(self, name: str, dataset: Dataset) -> tuple[TrainedClassifier, Validation]:
+        options = self._options
+        with self._show(name, "training on", dataset, FOLDS + 1) as advance:
             return train_and_validate(
                 self._estimators[name],
                 dataset,

@@ -15,7 +15,7 @@ MAX_CASES = 500
 """Cases of each sample that are compared; of more, a random subset."""
 
 MAX_PERMUTATIONS, ENOUGH = 9999, 20
-"""The permutations end after so many, or when so many of them are as extreme as the samples."""
+"""Maximum number of permutations; fewer suffice once `ENOUGH` of them are as extreme as the samples."""
 
 PERMUTATIONS_AT_ONCE = 250
 

@@ -120,7 +120,7 @@ class Snapshot:
         Shorter ones are padded with NaN, as in `Dataset`. A table has features, (cases, features).
 
         Args:
-            points: only so many last time points of longer tracks; None takes all.
+            points: maximum number of time points of a track, its last ones; None for all.
 
         Raises:
             FileError: the file cannot be read, or was changed or damaged after the snapshot.
