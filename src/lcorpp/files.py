@@ -130,9 +130,7 @@ def open_atomically(path: str | Path) -> Iterator[BinaryIO]:
             yield file
             file.flush()
             os.fsync(file.fileno())
-        mask = os.umask(0)
-        os.umask(mask)
-        os.chmod(name, 0o666 & ~mask)  # mkstemp creates private files; outputs get the usual mode
+        set_default_mode(name)
         os.replace(name, target)
     except OSError as error:
         Path(name).unlink(missing_ok=True)
@@ -140,6 +138,13 @@ def open_atomically(path: str | Path) -> Iterator[BinaryIO]:
     except BaseException:
         Path(name).unlink(missing_ok=True)
         raise
+
+
+def set_default_mode(path: str | Path) -> None:
+    """Give a file that was created as a private temporary file the permissions of any new file."""
+    mask = os.umask(0)
+    os.umask(mask)
+    os.chmod(path, 0o666 & ~mask)
 
 
 def sync_folder(path: str | Path) -> None:

@@ -184,7 +184,6 @@ def test_fetch(lcorpp, tmp_path, monkeypatch):
     content = (GOOD + rows("c", "in", samples=2000)).encode()
     digest = hashlib.sha256(content).hexdigest()
     with serving(content) as web:
-        web.cut = 30_000
         ended = lcorpp("data", "fetch", web.url, "-o", tmp_path / "new", "--sha256", digest)
         assert (ended.code, ended.err.strip()) == (0, "")
         assert f"{len(content)} bytes, sha256 {digest}" in ended.out

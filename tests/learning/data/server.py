@@ -7,21 +7,18 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 
-TAG = '"first"'
-
 
 class Web:
-    """State of the server, to be changed between requests, and a record of the requests.
+    """State of the server, to be changed between requests.
 
-    content: the file. cut: bytes after which each answer is cut, None sends all. ranges: whether it knows
-    parts. tag: the ETag. status: an answer other than the file. asked: Range and If-Range of each request.
+    content: the file. cut: bytes after which each answer is cut, None sends all. length: whether it states
+    the length. status: an answer other than the file. requests: how many it received.
     """
 
     def __init__(self, content: bytes) -> None:
-        self.content, self.tag = content, TAG
+        self.content = content
         self.cut: int | None = None
-        self.ranges, self.status = True, 200
-        self.asked: list[tuple[str | None, str | None]] = []
+        self.length, self.status, self.requests = True, 200, 0
         self.url = ""
 
 
@@ -31,37 +28,16 @@ def serving(content: bytes) -> Iterator[Web]:
     web = Web(content)
 
     class Handler(BaseHTTPRequestHandler):
-        protocol_version = "HTTP/1.1"
-
         def do_GET(self) -> None:
-            asked, condition = self.headers.get("Range"), self.headers.get("If-Range")
-            web.asked.append((asked, condition))
+            web.requests += 1
             if web.status != 200:
                 self.send_error(web.status)
                 return
-            start, size = 0, len(web.content)
-            if asked and web.ranges and condition in (None, web.tag):
-                start = int(asked.removeprefix("bytes=").rstrip("-"))
-                if start >= size:
-                    self.send_response(416)
-                    self.send_header("Content-Range", f"bytes */{size}")
-                    self.send_header("Content-Length", "0")
-                    self.end_headers()
-                    return
-                self.send_response(206)
-                self.send_header("Content-Range", f"bytes {start}-{size - 1}/{size}")
-            else:
-                self.send_response(200)
-            if web.tag:
-                self.send_header("ETag", web.tag)
-            self.send_header("Content-Length", str(size - start))
+            self.send_response(200)
+            if web.length:
+                self.send_header("Content-Length", str(len(web.content)))
             self.end_headers()
-            end = size if web.cut is None else min(size, start + web.cut)
-            self.wfile.write(web.content[start:end])
-            self.wfile.flush()
-            if end < size:
-                self.close_connection = True
-                self.connection.shutdown(2)
+            self.wfile.write(web.content[: web.cut])
 
         def log_message(self, *_: object) -> None:
             pass

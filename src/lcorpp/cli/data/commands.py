@@ -34,8 +34,6 @@ app = typer.Typer(
 
 SUFFIXES = (".csv", ".parquet", ".npz")
 
-PARTIAL = "the partial file is kept, and the same command resumes the download"
-
 PathArgument = Annotated[
     Path,
     typer.Argument(
@@ -102,7 +100,7 @@ def fetch(
     out: Annotated[Path, typer.Option("--out", "-o", help="The folder to write to.")] = Path("data"),
     sha256: Annotated[str | None, typer.Option(help="The expected checksum of the file.")] = None,
 ) -> None:
-    """Download recorded tracks and check them; resume partial downloads."""
+    """Download recorded tracks and check them."""
     import hashlib
 
     from lcorpp.learning.data.fetching import AUTHORS, fetch as download
@@ -111,7 +109,7 @@ def fetch(
         raise DataError("--sha256 is for a URL; the checksums of the authors' files are known")
     downloads = dict(AUTHORS) if what == "authors" else {what: sha256}
     for url, digest in downloads.items():
-        with console.show_progress(f"downloading {url.rsplit('/', 1)[-1]}", kept=PARTIAL) as advance:
+        with console.show_progress(f"downloading {url.rsplit('/', 1)[-1]}") as advance:
             file = download(url, out, sha256=digest, progress=advance)
         with open(file, "rb") as opened:
             checksum = hashlib.file_digest(opened, "sha256").hexdigest()

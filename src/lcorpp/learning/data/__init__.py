@@ -8,5 +8,5 @@ ingest          rows of any format -> tracks: it collects the rows of each id, c
                 them and detects millimetres, repairs lists the faults that may be repaired
 windows         tracks -> a Dataset of a fixed interval     dataset      check and split a Dataset
 writing         Recording -> CSV or Parquet                 describe     counts, durations, speeds, duplicates
-fetching        resumable downloads                         plots        figures, with matplotlib
+fetching        downloads with checksums                    plots        figures, with matplotlib
 """
