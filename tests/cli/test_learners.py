@@ -112,6 +112,8 @@ def test_evidence_now_and_from_the_file(lcorpp, tmp_path, kind):
     report = json.loads((tmp_path / "report.json").read_text())["prediction_sets"]
     assert report["coverage"] == (0.8 if kind == "set:0.8" else 0.95)
     assert list(report["covered"]) == ["interested", "not_interested"]
+    shown = lcorpp("explain", "--evidence", kind, "--classifier", tmp_path / "classifier.npz").out
+    assert (f"     prediction set of {report['coverage']}: " in shown) == (kind != "soft")
     other = lcorpp("run", "--evidence", "set:0.9", "--classifier", tmp_path / "classifier.npz")
     refused(other, f"prediction sets of coverage {report['coverage']}, not 0.9")
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -95,12 +95,14 @@ class Likelihood:
 
     values: (n,) the names, all different.
     weights: (n,) finite, not negative, not all zero; scaled to a maximum of 1. Weight 0 rules a value out.
+    observed: a description of what was observed, e.g. a prediction set; "" without one.
 
     Source: Pearl, Probabilistic Reasoning in Intelligent Systems, 1988, section 2.2.2 (virtual evidence).
     """
 
     values: tuple[str, ...]
     weights: Array
+    observed: str = ""
 
     def __post_init__(self) -> None:
         w = np.array(self.weights, dtype=np.float64)
@@ -128,7 +130,7 @@ class Likelihood:
 
     def rename(self, names: Mapping[str, str]) -> Likelihood:
         """Return this likelihood with other value names: old name -> new name, one for each value."""
-        return Likelihood(tuple(names[value] for value in self.values), self.weights)
+        return replace(self, values=tuple(names[value] for value in self.values))
 
     def most_likely(self) -> str:
         """Return the value with the largest weight, the first among equals."""

@@ -145,7 +145,15 @@ def test_the_likelihood_by_hand_and_of_an_outcome_never_seen():
         np.array([[True, False], [True, True]]),
         np.array([[6, 1], [3, 9]]),
     )
-    a_only, both, b_only = sets.likelihoods(np.array([[0.8, 0.2], [0.45, 0.55], [0.2, 0.8]]))
+    a_only, both, b_only, none = sets.likelihoods(
+        np.array([[0.8, 0.2], [0.45, 0.55], [0.2, 0.8], [0.2, 0.3]])
+    )
+    assert [each.observed for each in (a_only, both.rename({"a": "A", "b": "B"}), b_only, none)] == [
+        "prediction set of 0.9: a",
+        "prediction set of 0.9: b, a (don't know)",
+        "prediction set of 0.9: b",
+        "prediction set of 0.9: empty, unlike the people of every class; most probable b",
+    ]
     best = np.array([[6.5 / 10, 1.5 / 11], [3.5 / 10, 9.5 / 11]])
     inside = np.array([[9.5 / 10, 10.5 / 11], [3.5 / 10, 9.5 / 11]])
     prior = best[0] * inside[0] * (1 - inside[1])

@@ -47,6 +47,8 @@ def decide_and_print(
             console.out.print(f"     {predicted} ({attribute} = {evidence[attribute]})")
         else:
             console.print_heading(1, "learning", f"{owner} likelihood, scaled to a maximum of 1")
+            if predicted.observed:
+                console.out.print(f"     {predicted.observed}")
             _print_bars(predicted)
     subtitle = "given " + ", ".join(f"{name} = {value}" for name, value in evidence.items())
     console.print_heading(2, "reasoning", subtitle)

@@ -19,6 +19,7 @@ import numpy.typing as npt
 from lcorpp.errors import DataError
 from lcorpp.learning.evaluation.metrics import jeffreys_interval
 from lcorpp.learning.evaluation.validation import Validation
+from lcorpp.notebook import join_some
 from lcorpp.values import COVERAGE, Array, Interval, Likelihood, check_coverage, freeze
 
 Members = npt.NDArray[np.bool_]
@@ -92,16 +93,28 @@ class PredictionSets:
 
         It is the posterior mean of multinomial rates. The prior counts as one person of each class, spread
         over the outcomes as if the most probable class and the members of the set were independent.
+        Each likelihood describes its set.
         """
         k, people = len(self.classes), self.counts.sum(axis=0)
         best_rates = (np.eye(k)[self.best].T @ self.counts + 0.5) / (people + k / 2)
         member_rates = (self.members.T.astype(float) @ self.counts + 0.5) / (people + 1)
         result = []
-        for best, inside in zip(probabilities.argmax(axis=1), self.contains(probabilities), strict=True):
+        bests, members = probabilities.argmax(axis=1), self.contains(probabilities)
+        for best, inside, names in zip(bests, members, self.predict(probabilities), strict=True):
             prior = best_rates[best] * np.where(inside[:, None], member_rates, 1 - member_rates).prod(axis=0)
             counts = self._counts_of.get((int(best), inside.tobytes()), np.zeros(k))
-            result.append(Likelihood(self.classes, (counts + prior) / (people + 1)))
+            result.append(
+                Likelihood(self.classes, (counts + prior) / (people + 1), self._describe(best, names))
+            )
         return result
+
+    def _describe(self, best: int, names: tuple[str, ...]) -> str:
+        """Describe a set by its class names; `best` is the most probable class, also of an empty set."""
+        kind = f"prediction set of {self.coverage:.3g}"
+        if not names:
+            return f"{kind}: empty, unlike the people of every class; most probable {self.classes[best]}"
+        unknown = " (don't know)" if len(names) == len(self.classes) else ""
+        return f"{kind}: {join_some(names)}{unknown}"
 
     @cached_property
     def _counts_of(self) -> Mapping[tuple[int, bytes], Array]:
