@@ -159,6 +159,13 @@ def test_out_of_fold_predictions_use_other_people_only():
     assert np.array_equal(said.probabilities, again.probabilities, equal_nan=True)
 
 
+def test_the_last_prediction_is_that_of_cross_validation_with_weights():
+    weighted = replace(two_labels(), weights=np.linspace(0.1, 3, 60))
+    timeline = cross_predict_over_time(learner("summaries"), weighted, folds=3)
+    expected = cross_validate(learner("summaries"), weighted, folds=3)
+    np.testing.assert_allclose(timeline.probabilities[:, -1], expected.probabilities, atol=1e-9)
+
+
 def two_labels() -> Dataset:
     labels = tuple({"fast": "interested", "slow": "not_interested"}[label] for label in DATA.labels)
     return Dataset(DATA.trajectories, labels, DATA.groups)

@@ -192,6 +192,17 @@ def test_predictions_are_calibrated_out_of_fold():
         assert np.array_equal(calibrated.probabilities[folds == fold], part.probabilities)
 
 
+@pytest.mark.parametrize("rule", ["threshold", "teaser"])
+def test_samples_may_be_farther_apart_than_points(rule):
+    """With three points for each sample, every age has the calibration and the floors of its own."""
+    timeline = make_timeline(0)
+    sparse = replace(timeline, points=tuple(3 * points for points in timeline.points))
+    calibrated = [calibrate_prefixes(each).calibrate(each).probabilities for each in (timeline, sparse)]
+    assert np.array_equal(*calibrated)
+    decisions = [fit_trigger(each, rule=rule, waiting_cost=0.01).decide(each) for each in (timeline, sparse)]
+    assert [replace(each, points=3 * each.points) for each in decisions[0]] == list(decisions[1])
+
+
 def test_the_folds_and_groups_are_those_of_the_data_set():
     tracks = np.stack([walk(seed) for seed in range(20)])
     groups = tuple(f"person {case // 2}" for case in range(20))

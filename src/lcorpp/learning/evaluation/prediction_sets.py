@@ -1,9 +1,9 @@
 """Conformal prediction sets: classes that contain the true one with a chosen frequency, and their likelihood.
 
-A set of one class is an answer, a set of all classes is "don't know". The frequency holds for people
-exchangeable with those of the data, whatever the classifier; a poor classifier has large sets. It is not a
-strict guarantee, as that of a single held-out part would be: the sets come from out-of-fold predictions, and
-the classifier that is used is trained on all cases.
+A set of one class is an answer, a set of all classes is "don't know"; a poor classifier has large sets. The
+frequency is for people exchangeable with those of the data, and is not guaranteed, as by a held-out part: the
+quantiles are those of the classifiers of the folds, the sets of the one trained on all cases. If that one is
+less certain of the true classes of new people than they are, the sets contain them less often than reported.
 """
 
 from __future__ import annotations
@@ -190,9 +190,10 @@ def fit_prediction_sets(
     A person counts once for each class: the cases of a person share its mass, as they are not exchangeable
     with those of others.
 
-    Source: Vovk, Gammerman and Shafer, Algorithmic Learning in a Random World, 2005, and Vovk, Annals of
-    Mathematics and Artificial Intelligence 74, 2015 (cross-conformal); Sadinle, Lei and Wasserman, JASA 114,
-    2019 (sets by class); Lee, Barber and Willett, arXiv:2306.06342 (several cases of a person).
+    Source: Vovk, Gammerman and Shafer, Algorithmic Learning in a Random World, 2005; Barber, Candès, Ramdas
+    and Tibshirani, Annals of Statistics 49, 2021 (the jackknife, of which this is the form with folds: no
+    guarantee); Sadinle, Lei and Wasserman, JASA 114, 2019 (sets by class); Lee, Barber and Willett,
+    arXiv:2306.06342 (several cases of a person).
     """
     check_coverage(coverage)
     columns = np.searchsorted(np.array(validation.classes), np.array(validation.labels))

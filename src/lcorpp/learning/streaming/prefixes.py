@@ -7,10 +7,10 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from sklearn.base import clone
 
 from lcorpp.arguments import check_arguments
 from lcorpp.errors import DataError
+from lcorpp.learning.contract import fit_clone
 from lcorpp.learning.data.dataset import check_tracks, check_trainable
 from lcorpp.learning.evaluation.validation import assign_folds
 from lcorpp.learning.streaming.prefix_ensemble import FRACTIONS
@@ -115,6 +115,7 @@ def cross_predict_over_time(
 
     Args:
         estimator: a pipeline of `Motion` and a classifier; each fold uses a clone.
+        dataset: its weights count in the training; the timeline has none.
         folds: number of folds, stratified and with whole groups.
         seed: seed of the split.
         min_points, window: as for `predict_over_time`.
@@ -128,7 +129,7 @@ def cross_predict_over_time(
     parts = []
     for fold in range(folds):
         train, test = fold_of != fold, np.flatnonzero(fold_of == fold)
-        pipeline = clone(estimator).fit(dataset.trajectories[train], labels[train])
+        pipeline = fit_clone(estimator, dataset.trajectories[train], labels[train], dataset.weights[train])
         part = predict_over_time(pipeline, dataset.take(test), min_points=min_points, window=window)
         parts.append(part)
         if part.classes != parts[0].classes:

@@ -181,7 +181,8 @@ def calibrate_prefixes(timeline: PredictionTimeline) -> PrefixCalibration:
     """Fit a calibration for each number of points to out-of-fold predictions.
 
     Of tracks of unequal length the last one is for the largest number of points that tracks of every class
-    reach, `MIN_CASES` in all.
+    reach, `MIN_CASES` in all. If the samples are farther apart than the points, a number of points without a
+    prediction has the calibration of the next smaller one.
 
     Args:
         timeline: the result of `cross_predict_over_time`.
@@ -198,7 +199,10 @@ def calibrate_prefixes(timeline: PredictionTimeline) -> PrefixCalibration:
             calibrations[points] = fit_calibration(
                 timeline.classes, probabilities[known], labels[known].tolist()
             )
-    return PrefixCalibration(min(calibrations, default=0), tuple(calibrations.values()))
+    first, last = min(calibrations, default=0), max(calibrations, default=-1)
+    for points in range(first, last):
+        calibrations.setdefault(points + 1, calibrations[points])
+    return PrefixCalibration(first, tuple(calibrations[points] for points in range(first, last + 1)))
 
 
 def cross_calibrate_prefixes(timeline: PredictionTimeline) -> PredictionTimeline:

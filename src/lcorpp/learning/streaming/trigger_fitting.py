@@ -128,8 +128,9 @@ def search_trigger(
     expected = EarlyScore(*held_out[:, has_prediction].mean(axis=1).tolist())
     chosen = choose(everyone)
     calibration = calibrate_prefixes(timeline)
-    first = int(np.searchsorted(ages.points, calibration.min_points))
-    floors, best = find_floors(candidates[chosen], everyone)[first:], candidates[chosen]
+    numbers = np.arange(calibration.min_points, ages.points[-1] + 1)
+    rows = np.searchsorted(ages.points, numbers, side="right") - 1  # the last age with at most so many points
+    floors, best = find_floors(candidates[chosen], everyone)[rows], candidates[chosen]
     return TriggerSearch(
         Trigger(calibration, floors, best.consecutive, int(ages.points[-1]), expected),
         chosen,
