@@ -7,6 +7,7 @@ from sklearn.base import BaseEstimator, ClassifierMixin
 from sklearn.pipeline import Pipeline
 
 from lcorpp.learning import ChannelStandardizer, LstmClassifier, Motion
+from lcorpp.learning.classifiers.minirocket import MiniRocket
 from lcorpp.learning.lstm.network import Weights
 
 
@@ -54,6 +55,14 @@ def by_way(*, least: int = 1, **motion) -> Pipeline:
     tracks = np.stack([walk(seed) for seed in range(4)])
     pipeline = Pipeline([("motion", Motion(**motion)), ("way", ByWay(least=least))])
     return pipeline.fit(tracks, ["interested", "not_interested"] * 2)
+
+
+def minirocket(*, inputs=("x", "y"), **motion) -> Pipeline:
+    """MiniRocket of few features behind Motion and ChannelStandardizer, trained on random ways."""
+    tracks = np.stack([walk(seed, samples=200, inputs=len(inputs)) for seed in range(8)])
+    first, last = Motion(inputs=inputs, **motion), MiniRocket(features=252)
+    pipeline = Pipeline([("motion", first), ("scaling", ChannelStandardizer()), ("minirocket", last)])
+    return pipeline.fit(tracks, np.array(["interested", "not_interested"] * 4))
 
 
 def batch(pipeline: Pipeline, times, samples) -> np.ndarray:

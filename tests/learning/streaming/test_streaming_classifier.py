@@ -23,7 +23,7 @@ from lcorpp.learning.features.resampling import resample
 from lcorpp.protocols import Classifier
 from tests.learning.walkers import walkers
 
-from .people import ByWay, batch, by_way, lstm, walk
+from .people import ByWay, batch, by_way, lstm, minirocket, walk
 
 INTERVAL = 0.033
 RICH = {
@@ -36,6 +36,8 @@ PIPELINES = {
     "three classes": lstm(classes=3, rate=2.5),
     "fast": lstm(rate=30.0),
     "rich": lstm(**RICH),
+    "minirocket": minirocket(),
+    "rich minirocket": minirocket(**RICH),
     "by way": by_way(),
 }
 
@@ -88,7 +90,7 @@ def test_predictions_of_irregular_samples_equal_the_resampled_batch_result(seed,
 
 
 @settings(max_examples=20)
-@given(seed=st.integers(0, 10**6), name=st.sampled_from(["lstm", "rich", "by way"]))
+@given(seed=st.integers(0, 10**6), name=st.sampled_from(["lstm", "rich", "rich minirocket", "by way"]))
 def test_people_do_not_influence_each_other(seed, name):
     """With gaps, jumps, NaN and late samples; all together, in any mixture, they say what each says alone."""
     pipeline = PIPELINES[name]
@@ -240,8 +242,9 @@ def test_a_freed_slot_is_reset():
         np.testing.assert_allclose(answer.probabilities, expected, atol=1e-6)
 
 
-def test_only_a_recurrent_classifier_has_constant_cost():
-    assert StreamingClassifier(PIPELINES["lstm"]).constant_cost
+def test_only_a_classifier_with_a_state_has_constant_cost():
+    for name in ("lstm", "minirocket"):
+        assert StreamingClassifier(PIPELINES[name]).constant_cost
     pipeline = by_way()
     streams = StreamingClassifier(pipeline)
     assert not streams.constant_cost

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from itertools import combinations
 from typing import Any, Self
 
 import numpy as np
@@ -12,18 +11,20 @@ from sklearn.linear_model import RidgeClassifierCV
 from sklearn.utils.class_weight import compute_class_weight
 from sklearn.utils.validation import check_is_fitted
 
+from lcorpp.arguments import to_numbers
 from lcorpp.errors import DataError
+from lcorpp.learning.classifiers.running_convolutions import (
+    KERNELS,
+    TAPS,
+    Floats,
+    RunningConvolutions,
+    RunningState,
+    is_padded,
+    weigh_taps,
+)
 from lcorpp.learning.contract import ProbabilityClassifier, to_probabilities
 from lcorpp.learning.data.dataset import check_tracks
 from lcorpp.values import Array, measure_lengths
-
-Floats = npt.NDArray[np.float32]
-
-TAPS = 9
-"""Weights of a kernel: three are 2 and six -1, so that they sum to 0."""
-
-KERNELS = tuple(combinations(range(TAPS), 3))
-"""The 84 kernels, by the positions of the weights 2."""
 
 MAX_DILATIONS = 32
 
@@ -81,6 +82,7 @@ class MiniRocket(ProbabilityClassifier):
         ridge = RidgeClassifierCV(RIDGE_PENALTIES).fit(features / scale, y, weights * by_class[index])
         self.classes_, self.intercept_ = ridge.classes_, np.ravel(ridge.intercept_)
         self.weights_: Array = np.atleast_2d(ridge.coef_) / scale
+        self._prepare_streams()
         return self
 
     def predict_proba(self, X: npt.ArrayLike) -> Array:
@@ -90,9 +92,35 @@ class MiniRocket(ProbabilityClassifier):
             DataError: X is malformed or does not have the channels of the training data.
         """
         check_is_fitted(self, "weights_")
-        features = self._transform(check_tracks(X, self.channels_.shape[1]))
-        scores = features @ self.weights_.T + self.intercept_
-        return to_probabilities(scores[:, 0] if len(self.classes_) == 2 else scores)
+        return self._predict(self._transform(check_tracks(X, self.channels_.shape[1])))
+
+    def begin(self, n: int = 1) -> RunningState:
+        """Return the state before the first time point of n tracks, for `advance`."""
+        check_is_fitted(self, "weights_")
+        return self._running.begin(n)
+
+    def advance(self, state: RunningState, points: npt.ArrayLike) -> Array:
+        """(n, K) the probabilities after one more time point of n tracks; updates `state` in place.
+
+        The cost of a time point is constant, and the features equal those of `predict_proba` of the tracks so
+        far.
+
+        Args:
+            points: (n, channels) the next time point of each track, finite.
+
+        Raises:
+            DataError: `points` are malformed, or the state belongs to another classifier or to this one
+                before it was trained again; the state is unchanged then.
+        """
+        check_is_fitted(self, "weights_")
+        if state.owner is not self._running:
+            raise DataError(
+                "this state was begun by another classifier, or before this one was trained again"
+            )
+        given, shape = to_numbers(points, "the points"), (len(state), self.channels_.shape[1])
+        if given.shape != shape or not np.isfinite(given).all():
+            raise DataError(f"expected finite points of shape {shape}, one for each track, not {given!r}")
+        return self._predict(self._running.advance(state, given.astype(np.float32)))
 
     def to_arrays(self) -> dict[str, npt.NDArray[Any]]:
         """The fitted state, for `storage`."""
@@ -124,7 +152,16 @@ class MiniRocket(ProbabilityClassifier):
             or not all(np.isfinite(part).all() for part in (self.biases_, self.weights_, self.intercept_))
         ):
             raise DataError("the arrays of a MiniRocket do not match each other")
+        self._prepare_streams()
         return self
+
+    def _prepare_streams(self) -> None:
+        self._running = RunningConvolutions(self.dilations_, self.counts_, self.channels_, self.biases_)
+
+    def _predict(self, features: Floats) -> Array:
+        """(cases, K) the probabilities by the features; case by case, so that no case depends on others."""
+        scores = (features[:, None] @ self.weights_.T)[:, 0] + self.intercept_
+        return to_probabilities(scores[:, 0] if len(self.classes_) == 2 else scores)
 
     def _choose_convolutions(self, tracks: Array, rng: np.random.Generator) -> None:
         """Spread the dilations evenly over powers of 2, up to kernels as long as the longest track."""
@@ -166,7 +203,7 @@ class MiniRocket(ProbabilityClassifier):
         for number, thresholds in enumerate(biases):
             layer, kernel = divmod(number, len(KERNELS))
             counted = inside
-            if (layer + kernel) % 2:  # only where the whole kernel lies inside the track
+            if not is_padded(layer, kernel):
                 reach = self.dilations_[layer] * (TAPS // 2)
                 counted = (times >= reach) & (times < ends - reach)
             values = np.where(counted, self._convolve(number, known), -np.inf)
@@ -181,5 +218,4 @@ class MiniRocket(ProbabilityClassifier):
         reach = dilation * (TAPS // 2)
         signal = np.pad(tracks[:, self.channels_[number]].sum(axis=1), ((0, 0), (reach, reach)))
         shifted = [signal[:, tap * dilation :][:, :points] for tap in range(TAPS)]
-        first, second, third = KERNELS[kernel]
-        return np.asarray(3 * (shifted[first] + shifted[second] + shifted[third]) - sum(shifted))
+        return weigh_taps([shifted[tap] for tap in KERNELS[kernel]], shifted)
