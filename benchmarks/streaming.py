@@ -75,6 +75,8 @@ def main(
         ("forest", 3.0, False, True),
         ("forest", 3.0, False, False),
         ("minirocket", 3.0, False, True),
+        ("minirocket", 3.0, False, False),
+        ("minirocket, prefix ensemble", 3.0, False, True),
     ):
         kind, _, ensemble = name.partition(", ")
         epochs = EPOCHS if kind == "lstm" else None
@@ -135,9 +137,7 @@ def _make_realistic(frames: Frames, rng: np.random.Generator) -> Frames:
 
 
 def _measure(pipeline: Any, frames: Frames, realistic: bool, together: bool) -> list[str]:
-    streams = StreamingClassifier(
-        pipeline, allowed_lateness=0.1 if realistic else 0.0, min_points=9 if "minirocket" in pipeline else 2
-    )
+    streams = StreamingClassifier(pipeline, allowed_lateness=0.1 if realistic else 0.0, min_points=2)
     streams.push(-10.0, "before", 0.0, 0.0)  # triggers lazy initialisation
     streams.remove("before")
     costs = []
