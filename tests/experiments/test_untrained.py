@@ -7,7 +7,7 @@ from lcorpp import load_domain
 from lcorpp.experiments import ActiveLearningOptions, TrainingOptions, run_active_learning, set_up_learning
 from lcorpp.experiments.active_learning.untrained import RandomClassifier, is_trainable
 from lcorpp.experiments.setup import EvidenceOptions, solve_domain
-from lcorpp.learning.label_noise.class_weights import split_by_class
+from lcorpp.learning.label_noise.uncertain_labels import split_by_class
 from lcorpp.planning import Planner
 from lcorpp.planning.policy_cache import find_cache_folder
 from lcorpp.values import Dataset, EvidenceKind, Likelihood

@@ -23,7 +23,7 @@ from lcorpp.learning import (
 from lcorpp.learning.classifiers.registry import LEARNERS, check_weighted
 from lcorpp.learning.contract import SigmoidScores, accepts_weights
 from lcorpp.learning.evaluation.calibration import fit_calibration
-from lcorpp.learning.label_noise.class_weights import split_by_class
+from lcorpp.learning.label_noise.uncertain_labels import split_by_class
 from lcorpp.values import Dataset
 
 KNOWN = "expected one of lstm, lstm-fast, summaries, forest, logistic"

@@ -99,13 +99,6 @@ def test_classes_that_answer_alike_share_a_row():
     assert (estimate.posteriors.argmax(axis=1) == classes).mean() > 0.65
 
 
-def test_perfect_answers_leave_no_doubt():
-    classes = np.arange(400) % 2
-    sources = [AnswerSource(3 * np.eye(2)[classes], [0, 1], 20 * FIRST)]
-    posteriors = estimate_classes(sources, np.zeros(400), 2).posteriors
-    assert posteriors[np.arange(400), classes].min() > 0.999
-
-
 def test_no_cases_and_no_sources():
     source = AnswerSource(np.zeros((0, 2)), [0, 1], FIRST)
     estimate = estimate_classes([source], np.zeros(0), 2)

@@ -26,7 +26,7 @@ from lcorpp.experiments.training_data import FOLDS, make_estimator
 from lcorpp.learning import TrainedClassifier, Validation, cross_validate, train_and_validate
 from lcorpp.learning.classifiers.registry import check_weighted
 from lcorpp.learning.evaluation.validation import count_confusion
-from lcorpp.learning.label_noise.class_weights import split_by_class
+from lcorpp.learning.label_noise.uncertain_labels import split_by_class
 from lcorpp.protocols import Classifier
 from lcorpp.reasoning import Reasoner
 from lcorpp.values import COVERAGE, ConfusionMatrix, Dataset

@@ -217,7 +217,8 @@ class ChannelStandardizer(TransformerMixin, BaseEstimator):  # type: ignore[misc
         tracks = check_tracks(X)
         self.mean_: Array = np.nanmean(tracks, axis=(0, 2))
         deviation = np.nanstd(tracks, axis=(0, 2))
-        self.scale_: Array = np.where(deviation > 0, deviation, 1.0)  # a constant channel becomes 0
+        # a constant channel becomes 0; its deviation may be a rounding error
+        self.scale_: Array = np.where(deviation > 1e-12 * np.abs(self.mean_), deviation, 1.0)
         return self
 
     def transform(self, X: npt.ArrayLike) -> Array:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass, replace
+from itertools import product
 
 import numpy as np
 import numpy.typing as npt
@@ -31,15 +32,8 @@ MAX_CONSECUTIVE = 5
 """The largest number of consecutive agreeing predictions to choose from."""
 
 
-@dataclass(frozen=True, eq=False)
-class Candidate:
-    """A trigger to choose from, without its calibration.
-
-    parameter: the threshold, or the fraction of correct predictions that are rejected. consecutive: points.
-    """
-
-    parameter: float
-    consecutive: int
+Candidate = tuple[float, int]
+"""A threshold, or the fraction of correct predictions that are rejected; and consecutive points."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,7 +41,7 @@ class TriggerSearch:
     """The choice of a trigger.
 
     trigger: the best one. chosen: its number among `candidates`.
-    candidates, scores: all, each with its score on the out-of-fold predictions.
+    candidates, scores: all triggers to choose from, each with its score on the out-of-fold predictions.
     seconds, accuracy: (ages,) the accuracy if all tracks that last so long are decided at one age.
     """
 
@@ -106,12 +100,12 @@ def search_trigger(
     correct: Flags = np.asarray(np.array(timeline.classes)[ages.columns] == labels[:, None])
     k = len(timeline.classes)
 
-    def find_floors(candidate: Candidate, used: Flags) -> Array:
+    def find_floors(parameter: float, used: Flags) -> Array:
         if rule == "threshold":
-            return np.full((len(ages.points), k), candidate.parameter)
-        return _find_typical(ages, correct & used[:, None], k, candidate.parameter)
+            return np.full((len(ages.points), k), parameter)
+        return _find_typical(ages, correct & used[:, None], k, parameter)
 
-    candidates = tuple(_list_candidates(rule, k))
+    candidates = _list_candidates(rule, k)
     outcomes = np.stack([_decide(ages, correct, folds, each, find_floors) for each in candidates])
 
     def score(number: int, used: Flags) -> EarlyScore:
@@ -130,9 +124,10 @@ def search_trigger(
     calibration = calibrate_prefixes(timeline)
     numbers = np.arange(calibration.min_points, ages.points[-1] + 1)
     rows = np.searchsorted(ages.points, numbers, side="right") - 1  # the last age with at most so many points
-    floors, best = find_floors(candidates[chosen], everyone)[rows], candidates[chosen]
+    parameter, consecutive = candidates[chosen]
+    floors = find_floors(parameter, everyone)[rows]
     return TriggerSearch(
-        Trigger(calibration, floors, best.consecutive, int(ages.points[-1]), expected),
+        Trigger(calibration, floors, consecutive, int(ages.points[-1]), expected),
         chosen,
         candidates,
         tuple(score(number, everyone) for number in range(len(candidates))),
@@ -141,12 +136,10 @@ def search_trigger(
     )
 
 
-def _list_candidates(rule: str, k: int) -> Iterator[Candidate]:
+def _list_candidates(rule: str, k: int) -> tuple[Candidate, ...]:
     if rule == "threshold":
-        yield from (Candidate(float(each), 1) for each in np.linspace(1 / k, 1, THRESHOLDS))
-    else:
-        for rejected in REJECTED:
-            yield from (Candidate(rejected, number) for number in range(1, MAX_CONSECUTIVE + 1))
+        return tuple((threshold, 1) for threshold in np.linspace(1 / k, 1, THRESHOLDS).tolist())
+    return tuple(product(REJECTED, range(1, MAX_CONSECUTIVE + 1)))
 
 
 def _decide(
@@ -154,16 +147,16 @@ def _decide(
     correct: Flags,
     folds: npt.NDArray[np.int64],
     candidate: Candidate,
-    find_floors: Callable[[Candidate, Flags], Array],
+    find_floors: Callable[[float, Flags], Array],
 ) -> Array:
     """(3, cases) whether the decision is correct, its seconds, its earliness; floors by the other folds."""
-    fired = np.empty(len(folds), dtype=np.intp)
+    (parameter, consecutive), fired = candidate, np.empty(len(folds), dtype=np.intp)
     for fold in np.unique(folds):
         part = folds == fold
         own = replace(
             ages, known=ages.known[part], columns=ages.columns[part], probability=ages.probability[part]
         )
-        fired[part] = own.find_first(find_floors(candidate, ~part), candidate.consecutive)
+        fired[part] = own.find_first(find_floors(parameter, ~part), consecutive)
     seconds, duration = ages.seconds[fired], ages.seconds[ages.last]
     return np.stack(
         [correct[np.arange(len(fired)), fired], seconds, 1 - seconds / np.maximum(duration, 1e-9)]

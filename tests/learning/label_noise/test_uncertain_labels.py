@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from lcorpp.errors import DataError
-from lcorpp.learning.label_noise.class_weights import split_by_class
+from lcorpp.learning.label_noise.uncertain_labels import split_by_class
 from lcorpp.values import Dataset, LabelEvidence
 
 DATA = Dataset(
