@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator
 from contextlib import ExitStack
 from dataclasses import replace
 from enum import StrEnum
@@ -14,29 +14,19 @@ import typer
 
 from lcorpp.cli import console, output_files
 from lcorpp.cli.options import common as options
-from lcorpp.cli.options.recordings import (
-    GapOption,
-    LabelFileOption,
-    LabelOption,
-    RepairOption,
-    RobotOption,
-    parse_written_labels,
-)
-from lcorpp.cli.options.senses import (
-    ClassifiersOption,
-    DataOption,
-    EvidenceOption,
-    LearnersOption,
-    choose_classifiers,
-    choose_evidence,
-)
+from lcorpp.cli.options.robot import RobotOptions, take_robot_options
+from lcorpp.cli.options.senses import reject_given
 from lcorpp.errors import DataError, expected_one_of
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable
+
     from lcorpp.domains import Domain
+    from lcorpp.experiments.active_learning.batches import BatchResult
     from lcorpp.experiments.active_learning.run_store import RunStore
-    from lcorpp.experiments.active_learning.senses import LearningSenses
+    from lcorpp.experiments.active_learning.senses import ActiveLearningOptions, LearningSenses
     from lcorpp.experiments.setup import ClassifierOptions
+    from lcorpp.planning import Planner, Policy, Solution, SolverOptions
 
 TRACKS, MIN_TRACKS = 100, 20
 """Simulated training tracks of a sense that learns, without --tracks; and the minimum, if there are any."""
@@ -54,9 +44,9 @@ DEVICES = ("cpu", "cuda")
 """The devices of the LSTM; a learner of your own may know others."""
 
 
+@take_robot_options
 def learn(
-    domain: options.DomainArgument = "intention",
-    preset: options.PresetOption = None,
+    given: RobotOptions,
     batch_size: Annotated[
         int, typer.Option(min=1, max=options.MAX_TRACKS, help="K: decisions between two trainings.")
     ] = 100,
@@ -88,10 +78,6 @@ def learn(
             show_default=str(TRACKS),
         ),
     ] = None,
-    seed: options.SeedOption = 0,
-    classifier: ClassifiersOption = None,
-    learner: LearnersOption = None,
-    evidence: EvidenceOption = None,
     labels: Annotated[
         Labels,
         typer.Option(
@@ -100,17 +86,6 @@ def learn(
             " that the answers and the classifier's predictions imply; the confusion matrix is corrected too."
         ),
     ] = Labels.hard,
-    data: DataOption = None,
-    label: LabelOption = None,
-    label_file: LabelFileOption = None,
-    repair: RepairOption = None,
-    robot: RobotOption = None,
-    gap: GapOption = None,
-    epochs: options.EpochsOption = None,
-    device: options.DeviceOption = "cpu",
-    features: options.FeaturesOption = None,
-    rate: options.RateOption = None,
-    seconds: options.SecondsOption = None,
     store: Annotated[
         Path | None,
         typer.Option(
@@ -119,14 +94,6 @@ def learn(
             " exists, the run resumes.",
         ),
     ] = None,
-    solver: options.SolverOption = None,
-    precision: options.PrecisionOption = None,
-    time_limit: options.TimeLimitOption = None,
-    no_cache: options.NoCacheOption = False,
-    log: options.LogOption = None,
-    out: options.OutOption = None,
-    formats: options.FormatOption = None,
-    jobs: options.JobsOption = None,
 ) -> None:
     """Run Algorithm 1: decide, store the reports, retrain.
 
@@ -135,126 +102,135 @@ def learn(
     solver stops only the solver; the command continues with the best policy so far. With --store every
     decision survives any interruption, and the same command resumes the run.
     """
-    from lcorpp.cli.robot_output import print_domain, print_solution, print_storage_problem
-    from lcorpp.domains import load_domain
-    from lcorpp.experiments.active_learning.batches import explain_end
+    from lcorpp.cli.robot_output import note_storage_problems, print_domain
     from lcorpp.experiments.active_learning.run import open_run_store, run_active_learning
-    from lcorpp.experiments.active_learning.senses import (
-        ActiveLearningOptions,
-        find_learning_senses,
-        set_up_learning,
-    )
+    from lcorpp.experiments.active_learning.senses import ActiveLearningOptions, set_up_learning
     from lcorpp.experiments.decision_log import DecisionLog
     from lcorpp.experiments.results import FORMATS, write_batches
     from lcorpp.experiments.robot_parts import RobotParts
-    from lcorpp.experiments.setup import (
-        EvidenceOptions,
-        ReadingOptions,
-        TrainingOptions,
-        explain_missing_reports,
-        solve_domain,
-    )
-    from lcorpp.planning import Planner
-    from lcorpp.planning.policy_cache import find_cache_folder
+    from lcorpp.experiments.setup import explain_missing_reports
 
-    loaded = load_domain(domain, preset=preset)
-    solving = options.choose_solver(loaded.planning.solver, solver, precision, time_limit)
-    cache = None if no_cache else find_cache_folder()
-    sources = choose_classifiers(
-        loaded,
-        loaded.senses,
-        classifiers=classifier or [],
-        learners=learner or [],
-        data=data or [],
-        reading=ReadingOptions(parse_written_labels(label), label_file, tuple(repair or ()), robot, gap),
-        training=options.choose_training(
-            tracks=tracks, epochs=epochs, device=device, features=features, rate=rate, seconds=seconds
-        ),
-        trained=find_learning_senses(loaded, {}),
-    )
-    learning = find_learning_senses(loaded, sources)
-    for name, training in learning.items():
-        if training.tracks is None and not (training.data or loaded.find_sense(name).data):
-            sources[name] = replace(training, tracks=TRACKS)
-    if tracks == 0:  # the other senses are trained now, on the number of tracks of the domain
-        for name, source in sources.items():
-            if name not in learning and isinstance(source, TrainingOptions):
-                sources[name] = replace(source, tracks=None)
+    loaded = given.load_domain()
+    sources = _choose_sources(loaded, given, tracks)
     chosen = ActiveLearningOptions(
         sources,
-        EvidenceOptions(choose_evidence(loaded, sources, evidence or [])),
+        given.choose_evidence(loaded, sources),
         labels=labels.value,
         batch_size=batch_size,
         epsilon=epsilon,
         confidence=confidence,
         max_batches=max_batches,
-        seed=seed,
-        jobs=console.count_processes(jobs),
+        seed=given.seed,
+        jobs=console.count_processes(given.jobs),
     )
-    _check_options(epsilon, confidence, tracks, sources, weighted=labels is not Labels.hard)
+    _check_options(chosen, tracks)
+    policy, solving = given.read_policy(loaded), given.choose_solver(loaded)
     if store is not None and not store.exists():
         output_files.check_writable(store)
-    output_files.check_results(out, formats)
-    written, has_complete_batch = None, False
+    output_files.check_results(given.out, given.formats)
     with ExitStack() as stack:
-        decisions = None if log is None else stack.enter_context(DecisionLog(log))
+        log = None if given.log is None else stack.enter_context(DecisionLog(given.log))
         print_domain(loaded)
-        problems = [out and print_storage_problem(training) for training in learning.values()]
         senses = set_up_learning(loaded, chosen, progress=console.show_progress)
         _print_senses(loaded, senses)
         run_store = None
         if store is not None:
             run_store = stack.enter_context(open_run_store(store, loaded, senses, chosen))
             _print_run_store(run_store)
-        notes_printed = len(run_store.notes) if run_store else 0
+        noted = given.out is not None and note_storage_problems(senses.training.values())
+        written, is_complete = None, False
         try:
-            with console.show_progress("solving the POMDP") as advance:
-                solution = solve_domain(loaded, solving, cache=cache, advance=advance)
-            print_solution(solution)
+            planner, solution = _make_planner(loaded, policy, solving, given.find_cache())
+            stack.enter_context(explain_missing_reports(solution))
+            solver = None if solution is None else solving
+            parts = RobotParts(loaded, planner.policy, solver=solver, policy_file=given.policy)
             results = run_active_learning(
                 loaded,
                 senses,
-                Planner(solution),
+                planner,
                 chosen,
                 run_store=run_store,
-                log=decisions,
-                parts=RobotParts(loaded, solution.policy, solver=solving),
+                log=log,
+                parts=parts,
                 progress=console.show_progress,
             )
-            stack.enter_context(explain_missing_reports(solution))
-            for result in results:
-                for text in run_store.notes[notes_printed:] if run_store else []:
-                    console.print_note(text)
-                notes_printed = len(run_store.notes) if run_store else 0
-                batch, has_complete_batch = result.batch, True
-                title = "resumed" if result.resumed else f"batch {batch.number}"
-                console.out.print(f"{title}: {result.summary()}")
-                if out is not None:
+            for result in _print_batches(results, chosen, run_store):
+                is_complete = True
+                if given.out is not None:
+                    formats = given.formats or FORMATS
                     written = write_batches(
-                        out, loaded.name, result, solution=solution, formats=formats or FORMATS
+                        given.out, loaded.name, result, solution=solution, formats=formats
                     )
-                if batch.converged or batch.number >= max_batches:
-                    console.out.print(explain_end(batch, epsilon))
         except KeyboardInterrupt:
-            kept = "the batches above are kept" if has_complete_batch else "no batch is complete"
+            kept = "the batches above are kept" if is_complete else "no batch is complete"
             kept += "" if store is None else f"; the decisions so far are kept in {store}"
             console.err.print(f"interrupted: {kept}")
-            if not has_complete_batch and store is None:
+            if not is_complete and store is None:
                 raise typer.Exit(130) from None
     if written is not None:
-        if written.problem is not None and not any(problems):
+        if written.problem is not None and not noted:
             console.print_note(f"the classifier is not saved: {written.problem}")
         console.out.print(f"wrote {', '.join(str(path) for path in written.paths)}")
 
 
-def _check_options(
-    epsilon: float | None,
-    confidence: float,
-    tracks: int | None,
-    sources: Mapping[str, ClassifierOptions],
-    *,
-    weighted: bool,
-) -> None:
+def _choose_sources(domain: Domain, given: RobotOptions, tracks: int | None) -> dict[str, ClassifierOptions]:
+    """Return the options of the classifier of each sense; `tracks` is for those that learn."""
+    from lcorpp.experiments.active_learning.senses import find_learning_senses
+    from lcorpp.experiments.setup import TrainingOptions
+
+    sources = given.choose_classifiers(
+        domain, domain.senses, tracks, trained=find_learning_senses(domain, {})
+    )
+    learning = find_learning_senses(domain, sources)
+    for name, training in learning.items():
+        if training.tracks is None and not (training.data or domain.find_sense(name).data):
+            sources[name] = replace(training, tracks=TRACKS)
+    others = [sources[name] for name in sources if name not in learning]
+    if given.threshold is None and not any(isinstance(source, TrainingOptions) for source in others):
+        reject_given("it is for thresholds; expected --threshold, too", prevalence=given.prevalence)
+    if tracks == 0:  # the other senses are trained now, on the number of tracks of the domain
+        for name, source in sources.items():
+            if name not in learning and isinstance(source, TrainingOptions):
+                sources[name] = replace(source, tracks=None)
+    return sources
+
+
+def _make_planner(
+    domain: Domain, policy: Policy | None, solver: SolverOptions, cache: Path | None
+) -> tuple[Planner, Solution | None]:
+    """Return the planner of a given policy, or solve the POMDP and print how well."""
+    from lcorpp.cli.robot_output import print_solution
+    from lcorpp.experiments.setup import solve_domain
+    from lcorpp.planning import Planner
+
+    if policy is not None:
+        return Planner(policy, domain.pomdp), None
+    with console.show_progress("solving the POMDP") as advance:
+        solution = solve_domain(domain, solver, cache=cache, advance=advance)
+    print_solution(solution)
+    return Planner(solution), solution
+
+
+def _print_batches(
+    results: Iterable[BatchResult], chosen: ActiveLearningOptions, run_store: RunStore | None
+) -> Iterator[BatchResult]:
+    """Print each batch, the new notes of the store and the reason of the end; and yield the batch."""
+    from lcorpp.experiments.active_learning.batches import explain_end
+
+    printed = len(run_store.notes) if run_store else 0
+    for result in results:
+        for text in run_store.notes[printed:] if run_store else []:
+            console.print_note(text)
+        printed = len(run_store.notes) if run_store else 0
+        batch = result.batch
+        title = "resumed" if result.resumed else f"batch {batch.number}"
+        console.out.print(f"{title}: {result.summary()}")
+        yield result
+        if batch.converged or batch.number >= chosen.max_batches:
+            console.out.print(explain_end(batch, chosen.epsilon))
+
+
+def _check_options(chosen: ActiveLearningOptions, tracks: int | None) -> None:
     """Reject before the work what the training would reject after it.
 
     Raises:
@@ -265,19 +241,19 @@ def _check_options(
     from lcorpp.experiments.setup import TrainingOptions
     from lcorpp.learning.classifiers.registry import DEFAULTS, check_weighted
 
-    if epsilon is not None and math.isnan(epsilon):
+    if chosen.epsilon is not None and math.isnan(chosen.epsilon):
         raise DataError("--epsilon nan: expected a number from 0")
-    if not confidence < 1:
-        raise DataError(f"--confidence {confidence:g}: expected a number from 0, below 1")
+    if not chosen.confidence < 1:
+        raise DataError(f"--confidence {chosen.confidence:g}: expected a number from 0, below 1")
     if tracks is not None and 0 < tracks < MIN_TRACKS:
         raise DataError(f"--tracks {tracks}: expected 0, or at least {MIN_TRACKS}")
-    for training in sources.values():
+    for training in chosen.classifiers.values():
         if isinstance(training, TrainingOptions):
             name = training.learner or DEFAULTS["motion"]
             if ":" not in name and training.device.split(":")[0] not in DEVICES:
                 raise DataError(f"--device {training.device}: {expected_one_of(DEVICES)}")
             estimator = make_untrained(training)
-            if weighted:
+            if chosen.labels != Labels.hard:
                 check_weighted(name, estimator)
 
 

@@ -8,14 +8,14 @@ from typing import TYPE_CHECKING
 from lcorpp.cli import console
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterable, Sequence
 
     from rich.table import Table
     from rich.text import Text
 
     from lcorpp.domains import Domain
     from lcorpp.experiments.scoring.metrics import Scores
-    from lcorpp.experiments.setup import Senses, SenseSetup, TrainingOptions
+    from lcorpp.experiments.setup import ClassifierOptions, Senses, SenseSetup
     from lcorpp.learning import EvaluationReport, PredictionSets
     from lcorpp.planning import Solution
     from lcorpp.values import Interval
@@ -33,14 +33,16 @@ def print_domain(domain: Domain) -> None:
     console.out.print(f"{domain.name}{preset}: {domain.description}", style="bold")
 
 
-def print_storage_problem(training: TrainingOptions) -> str | None:
-    """Print and return, before the training, why its classifier cannot be saved; None if it can."""
+def note_storage_problems(classifiers: Iterable[ClassifierOptions]) -> bool:
+    """Print, before the training, why a classifier cannot be saved; return whether there is such a one."""
     from lcorpp.experiments.classifier_training import find_storage_problem
+    from lcorpp.experiments.setup import TrainingOptions
 
-    problem = find_storage_problem(training)
-    if problem is not None:
+    trained = [options for options in classifiers if isinstance(options, TrainingOptions)]
+    problems = [problem for options in trained if (problem := find_storage_problem(options)) is not None]
+    for problem in problems:
         console.print_note(f"the classifier will not be saved: {problem}")
-    return problem
+    return bool(problems)
 
 
 def print_scores(scores: Sequence[Scores], positive: str | None, trials: int | None) -> None:

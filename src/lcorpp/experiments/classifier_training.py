@@ -22,7 +22,7 @@ from lcorpp.experiments.thresholds import (
     compute_class_prevalence,
     find_positive_class,
     parse_goal,
-    select_threshold,
+    set_threshold,
 )
 from lcorpp.experiments.training_data import (
     FOLDS,
@@ -35,7 +35,6 @@ from lcorpp.experiments.training_data import (
 from lcorpp.learning import (
     Motion,
     TrainedClassifier,
-    apply_threshold,
     build_report,
     estimate_rates,
     learner,
@@ -78,12 +77,7 @@ def train_classifier(
         )
     positive = find_positive_class(sense)
     prevalence = compute_class_prevalence(domain, sense, options.prevalence)
-    if goal is not None:
-        threshold = select_threshold(validation, positive, prevalence[positive], goal)
-        validation = validation.with_predictions(
-            apply_threshold(validation.classes, validation.probabilities, threshold)
-        )
-        trained = replace(trained, confusion=validation.confusion, threshold=threshold)
+    trained, validation = set_threshold(domain, sense, options, trained, validation)
     report = build_report(
         validation,
         positive=positive,

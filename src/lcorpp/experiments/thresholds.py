@@ -2,12 +2,21 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from lcorpp.domains import Domain
 from lcorpp.domains.sections.learning import Sense
 from lcorpp.errors import DataError
-from lcorpp.learning import DecisionThreshold, Validation, choose_threshold
+from lcorpp.experiments.setup import TrainingOptions
+from lcorpp.learning import (
+    DecisionThreshold,
+    TrainedClassifier,
+    Validation,
+    apply_threshold,
+    choose_threshold,
+)
 from lcorpp.learning.evaluation.thresholds import resolve_goal
 from lcorpp.reasoning import Reasoner
 
@@ -16,6 +25,28 @@ MIN_PREVALENCE = 1e-3
 
 Goal = str | tuple[float, float] | float
 """A goal by name, the costs of a miss and of a false alarm, or the threshold itself."""
+
+
+def set_threshold(
+    domain: Domain,
+    sense: Sense,
+    options: TrainingOptions,
+    trained: TrainedClassifier,
+    validation: Validation,
+) -> tuple[TrainedClassifier, Validation]:
+    """Return the classifier and its validation with the threshold of the options; as they are without one.
+
+    Raises:
+        DataError: as `parse_goal`.
+    """
+    if options.threshold is None:
+        return trained, validation
+    positive = find_positive_class(sense)
+    prevalence = compute_class_prevalence(domain, sense, options.prevalence)[positive]
+    threshold = select_threshold(validation, positive, prevalence, parse_goal(sense, options.threshold))
+    predictions = apply_threshold(validation.classes, validation.probabilities, threshold)
+    validation = validation.with_predictions(predictions)
+    return replace(trained, confusion=validation.confusion, threshold=threshold), validation
 
 
 def parse_goal(sense: Sense, text: str) -> Goal:
@@ -72,5 +103,12 @@ def select_threshold(
         return DecisionThreshold(positive, goal)
     probabilities = validation.probabilities[:, validation.classes.index(positive)]
     truth = np.array(validation.labels) == positive
-    best = choose_threshold(probabilities, truth, validation.folds, prevalence=prevalence, goal=goal)
+    best = choose_threshold(
+        probabilities,
+        truth,
+        validation.folds,
+        prevalence=prevalence,
+        goal=goal,
+        weights=validation.weights,
+    )
     return DecisionThreshold(positive, best.probability)

@@ -94,3 +94,18 @@ def test_predictions_by_a_threshold():
         apply_threshold(("a", "b", "c"), three, DecisionThreshold("d", 0.5))
     with pytest.raises(DataError, match="expected 0"):
         DecisionThreshold("a", 1.5)
+
+
+@pytest.mark.parametrize("goal", ["accuracy", "f1", "youden", (3, 1)])
+def test_a_weight_counts_like_equal_cases(goal):
+    rng = np.random.default_rng(3)
+    positive = np.arange(120) % 3 == 0
+    scores, weights = rng.random(120) * 0.8 + 0.2 * positive, rng.integers(1, 4, 120)
+    folds = np.arange(120) % 5
+    rows = np.repeat(np.arange(120), weights)
+    weighted = choose_threshold(
+        scores, positive, folds.tolist(), prevalence=0.3, goal=goal, weights=weights.astype(float)
+    )
+    repeated = choose_threshold(scores[rows], positive[rows], folds[rows].tolist(), prevalence=0.3, goal=goal)
+    for name in ("probability", "in_sample", "out_of_fold", "tpr", "fpr"):
+        assert getattr(weighted, name) == pytest.approx(getattr(repeated, name), abs=1e-12)

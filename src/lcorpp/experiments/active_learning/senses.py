@@ -18,6 +18,7 @@ from lcorpp.experiments.setup import (
     TrainingOptions,
     no_progress,
 )
+from lcorpp.experiments.thresholds import parse_goal
 from lcorpp.experiments.training_data import TrainingData, choose_learner, make_training_data
 
 HARD, SOFT, CORRECTED = LABEL_KINDS = ("hard", "soft", "corrected")
@@ -96,7 +97,7 @@ def set_up_learning(
     Raises:
         DecisionError: the options name no kind of labels.
         DomainError: no sense learns, or the domain has no such signals or noisy channel.
-        DataError, FileError: the data, or the files of other classifiers, are wrong.
+        DataError, FileError: a threshold, the data, or the files of other classifiers, are wrong.
     """
     check_type(domain, Domain, "the domain", DomainError)
     check_type(options, ActiveLearningOptions, "`options`", DecisionError)
@@ -105,6 +106,9 @@ def set_up_learning(
     for name in options.classifiers:
         domain.find_sense(name)
     training = find_learning_senses(domain, options.classifiers)
+    for name, own in training.items():
+        if own.threshold is not None:
+            parse_goal(domain.find_sense(name), own.threshold)  # rejects it before the work
     data = {
         name: make_training_data(domain, domain.find_sense(name), own, options.seed)
         for name, own in training.items()

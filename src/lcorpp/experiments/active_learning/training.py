@@ -22,6 +22,7 @@ from lcorpp.experiments.active_learning.untrained import RandomClassifier, is_tr
 from lcorpp.experiments.robot_parts import ClassifierPart
 from lcorpp.experiments.sense_setup import describe_classifiers
 from lcorpp.experiments.setup import Advance, ProgressDisplay
+from lcorpp.experiments.thresholds import set_threshold
 from lcorpp.experiments.training_data import FOLDS, make_estimator
 from lcorpp.learning import TrainedClassifier, Validation, cross_validate, train_and_validate
 from lcorpp.learning.classifiers.registry import check_weighted
@@ -105,7 +106,7 @@ class SenseTrainer:
     def _validate(self, name: str, dataset: Dataset) -> tuple[TrainedClassifier, Validation]:
         options = self._options
         with self._show(name, "training on", dataset, FOLDS + 1) as advance:
-            return train_and_validate(
+            trained, validation = train_and_validate(
                 self._estimators[name],
                 dataset,
                 folds=FOLDS,
@@ -114,6 +115,8 @@ class SenseTrainer:
                 progress=advance,
                 coverage=options.evidence.kind(name).coverage or COVERAGE,
             )
+        sense, own = self._domain.find_sense(name), self._senses.training[name]
+        return set_threshold(self._domain, sense, own, trained, validation)
 
     def _finish(self, name: str, trained: TrainedClassifier) -> Classifier:
         return trained.as_evidence(self._options.evidence.kind(name))

@@ -126,6 +126,7 @@ def choose_threshold(
     *,
     prevalence: float,
     goal: str | tuple[float, float] = "accuracy",
+    weights: Array | None = None,
 ) -> ThresholdChoice:
     """Choose the best threshold from out-of-fold predictions, reweighted to a prevalence.
 
@@ -135,6 +136,7 @@ def choose_threshold(
         prevalence: fraction of positives where the classifier is used, between 0 and 1; the fraction among
             the cases does not matter.
         goal: "accuracy", "f1", "youden", or the costs of a false negative and of a false positive.
+        weights: (cases,) how much each case counts; None counts all alike.
 
     Raises:
         DataError: the goal or the prevalence is invalid, or there are no positive or no negative cases.
@@ -146,34 +148,46 @@ def choose_threshold(
         raise DataError(f"the prevalence is {prevalence}; expected a fraction between 0 and 1")
     if positive.all() or not positive.any():
         raise DataError("a threshold needs positive and negative cases")
-    best, in_sample = _find_best(scores, positive, prevalence, utility)
-    tpr, fpr = _compute_rates(scores, positive, np.array([best]))
+    counts = np.ones(len(scores)) if weights is None else weights
+    best, in_sample = _find_best(scores, positive, counts, prevalence, utility)
+    tpr, fpr = _compute_rates(scores, positive, counts, np.array([best]))
     predicted = np.zeros(len(scores), dtype=bool)
     held_out = np.array(folds)
     for fold in np.unique(held_out):
         rest = held_out != fold
         has_both = positive[rest].any() and not positive[rest].all()
-        fold_best = _find_best(scores[rest], positive[rest], prevalence, utility)[0] if has_both else best
+        fold_best = (
+            _find_best(scores[rest], positive[rest], counts[rest], prevalence, utility)[0]
+            if has_both
+            else best
+        )
         predicted[~rest] = scores[~rest] >= fold_best
-    new_tpr, new_fpr = (np.array([predicted[cases].mean()]) for cases in (positive, ~positive))
+    new_tpr, new_fpr = (
+        np.array([np.average(predicted[cases], weights=counts[cases])]) for cases in (positive, ~positive)
+    )
     out_of_fold = float(utility(new_tpr, new_fpr, prevalence)[0])
     return ThresholdChoice(name, prevalence, best, in_sample, out_of_fold, float(tpr[0]), float(fpr[0]))
 
 
-def _find_best(scores: Array, positive: Flags, prevalence: float, utility: Goal) -> tuple[float, float]:
+def _find_best(
+    scores: Array, positive: Flags, weights: Array, prevalence: float, utility: Goal
+) -> tuple[float, float]:
     """Find the best threshold and its utility; candidates lie halfway between two scores, and at the ends."""
     distinct = np.unique(scores)
     candidates = np.concatenate([[0.0], (distinct[1:] + distinct[:-1]) / 2, [np.nextafter(1.0, 2.0)]])
-    values = utility(*_compute_rates(scores, positive, candidates), prevalence)
+    values = utility(*_compute_rates(scores, positive, weights, candidates), prevalence)
     best = np.flatnonzero(values >= values.max() - UTILITY_TOLERANCE)
     chosen = best[np.argmin(np.abs(candidates[best] - 0.5))]
     return float(candidates[chosen]), float(values[chosen])
 
 
-def _compute_rates(scores: Array, positive: Flags, thresholds: Array) -> tuple[Array, Array]:
+def _compute_rates(scores: Array, positive: Flags, weights: Array, thresholds: Array) -> tuple[Array, Array]:
     """True and false positive rate (thresholds,) of each threshold."""
-    true, false = (
-        1 - np.searchsorted(np.sort(scores[cases]), thresholds, side="left") / np.count_nonzero(cases)
-        for cases in (positive, ~positive)
-    )
-    return true, false
+
+    def rate(cases: Flags) -> Array:
+        order = np.argsort(scores[cases])
+        below = np.concatenate([[0.0], np.cumsum(weights[cases][order])])  # weight of the lowest scores
+        missed: Array = below[np.searchsorted(scores[cases][order], thresholds, side="left")] / below[-1]
+        return 1 - missed
+
+    return rate(positive), rate(~positive)
