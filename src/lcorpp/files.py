@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import codecs
+import io
 import os
 import stat
-from collections.abc import Container, Iterator
+from collections.abc import Container, Iterable, Iterator
 from contextlib import ExitStack, contextmanager
 from contextvars import ContextVar
 from typing import TYPE_CHECKING, BinaryIO, TextIO
@@ -36,17 +38,16 @@ def keep_pipes() -> Iterator[None]:
 
 
 def read_text(path: str | Path) -> str:
-    """Return the UTF-8 text of a file with its line endings unchanged.
+    """Return the text of a file with its line endings unchanged; encodings as in `open_text`.
 
     Raises:
-        FileError: the file is missing, unreadable, a folder or not UTF-8.
+        FileError: the file is missing, unreadable, a folder or not text.
     """
     data = read_bytes(path)
     try:
-        return data.decode("utf-8-sig")
-    except UnicodeDecodeError as error:
-        line = data[: error.start].count(b"\n") + 1
-        raise FileError(f"{path}:{line}: not UTF-8 text (byte {data[error.start]:#04x})") from None
+        return data.decode(_detect_encoding(data))
+    except UnicodeDecodeError:
+        raise _locate_bad_byte(path, io.BytesIO(data)) from None
 
 
 def read_bytes(path: str | Path) -> bytes:
@@ -74,17 +75,26 @@ def hash_files(folder: Path, suffixes: Container[str]) -> str:
 
 
 def open_text(path: str | Path) -> TextIO:
-    """Open a UTF-8 text file for reading line by line; line endings become newlines.
+    """Open a text file for reading line by line; line endings become newlines.
 
+    The encoding is UTF-16 if the file begins with its byte order mark, otherwise UTF-8.
     A pipe has its content once; see `keep_pipes`.
 
     Raises:
-        FileError: the file is missing, unreadable or a folder. Reading it may raise UnicodeDecodeError.
+        FileError: the file is missing, unreadable or a folder. Reading it may raise UnicodeDecodeError, see
+            `locate_bad_byte`.
     """
     try:
-        return open(_copy_pipe(path), encoding="utf-8-sig")
+        file = open(_copy_pipe(path), "rb")  # noqa: SIM115
+        return io.TextIOWrapper(file, encoding=_detect_encoding(file.peek(2)))
     except (OSError, ValueError) as error:
         raise FileError(f"{_make_printable(path)}: cannot be read: {_describe_reason(error)}") from None
+
+
+def locate_bad_byte(path: str | Path) -> FileError:
+    """Return the error for a file whose reading raised UnicodeDecodeError: the line of its first bad byte."""
+    with open(_copy_pipe(path), "rb") as file:
+        return _locate_bad_byte(path, file)
 
 
 def write_atomically(path: str | Path, content: str | bytes) -> None:
@@ -196,6 +206,25 @@ def _copy_pipe(path: str | Path) -> str | Path:
             shutil.copyfileobj(pipe, copy)
         copies[str(path)] = copy.name
     return copies[str(path)]
+
+
+def _detect_encoding(start: bytes) -> str:
+    return "utf-16" if start[:2] in (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE) else "utf-8-sig"
+
+
+def _locate_bad_byte(path: str | Path, lines: Iterable[bytes]) -> FileError:
+    for number, line in enumerate(lines, start=1):
+        if number == 1 and _detect_encoding(line) == "utf-16":
+            break
+        try:
+            line.decode()
+        except UnicodeDecodeError as error:
+            byte = line[error.start]
+            letter = f", {chr(byte)!r} in Latin-1" if chr(byte).isprintable() else ""
+            return FileError(
+                f"{path}:{number}: not UTF-8 text: byte {byte:#04x}{letter}; expected a file saved as UTF-8"
+            )
+    return FileError(f"{path}: damaged UTF-16 text; expected a file saved as UTF-8")
 
 
 def _describe_reason(error: OSError | ValueError) -> str:

@@ -164,7 +164,10 @@ WRONG = [
     ("\n \n", "the file is empty", 1, 1),
     ("1,2,3\n", "3 columns of numbers; expected a line that names track, time, x, y, or the 8 columns", 1, 1),
     ("track,time,x\n", "no column 'y'; expected track, time, x, y among", 1, 1),
-    ("track;time;x;y\n", "no column 'track'", 1, 1),
+    ("track;time;x\n", "no column 'y'; expected track, time, x, y among", 1, 1),
+    ("track time x y\n", "one column, 'track time x y'; expected columns that ',', ';', '|' or a tab", 1, 1),
+    ("track;time;x;y\na;0;1;0\na;0.1;1,5;0\n", "'1,5' is not a number; expected the x, with a decimal", 3, 7),
+    ("track,time,x,y\na,0,1,5,2,5\n", "expected a name for each column, and decimal points", 1, 1),
     ("track,time,x,y,x\n", "column 'x' for the second time", 1, 16),
     ("track,time,x,y\n", "no rows after the heading", 2, 1),
     ('track,"time,x,y\n', "not a row of CSV", 1, 1),
@@ -184,17 +187,52 @@ def test_missing_and_binary_files_are_errors(tmp_path):
     with pytest.raises(FileError, match=r"no\.csv: cannot be read: No such file"):
         read_recording(tmp_path / "no.csv")
     (tmp_path / "picture.csv").write_bytes(b"\x89PNG\0\0\0")
-    with pytest.raises(FileError, match="not text; expected CSV"):
+    with pytest.raises(FileError, match="not text; expected CSV \\(UTF-8"):
         read_recording(tmp_path / "picture.csv")
     (tmp_path / "latin.csv").write_bytes(GOOD.encode() + b"a,2,\xe9,1,in\n")
-    with pytest.raises(FileError, match=r"not (UTF-8 )?text"):
+    with pytest.raises(
+        FileError, match=r"latin\.csv:26: not UTF-8 text: byte 0xe9, 'é' in Latin-1; expected a"
+    ):
         read_recording(tmp_path / "latin.csv")
     far = HEADING + rows("a", "in", samples=2000)
     (tmp_path / "far.csv").write_bytes(far.encode() + b"a,9999,\xe9,1,in\n")
-    with pytest.raises(FileError, match=r"far\.csv: not UTF-8 text after line \d+ \(byte 0xe9\)"):
+    with pytest.raises(FileError, match=r"far\.csv:2002: not UTF-8 text: byte 0xe9"):
         read_recording(tmp_path / "far.csv")
     with pytest.raises(FileError, match="interposx"):
         read_recording(tmp_path)
+
+
+@pytest.mark.parametrize("delimiter", [",", ";", "\t", "|"])
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "utf-16"])
+def test_delimiters_and_encodings(tmp_path, delimiter, encoding):
+    """Tracks, tables, tracking data and files of labels are the same with each delimiter and encoding."""
+    texts = {
+        "long": GOOD.replace("a,", "Jürgen,"),
+        "table": 'lean,"x, m",label,person\n0.5,1,in,a\n0.25,2,out,b\n',
+        "atc": atc_rows(7) + atc_rows(8, speed=0.5),
+        "labels": "7,in\n8,out\n",
+    }
+    files = {}
+    for name, text in texts.items():
+        quoted = text.replace('"x, m"', "QUOTED").replace(",", delimiter).replace("QUOTED", '"x, m"')
+        files[name] = tmp_path / f"{name}.csv"
+        files[name].write_bytes(quoted.encode(encoding))
+    assert [(track.id, track.label) for track in read_recording(files["long"]).tracks] == [
+        ("Jürgen", "in"),
+        ("b", "out"),
+    ]
+    table = read_data(files["table"])
+    assert (table.channels, table.groups) == (("lean", "x, m"), ("a", "b"))
+    assert table.trajectories.tolist() == [[0.5, 1], [0.25, 2]]
+    labelled = read_recording(files["atc"], label_file=files["labels"])
+    assert [(track.id, track.label) for track in labelled.tracks] == [("7", "in"), ("8", "out")]
+    np.testing.assert_allclose(labelled.tracks[1].columns["x"], np.arange(12) / 20, rtol=1e-12)
+
+
+def test_a_decimal_comma_is_no_row_to_leave_out(tmp_path):
+    file = written(tmp_path, GOOD.replace(",", ";").replace(".", ","))
+    with pytest.raises(ParseError, match=r"people\.csv:2:3: '0,0' is not a number; .* instead of the comma"):
+        read_recording(file, repair="all")
 
 
 def test_arguments_out_of_range(tmp_path):

@@ -14,9 +14,9 @@ from __future__ import annotations
 from collections.abc import Collection
 from pathlib import Path
 
-from lcorpp.errors import FileError, ParseError
-from lcorpp.files import open_text
-from lcorpp.learning.data.csv_reader import CsvFile, column_of, parse_line
+from lcorpp.errors import ParseError
+from lcorpp.files import locate_bad_byte, open_text
+from lcorpp.learning.data.csv_reader import CsvFile, column_of, detect_delimiter, parse_line
 from lcorpp.learning.data.ingest import ReadOptions, assemble_tracks
 from lcorpp.learning.data.tracks import COLUMNS, Track
 
@@ -31,9 +31,9 @@ MILLIMETRE = 1e-3
 
 def read_long_csv(path: Path, options: ReadOptions) -> tuple[list[Track], tuple[str, ...]]:
     """Read a file in the long format; return its tracks, in metres, and notes about it."""
-    names = read_header(path)
+    names, delimiter = read_header(path)
     numbers, words = find_columns(names)
-    file = CsvFile(path, names, numbers, ("track", *words), options.repair_log, header=1)
+    file = CsvFile(path, names, numbers, ("track", *words), options.repair_log, header=1, delimiter=delimiter)
     empty = ParseError(str(path), 2, 1, f"no rows after the heading; expected {', '.join(names)}")
     tracks = assemble_tracks(file, file.batches(options.progress), options, empty, numbers[1:], words)
     return tracks, (*note_unused_columns(names), *file.notes())
@@ -45,7 +45,8 @@ def read_atc(path: Path, options: ReadOptions) -> tuple[list[Track], tuple[str, 
     Only the requested rows and one batch of text are in memory.
     """
     numbers = tuple(name for name in ATC_COLUMNS if name != "track")
-    file = CsvFile(path, ATC_COLUMNS, numbers, ("track",), options.repair_log)
+    delimiter = detect_delimiter(read_first_line(path))
+    file = CsvFile(path, ATC_COLUMNS, numbers, ("track",), options.repair_log, delimiter=delimiter)
     scale = dict.fromkeys(("x", "y", "z", "velocity"), MILLIMETRE)
     empty = ParseError(str(path), 1, 1, f"the file is empty; expected rows of {', '.join(ATC_COLUMNS)}")
     tracks = assemble_tracks(file, file.batches(options.progress), options, empty, numbers[1:], scale=scale)
@@ -73,24 +74,37 @@ def describe_missing_column(name: str, names: Collection[str]) -> str:
     )
 
 
-def read_header(path: Path, required: tuple[str, ...] = REQUIRED) -> list[str]:
-    """Read the names of the columns, in lower case.
+def read_header(path: Path, required: tuple[str, ...] = REQUIRED) -> tuple[list[str], str]:
+    """Read the names of the columns, in lower case, and the delimiter between them.
 
     Raises:
         FileError: the file cannot be read.
         ParseError: a required column is missing, or a name is repeated.
     """
-    with open_text(path) as file:
-        try:
-            text = file.readline()
-        except UnicodeDecodeError:
-            raise FileError(f"{path}:1: not UTF-8 text") from None
-    names = [name.lower() for name in parse_line(str(path), 1, text)]
+    text = read_first_line(path)
+    delimiter = detect_delimiter(text)
+    names = [name.lower() for name in parse_line(str(path), 1, text, delimiter)]
     for name in required:
         if name not in names:
-            raise ParseError(str(path), 1, 1, describe_missing_column(name, names), text)
+            message = describe_missing_column(name, names)
+            if len(names) == 1 and " " in names[0]:
+                message = f"one column, {names[0]!r}; expected columns that ',', ';', '|' or a tab separates"
+            raise ParseError(str(path), 1, 1, message, text)
     for cell, name in enumerate(names):
         if name in names[:cell]:
             message = f"column {name!r} for the second time; expected every name once"
-            raise ParseError(str(path), 1, column_of(text, cell), message, text)
-    return names
+            raise ParseError(str(path), 1, column_of(text, cell, delimiter), message, text)
+    return names, delimiter
+
+
+def read_first_line(path: Path) -> str:
+    """Read the first line of a text file.
+
+    Raises:
+        FileError: the file cannot be read.
+    """
+    with open_text(path) as file:
+        try:
+            return file.readline()
+        except UnicodeDecodeError:
+            raise locate_bad_byte(path) from None

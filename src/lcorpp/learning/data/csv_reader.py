@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import csv
 import os
+import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import islice
@@ -16,7 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lcorpp.errors import FileError, LcorppError, ParseError
-from lcorpp.files import open_text
+from lcorpp.files import locate_bad_byte, open_text
 from lcorpp.learning.data.repairs import RepairLog, RowSource
 from lcorpp.notebook import join_some
 from lcorpp.values import Array
@@ -26,6 +27,9 @@ BATCH_LINES = 50_000
 
 MAX_WORD = 40
 """Length of a word in letters from which a batch is parsed line by line."""
+
+DELIMITERS = ",;\t|"
+"""Characters that may separate columns."""
 
 Progress = Callable[[int, int], None]
 """Callback with (bytes read, bytes in all)."""
@@ -50,9 +54,10 @@ class CsvFile(RowSource):
     """A CSV file of known columns.
 
     Args:
-        path: the file, UTF-8.
+        path: the file, in an encoding of `open_text`.
         names: all columns. numbers, words: those that are read.
         repair_log: the requested repairs. header: number of lines before the first row.
+        delimiter: the character between columns.
     """
 
     def __init__(
@@ -64,9 +69,11 @@ class CsvFile(RowSource):
         repair_log: RepairLog,
         *,
         header: int = 0,
+        delimiter: str = ",",
     ) -> None:
         super().__init__(path, repair_log)
         self._numbers, self._texts, self._header = numbers, words, header
+        self._delimiter = delimiter
         self._names = names
         self._cells = {name: cell for cell, name in enumerate(names) if name in (*numbers, *self._texts)}
         kinds = ("f8" if name in numbers else f"U{MAX_WORD}" for name in names)
@@ -83,14 +90,16 @@ class CsvFile(RowSource):
         """Return a ParseError at a field, with the text of its line."""
         with open_text(self.file) as file:
             text = next(islice(file, line - 1, None), "")
-        return ParseError(self.file, line, column_of(text, self._cells.get(field, 0)), message, text)
+        return ParseError(
+            self.file, line, column_of(text, self._cells.get(field, 0), self._delimiter), message, text
+        )
 
     def batches(self, progress: Progress | None = None) -> Iterator[RowBatch]:
         """Yield all rows without blank lines; one that cannot be parsed needs the repair `rows` or `cut`."""
         read, number = 0, 1
         with open_text(self.file) as file:
             size = os.fstat(file.fileno()).st_size
-            while lines := self._read_lines(file, number):
+            while lines := self._read_lines(file):
                 self.ended = lines[-1].endswith("\n")
                 first = min(max(0, self._header + 1 - number), len(lines))
                 yield self._parse_batch(lines[first:], number + first)
@@ -99,13 +108,11 @@ class CsvFile(RowSource):
                 if progress is not None:
                     progress(min(read, size), size)
 
-    def _read_lines(self, file: Iterator[str], number: int) -> list[str]:
+    def _read_lines(self, file: Iterator[str]) -> list[str]:
         try:
             return list(islice(file, BATCH_LINES))
-        except UnicodeDecodeError as error:
-            raise FileError(
-                f"{self.file}: not UTF-8 text after line {number} (byte {error.object[error.start]:#04x})"
-            ) from None
+        except UnicodeDecodeError:
+            raise locate_bad_byte(self.file) from None
         except OSError as error:
             raise FileError(f"{self.file}: cannot be read: {error.strerror or error}") from None
 
@@ -127,7 +134,9 @@ class CsvFile(RowSource):
         if not lines or not lines[0].strip():
             return None
         try:
-            table = np.loadtxt(lines, dtype=self._kinds, delimiter=",", comments=None, quotechar='"', ndmin=1)
+            table = np.loadtxt(
+                lines, dtype=self._kinds, delimiter=self._delimiter, comments=None, quotechar='"', ndmin=1
+            )
         except ValueError:
             return None
         texts = {name: table[name].tolist() for name in self._texts}
@@ -146,7 +155,7 @@ class CsvFile(RowSource):
         cut = not text.endswith("\n")
         reason, aside = ("cut", "; the file ends in the middle of its last line") if cut else ("rows", "")
         try:
-            (row,) = csv.reader([text], strict=True)
+            (row,) = csv.reader([text], strict=True, delimiter=self._delimiter)
         except (ValueError, csv.Error) as error:
             self.repair_or_raise(reason, line, f"not a row of CSV ({error}){aside}")
             return None
@@ -156,7 +165,9 @@ class CsvFile(RowSource):
             message = (
                 f"{width} columns, {names}, but the first row has {len(row)}: {row[width].strip()!r} has no"
             )
-            raise self.error_at(self._header, "", f"{message} name; expected a name for each column")
+            raise self.error_at(
+                self._header, "", f"{message} name; expected a name for each column, and decimal points"
+            )
         if len(row) != width:
             message = f"{len(row)} columns; expected {width}, with {join_some(list(self._cells))}{aside}"
             self.repair_or_raise(reason, line, message)
@@ -167,15 +178,23 @@ class CsvFile(RowSource):
                 row[self._cells[name]] = "nan"
             elif not is_number(cell):
                 message = f"{cell!r} is not a number; expected the {name}{aside}"
+                if re.fullmatch(r"\s*-?\d+,\d+\s*", cell):  # so is every row
+                    raise self.error_at(line, name, f"{message}, with a decimal point instead of the comma")
                 self.repair_or_raise(reason, line, message, field=name)
                 return None
         return row
 
 
-def parse_line(file: str, line: int, text: str) -> list[str]:
+def detect_delimiter(text: str) -> str:
+    """Return the most frequent delimiter of a line, outside quotes; among equals the comma."""
+    bare = re.sub('"[^"]*"', "", text)
+    return max(DELIMITERS, key=bare.count)
+
+
+def parse_line(file: str, line: int, text: str, delimiter: str) -> list[str]:
     """Return the stripped cells of a line of CSV, or raise a ParseError."""
     try:
-        return [cell.strip() for cell in next(csv.reader([text], strict=True), [])]
+        return [cell.strip() for cell in next(csv.reader([text], strict=True, delimiter=delimiter), [])]
     except csv.Error as error:
         raise ParseError(file, line, 1, f"not a row of CSV ({error})", text) from None
 
@@ -189,14 +208,14 @@ def is_number(cell: str) -> bool:
     return "_" not in cell and cell.isascii()
 
 
-def column_of(text: str, cell: int) -> int:
+def column_of(text: str, cell: int, delimiter: str = ",") -> int:
     """Return the column (from 1) at which a cell (from 0) of a line begins."""
-    quoted, commas = False, 0
+    quoted, cells = False, 0
     for column, letter in enumerate(text, start=1):
-        if commas == cell:
+        if cells == cell:
             return column
         if letter == '"':
             quoted = not quoted
-        elif letter == "," and not quoted:
-            commas += 1
-    return len(text.rstrip("\n")) + 1 if commas == cell else 1
+        elif letter == delimiter and not quoted:
+            cells += 1
+    return len(text.rstrip("\n")) + 1 if cells == cell else 1

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from lcorpp.errors import DataError, ParseError, expected_one_of
 from lcorpp.files import read_text
-from lcorpp.learning.data.csv_reader import column_of, parse_line
+from lcorpp.learning.data.csv_reader import column_of, detect_delimiter, parse_line
 from lcorpp.learning.data.repairs import RowSource
 from lcorpp.learning.data.tracks import Track
 
@@ -50,8 +50,9 @@ def read_labels(path: str | Path, labels: Mapping[str, str] | None = None) -> di
     """
     classes: dict[str, str] = {}
     lines = read_text(path).splitlines()
+    delimiter = detect_delimiter(next(filter(str.strip, lines), ""))
     for number, text in enumerate(lines, start=1):
-        row = parse_line(str(path), number, text)
+        row = parse_line(str(path), number, text, delimiter)
         if not row or (number == 1 and row[0].lower() in HEADINGS):
             continue
         if len(row) != 2 or not row[0]:
@@ -61,7 +62,7 @@ def read_labels(path: str | Path, labels: Mapping[str, str] | None = None) -> di
         label_class = class_of_label(word, labels)
         if label_class is None:
             raise ParseError(
-                str(path), number, column_of(text, 1), describe_unknown_label(word, labels), text
+                str(path), number, column_of(text, 1, delimiter), describe_unknown_label(word, labels), text
             )
         if classes.setdefault(name, label_class) != label_class:
             labels_of_id = f"{label_class} here and {classes[name]} before"

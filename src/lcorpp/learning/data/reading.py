@@ -11,11 +11,11 @@ import numpy as np
 
 from lcorpp.arguments import check_arguments
 from lcorpp.errors import DataError, FileError, ParseError
-from lcorpp.files import keep_pipes, open_text
+from lcorpp.files import keep_pipes, locate_bad_byte, open_text
 from lcorpp.learning.data.authors import read_authors
 from lcorpp.learning.data.cleaning import MAX_GAP
 from lcorpp.learning.data.csv_formats import ATC_COLUMNS, REQUIRED, read_atc, read_long_csv
-from lcorpp.learning.data.csv_reader import Progress, is_number, parse_line
+from lcorpp.learning.data.csv_reader import Progress, detect_delimiter, is_number, parse_line
 from lcorpp.learning.data.ingest import ReadOptions
 from lcorpp.learning.data.labels import attach_labels, class_of_label, describe_unknown_label, read_labels
 from lcorpp.learning.data.npz import SUFFIX, load_dataset, to_recording
@@ -225,15 +225,20 @@ def detect_format(path: str | Path) -> Format:
             start = opened.read(20_000)
             if "\n" not in start:  # a heading of many features
                 start += opened.readline(MAX_HEADING)
-        except UnicodeDecodeError:
+        except UnicodeDecodeError as error:
+            if b"\0" not in error.object:
+                raise locate_bad_byte(file) from None
             start = "\0"
     if "\0" in start:
-        raise FileError(f"{path}: not text; expected CSV, .npz, .parquet or a folder of the authors' files")
+        raise FileError(
+            f"{path}: not text; expected CSV (UTF-8, or UTF-16 with a byte order mark), .npz, .parquet or a"
+            " folder of the authors' files"
+        )
     for number, text in enumerate(start.splitlines(), start=1):
         if not text.strip():
             continue
         try:
-            cells = parse_line(str(path), number, text)
+            cells = parse_line(str(path), number, text, detect_delimiter(text))
         except ParseError:
             return "long"  # its reader raises the same error
         if len(cells) == len(ATC_COLUMNS) and is_number(cells[0]):

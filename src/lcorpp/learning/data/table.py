@@ -42,9 +42,9 @@ def read_table(
         parquet = ParquetFile(path, repair_log)
         features, words = _find_columns(parquet, parquet.names)
         return _assemble(parquet, parquet.batches(features, words, progress), features, labels)
-    names = read_header(path, (LABEL,))
-    features, words = _find_columns(CsvFile(path, names, (), (), repair_log), names)
-    file = CsvFile(path, names, features, words, repair_log, header=1)
+    names, delimiter = read_header(path, (LABEL,))
+    features, words = _find_columns(CsvFile(path, names, (), (), repair_log, delimiter=delimiter), names)
+    file = CsvFile(path, names, features, words, repair_log, header=1, delimiter=delimiter)
     return _assemble(file, file.batches(progress), features, labels)
 
 
