@@ -89,14 +89,17 @@ def test_decisions_by_hand(floors, consecutive, last_points, points, label):
 
 @pytest.mark.parametrize("rule", ["threshold", "teaser"])
 @pytest.mark.parametrize("pipeline", [lstm, by_way])
-def test_streams_decide_as_recorded_tracks(rule, pipeline):
+@pytest.mark.parametrize("interval", [0.033, 1.0])  # eleven samples for a point, three points for a sample
+def test_streams_decide_as_recorded_tracks(rule, pipeline, interval):
     tracks = np.stack([walk(seed, samples=100) for seed in range(40)])
-    labels = CLASSES * 20
-    timeline = predict_over_time(pipeline(), Dataset(tracks, labels))
+    labels, trained = CLASSES * 20, pipeline(interval=interval)
+    timeline = predict_over_time(trained, Dataset(tracks, labels, interval=interval))
     folds = tuple(case // 2 % 4 for case in range(40))
     trigger = fit_trigger(replace(timeline, folds=folds), rule=rule, waiting_cost=0.01)
+    trigger = replace(trigger, consecutive=2)
     decisions = trigger.decide(timeline)
-    streams = StreamingClassifier.from_trained(TrainedClassifier(pipeline()), trigger=trigger)
+    limits = {"max_gap": 3.0, "max_duration": 1000}
+    streams = StreamingClassifier.from_trained(TrainedClassifier(trained), trigger=trigger, **limits)
     for t in range(100):
         for case, prediction in streams.push_many(
             [(t * timeline.interval, case, *tracks[case, :, t]) for case in range(40)]
@@ -109,7 +112,7 @@ def test_streams_decide_as_recorded_tracks(rule, pipeline):
                 assert prediction.decision.points == expected.points
                 assert prediction.decision.probability == pytest.approx(expected.probability, abs=1e-6)
     assert "; decided: " in repr(streams.predictions[0])
-    again = streams.push(60, 0, *tracks[0, :, 0])  # another track of the same id
+    again = streams.push(1000, 0, *tracks[0, :, 0])  # another track of the same id
     assert (again.track, again.decision) == (2, None)
     first = streams.predictions[1]
     assert streams.classifier(1).calibration is trigger.calibration.at(first.points)

@@ -294,6 +294,8 @@ class StreamingClassifier:
             track, points = person.resampler.track_count, person.resampler.point_count
             if (track, points) != (person.prediction.track, person.prediction.points):
                 known = freeze(person.probabilities) if points >= self._min_points else None
+                if self._trigger is not None and known is not None:
+                    person.trigger = self._trigger.advance(person.trigger, points, known)
                 decision, time = person.trigger.decision, person.resampler.time
                 person.prediction = Prediction(name, track, points, time, known, decision)
 
@@ -305,11 +307,6 @@ class StreamingClassifier:
             probabilities = self._state.advance(np.array(slots), np.array(points))
             for (person, _), row in zip(batch, probabilities, strict=True):
                 person.probabilities = row
-            if self._trigger is not None:
-                for person, new_points in due:
-                    seen = person.resampler.point_count - len(new_points) + turn + 1
-                    if len(new_points) > turn and seen >= self._min_points:
-                        person.trigger = self._trigger.advance(person.trigger, seen, person.probabilities)
 
     def _drop(self, name: Hashable) -> None:
         person = self._people.pop(name)

@@ -71,7 +71,9 @@ class EarlyScore:
 
 @dataclass(frozen=True, eq=False)
 class Trigger:
-    """Decide when the most probable class was the same, and probable enough, at some consecutive points.
+    """Decide when the most probable class was the same, and probable enough, in consecutive predictions.
+
+    A sample that gives several points, as after a gap, gives one prediction.
 
     After `last_points` points it decides in any case, and so does `decide` at the end of a recorded track. A
     floor of 1 is never reached, so that it decides at the end.
@@ -104,7 +106,7 @@ class Trigger:
         score = "" if self.expected is None else f"; expected {self.expected}"
         low, high = self.floors.min(), self.floors.max()
         floors = f"{low:.3g}" if low == high else f"{low:.3g} to {high:.3g}"
-        return f"<Trigger: probability {floors} at {self.consecutive} consecutive points{score}>"
+        return f"<Trigger: probability {floors} in {self.consecutive} consecutive predictions{score}>"
 
     @property
     def classes(self) -> tuple[str, ...]:
@@ -112,7 +114,7 @@ class Trigger:
         return self.calibration.calibrations[0].classes
 
     def advance(self, state: TriggerState, points: int, probabilities: Array) -> TriggerState:
-        """Return the state after another point of a track.
+        """Return the state after another prediction for a track.
 
         Args:
             points: number of points so far. probabilities: (K,) the uncalibrated prediction for them.
