@@ -35,7 +35,7 @@ from sklearn.preprocessing import StandardScaler
 from lcorpp.files import make_folder, write_atomically
 from lcorpp.learning import learner
 from lcorpp.learning.classifiers.registry import default_features
-from lcorpp.values import Array
+from lcorpp.values import Array, Flags, wrap_angle
 
 INTERVAL = 0.4
 SEEN, AHEAD = 9, 12
@@ -50,8 +50,6 @@ STANDING = 0.1
 LEARNERS = ("summaries", "forest", "lstm-fast")
 """The default. `minirocket` takes an hour for all windows, a minute for every twelfth window."""
 SCENES = ("eth", "hotel", "students03", "zara01", "zara02")
-
-Flags = npt.NDArray[np.bool_]
 
 
 def read_windows(folder: Path, every: int) -> tuple[Array, npt.NDArray[np.str_]]:
@@ -78,7 +76,7 @@ def label_turns(windows: Array) -> tuple[Flags, Flags]:
     moves = windows[:, :, LAST:] - windows[:, :, :-LAST]
     now, later = moves[:, :, SEEN - LAST - 1, None], moves[:, :, SEEN - 1 :]
     directions, reference = np.arctan2(later[:, 1], later[:, 0]), np.arctan2(now[:, 1], now[:, 0])
-    change = np.abs((directions - reference + np.pi) % (2 * np.pi) - np.pi)
+    change = np.abs(wrap_angle(directions - reference))
     is_moving = np.hypot(later[:, 0], later[:, 1]) > STOP * LAST * INTERVAL
     speed = np.hypot(now[:, 0, 0], now[:, 1, 0]) / (LAST * INTERVAL)
     return ((change > TURN) & is_moving).any(axis=1), speed > MOVING
@@ -96,7 +94,7 @@ def summarize(tracks: Array) -> Array:
     speed = np.hypot(velocity[:, 0], velocity[:, 1])
     acceleration = np.diff(speed, axis=1) / INTERVAL
     heading = np.arctan2(velocity[:, 1], velocity[:, 0])
-    turning = (np.diff(heading, axis=1) + np.pi) % (2 * np.pi) - np.pi
+    turning = wrap_angle(np.diff(heading, axis=1))
     turning = np.where(np.minimum(speed[:, 1:], speed[:, :-1]) > STANDING, turning, 0.0) / INTERVAL
     series = (speed, acceleration, np.abs(acceleration), np.abs(turning))
     features = [f(axis=1) for row in series for f in (row.mean, row.std, row.min, row.max)]

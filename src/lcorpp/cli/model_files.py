@@ -14,7 +14,7 @@ from lcorpp.errors import DomainError, FileError, expected_one_of
 
 if TYPE_CHECKING:
     from lcorpp.planning import Factored, Policy, Pomdp
-    from lcorpp.planning.sparse import Indices
+    from lcorpp.values import Indices
 
 MODELS = (".pomdp", ".pomdpx")
 POLICIES = (".policy", ".xml", ".alpha")

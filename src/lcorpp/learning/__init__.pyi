@@ -9,7 +9,7 @@ from .classifiers.trained import (
     train_and_validate as train_and_validate,
 )
 from .data.authors import read_authors as read_authors
-from .data.dataset import check_trainable as check_trainable, split as split
+from .data.dataset import check_trainable as check_trainable
 from .data.fetching import fetch_authors as fetch_authors
 from .data.npz import load_dataset as load_dataset, save_dataset as save_dataset
 from .data.plots import plot_tracks as plot_tracks
@@ -31,6 +31,7 @@ from .evaluation.calibration import (
     cross_calibrate as cross_calibrate,
     fit_calibration as fit_calibration,
 )
+from .evaluation.folds import split as split
 from .evaluation.leakage import (
     ShortcutScore as ShortcutScore,
     format_leakage_warning as format_leakage_warning,

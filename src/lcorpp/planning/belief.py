@@ -7,8 +7,7 @@ import numpy.typing as npt
 
 from lcorpp.errors import ModelError, ObservationError, expected_one_of
 from lcorpp.planning.pomdp import SUM_TOLERANCE, Pomdp
-from lcorpp.planning.sparse import Indices
-from lcorpp.values import Array, Belief, freeze
+from lcorpp.values import Array, Belief, Indices, freeze
 
 MIN_PROBABILITY = float(np.finfo(np.float64).tiny)
 """The smallest normal double. Smaller probabilities have lost their digits and count as impossible."""

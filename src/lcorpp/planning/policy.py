@@ -14,8 +14,8 @@ from lcorpp.errors import ModelError, PolicyError
 from lcorpp.notebook import html_table, join_some
 from lcorpp.planning.arguments import check_type
 from lcorpp.planning.pomdp import Pomdp
-from lcorpp.planning.sparse import MAX_BYTES, Indices
-from lcorpp.values import Array, Belief, freeze
+from lcorpp.planning.sparse import MAX_BYTES
+from lcorpp.values import Array, Belief, Indices, freeze
 
 MAX_CHUNK_NUMBERS = 1_000_000
 """Values of vectors that are kept in memory while the actions at many beliefs are found."""

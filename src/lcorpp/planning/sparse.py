@@ -11,12 +11,10 @@ import numpy as np
 import numpy.typing as npt
 
 from lcorpp.errors import ModelError
-from lcorpp.values import Array
+from lcorpp.values import Array, Indices
 
 Int32Array = npt.NDArray[np.int32]
 Int64Array = npt.NDArray[np.int64]
-Indices = npt.NDArray[np.intp]
-
 _Scalar = TypeVar("_Scalar", bound=np.generic)
 
 MAX_BYTES = 2**31

@@ -4,8 +4,11 @@ from lcorpp.values.arrays import (
     Z95 as Z95,
     Array as Array,
     Belief as Belief,
+    Flags as Flags,
+    Indices as Indices,
     Interval as Interval,
     freeze as freeze,
+    wrap_angle as wrap_angle,
 )
 from lcorpp.values.confusion import (
     JEFFREYS as JEFFREYS,

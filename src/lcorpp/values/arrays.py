@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -10,11 +11,24 @@ import numpy.typing as npt
 Array = npt.NDArray[np.float64]
 """Array of floats; each use documents the shape."""
 
+Indices = npt.NDArray[np.intp]
+"""Array of whole numbers that number something."""
+
+Flags = npt.NDArray[np.bool_]
+
 Z95 = 1.9599639845400536
 """The 95 % interval of a standard normal variable is [-Z95, Z95]."""
 
 Belief = npt.NDArray[np.float64]
 """(S,) distribution over the states of a POMDP."""
+
+
+Number = TypeVar("Number", float, Array)
+
+
+def wrap_angle(angle: Number) -> Number:
+    """Wrap an angle, or an array of angles, to (-pi, pi]."""
+    return np.pi - (np.pi - angle) % (2 * np.pi)
 
 
 def freeze(array: npt.ArrayLike) -> Array:

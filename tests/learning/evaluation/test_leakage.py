@@ -162,7 +162,7 @@ def test_three_classes_are_measured_and_missing_requirements_are_errors():
     assert by_name(walkers(90, classes=3), n_splits=1)["end position"].auc.estimate < 0.75
     with pytest.raises(DataError, match="two classes; all 6 tracks are slow"):
         measure_leakage(walkers(6, classes=1))
-    with pytest.raises(DataError, match="every class in two groups; slow is in 1"):
+    with pytest.raises(DataError, match="every class in two groups; fast is in 1"):
         measure_leakage(walkers(6))
     first, second = crowd(2).tracks
     with pytest.raises(DataError, match="needs labels; track '1' has none"):

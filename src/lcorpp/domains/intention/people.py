@@ -6,7 +6,7 @@ the intention. Two functions simulate the same people: `trajectories`, x and y a
 seconds, and `recordings`, with random durations and all channels of the mall's tracker.
 
 Units are metres, seconds and radians; the robot is at (0, 0). Both files are loaded by path as part of a
-domain folder and need only numpy.
+domain folder and need no other library than numpy.
 """
 
 from __future__ import annotations
@@ -19,6 +19,8 @@ from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
+
+from lcorpp.values import wrap_angle
 
 Array = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
@@ -151,10 +153,10 @@ def _simulate_recordings(
     position = _add_tracker_errors(walks.path, times, rng)
     velocity, heading = _estimate_velocity(position, times, samples)
 
-    to_robot = _wrap_angle(np.arctan2(-position[:, 1], -position[:, 0]) - heading)
+    to_robot = wrap_angle(np.arctan2(-position[:, 1], -position[:, 0]) - heading)
     turn = walks.attending * rng.uniform(*TURN, size=(n, 1))
     noise = walking.draw_correlated_noise(rng, (n, max_samples), TURN_ERROR, INTERVAL / TURN_TIME)
-    facing = _wrap_angle(heading + turn * to_robot + noise)
+    facing = wrap_angle(heading + turn * to_robot + noise)
     height = rng.normal(HEIGHT, HEIGHT_DEVIATION, size=(n, 1))
     z = height + walking.draw_correlated_noise(rng, (n, max_samples), TRACKER_ERROR, INTERVAL / TRACKER_TIME)
 
@@ -254,8 +256,3 @@ def _interpolate_occlusions(position: Array, rng: np.random.Generator) -> Array:
     start, end = position[row, :, first][:, :, None], position[row, :, last][:, :, None]
     weight = ((np.arange(points) - first[:, None]) / (last - first)[:, None])[:, None]
     return np.where((weight > 0) & (weight < 1), start + (end - start) * weight, position)
-
-
-def _wrap_angle(angle: Array) -> Array:
-    """Return the angle in (-pi, pi]."""
-    return np.pi - (np.pi - angle) % (2 * np.pi)

@@ -9,8 +9,8 @@ import numpy as np
 
 from lcorpp.domains import Domain
 from lcorpp.errors import DataError, expected_one_of
-from lcorpp.learning.label_noise.dawid_skene import AnswerSource, Indices, estimate_classes
-from lcorpp.values import Array, ConfusionMatrix, Dataset, LabelEvidence
+from lcorpp.learning.label_noise.dawid_skene import AnswerSource, estimate_classes
+from lcorpp.values import Array, ConfusionMatrix, Dataset, Indices, LabelEvidence
 
 MODEL_WEIGHT, MATRIX_WEIGHT = 20.0, 10.0
 """The planner's observation model counts like this many answers to each action by people of each value, and

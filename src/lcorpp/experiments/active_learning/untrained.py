@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from lcorpp.learning.data.dataset import count_groups
 from lcorpp.values import Array, ConfusionMatrix, Dataset, Label, Likelihood, track_hash
 
 
@@ -37,8 +38,7 @@ class RandomClassifier:
 
 def is_trainable(dataset: Dataset, classes: Sequence[str], folds: int) -> bool:
     """Return whether each class has a group for each of `folds` folds, and as much weight in all."""
-    labels, groups = np.array(dataset.labels), np.array(dataset.groups)
+    labels, groups = np.array(dataset.labels), count_groups(dataset.labels, dataset.groups)
     return all(
-        len(set(groups[labels == name])) >= folds and dataset.weights[labels == name].sum() >= folds
-        for name in classes
+        groups.get(name, 0) >= folds and dataset.weights[labels == name].sum() >= folds for name in classes
     )

@@ -14,9 +14,9 @@ import numpy as np
 from lcorpp.decision.dt_control import MAX_STEPS
 from lcorpp.domains import Domain
 from lcorpp.errors import DecisionError
-from lcorpp.experiments.scoring.decision_graph import ENDED, DecisionGraph, Indices, index_reports
+from lcorpp.experiments.scoring.decision_graph import ENDED, DecisionGraph, index_reports
 from lcorpp.simulation.world import SimulationModel
-from lcorpp.values import Array
+from lcorpp.values import Array, Indices
 
 FIRST_DRAWS = 16
 """Random numbers drawn at first from each person's generator: enough for seven actions."""

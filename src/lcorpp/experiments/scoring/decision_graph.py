@@ -4,15 +4,13 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Hashable, Iterable, Sequence
-from typing import Any
 
 import numpy as np
 
 from lcorpp.domains import Domain
 from lcorpp.errors import DecisionError, expected_one_of
 from lcorpp.experiments.scoring.decision_nodes import DecisionNodes
-
-Indices = np.ndarray[Any, np.dtype[np.intp]]
+from lcorpp.values import Indices
 
 ENDED = -1
 """The action at a node where the decision has ended without a report."""

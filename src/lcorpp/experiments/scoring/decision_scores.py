@@ -7,9 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from lcorpp.experiments.scoring.decision_graph import Indices
 from lcorpp.experiments.scoring.metrics import Scores
-from lcorpp.values import Array, Interval, SharedValue
+from lcorpp.values import Array, Indices, Interval, SharedValue
 
 Proportion = Callable[..., Interval]
 """A function that returns hits / total with its interval: hits, total and those of an unknown part."""

@@ -14,10 +14,10 @@ import numpy.typing as npt
 
 from lcorpp.decision.dt_control import MAX_STEPS
 from lcorpp.errors import NoReportError
-from lcorpp.experiments.scoring.decision_graph import ENDED, DecisionGraph, Indices
+from lcorpp.experiments.scoring.decision_graph import ENDED, DecisionGraph
 from lcorpp.experiments.scoring.episode_model import EpisodeModel
 from lcorpp.experiments.scoring.episode_totals import find_total_moments
-from lcorpp.values import Array, Interval
+from lcorpp.values import Array, Indices, Interval
 
 MIN_PROBABILITY = 1e-12
 """Branches of an episode less likely than this are pruned."""

@@ -8,9 +8,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from lcorpp.experiments.scoring.decision_graph import DecisionGraph, Indices
+from lcorpp.experiments.scoring.decision_graph import DecisionGraph
 from lcorpp.experiments.scoring.episode_model import EpisodeModel
-from lcorpp.values import Array
+from lcorpp.values import Array, Indices
 
 MAX_SIZE = 20_000
 """Maximum number of pairs (point, hidden state) of a linear system."""

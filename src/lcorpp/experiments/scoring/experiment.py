@@ -13,11 +13,10 @@ from lcorpp.decision import Robot, Strategy, dt_control
 from lcorpp.domains import Domain
 from lcorpp.errors import DecisionError, check_type
 from lcorpp.experiments.robot_parts import RobotParts
-from lcorpp.experiments.scoring.decision_graph import Indices
 from lcorpp.simulation.people import Person, Population, SignalSource
 from lcorpp.simulation.simulated_classifier import BatchClassifier
 from lcorpp.simulation.world import SimulatedWorld, SimulationModel
-from lcorpp.values import Array, Episode, Instance, Label
+from lcorpp.values import Array, Episode, Indices, Instance, Label
 
 CHUNK_SIZE = 100
 """Trials per chunk. Each chunk has its own random generator, so this number is part of every result."""

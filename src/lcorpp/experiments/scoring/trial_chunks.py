@@ -16,11 +16,12 @@ from lcorpp.decision.dt_control import LOG
 from lcorpp.errors import LcorppError
 from lcorpp.experiments.decision_log import format_decision
 from lcorpp.experiments.scoring.batch_simulation import BatchWorld, PeopleDraws
-from lcorpp.experiments.scoring.decision_graph import DecisionGraph, Indices
+from lcorpp.experiments.scoring.decision_graph import DecisionGraph
 from lcorpp.experiments.scoring.decision_nodes import BeliefNodes
 from lcorpp.experiments.scoring.experiment import CHUNK_SIZE, Chunk, ChunkSource, Experiment
 from lcorpp.log_output import show_log
 from lcorpp.planning import Planner
+from lcorpp.values import Indices
 
 Trials = np.ndarray[Any, np.dtype[np.void]]
 """(n,) trials, each with these fields, one number for each of the k strategies:

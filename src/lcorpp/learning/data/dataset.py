@@ -1,9 +1,10 @@
-"""Check data sets and split them into training and test data."""
+"""Check data sets."""
 
 from __future__ import annotations
 
 import reprlib
 from collections import defaultdict
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -96,6 +97,14 @@ def check_signals(signals: npt.ArrayLike) -> Array:
     return array
 
 
+def count_groups(labels: Sequence[str], groups: Sequence[str]) -> dict[str, int]:
+    """Return class -> number of groups with a case of it."""
+    groups_of = defaultdict[str, set[str]](set)
+    for label, group in zip(labels, groups, strict=True):
+        groups_of[label].add(group)
+    return {label: len(groups_of[label]) for label in sorted(groups_of)}
+
+
 @check_arguments
 def check_trainable(dataset: Dataset, *, folds: int = 1) -> None:
     """Check that a classifier can be trained on `dataset` and validated in `folds` grouped folds.
@@ -107,66 +116,13 @@ def check_trainable(dataset: Dataset, *, folds: int = 1) -> None:
     if not len(dataset):
         raise DataError(f"there are no {dataset.unit}; at least two classes are needed")
     signals = check_signals(dataset.trajectories)
-    classes = sorted(set(dataset.labels))
-    if len(classes) < 2:
+    groups = count_groups(dataset.labels, dataset.groups)
+    if len(groups) < 2:
         raise DataError(
-            f"all {len(dataset)} cases are of class {classes[0]!r}; at least two classes are needed"
+            f"all {len(dataset)} cases are of class {dataset.labels[0]!r}; at least two classes are needed"
         )
-    groups = {
-        name: len({g for g, label in zip(dataset.groups, dataset.labels, strict=True) if label == name})
-        for name in classes
-    }
     if min(groups.values()) < folds:
         counts = ", ".join(f"{name} in {count}" for name, count in groups.items())
         raise DataError(f"{folds} folds need every class in at least {folds} groups; there are: {counts}")
     if np.array_equal(signals, np.broadcast_to(signals[:1], signals.shape), equal_nan=True):
         raise DataError(f"all {len(dataset)} {dataset.unit} are the same; nothing can be learnt from them")
-
-
-@check_arguments
-def split(dataset: Dataset, *, test: float = 0.3, seed: int) -> tuple[Dataset, Dataset]:
-    """Split into training and test data, stratified by class; all cases of a group go to one side.
-
-    Args:
-        test: test share of the cases of each class, approximated by whole groups.
-
-    Returns:
-        (training, test), each with its rows in their original order.
-
-    Raises:
-        DataError: `test` is not between 0 and 1, or a side lacks a class.
-    """
-    if seed < 0:
-        raise DataError(f"the seed is {seed}; expected 0 or more")
-    if not 0 < test < 1:
-        raise DataError(f"the test share must lie between 0 and 1, not {test}")
-    members, strata = defaultdict[str, list[int]](list), defaultdict[tuple[str, ...], list[list[int]]](list)
-    for row, group in enumerate(dataset.groups):
-        members[group].append(row)
-    for rows in members.values():  # groups with the same classes are exchangeable
-        strata[tuple(sorted({dataset.labels[row] for row in rows}))].append(rows)
-
-    rng = np.random.default_rng(seed)
-    in_test = np.zeros(len(dataset), dtype=bool)
-    for _, groups in sorted(strata.items()):
-        groups = [groups[i] for i in rng.permutation(len(groups))]
-        wanted = test * sum(len(rows) for rows in groups)
-        taken: list[list[int]] = []
-        cases = 0
-        for rows in groups:
-            if abs(cases + len(rows) - wanted) < abs(cases - wanted):
-                taken.append(rows)
-                cases += len(rows)
-        if len(groups) > 1:  # of two groups or more, each side gets one
-            if not taken:
-                taken = [min(groups, key=len)]
-            elif len(taken) == len(groups):
-                taken.remove(min(taken, key=len))
-        for rows in taken:
-            in_test[rows] = True
-    sides = dataset.take(np.flatnonzero(~in_test)), dataset.take(np.flatnonzero(in_test))
-    for name, side in zip(("training", "test"), sides, strict=True):
-        missing = sorted(set(dataset.labels) - set(side.labels))
-        if missing:
-            raise DataError(f"a test share of {test} leaves the {name} data without {', '.join(missing)}")
-    return sides

@@ -8,12 +8,11 @@ from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
 from lcorpp.arguments import check_arguments, check_fields
 from lcorpp.errors import DataError, expected_one_of
 from lcorpp.notebook import html_table
-from lcorpp.values import CHANNELS, Array, freeze
+from lcorpp.values import CHANNELS, Array, freeze, wrap_angle
 
 COLUMNS = ("x", "y", "z", "velocity", "heading", "facing")
 """Columns of a track: the channels of a `Dataset`, and z, the height of the head (m)."""
@@ -130,12 +129,6 @@ class Track:
         moved = {"x": cosine * dx + sine * dy, "y": cosine * dy - sine * dx}
         turned = {name: wrap_angle(self.columns[name] - angle) for name in ANGLES if name in self.columns}
         return replace(self, columns={**self.columns, **moved, **turned})
-
-
-def wrap_angle(angle: npt.ArrayLike) -> Array:
-    """Wrap angles to (-pi, pi]."""
-    turned: Array = np.pi - (np.pi - np.asarray(angle, dtype=np.float64)) % (2 * np.pi)
-    return turned
 
 
 @dataclass(frozen=True, eq=False, repr=False)

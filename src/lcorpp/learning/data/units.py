@@ -6,11 +6,10 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-import numpy.typing as npt
 
 from lcorpp.learning.data.repairs import RowSource
 from lcorpp.learning.data.tracks import ANGLES, JUMP_TOLERANCE, Track
-from lcorpp.values import Array
+from lcorpp.values import Array, Flags
 
 MAX_SPEED = 12.0
 """Maximum median speed of a track in m/s; the fastest sprint ever reached 12.4 at its peak."""
@@ -25,8 +24,6 @@ FASTER = 0.9
 """Quantile of the tracks' median speeds: even where most people stand, a tenth of them walks."""
 
 LENGTHS = ("x", "y", "z")
-
-Flags = npt.NDArray[np.bool_]
 
 
 def convert_units(tracks: Sequence[Track], first_lines: Sequence[int], source: RowSource) -> list[Track]:

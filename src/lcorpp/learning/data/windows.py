@@ -10,8 +10,8 @@ import numpy as np
 
 from lcorpp.arguments import check_arguments
 from lcorpp.errors import DataError, expected_one_of
-from lcorpp.learning.data.tracks import ANGLES, CLOCK_TOLERANCE, Recording, Track, wrap_angle
-from lcorpp.values import CHANNELS, Array, Dataset, stack_signals
+from lcorpp.learning.data.tracks import ANGLES, CLOCK_TOLERANCE, Recording, Track
+from lcorpp.values import CHANNELS, Array, Dataset, stack_signals, wrap_angle
 
 INTERVAL, POINTS = 0.033, 304
 """The paper's values: 304 points at 30 Hz, ten seconds."""

@@ -28,22 +28,21 @@ import numpy.typing as npt
 import scipy.linalg
 from scipy.spatial.distance import cdist
 from scipy.stats import rankdata
-from sklearn.model_selection import StratifiedGroupKFold, StratifiedKFold
 from threadpoolctl import threadpool_limits
 
 from lcorpp.arguments import check_arguments
 from lcorpp.errors import DataError
+from lcorpp.learning.data.dataset import count_groups
 from lcorpp.learning.data.npz import to_recording
 from lcorpp.learning.data.tracks import Recording, Track
+from lcorpp.learning.evaluation.folds import assign_folds, drop_single_groups
 from lcorpp.learning.evaluation.metrics import (
-    Flags,
     bootstrap_interval,
     cluster_bootstrap_weights,
     compute_auc,
 )
 from lcorpp.learning.evaluation.shortcuts import SHORTCUTS, compute_shortcut_features
-from lcorpp.learning.evaluation.validation import Indices, find_test_folds
-from lcorpp.values import Array, Dataset, Interval
+from lcorpp.values import Array, Dataset, Flags, Indices, Interval
 
 MIN_SUSPICIOUS_AUC = 0.7
 """From this AUC on, a score on the data may describe the recording instead of the motion."""
@@ -114,7 +113,8 @@ def measure_leakage(
     missing = _find_missing_requirement(data)
     if missing is not None:
         raise DataError(f"a leak check needs {missing}")
-    labels, groups = map(np.array, _list_labels_and_groups(data))
+    names, people = _list_labels_and_groups(data)
+    labels, groups = np.array(names), np.array(people)
     strata = dict.fromkeys(SHORTCUTS, np.zeros(len(labels), dtype=np.intp))
     if isinstance(data, Dataset) and not (data.kind == "motion" and {"x", "y"} <= set(data.channels)):
         features = {"duration": data.lengths[:, None].astype(np.float64)}
@@ -123,7 +123,8 @@ def measure_leakage(
         rows = [compute_shortcut_features(track) for track in tracks]
         features = {name: np.stack([row[name] for row in rows]) for name in SHORTCUTS}
         strata["start position"] = _stratify_by_way(tracks)
-    folds = np.stack([_assign_folds(labels, groups, seed + split) for split in range(n_splits)])
+    n_folds, tied = min(MAX_FOLDS, *count_groups(names, people).values()), drop_single_groups(people)
+    folds = np.stack([assign_folds(names, tied, n_folds, seed + split) for split in range(n_splits)])
     with threadpool_limits(1):  # small matrices: threads on busy cores would only wait for each other
         return tuple(
             _measure_shortcut(name, numbers, labels, groups, folds, strata[name], seed)
@@ -165,15 +166,13 @@ def _find_missing_requirement(data: Dataset | Recording) -> str | None:
             if track.label is None:
                 return f"labels; track {track.id!r} has none"
     labels, groups = _list_labels_and_groups(data)
-    groups_of: dict[str, set[str]] = {}
-    for label, group in zip(labels, groups, strict=True):
-        groups_of.setdefault(label, set()).add(group)
-    if len(groups_of) < 2:
+    counts = count_groups(labels, groups)
+    if len(counts) < 2:
         known = f"all {len(labels)} tracks are {labels[0]}" if labels else "there are no tracks"
         return f"two classes; {known}"
-    for name, members in groups_of.items():
-        if len(members) < 2:
-            return f"every class in two groups; {name} is in {len(members)}"
+    for name, count in counts.items():
+        if count < 2:
+            return f"every class in two groups; {name} is in {count}"
     return None
 
 
@@ -208,14 +207,6 @@ def _measure_shortcut(
     if np.isnan(estimate):  # no two cases can be compared
         return chance
     return ShortcutScore(name, bootstrap_interval(estimate, np.array(replicates)))
-
-
-def _assign_folds(labels: Strings, groups: Strings, seed: int) -> Indices:
-    """(cases,) the test fold of each case; folds are stratified and keep groups whole."""
-    folds = min(MAX_FOLDS, *(len(set(groups[labels == name])) for name in np.unique(labels)))
-    if len(set(groups)) == len(groups):  # then the plain split is the same, and much faster
-        return find_test_folds(StratifiedKFold(folds, shuffle=True, random_state=seed), labels, None)
-    return find_test_folds(StratifiedGroupKFold(folds, shuffle=True, random_state=seed), labels, groups)
 
 
 def _score_out_of_fold(features: Array, labels: Strings, fold_of: Indices, seed: int) -> Array:

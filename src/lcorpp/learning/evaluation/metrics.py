@@ -10,12 +10,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 from scipy.special import betaincinv
 
-from lcorpp.values import Array, Interval
-
-Flags = npt.NDArray[np.bool_]
+from lcorpp.values import Array, Flags, Interval
 
 BOOTSTRAP_REPLICATES = 1000
 """Bootstrap resamples; with another seed the ends of an interval move by about .02 of its width."""

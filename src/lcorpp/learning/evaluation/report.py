@@ -12,7 +12,6 @@ from lcorpp.arguments import check_arguments
 from lcorpp.errors import DataError, expected_one_of
 from lcorpp.learning.evaluation.calibration import Calibration, cross_calibrate, fit_calibration
 from lcorpp.learning.evaluation.metrics import (
-    Flags,
     ReliabilityBin,
     bootstrap_interval,
     brier,
@@ -26,7 +25,7 @@ from lcorpp.learning.evaluation.prediction_sets import PredictionSets, fit_predi
 from lcorpp.learning.evaluation.thresholds import GOALS, ThresholdChoice, choose_threshold
 from lcorpp.learning.evaluation.validation import Rate, Validation
 from lcorpp.notebook import html_table
-from lcorpp.values import COVERAGE, Array, Interval
+from lcorpp.values import COVERAGE, Array, Flags, Interval
 
 NAN = float("nan")
 

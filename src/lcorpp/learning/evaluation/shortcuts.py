@@ -10,8 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from lcorpp.learning.data.tracks import Track
-from lcorpp.learning.evaluation.metrics import Flags
-from lcorpp.values import Array
+from lcorpp.values import Array, Flags
 
 RELATIVE_TOLERANCE = 1e-9
 """Tolerance relative to the largest position: rounding error of sums of numbers with 15 digits."""

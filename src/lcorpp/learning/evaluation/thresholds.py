@@ -13,8 +13,7 @@ import numpy as np
 
 from lcorpp.arguments import check_arguments
 from lcorpp.errors import DataError, expected_one_of
-from lcorpp.learning.evaluation.metrics import Flags
-from lcorpp.values import Array
+from lcorpp.values import Array, Flags
 
 
 @dataclass(frozen=True)

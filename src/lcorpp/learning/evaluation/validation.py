@@ -11,21 +11,18 @@ import joblib
 import numpy as np
 import numpy.typing as npt
 from sklearn.metrics import confusion_matrix
-from sklearn.model_selection import StratifiedGroupKFold
 
 from lcorpp.arguments import check_arguments, check_fields
 from lcorpp.errors import DataError
 from lcorpp.learning.contract import clone_unfitted, ensure_predict_proba, fit_clone, predict_proba
-from lcorpp.learning.data.dataset import check_trainable
+from lcorpp.learning.evaluation.folds import assign_training_folds
 from lcorpp.learning.evaluation.metrics import compute_auc, jeffreys_interval
 from lcorpp.notebook import html_table
-from lcorpp.values import JEFFREYS, Array, ConfusionMatrix, Dataset, Interval, freeze
+from lcorpp.values import JEFFREYS, Array, ConfusionMatrix, Dataset, Indices, Interval, freeze
 from lcorpp.workers import ignore_sigint
 
 Progress = Callable[[int, int], None]
 """Callback (parts done, number of parts)."""
-
-Indices = npt.NDArray[np.intp]
 
 WHOLE = -1
 """The part of the work that trains on all cases; the others are the numbers of the folds."""
@@ -183,16 +180,11 @@ def fit_and_validate(
     whole: bool = True,
 ) -> tuple[Any, Validation]:
     """`cross_validate`, and in parallel a classifier trained on all cases (None unless `whole`)."""
-    if folds < 2:
-        raise DataError(f"cross-validation needs at least 2 folds, not {folds}")
     if jobs < 1 and jobs != -1:
         raise DataError(f"jobs is {jobs}; expected a number of processes, 1 or more, or -1 for all cores")
-    if not 0 <= seed < 2**32:
-        raise DataError(f"the seed must lie between 0 and {2**32 - 1}, not {seed}")
-    check_trainable(dataset, folds=folds)
     labels = np.array(dataset.labels)
     classes, weights = np.unique(labels), dataset.weights
-    fold_of = assign_folds(dataset, folds, seed)
+    fold_of = assign_training_folds(dataset, folds, seed)
     parts = [WHOLE, *range(folds)] if whole else list(range(folds))  # the longest first, to balance the load
     quiet = _clone_without_progress(ensure_predict_proba(estimator))
     work = (
@@ -229,34 +221,6 @@ def count_confusion(
     """Return the matrix of labels (cases,) by predictions (cases,), each case with its weight (cases,)."""
     counts = confusion_matrix(labels, predictions, labels=classes, sample_weight=weights)
     return ConfusionMatrix(classes, counts.astype(np.float64))
-
-
-def assign_folds(dataset: Dataset, folds: int, seed: int) -> Indices:
-    """(cases,) the fold in which each case is held out; the folds are stratified and keep groups whole.
-
-    Raises:
-        DataError: the other folds lack a class.
-    """
-    labels = np.array(dataset.labels)
-    splitter = StratifiedGroupKFold(folds, shuffle=True, random_state=seed)
-    fold_of = find_test_folds(splitter, labels, np.array(dataset.groups))
-    for fold in range(folds):
-        missing = sorted(set(dataset.labels) - set(labels[fold_of != fold].tolist()))
-        if missing:  # possible if a group has cases of several classes
-            raise DataError(
-                f"without fold {fold + 1} of {folds} there is no case of {', '.join(missing)} to learn"
-            )
-    return fold_of
-
-
-def find_test_folds(
-    splitter: Any, labels: npt.NDArray[np.str_], groups: npt.NDArray[np.str_] | None
-) -> Indices:
-    """(cases,) the fold of a scikit-learn splitter in which each case is held out."""
-    fold_of = np.empty(len(labels), dtype=np.intp)
-    for fold, (_, test) in enumerate(splitter.split(labels, labels, groups)):
-        fold_of[test] = fold
-    return fold_of
 
 
 def _clone_without_progress(estimator: Any) -> Any:

@@ -15,7 +15,7 @@ import numpy.typing as npt
 
 from lcorpp.arguments import check_arguments, check_value
 from lcorpp.errors import DataError
-from lcorpp.values import Array
+from lcorpp.values import Array, wrap_angle
 
 SAME_TIME = 1e-6
 """Seconds; times that differ by less are treated as equal. Times since 1970 have a floating-point resolution
@@ -98,13 +98,8 @@ def interpolate(tracks: Array, weights: InterpolationWeights, angles: Sequence[i
     points: Array = tracks[..., before] * (1 - weight) + tracks[..., after] * weight
     for channel in angles:
         start, end = tracks[..., channel, before], tracks[..., channel, after]
-        points[..., channel, :] = start + compute_angle_difference(start, end) * weight
+        points[..., channel, :] = start + wrap_angle(end - start) * weight
     return points
-
-
-def compute_angle_difference(start: Array, end: Array) -> Array:
-    """end - start, wrapped to [-pi, pi)."""
-    return (end - start + np.pi) % (2 * np.pi) - np.pi
 
 
 def check_rate(rate: float) -> None:

@@ -14,8 +14,7 @@ from sklearn.utils.validation import check_is_fitted
 from lcorpp.errors import DataError
 from lcorpp.learning.data.dataset import check_tracks
 from lcorpp.learning.features.motion_features import MIN_SPEED
-from lcorpp.learning.features.resampling import compute_angle_difference
-from lcorpp.values import Array, measure_lengths
+from lcorpp.values import Array, measure_lengths, wrap_angle
 
 SEGMENTS = 4
 """Segments of equal duration, each with its own mean."""
@@ -113,7 +112,7 @@ class SummaryFeatures(TransformerMixin, BaseEstimator):  # type: ignore[misc]  #
 def _compute_turning(velocity: Array, speed: Array) -> Array:
     """(cases, points - 1) change of direction of velocity (cases, 2, points - 1); 0 while standing."""
     heading = np.arctan2(velocity[:, 1], velocity[:, 0])
-    change = compute_angle_difference(np.concatenate([heading[:, :1], heading[:, :-1]], axis=1), heading)
+    change = wrap_angle(np.diff(heading, axis=1, prepend=heading[:, :1]))
     moving = np.minimum(speed, np.concatenate([speed[:, :1], speed[:, :-1]], axis=1)) > MIN_SPEED
     return np.where(moving, change, 0.0)
 

@@ -6,12 +6,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from lcorpp.errors import DataError
-from lcorpp.values import Array, freeze
-
-Indices = npt.NDArray[np.intp]
+from lcorpp.values import Array, Indices, freeze
 
 CONTEXT_WEIGHT = 10.0
 """The classes of all cases count in each context like this many cases of it."""

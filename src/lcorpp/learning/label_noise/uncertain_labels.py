@@ -6,12 +6,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
-import numpy.typing as npt
 
 from lcorpp.errors import DataError
-from lcorpp.values import Dataset
-
-Indices = npt.NDArray[np.intp]
+from lcorpp.values import Dataset, Indices
 
 
 def split_by_class(

@@ -14,8 +14,8 @@ import numpy.typing as npt
 
 from lcorpp.errors import DataError
 from lcorpp.learning.lstm.network import Weights
-from lcorpp.learning.lstm.trainer import Flags, Indices, TrainingConfig, TrainingSet
-from lcorpp.values import Array
+from lcorpp.learning.lstm.trainer import TrainingConfig, TrainingSet
+from lcorpp.values import Array, Flags, Indices
 
 try:
     import torch

@@ -9,10 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lcorpp.learning.lstm.network import Floats, Weights, load_kernels
-from lcorpp.values import Array, Lengths
-
-Indices = npt.NDArray[np.int64]
-Flags = npt.NDArray[np.bool_]
+from lcorpp.values import Array, Flags, Indices, Lengths
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,8 +11,8 @@ import numpy as np
 from lcorpp.arguments import check_arguments
 from lcorpp.errors import DataError
 from lcorpp.learning.contract import fit_clone
-from lcorpp.learning.data.dataset import check_tracks, check_trainable
-from lcorpp.learning.evaluation.validation import assign_folds
+from lcorpp.learning.data.dataset import check_tracks
+from lcorpp.learning.evaluation.folds import assign_training_folds
 from lcorpp.learning.streaming.prefix_ensemble import FRACTIONS
 from lcorpp.learning.streaming.streaming_classifier import StreamingClassifier
 from lcorpp.learning.streaming.timeline import PredictionTimeline
@@ -124,8 +124,7 @@ def cross_predict_over_time(
         DataError: `dataset` is not trainable or cannot be split (see `check_trainable`), or as
             `predict_over_time`.
     """
-    check_trainable(dataset, folds=folds)
-    labels, fold_of = np.array(dataset.labels), assign_folds(dataset, folds, seed)
+    labels, fold_of = np.array(dataset.labels), assign_training_folds(dataset, folds, seed)
     parts = []
     for fold in range(folds):
         train, test = fold_of != fold, np.flatnonzero(fold_of == fold)

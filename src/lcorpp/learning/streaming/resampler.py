@@ -8,11 +8,12 @@ from __future__ import annotations
 
 from bisect import insort
 from dataclasses import dataclass, fields
-from math import hypot, isfinite, pi
+from math import hypot, isfinite
 
 from lcorpp.errors import DataError
 from lcorpp.learning.data.tracks import JUMP_TOLERANCE, MAX_NUMBER
 from lcorpp.learning.features.resampling import SAME_TIME
+from lcorpp.values import wrap_angle
 
 Sample = tuple[float, ...]
 """The measurements at one time, in the order of the inputs."""
@@ -242,7 +243,7 @@ class TrackResampler:
         """Interpolate one point as `resampling.interpolate` does. weight: of `end`, 0 to 1."""
         rest = 1 - weight
         return tuple(
-            a + ((b - a + pi) % (2 * pi) - pi) * weight if channel in self._angles else a * rest + b * weight
+            a + wrap_angle(b - a) * weight if channel in self._angles else a * rest + b * weight
             for channel, (a, b) in enumerate(zip(start, end, strict=True))
         )
 

@@ -10,9 +10,8 @@ import numpy as np
 import numpy.typing as npt
 
 from lcorpp.errors import DataError
-from lcorpp.learning.evaluation.metrics import Flags
 from lcorpp.learning.streaming.timeline import PredictionTimeline, PrefixCalibration
-from lcorpp.values import Array, freeze
+from lcorpp.values import Array, Flags, freeze
 
 Columns = npt.NDArray[np.intp]
 

@@ -10,14 +10,13 @@ import numpy as np
 import numpy.typing as npt
 
 from lcorpp.errors import DataError, expected_one_of
-from lcorpp.learning.evaluation.metrics import Flags
 from lcorpp.learning.streaming.timeline import (
     PredictionTimeline,
     calibrate_prefixes,
     cross_calibrate_prefixes,
 )
 from lcorpp.learning.streaming.trigger import Ages, EarlyScore, Trigger
-from lcorpp.values import Array
+from lcorpp.values import Array, Flags
 
 RULES = ("threshold", "teaser")
 """The kinds of triggers."""

@@ -9,10 +9,10 @@ import numpy as np
 import numpy.typing as npt
 
 from lcorpp.errors import ModelError
-from lcorpp.planning.evaluation.sparse_beliefs import Indices, SparseBeliefs, segment_sum
+from lcorpp.planning.evaluation.sparse_beliefs import SparseBeliefs, segment_sum
 from lcorpp.planning.policy import Policy
 from lcorpp.planning.sparse import ragged_indices
-from lcorpp.values import Array
+from lcorpp.values import Array, Indices
 
 MAX_PRODUCTS = 2**22
 """The maximal number of products of a vector and a belief that are computed together."""

@@ -10,11 +10,11 @@ import numpy.typing as npt
 from lcorpp.planning.belief import MIN_PROBABILITY, make_impossible_error
 from lcorpp.planning.evaluation.batch_policy import batch_policy
 from lcorpp.planning.evaluation.mdp import find_self_loop_classes
-from lcorpp.planning.evaluation.sparse_beliefs import Indices, SparseBeliefs
+from lcorpp.planning.evaluation.sparse_beliefs import SparseBeliefs
 from lcorpp.planning.policy import Policy
 from lcorpp.planning.pomdp import Pomdp
 from lcorpp.planning.sparse import SparseTables
-from lcorpp.values import Array
+from lcorpp.values import Array, Indices
 
 UNKNOWN = -1
 """The index of a child that is not computed yet."""

@@ -9,8 +9,8 @@ import numpy as np
 
 from lcorpp.planning.evaluation.belief_graph import BeliefGraph, mean_row_size
 from lcorpp.planning.evaluation.sampling import CounterRng, InverseCdfSampler, Words
-from lcorpp.planning.evaluation.sparse_beliefs import Indices, segment_sum
-from lcorpp.values import Array
+from lcorpp.planning.evaluation.sparse_beliefs import segment_sum
+from lcorpp.values import Array, Indices
 
 MAX_GRAPH_SIZE = 2**25
 """The trials' belief graph is cleared when it contains this many numbers; one step may add about as many."""

@@ -7,8 +7,7 @@ from typing import Any
 import numpy as np
 
 from lcorpp.planning.evaluation.belief_graph import BeliefGraph
-from lcorpp.planning.evaluation.sparse_beliefs import Indices
-from lcorpp.values import Array
+from lcorpp.values import Array, Indices
 
 MAX_GRAPH_SIZE = 2**26
 """The maximal number of numbers in the belief graph."""

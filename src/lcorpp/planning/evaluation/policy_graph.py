@@ -12,10 +12,10 @@ from lcorpp.errors import ModelError
 from lcorpp.notebook import html_table
 from lcorpp.planning.belief import check_belief
 from lcorpp.planning.evaluation.belief_graph import BeliefGraph
-from lcorpp.planning.evaluation.sparse_beliefs import Indices, SparseBeliefs
+from lcorpp.planning.evaluation.sparse_beliefs import SparseBeliefs
 from lcorpp.planning.policy import Policy, check_same_model
 from lcorpp.planning.pomdp import Pomdp
-from lcorpp.values import Array, Belief
+from lcorpp.values import Array, Belief, Indices
 
 MAX_LABEL_LINES = 6
 """An arrow's label names at most this many observations and counts the others."""

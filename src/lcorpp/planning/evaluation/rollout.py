@@ -11,10 +11,10 @@ import numpy.typing as npt
 from lcorpp.planning.evaluation.belief_graph import BeliefGraph
 from lcorpp.planning.evaluation.mdp import zero_reward_states
 from lcorpp.planning.evaluation.sampling import CounterRng, InverseCdfSampler
-from lcorpp.planning.evaluation.sparse_beliefs import Indices, SparseBeliefs
+from lcorpp.planning.evaluation.sparse_beliefs import SparseBeliefs
 from lcorpp.planning.policy import Policy
 from lcorpp.planning.pomdp import Pomdp
-from lcorpp.values import Array
+from lcorpp.values import Array, Indices
 
 MAX_BLOCK_TRIALS = 2**15
 """The maximal number of trials of a block: their state fits into a core's cache."""

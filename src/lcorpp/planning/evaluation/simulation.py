@@ -13,10 +13,10 @@ from lcorpp.errors import ModelError
 from lcorpp.notebook import html_table
 from lcorpp.planning.belief import check_belief
 from lcorpp.planning.evaluation.rollout import BatchRollout
-from lcorpp.planning.evaluation.sparse_beliefs import Indices, SparseBeliefs
+from lcorpp.planning.evaluation.sparse_beliefs import SparseBeliefs
 from lcorpp.planning.policy import Policy, check_same_model
 from lcorpp.planning.pomdp import Pomdp
-from lcorpp.values import Array, Interval
+from lcorpp.values import Array, Indices, Interval
 
 
 def mean_interval(samples: Array, confidence: float = 0.95) -> Interval:

@@ -12,9 +12,7 @@ import numpy.typing as npt
 from lcorpp.planning.evaluation.sampling import hash_counter, splitmix64
 from lcorpp.planning.pomdp import Pomdp
 from lcorpp.planning.sparse import Int32Array, Int64Array, SparseTables, ragged_indices
-from lcorpp.values import Array, Belief
-
-Indices = npt.NDArray[np.intp]
+from lcorpp.values import Array, Belief, Indices
 
 MAX_CHUNK_ENTRIES = 2**22
 """The maximal number of entries that are processed together, in some 100 MiB of memory."""

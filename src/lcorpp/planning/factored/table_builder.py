@@ -12,15 +12,13 @@ from lcorpp.errors import ModelError
 from lcorpp.planning.factored.table import Table, compute_strides
 from lcorpp.planning.factored.variables import ALL, EACH, Scope
 from lcorpp.planning.sparse import SparseTables
-from lcorpp.values import Array
+from lcorpp.values import Array, Indices
 
 MAX_NUMBERS = 2**26
 """The maximal number of rows, and of numbers, of a table: more do not fit into memory."""
 
 Selector = int | str
 """The index of a value, `ALL` or `EACH`."""
-
-Indices = npt.NDArray[np.int64]
 
 
 class TableBuilder:

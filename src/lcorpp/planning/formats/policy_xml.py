@@ -24,8 +24,7 @@ from lcorpp.planning.formats.numbers import find_invalid_number, is_count, parse
 from lcorpp.planning.formats.xml import XmlReader
 from lcorpp.planning.policy import AlphaVectors, Policy
 from lcorpp.planning.pomdp import Pomdp
-from lcorpp.planning.sparse import Indices
-from lcorpp.values import Array
+from lcorpp.values import Array, Indices
 
 MAX_DEPTH = 9
 """Maximum nesting of elements; APPL's files have four levels."""

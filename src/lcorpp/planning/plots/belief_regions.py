@@ -13,8 +13,7 @@ from lcorpp.errors import ModelError
 from lcorpp.planning.belief import check_belief
 from lcorpp.planning.policy import AlphaVectors, Policy
 from lcorpp.planning.pomdp import Pomdp
-from lcorpp.planning.sparse import Indices
-from lcorpp.values import Array, Belief
+from lcorpp.values import Array, Belief, Indices
 
 GRID = 120
 """Beliefs along a triangle's edge, of the grid on which the best vectors are determined."""

@@ -11,10 +11,8 @@ from typing import Any, Protocol
 import numpy as np
 import numpy.typing as npt
 
+from lcorpp.planning.sparse import Int32Array
 from lcorpp.values import Array, Belief
-
-Indices = npt.NDArray[Any]
-"""32-bit indices of states, actions and so on."""
 
 PointArrays = tuple[npt.NDArray[np.int64], npt.NDArray[np.int32], Array, Array]
 """K points: begins (K + 1,), states and weights (entries,), values (K,). Point k is a belief with the states
@@ -24,7 +22,7 @@ and weights from begins[k] to before begins[k + 1], and an upper bound on the va
 class Model(Protocol):
     """The problem in the form of the kernels; `kernels.build_model` makes it."""
 
-    def export_blocks(self) -> Indices:
+    def export_blocks(self) -> Int32Array:
         """Return (S,) the block of each state; after an action and an observation a belief lies in one."""
 
 
@@ -122,27 +120,27 @@ class Tree(Protocol):
     def belief(self, node: int) -> Belief:
         """Return (S,) the belief of a node."""
 
-    def children(self, node: int, action: int) -> tuple[Indices, Array, Array, Array, Indices]:
+    def children(self, node: int, action: int) -> tuple[Int32Array, Array, Array, Array, Int32Array]:
         """Return five arrays (n,): each child's observation, probability, bounds times probability, and node.
 
         The node is -1 before the first visit. There are no children before the first update of the action.
         """
 
-    def vectors(self, group: int) -> tuple[Indices, Array, Indices]:
+    def vectors(self, group: int) -> tuple[Int32Array, Array, Int32Array]:
         """Return the states (n,) of a group, its alpha vectors (K, n) and their plans' first actions (K,)."""
 
-    def dependencies(self, group: int) -> tuple[Array, Indices]:
+    def dependencies(self, group: int) -> tuple[Array, Int32Array]:
         """Return the pruned vectors (K, n) of a group that others depend on, and their actions (K,)."""
 
     def points(self) -> tuple[Array, *PointArrays]:
         """Return the upper bound: corners (S,), and begins, states, weights and values of the points."""
 
-    def add_vectors(self, group: int, vectors: Array, actions: Indices) -> None:
+    def add_vectors(self, group: int, vectors: Array, actions: Int32Array) -> None:
         """Import alpha vectors (K, n) over the states of a group, and the first actions (K,) of their
         plans."""
 
     def add_points(
-        self, begins: npt.NDArray[np.int64], states: Indices, weights: Array, values: Array
+        self, begins: npt.NDArray[np.int64], states: Int32Array, weights: Array, values: Array
     ) -> None:
         """Import points in the form of `points`."""
 

@@ -10,9 +10,9 @@ import numpy.typing as npt
 
 from lcorpp.errors import ModelError
 from lcorpp.planning.formats.pomdp.preamble import ALL
-from lcorpp.planning.formats.pomdp.tables import Entries, Indices, find_last_occurrences
+from lcorpp.planning.formats.pomdp.tables import Entries, find_last_occurrences
 from lcorpp.planning.sparse import SparseTables, ragged_indices
-from lcorpp.values import Array
+from lcorpp.values import Array, Indices
 
 CHUNK_CASES = 2**20
 """Number of cases (state, next state, observation) that are processed at once."""

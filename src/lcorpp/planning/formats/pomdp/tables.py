@@ -16,9 +16,7 @@ from lcorpp.errors import ModelError
 from lcorpp.planning.formats.pomdp.preamble import ALL
 from lcorpp.planning.formats.pomdp.tokens import Offsets
 from lcorpp.planning.sparse import MAX_BYTES, SparseTables, ragged_indices
-from lcorpp.values import Array
-
-Indices = npt.NDArray[np.int64]
+from lcorpp.values import Array, Indices
 
 MAX_NUMBERS = MAX_BYTES // 32
 """Maximum number of numbers of a table; row, column, value and order of each need memory at once."""

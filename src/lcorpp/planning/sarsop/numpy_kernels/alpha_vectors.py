@@ -6,8 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lcorpp.planning.sarsop.numpy_kernels.model import BeliefBatch
-from lcorpp.planning.sparse import Indices
-from lcorpp.values import Array
+from lcorpp.values import Array, Indices
 
 
 class VectorSet:

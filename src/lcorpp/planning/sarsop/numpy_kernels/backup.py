@@ -16,8 +16,7 @@ from lcorpp.planning.sarsop.numpy_kernels.refresh import (
     update_upper_bound,
 )
 from lcorpp.planning.sarsop.numpy_kernels.search_state import MIN_GAIN, SearchState
-from lcorpp.planning.sparse import Indices
-from lcorpp.values import Array
+from lcorpp.values import Array, Indices
 
 
 def backup(state: SearchState, node: BeliefNode) -> None:

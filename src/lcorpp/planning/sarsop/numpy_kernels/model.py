@@ -10,8 +10,8 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from lcorpp.errors import ModelError
-from lcorpp.planning.sparse import Indices, SparseTables
-from lcorpp.values import Array, Belief
+from lcorpp.planning.sparse import SparseTables
+from lcorpp.values import Array, Belief, Indices
 
 ROW_TOLERANCE = 1e-6
 """Largest deviation of the sum of a row from 1: detects wrong tables, ignores rounding."""

@@ -9,8 +9,7 @@ import numpy.typing as npt
 
 from lcorpp.planning.belief import MIN_PROBABILITY
 from lcorpp.planning.sarsop.numpy_kernels.model import BeliefBatch, Model
-from lcorpp.planning.sparse import Indices
-from lcorpp.values import Array
+from lcorpp.values import Array, Indices
 
 PREDICTOR_BINS = 32
 """Bins of the value predictor, for the initial upper bound and for the entropy."""

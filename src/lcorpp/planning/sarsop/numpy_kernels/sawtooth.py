@@ -13,8 +13,8 @@ import numpy.typing as npt
 from lcorpp.planning.belief import MIN_PROBABILITY
 from lcorpp.planning.sarsop.kernel_protocols import PointArrays
 from lcorpp.planning.sarsop.numpy_kernels.model import BeliefBatch, Model
-from lcorpp.planning.sparse import Indices, ragged_indices
-from lcorpp.values import Array
+from lcorpp.planning.sparse import ragged_indices
+from lcorpp.values import Array, Indices
 
 CHUNK_SIZE = 1 << 21
 """Numbers processed at once (16 MB): large enough for numpy, small enough for memory."""

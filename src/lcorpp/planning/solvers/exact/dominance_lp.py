@@ -19,8 +19,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from lcorpp.planning.sparse import Indices
-from lcorpp.values import Array
+from lcorpp.values import Array, Indices
 
 MAX_PROGRAMS = 192
 """Programs solved in one call."""

@@ -12,8 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lcorpp.planning.pomdp import Pomdp
-from lcorpp.planning.sparse import Indices
-from lcorpp.values import Array
+from lcorpp.values import Array, Indices
 
 
 class Controller(NamedTuple):

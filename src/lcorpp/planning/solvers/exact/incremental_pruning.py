@@ -13,8 +13,8 @@ import numpy as np
 from lcorpp.errors import ModelError
 from lcorpp.planning.solvers.exact.dynamic_programming import DenseModel
 from lcorpp.planning.solvers.exact.pruning import prune
-from lcorpp.planning.sparse import MAX_BYTES, Indices
-from lcorpp.values import Array
+from lcorpp.planning.sparse import MAX_BYTES
+from lcorpp.values import Array, Indices
 
 
 class Backup(NamedTuple):

@@ -12,8 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from lcorpp.planning.solvers.exact.dynamic_programming import Controller, DenseModel
-from lcorpp.planning.sparse import Indices
-from lcorpp.values import Array
+from lcorpp.values import Array, Indices
 
 MAX_UNKNOWNS = 4000
 """Largest linear system of a controller; a larger controller is improved step by step only."""

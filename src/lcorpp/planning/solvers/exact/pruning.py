@@ -11,8 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from lcorpp.planning.solvers.exact.dominance_lp import Margins, check_deadline, dominance_margins
-from lcorpp.planning.sparse import Indices
-from lcorpp.values import Array, Belief
+from lcorpp.values import Array, Belief, Indices
 
 BATCH_SIZE = 384
 """Vectors whose programs are solved before the set of kept vectors is updated."""

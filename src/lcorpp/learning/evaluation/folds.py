@@ -1,0 +1,94 @@
+"""Folds of cross-validation, and training and test data: stratified by class, with whole groups."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from fractions import Fraction
+
+import numpy as np
+from sklearn.model_selection import StratifiedGroupKFold, StratifiedKFold
+
+from lcorpp.arguments import check_arguments
+from lcorpp.errors import DataError
+from lcorpp.learning.data.dataset import check_trainable, count_groups
+from lcorpp.values import Dataset, Indices
+
+MAX_SPLIT_FOLDS = 20
+"""The test data of `split` are whole folds, at most of so many."""
+
+
+def assign_folds(labels: Sequence[str], groups: Sequence[str] | None, folds: int, seed: int) -> Indices:
+    """(cases,) the fold of each case; the folds are stratified, and keep groups whole if there are some.
+
+    Raises:
+        DataError: there are fewer than two folds, or the seed is out of range.
+    """
+    if folds < 2:
+        raise DataError(f"cross-validation needs at least 2 folds, not {folds}")
+    if not 0 <= seed < 2**32:
+        raise DataError(f"the seed must lie between 0 and {2**32 - 1}, not {seed}")
+    kind = StratifiedKFold if groups is None else StratifiedGroupKFold
+    splitter = kind(folds, shuffle=True, random_state=seed)
+    fold_of = np.empty(len(labels), dtype=np.intp)
+    for fold, (_, test) in enumerate(splitter.split(labels, labels, groups)):
+        fold_of[test] = fold
+    return fold_of
+
+
+def drop_single_groups(groups: Sequence[str]) -> Sequence[str] | None:
+    """Return None if each case is a group of its own: the plain folds are as good, and much faster."""
+    return None if len(set(groups)) == len(groups) else groups
+
+
+def assign_training_folds(dataset: Dataset, folds: int, seed: int) -> Indices:
+    """(cases,) the fold in which each case is held out, after checking that all folds can be trained.
+
+    Raises:
+        DataError: `dataset` is not trainable, see `check_trainable`, the other folds of one lack a class, or
+            as `assign_folds`.
+    """
+    check_trainable(dataset, folds=folds)
+    fold_of, labels = assign_folds(dataset.labels, dataset.groups, folds, seed), np.array(dataset.labels)
+    for fold in range(folds):
+        missing = sorted(set(dataset.labels) - set(labels[fold_of != fold].tolist()))
+        if missing:  # possible if a group has cases of several classes
+            raise DataError(
+                f"without fold {fold + 1} of {folds} there is no case of {', '.join(missing)} to learn"
+            )
+    return fold_of
+
+
+@check_arguments
+def split(dataset: Dataset, *, test: float = 0.3, seed: int) -> tuple[Dataset, Dataset]:
+    """Split into training and test data, stratified by class; all cases of a group go to one side.
+
+    Args:
+        test: test share of the cases of each class, approximated by whole groups: the share is rounded to a
+            number of folds, at most `MAX_SPLIT_FOLDS` and the groups of the rarest class.
+
+    Returns:
+        (training, test), each with its rows in their original order.
+
+    Raises:
+        DataError: `test` is not between 0 and 1, a side lacks a class, or the seed is out of range.
+    """
+    if not 0 < test < 1:
+        raise DataError(f"the test share must lie between 0 and 1, not {test}")
+    counts = count_groups(dataset.labels, dataset.groups)
+    number = min(MAX_SPLIT_FOLDS, *counts.values()) if counts else 0
+    if number < 2:
+        rare = [name for name, count in counts.items() if count < 2]
+        raise DataError(
+            f"a test share of {test} leaves the test data without {', '.join(rare) or 'cases'}; expected each"
+            " class in at least two groups"
+        )
+    share = Fraction(test).limit_denominator(number)
+    share = min(max(share, Fraction(1, number)), 1 - Fraction(1, number))
+    groups = drop_single_groups(dataset.groups)
+    in_test = assign_folds(dataset.labels, groups, share.denominator, seed) < share.numerator
+    sides = dataset.take(np.flatnonzero(~in_test)), dataset.take(np.flatnonzero(in_test))
+    for name, side in zip(("training", "test"), sides, strict=True):
+        missing = sorted(set(dataset.labels) - set(side.labels))
+        if missing:
+            raise DataError(f"a test share of {test} leaves the {name} data without {', '.join(missing)}")
+    return sides
