@@ -122,7 +122,8 @@ def _fits(value: Any, hint: Any, origin: Any, parts: tuple[Any, ...]) -> bool:
         kinds = (int, np.integer) if hint is int else (int, float, np.integer, np.floating)
         return isinstance(value, kinds) and not isinstance(value, bool)
     kind = origin or hint
-    return isinstance(value, kind) if isinstance(kind, type) else True
+    is_protocol = getattr(kind, "_is_protocol", False)  # which has no classes to compare with
+    return isinstance(value, kind) if isinstance(kind, type) and not is_protocol else True
 
 
 def _is_numeric(value: Any) -> bool:

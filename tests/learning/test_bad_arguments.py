@@ -144,7 +144,7 @@ def test_every_bad_argument_is_a_typed_error(name):
         (lambda: LstmClassifier().fit(DATA.trajectories, [None] * 20), "label 0 (counted from 0) is None"),
         (lambda: QuadraticLogistic().fit(NUMBERS, [1.0, np.nan, 1, 2]), "label 1 (counted from 0) is nan"),
         (lambda: split(DATA, test="0.3", seed=0), "split: test is '0.3'; expected a number"),
-        (lambda: split(DATA, seed=-1), "the seed is -1; expected 0 or more"),
+        (lambda: split(DATA, seed=-1), "the seed must lie between 0 and 4294967295, not -1"),
         (lambda: to_dataset(RECORDING, points=2, channels="xy"), "channels is 'xy'; expected a sequence"),
         (
             lambda: to_dataset(RECORDING, points=2, channels=[]),

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from lcorpp.decision.dt_control import Robot, dt_control
-from lcorpp.decision.stopping import choose_epsilon, compute_change
+from lcorpp.decision.stopping import check_stopping, choose_epsilon, compute_change
 from lcorpp.errors import DecisionError
 from lcorpp.protocols import Classifier, DomainInterface, Planner, Reasoner, World
 from lcorpp.values import (
@@ -163,10 +163,7 @@ def lcorpp(
         raise DecisionError("no sense learns; expected a data set of at least one")
     if batch_size < 1:
         raise DecisionError(f"the batch size K must be at least 1, not {batch_size}")
-    if epsilon is not None and not epsilon >= 0:
-        raise DecisionError(f"the threshold epsilon must be at least 0, not {epsilon}")
-    if not 0 <= confidence < 1:
-        raise DecisionError(f"the confidence must be at least 0 and below 1, not {confidence}")
+    check_stopping(epsilon, confidence)
     if resume_point is None:
         resume_point = ResumePoint(0, _train_all(train, datasets, {}), 0)
     number, senses, decided = resume_point.number, resume_point.senses, resume_point.decided

@@ -6,6 +6,8 @@ from functools import lru_cache
 
 import numpy as np
 
+from lcorpp.arguments import check_arguments
+from lcorpp.errors import DecisionError
 from lcorpp.values import Array, ConfusionMatrix, Interval
 
 N_DRAWS = 20_000
@@ -15,11 +17,29 @@ EPSILON_PER_CLASS = 0.09
 """Default epsilon, for each class. Each of two rates then is within about .05 when Algorithm 1 stops."""
 
 
+@check_arguments
+def check_stopping(epsilon: float | None = None, confidence: float = 0.0) -> None:
+    """Raise a DecisionError for an epsilon below 0, or a confidence that is not from 0 and below 1."""
+    if epsilon is not None and not epsilon >= 0:
+        raise DecisionError(f"the threshold epsilon must be at least 0, not {epsilon}")
+    if not 0 <= confidence < 1:
+        raise DecisionError(f"the confidence must be at least 0 and below 1, not {confidence}")
+
+
+@check_arguments
 def choose_epsilon(epsilon: float | None, n_classes: int) -> float:
-    """Return epsilon, or its default: SSUB adds up the changes of all classes, so that it grows with them."""
+    """Return epsilon, or its default: SSUB adds up the changes of all classes, so that it grows with them.
+
+    Raises:
+        DecisionError: epsilon is negative or NaN, or there are no classes.
+    """
+    check_stopping(epsilon)
+    if n_classes < 1:
+        raise DecisionError(f"{n_classes} classes; expected at least one")
     return EPSILON_PER_CLASS * n_classes if epsilon is None else epsilon
 
 
+@check_arguments
 def compute_change(before: ConfusionMatrix, after: ConfusionMatrix, confidence: float) -> Interval:
     """Return by how much the rates of two confusion matrices differ, with the interval of the true change.
 
@@ -37,8 +57,14 @@ def compute_change(before: ConfusionMatrix, after: ConfusionMatrix, confidence: 
             widest interval.
         confidence: from 0, below 1.
 
+    Raises:
+        DecisionError: the classes differ, or the confidence is out of range.
+
     Source: SSUB is from the paper's Algorithm 1; Jeffreys' prior as in `ConfusionMatrix.rates`.
     """
+    if before.classes != after.classes:
+        raise DecisionError(f"matrices of {before.classes} and {after.classes}; expected the same classes")
+    check_stopping(confidence=confidence)
     estimate = compute_ssub(before.probabilities, after.probabilities)
     if confidence == 0:
         return Interval(estimate, estimate, estimate, 0.0)
@@ -48,9 +74,18 @@ def compute_change(before: ConfusionMatrix, after: ConfusionMatrix, confidence: 
     return Interval(estimate, max(0.0, estimate - radius), min(highest, estimate + radius), confidence)
 
 
+@check_arguments
 def compute_ssub(first: Array, second: Array) -> float:
-    """Return the sum of absolute differences of two matrices of equal shape: SSUB of Algorithm 1."""
-    return float(np.abs(first - second).sum())
+    """Return the sum of absolute differences of two matrices of equal shape: SSUB of Algorithm 1.
+
+    Raises:
+        DecisionError: the shapes differ.
+    """
+    if np.shape(first) != np.shape(second):
+        raise DecisionError(
+            f"matrices of shapes {np.shape(first)} and {np.shape(second)}; expected equal ones"
+        )
+    return float(np.abs(np.subtract(first, second)).sum())
 
 
 @lru_cache

@@ -7,6 +7,7 @@ from lcorpp.values.arrays import (
     Flags as Flags,
     Indices as Indices,
     Interval as Interval,
+    check_rows as check_rows,
     freeze as freeze,
     wrap_angle as wrap_angle,
 )

@@ -8,6 +8,9 @@ from typing import TypeVar
 import numpy as np
 import numpy.typing as npt
 
+from lcorpp.arguments import to_numbers
+from lcorpp.errors import DataError
+
 Array = npt.NDArray[np.float64]
 """Array of floats; each use documents the shape."""
 
@@ -29,6 +32,19 @@ Number = TypeVar("Number", float, Array)
 def wrap_angle(angle: Number) -> Number:
     """Wrap an angle, or an array of angles, to (-pi, pi]."""
     return np.pi - (np.pi - angle) % (2 * np.pi)
+
+
+def check_rows(rows: npt.ArrayLike, n: int) -> Indices:
+    """Return the numbers of rows as an array (k,).
+
+    Raises:
+        DataError: another shape, or a number that is none of the n rows.
+    """
+    numbers = to_numbers(rows, "the rows")
+    index = numbers.astype(np.intp) if np.isfinite(numbers).all() else np.full(1, n)
+    if index.ndim != 1 or (len(index) and not -n <= index.min() <= index.max() < n):
+        raise DataError(f"the rows are {index.tolist()}; expected a sequence of indices below {n}")
+    return index
 
 
 def freeze(array: npt.ArrayLike) -> Array:

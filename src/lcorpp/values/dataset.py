@@ -12,10 +12,10 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 
-from lcorpp.arguments import check_arguments, check_fields, to_numbers
+from lcorpp.arguments import check_arguments, check_fields
 from lcorpp.errors import DataError
 from lcorpp.notebook import join_some
-from lcorpp.values.arrays import Array, freeze
+from lcorpp.values.arrays import Array, check_rows, freeze
 from lcorpp.values.padding import (
     Lengths,
     count_window,
@@ -235,9 +235,7 @@ class Dataset:
 
         rows: (k,) indices.
         """
-        index = to_numbers(rows, "the rows").astype(np.intp)
-        if index.ndim != 1 or (len(index) and not -len(self) <= index.min() <= index.max() < len(self)):
-            raise DataError(f"the rows are {index}; expected a sequence of indices below {len(self)}")
+        index = check_rows(rows, len(self))
         return replace(
             self,
             trajectories=self.trajectories[index],

@@ -85,12 +85,12 @@ def test_channels_of_any_name_need_no_kind(channels):
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        ({"interval": "0.033"}, "interval must be a finite number of seconds above 0, not '0.033'"),
+        ({"interval": "0.033"}, "interval is '0.033'; expected a number"),
         ({"interval": 0}, "interval must be a finite number of seconds above 0, not 0"),
-        ({"inputs": "x,y"}, "inputs must be a sequence of names, .* not 'x,y'"),
-        ({"features": "x"}, "features must be a sequence of names, .* not 'x'"),
+        ({"inputs": "x,y"}, r"inputs is 'x,y'; expected a sequence, each a text"),
+        ({"features": "x"}, r"features is 'x'; expected a sequence, each a text"),
         ({"seed": -1}, "seed must be a whole number of at least 0, not -1"),
-        ({"epochs": 2.5}, "epochs must be a whole number of at least 1, not 2.5"),
+        ({"epochs": 2.5}, "epochs is 2.5; expected a whole number"),
         ({"kind": "picture"}, "unknown kind of data 'picture'; expected one of motion, series, table"),
     ],
 )

@@ -218,7 +218,7 @@ def test_the_coverage_lies_between_0_and_1(coverage):
         Dataset(np.eye(2)[[0, 1] * 10], ("a", "b") * 10, channels=("u", "v")),
         folds=2,
     )
-    with pytest.raises(DataError, match=r"the coverage of prediction sets is .*; expected a number between"):
+    with pytest.raises(DataError, match=r"coverage.* is .*; expected a number"):
         fit_prediction_sets(validation, coverage)
 
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from lcorpp.arguments import check_arguments
 from lcorpp.domains import Domain
 from lcorpp.errors import DataError, expected_one_of
 from lcorpp.learning.label_noise.dawid_skene import AnswerSource, estimate_classes
@@ -33,6 +34,7 @@ class CorrectedLabels:
     confusion: ConfusionMatrix
 
 
+@check_arguments
 def correct_labels(
     domain: Domain, sense: str, dataset: Dataset, predictions: Sequence[str]
 ) -> CorrectedLabels:
@@ -48,8 +50,11 @@ def correct_labels(
         predictions: (cases,) the class of each case by a classifier that was not trained on it.
 
     Raises:
-        DataError: an action or observation is not in the domain's model.
+        DataError: an action or observation is not in the domain's model, or there are other numbers of cases
+            and predictions.
     """
+    if len(predictions) != len(dataset):
+        raise DataError(f"{len(dataset)} cases need as many predictions, not {len(predictions)}")
     classes = tuple(sorted(domain.find_sense(sense).classes))
     index = {name: number for number, name in enumerate(classes)}
     class_of = np.array([index[domain.class_of(sense, value)] for value in domain.values])

@@ -18,6 +18,8 @@ from math import log
 
 import numpy as np
 
+from lcorpp.arguments import check_arguments
+from lcorpp.errors import DataError
 from lcorpp.experiments.active_learning.batches import Row
 from lcorpp.experiments.active_learning.run_store import RunStore
 from lcorpp.learning.evaluation.two_sample import compare_rates, compare_signals
@@ -60,6 +62,7 @@ class _Observations:
 class DriftMonitor:
     """Compares the decisions of each batch with those before."""
 
+    @check_arguments
     def __init__(self, senses: Collection[str], seed: int) -> None:
         self._observations, self._seed = {name: _Observations() for name in senses}, seed
 
@@ -105,6 +108,7 @@ class DriftMonitor:
         return columns | ({"drift": "; ".join(alarms)} if columns else {})
 
 
+@check_arguments
 def agrees_with(label: Label, reported: str) -> bool:
     """Return whether a reported class is the label, or the most likely class of a likelihood."""
     if isinstance(label, str):
@@ -112,11 +116,15 @@ def agrees_with(label: Label, reported: str) -> bool:
     return label.values[int(label.weights.argmax())] == reported
 
 
+@check_arguments
 def compute_capital(p_values: Sequence[float]) -> float:
     """Return the capital of a test martingale, 1 at the start, that bets on small p-values.
 
     A share of 1 / (k (k + 1)) is staked from the k-th p-value on, as a change may come at any time. A p-value
     multiplies what is staked by its calibrated e-value, which has mean 1 if the p-value is uniform.
+
+    Raises:
+        DataError: a p-value is not from 0 to 1.
 
     Source: Vovk and Wang, E-values: calibration, combination and applications, Annals of Statistics 49
     (2021), section 2.
@@ -128,8 +136,15 @@ def compute_capital(p_values: Sequence[float]) -> float:
     return staked + reserve
 
 
+@check_arguments
 def calibrate(p: float) -> float:
-    """Return the e-value of a p-value: the integral of k p^(k - 1) over k from 0 to 1."""
+    """Return the e-value of a p-value: the integral of k p^(k - 1) over k from 0 to 1.
+
+    Raises:
+        DataError: the p-value is not from 0 to 1.
+    """
+    if not 0 <= p <= 1:
+        raise DataError(f"the p-value is {p}; expected a number from 0 to 1")
     if p > 1 - 1e-6:
         return 0.5  # the limit, where the formula loses all digits
     p = max(p, 1e-300)

@@ -6,6 +6,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 
+from lcorpp.arguments import check_arguments
 from lcorpp.decision import lcorpp
 from lcorpp.domains import Domain
 from lcorpp.errors import DecisionError, DomainError, check_type
@@ -25,6 +26,7 @@ from lcorpp.values import Dataset
 DEFAULTS = TrainingOptions()
 
 
+@check_arguments
 def open_run_store(
     path: Path, domain: Domain, senses: LearningSenses, options: ActiveLearningOptions
 ) -> RunStore:
@@ -50,6 +52,7 @@ def open_run_store(
     return RunStore(path, datasets, classes, settings)
 
 
+@check_arguments
 def run_active_learning(
     domain: Domain,
     senses: LearningSenses,

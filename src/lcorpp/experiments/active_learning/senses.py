@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
+from lcorpp.arguments import check_arguments, check_fields
 from lcorpp.decision.lcorpp import CONFIDENCE
 from lcorpp.domains import Domain
 from lcorpp.errors import DecisionError, DomainError, check_type, expected_one_of
@@ -52,6 +53,9 @@ class ActiveLearningOptions:
     seed: int = 0
     jobs: int = 1
 
+    def __post_init__(self) -> None:
+        check_fields(self)
+
 
 @dataclass(frozen=True, eq=False)
 class LearningSenses:
@@ -66,6 +70,7 @@ class LearningSenses:
     fixed: Senses
 
 
+@check_arguments
 def find_learning_senses(
     domain: Domain, classifiers: Mapping[str, ClassifierOptions]
 ) -> dict[str, TrainingOptions]:
@@ -89,6 +94,7 @@ def find_learning_senses(
     return learning
 
 
+@check_arguments
 def set_up_learning(
     domain: Domain, options: ActiveLearningOptions, *, progress: ProgressDisplay = no_progress
 ) -> LearningSenses:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from lcorpp.arguments import check_arguments
 from lcorpp.learning.data.dataset import count_groups
 from lcorpp.values import Array, ConfusionMatrix, Dataset, Label, Likelihood, track_hash
 
@@ -36,6 +37,7 @@ class RandomClassifier:
         return ConfusionMatrix(classes, np.zeros((len(classes), len(classes))))
 
 
+@check_arguments
 def is_trainable(dataset: Dataset, classes: Sequence[str], folds: int) -> bool:
     """Return whether each class has a group for each of `folds` folds, and as much weight in all."""
     labels, groups = np.array(dataset.labels), count_groups(dataset.labels, dataset.groups)

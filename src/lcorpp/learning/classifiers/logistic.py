@@ -10,6 +10,7 @@ import numpy.typing as npt
 from sklearn.linear_model import LogisticRegression
 from sklearn.utils.validation import check_is_fitted
 
+from lcorpp.arguments import check_value
 from lcorpp.errors import DataError
 from lcorpp.learning.contract import ProbabilityClassifier, to_probabilities
 from lcorpp.learning.data.dataset import check_labels, check_signals
@@ -48,6 +49,8 @@ class QuadraticLogistic(ProbabilityClassifier):
         Raises:
             DataError: `C` or `max_cases` is not above 0.
         """
+        check_value(self.C, float, "C")
+        check_value(self.max_cases, float | None, "max_cases")
         if not 0 < self.C < float("inf"):
             raise DataError(f"C must be a finite number above 0, not {self.C}")
         if self.max_cases is not None and not self.max_cases > 0:

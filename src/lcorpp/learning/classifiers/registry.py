@@ -10,7 +10,7 @@ and contains its preprocessing, so that cross-validation estimates both from tra
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from numbers import Integral, Real
@@ -18,6 +18,7 @@ from typing import Any
 
 from sklearn.pipeline import Pipeline
 
+from lcorpp.arguments import check_arguments
 from lcorpp.errors import DataError, expected_one_of
 from lcorpp.learning.classifiers.pipelines import (
     OWN_FEATURES,
@@ -193,6 +194,7 @@ def default_features(name: str) -> tuple[str, ...]:
     return LEARNERS[name].features if name in LEARNERS else PAPER_FEATURES
 
 
+@check_arguments
 def learner(
     name: str,
     *,
@@ -230,12 +232,11 @@ def learner(
             option, or an argument has another type.
     """
     if kind is None:
-        kind = "motion" if set(_check_names("inputs", inputs)) <= set(CHANNELS) else "series"
+        kind = "motion" if set(inputs) <= set(CHANNELS) else "series"
         if name in LEARNERS and kind not in LEARNERS[name].kinds:
             kind = LEARNERS[name].kinds[0]
     chosen = default_features(name) if features is None else features
-    names = _check_names("inputs", inputs), _check_names("features", chosen)
-    config = LearnerConfig(interval, *names, seed, epochs, device, kind, rate)
+    config = LearnerConfig(interval, tuple(inputs), tuple(chosen), seed, epochs, device, kind, rate)
     if ":" in name:
         defaults = {"features": PAPER_FEATURES, "epochs": None, "device": "cpu", "rate": RATE}
         required = [key for key, value in defaults.items() if getattr(config, key) != value]
@@ -267,12 +268,6 @@ def learner(
             f" {_DESCRIPTIONS[config.kind]}: {join_some(inputs)}"
         )
     return row.make(config)
-
-
-def _check_names(argument: str, names: Any) -> tuple[str, ...]:
-    if isinstance(names, str) or not isinstance(names, Iterable):
-        raise DataError(f"{argument} must be a sequence of names, e.g. ('x', 'y'), not {names!r}")
-    return tuple(map(str, names))
 
 
 def check_weighted(name: str, estimator: Any) -> None:

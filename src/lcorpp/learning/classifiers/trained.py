@@ -53,7 +53,7 @@ class TrainedClassifier:
         Raises:
             DataError: the trajectory does not match the training data or is not finite.
         """
-        return self.classify_many(signal[None])[0]
+        return self.classify_many(to_numbers(signal, "the signal")[None])[0]
 
     def classify_many(self, trajectories: npt.ArrayLike) -> list[str]:
         """Return the hard labels of (n, channels, time points); raises as `classify`."""
@@ -80,6 +80,7 @@ class TrainedClassifier:
             )
         return SoftClassifier(self, self.calibration)
 
+    @check_arguments
     def sets(self, coverage: float | None = None) -> SoftClassifier:
         """Return the same classifier with likelihoods of its prediction sets instead of labels.
 
@@ -135,7 +136,7 @@ class SoftClassifier:
         Raises:
             DataError: the trajectory does not match the training data or is not finite.
         """
-        return self.classify_many(signal[None])[0]
+        return self.classify_many(to_numbers(signal, "the signal")[None])[0]
 
     def classify_many(self, trajectories: npt.ArrayLike) -> list[Likelihood]:
         """Return the likelihoods of (n, channels, time points); raises as `classify`."""

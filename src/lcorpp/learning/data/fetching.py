@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import unquote, urlsplit
 
+from lcorpp.arguments import check_arguments
 from lcorpp.errors import DataError, FileError
 from lcorpp.files import make_folder, set_default_mode
 
@@ -28,6 +29,7 @@ Progress = Callable[[int, int | None], None]
 """Callback with (bytes received, bytes in all or None)."""
 
 
+@check_arguments
 def fetch_authors(folder: str | Path, *, progress: Progress | None = None) -> tuple[Path, ...]:
     """Download the authors' 123 tracks, `interposx.csv` and `interposy.csv`; existing files remain.
 

@@ -45,8 +45,10 @@ def plot_tracks(recording: Recording, *, title: str = "", max_tracks: int = MAX_
         title: of the figure. max_tracks: maximum number of tracks per class, evenly selected.
 
     Raises:
-        DataError: there are no tracks.
+        DataError: there are no tracks, or `max_tracks` is below 1.
     """
+    if max_tracks < 1:
+        raise DataError(f"max_tracks is {max_tracks}; expected 1 or more")
     if not recording.tracks:
         raise DataError(f"{recording.source or 'the recording'}: there are no tracks to draw")
     classes = recording.by_class()

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import NamedTuple
@@ -198,7 +198,7 @@ class Recording:
 
 
 @check_arguments
-def count_repairs(repairs: Iterable[Repair]) -> dict[str, tuple[int, int]]:
+def count_repairs(repairs: Collection[Repair]) -> dict[str, tuple[int, int]]:
     """Count repairs: reason -> (rows changed, places)."""
     counts: dict[str, tuple[int, int]] = {}
     for repair in repairs:

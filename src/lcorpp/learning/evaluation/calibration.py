@@ -8,7 +8,8 @@ this; dividing by the class frequencies of these cases leaves the likelihood of 
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
 
@@ -109,11 +110,9 @@ class Calibration:
         Raises:
             DataError: the parameters do not match.
         """
-        try:
+        with report_damage("a calibration"):
             classes = tuple(str(name) for name in numbers["classes"])
             return cls(classes, float(numbers["slope"]), *(np.array(numbers[name]) for name in ARRAYS))
-        except (KeyError, TypeError, ValueError) as error:
-            raise DataError(f"no parameters of a calibration, or damaged ones: {error}") from None
 
 
 @check_arguments
@@ -198,8 +197,21 @@ def _unpack_parameters(parameters: Array, k: int) -> tuple[float, Array, Array]:
     return float(np.exp(parameters[0])), np.append(parameters[1:k], 0.0), parameters[k:]
 
 
-def _clip_and_log(probabilities: npt.ArrayLike, k: int) -> Array:
-    """(cases, k) logarithms of checked probabilities."""
+@contextmanager
+def report_damage(what: str) -> Iterator[None]:
+    """Turn what fails while parameters are read into a DataError; `what` names their owner."""
+    try:
+        yield
+    except (LookupError, TypeError, ValueError, AttributeError) as error:
+        raise DataError(f"no parameters of {what}, or damaged ones: {error}") from None
+
+
+def check_probabilities(probabilities: npt.ArrayLike, k: int) -> Array:
+    """Return probabilities as an array (cases, k) after checking them.
+
+    Raises:
+        DataError: another shape, or a number that is not from 0 to 1.
+    """
     checked = to_numbers(probabilities, "the probabilities")
     if checked.ndim != 2 or checked.shape[1] != k:
         raise DataError(
@@ -212,4 +224,9 @@ def _clip_and_log(probabilities: npt.ArrayLike, k: int) -> Array:
             f"the probability of case {row}, class {column} (counted from 0) is {checked[row, column]};"
             " expected a number from 0 to 1"
         )
-    return np.log(np.clip(checked, MIN_PROBABILITY, 1 - MIN_PROBABILITY))
+    return checked
+
+
+def _clip_and_log(probabilities: npt.ArrayLike, k: int) -> Array:
+    """(cases, k) logarithms of checked probabilities."""
+    return np.log(np.clip(check_probabilities(probabilities, k), MIN_PROBABILITY, 1 - MIN_PROBABILITY))

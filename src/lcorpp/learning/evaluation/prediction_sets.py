@@ -16,13 +16,13 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from lcorpp.arguments import check_arguments, check_fields
 from lcorpp.errors import DataError
+from lcorpp.learning.evaluation.calibration import check_probabilities, report_damage
 from lcorpp.learning.evaluation.metrics import jeffreys_interval
 from lcorpp.learning.evaluation.validation import Validation
 from lcorpp.notebook import join_some
-from lcorpp.values import COVERAGE, Array, Interval, Likelihood, check_coverage, freeze
-
-Members = npt.NDArray[np.bool_]
+from lcorpp.values import COVERAGE, Array, Flags, Indices, Interval, Likelihood, check_coverage, freeze
 
 ROUNDING = 1e-9
 """Tolerance of a sum of masses, so that the 19th of 19 people is a 95 % quantile."""
@@ -46,19 +46,22 @@ class PredictionSets:
     classes: tuple[str, ...]
     coverage: float
     floors: Array
-    best: npt.NDArray[np.intp]
-    members: Members
+    best: Indices
+    members: Flags
     counts: Array
 
     def __post_init__(self) -> None:
+        check_fields(self)
         check_coverage(self.coverage)
         for name in ("floors", "counts"):
             object.__setattr__(self, name, freeze(getattr(self, name)))
+        object.__setattr__(self, "best", np.asarray(self.best, dtype=np.intp))
+        object.__setattr__(self, "members", np.asarray(self.members, dtype=np.bool_))
         k, outcomes = len(self.classes), len(self.best)
-        shapes = [self.floors.shape, self.members.shape, self.counts.shape]
-        if not outcomes or shapes != [(k,), (outcomes, k), (outcomes, k)]:
+        shapes = [self.floors.shape, self.best.shape, self.members.shape, self.counts.shape]
+        if not outcomes or shapes != [(k,), (outcomes,), (outcomes, k), (outcomes, k)]:
             raise DataError(
-                f"prediction sets of {k} classes cannot have floors and counts of shapes {shapes}"
+                f"prediction sets of {k} classes cannot have floors, outcomes and counts of shapes {shapes}"
             )
         numbers = np.concatenate([self.floors, self.counts.ravel()])
         if (
@@ -76,13 +79,14 @@ class PredictionSets:
             f" {self.full:.3f} full, {self.empty:.3f} empty>"
         )
 
-    def contains(self, probabilities: Array) -> Members:
+    def contains(self, probabilities: Array) -> Flags:
         """(cases, K) whether each class is in the set of each case, from the uncalibrated probabilities."""
-        return np.asarray(probabilities >= self.floors)
+        return np.asarray(check_probabilities(probabilities, len(self.classes)) >= self.floors)
 
     def predict(self, probabilities: Array) -> list[tuple[str, ...]]:
         """Return the set of each case (cases, K), the most probable class first."""
-        orders, members = np.argsort(-probabilities, axis=1, kind="stable"), self.contains(probabilities)
+        members = self.contains(probabilities)
+        orders = np.argsort(-np.asarray(probabilities), axis=1, kind="stable")
         return [
             tuple(self.classes[column] for column in order if inside[column])
             for order, inside in zip(orders, members, strict=True)
@@ -95,12 +99,12 @@ class PredictionSets:
         over the outcomes as if the most probable class and the members of the set were independent.
         Each likelihood describes its set.
         """
+        members, columns = self.contains(probabilities), np.argmax(probabilities, axis=1)
         k, people = len(self.classes), self.counts.sum(axis=0)
         best_rates = (np.eye(k)[self.best].T @ self.counts + 0.5) / (people + k / 2)
         member_rates = (self.members.T.astype(float) @ self.counts + 0.5) / (people + 1)
         result = []
-        bests, members = probabilities.argmax(axis=1), self.contains(probabilities)
-        for best, inside, names in zip(bests, members, self.predict(probabilities), strict=True):
+        for best, inside, names in zip(columns, members, self.predict(probabilities), strict=True):
             prior = best_rates[best] * np.where(inside[:, None], member_rates, 1 - member_rates).prod(axis=0)
             counts = self._counts_of.get((int(best), inside.tobytes()), np.zeros(k))
             result.append(
@@ -163,16 +167,18 @@ class PredictionSets:
         Raises:
             DataError: the parameters do not match.
         """
-        return cls(
-            tuple(map(str, numbers["classes"])),
-            float(numbers["coverage"]),
-            np.array(numbers["floors"]),
-            np.array(numbers["best"], dtype=np.intp),
-            np.array(numbers["members"], dtype=bool),
-            np.array(numbers["counts"]),
-        )
+        with report_damage("prediction sets"):
+            return cls(
+                tuple(map(str, numbers["classes"])),
+                float(numbers["coverage"]),
+                np.array(numbers["floors"]),
+                np.array(numbers["best"], dtype=np.intp),
+                np.array(numbers["members"], dtype=bool),
+                np.array(numbers["counts"]),
+            )
 
 
+@check_arguments
 def fit_prediction_sets(
     validation: Validation, coverage: float = COVERAGE, *, by_class: bool = True
 ) -> PredictionSets:
@@ -202,7 +208,7 @@ def fit_prediction_sets(
     parts = columns if by_class else np.zeros_like(columns)
     masses, own = _share(validation.weights, groups * k + parts), p[np.arange(len(p)), columns]
 
-    def find_floors(used: Members) -> Array:
+    def find_floors(used: Flags) -> Array:
         each = [used & (parts == part) for part in (range(k) if by_class else [0])]
         return np.broadcast_to([_find_floor(own[part], masses[part], coverage) for part in each], k)
 

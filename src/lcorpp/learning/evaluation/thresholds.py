@@ -11,8 +11,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lcorpp.arguments import check_arguments
+from lcorpp.arguments import check_arguments, check_fields
 from lcorpp.errors import DataError, expected_one_of
+from lcorpp.learning.evaluation.calibration import check_probabilities
 from lcorpp.values import Array, Flags
 
 
@@ -24,6 +25,7 @@ class DecisionThreshold:
     probability: float
 
     def __post_init__(self) -> None:
+        check_fields(self)
         if not 0 <= self.probability <= 1 + 1e-9:
             raise DataError(f"the threshold of {self.name} is {self.probability}; expected 0..1")
 
@@ -41,8 +43,9 @@ def apply_threshold(
         classes: (K,) the columns of `probabilities` (cases, K).
 
     Raises:
-        DataError: there is a threshold of an unknown class.
+        DataError: there is a threshold of an unknown class, or the probabilities have another shape.
     """
+    classes, probabilities = tuple(classes), check_probabilities(probabilities, len(classes))
     if threshold is None:
         return [classes[column] for column in probabilities.argmax(axis=1).tolist()]
     if threshold.name not in classes:
@@ -145,6 +148,12 @@ def choose_threshold(
     name, utility = resolve_goal(goal)
     if not 0 < prevalence < 1:
         raise DataError(f"the prevalence is {prevalence}; expected a fraction between 0 and 1")
+    scores, positive = np.asarray(scores, dtype=np.float64), np.asarray(positive, dtype=np.bool_)
+    if not (np.isfinite(scores).all() and scores.shape == positive.shape == (len(folds),)):
+        raise DataError(
+            f"scores, truth and folds of shapes {scores.shape}, {positive.shape} and ({len(folds)},);"
+            " expected a finite number, a truth value and a fold for each case"
+        )
     if positive.all() or not positive.any():
         raise DataError("a threshold needs positive and negative cases")
     counts = np.ones(len(scores)) if weights is None else weights

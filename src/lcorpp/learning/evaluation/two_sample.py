@@ -8,6 +8,7 @@ import numpy as np
 from scipy.spatial.distance import cdist
 from scipy.stats import hypergeom
 
+from lcorpp.arguments import check_arguments
 from lcorpp.learning.features.summaries import SummaryFeatures
 from lcorpp.values import Array, stack_signals
 
@@ -20,6 +21,7 @@ MAX_PERMUTATIONS, ENOUGH = 9999, 20
 PERMUTATIONS_AT_ONCE = 250
 
 
+@check_arguments
 def compare_signals(first: Sequence[Array], second: Sequence[Array], rng: np.random.Generator) -> float:
     """Return the p-value of the hypothesis that two samples of signals have one distribution.
 
@@ -53,6 +55,7 @@ def compare_signals(first: Sequence[Array], second: Sequence[Array], rng: np.ran
     return (extreme + 1) / (done + 1)
 
 
+@check_arguments
 def compare_rates(before: tuple[int, int], after: tuple[int, int]) -> float:
     """Return the p-value of the hypothesis that the probability of success has not decreased.
 

@@ -13,7 +13,7 @@ import numpy.typing as npt
 from sklearn.metrics import confusion_matrix
 
 from lcorpp.arguments import check_arguments, check_fields
-from lcorpp.errors import DataError
+from lcorpp.errors import DataError, expected_one_of
 from lcorpp.learning.contract import clone_unfitted, ensure_predict_proba, fit_clone, predict_proba
 from lcorpp.learning.evaluation.folds import assign_training_folds
 from lcorpp.learning.evaluation.metrics import compute_auc, jeffreys_interval
@@ -109,8 +109,18 @@ class Validation:
         """(K,) the recall of each class: the diagonal of `rates`."""
         return tuple(row[i] for i, row in enumerate(self.rates))
 
+    @check_arguments
     def with_predictions(self, predictions: Sequence[str]) -> Validation:
-        """Return a copy with other predicted classes (cases,), e.g. by another decision threshold."""
+        """Return a copy with other predicted classes (cases,), e.g. by another decision threshold.
+
+        Raises:
+            DataError: there are other numbers of cases and predictions, or an unknown class.
+        """
+        unknown = sorted(set(predictions) - set(self.classes))
+        if unknown:
+            raise DataError(f"unknown class {unknown[0]!r}; {expected_one_of(self.classes)}")
+        if len(predictions) != len(self.labels):
+            raise DataError(f"{len(self.labels)} cases need as many predictions, not {len(predictions)}")
         confusion = count_confusion(self.classes, self.labels, predictions, self.weights)
         return replace(self, confusion=confusion, predictions=tuple(predictions))
 

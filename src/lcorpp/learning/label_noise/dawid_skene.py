@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from lcorpp.arguments import check_arguments
 from lcorpp.errors import DataError
 from lcorpp.values import Array, Indices, freeze
 
@@ -77,6 +78,7 @@ class ClassEstimate:
     counts: tuple[Array, ...]
 
 
+@check_arguments
 def estimate_classes(sources: Sequence[AnswerSource], contexts: Indices, n_classes: int) -> ClassEstimate:
     """Estimate the class of each case and the error rates of each source by expectation-maximisation.
 

@@ -7,10 +7,12 @@ from dataclasses import replace
 
 import numpy as np
 
+from lcorpp.arguments import check_arguments
 from lcorpp.errors import DataError
 from lcorpp.values import Dataset, Indices
 
 
+@check_arguments
 def split_by_class(
     dataset: Dataset, distributions: Sequence[Mapping[str, float] | None]
 ) -> tuple[Dataset, Indices]:

@@ -15,7 +15,7 @@ from sklearn.pipeline import Pipeline
 from sklearn.utils.metaestimators import available_if
 from sklearn.utils.validation import check_is_fitted
 
-from lcorpp.arguments import check_arguments
+from lcorpp.arguments import check_arguments, check_value
 from lcorpp.errors import DataError
 from lcorpp.learning.contract import ProbabilityClassifier, fit_clone, predict_proba
 from lcorpp.learning.data.dataset import check_tracks
@@ -92,6 +92,7 @@ class PrefixEnsemble(ProbabilityClassifier):
                 fails.
         """
         tracks = check_tracks(X)
+        check_value(self.fractions, Sequence[float], "the prefix lengths")
         if not len(self.fractions) or not all(0 < fraction <= 1 for fraction in self.fractions):
             raise DataError(f"the prefix lengths are fractions in (0, 1], not {tuple(self.fractions)}")
         longest = int(measure_lengths(tracks).max())

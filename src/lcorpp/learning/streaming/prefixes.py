@@ -10,7 +10,7 @@ import numpy as np
 
 from lcorpp.arguments import check_arguments
 from lcorpp.errors import DataError
-from lcorpp.learning.contract import fit_clone
+from lcorpp.learning.contract import ensure_predict_proba, fit_clone
 from lcorpp.learning.data.dataset import check_tracks
 from lcorpp.learning.evaluation.folds import assign_training_folds
 from lcorpp.learning.streaming.prefix_ensemble import FRACTIONS
@@ -40,6 +40,7 @@ def truncate(dataset: Dataset, fraction: float) -> Dataset:
     return replace(dataset, trajectories=np.where(times < kept[:, None, None], part, np.nan))
 
 
+@check_arguments
 def with_prefixes(dataset: Dataset, fractions: Sequence[float] = FRACTIONS) -> Dataset:
     """Return several prefixes of every track, e.g. to train one classifier for tracks of any length.
 
@@ -124,6 +125,7 @@ def cross_predict_over_time(
         DataError: `dataset` is not trainable or cannot be split (see `check_trainable`), or as
             `predict_over_time`.
     """
+    estimator = ensure_predict_proba(estimator)
     labels, fold_of = np.array(dataset.labels), assign_training_folds(dataset, folds, seed)
     parts = []
     for fold in range(folds):

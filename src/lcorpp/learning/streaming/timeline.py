@@ -16,9 +16,9 @@ import numpy.typing as npt
 
 from lcorpp.arguments import check_arguments, check_fields
 from lcorpp.errors import DataError, expected_one_of
-from lcorpp.learning.evaluation.calibration import Calibration, fit_calibration
+from lcorpp.learning.evaluation.calibration import Calibration, fit_calibration, report_damage
 from lcorpp.learning.evaluation.metrics import compute_auc
-from lcorpp.values import Array, Lengths, freeze, measure_lengths
+from lcorpp.values import Array, Lengths, check_rows, freeze, measure_lengths
 
 MIN_CASES = 20
 """The number of tracks that a calibration is fitted to, if not all tracks last so long."""
@@ -57,8 +57,9 @@ class PredictionTimeline:
             aucs = f"; AUC {quarter:.2f}, {half:.2f}, {whole:.2f} at a quarter, half, end"
         return f"<PredictionTimeline: {cases} tracks of {samples * self.interval:.3g} s{aucs}>"
 
-    def take(self, cases: npt.NDArray[np.intp]) -> PredictionTimeline:
-        """Return the timeline of some cases."""
+    def take(self, cases: npt.ArrayLike) -> PredictionTimeline:
+        """Return the timeline of some cases, by their numbers (k,); a DataError if there are none such."""
+        cases = check_rows(cases, len(self.labels))
         return replace(
             self,
             probabilities=self.probabilities[cases],
@@ -72,6 +73,7 @@ class PredictionTimeline:
         """(time points,) since the start of the track."""
         return np.arange(self.probabilities.shape[1], dtype=np.float64) * self.interval
 
+    @check_arguments
     def probability_of(self, name: str) -> Array:
         """(cases, time points) the probability of a class.
 
@@ -98,8 +100,11 @@ class PredictionTimeline:
             auc[t] = auc[t - 1] if is_unchanged else self._compute_auc(now)
         return auc
 
+    @check_arguments
     def auc_at(self, fraction: float) -> float:
         """The AUC after the first `fraction` of each track, rounded as in `truncate`; raises as `auc`."""
+        if not 0 <= fraction <= 1:
+            raise DataError(f"the fraction of a track must lie in [0, 1], not {fraction}")
         last = np.rint(fraction * self.lengths).astype(np.int64).clip(1, self.probabilities.shape[1]) - 1
         return self._compute_auc(self._find_scores()[np.arange(len(last)), last])
 
@@ -173,7 +178,8 @@ class PrefixCalibration:
         Raises:
             DataError: the parameters do not match.
         """
-        return cls(int(numbers["least"]), tuple(map(Calibration.from_json, numbers["calibrations"])))
+        with report_damage("the calibrations of prefixes"):
+            return cls(int(numbers["least"]), tuple(map(Calibration.from_json, numbers["calibrations"])))
 
 
 @check_arguments
@@ -205,6 +211,7 @@ def calibrate_prefixes(timeline: PredictionTimeline) -> PrefixCalibration:
     return PrefixCalibration(first, tuple(calibrations[points] for points in range(first, last + 1)))
 
 
+@check_arguments
 def cross_calibrate_prefixes(timeline: PredictionTimeline) -> PredictionTimeline:
     """Return the timeline with the predictions of each fold calibrated by a fit to the other folds.
 

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from lcorpp.arguments import check_arguments
 from lcorpp.errors import FileError, expected_one_of
 from lcorpp.files import write_atomically
 from lcorpp.learning.data.parquet import SUFFIXES, import_pyarrow
@@ -15,6 +16,7 @@ from lcorpp.learning.streaming.timeline import PredictionTimeline
 from lcorpp.learning.streaming.trigger import list_ages
 
 
+@check_arguments
 def write_timeline(timeline: PredictionTimeline, path: str | Path) -> None:
     """Write the predictions at each age at which they change, as .csv or .parquet.
 

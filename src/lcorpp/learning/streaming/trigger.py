@@ -9,11 +9,11 @@ from typing import Any, Self
 import numpy as np
 import numpy.typing as npt
 
+from lcorpp.arguments import check_arguments, check_fields
 from lcorpp.errors import DataError
+from lcorpp.learning.evaluation.calibration import report_damage
 from lcorpp.learning.streaming.timeline import PredictionTimeline, PrefixCalibration
-from lcorpp.values import Array, Flags, freeze
-
-Columns = npt.NDArray[np.intp]
+from lcorpp.values import Array, Flags, Indices, freeze
 
 
 @dataclass(frozen=True)
@@ -63,6 +63,7 @@ class EarlyScore:
         total = self.accuracy + self.earliness
         return 2 * self.accuracy * self.earliness / total if total else 0.0
 
+    @check_arguments
     def value(self, waiting_cost: float | None) -> float:
         """The goal of a choice: accuracy minus the cost of the seconds; the harmonic mean without a cost."""
         return self.harmonic_mean if waiting_cost is None else self.accuracy - waiting_cost * self.seconds
@@ -92,6 +93,7 @@ class Trigger:
     expected: EarlyScore | None = None
 
     def __post_init__(self) -> None:
+        check_fields(self)
         object.__setattr__(self, "floors", freeze(self.floors))
         if self.floors.ndim != 2 or self.floors.shape[1] != len(self.classes) or not len(self.floors):
             raise DataError(
@@ -131,6 +133,7 @@ class Trigger:
             decision = EarlyDecision(self.classes[column], probability, points)
         return TriggerState(column if is_accepted else -1, run, decision)
 
+    @check_arguments
     def decide(self, timeline: PredictionTimeline) -> tuple[EarlyDecision | None, ...]:
         """Return the decision on each recorded track, at its end at the latest; None without a prediction.
 
@@ -170,9 +173,10 @@ class Trigger:
         Raises:
             DataError: the parameters do not match.
         """
-        calibration = PrefixCalibration.from_json(numbers["calibration"])
-        counts = int(numbers["consecutive"]), int(numbers["last_points"])
-        return cls(calibration, np.array(numbers["floors"]), *counts)
+        with report_damage("a trigger"):
+            calibration = PrefixCalibration.from_json(numbers["calibration"])
+            counts = int(numbers["consecutive"]), int(numbers["last_points"])
+            return cls(calibration, np.array(numbers["floors"]), *counts)
 
 
 @dataclass(frozen=True, eq=False)
@@ -186,7 +190,7 @@ class Ages:
     points: npt.NDArray[np.int64]
     seconds: Array
     known: Flags
-    columns: Columns
+    columns: Indices
     probability: Array
 
     @classmethod
@@ -206,11 +210,11 @@ class Ages:
         return cls(points, timeline.seconds[times], known, filled.argmax(axis=2), filled.max(axis=2))
 
     @property
-    def last(self) -> Columns:
+    def last(self) -> Indices:
         """(cases,) the last age with a prediction; 0 without one."""
         return np.asarray((self.known * np.arange(len(self.points))).max(axis=1))
 
-    def find_first(self, floors: Array, consecutive: int, last_points: int | None = None) -> Columns:
+    def find_first(self, floors: Array, consecutive: int, last_points: int | None = None) -> Indices:
         """(cases,) the age at which each case is decided, see `Trigger`.
 
         Args:

@@ -9,12 +9,14 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
+from lcorpp.arguments import check_arguments
 from lcorpp.errors import DataError
 from lcorpp.learning.streaming.trigger_fitting import TriggerSearch
 from lcorpp.plot_style import BLUE, INK, MUTED, ORANGE, despine, save_figure, with_style
 
 
 @with_style
+@check_arguments
 def draw_trigger(searches: Mapping[str, TriggerSearch]) -> Figure:
     """Draw the accuracy over the age of the tracks, and the triggers to choose from.
 
@@ -53,6 +55,7 @@ def draw_trigger(searches: Mapping[str, TriggerSearch]) -> Figure:
     return figure
 
 
+@check_arguments
 def plot_trigger(searches: Mapping[str, TriggerSearch], path: str | Path) -> None:
     """Write `draw_trigger` to a file.
 

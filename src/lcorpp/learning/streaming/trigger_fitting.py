@@ -9,6 +9,7 @@ from itertools import product
 import numpy as np
 import numpy.typing as npt
 
+from lcorpp.arguments import check_arguments
 from lcorpp.errors import DataError, expected_one_of
 from lcorpp.learning.streaming.timeline import (
     PredictionTimeline,
@@ -55,6 +56,7 @@ class TriggerSearch:
         return f"<TriggerSearch among {len(self.candidates)}: {self.trigger!r}>"
 
 
+@check_arguments
 def fit_trigger(
     timeline: PredictionTimeline, *, rule: str = "threshold", waiting_cost: float | None = None
 ) -> Trigger:
@@ -62,6 +64,7 @@ def fit_trigger(
     return search_trigger(timeline, rule=rule, waiting_cost=waiting_cost).trigger
 
 
+@check_arguments
 def search_trigger(
     timeline: PredictionTimeline, *, rule: str = "threshold", waiting_cost: float | None = None
 ) -> TriggerSearch:
@@ -88,8 +91,7 @@ def search_trigger(
     """
     if rule not in RULES:
         raise DataError(f"the rule of a trigger is {rule!r}; {expected_one_of(RULES)}")
-    is_number = isinstance(waiting_cost, int | float) and 0 <= waiting_cost < np.inf
-    if waiting_cost is not None and not is_number:
+    if waiting_cost is not None and not 0 <= waiting_cost < np.inf:
         raise DataError(f"the cost of a second is {waiting_cost!r}; expected a finite number, 0 or more")
     if not timeline.folds:
         raise DataError("the timeline has no folds; expected the result of cross_predict_over_time")
