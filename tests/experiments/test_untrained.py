@@ -21,9 +21,7 @@ def test_labels_are_uniform_and_depend_on_seed_and_signal_alone():
     labels = [RandomClassifier(CLASSES, 1).classify(signal) for signal in signals]
     assert labels == [RandomClassifier(CLASSES, 1).classify(signal) for signal in signals]
     counts = [labels.count(name) for name in CLASSES]
-    assert (
-        max(counts) - min(counts) < 150
-    )  # 4 standard deviations of a difference: 4 * (2 * 3000 / 9)^.5 = 103
+    assert max(counts) - min(counts) < 3 * (3000 * 2 / 3) ** 0.5  # standard deviations of a difference
     others = [RandomClassifier(CLASSES, 2).classify(signal) for signal in signals]
     same = sum(a == b for a, b in zip(labels, others, strict=True))
     assert abs(same - 1000) < 4 * (3000 * 2 / 9) ** 0.5

@@ -7,7 +7,7 @@ probability 1 / n in a run of any length (Ville's inequality). The alarm is rais
 p-values of successive batches multiply: a change that lasts is found even if each batch leaves it open.
 
 The rate of false alarms is that of a run, for all tests together. It presumes people who do not depend on
-each other, and a retrained classifier that agrees no less often than its predecessor.
+each other, and a retrained classifier that agrees no less often than those before.
 """
 
 from __future__ import annotations
@@ -45,17 +45,14 @@ class _Observations:
 
     def compute_p_values(self, rng: np.random.Generator) -> dict[str, float]:
         """Compare the observations of the batch with those before; return the p-value of each test."""
-        p_values = {}
-        if 0 < self.start < len(self.signals):
-            before, after = self.signals[: self.start], self.signals[self.start :]
+        p_values, parts = {}, (slice(self.start), slice(self.start, None))
+        before, after = (self.signals[part] for part in parts)
+        if before and after:
             p_values[SIGNALS] = compare_signals(before, after, rng)
-        known = [
-            [agrees for agrees in part if agrees is not None]
-            for part in (self.agrees[: self.start], self.agrees[self.start :])
-        ]
-        if all(known):
-            before_batch, in_batch = ((sum(part), len(part)) for part in known)
-            p_values[AGREEMENT] = compare_rates(before_batch, in_batch)
+        known_before, known = ([own for own in self.agrees[part] if own is not None] for part in parts)
+        if known_before and known:
+            counts = (sum(known_before), len(known_before)), (sum(known), len(known))
+            p_values[AGREEMENT] = compare_rates(*counts)
         return p_values
 
 

@@ -65,11 +65,9 @@ class Motion(TransformerMixin, BaseEstimator):  # type: ignore[misc]  # scikit-l
     - bearing: cosine and sine of the direction from the robot to the person; bearing_rate: its change,
       radians per second anticlockwise.
 
-    The last six, approach to bearing_rate, depend on the place of a track: they carry more information about
-    intention, and on data that leaks its label by place a classifier learns the leak. x, y, heading and
-    facing depend on the direction in which the robot stands. All others depend on the person alone: velocity,
-    acceleration, turn_rate, ahead, left and facing_ahead are the same from wherever a person is seen, so a
-    classifier that was trained at one place works at another.
+    approach to bearing_rate depend on the place of a track: on data that leaks its label by place a
+    classifier learns the leak. x, y, heading and facing depend on the direction in which the robot stands.
+    The others depend on the person alone, so a classifier that was trained at one place works at another.
 
     Args:
         rate: points per second of the result.
