@@ -34,7 +34,7 @@ from lcorpp.learning.lstm.training import select_trainer
 from lcorpp.values import Dataset
 
 CASES, FOLDS, BATCH, UNITS, DROPOUT = 2000, 5, 32, 50, 0.2
-FAST = fast_pipeline().named_steps["lstm"].epochs
+FAST = fast_pipeline().named_steps["lstm"]
 KERAS = Path(__file__).with_name("learner_keras.py")
 BACKENDS = ("jax", "torch")
 
@@ -46,7 +46,7 @@ from lcorpp.learning import fast_pipeline, paper_pipeline, train_and_validate
 from lcorpp.values import Dataset
 given = np.load(sys.argv[1])
 dataset = Dataset(given["tracks"], tuple(given["labels"].tolist()))
-made = {"paper": paper_pipeline, "fast": fast_pipeline}[sys.argv[2]](epochs=int(sys.argv[3]))
+made = {"paper": paper_pipeline, "fast": fast_pipeline}[sys.argv[2]](**json.loads(sys.argv[3]))
 began = time.perf_counter()
 validation = train_and_validate(made, dataset, folds=5, jobs=2)[1]
 wall = time.perf_counter() - began
@@ -91,16 +91,22 @@ def main(
         file = Path(folder) / "cases.npz"
         np.savez(file, tracks=dataset.trajectories, labels=np.array(dataset.labels))
         console.print("lcorpp, the paper's setting ...")
-        paper = _ours(file, "paper", epochs)
+        paper = _ours(file, "paper", epochs=epochs)
         floor = min(floor, _floor())
         console.print("lcorpp, the fast setting ...")
-        fast = _ours(file, "fast", FAST)
-        start = _ours(file, "fast", 1)
+        fast = _ours(file, "fast")
+        start = _ours(file, "fast", epochs=1)
         passes = epochs * (CASES + FOLDS * (CASES * (FOLDS - 1) // FOLDS)) / (CASES * (FOLDS - 1) / FOLDS)
         rows = [
             Row("matrix products alone (the floor)", floor, passes * floor),
             Row("lcorpp", own, paper["cpu"], paper["wall"]),
-            Row("lcorpp, `fast_pipeline`", own, fast["cpu"], fast["wall"], f"{FAST} epochs"),
+            Row(
+                "lcorpp, `fast_pipeline`",
+                own,
+                fast["cpu"],
+                fast["wall"],
+                f"{FAST.epochs} epochs, at least {FAST.min_updates} updates",
+            ),
             Row("lcorpp, one epoch", own, start["cpu"], start["wall"], "what it takes to start"),
             Row("lcorpp by torch, without its kernels", by_torch, passes * by_torch, note="epochs alone"),
         ]
@@ -196,9 +202,9 @@ def _timed(work: Any) -> float:
     return time.process_time() - began
 
 
-def _ours(file: Path, setting: str, epochs: int) -> dict[str, Any]:
-    """Run OURS in its own process and return what it prints."""
-    command = [sys.executable, "-c", OURS, str(file), setting, str(epochs)]
+def _ours(file: Path, setting: str, **options: int) -> dict[str, Any]:
+    """Run OURS with options of the pipeline in its own process and return what it prints."""
+    command = [sys.executable, "-c", OURS, str(file), setting, json.dumps(options)]
     done = subprocess.run(command, capture_output=True, text=True, check=True, env=_environment())
     report: dict[str, Any] = json.loads(done.stdout)
     return report

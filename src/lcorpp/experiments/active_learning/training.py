@@ -45,6 +45,7 @@ class SenseTrainer:
     ) -> None:
         """Raises `DataError` if uncertain labels are for a learner without `sample_weight`."""
         self._domain, self._senses, self._options, self._progress = domain, senses, options, progress
+        self._split = {"folds": FOLDS, "seed": options.seed, "jobs": options.jobs}
         self._estimators = {
             name: make_estimator(data, senses.training[name], options.seed)
             for name, data in senses.data.items()
@@ -68,16 +69,8 @@ class SenseTrainer:
         """Cross-validate on the reports, correct the labels, train on them, and correct the matrix."""
         if not self._is_trainable(name, dataset):
             return self._make_untrained(name)
-        options = self._options
         with self._show(name, "cross-validation against the reports on", dataset, FOLDS) as advance:
-            first = cross_validate(
-                self._estimators[name],
-                dataset,
-                folds=FOLDS,
-                seed=options.seed,
-                jobs=options.jobs,
-                progress=advance,
-            )
+            first = cross_validate(self._estimators[name], dataset, **self._split, progress=advance)
         corrected = correct_labels(self._domain, name, dataset, first.predictions)
         weighted, origins = split_by_class(dataset, corrected.distributions)
         if not self._is_trainable(name, weighted):
@@ -104,16 +97,10 @@ class SenseTrainer:
         return self._progress(f"{sense}{title} {dataset.n_people:g} {dataset.unit}", parts)
 
     def _validate(self, name: str, dataset: Dataset) -> tuple[TrainedClassifier, Validation]:
-        options = self._options
+        coverage = self._options.evidence.kind(name).coverage or COVERAGE
         with self._show(name, "training on", dataset, FOLDS + 1) as advance:
             trained, validation = train_and_validate(
-                self._estimators[name],
-                dataset,
-                folds=FOLDS,
-                seed=options.seed,
-                jobs=options.jobs,
-                progress=advance,
-                coverage=options.evidence.kind(name).coverage or COVERAGE,
+                self._estimators[name], dataset, **self._split, progress=advance, coverage=coverage
             )
         sense, own = self._domain.find_sense(name), self._senses.training[name]
         return set_threshold(self._domain, sense, own, trained, validation)
