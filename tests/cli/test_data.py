@@ -166,7 +166,7 @@ def test_describe_tracking_data_without_labels(lcorpp, tmp_path):
     labelled = ("--label-file", tmp_path / "labels.csv", "--label", "1=in", "--label", "0=out")
     ended = lcorpp("data", "describe", tmp_path / "atc.csv", *labelled, "--robot", 1, 2, 3.14)
     assert "out         3       3" in ended.out
-    assert "duration        0.500 [0.500, 0.500]  no leak" in ended.out
+    assert "duration        0.500 [0.500, 0.500]  p 1.000  no leak" in ended.out
 
 
 @pytest.mark.skipif(not REAL.is_dir(), reason="the authors' data is not here (shared/data/authors)")

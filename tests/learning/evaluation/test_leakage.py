@@ -72,6 +72,30 @@ def test_classes_of_equal_distribution_do_not_leak():
     assert format_leakage_warning(crowd(60)) is None
 
 
+@pytest.mark.parametrize("walks", [1, 3])
+def test_chance_raises_an_alarm_in_at_most_five_percent_of_small_data_sets(walks):
+    """Labels drawn at random for each of 20 people, who always walk to the same place."""
+    rng, scores = np.random.default_rng(0), []
+    person = np.repeat(np.arange(20), walks)
+    for seed in range(40):
+        ends = rng.normal(size=(20, 2))[person] + rng.normal(0, 1e-3, (len(person), 2))
+        labels = rng.permutation(["in", "out"] * 10)[person]
+        tracks = ends[:, :, None] * np.linspace(0, 1, 4)
+        data = Dataset(tracks, tuple(labels.tolist()), tuple(map(str, person)))
+        scores.append(by_name(data, n_splits=1, seed=seed)["end position"])
+    assert sum(score.auc.estimate >= 0.7 and score.auc.low > 0.5 for score in scores) >= 5  # no sure sign
+    assert sum(score.is_suspicious for score in scores) <= 2
+    for level in (0.05, 0.2, 0.5):
+        assert abs(np.mean([score.p_value <= level for score in scores]) - level) < 0.16  # 2 errors at .5
+
+
+def test_a_weak_dependence_is_significant_and_no_leak():
+    ends = np.random.default_rng(0).normal(size=(600, 2)) + 0.4 * (np.arange(600) % 2)[:, None]
+    end = by_name(ending_at(ends), n_splits=1)["end position"]
+    assert 0.58 < end.auc.estimate < 0.7  # .66 by the best classifier
+    assert (end.p_value, end.is_suspicious) == (1 / 200, False)
+
+
 def change_second_class(change) -> Recording:
     """A crowd whose tracks of class "out", every second one, are changed."""
     return Recording(tuple(change(t) if t.label == "out" else t for t in crowd(60).tracks))
@@ -169,6 +193,8 @@ def test_three_classes_are_measured_and_missing_requirements_are_errors():
         measure_leakage(Recording((first, Track("1", second.times, second.columns))))
     with pytest.raises(DataError, match="at least 1 split, not 0"):
         measure_leakage(walkers(), n_splits=0)
+    with pytest.raises(DataError, match="seed must lie between 0 and 4294967291, not -1"):
+        measure_leakage(walkers(), seed=-1)
     with pytest.raises(DataError, match="tracks over time; the data are features"):
         measure_leakage(Dataset(np.zeros((4, 1)), ("a", "b") * 2))
     with pytest.raises(DataError, match="two classes; there are no tracks"):
@@ -185,8 +211,8 @@ def test_auc_equals_that_of_scikit_learn():
     truth = labels[:, None] == np.arange(3)
     expected = np.mean([roc_auc_score(truth[:, k], scores[:, k]) for k in range(3)])
     everyone, once = np.zeros(200, dtype=int), np.ones((1, 200))
-    assert _compute_mean_auc(scores[None], truth, everyone, once)[0] == pytest.approx(expected)
-    two = np.stack([scores, scores])[:, :, :2], truth[:, :2]
+    assert _compute_mean_auc(scores, truth, everyone, once)[0] == pytest.approx(expected)
+    two = scores[:, 1:2], truth[:, 1:2]
     assert _compute_mean_auc(*two, everyone, once)[0] == pytest.approx(
         roc_auc_score(truth[:, 1], scores[:, 1])
     )

@@ -13,7 +13,7 @@ from lcorpp.learning.classifiers.registry import RECOMMENDED
 from lcorpp.learning.data.describe import Description, Quantiles, describe, join_pairs
 from lcorpp.learning.data.repairs import REPAIRS
 from lcorpp.learning.data.tracks import Recording, Repair, count_repairs
-from lcorpp.learning.evaluation.leakage import MIN_SUSPICIOUS_AUC, measure_leakage
+from lcorpp.learning.evaluation.leakage import MAX_P_VALUE, MIN_SUSPICIOUS_AUC, measure_leakage
 from lcorpp.values import Dataset, Kind
 
 MAX_SHOWN = 20
@@ -139,8 +139,11 @@ def _print_leaks(data: Dataset | Recording, seed: int) -> None:
     except DataError as error:
         emit(f"leak check: not possible: {error}")
         return
-    emit(f"leak check: AUC of the label predicted without motion; {MIN_SUSPICIOUS_AUC:g} or more is a leak")
+    emit(
+        f"leak check: AUC of the label predicted without motion; {MIN_SUSPICIOUS_AUC:g} or more,"
+        f" not by chance (p at most {MAX_P_VALUE:g}), is a leak"
+    )
     for leak in leaks:
         verdict = "LEAK" if leak.is_suspicious else "no leak"
         style = "bold red" if leak.is_suspicious else ""
-        emit(f"  {leak.name:<14}  {leak.auc}  {verdict}", style=style)
+        emit(f"  {leak.name:<14}  {leak.auc}  p {leak.p_value:.3f}  {verdict}", style=style)

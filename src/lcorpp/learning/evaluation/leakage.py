@@ -7,15 +7,16 @@ about motion.
 Where a track begins is where it ends less the way between, so that the first position contains the motion:
 who walks slowly begins near the end. Its AUC therefore compares tracks whose ways are about equally long.
 
-The model is kernel ridge regression on the ranks of the features, with Gaussian kernels of several widths. It
-fits any shape, is robust to outliers, works with few cases and takes milliseconds. On the authors' 123 tracks
-its AUC is .99 by end position and .86 by sampling; nearest neighbours reach .97 and .79; forests, ten times
-slower, .99 and .86. The AUC is the mean over several splits, because that of one split of a hundred cases may
-be off by .02.
+The model is ridge regression on the ranks of the features, mapped by wide and narrow kernels. It fits
+any shape, is robust to outliers and works with few cases. On the authors' 123 tracks its AUC is .99 by end
+position and .86 by sampling; nearest neighbours reach .97 and .79; forests .99 and .86. The score of a case
+is its mean over several splits into folds, because the AUC of one split of a hundred cases may be off by .02.
 
-Source: Rifkin and Klautau, "In defense of one-vs-all classification", JMLR 5, 2004, section 2.3 (regularised
-least squares); Williams and Seeger, NIPS 2000 (Nyström approximation: kernels centred at a subset of the
-training cases, the landmarks).
+With few cases an AUC of .7 may be chance. The p-value compares it with the AUCs for permuted labels, so that
+data without leaks raise an alarm with a probability of at most 5 %, however small they are.
+
+Source: Williams and Seeger, NIPS 2000 (Nyström approximation: kernels centred at a subset of the cases, the
+landmarks); Ojala and Garriga, "Permutation tests for studying classifier performance", JMLR 11, 2010.
 """
 
 from __future__ import annotations
@@ -25,9 +26,12 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
-import scipy.linalg
-from scipy.spatial.distance import cdist
 from scipy.stats import rankdata
+from sklearn.kernel_approximation import Nystroem
+from sklearn.linear_model import Ridge
+from sklearn.model_selection import GroupKFold, cross_val_predict
+from sklearn.pipeline import make_pipeline, make_union
+from sklearn.preprocessing import StandardScaler
 from threadpoolctl import threadpool_limits
 
 from lcorpp.arguments import check_arguments
@@ -35,7 +39,6 @@ from lcorpp.errors import DataError
 from lcorpp.learning.data.dataset import count_groups
 from lcorpp.learning.data.npz import to_recording
 from lcorpp.learning.data.tracks import Recording, Track
-from lcorpp.learning.evaluation.folds import assign_folds, drop_single_groups
 from lcorpp.learning.evaluation.metrics import (
     bootstrap_interval,
     cluster_bootstrap_weights,
@@ -50,13 +53,16 @@ MIN_SUSPICIOUS_AUC = 0.7
 N_SPLITS, N_SPLITS_OF_WARNING = 5, 2
 MAX_FOLDS = 5
 
-KERNEL_WIDTHS, RIDGE_PENALTY = (0.3, 1.0), 0.5
-"""Kernel widths: standard deviations in units of the root of the median squared distance of landmarks."""
+MAX_LANDMARKS = 150
+"""Maximal number of landmarks, the cases at which a kernel is centred."""
 
-MAX_LANDMARKS = 300
-"""Maximal number of landmarks, the training cases at which a kernel is centred."""
+KERNEL_GAMMAS = (0.2, 2.0)
+"""Of the Gaussian kernels exp(-gamma * distance²), on ranks of standard deviation 1."""
 
-KERNEL_JITTER = 1e-8  # added to the diagonal of the landmarks' kernel matrix, singular for equal cases
+MAX_P_VALUE = 0.05 / len(SHORTCUTS)
+"""Data without leaks raise an alarm with a probability of at most .05 (Bonferroni)."""
+
+N_PERMUTATIONS = 199
 
 BOOTSTRAP_REPLICATES = 300
 
@@ -71,20 +77,23 @@ class ShortcutScore:
     """How well one shortcut predicts the labels.
 
     name: one of `SHORTCUTS`.
-    auc: area under the ROC curve, mean over splits, with a 95 % bootstrap confidence interval over groups; .5
-        is chance, 1 a perfect leak; for more than two classes, the mean of each against the others.
+    auc: area under the ROC curve, with a 95 % bootstrap confidence interval over groups; .5 is chance, 1 a
+        perfect leak; for more than two classes, the mean of each against the others.
+    p_value: probability of an AUC at least as high if the labels do not depend on the shortcut.
     """
 
     name: str
     auc: Interval
+    p_value: float
 
     def __repr__(self) -> str:
-        return f"<ShortcutScore of {self.name}: AUC {self.auc}{', suspicious' if self.is_suspicious else ''}>"
+        verdict = ", suspicious" if self.is_suspicious else ""
+        return f"<ShortcutScore of {self.name}: AUC {self.auc}, p {self.p_value:.3f}{verdict}>"
 
     @property
     def is_suspicious(self) -> bool:
         """Whether the AUC is at least `MIN_SUSPICIOUS_AUC` and significantly above chance."""
-        return self.auc.estimate >= MIN_SUSPICIOUS_AUC and self.auc.low > 0.5
+        return self.auc.estimate >= MIN_SUSPICIOUS_AUC and self.p_value <= MAX_P_VALUE
 
 
 @check_arguments
@@ -98,18 +107,20 @@ def measure_leakage(
     the duration alone is measured.
 
     Args:
-        n_splits: number of random splits into folds; the AUC is their mean.
-        seed: seed of the splits, the landmarks and the confidence interval.
+        n_splits: number of random splits into folds; the score of a case is their mean.
+        seed: seed of the splits, the landmarks, the confidence interval and the permutations.
 
     Returns:
         One score for every entry of `SHORTCUTS`, in this order, also if it is at chance.
 
     Raises:
         DataError: there are not two classes, each in two groups or more; a track has no label; the data are
-            features without time; or `n_splits` is below 1.
+            features without time; or `n_splits` or `seed` is out of range.
     """
     if n_splits < 1:
         raise DataError(f"a leak check needs at least 1 split, not {n_splits}")
+    if not 0 <= seed <= 2**32 - n_splits:
+        raise DataError(f"the seed must lie between 0 and {2**32 - n_splits}, not {seed}")
     missing = _find_missing_requirement(data)
     if missing is not None:
         raise DataError(f"a leak check needs {missing}")
@@ -123,11 +134,9 @@ def measure_leakage(
         rows = [compute_shortcut_features(track) for track in tracks]
         features = {name: np.stack([row[name] for row in rows]) for name in SHORTCUTS}
         strata["start position"] = _stratify_by_way(tracks)
-    n_folds, tied = min(MAX_FOLDS, *count_groups(names, people).values()), drop_single_groups(people)
-    folds = np.stack([assign_folds(names, tied, n_folds, seed + split) for split in range(n_splits)])
     with threadpool_limits(1):  # small matrices: threads on busy cores would only wait for each other
         return tuple(
-            _measure_shortcut(name, numbers, labels, groups, folds, strata[name], seed)
+            _measure_shortcut(name, numbers, labels, groups, strata[name], n_splits, seed)
             for name, numbers in features.items()
         )
 
@@ -187,69 +196,70 @@ def _measure_shortcut(
     features: Array,
     labels: Strings,
     groups: Strings,
-    folds: Indices,
     strata: Indices,
+    n_splits: int,
     seed: int,
 ) -> ShortcutScore:
     """Measure how well features (cases, features) predict the labels.
 
-    folds: (splits, cases) test folds. strata: (cases,) groups within which cases are compared.
+    strata: (cases,) groups within which cases are compared.
     """
     features = features[:, np.ptp(features, axis=0) > 0]
-    chance = ShortcutScore(name, Interval(0.5, 0.5, 0.5))
+    chance = ShortcutScore(name, Interval(0.5, 0.5, 0.5), 1.0)
     if not features.shape[1]:  # constant features predict nothing
         return chance
-    scores = np.stack([_score_out_of_fold(features, labels, fold_of, seed) for fold_of in folds])
     truth = labels[:, None] == np.unique(labels)
-    resampled = cluster_bootstrap_weights(groups.tolist(), count=BOOTSTRAP_REPLICATES, seed=seed)
-    weights = np.concatenate([np.ones((1, len(labels))), resampled])
-    estimate, *replicates = _compute_mean_auc(scores, truth, strata, weights)
+    if truth.shape[1] == 2:  # the scores of two classes sum to 0: one suffices
+        truth = truth[:, 1:]
+    relabelled = [truth, *_permute_among_groups(truth, groups, seed)]
+    targets = np.concatenate(relabelled, axis=1) - np.tile(truth.mean(axis=0), len(relabelled))
+    predicted = _predict_out_of_fold(features, targets, groups, n_splits, seed)
+    scores = np.split(predicted, len(relabelled), axis=1)
+    once = np.ones((1, len(labels)))
+    estimate, *null = (
+        float(_compute_mean_auc(score, flags, strata, once)[0])
+        for score, flags in zip(scores, relabelled, strict=True)
+    )
     if np.isnan(estimate):  # no two cases can be compared
         return chance
-    return ShortcutScore(name, bootstrap_interval(estimate, np.array(replicates)))
+    resampled = cluster_bootstrap_weights(groups.tolist(), count=BOOTSTRAP_REPLICATES, seed=seed)
+    interval = bootstrap_interval(estimate, _compute_mean_auc(scores[0], truth, strata, resampled))
+    return ShortcutScore(
+        name, interval, (1 + int(np.count_nonzero(np.array(null) >= estimate))) / (1 + len(null))
+    )
 
 
-def _score_out_of_fold(features: Array, labels: Strings, fold_of: Indices, seed: int) -> Array:
-    """(cases, classes) scores of each case by a model that is trained without the case's group."""
-    classes = np.unique(labels)
-    # ranks over all cases: they use no labels
-    ranks = (rankdata(features, axis=0) - 0.5) / len(features)
-    scores = np.empty((len(labels), len(classes)))
-    for fold in range(fold_of.max() + 1):
-        train, test = fold_of != fold, fold_of == fold
-        truth = (labels[train, None] == classes).astype(np.float64)
-        scores[test] = _score_by_kernel_ridge(ranks[train], truth, ranks[test], np.random.default_rng(seed))
-    return scores
+def _permute_among_groups(truth: Flags, groups: Strings, seed: int) -> list[Flags]:
+    """`N_PERMUTATIONS` times truth (cases, classes), the sequences of whole groups in random order."""
+    rng = np.random.default_rng(seed)
+    by_group = np.argsort(groups, kind="stable")
+    sequences = np.split(truth[by_group], np.unique(groups[by_group], return_index=True)[1][1:])
+    original = np.argsort(by_group)
+    return [
+        np.concatenate([sequences[i] for i in rng.permutation(len(sequences))])[original]
+        for _ in range(N_PERMUTATIONS)
+    ]
 
 
-def _score_by_kernel_ridge(train: Array, truth: Array, test: Array, rng: np.random.Generator) -> Array:
-    """(test cases, classes) scores of kernel ridge regression on landmarks, classes weighted equally.
+def _predict_out_of_fold(features: Array, targets: Array, groups: Strings, n_splits: int, seed: int) -> Array:
+    """(cases, targets) mean prediction over splits, by models that are trained without the case's group.
 
-    scikit-learn's KernelRidge has no landmarks, and its Nystroem draws them without regard to class.
-
-    train, test: (cases, features). truth: (training cases, classes) one-hot classes.
+    The folds depend on no labels, so that permuted labels have the same chances as the true ones.
     """
-    cases, classes = truth.shape
-    class_counts = truth.sum(axis=0)
-    weights = truth @ (cases / (classes * np.maximum(class_counts, 1)))
-    per_class = -(-MAX_LANDMARKS // classes)
-    chosen = [rng.permutation(np.flatnonzero(truth[:, k]))[:per_class] for k in range(classes)]
-    landmarks = train[np.sort(np.concatenate(chosen))]
-    squared_distances = cdist(landmarks, landmarks, "sqeuclidean")
-    scale = float(np.median(squared_distances[squared_distances > 0])) if squared_distances.any() else 1.0
-    to_train = _average_kernels(train, landmarks, scale)
-    inner = _average_kernels(landmarks, landmarks, scale)
-    inner[np.diag_indices(len(landmarks))] += KERNEL_JITTER
-    left = to_train.T @ (weights[:, None] * to_train) + RIDGE_PENALTY * inner
-    right = to_train.T @ (weights[:, None] * (truth - 1 / classes))
-    coefficients = scipy.linalg.solve(left, right, assume_a="pos")
-    return np.asarray(_average_kernels(test, landmarks, scale) @ coefficients)
-
-
-def _average_kernels(cases: Array, landmarks: Array, scale: float) -> Array:
-    """(cases, landmarks) mean of Gaussian kernels of all `KERNEL_WIDTHS`; scale: a squared distance."""
-    squared_distances = cdist(cases, landmarks, "sqeuclidean") / (2 * scale)
-    return np.asarray(np.mean([np.exp(-squared_distances / width**2) for width in KERNEL_WIDTHS], axis=0))
+    ranks = rankdata(features, axis=0)  # over all cases, as the kernels: they use no labels
+    landmarks = min(MAX_LANDMARKS, len(ranks))
+    kernels = make_union(
+        *(Nystroem(gamma=g, n_components=landmarks, random_state=seed) for g in KERNEL_GAMMAS)
+    )
+    centred = make_pipeline(StandardScaler(), kernels, StandardScaler(with_std=False)).fit_transform(ranks)
+    splitters = (
+        GroupKFold(min(MAX_FOLDS, len(set(groups))), shuffle=True, random_state=seed + split)
+        for split in range(n_splits)
+    )
+    # an intercept would be low where the test fold has many cases of the class
+    model = Ridge(fit_intercept=False)
+    splits = [cross_val_predict(model, centred, targets, groups=groups, cv=cv) for cv in splitters]
+    return np.asarray(np.mean(splits, axis=0))
 
 
 def _stratify_by_way(tracks: Sequence[Track]) -> Indices:
@@ -260,20 +270,19 @@ def _stratify_by_way(tracks: Sequence[Track]) -> Indices:
 
 
 def _compute_mean_auc(scores: Array, truth: Flags, strata: Indices, weights: Array) -> Array:
-    """(resamples,) mean AUC over splits and classes of scores (splits, cases, classes).
+    """(resamples,) mean AUC over classes of scores (cases, classes).
 
     truth: (cases, classes). weights: (resamples, cases), as in `metrics`. Cases are compared with those of
-    the same stratum (cases,); NaN if no stratum has two classes. For two classes the second one suffices: the
-    two scores of a case sum to 0.
+    the same stratum (cases,); NaN if no stratum has two classes.
     """
     areas = []
-    for column in [1] if truth.shape[1] == 2 else range(truth.shape[1]):
+    for score, positive in zip(scores.T, truth.T, strict=True):
         ordered, pairs = np.zeros((2, len(weights)))
         for stratum in np.unique(strata):
             rows = np.flatnonzero(strata == stratum)
-            positive, counts = truth[rows, column], weights[:, rows]
-            compared = (counts @ positive) * (counts @ ~positive)
-            area = np.mean([compute_auc(split[rows, column], positive, counts) for split in scores], axis=0)
+            counts = weights[:, rows]
+            compared = (counts @ positive[rows]) * (counts @ ~positive[rows])
+            area = compute_auc(score[rows], positive[rows], counts)
             ordered += np.where(compared > 0, area, 0) * compared
             pairs += compared
         areas.append(np.divide(ordered, pairs, out=np.full(len(weights), np.nan), where=pairs > 0))
