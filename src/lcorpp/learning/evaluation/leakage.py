@@ -124,8 +124,7 @@ def measure_leakage(
     missing = _find_missing_requirement(data)
     if missing is not None:
         raise DataError(f"a leak check needs {missing}")
-    names, people = _list_labels_and_groups(data)
-    labels, groups = np.array(names), np.array(people)
+    labels, groups = map(np.array, _list_labels_and_groups(data))
     strata = dict.fromkeys(SHORTCUTS, np.zeros(len(labels), dtype=np.intp))
     if isinstance(data, Dataset) and not (data.kind == "motion" and {"x", "y"} <= set(data.channels)):
         features = {"duration": data.lengths[:, None].astype(np.float64)}
