@@ -217,6 +217,17 @@ def test_wrong_arguments_of_data_end_in_one_message(lcorpp, tmp_path):
     refused(lcorpp("data", "fetch", "authors", "--sha256", "0" * 64), "--sha256 is for a URL")
     (tmp_path / "few.csv").write_text("track,time,x,y\nc,0,1,1\n")
     refused(lcorpp("data", "describe", tmp_path / "few.csv", "--repair", "all"), "no track remains")
+    (tmp_path / "ids.csv").write_text("d,in\n")
+    walks = tmp_path / "walks.csv"
+    walks.write_text("track,time,x,y\nc,0,1,1\nc,1,2,1\n")
+    refused(
+        lcorpp("data", "describe", walks, "--label-file", tmp_path / "ids.csv"),
+        "no track remains; 1 of 1 ids",
+    )
+    refused(lcorpp("data", "describe", good, "--seconds", "nan"), "the last nan seconds")
+    refused(
+        lcorpp("run", "--learner", "summaries", "--tracks", 20, "--seconds", "nan"), "the window is nan s"
+    )
     assert good.read_text() == GOOD
 
 

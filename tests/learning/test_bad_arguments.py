@@ -33,6 +33,7 @@ from lcorpp.learning import (
     read_data,
     read_recording,
     save_dataset,
+    search_trigger,
     split,
     to_dataset,
     train,
@@ -69,6 +70,8 @@ CALLS = {
     "Dataset": (Dataset, {"trajectories": np.zeros((2, 2, 3)), "labels": ("a", "b"), "groups": ("1", "2"),
                           "source": "", "notes": (), "interval": 0.1, "channels": ("x", "y"),
                           "weights": HALF}),
+    "last": (DATA.last, {"seconds": 1.0}),
+    "search_trigger": (search_trigger, {"timeline": VALIDATION}),
     "take": (DATA.take, {"rows": [0, 1]}),
     "append": (DATA.append, {"pairs": [(DATA.trajectories[0], "slow")], "groups": ["1"]}),
     "Track": (Track, {"id": "a", "times": TIMES, "columns": {"x": TIMES, "y": TIMES}, "group": "a"}),
@@ -127,6 +130,20 @@ def test_every_bad_argument_is_a_typed_error(name):
 @pytest.mark.parametrize(
     ("call", "words"),
     [
+        (lambda: DATA.last(float("nan")), "the window is nan s; expected a finite number above 0"),
+        (lambda: RECORDING.last(float("nan")), "the last nan seconds are no part of a track; expected"),
+        (
+            lambda: RECORDING.in_robot_frame(0, np.inf, 0),
+            "the robot's pose is 0 inf 0; expected finite numbers",
+        ),
+        (
+            lambda: StreamingClassifier(learner("summaries")),
+            "streaming needs a fitted pipeline: This Motion instance is not fitted yet",
+        ),
+        (
+            lambda: StreamingClassifier(learner("minirocket")),
+            "streaming needs a fitted pipeline: This Motion instance is not fitted yet",
+        ),
         (lambda: cross_validate(TRAINED.estimator, DATA, folds=2.5), "folds is 2.5; expected a whole number"),
         (
             lambda: cross_validate(TRAINED.estimator, DATA, jobs=0),

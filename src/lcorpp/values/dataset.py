@@ -219,11 +219,12 @@ class Dataset:
             evidence=(*self.evidence, *(evidence or (None,) * len(pairs))),
         )
 
+    @check_arguments
     def last(self, seconds: float) -> Dataset:
         """Return the last seconds of each case, two time points at least.
 
         Raises:
-            DataError: features have no duration.
+            DataError: features have no duration, or the seconds are not a finite number above 0.
         """
         if self.kind == "table":
             raise DataError("features have no duration; expected no seconds to cut them to")

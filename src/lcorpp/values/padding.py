@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
+from lcorpp.errors import DataError
 from lcorpp.values.arrays import Array
 
 Lengths = npt.NDArray[np.int64]
@@ -32,7 +33,14 @@ def strip_padding(track: Array) -> Array:
 
 
 def count_window(seconds: float, interval: float) -> int:
-    """Return the number of time points of a window, at least two."""
+    """Return the number of time points of a window, at least two.
+
+    Raises:
+        DataError: an argument is not a finite number above 0.
+    """
+    for name, value in (("window", seconds), ("interval", interval)):
+        if not 0 < value < float("inf"):
+            raise DataError(f"the {name} is {value} s; expected a finite number above 0")
     return max(2, round(seconds / interval) + 1)
 
 

@@ -198,8 +198,25 @@ def test_missing_and_binary_files_are_errors(tmp_path):
     (tmp_path / "far.csv").write_bytes(far.encode() + b"a,9999,\xe9,1,in\n")
     with pytest.raises(FileError, match=r"far\.csv:2002: not UTF-8 text: byte 0xe9"):
         read_recording(tmp_path / "far.csv")
+    with pytest.raises(FileError, match="a: cannot be read: File name too long"):
+        read_recording("a" * 5000)
     with pytest.raises(FileError, match="interposx"):
         read_recording(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"points": 0}, "a data set needs at least 2 time points, not 0"),
+        ({"interval": 0.0}, "the interval is 0.0 s; expected a finite number above 0"),
+        ({"interval": 0.0, "seconds": 1.0}, "the interval is 0.0 s; expected a finite number above 0"),
+        ({"seconds": float("nan")}, "the window is nan s; expected a finite number above 0"),
+        ({"robot": (0.0, float("nan"), 0.0)}, "the robot's pose is 0 nan 0; expected finite numbers"),
+    ],
+)
+def test_zero_and_nan_are_no_defaults(tmp_path, options, words):
+    with pytest.raises(DataError, match=words):
+        read_data(written(tmp_path, GOOD), **options)
 
 
 @pytest.mark.parametrize("delimiter", [",", ";", "\t", "|"])

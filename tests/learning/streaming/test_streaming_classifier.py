@@ -3,7 +3,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from hypothesis import given, settings, strategies as st
-from sklearn.exceptions import NotFittedError
 from sklearn.linear_model import LogisticRegression
 from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import FunctionTransformer
@@ -337,7 +336,7 @@ def test_a_pipeline_without_motion_is_an_error(pipeline, words):
 
 
 def test_an_unfitted_pipeline_is_an_error():
-    with pytest.raises(NotFittedError):
+    with pytest.raises(DataError, match="streaming needs a fitted pipeline: This Motion instance is not"):
         StreamingClassifier(make_pipeline(Motion(), ByWay()))
 
 

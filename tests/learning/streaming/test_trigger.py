@@ -288,7 +288,9 @@ def test_wrong_arguments():
         DataError, match=r"the rule of a trigger is 'soon'; expected one of threshold, teaser"
     ):
         fit_trigger(timeline, rule="soon")
-    for cost in (-1, float("nan"), float("inf"), "0.1"):
+    with pytest.raises(DataError, match=r"waiting_cost is '0.1'; expected a number or None"):
+        fit_trigger(timeline, waiting_cost="0.1")
+    for cost in (-1, float("nan"), float("inf")):
         with pytest.raises(
             DataError, match=r"(the cost of a second|waiting_cost) is .*; expected a (finite )?number"
         ):

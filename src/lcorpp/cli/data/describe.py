@@ -29,7 +29,7 @@ def print_description(recording: Recording, path: Path, seed: int) -> None:
     emit = console.out.print
     if not recording.tracks:
         _print_repairs(recording.repairs)
-        raise DataError(f"{path}: no track remains")
+        raise DataError("; ".join([f"{path}: no track remains", *recording.notes]))
     description = describe(recording)
     people = sum(part.groups for part in description.classes)
     emit(

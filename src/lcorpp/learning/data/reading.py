@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -87,16 +88,19 @@ def read_data(
                 f"{path}: has no tracks of motion, but {join_some(whole.channels)}; durations, rates, poses"
                 " and files of labels are for tracks"
             )
-        interval = interval or whole.interval
-        points = points or (None if seconds else whole.trajectories.shape[2])
-    interval = interval or INTERVAL
+        interval = whole.interval if interval is None else interval
+        if points is None and seconds is None:
+            points = whole.trajectories.shape[2]
+    interval = INTERVAL if interval is None else interval
     if seconds is not None:
         points = count_window(seconds, interval)
     recording = read_recording(
         path, labels=labels, label_file=label_file, repair=repair, robot=robot, gap=gap, progress=progress
     )
     try:
-        return to_dataset(recording, interval=interval, points=points or POINTS, channels=channels)
+        return to_dataset(
+            recording, interval=interval, points=POINTS if points is None else points, channels=channels
+        )
     except DataError as error:
         reason = str(error).removeprefix(f"{recording.source}: ")
         raise DataError(f"{path}: {reason}") from None
@@ -211,7 +215,7 @@ def detect_format(path: str | Path) -> Format:
         ParseError: the first line is of no known format.
     """
     file = Path(path)
-    if file.is_dir():
+    if os.path.isdir(file):  # unlike a Path, without an error for a name that is too long
         return "authors"
     suffix = file.suffix.lower()
     if suffix == SUFFIX:

@@ -116,14 +116,26 @@ class Track:
         return speeds
 
     def last(self, seconds: float) -> Track:
-        """Return the last seconds of the track, two samples at least."""
+        """Return the last seconds of the track, two samples at least.
+
+        Raises:
+            DataError: the seconds are not a number above 0.
+        """
+        if not seconds > 0:
+            raise DataError(f"the last {seconds:g} seconds are no part of a track; expected a number above 0")
         first = int(np.searchsorted(self.times, self.times[-1] - seconds - CLOCK_TOLERANCE))
         first = min(first, len(self) - 2)
         columns = {name: values[first:] for name, values in self.columns.items()}
         return replace(self, times=self.times[first:], columns=columns)
 
     def in_robot_frame(self, x: float, y: float, angle: float) -> Track:
-        """Transform positions and angles to the frame of a robot at (x, y), m, that faces `angle`, rad."""
+        """Transform positions and angles to the frame of a robot at (x, y), m, that faces `angle`, rad.
+
+        Raises:
+            DataError: the pose is not finite.
+        """
+        if not np.isfinite((x, y, angle)).all():
+            raise DataError(f"the robot's pose is {x:g} {y:g} {angle:g}; expected finite numbers")
         cosine, sine = np.cos(angle), np.sin(angle)
         dx, dy = self.columns["x"] - x, self.columns["y"] - y
         moved = {"x": cosine * dx + sine * dy, "y": cosine * dy - sine * dx}

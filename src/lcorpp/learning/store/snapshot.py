@@ -217,7 +217,7 @@ def is_store(path: str | Path) -> bool:
     path = Path(path)
     try:
         return path.is_file() and (path.suffix == ".tracks" or bool(database.detect_version(path)))
-    except DataError:
+    except (DataError, OSError):  # e.g. a name that is too long
         return False
 
 

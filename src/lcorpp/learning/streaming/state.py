@@ -8,6 +8,7 @@ from typing import Any, Protocol
 
 import numpy as np
 import numpy.typing as npt
+from sklearn.exceptions import NotFittedError
 from sklearn.pipeline import Pipeline
 from sklearn.utils.validation import check_is_fitted
 
@@ -130,7 +131,7 @@ def make_state(pipeline: Any, min_points: int, window: int | None) -> tuple[Moti
         DataError: the pipeline is not a fitted Pipeline that begins with `Motion`.
     """
     is_wrapped = isinstance(pipeline, SigmoidScores)
-    steps = pipeline.classifier_ if is_wrapped else pipeline
+    steps = getattr(pipeline, "classifier_", pipeline.classifier) if is_wrapped else pipeline
     if not isinstance(steps, Pipeline) or not isinstance(steps[0], Motion) or len(steps) < 2:
         first = type(steps[0] if isinstance(steps, Pipeline) else steps).__name__
         hint = ": use StreamingClassifier.from_trained" if hasattr(pipeline, "estimator") else ""
@@ -139,8 +140,11 @@ def make_state(pipeline: Any, min_points: int, window: int | None) -> tuple[Moti
             f" one begins with {first}{hint}"
         )
     motion, *between, classifier = (step for _, step in steps.steps)
-    for step in (motion, classifier):
-        check_is_fitted(step)
+    try:
+        check_is_fitted(motion)
+        check_is_fitted(classifier)
+    except NotFittedError as error:
+        raise DataError(f"streaming needs a fitted pipeline: {error}") from None
     recurrent = all(hasattr(classifier, name) for name in ("begin", "advance"))
     standardizers_only = all(isinstance(step, ChannelStandardizer) for step in between)
     if recurrent and not is_wrapped and window is None and standardizers_only:
