@@ -29,16 +29,37 @@ class EarlyDecision:
 
 
 @dataclass(frozen=True)
-class TriggerState:
-    """What a trigger remembers of a track.
+class AcceptedRun:
+    """The last consecutive predictions that a trigger accepted, of one track or of (cases,).
 
-    column: the class of the last prediction if it was accepted, else -1.
-    run: number of consecutive accepted predictions of this class.
-    decision: the first decision, which stays.
+    column: their class, -1 if the last prediction was not accepted. length: their number.
     """
 
-    column: int = -1
-    run: int = 0
+    column: Indices | int = -1
+    length: Indices | int = 0
+
+    def extend(self, column: Indices | int, probability: Array | float, floors: Array) -> AcceptedRun:
+        """Return the run after another prediction, which is accepted if its probability reaches its floor.
+
+        Args:
+            column: the most probable class. probability: of that class; NaN without a prediction.
+            floors: (K,) for the classes; a floor of 1 is never reached.
+        """
+        floor = floors[column]
+        is_accepted = (probability >= floor) & (floor < 1)
+        length = np.where(is_accepted, np.where(column == self.column, self.length + 1, 1), 0)
+        return AcceptedRun(np.where(is_accepted, column, -1), length)
+
+    def decides(self, points: int, consecutive: int, last_points: float) -> Flags:
+        """Whether the run is long enough, or waiting ends after so many points."""
+        return np.asarray((self.length >= consecutive) | (points >= last_points))
+
+
+@dataclass(frozen=True)
+class TriggerState:
+    """What a trigger remembers of a track. decision: the first one, which stays."""
+
+    run: AcceptedRun = AcceptedRun()
     decision: EarlyDecision | None = None
 
 
@@ -124,14 +145,11 @@ class Trigger:
         if state.decision is not None or row < 0:
             return state
         calibrated = self.calibration.at(points).calibrate(probabilities[None])[0]
-        column = int(calibrated.argmax())
-        probability, floor = float(calibrated[column]), self.floors[min(row, len(self.floors) - 1), column]
-        is_accepted = probability >= floor and floor < 1
-        run = (state.run + 1 if column == state.column else 1) if is_accepted else 0
-        decision = None
-        if run >= self.consecutive or points >= self.last_points:
-            decision = EarlyDecision(self.classes[column], probability, points)
-        return TriggerState(column if is_accepted else -1, run, decision)
+        column, probability = int(calibrated.argmax()), float(calibrated.max())
+        run = state.run.extend(column, probability, self.floors[min(row, len(self.floors) - 1)])
+        if run.decides(points, self.consecutive, self.last_points):
+            return TriggerState(run, EarlyDecision(self.classes[column], probability, points))
+        return TriggerState(run)
 
     @check_arguments
     def decide(self, timeline: PredictionTimeline) -> tuple[EarlyDecision | None, ...]:
@@ -184,7 +202,7 @@ class Ages:
     """The calibrated predictions of a timeline at the ages at which they change.
 
     points: (ages,) numbers of points. seconds: (ages,). known: (cases, ages) whether there is a prediction.
-    columns: (cases, ages) the most probable class. probability: (cases, ages) its probability, 0 if unknown.
+    columns: (cases, ages) the most probable class. probability: (cases, ages) of that class, NaN if unknown.
     """
 
     points: npt.NDArray[np.int64]
@@ -205,33 +223,22 @@ class Ages:
             raise DataError("the timeline has no predictions: the tracks are too short")
         p = timeline.probabilities[:, times]
         known: Flags = np.asarray(np.isfinite(p).all(axis=2))
-        filled = np.where(known[:, :, None], p, 0.0)
         points = np.array(timeline.points, dtype=np.int64)[times]
-        return cls(points, timeline.seconds[times], known, filled.argmax(axis=2), filled.max(axis=2))
+        return cls(points, timeline.seconds[times], known, p.argmax(axis=2), p.max(axis=2))
 
     @property
     def last(self) -> Indices:
         """(cases,) the last age with a prediction; 0 without one."""
         return np.asarray((self.known * np.arange(len(self.points))).max(axis=1))
 
-    def find_first(self, floors: Array, consecutive: int, last_points: int | None = None) -> Indices:
-        """(cases,) the age at which each case is decided, see `Trigger`.
-
-        Args:
-            floors: (ages, K), or (cases, ages, K).
-        """
-        floors = np.broadcast_to(floors, (*self.known.shape, floors.shape[-1]))
-        own = np.take_along_axis(floors, self.columns[:, :, None], axis=2)[:, :, 0]
-        accepted = self.known & (self.probability >= own) & (own < 1)
-        must = np.zeros_like(accepted) if last_points is None else self.known & (self.points >= last_points)
-        fired, run = self.last, np.zeros(len(self.known), dtype=np.int64)
-        is_decided, column = np.zeros(len(run), dtype=bool), np.full(len(run), -1)
-        for age in range(len(self.points)):
-            now, is_accepted = self.columns[:, age], accepted[:, age]
-            run = np.where(is_accepted, np.where(now == column, run + 1, 1), 0)
-            column = np.where(is_accepted, now, -1)
-            fires = ~is_decided & ((run >= consecutive) | must[:, age])
-            fired[fires], is_decided = age, is_decided | fires
+    def find_first(self, floors: Array, consecutive: int, last_points: float = np.inf) -> Indices:
+        """(cases,) the age at which each case is decided, see `Trigger`. floors: (ages, K)."""
+        fired, run = self.last, AcceptedRun()
+        is_open = np.ones(len(fired), dtype=bool)
+        for age, points in enumerate(self.points.tolist()):
+            run = run.extend(self.columns[:, age], self.probability[:, age], floors[age])
+            decides = is_open & self.known[:, age] & run.decides(points, consecutive, last_points)
+            fired[decides], is_open = age, is_open & ~decides
         return fired
 
 
