@@ -79,6 +79,7 @@ from .streaming.prefix_ensemble import (
     PrefixEnsemble as PrefixEnsemble,
     with_prefix_ensemble as with_prefix_ensemble,
 )
+from .streaming.prefix_sets import PrefixSets as PrefixSets, fit_prefix_sets as fit_prefix_sets
 from .streaming.prefixes import (
     cross_predict_over_time as cross_predict_over_time,
     predict_over_time as predict_over_time,

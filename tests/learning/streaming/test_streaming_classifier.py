@@ -195,7 +195,7 @@ def test_memory_is_bounded_by_the_number_of_tracked_people():
             for frame in range(2):
                 streams.push(person * 0.2 + frame * 0.1, person, 0, frame * 0.03)
         assert len(streams.predictions) <= 27  # five seconds of five people, and rounding
-        assert streams._slots == 32
+        assert streams._predictor.slots == 32
         assert streams.report().removals == 500 - len(streams.predictions)
 
 

@@ -10,9 +10,9 @@ import numpy as np
 import numpy.typing as npt
 
 from lcorpp.errors import DataError
+from lcorpp.values import Flags, Indices
 
 Floats = npt.NDArray[np.float32]
-Indices = npt.NDArray[np.intp]
 
 TAPS = 9
 """Weights of a kernel: three are 2 and six -1, so that they sum to 0."""
@@ -27,7 +27,7 @@ BLOCK = 2**20
 """Numbers compared at once: larger blocks leave the cache."""
 
 
-def is_padded(layer: Indices | int, kernel: Indices | int) -> npt.NDArray[np.bool_]:
+def is_padded(layer: Indices | int, kernel: Indices | int) -> Flags:
     """Whether a convolution sees zeros around the track; the others count only inside it."""
     return np.asarray((layer + kernel) % 2 == 0)
 
@@ -94,7 +94,7 @@ class RunningConvolutions:
         self,
         dilations: npt.NDArray[np.int64],
         counts: npt.NDArray[np.int64],
-        channels: npt.NDArray[np.bool_],
+        channels: Flags,
         biases: Floats,
     ) -> None:
         self._channels, self._points = channels.shape[1], int((TAPS - 1) * dilations.max() + 1)
@@ -156,7 +156,7 @@ class _Convolutions:
         numbers: Indices,
         positions: int,
         dilations: npt.NDArray[np.int64],
-        channels: npt.NDArray[np.bool_],
+        channels: Flags,
         biases: Floats,
         number_of: Indices,
     ) -> None:
@@ -180,7 +180,7 @@ class _Convolutions:
             signal[:, :TAPS] += seen[..., channel, None] * is_added
         return signal.reshape(*signal.shape[:2], -1)
 
-    def count(self, signal: Floats, is_counted: npt.NDArray[np.bool_]) -> npt.NDArray[np.int8]:
+    def count(self, signal: Floats, is_counted: Flags) -> npt.NDArray[np.int8]:
         """(n, F) the number of positions, among those counted (n, positions, W), above each bias."""
         n, positions = len(signal), len(self.ages)
         flat = signal.reshape(n, -1)

@@ -4,46 +4,24 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Hashable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from math import isfinite
 from types import MappingProxyType
 from typing import Any, Self
-
-import numpy as np
 
 from lcorpp.arguments import check_arguments, check_value
 from lcorpp.errors import DataError
 from lcorpp.learning.classifiers.trained import TrainedClassifier
 from lcorpp.learning.contract import name_of
+from lcorpp.learning.streaming.people_predictor import PeoplePredictor, TrackedPerson
 from lcorpp.learning.streaming.predictions import ConstantEstimator, Prediction, StreamReport
+from lcorpp.learning.streaming.prefix_sets import PrefixSets
 from lcorpp.learning.streaming.resampler import Clock, RepairCounts, Sample, StreamRules, TrackResampler
 from lcorpp.learning.streaming.state import make_state
 from lcorpp.learning.streaming.timeline import PrefixCalibration
-from lcorpp.learning.streaming.trigger import Trigger, TriggerState
-from lcorpp.values import Array, freeze
+from lcorpp.learning.streaming.trigger import Trigger
 
 MAX_LONE_SAMPLES = 5  # in a row after gaps longer than `max_gap`; then the unit of the stamps is doubtful
-MIN_SLOTS = 16
-"""Slots of the classifier's state that the first person allocates; full slots are doubled."""
-
-NOT_DECIDED = TriggerState()
-
-
-@dataclass(eq=False, slots=True)
-class _Person:
-    """One id.
-
-    resampler: its current track. slot: its index in the classifier's state. prediction: the current one.
-    last_seen: clock time of its last sample. probabilities: (K,) after the last point, NaN before the first
-    prediction. trigger: what the trigger remembers of the track.
-    """
-
-    resampler: TrackResampler
-    slot: int
-    prediction: Prediction
-    last_seen: float = 0.0
-    probabilities: Array = field(default_factory=lambda: np.empty(0))
-    trigger: TriggerState = NOT_DECIDED
 
 
 class StreamingClassifier:
@@ -52,8 +30,8 @@ class StreamingClassifier:
     The time stamps of the samples place a person's track on points at the fixed rate of the pipeline's
     `Motion`, and every new point updates the prediction. The prediction equals `predict_proba` of the
     pipeline for the whole track so far, resampled by `resample`. People do not affect each other's
-    predictions. For a classifier with `begin` and `advance` (the LSTM) the cost of a sample does not depend
-    on the length of the track; other classifiers predict again from the whole track at each point.
+    predictions. For a classifier with `begin` and `advance` (LSTM, MiniRocket) the cost of a sample does not
+    depend on the length of the track; other classifiers predict again from the whole track at each point.
 
     Before `min_points` points, which take (min_points - 1) / rate seconds, the prediction has no
     probabilities. A robot that has to act then has the reasoner's prior, which is better than the class
@@ -109,20 +87,19 @@ class StreamingClassifier:
             raise DataError(f"one point shows no motion: min_points must be 2 or more, not {min_points}")
         if window is not None and window < min_points:
             raise DataError(f"window must be at least min_points, {min_points}, not {window}")
-        self._motion, self._state = make_state(pipeline, min_points, window)
+        self._motion, state = make_state(pipeline, min_points, window)
         self._rules = StreamRules(
             self._motion.rate, allowed_lateness, max_gap, max_duration, max_speed, max_silence
         )
-        self._min_points, self.inputs = min_points, tuple(self._motion.inputs)
-        self._people: dict[Hashable, _Person] = {}  # in the order of their last samples
-        self._free: list[int] = []  # slots without a person
-        self._slots = 0
+        self.inputs = tuple(self._motion.inputs)
+        self._people: dict[Hashable, TrackedPerson] = {}  # in the order of their last samples
+        self._predictor = PeoplePredictor(state, min_points)
         self._clock, self._has_warned = Clock(max_gap), False
         self._removed, self._removals = RepairCounts(), 0
         self._trained = TrainedClassifier(pipeline)
         self._prefix_calibration: PrefixCalibration | None = None
-        self._trigger: Trigger | None = None
-        self.classes, self.constant_cost = self._trained.classes, self._state.constant_cost
+        self._prefix_sets: PrefixSets | None = None
+        self.classes, self.constant_cost = self._trained.classes, state.constant_cost
 
     def __repr__(self) -> str:
         name = name_of(self._trained.estimator)
@@ -135,6 +112,7 @@ class StreamingClassifier:
         trained: TrainedClassifier,
         *,
         prefix_calibration: PrefixCalibration | None = None,
+        prefix_sets: PrefixSets | None = None,
         trigger: Trigger | None = None,
         **options: Any,
     ) -> Self:
@@ -143,30 +121,34 @@ class StreamingClassifier:
         Args:
             prefix_calibration: the calibration of early predictions, from `calibrate_prefixes`; None takes
                 that of the trigger, if there is one.
+            prefix_sets: the prediction sets of early predictions, from `fit_prefix_sets`.
             trigger: decides when enough of a track is seen, see `Prediction.decision`; from `fit_trigger`.
             options: the keyword arguments of the class.
 
         Raises:
-            DataError: as the class, or the trigger is for other classes.
+            DataError: as the class, or the trigger or the prefix sets are for other classes.
         """
         streams = cls(trained.estimator, **options)
-        if trigger is not None and trigger.classes != streams.classes:
-            raise DataError(
-                f"the trigger is for {', '.join(trigger.classes)}; the classifier for"
-                f" {', '.join(streams.classes)}"
-            )
+        for what, part in (("trigger is", trigger), ("prefix sets are", prefix_sets)):
+            if part is not None and part.classes != streams.classes:
+                raise DataError(
+                    f"the {what} for {', '.join(part.classes)}; the classifier for"
+                    f" {', '.join(streams.classes)}"
+                )
         if prefix_calibration is None and trigger is not None:
             prefix_calibration = trigger.calibration
         streams._trained, streams._prefix_calibration = trained, prefix_calibration
-        streams._trigger = trigger
+        streams._prefix_sets = prefix_sets
+        streams._predictor.trigger = trigger
         return streams
 
     def classifier(self, person: Hashable) -> TrainedClassifier:
         """The current prediction for a person as a classifier for the decision loop.
 
-        Its label is the same for any instance. Its `soft()` gives likelihoods, calibrated for the number of
-        points if there is a prefix calibration. Otherwise calibration, threshold, prediction sets and
-        confusion matrix are those of whole tracks; for early decisions, validate on `truncate`.
+        Its label is the same for any instance. Its `soft()` and `sets()` give likelihoods for the number of
+        points if there are a prefix calibration and prefix sets. Otherwise calibration and prediction sets
+        are those of whole tracks, as threshold and confusion matrix always are; for early decisions, validate
+        on `truncate`.
 
         Raises:
             DataError: there is no prediction for the person yet.
@@ -175,11 +157,12 @@ class StreamingClassifier:
         if prediction is None or prediction.probabilities is None:
             reason = "has no samples" if prediction is None else f"has {prediction.points} points, too few"
             raise DataError(f"there is no prediction for {person!r}, who {reason}")
-        calibration = self._trained.calibration
+        own: dict[str, Any] = {"estimator": ConstantEstimator(self.classes, prediction.probabilities)}
         if self._prefix_calibration is not None:
-            calibration = self._prefix_calibration.at(prediction.points)
-        constant = ConstantEstimator(self.classes, prediction.probabilities)
-        return replace(self._trained, estimator=constant, calibration=calibration)
+            own["calibration"] = self._prefix_calibration.at(prediction.points)
+        if self._prefix_sets is not None:
+            own["prediction_sets"] = self._prefix_sets.at(prediction.points)
+        return replace(self._trained, **own)
 
     @property
     def predictions(self) -> Mapping[Hashable, Prediction]:
@@ -249,11 +232,14 @@ class StreamingClassifier:
             pass
         raise DataError(f"sample {sample!r}; expected time, person, {', '.join(self.inputs)}")
 
-    def _add(self, time: float, name: Hashable, sample: Sample) -> _Person:
+    def _add(self, time: float, name: Hashable, sample: Sample) -> TrackedPerson:
         """Add a sample to the track of its person."""
         if isfinite(time):
             self._clock.observe(time)
-        person = self._people.pop(name, None) or self._create_person(name)
+        person = self._people.pop(name, None)
+        if person is None:
+            resampler = TrackResampler(self._rules, self.inputs, self._motion.angles)
+            person = self._predictor.begin(name, resampler)
         self._people[name] = person
         person.last_seen = self._clock.elapsed
         person.resampler.add(time, sample)
@@ -266,51 +252,16 @@ class StreamingClassifier:
             warnings.warn(message, stacklevel=2)
         return person
 
-    def _create_person(self, name: Hashable) -> _Person:
-        if not self._free:
-            old, self._slots = self._slots, max(MIN_SLOTS, 2 * self._slots)
-            self._state.grow(self._slots)
-            self._free = list(range(self._slots - 1, old - 1, -1))
-        resampler = TrackResampler(self._rules, self.inputs, self._motion.angles)
-        return _Person(resampler, self._free.pop(), Prediction(name, 0, 0, None, None))
-
-    def _update(self, people: Mapping[Hashable, _Person]) -> None:
-        """Update the predictions of some people with their new points."""
-        due = []
-        for person in people.values():
-            new_points, is_new_track = person.resampler.take_points()
-            if is_new_track:
-                self._state.reset(np.array([person.slot]))
-                person.trigger = NOT_DECIDED
-            if new_points:
-                due.append((person, new_points))
+    def _update(self, people: Mapping[Hashable, TrackedPerson]) -> None:
         try:
-            self._advance(due)
+            self._predictor.update(people)
         except BaseException:
             for name in people:  # their state no longer matches their tracks
                 self._drop(name)
             raise
-        for name, person in people.items():
-            track, points = person.resampler.track_count, person.resampler.point_count
-            if (track, points) != (person.prediction.track, person.prediction.points):
-                known = freeze(person.probabilities) if points >= self._min_points else None
-                if self._trigger is not None and known is not None:
-                    person.trigger = self._trigger.advance(person.trigger, points, known)
-                decision, time = person.trigger.decision, person.resampler.time
-                person.prediction = Prediction(name, track, points, time, known, decision)
-
-    def _advance(self, due: Sequence[tuple[_Person, Sequence[Sample]]]) -> None:
-        """Advance the state by the new points of people: the first point of each, then the second, ..."""
-        for turn in range(max((len(new_points) for _, new_points in due), default=0)):
-            batch = [(person, new_points[turn]) for person, new_points in due if len(new_points) > turn]
-            slots, points = [person.slot for person, _ in batch], [point for _, point in batch]
-            probabilities = self._state.advance(np.array(slots), np.array(points))
-            for (person, _), row in zip(batch, probabilities, strict=True):
-                person.probabilities = row
 
     def _drop(self, name: Hashable) -> None:
         person = self._people.pop(name)
-        self._state.reset(np.array([person.slot]))
-        self._free.append(person.slot)
+        self._predictor.end(person)
         self._removed.add(person.resampler.repairs)
         self._removals += 1

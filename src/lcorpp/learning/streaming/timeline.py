@@ -7,9 +7,9 @@ weak evidence at first and stronger evidence later.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Self
+from typing import Any, Self, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -19,6 +19,8 @@ from lcorpp.errors import DataError, expected_one_of
 from lcorpp.learning.evaluation.calibration import Calibration, fit_calibration, report_damage
 from lcorpp.learning.evaluation.metrics import compute_auc
 from lcorpp.values import Array, Lengths, check_rows, freeze, measure_lengths
+
+T = TypeVar("T")
 
 MIN_CASES = 20
 """The number of tracks that a calibration is fitted to, if not all tracks last so long."""
@@ -67,6 +69,15 @@ class PredictionTimeline:
             folds=tuple(self.folds[case] for case in cases) if self.folds else (),
             groups=tuple(self.groups[case] for case in cases) if self.groups else (),
         )
+
+    def require_folds(self) -> None:
+        """Check that the predictions are out of fold.
+
+        Raises:
+            DataError: they are not.
+        """
+        if not self.folds:
+            raise DataError("the timeline has no folds; expected the result of cross_predict_over_time")
 
     @property
     def seconds(self) -> Array:
@@ -153,9 +164,7 @@ class PrefixCalibration:
         Raises:
             DataError: there are no predictions for prefixes as short as that.
         """
-        if points < self.min_points:
-            raise DataError(f"there is no prediction after {points} points; {self.min_points} are needed")
-        return self.calibrations[min(points - self.min_points, len(self.calibrations) - 1)]
+        return select_by_points(self.calibrations, self.min_points, points)
 
     @check_arguments
     def calibrate(self, timeline: PredictionTimeline) -> PredictionTimeline:
@@ -196,19 +205,41 @@ def calibrate_prefixes(timeline: PredictionTimeline) -> PrefixCalibration:
     Raises:
         DataError: the timeline has no predictions.
     """
-    labels, calibrations = np.array(timeline.labels), dict[int, Calibration]()
+    return PrefixCalibration(
+        *fit_by_points(timeline, lambda part, p: fit_calibration(part.classes, p, list(part.labels)))
+    )
+
+
+def fit_by_points(
+    timeline: PredictionTimeline, fit: Callable[[PredictionTimeline, Array], T]
+) -> tuple[int, tuple[T, ...]]:
+    """Return the smallest number of points with a prediction, and the fits to it, one more, and so on.
+
+    Args:
+        fit: (part, probabilities) -> the fit to the cases with a prediction, probabilities (cases, K).
+    """
+    labels, fits = np.array(timeline.labels), dict[int, T]()
     for column, points in enumerate(timeline.points):
-        probabilities = timeline.probabilities[:, column]
-        known = np.isfinite(probabilities).all(axis=1)
+        known = np.isfinite(timeline.probabilities[:, column]).all(axis=1)
         is_enough = known.all() or (known.sum() >= MIN_CASES and set(labels[known]) == set(labels))
-        if is_enough and points not in calibrations:
-            calibrations[points] = fit_calibration(
-                timeline.classes, probabilities[known], labels[known].tolist()
-            )
-    first, last = min(calibrations, default=0), max(calibrations, default=-1)
+        if is_enough and points not in fits:
+            part = timeline.take(np.flatnonzero(known))
+            fits[points] = fit(part, part.probabilities[:, column])
+    first, last = min(fits, default=0), max(fits, default=-1)
     for points in range(first, last):
-        calibrations.setdefault(points + 1, calibrations[points])
-    return PrefixCalibration(first, tuple(calibrations[points] for points in range(first, last + 1)))
+        fits.setdefault(points + 1, fits[points])
+    return first, tuple(fits[points] for points in range(first, last + 1))
+
+
+def select_by_points(fits: Sequence[T], min_points: int, points: int) -> T:
+    """Return the fit for prefixes of `points` points; `fits` begin at `min_points`, longer ones use the last.
+
+    Raises:
+        DataError: there are no predictions for prefixes as short as that.
+    """
+    if points < min_points:
+        raise DataError(f"there is no prediction after {points} points; {min_points} are needed")
+    return fits[min(points - min_points, len(fits) - 1)]
 
 
 @check_arguments
@@ -218,8 +249,7 @@ def cross_calibrate_prefixes(timeline: PredictionTimeline) -> PredictionTimeline
     Raises:
         DataError: the timeline has no folds or no predictions.
     """
-    if not timeline.folds:
-        raise DataError("the timeline has no folds; expected the result of cross_predict_over_time")
+    timeline.require_folds()
     folds = np.array(timeline.folds)
     calibrated = np.array(timeline.probabilities)
     for fold in np.unique(folds):

@@ -93,8 +93,7 @@ def search_trigger(
         raise DataError(f"the rule of a trigger is {rule!r}; {expected_one_of(RULES)}")
     if waiting_cost is not None and not 0 <= waiting_cost < np.inf:
         raise DataError(f"the cost of a second is {waiting_cost!r}; expected a finite number, 0 or more")
-    if not timeline.folds:
-        raise DataError("the timeline has no folds; expected the result of cross_predict_over_time")
+    timeline.require_folds()
     ages = Ages.of(cross_calibrate_prefixes(timeline))
     has_prediction = ages.known.any(axis=1)
     labels, folds = np.array(timeline.labels), np.array(timeline.folds)
