@@ -27,6 +27,7 @@ from tests.learning.test_bad_arguments import CALLS, DATA, RECORDING, SCHEMA, TI
 DOMAIN = load_domain("intention")
 TIMELINE = learning.cross_predict_over_time(TRAINED.estimator, DATA, folds=2)
 SEARCH = learning.search_trigger(TIMELINE)
+PREFIX_SETS = learning.fit_prefix_sets(TIMELINE)
 SETS, CALIBRATION = TRAINED.prediction_sets, TRAINED.calibration
 P = VALIDATION.probabilities
 MATRIX = ConfusionMatrix(("a", "b"), [[8, 2], [3, 7]])
@@ -68,6 +69,9 @@ MORE_CALLS = {
     "PrefixCalibration.calibrate": (SEARCH.trigger.calibration.calibrate, {"timeline": TIMELINE}),
     "PrefixCalibration.from_json": (learning.PrefixCalibration.from_json,
                                     {"numbers": SEARCH.trigger.calibration.to_json()}),
+    "PrefixSets": (learning.PrefixSets, {"min_points": 2, "sets": PREFIX_SETS.sets}),
+    "PrefixSets.at": (PREFIX_SETS.at, {"points": 9}),
+    "PrefixSets.from_json": (learning.PrefixSets.from_json, {"numbers": PREFIX_SETS.to_json()}),
     "PrefixEnsemble": (fit(learning.PrefixEnsemble), {
         "classifier": learning.LstmClassifier(epochs=1), "fractions": (0.5, 1.0)}),
     "QuadraticLogistic": (fit(learning.QuadraticLogistic, DATA.trajectories[:, 0, :3]), {
@@ -121,6 +125,7 @@ MORE_CALLS = {
         "weights": VALIDATION.weights}),
     "fit_prediction_sets": (learning.fit_prediction_sets, {"validation": VALIDATION, "coverage": 0.9,
                                                            "by_class": True}),
+    "fit_prefix_sets": (learning.fit_prefix_sets, {"timeline": TIMELINE, "coverage": 0.9, "by_class": True}),
     "fit_trigger": (learning.fit_trigger, {"timeline": TIMELINE, "rule": "threshold", "waiting_cost": 0.1}),
     "learner": (learning.learner, {"name": "summaries", "interval": 0.1, "inputs": ("x", "y"),
                                    "features": ("x", "y"), "seed": 0, "epochs": None, "device": "cpu"}),
