@@ -77,10 +77,15 @@ def choose_learner(options: TrainingOptions, dataset: Dataset) -> TrainingOption
     return replace(options, learner=options.learner or DEFAULTS[dataset.kind])
 
 
-def make_estimator(data: TrainingData, options: TrainingOptions, seed: int) -> Any:
+def make_estimator(
+    data: TrainingData, options: TrainingOptions, seed: int, *, new_places: bool = True
+) -> Any:
     """Return an unfitted estimator of a learner, for the interval and the channels of the training data.
 
     Without a number of epochs, the learner "lstm" gets `data.epochs`, and any other its own default.
+
+    Args:
+        new_places: as of `learner`.
 
     Raises:
         DataError: as `learner`.
@@ -97,6 +102,7 @@ def make_estimator(data: TrainingData, options: TrainingOptions, seed: int) -> A
         device=options.device,
         kind=data.dataset.kind,
         rate=options.rate,
+        new_places=new_places,
     )
 
 

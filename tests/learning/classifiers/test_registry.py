@@ -125,6 +125,8 @@ def test_more_cases_than_the_limit_do_not_weaken_the_regularization():
     np.testing.assert_allclose(once.weights_, twice.weights_, atol=1e-5)
     unlimited = QuadraticLogistic(C=0.1).fit(np.tile(X, (2, 1)), np.tile(y, 2))
     assert np.abs(unlimited.weights_).sum() > 1.2 * np.abs(twice.weights_).sum()
+    limits = [learner("summaries", new_places=new)[-1].max_cases for new in (True, False)]
+    assert limits == [25, None]
     with pytest.raises(DataError, match="max_cases must be above 0, not 0"):
         QuadraticLogistic(max_cases=0).fit(X, y)
 

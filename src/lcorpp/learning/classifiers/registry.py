@@ -72,6 +72,7 @@ class LearnerConfig:
 
     kind: Kind
     rate: float
+    new_places: bool
 
     def __post_init__(self) -> None:
         interval = self.interval
@@ -121,7 +122,7 @@ class Learner:
 
 def _lstm(config: LearnerConfig, pipeline: Callable[..., Pipeline] = paper_pipeline) -> Pipeline:
     arguments = {name: value for name, value in vars(config).items() if value is not None}
-    kind, seed = arguments.pop("kind"), arguments.pop("seed")
+    kind, seed, _ = (arguments.pop(name) for name in ("kind", "seed", "new_places"))
     whole = pipeline(random_state=seed, **arguments)
     return whole if kind == "motion" else whole[1:]  # without the step `Motion`
 
@@ -138,7 +139,8 @@ def _summaries(config: LearnerConfig) -> Pipeline:
     from lcorpp.learning.classifiers.logistic import QuadraticLogistic
 
     # of many summaries, each of which depends little on the class, none may get a large weight
-    options: dict[str, Any] = {"table": {"C": 1.0}, "series": {}, "motion": {"max_cases": MAX_CASES}}
+    of_motion = {"max_cases": MAX_CASES if config.new_places else None}
+    options: dict[str, Any] = {"table": {"C": 1.0}, "series": {}, "motion": of_motion}
     return config.summarize(("logistic", QuadraticLogistic(**options[config.kind])))
 
 
@@ -206,6 +208,7 @@ def learner(
     device: str = "cpu",
     kind: Kind | None = None,
     rate: float = RATE,
+    new_places: bool = True,
 ) -> Any:
     """Return an unfitted classifier.
 
@@ -222,6 +225,8 @@ def learner(
             motion if `inputs` are channels of motion, a series otherwise, and a table for learners that need
             one.
         rate: points of motion per second, see `Motion`.
+        new_places: whether the people to be classified may be at other places than those of the training.
+            If not, the learner "summaries" regularizes the less the more tracks of motion there are.
 
     Returns:
         An estimator with `fit`, `predict_proba` and `get_params`.
@@ -236,7 +241,9 @@ def learner(
         if name in LEARNERS and kind not in LEARNERS[name].kinds:
             kind = LEARNERS[name].kinds[0]
     chosen = default_features(name) if features is None else features
-    config = LearnerConfig(interval, tuple(inputs), tuple(chosen), seed, epochs, device, kind, rate)
+    config = LearnerConfig(
+        interval, tuple(inputs), tuple(chosen), seed, epochs, device, kind, rate, new_places
+    )
     if ":" in name:
         defaults = {"features": PAPER_FEATURES, "epochs": None, "device": "cpu", "rate": RATE}
         required = [key for key, value in defaults.items() if getattr(config, key) != value]
