@@ -129,6 +129,9 @@ def lcorpp(
 ) -> Iterator[Batch]:
     """Run the outer loop; every training yields a batch, so the caller may stop at any of them.
 
+    The last training is followed by no decision: it determines whether the loop ends, and its classifiers are
+    the result.
+
     To survive a crash, store each decision in `listener` and each batch when it is yielded, and pass both to
     the next run, as `experiments.RunStore` does.
 

@@ -17,7 +17,7 @@ from tests.experiments.figures.made_up import make_scores
 from tests.experiments.scoring.test_exact_evaluation import TABLE
 
 CLASSES = ("interested", "not_interested")
-SIZES = {"learner": "summaries", "batches": 2, "batch_size": 300}
+SIZES = {"learner": "summaries", "batches": 2, "batch_size": 300, "test_size": 200}
 
 
 def show_always(people, rng):
@@ -67,7 +67,7 @@ def test_each_person_s_track_is_simulated_once_for_all_runs():
 
     counted = replace(domain, simulation=replace(domain.simulation, signals={"motion": count}))
     planner = Planner(solve_domain(domain, cache=find_cache_folder()))
-    run_from_no_data(counted, planner, 0, learner="summaries", batches=2, batch_size=50)
+    run_from_no_data(counted, planner, 0, **{**SIZES, "batch_size": 50})
     assert simulated.count(50) == 2
 
 
@@ -76,6 +76,8 @@ def test_a_nearly_perfect_classifier_looks_as_bad_as_the_labels_in_the_rules(fou
     """A case that is predicted rightly and reported wrongly counts as an error of the classifier."""
     first, second = found[run]
     assert np.trace(second.true.counts) > 290
+    assert min(first.learned, second.learned) > 0.95
+    assert found[NONE][0].learned == found[NONE][1].learned == pytest.approx(0.5, abs=4 * 0.5 / 200**0.5)
     labels = first.scores.counts[:, :2]  # true class by reported class
     reported = labels[[0, 1], [0, 1]] / labels.sum(axis=0)
     stated = second.rules.counts[[0, 1], [0, 1]] / second.rules.counts.sum(axis=1)
@@ -102,7 +104,8 @@ def make_results(f1, seeds=4, belief=0.88):
         scores = make_scores("LCORPP", value, 0.85, 50 - 47 * value, 100 * value)
         scores = replace(scores, counts=np.array([[40.0, 5, 0], [10, 45.0, 0]]))
         rules = ConfusionMatrix(CLASSES, np.array([[30.0, 10], [12, 48]]))
-        return BatchOutcome(scores, rules, ConfusionMatrix(CLASSES, np.array([[34.0, 6], [6, 54]])), belief)
+        true = ConfusionMatrix(CLASSES, np.array([[34.0, 6], [6, 54]]))
+        return BatchOutcome(scores, rules, true, belief, learned=value - 0.1)
 
     return [
         {run: [make(f1[run][b] + jitter[s, b, r]) for b in range(BATCHES)] for r, run in enumerate(f1)}
@@ -115,7 +118,7 @@ RISING = {NONE: (0.81,) * 4, HARD: (0.81, 0.83, 0.85, 0.86), SOFT: (0.81, 0.84, 
 
 def test_findings_hold_where_the_curve_rises():
     result = make_result(make_results(RISING), "interested")
-    assert [finding.verdict for finding in result.findings] == ["holds"] * 5
+    assert [finding.verdict for finding in result.findings] == ["holds"] * 7
     assert (
         "Hypothesis IV, F1 rises from the first to the last batch, hard labels: holds (by 0.05"
         in result.paragraph
@@ -135,7 +138,7 @@ def test_findings_hold_where_the_curve_rises():
 def test_corrected_labels_are_compared_with_hard_ones():
     results = make_results(RISING | {CORRECTED: (0.81, 0.85, 0.87, 0.89)})
     result = make_result(results, "interested")
-    assert [finding.verdict for finding in result.findings] == ["holds"] * 8
+    assert [finding.verdict for finding in result.findings] == ["holds"] * 11
     assert (
         "In the last batch F1 and return are higher with corrected labels than with hard ones"
         in result.paragraph
@@ -146,7 +149,9 @@ def test_corrected_labels_are_compared_with_hard_ones():
 
 def test_findings_fail_where_it_falls_and_are_open_where_nothing_changes():
     falling = RISING | {HARD: (0.86, 0.85, 0.83, 0.8), SOFT: (0.81,) * 4}
-    hard, hard_gain, soft, soft_gain, better = make_result(make_results(falling), "interested").findings
+    findings = make_result(make_results(falling), "interested").findings
+    hard, hard_gain, hard_learned, soft, soft_gain, soft_learned, better = findings
+    assert (hard_learned.verdict, soft_learned.verdict) == ("does not hold", "is not decided")
     assert (hard.verdict, hard_gain.verdict) == ("does not hold", "does not hold")
     assert (soft.verdict, soft_gain.verdict) == ("is not decided", "is not decided")
     assert better.verdict == "holds"

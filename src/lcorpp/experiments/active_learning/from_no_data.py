@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
@@ -18,10 +18,11 @@ from lcorpp.experiments.active_learning.senses import LABEL_KINDS, ActiveLearnin
 from lcorpp.experiments.active_learning.untrained import RandomClassifier
 from lcorpp.experiments.scoring.metrics import Scores
 from lcorpp.experiments.setup import TrainingOptions
-from lcorpp.protocols import Planner
+from lcorpp.protocols import Classifier, Planner
 from lcorpp.reasoning import Reasoner
-from lcorpp.simulation.people import Person, SimulatedSignals
+from lcorpp.simulation.people import Person, Population, SimulatedSignals
 from lcorpp.simulation.people_stream import DecisionResult, PeopleStream
+from lcorpp.simulation.simulated_classifier import BatchClassifier
 from lcorpp.values import Array, ConfusionMatrix, Episode
 
 NONE = "none"
@@ -30,18 +31,20 @@ NONE = "none"
 
 @dataclass(frozen=True, eq=False)
 class BatchOutcome:
-    """A batch of decisions and the classifier with which they were made.
+    """A batch of decisions, the classifier with which they were made, and what is learned from them.
 
     scores: of the decisions; the errors of its `counts` are those of the labels that they add to the data.
     rules: the confusion matrix in the rules, estimated from the labels reported before.
     true: the classifier's confusion matrix for the people of this batch, by their true classes.
     belief: the mean belief in the reported value at the report.
+    learned: the accuracy, for people who are in no batch, of the classifier that is trained after the batch.
     """
 
     scores: Scores
     rules: ConfusionMatrix
     true: ConfusionMatrix
     belief: float
+    learned: float
 
 
 def run_from_no_data(
@@ -52,6 +55,7 @@ def run_from_no_data(
     learner: str,
     batches: int,
     batch_size: int,
+    test_size: int,
     labels: Sequence[str] = LABEL_KINDS,
 ) -> dict[str, list[BatchOutcome]]:
     """Decide about batches of people, first with a random classifier; each run meets the same people.
@@ -59,6 +63,8 @@ def run_from_no_data(
     Args:
         domain: with one sense, whose signals are simulated.
         learner: a name in the table of learners.
+        test_size: the number of people for whom the accuracy of each classifier is measured, of all runs the
+            same. A batch is too small for that: two trainings differ by less than chance in it.
         labels: kinds of labels, of each of which there is a run.
 
     Returns:
@@ -67,6 +73,14 @@ def run_from_no_data(
     sense = domain.senses[0]
     signals = {sense.name: _simulate_once(domain.simulation.signals[sense.name])}
     domain = replace(domain, simulation=replace(domain.simulation, signals=signals))
+    rng = np.random.default_rng([seed, 3])
+    people = Population(domain).sample(test_size, rng)
+    tracks = SimulatedSignals.from_domain(domain, sense).simulate(people, rng)
+    classes = np.array([domain.class_of(sense.name, domain.reasoning.join(person)) for person in people])
+
+    def measure(classifier: Classifier) -> float:
+        predicted = cast(BatchClassifier, classifier).classify_many(tracks)
+        return float(np.mean(np.array(predicted) == classes))
 
     def learn(kind: str) -> list[BatchOutcome]:
         options = ActiveLearningOptions(
@@ -80,12 +94,17 @@ def run_from_no_data(
         results = run_active_learning(domain, set_up_learning(domain, options), planner, options)
         return [
             make_outcome(
-                domain, after.decisions, after.batch.episodes, before.batch.senses[sense.name].confusion
+                domain,
+                after.decisions,
+                after.batch.episodes,
+                before.batch.senses[sense.name].confusion,
+                measure(after.batch.senses[sense.name].classifier),
             )
             for before, after in pairwise(results)
         ]
 
-    unchanged = _decide_without_learning(domain, planner, seed, batches, batch_size)
+    learned = measure(RandomClassifier(sense.classes, seed))
+    unchanged = _decide_without_learning(domain, planner, seed, batches, batch_size, learned)
     return {NONE: unchanged, **{kind: learn(kind) for kind in labels}}
 
 
@@ -104,7 +123,7 @@ def _simulate_once(simulate: Simulate) -> Simulate:
 
 
 def _decide_without_learning(
-    domain: Domain, planner: Planner, seed: int, batches: int, batch_size: int
+    domain: Domain, planner: Planner, seed: int, batches: int, batch_size: int, learned: float
 ) -> list[BatchOutcome]:
     """Keep the random classifier and its uniform rules; the people are those of `run_active_learning`."""
     sense = domain.senses[0]
@@ -120,12 +139,16 @@ def _decide_without_learning(
         for _ in range(batch_size):
             episodes.append(dt_control(robot, *stream.next()))
             decisions.append(stream.result(episodes[-1]))
-        outcomes.append(make_outcome(domain, decisions, episodes, rules))
+        outcomes.append(make_outcome(domain, decisions, episodes, rules, learned))
     return outcomes
 
 
 def make_outcome(
-    domain: Domain, decisions: Sequence[DecisionResult], episodes: Sequence[Episode], rules: ConfusionMatrix
+    domain: Domain,
+    decisions: Sequence[DecisionResult],
+    episodes: Sequence[Episode],
+    rules: ConfusionMatrix,
+    learned: float,
 ) -> BatchOutcome:
     """Score the decisions of a batch, their labels and the beliefs behind their reports."""
     name, true = domain.senses[0].name, np.zeros_like(rules.counts)
@@ -138,4 +161,4 @@ def make_outcome(
         if episode.report is not None
     ]
     matrix = ConfusionMatrix(rules.classes, true)
-    return BatchOutcome(score_batch(domain, decisions), rules, matrix, float(np.mean(beliefs)))
+    return BatchOutcome(score_batch(domain, decisions), rules, matrix, float(np.mean(beliefs)), learned)

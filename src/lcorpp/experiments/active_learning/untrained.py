@@ -30,6 +30,9 @@ class RandomClassifier:
         digest = int(track_hash(signal).removeprefix("track "), 16)
         return self.classes[int(np.random.default_rng([self.seed, digest]).integers(len(self.classes)))]
 
+    def classify_many(self, signals: Array) -> list[Label]:
+        return [self.classify(signal) for signal in signals]
+
     @property
     def confusion(self) -> ConfusionMatrix:
         """The matrix without counts; its smoothed rates are uniform."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from functools import partial
+from itertools import pairwise
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -57,6 +58,9 @@ In batches of 300 F1 rises by .028 with a standard deviation of .037 between see
 decide in nine of ten runs that it rises.
 """
 
+TEST_SIZE, FAST_TEST_SIZE = 5000, 1000
+"""People of each seed for whom the accuracy of the classifiers is measured."""
+
 OVERCONFIDENCE = 0.05
 """Belief in the reports above their accuracy that is worth a note."""
 
@@ -90,7 +94,8 @@ def make_figure(options: FigureOptions, progress: ProgressDisplay) -> FigureResu
     domain = load_domain("intention", preset="paper")
     planner = make_planner(domain, progress)
     n, size = (FAST_SEEDS, FAST_BATCH_SIZE) if options.fast else (SEEDS, BATCH_SIZE)
-    sizes = {"batches": BATCHES, "batch_size": size}
+    test_size = FAST_TEST_SIZE if options.fast else TEST_SIZE
+    sizes = {"batches": BATCHES, "batch_size": size, "test_size": test_size}
     labels = (HARD, SOFT) if options.fast else LABEL_KINDS
     unit = partial(run_from_no_data, domain, planner, learner=LEARNER, labels=labels, **sizes)
     with progress(f"{BATCHES} batches of {size} people", n) as advance:
@@ -144,10 +149,12 @@ def measure(outcome: BatchOutcome) -> dict[str, float]:
     """Return quantity -> number of a batch.
 
     label_error_CLASS is the share of the people reported as of a class who are not; recall_in_rules_CLASS and
-    true_recall_CLASS are the classifier's recall as the rules state it and as it is.
+    true_recall_CLASS are the classifier's recall as the rules state it and as it is; accuracy_learned is that
+    of the classifier which is trained after the batch.
     """
     numbers = {metric: outcome.scores.metrics[metric].estimate for metric in METRICS}
     numbers["belief_in_reports"] = outcome.belief
+    numbers["accuracy_learned"] = outcome.learned
     for index, name in enumerate(outcome.rules.classes):
         reported = outcome.scores.counts[:, index]
         numbers[f"label_error_{name}"] = float(1 - reported[index] / max(reported.sum(), 1))
@@ -171,6 +178,12 @@ def _judge(outcomes: Outcomes) -> list[Finding]:
         )
         evidence = f"F1 {f1:.3f}, return {return_:.2f}, cost {cost:.2f}"
         findings.append(Finding(f"{claim} labels", judge([f1, return_, subtract_from(0, cost)]), evidence))
+        accuracies = [outcomes[run, batch]["accuracy_learned"] for batch in range(1, BATCHES + 1)]
+        rises = [subtract(after, before) for before, after in pairwise(accuracies)]
+        claim = f"The accuracy of the trained classifier rises from batch to batch, {TITLES[run]}"
+        evidence = ", ".join(f"{np.mean(accuracy):.3f}" for accuracy in accuracies)
+        steps = ", ".join(f"{rise:.4f}" for rise in rises)
+        findings.append(Finding(claim, judge(rises), f"{evidence}; by {steps}"))
     for run in kinds[1:]:
         f1, return_ = (subtract(last[run][name], last[HARD][name]) for name in ("f1", "return"))
         claim = f"In the last batch F1 and return are higher with {TITLES[run]} than with hard ones"
