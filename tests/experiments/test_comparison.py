@@ -62,7 +62,10 @@ def test_arguments_of_another_type_are_rejected_at_once():
         (lambda: train_classifier(ROOMS, None, TrainingOptions()), "expected Domain"),
         (lambda: load_trained(None, None, StoredOptions(ROOMS)), "the domain is None; expected Domain"),
         (lambda: simulate_training_data("rooms", None, 0), "expected Domain"),
-        (lambda: next(run_active_learning("rooms", None, None, None)), "expected Domain"),
+        (
+            lambda: next(run_active_learning("rooms", None, None, None)),
+            "domain is .rooms.; expected a Domain",
+        ),
         (lambda: evaluate_exactly(domain, domain, {}, ()), "the robot is .*; expected Robot"),
         (lambda: run_trials("rooms", 10), "the experiment is 'rooms'; expected Experiment"),
         (lambda: Experiment(domain, None, {}, {}, (), 0), "the robot .* is None; expected Robot"),
