@@ -82,6 +82,10 @@ class DomainInterface(Protocol):
     def evidence(self, context: Mapping[str, str], labels: Mapping[str, Label]) -> Mapping[str, Label]:
         """Return the reasoner's evidence: the observed facts and the predicted class of each sense."""
 
+    @property
+    def label_attributes(self) -> tuple[str, ...]:
+        """The attributes of the evidence that are outputs of classifiers; the others are observed facts."""
+
     def label_marginal(self, evidence: Mapping[str, Label]) -> Distribution | None:
         """Return the marginal of the shared variables by the labels alone; None if none is about them."""
 
@@ -102,3 +106,24 @@ class DomainInterface(Protocol):
 
     def is_terminal(self, belief: Belief) -> bool:
         """Return whether the terminal state has probability 1."""
+
+
+class Dialogue(Protocol):
+    """The planner's model as questions about the shared variables, for `lcorpp.trust`.
+
+    A kind of question is an action in a situation of the planner's own variables. Kinds whose observations
+    do not depend on the shared value are left out.
+    """
+
+    @property
+    def tables(self) -> Array:
+        """(K, V, O) the stated P(observation | value) of K kinds of questions and V shared values."""
+
+    def find_answers(self, history: Sequence[tuple[str, str]]) -> Sequence[int]:
+        """Return k * O + o for each action and observation that are a question of kind k and an answer o."""
+
+    def make_planner(self, tables: Array) -> Planner:
+        """Return the planner for the model with these tables (K, V, O) in place of the stated ones."""
+
+    def choose_question(self, belief: Belief) -> str | None:
+        """Return the action to ask at a belief (S,) in order to learn, None if there is none."""

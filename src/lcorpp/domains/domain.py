@@ -89,6 +89,11 @@ class Domain:
         return self.reasoning.values
 
     @property
+    def label_attributes(self) -> tuple[str, ...]:
+        """The attribute of each sense: in the program, the label of its classifier."""
+        return tuple(sense.attribute for sense in self.senses)
+
+    @property
     def pomdp(self) -> Pomdp:
         """The planner's model: M."""
         return self.planning.pomdp

@@ -1,0 +1,190 @@
+"""A domain's POMDP as questions about the shared variables (`lcorpp.protocols.Dialogue`)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from functools import cached_property
+
+import numpy as np
+
+from lcorpp.domains.domain import Domain
+from lcorpp.errors import DomainError, expected_one_of
+from lcorpp.planning import Planner, Pomdp
+from lcorpp.values import Array, Belief
+
+Situation = tuple[int, ...]
+"""The state that each shared value has where the planner's own variables have some values."""
+
+MIN_INFORMATION = 1e-6
+"""In nats: an action that is less informative is no question."""
+
+
+class DomainDialogue:
+    """The questions of a domain.
+
+    A situation is one state for each shared value. From the initial one, an action and its observation must
+    determine the next situation, e.g. whether the robot has turned, whatever the shared value is.
+
+    Args:
+        make_planner: returns the planner of a model, e.g. by solving it.
+
+    Raises:
+        DomainError: the actions and observations do not determine the situation; the dynamics of the
+            planner's own variables depend on the shared value; or no observation depends on it.
+    """
+
+    def __init__(self, domain: Domain, make_planner: Callable[[Pomdp], Planner]) -> None:
+        self._domain, self._make_planner = domain, make_planner
+        pomdp = domain.pomdp
+        self._index = {
+            "action": {name: a for a, name in enumerate(pomdp.actions)},
+            "observation": {name: o for o, name in enumerate(pomdp.observations)},
+        }
+        self._start = self._find_start()
+        self._next: dict[tuple[Situation, int, int], tuple[Situation, int | None]] = {}
+        self._cells = list[tuple[int, Situation]]()  # kind -> action and a situation with its rows
+        self._kinds: dict[tuple[int, bytes], int] = {}
+        self._places: dict[tuple[int, Situation], int] = {}  # action and situation after it -> kind
+        self._explore()
+        if not self._cells:
+            raise DomainError(
+                f"{domain.pomdp.file or domain.folder}: no observation depends on the shared variables, so"
+                " trust has nothing to learn from"
+            )
+        self._rows_of = {place: kind for place, kind in self._places.items()}
+
+    @cached_property
+    def tables(self) -> Array:
+        """(K, V, O) the stated P(observation | value) of each kind of question."""
+        observation = self._domain.pomdp.observation.dense
+        return np.array([observation[action, list(situation)] for action, situation in self._cells])
+
+    def find_answers(self, history: Sequence[tuple[str, str]]) -> list[int]:
+        """Return k * O + o for each question of kind k and its answer o.
+
+        Raises:
+            DomainError: an action or observation is unknown, or impossible at its place.
+        """
+        situation, answers = self._start, list[int]()
+        n_observations = len(self._index["observation"])
+        for action, observation in history:
+            a, o = self._find("action", action), self._find("observation", observation)
+            found = self._next.get((situation, a, o))
+            if found is None:
+                raise DomainError(f"the observation {observation!r} is impossible after {action!r}")
+            situation, kind = found
+            if kind is not None:
+                answers.append(kind * n_observations + o)
+        return answers
+
+    def make_planner(self, tables: Array) -> Planner:
+        """Return the planner for the model with these tables (K, V, O)."""
+        pomdp = self._domain.pomdp
+        observation = pomdp.observation.dense.copy()
+        for (action, situation), kind in self._places.items():
+            observation[action, list(situation)] = tables[kind]
+        return self._make_planner(replace(pomdp, observation=observation))
+
+    def choose_question(self, belief: Belief) -> str | None:
+        """Return the action with the most information about the shared value for its cost; None for none.
+
+        The information is that of the stated model, at a uniform distribution of the values.
+        """
+        return self._question
+
+    @cached_property
+    def _question(self) -> str | None:
+        pomdp, domain = self._domain.pomdp, self._domain
+        best, question = 0.0, None
+        for a, action in enumerate(pomdp.actions):
+            if domain.reported_value(action) is not None:
+                continue
+            successors = pomdp.transition.dense[a, list(self._start)]  # (V, S)
+            joint = successors @ pomdp.observation.dense[a] / len(self._start)  # (V, O)
+            independent = np.outer(joint.sum(axis=1), joint.sum(axis=0))
+            possible = joint > 0
+            information = float(joint[possible] @ np.log(joint[possible] / independent[possible]))
+            cost = max(-float(pomdp.reward[a, list(self._start)].mean()), MIN_INFORMATION)
+            if information > MIN_INFORMATION and information / cost > best:
+                best, question = information / cost, action
+        return question
+
+    def _find(self, kind: str, name: str) -> int:
+        known = self._index[kind]
+        if name not in known:
+            raise DomainError(f"unknown {kind} {name!r}; {expected_one_of(known)}")
+        return known[name]
+
+    def _find_start(self) -> Situation:
+        initial = self._domain.planning.initial_states
+        if (np.count_nonzero(initial, axis=1) != 1).any():
+            raise self._make_error("the planner's own variables have no certain initial value")
+        return tuple(initial.argmax(axis=1).tolist())
+
+    def _explore(self) -> None:
+        """Find all situations, what leads from one to the next, and the kinds of questions."""
+        domain, pomdp = self._domain, self._domain.pomdp
+        questions = [a for a, name in enumerate(pomdp.actions) if domain.reported_value(name) is None]
+        waiting, known = [self._start], {self._start}
+        while waiting:
+            situation = waiting.pop()
+            for a in questions:
+                for successor in self._list_successors(situation, a):
+                    if self._is_terminal(successor):
+                        continue
+                    table = pomdp.observation.dense[a, list(successor)]  # (V, O)
+                    kind = self._add_kind(a, successor, table)
+                    for o in np.flatnonzero(table.any(axis=0)).tolist():
+                        place = situation, a, o
+                        if self._next.get(place, (successor,))[0] != successor:
+                            raise self._make_error(
+                                f"after {pomdp.actions[a]!r} and {pomdp.observations[o]!r} the planner's own"
+                                " variables may have several values"
+                            )
+                        self._next[place] = successor, kind
+                    if successor not in known:
+                        known.add(successor)
+                        waiting.append(successor)
+
+    def _list_successors(self, situation: Situation, action: int) -> list[Situation]:
+        """Return the situations that may follow; the k-th successors of all values belong together."""
+        pomdp, successors, chances = self._domain.pomdp, list[list[int]](), list[list[float]]()
+        for state in situation:
+            states, probabilities = pomdp.transition.row(action, state)
+            order = sorted(zip(map(self._rank, states.tolist()), states.tolist(), probabilities, strict=True))
+            successors.append([s for _, s, p in order if p > 0])
+            chances.append([float(p) for *_, p in order if p > 0])
+        if any(len(c) != len(chances[0]) or not np.allclose(c, chances[0]) for c in chances):
+            raise self._make_error(
+                f"the effect of {pomdp.actions[action]!r} on the planner's own variables depends on the"
+                " shared value"
+            )
+        return list(zip(*successors, strict=True))
+
+    def _rank(self, state: int) -> int:
+        """Return the position of a state among those of its shared value."""
+        return int(self._ranks[state])
+
+    @cached_property
+    def _ranks(self) -> Array:
+        values = self._domain.planning.state_values
+        return ((np.cumsum(values, axis=0) - 1) * values).sum(axis=1)
+
+    def _is_terminal(self, situation: Situation) -> bool:
+        return set(situation) <= set(self._domain.planning.terminal)
+
+    def _add_kind(self, action: int, situation: Situation, table: Array) -> int | None:
+        """Return the kind of a question; None if its observations do not depend on the value."""
+        if np.ptp(table, axis=0).max() == 0:
+            return None
+        key = action, table.tobytes()
+        if key not in self._kinds:
+            self._kinds[key] = len(self._cells)
+            self._cells.append((action, situation))
+        self._places[action, situation] = self._kinds[key]
+        return self._kinds[key]
+
+    def _make_error(self, reason: str) -> DomainError:
+        domain = self._domain
+        return DomainError(f"{domain.pomdp.file or domain.folder}: {reason}; trust cannot follow the dialogue")

@@ -1,0 +1,1 @@
+from .trust import Trust as Trust, TrustOptions as TrustOptions

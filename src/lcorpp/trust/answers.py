@@ -1,0 +1,146 @@
+"""The observation model of answers: as stated, and as estimated from what was heard."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import numpy.typing as npt
+
+from lcorpp.values import Array, freeze
+
+SHARED_ANSWERS = 20.0
+"""Weight of the stated model against a noise that all questions share, in answers."""
+
+QUESTION_ANSWERS = 100.0
+"""Weight of the shared noise against another noise of one question, in answers."""
+
+ROW_ANSWERS = 200.0
+"""Weight of a question's noise against free probabilities of one of its rows, in answers."""
+
+NOISE = np.arange(-30, 99) / 100
+"""Degrees of noise that are compared: 0 is the stated model, 1 are answers that do not depend on the value."""
+
+STATED = 30
+"""Index of the stated model in `NOISE`."""
+
+MIN_PROBABILITY = 1e-3
+"""Smallest probability of an observation that some value makes possible."""
+
+ROW_TOLERANCE = 1e-9
+
+
+@dataclass(frozen=True, eq=False)
+class AnswerModel:
+    """P(observation | value) for K kinds of questions, as the planner's model states it.
+
+    Values with the same stated row share their estimated row.
+
+    stated_rows: (R, O) the distinct rows of each kind of question. row_of: (K, V) the row of each value. No
+    two kinds share a row.
+
+    With noise d a row is (1 - d) times the stated one plus d times the mean of its question's rows over the
+    values. For two values and one rate e of wrong answers, this is the rate e + d (1/2 - e).
+    """
+
+    stated_rows: Array
+    row_of: npt.NDArray[np.intp]
+
+    @classmethod
+    def of_tables(cls, tables: Array) -> AnswerModel:
+        """Return the model of the tables (K, V, O) of P(observation | value)."""
+        rows = list[Array]()
+        row_of = np.empty(tables.shape[:2], np.intp)
+        for k, table in enumerate(tables):
+            first = len(rows)
+            for v, row in enumerate(table):
+                equal = (
+                    r for r in range(first, len(rows)) if np.allclose(rows[r], row, atol=ROW_TOLERANCE)
+                )
+                row_of[k, v] = found = next(equal, len(rows))
+                if found == len(rows):
+                    rows.append(row)
+        return cls(freeze(np.array(rows).reshape(-1, tables.shape[2])), row_of)
+
+    @property
+    def n_answers(self) -> int:
+        """D, the number of pairs of a kind of question and an observation: k * O + o is the index of (k, o)."""
+        return len(self.row_of) * self.stated_rows.shape[1]
+
+    def make_tables(self, rows: Array) -> Array:
+        """Return (K, V, O) the probabilities that rows (R, O) give."""
+        return rows[self.row_of]
+
+    def find_log_likelihoods(self, rows: Array) -> Array:
+        """Return (D, V) the logarithm of P(observation | value) for each answer, 0 if it is impossible."""
+        logs = np.log(np.where(rows > 0, rows, 1))[self.row_of]
+        return logs.transpose(0, 2, 1).reshape(self.n_answers, -1)
+
+    def estimate_rows(self, heard: Array) -> tuple[Array, float]:
+        """Estimate the rows from expected counts of answers.
+
+        First the noise that all questions share, then that of each question around it, then each row around
+        that of its question.
+
+        Args:
+            heard: (D, V) how often each answer was given by people of each value.
+
+        Returns:
+            The rows (R, O), and the shared noise.
+        """
+        n_observations = self.stated_rows.shape[1]
+        by_value = heard.reshape(len(self.row_of), n_observations, -1).transpose(0, 2, 1)
+        counts = self._membership.T @ by_value.reshape(-1, n_observations)  # (R, O)
+        shared = int(np.argmax(self._logs @ counts.ravel() + self._stated_score))
+        expected = counts + self._question_weights * self._noisy_rows[shared]
+        scores = (self._logs.reshape(self._noisy_rows.shape) * expected).sum(axis=2)
+        best = (scores @ self._is_row_of).argmax(axis=0)  # (K,)
+        prior = self._noisy_rows[best[self._question_of], np.arange(len(counts))]
+        rows = ROW_ANSWERS * prior + counts
+        rows /= rows.sum(axis=1, keepdims=True)
+        return rows, float(NOISE[shared])
+
+    @cached_property
+    def _membership(self) -> Array:
+        """(K V, R) 1 for the row of each question and value."""
+        return np.eye(len(self.stated_rows))[self.row_of.ravel()]
+
+    @cached_property
+    def _question_of(self) -> npt.NDArray[np.intp]:
+        """(R,) the kind of question of each row."""
+        question = np.empty(len(self.stated_rows), np.intp)
+        question[self.row_of] = np.arange(len(self.row_of))[:, None]
+        return question
+
+    @cached_property
+    def _is_row_of(self) -> Array:
+        """(R, K) 1 for the question of each row."""
+        return np.eye(len(self.row_of))[self._question_of]
+
+    @cached_property
+    def _question_weights(self) -> Array:
+        """(R, 1) `QUESTION_ANSWERS`, divided among the rows of each question."""
+        sizes = self._is_row_of.sum(axis=0)
+        return (QUESTION_ANSWERS / sizes)[self._question_of][:, None]
+
+    @cached_property
+    def _noisy_rows(self) -> Array:
+        """(N, R, O) the rows at each degree of `NOISE`."""
+        means = self.stated_rows[self.row_of].mean(axis=1)[self._question_of]  # (R, O)
+        rows = (1 - NOISE)[:, None, None] * self.stated_rows + NOISE[:, None, None] * means
+        rows = np.where(means > 0, np.maximum(rows, MIN_PROBABILITY), 0)
+        rows /= rows.sum(axis=2, keepdims=True)
+        return rows
+
+    @cached_property
+    def _logs(self) -> Array:
+        """(N, R O) the logarithms of `_noisy_rows`, 0 for impossible observations."""
+        rows = self._noisy_rows
+        return np.log(np.where(rows > 0, rows, 1)).reshape(len(NOISE), -1)
+
+    @cached_property
+    def _stated_score(self) -> Array:
+        """(N,) log likelihood of `SHARED_ANSWERS` answers that are as the stated model expects them."""
+        expected = self._noisy_rows[STATED] * (SHARED_ANSWERS / max(len(self.stated_rows), 1))
+        return self._logs @ expected.ravel()

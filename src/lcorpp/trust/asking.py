@@ -1,0 +1,50 @@
+"""Asking to learn: a planner that asks some people more than it needs to decide about them."""
+
+from __future__ import annotations
+
+from lcorpp.protocols import Dialogue, DomainInterface, Planner
+from lcorpp.values import Belief
+
+MAX_ADDED = 10
+"""Maximum number of questions that are added for one person, e.g. if nobody answers."""
+
+
+class AskingPlanner:
+    """A planner for one person, with questions in place of a report until enough answers are heard.
+
+    A plan that asks once never hears that it errs: without repeated answers to one person neither the noise
+    of the answers nor the distribution of the values can be estimated.
+
+    added: number of questions in place of a report.
+
+    Args:
+        wanted: number of informative answers.
+    """
+
+    def __init__(self, planner: Planner, domain: DomainInterface, dialogue: Dialogue, wanted: int) -> None:
+        self._planner, self._domain, self._dialogue, self._wanted = planner, domain, dialogue, wanted
+        self._history = list[tuple[str, str]]()
+        self.added = 0
+
+    @property
+    def start(self) -> Belief:
+        """(S,) the model's initial belief."""
+        return self._planner.start
+
+    def action(self, belief: Belief) -> str:
+        """Return the planner's action, or a question if that is a report before enough answers."""
+        action = self._planner.action(belief)
+        if self.added == MAX_ADDED or self._domain.reported_value(action) is None:
+            return action
+        if len(self._dialogue.find_answers(self._history)) >= self._wanted:
+            return action
+        question = self._dialogue.choose_question(belief)
+        if question is None:
+            return action
+        self.added += 1
+        return question
+
+    def update(self, belief: Belief, action: str, observation: str) -> Belief:
+        """Return the belief after an action and an observation."""
+        self._history.append((action, observation))
+        return self._planner.update(belief, action, observation)

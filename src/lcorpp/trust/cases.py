@@ -1,0 +1,90 @@
+"""The people met so far, as distinct cases of context, labels and answers with their weights."""
+
+from __future__ import annotations
+
+from collections.abc import Hashable, Sequence
+
+import numpy as np
+import numpy.typing as npt
+
+from lcorpp.values import Array
+
+MIN_WEIGHT = 0.01
+"""A case with less weight, in people, is forgotten if memory fades."""
+
+NO_LABEL = -1
+
+
+class Cases:
+    """Distinct cases; the arrays have room for more than `n`.
+
+    contexts: (n,) index of the context. labels: (n, senses) index of the label of each sense, `NO_LABEL` for
+    none. heard: (n, D) how often each answer, a pair of question and observation, was heard. weights: (n,)
+    number of people, each of which counts less with the time since if `memory` is given.
+
+    Args:
+        memory: number of people after which a person's weight has fallen to 1 / e; None: never.
+    """
+
+    def __init__(self, n_senses: int, n_answers: int, memory: float | None = None) -> None:
+        self.n, self.memory = 0, memory
+        self._index = dict[Hashable, int]()
+        self._unit = 1.0  # weight of the latest person in units of `_weights`
+        self._contexts = np.zeros(64, np.intp)
+        self._labels = np.zeros((64, n_senses), np.intp)
+        self._heard = np.zeros((64, n_answers))
+        self._weights = np.zeros(64)
+
+    @property
+    def contexts(self) -> npt.NDArray[np.intp]:
+        return self._contexts[: self.n]
+
+    @property
+    def labels(self) -> npt.NDArray[np.intp]:
+        return self._labels[: self.n]
+
+    @property
+    def heard(self) -> Array:
+        return self._heard[: self.n]
+
+    @property
+    def weights(self) -> Array:
+        return self._weights[: self.n] / self._unit
+
+    def add(self, context: int, labels: Sequence[int], answers: Sequence[int]) -> None:
+        """Add a person.
+
+        Args:
+            answers: index of each answer, in any order.
+        """
+        if self.memory is not None:
+            self._unit *= np.exp(1 / self.memory)
+        key = (context, *labels, *sorted(answers))
+        case = self._index.get(key)
+        if case is None:
+            if self.n == len(self._weights):
+                self._double()
+            case = self._index[key] = self.n
+            self._contexts[case], self._labels[case], self._weights[case] = context, labels, 0
+            self._heard[case] = np.bincount(answers, minlength=self._heard.shape[1]) if answers else 0
+            self.n += 1
+        self._weights[case] += self._unit
+        if self.memory is not None and (self._unit > 1e100 or self.n > 8 * self.memory):
+            self.keep(np.flatnonzero(self.weights >= MIN_WEIGHT))
+
+    def keep(self, kept: npt.NDArray[np.intp]) -> None:
+        """Keep the cases of these indices, which increase."""
+        size = len(kept)
+        for array in (self._contexts, self._labels, self._heard, self._weights):
+            array[:size] = array[kept]
+        self._weights[:size] /= self._unit
+        self._unit = 1.0
+        place = dict(zip(kept.tolist(), range(size), strict=True))
+        self._index = {key: place[case] for key, case in self._index.items() if case in place}
+        self.n = size
+
+    def _double(self) -> None:
+        self._contexts, self._labels, self._heard, self._weights = (
+            np.concatenate([array, np.zeros_like(array)])
+            for array in (self._contexts, self._labels, self._heard, self._weights)
+        )

@@ -1,0 +1,168 @@
+"""The learnt model: latent classes of people, estimated from labels and answers, without the knowledge."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import numpy.typing as npt
+
+from lcorpp.trust.answers import AnswerModel
+from lcorpp.trust.cases import NO_LABEL, Cases
+from lcorpp.values import Array
+
+CONTEXT_PEOPLE = 2.0
+"""Weight of the prior of a context's distribution over the values, in people."""
+
+LABEL_PEOPLE = 6.0
+"""Weight of the stated rates of a classifier, in people of each class. A strong prior fails where the
+classifier's rates are wrong and answers are noisy."""
+
+MAX_CASES = 5000
+"""Number of distinct cases that are kept; of further ones only the expected counts are."""
+
+MIN_RATE = 1e-3
+"""Smallest stated probability of a label."""
+
+
+class LatentClassModel:
+    """p(labels, answers | context) = sum_y pi_context(y) prod_s C_s(label | y) prod_j O(heard_j | asked_j, y).
+
+    y is the shared value. The choice of the questions cancels. The distributions pi have a flat prior, the
+    rates C and the observation model O have what is stated as a prior. The knowledge has no part in it: as a
+    prior of pi beside a free O, EM explains answers that disagree with it as noise.
+
+    pi: (X, V) the distribution of the value in each context. rates: for each sense (V, L) C. rows: (R, O) the
+    rows of O. noise: of the answers, see `AnswerModel`.
+
+    Args:
+        answers: the stated observation model.
+        stated_rates: for each sense (V, L) the stated P(label | value). Values with the same row share
+            their estimated rates.
+        memory: see `Cases`.
+
+    Source: Dawid and Skene, "Maximum likelihood estimation of observer error-rates using the EM algorithm",
+    Applied Statistics 28(1), 1979.
+    """
+
+    def __init__(
+        self, answers: AnswerModel, stated_rates: Sequence[Array], *, memory: float | None = None
+    ) -> None:
+        self.answers = answers
+        self.n_values = answers.row_of.shape[1]
+        self.cases = Cases(len(stated_rates), answers.n_answers, memory)
+        self._stated_rates = [_bound_rows(rates) for rates in stated_rates]
+        self._alike = [_find_equal_rows(rates) for rates in self._stated_rates]
+        self.pi = np.zeros((0, self.n_values))
+        self.rates = list(self._stated_rates)
+        self.rows, self.noise = answers.stated_rows, 0.0
+        # expected counts of cases that are not kept
+        self._past_values = np.zeros((0, self.n_values))
+        self._past_labels = [np.zeros_like(rates) for rates in self._stated_rates]
+        self._past_heard = np.zeros((answers.n_answers, self.n_values))
+        self._take_logs()
+
+    def add_context(self) -> int:
+        """Add a context, with a uniform distribution; return its index."""
+        self.pi = np.vstack([self.pi, np.full(self.n_values, 1 / self.n_values)])
+        self._past_values = np.vstack([self._past_values, np.zeros(self.n_values)])
+        self._log_pi = np.log(self.pi)
+        return len(self.pi) - 1
+
+    def predict(self, context: int, labels: Sequence[int]) -> Array:
+        """Return (V,) P(value | context, labels); labels as in `Cases`."""
+        logs = self._log_pi[context]
+        for label, log_rates in zip(labels, self._log_rates, strict=True):
+            if label != NO_LABEL:
+                logs = logs + log_rates[:, label]
+        probabilities: Array = np.exp(logs - logs.max())
+        probabilities /= np.add.reduce(probabilities)
+        return probabilities
+
+    def compute_likelihood(self, answers: Sequence[int]) -> Array:
+        """Return (V,) P(answers | value), up to a factor."""
+        if not answers:
+            return np.ones(self.n_values)
+        logs = np.add.reduce(self._log_answers[list(answers)])
+        likelihood: Array = np.exp(logs - logs.max())
+        return likelihood
+
+    def add(self, context: int, labels: Sequence[int], answers: Sequence[int]) -> None:
+        """Add a person, without fitting the model anew; arguments as in `Cases.add`."""
+        self.cases.add(context, labels, answers)
+        if self.cases.n > MAX_CASES:
+            self._condense()
+
+    def fit(self, iterations: int, rows: Array | None = None) -> None:
+        """Run EM from the present estimates.
+
+        Args:
+            rows: (R, O) of the observation model, if it is not to be estimated.
+        """
+        if rows is not None:
+            self.rows = rows
+            self._take_logs()
+        for _ in range(iterations):
+            values, labels, heard = self._expect(self.cases.weights)
+            self.pi = values + CONTEXT_PEOPLE / self.n_values
+            self.pi /= self.pi.sum(axis=1, keepdims=True)
+            self.rates = [
+                _normalise(alike @ own + LABEL_PEOPLE * stated)
+                for own, alike, stated in zip(labels, self._alike, self._stated_rates, strict=True)
+            ]
+            if rows is None:
+                self.rows, self.noise = self.answers.estimate_rows(heard)
+            self._take_logs()
+
+    def _expect(self, weights: Array) -> tuple[Array, list[Array], Array]:
+        """Return the expected counts of values (X, V), labels (V, L) for each sense, and answers (D, V)."""
+        cases, n_values = self.cases, self.n_values
+        logs = self._log_pi[cases.contexts] + cases.heard @ self._log_answers
+        for s, log_rates in enumerate(self._log_rates):
+            label = cases.labels[:, s]
+            logs += np.where((label != NO_LABEL)[:, None], log_rates.T[label], 0)
+        logs -= logs.max(axis=1, keepdims=True)
+        people = np.exp(logs, out=logs)
+        people *= (weights / people.sum(axis=1))[:, None]
+        values = _sum_by(cases.contexts, people, len(self.pi)) + self._past_values
+        labels = [
+            _sum_by(cases.labels[:, s] + 1, people, past.shape[1] + 1)[1:].T + past
+            for s, past in enumerate(self._past_labels)
+        ]
+        return values, labels, cases.heard.T @ people + self._past_heard
+
+    def _condense(self) -> None:
+        """Keep the half of the cases that occurred most; add the expected counts of the others to the past."""
+        weights = self.cases.weights
+        rare = np.argsort(weights, kind="stable")[: self.cases.n // 2]
+        removed = np.zeros_like(weights)
+        removed[rare] = weights[rare]
+        self._past_values, self._past_labels, self._past_heard = self._expect(removed)
+        self.cases.keep(np.flatnonzero(removed == 0))
+
+    def _take_logs(self) -> None:
+        self._log_pi = np.log(self.pi)
+        self._log_rates = [np.log(rates) for rates in self.rates]
+        self._log_answers = self.answers.find_log_likelihoods(self.rows)
+
+
+def _bound_rows(rates: Array) -> Array:
+    return _normalise(np.maximum(rates, MIN_RATE))
+
+
+def _normalise(rows: Array) -> Array:
+    normalised: Array = rows / rows.sum(axis=1, keepdims=True)
+    return normalised
+
+
+def _find_equal_rows(rates: Array) -> Array:
+    """Return (V, V) 1 where two values have the same row."""
+    return (np.abs(rates[:, None] - rates).max(axis=2) < 1e-9).astype(np.float64)
+
+
+def _sum_by(groups: npt.NDArray[np.intp], people: Array, n_groups: int) -> Array:
+    """Return (n_groups, V) the sums of the rows of people (n, V) by group (n,)."""
+    n_values = people.shape[1]
+    cells = (groups[:, None] * n_values + np.arange(n_values)).ravel()
+    sums: Array = np.bincount(cells, people.ravel(), n_groups * n_values).reshape(n_groups, n_values)
+    return sums

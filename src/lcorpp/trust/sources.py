@@ -1,0 +1,90 @@
+"""Predictions of the shared value by what is stated: knowledge, single senses, the planner's model."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from lcorpp.protocols import DomainInterface, Reasoner
+from lcorpp.values import Array, Distribution, Label, Likelihood
+
+MAX_CACHED = 10_000
+"""Number of evidences whose predictions are kept."""
+
+
+class StatedSources:
+    """The sources that do not learn.
+
+    They are the program with all evidence, with the labels of all senses alone (of two or more senses), with
+    the label of each sense alone, and the initial belief of the planner's model. A sense alone is combined
+    with a uniform prior of the values: only the classifier's rates are the program's.
+
+    names: of the sources. attributes: of the senses' labels.
+    """
+
+    def __init__(self, reasoner: Reasoner, domain: DomainInterface, start: Distribution) -> None:
+        self._reasoner, self._domain = reasoner, domain
+        self.attributes = domain.label_attributes
+        together = ("all senses",) if len(self.attributes) > 1 else ()
+        self.names = ("knowledge", *together, *self.attributes, "no evidence")
+        self._start = start.probabilities
+        self._cache: dict[tuple[tuple[str, Label], ...], Array] = {}
+
+    def predict(self, evidence: Mapping[str, Label]) -> Array:
+        """Return (sources, V) P(value) of each source.
+
+        Raises:
+            UndefinedError: the evidence is impossible.
+        """
+        key = tuple(evidence.items())
+        known = self._cache.get(key)
+        if known is not None:
+            return known
+        knowledge = self._infer(evidence)
+        labels = {name: evidence[name] for name in self.attributes if name in evidence}
+        rows = [knowledge.probabilities]
+        if len(self.attributes) > 1:
+            rows.append(self._combine_uniformly(labels))
+        rows += [
+            self._combine_uniformly({name: labels[name]} if name in labels else {})
+            for name in self.attributes
+        ]
+        predictions = np.array([*rows, self._start])
+        if not any(isinstance(label, Likelihood) for label in labels.values()):
+            if len(self._cache) == MAX_CACHED:
+                self._cache.clear()
+            self._cache[key] = predictions
+        return predictions
+
+    def compute_rates(self, attribute: str) -> tuple[tuple[str, ...], Array]:
+        """Return the labels of a sense, and (V, L) P(label | value) by the program; 0 for impossible values."""
+        marginal = self._reasoner.posterior(attribute, {})
+        assert marginal is not None
+        columns = [
+            self._compute_ratio({attribute: label}) * probability if probability > 0 else self._no_value
+            for label, probability in marginal
+        ]
+        return tuple(marginal.values), np.array(columns).T
+
+    def _combine_uniformly(self, labels: Mapping[str, Label]) -> Array:
+        """Return (V,) P(value | labels) if all values were equally probable before."""
+        ratio = self._compute_ratio(labels) if labels else np.ones(len(self._domain.values))
+        combined: Array = ratio / ratio.sum()
+        return combined
+
+    def _compute_ratio(self, labels: Mapping[str, Label]) -> Array:
+        """Return (V,) P(labels | value) / P(labels) by the program; 0 for impossible values."""
+        prior = self._infer({}).probabilities
+        ratio = np.zeros(len(prior))
+        np.divide(self._infer(labels).probabilities, prior, out=ratio, where=prior > 0)
+        return ratio
+
+    @property
+    def _no_value(self) -> Array:
+        return np.zeros(len(self._domain.values))
+
+    def _infer(self, evidence: Mapping[str, Label]) -> Distribution:
+        found = self._reasoner.posterior(self._domain.shared, evidence)
+        assert found is not None
+        return found

@@ -1,0 +1,189 @@
+"""Trust: a reasoner that learns which of its sources to believe, and how well it hears."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from lcorpp.errors import DecisionError
+from lcorpp.protocols import Dialogue, DomainInterface, Planner, Reasoner
+from lcorpp.trust.answers import AnswerModel
+from lcorpp.trust.asking import AskingPlanner
+from lcorpp.trust.cases import NO_LABEL
+from lcorpp.trust.latent_class import LatentClassModel
+from lcorpp.trust.sources import StatedSources
+from lcorpp.values import Array, Distribution, Label, Likelihood, Step
+
+LEARNT = ("learnt", "recent")
+"""Sources that are estimated from answers: from all people, and from the latest ones."""
+
+MAX_CONTEXTS = 4096
+"""Number of contexts that are learnt separately; further ones are learnt as one."""
+
+
+@dataclass(frozen=True)
+class TrustOptions:
+    """Options of trust.
+
+    share: alpha, the probability that another source becomes the best one between two people.
+    memory: of the source "recent", in people.
+    ask_every: one person in so many is asked until `ask_answers` answers are heard; 0 asks nobody more than
+        needed.
+    hearing: whether the observation model is estimated and the policy solved for it.
+    tolerance: the policy is solved again where an estimated row differs by more than this, in total
+        variation, from that of the present policy.
+    refits: the learnt models are fitted again when the number of people has grown by 1 / `refits`.
+    iterations: of EM at each fit; each begins at the estimates of the one before.
+    """
+
+    share: float = 0.005
+    memory: float = 100.0
+    ask_every: int = 20
+    ask_answers: int = 3
+    hearing: bool = True
+    tolerance: float = 0.03
+    refits: int = 50
+    iterations: int = 2
+
+    def __post_init__(self) -> None:
+        limits = {
+            "share": (0 <= self.share < 1, "from 0 to below 1"),
+            "memory": (self.memory > 0, "positive"),
+            "ask_every": (self.ask_every >= 0, "at least 0"),
+            "ask_answers": (self.ask_answers >= 1, "at least 1"),
+            "tolerance": (self.tolerance > 0, "positive"),
+            "refits": (self.refits >= 1, "at least 1"),
+            "iterations": (self.iterations >= 1, "at least 1"),
+        }
+        for name, (is_valid, expected) in limits.items():
+            if not is_valid:
+                raise DecisionError(f"`{name}` of trust is {getattr(self, name)!r}; expected {expected}")
+
+
+class Trust:
+    """Learns from each decision what the sources of knowledge are worth.
+
+        trust = Trust(reasoner, domain, dialogue, planner)
+        robot = Robot(classifiers, trust, trust.make_planner(), domain)   # for each person
+        trust.learn(episode.evidence, episode.steps)
+
+    The prior of a person is the mixture of what the sources predict. A source's weight grows with the
+    probability that it gave to the answers. The sources are those of `StatedSources`, and two latent class
+    models that never see the knowledge; see docs/trust.md.
+
+    sources: their names. weights: (K,) of the sources, summing to 1. n_people: number of people learnt from.
+    learnt, recent: the models. planner: of the present policy. tables: (K, V, O) its observation model.
+
+    Args:
+        reasoner: theta, the program with the stated rates of the classifiers.
+        dialogue: the planner's model as questions. planner: for that model.
+        rates: attribute of a sense -> label -> (V,) P(label | value), for senses whose rates are not in the
+            program (soft evidence); a likelihood counts as its most probable label in the learnt models.
+
+    Source of the mixture: Herbster and Warmuth, "Tracking the best expert", Machine Learning 32, 1998 (fixed
+    share).
+    """
+
+    def __init__(
+        self,
+        reasoner: Reasoner,
+        domain: DomainInterface,
+        dialogue: Dialogue,
+        planner: Planner,
+        *,
+        rates: Mapping[str, Mapping[str, Array]] = {},
+        options: TrustOptions = TrustOptions(),
+    ) -> None:
+        self.options, self.planner = options, planner
+        self._domain, self._dialogue = domain, dialogue
+        self._stated = StatedSources(reasoner, domain, domain.marginal(planner.start))
+        self._labels, stated_rates = list[Mapping[str, int]](), list[Array]()
+        for attribute in self._stated.attributes:
+            if attribute in rates:
+                names, table = tuple(rates[attribute]), np.array(list(rates[attribute].values())).T
+            else:
+                names, table = self._stated.compute_rates(attribute)
+            self._labels.append({name: i for i, name in enumerate(names)})
+            stated_rates.append(table)
+        self.tables = dialogue.tables
+        self.answers = AnswerModel.of_tables(self.tables)
+        self.learnt = LatentClassModel(self.answers, stated_rates)
+        self.recent = LatentClassModel(self.answers, stated_rates, memory=options.memory)
+        self.sources = (*self._stated.names, *LEARNT)
+        self.weights = np.full(len(self.sources), 1 / len(self.sources))
+        self.n_people, self._next_fit = 0, 1
+        self._contexts: dict[frozenset[tuple[str, Label]], int] = {}
+
+    def posterior(self, attribute: str | Sequence[str], evidence: Mapping[str, Label]) -> Distribution:
+        """Return the mixture of the sources' predictions (`lcorpp.protocols.Reasoner`).
+
+        Raises:
+            DecisionError: `attribute` is not what reasoner and planner share.
+            UndefinedError: the evidence is impossible by the knowledge.
+        """
+        if attribute != self._domain.shared and tuple(attribute) != self._domain.shared:
+            raise DecisionError(f"trust predicts {self._domain.shared!r}, not {attribute!r}")
+        predictions = self._predict(evidence, *self._index(evidence))
+        return Distribution.unchecked(self._domain.values, self.weights @ predictions)
+
+    def make_planner(self) -> Planner:
+        """Return the planner for the next person: the present one, which sometimes asks to learn."""
+        options = self.options
+        if options.ask_every and self.n_people % options.ask_every == 0:
+            return AskingPlanner(self.planner, self._domain, self._dialogue, options.ask_answers)
+        return self.planner
+
+    def learn(self, evidence: Mapping[str, Label], steps: Iterable[Step]) -> None:
+        """Learn from a person: first weigh the sources, then fit the models, then plan for the noise.
+
+        Args:
+            evidence: what `posterior` got. steps: of the decision.
+        """
+        history = [(step.action, step.observation) for step in steps if step.observation is not None]
+        answers = self._dialogue.find_answers(history)
+        context, labels = self._index(evidence)
+        likelihood = self.learnt.compute_likelihood(answers)
+        weights = self.weights * (self._predict(evidence, context, labels) @ likelihood)
+        share = self.options.share
+        self.weights = (1 - share) * weights / weights.sum() + share / len(weights)
+        for model in (self.learnt, self.recent):
+            model.add(context, labels, answers)
+        self.n_people += 1
+        if self.n_people >= self._next_fit:
+            self._next_fit = self.n_people + max(1, self.n_people // self.options.refits)
+            self._fit()
+
+    def _fit(self) -> None:
+        options = self.options
+        self.learnt.fit(options.iterations, None if options.hearing else self.answers.stated_rows)
+        self.recent.fit(options.iterations, self.learnt.rows)
+        if options.hearing:
+            tables = self.answers.make_tables(self.learnt.rows)
+            if np.abs(tables - self.tables).sum(axis=2).max(initial=0) / 2 > options.tolerance:
+                self.planner, self.tables = self._dialogue.make_planner(tables), tables
+
+    def _predict(self, evidence: Mapping[str, Label], context: int, labels: Sequence[int]) -> Array:
+        """Return (K, V) P(value) of each source."""
+        learnt = [model.predict(context, labels) for model in (self.learnt, self.recent)]
+        return np.concatenate([self._stated.predict(evidence), learnt])
+
+    def _index(self, evidence: Mapping[str, Label]) -> tuple[int, list[int]]:
+        """Return the index of the context, and of the label of each sense."""
+        labels = []
+        for attribute, places in zip(self._stated.attributes, self._labels, strict=True):
+            label = evidence.get(attribute)
+            if isinstance(label, Likelihood):
+                label = label.most_likely()
+            labels.append(NO_LABEL if label is None else places[label])
+        facts = frozenset(item for item in evidence.items() if item[0] not in self._stated.attributes)
+        context = self._contexts.get(facts)
+        if context is None:
+            if len(self._contexts) < MAX_CONTEXTS:
+                context = self.learnt.add_context()
+                self.recent.add_context()
+                self._contexts[facts] = context
+            else:
+                context = MAX_CONTEXTS - 1
+        return context, labels
