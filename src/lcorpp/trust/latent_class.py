@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 import numpy.typing as npt
@@ -11,8 +11,11 @@ from lcorpp.trust.answers import AnswerModel
 from lcorpp.trust.cases import NO_LABEL, Cases
 from lcorpp.values import Array
 
-CONTEXT_PEOPLE = 2.0
-"""Weight of the prior of a context's distribution over the values, in people."""
+CONTEXT_PEOPLE = 5.0
+"""Weight of what the facts of a context suggest one by one against the people met in it, in people."""
+
+FACT_PEOPLE = 1.0
+"""Weight of a fact's frequency among all people against that among people of one value, in people."""
 
 LABEL_PEOPLE = 6.0
 """Weight of the stated rates of a classifier, in people of each class. A strong prior fails where the
@@ -54,24 +57,42 @@ class LatentClassModel:
         self._stated_rates = [_bound_rows(rates) for rates in stated_rates]
         self._alike = [_find_equal_rows(rates) for rates in self._stated_rates]
         self.pi = np.zeros((0, self.n_values))
+        self._facts: dict[tuple[str, object], int] = {}
+        self._has_fact = np.zeros((0, 0))  # (X, F) 1 for the facts of a context
         self.rates = list(self._stated_rates)
         self.rows, self.noise = answers.stated_rows, 0.0
         # expected counts of cases that are not kept
+        self._values = np.zeros((0, self.n_values))
         self._past_values = np.zeros((0, self.n_values))
         self._past_labels = [np.zeros_like(rates) for rates in self._stated_rates]
         self._past_heard = np.zeros((answers.n_answers, self.n_values))
         self._take_logs()
 
-    def add_context(self) -> int:
-        """Add a context, with a uniform distribution; return its index."""
-        self.pi = np.vstack([self.pi, np.full(self.n_values, 1 / self.n_values)])
+    def add_context(self, facts: Iterable[tuple[str, str]]) -> int:
+        """Add a context, given by attributes and their values; return its index."""
+        places = [self._facts.setdefault(fact, len(self._facts)) for fact in facts]
+        has_fact = np.zeros((len(self.pi) + 1, len(self._facts)))
+        has_fact[:-1, : self._has_fact.shape[1]] = self._has_fact
+        has_fact[-1, places] = 1
+        self._has_fact = has_fact
         self._past_values = np.vstack([self._past_values, np.zeros(self.n_values)])
+        self.pi = np.vstack([self.pi, np.full(self.n_values, 1 / self.n_values)])
+        self.pi[-1] = self._combine_facts(self._values)[-1]
         self._log_pi = np.log(self.pi)
         return len(self.pi) - 1
 
-    def predict(self, context: int, labels: Sequence[int]) -> Array:
-        """Return (V,) P(value | context, labels); labels as in `Cases`."""
+    def predict(
+        self, context: int, labels: Sequence[int], base: Array | None = None, weight: float = 0.0
+    ) -> Array:
+        """Return (V,) P(value | context, labels); labels as in `Cases`.
+
+        Args:
+            base: (V,) replaces what the facts suggest. weight: of it, in people.
+        """
         logs = self._log_pi[context]
+        if base is not None:
+            counts = self._values[context] if context < len(self._values) else 0
+            logs = np.log(weight * base + counts + 1e-300)
         for label, log_rates in zip(labels, self._log_rates, strict=True):
             if label != NO_LABEL:
                 logs = logs + log_rates[:, label]
@@ -104,7 +125,8 @@ class LatentClassModel:
             self._take_logs()
         for _ in range(iterations):
             values, labels, heard = self._expect(self.cases.weights)
-            self.pi = values + CONTEXT_PEOPLE / self.n_values
+            self._values = values
+            self.pi = values + CONTEXT_PEOPLE * self._combine_facts(values)
             self.pi /= self.pi.sum(axis=1, keepdims=True)
             self.rates = [
                 _normalise(alike @ own + LABEL_PEOPLE * stated)
@@ -130,6 +152,20 @@ class LatentClassModel:
             for s, past in enumerate(self._past_labels)
         ]
         return values, labels, cases.heard.T @ people + self._past_heard
+
+    def _combine_facts(self, values: Array) -> Array:
+        """Return (X, V) P(value | facts) if the facts were independent given the value (naive Bayes).
+
+        Args:
+            values: (n, V) expected counts of the values in the first n contexts.
+        """
+        by_fact = self._has_fact[: len(values)].T @ values  # (F, V)
+        by_value, n_people = values.sum(axis=0), values.sum() + 1
+        frequency = (by_fact.sum(axis=1, keepdims=True) + 1 / self.n_values) / n_people
+        chances = (by_fact + FACT_PEOPLE * frequency) / (by_value + FACT_PEOPLE)
+        logs = self._has_fact @ np.log(chances) + np.log(by_value + 1 / self.n_values)
+        combined: Array = np.exp(logs - logs.max(axis=1, keepdims=True))
+        return _normalise(combined)
 
     def _condense(self) -> None:
         """Keep the half of the cases that occurred most; add the expected counts of the others to the past."""

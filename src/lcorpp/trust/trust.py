@@ -16,7 +16,8 @@ from lcorpp.trust.latent_class import LatentClassModel
 from lcorpp.trust.sources import StatedSources
 from lcorpp.values import Array, Distribution, Label, Likelihood, Step
 
-LEARNT = ("learnt", "recent")
+LEARNT = ("learnt", "recent", "corrected")
+CORRECTED_PEOPLE = float(__import__("os").environ.get("CP","20"))
 """Sources that are estimated from answers: from all people, and from the latest ones."""
 
 MAX_CONTEXTS = 4096
@@ -111,7 +112,11 @@ class Trust:
         self.answers = AnswerModel.of_tables(self.tables)
         self.learnt = LatentClassModel(self.answers, stated_rates)
         self.recent = LatentClassModel(self.answers, stated_rates, memory=options.memory)
-        self.sources = (*self._stated.names, *LEARNT)
+        self._shape = tuple(
+            len(dict.fromkeys(own)) for own in zip(*domain.values, strict=True)
+        ) if isinstance(domain.shared, tuple) else (len(domain.values),)
+        extra = ("independent", *[f"without {name}" for name in domain.shared]) if len(self._shape) > 1 else ()
+        self.sources = (*self._stated.names, *LEARNT, *extra)
         self.weights = np.full(len(self.sources), 1 / len(self.sources))
         self.n_people, self._next_fit = 0, 1
         self._contexts: dict[frozenset[tuple[str, Label]], int] = {}
@@ -167,7 +172,21 @@ class Trust:
     def _predict(self, evidence: Mapping[str, Label], context: int, labels: Sequence[int]) -> Array:
         """Return (K, V) P(value) of each source."""
         learnt = [model.predict(context, labels) for model in (self.learnt, self.recent)]
-        return np.concatenate([self._stated.predict(evidence), learnt])
+        facts = {k: v for k, v in evidence.items() if k not in self._stated.attributes}
+        base = self._stated.predict(facts)[0]
+        learnt.append(self.learnt.predict(context, labels, base, CORRECTED_PEOPLE))
+        stated = self._stated.predict(evidence)
+        shape = self._shape
+        if len(shape) > 1:
+            own, known = learnt[0].reshape(shape), stated[0].reshape(shape)
+            axes = range(len(shape))
+            marginals = [own.sum(axis=tuple(b for b in axes if b != a), keepdims=True) for a in axes]
+            independent = marginals[0]
+            for m in marginals[1:]:
+                independent = independent * m
+            learnt.append(independent.ravel())
+            learnt += [(known.sum(axis=a, keepdims=True) * marginals[a]).ravel() for a in axes]
+        return np.concatenate([stated, learnt])
 
     def _index(self, evidence: Mapping[str, Label]) -> tuple[int, list[int]]:
         """Return the index of the context, and of the label of each sense."""
@@ -181,8 +200,8 @@ class Trust:
         context = self._contexts.get(facts)
         if context is None:
             if len(self._contexts) < MAX_CONTEXTS:
-                context = self.learnt.add_context()
-                self.recent.add_context()
+                context = self.learnt.add_context(facts)
+                self.recent.add_context(facts)
                 self._contexts[facts] = context
             else:
                 context = MAX_CONTEXTS - 1
