@@ -10,7 +10,7 @@ import numpy as np
 
 from lcorpp.domains.domain import Domain
 from lcorpp.errors import DomainError, expected_one_of
-from lcorpp.planning import Planner, Pomdp
+from lcorpp.planning import Planner, Pomdp, SparseTables
 from lcorpp.values import Array, Belief
 
 Situation = tuple[int, ...]
@@ -52,7 +52,6 @@ class DomainDialogue:
                 f"{domain.pomdp.file or domain.folder}: no observation depends on the shared variables, so"
                 " trust has nothing to learn from"
             )
-        self._rows_of = {place: kind for place, kind in self._places.items()}
 
     @cached_property
     def tables(self) -> Array:
@@ -84,7 +83,7 @@ class DomainDialogue:
         observation = pomdp.observation.dense.copy()
         for (action, situation), kind in self._places.items():
             observation[action, list(situation)] = tables[kind]
-        return self._make_planner(replace(pomdp, observation=observation))
+        return self._make_planner(replace(pomdp, observation=SparseTables.of(observation)))
 
     def choose_question(self, belief: Belief) -> str | None:
         """Return the action with the most information about the shared value for its cost; None for none.
@@ -169,7 +168,8 @@ class DomainDialogue:
     @cached_property
     def _ranks(self) -> Array:
         values = self._domain.planning.state_values
-        return ((np.cumsum(values, axis=0) - 1) * values).sum(axis=1)
+        ranks: Array = ((np.cumsum(values, axis=0) - 1) * values).sum(axis=1)
+        return ranks
 
     def _is_terminal(self, situation: Situation) -> bool:
         return set(situation) <= set(self._domain.planning.terminal)
@@ -187,4 +187,6 @@ class DomainDialogue:
 
     def _make_error(self, reason: str) -> DomainError:
         domain = self._domain
-        return DomainError(f"{domain.pomdp.file or domain.folder}: {reason}; trust cannot follow the dialogue")
+        return DomainError(
+            f"{domain.pomdp.file or domain.folder}: {reason}; trust cannot follow the dialogue"
+        )

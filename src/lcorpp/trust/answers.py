@@ -20,7 +20,7 @@ ROW_ANSWERS = 200.0
 """Weight of a question's noise against free probabilities of one of its rows, in answers."""
 
 NOISE = np.arange(-30, 99) / 100
-"""Degrees of noise that are compared: 0 is the stated model, 1 are answers that do not depend on the value."""
+"""Degrees of noise that are compared: 0 is the stated model, 1 are answers without information."""
 
 STATED = 30
 """Index of the stated model in `NOISE`."""
@@ -55,9 +55,7 @@ class AnswerModel:
         for k, table in enumerate(tables):
             first = len(rows)
             for v, row in enumerate(table):
-                equal = (
-                    r for r in range(first, len(rows)) if np.allclose(rows[r], row, atol=ROW_TOLERANCE)
-                )
+                equal = (r for r in range(first, len(rows)) if np.allclose(rows[r], row, atol=ROW_TOLERANCE))
                 row_of[k, v] = found = next(equal, len(rows))
                 if found == len(rows):
                     rows.append(row)
@@ -65,8 +63,8 @@ class AnswerModel:
 
     @property
     def n_answers(self) -> int:
-        """D, the number of pairs of a kind of question and an observation: k * O + o is the index of (k, o)."""
-        return len(self.row_of) * self.stated_rows.shape[1]
+        """D, the number of pairs of a question's kind and an observation; (k, o) has the index k * O + o."""
+        return int(self.row_of.shape[0]) * int(self.stated_rows.shape[1])
 
     def make_tables(self, rows: Array) -> Array:
         """Return (K, V, O) the probabilities that rows (R, O) give."""
@@ -130,8 +128,8 @@ class AnswerModel:
         means = self.stated_rows[self.row_of].mean(axis=1)[self._question_of]  # (R, O)
         rows = (1 - NOISE)[:, None, None] * self.stated_rows + NOISE[:, None, None] * means
         rows = np.where(means > 0, np.maximum(rows, MIN_PROBABILITY), 0)
-        rows /= rows.sum(axis=2, keepdims=True)
-        return rows
+        noisy: Array = rows / rows.sum(axis=2, keepdims=True)
+        return noisy
 
     @cached_property
     def _logs(self) -> Array:
@@ -143,4 +141,5 @@ class AnswerModel:
     def _stated_score(self) -> Array:
         """(N,) log likelihood of `SHARED_ANSWERS` answers that are as the stated model expects them."""
         expected = self._noisy_rows[STATED] * (SHARED_ANSWERS / max(len(self.stated_rows), 1))
-        return self._logs @ expected.ravel()
+        scores: Array = self._logs @ expected.ravel()
+        return scores

@@ -24,12 +24,15 @@ classifier's rates are wrong and answers are noisy."""
 MAX_CASES = 5000
 """Number of distinct cases that are kept; of further ones only the expected counts are."""
 
+MIN_PEOPLE = 1e-12
+"""Smallest expected number of people of a value."""
+
 MIN_RATE = 1e-3
 """Smallest stated probability of a label."""
 
 
 class LatentClassModel:
-    """p(labels, answers | context) = sum_y pi_context(y) prod_s C_s(label | y) prod_j O(heard_j | asked_j, y).
+    """p(labels, answers | context) = sum_y pi_context(y) prod_s C_s(label | y) prod_j O(heard | asked, y).
 
     y is the shared value. The choice of the questions cancels. The distributions pi have a flat prior, the
     rates C and the observation model O have what is stated as a prior. The knowledge has no part in it: as a
@@ -68,31 +71,30 @@ class LatentClassModel:
         self._past_heard = np.zeros((answers.n_answers, self.n_values))
         self._take_logs()
 
-    def add_context(self, facts: Iterable[tuple[str, str]]) -> int:
+    def add_context(self, facts: Iterable[tuple[str, object]]) -> int:
         """Add a context, given by attributes and their values; return its index."""
         places = [self._facts.setdefault(fact, len(self._facts)) for fact in facts]
         has_fact = np.zeros((len(self.pi) + 1, len(self._facts)))
         has_fact[:-1, : self._has_fact.shape[1]] = self._has_fact
         has_fact[-1, places] = 1
         self._has_fact = has_fact
+        self._values = np.vstack([self._values, np.zeros(self.n_values)])
         self._past_values = np.vstack([self._past_values, np.zeros(self.n_values)])
         self.pi = np.vstack([self.pi, np.full(self.n_values, 1 / self.n_values)])
         self.pi[-1] = self._combine_facts(self._values)[-1]
         self._log_pi = np.log(self.pi)
         return len(self.pi) - 1
 
-    def predict(
-        self, context: int, labels: Sequence[int], base: Array | None = None, weight: float = 0.0
-    ) -> Array:
-        """Return (V,) P(value | context, labels); labels as in `Cases`.
+    def predict(self, context: int, labels: Sequence[int], prior: Array | None = None) -> Array:
+        """Return (V,) P(value | context, labels).
 
         Args:
-            base: (V,) replaces what the facts suggest. weight: of it, in people.
+            labels: as in `Cases`.
+            prior: (V,) in people, in place of what the facts of the context suggest.
         """
         logs = self._log_pi[context]
-        if base is not None:
-            counts = self._values[context] if context < len(self._values) else 0
-            logs = np.log(weight * base + counts + 1e-300)
+        if prior is not None:
+            logs = np.log(np.maximum(prior + self._values[context], MIN_PEOPLE))
         for label, log_rates in zip(labels, self._log_rates, strict=True):
             if label != NO_LABEL:
                 logs = logs + log_rates[:, label]
@@ -138,7 +140,7 @@ class LatentClassModel:
 
     def _expect(self, weights: Array) -> tuple[Array, list[Array], Array]:
         """Return the expected counts of values (X, V), labels (V, L) for each sense, and answers (D, V)."""
-        cases, n_values = self.cases, self.n_values
+        cases = self.cases
         logs = self._log_pi[cases.contexts] + cases.heard @ self._log_answers
         for s, log_rates in enumerate(self._log_rates):
             label = cases.labels[:, s]
@@ -157,18 +159,17 @@ class LatentClassModel:
         """Return (X, V) P(value | facts) if the facts were independent given the value (naive Bayes).
 
         Args:
-            values: (n, V) expected counts of the values in the first n contexts.
+            values: (X, V) expected counts of the values in each context.
         """
-        by_fact = self._has_fact[: len(values)].T @ values  # (F, V)
+        by_fact = self._has_fact.T @ values  # (F, V)
         by_value, n_people = values.sum(axis=0), values.sum() + 1
         frequency = (by_fact.sum(axis=1, keepdims=True) + 1 / self.n_values) / n_people
         chances = (by_fact + FACT_PEOPLE * frequency) / (by_value + FACT_PEOPLE)
         logs = self._has_fact @ np.log(chances) + np.log(by_value + 1 / self.n_values)
-        combined: Array = np.exp(logs - logs.max(axis=1, keepdims=True))
-        return _normalise(combined)
+        return _normalise(np.exp(logs - logs.max(axis=1, keepdims=True)))
 
     def _condense(self) -> None:
-        """Keep the half of the cases that occurred most; add the expected counts of the others to the past."""
+        """Keep the half of the cases that occurred most; of the others, keep the expected counts."""
         weights = self.cases.weights
         rare = np.argsort(weights, kind="stable")[: self.cases.n // 2]
         removed = np.zeros_like(weights)
@@ -200,5 +201,5 @@ def _sum_by(groups: npt.NDArray[np.intp], people: Array, n_groups: int) -> Array
     """Return (n_groups, V) the sums of the rows of people (n, V) by group (n,)."""
     n_values = people.shape[1]
     cells = (groups[:, None] * n_values + np.arange(n_values)).ravel()
-    sums: Array = np.bincount(cells, people.ravel(), n_groups * n_values).reshape(n_groups, n_values)
-    return sums
+    sums: Array = np.bincount(cells, people.ravel(), n_groups * n_values).astype(np.float64)
+    return sums.reshape(n_groups, n_values)

@@ -58,7 +58,7 @@ class StatedSources:
         return predictions
 
     def compute_rates(self, attribute: str) -> tuple[tuple[str, ...], Array]:
-        """Return the labels of a sense, and (V, L) P(label | value) by the program; 0 for impossible values."""
+        """Return the labels of a sense, and (V, L) P(label | value) by the program, 0 if impossible."""
         marginal = self._reasoner.posterior(attribute, {})
         assert marginal is not None
         columns = [
@@ -74,7 +74,7 @@ class StatedSources:
         return combined
 
     def _compute_ratio(self, labels: Mapping[str, Label]) -> Array:
-        """Return (V,) P(labels | value) / P(labels) by the program; 0 for impossible values."""
+        """Return (V,) P(labels | value) / P(labels) by the program, 0 if impossible."""
         prior = self._infer({}).probabilities
         ratio = np.zeros(len(prior))
         np.divide(self._infer(labels).probabilities, prior, out=ratio, where=prior > 0)

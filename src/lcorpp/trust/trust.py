@@ -13,15 +13,9 @@ from lcorpp.trust.answers import AnswerModel
 from lcorpp.trust.asking import AskingPlanner
 from lcorpp.trust.cases import NO_LABEL
 from lcorpp.trust.latent_class import LatentClassModel
+from lcorpp.trust.learnt_sources import LearntSources
 from lcorpp.trust.sources import StatedSources
 from lcorpp.values import Array, Distribution, Label, Likelihood, Step
-
-LEARNT = ("learnt", "recent", "corrected")
-CORRECTED_PEOPLE = float(__import__("os").environ.get("CP","20"))
-"""Sources that are estimated from answers: from all people, and from the latest ones."""
-
-MAX_CONTEXTS = 4096
-"""Number of contexts that are learnt separately; further ones are learnt as one."""
 
 
 @dataclass(frozen=True)
@@ -75,7 +69,7 @@ class Trust:
     models that never see the knowledge; see docs/trust.md.
 
     sources: their names. weights: (K,) of the sources, summing to 1. n_people: number of people learnt from.
-    learnt, recent: the models. planner: of the present policy. tables: (K, V, O) its observation model.
+    planner: of the present policy. tables: (K, V, O) its observation model.
 
     Args:
         reasoner: theta, the program with the stated rates of the classifiers.
@@ -110,16 +104,10 @@ class Trust:
             stated_rates.append(table)
         self.tables = dialogue.tables
         self.answers = AnswerModel.of_tables(self.tables)
-        self.learnt = LatentClassModel(self.answers, stated_rates)
-        self.recent = LatentClassModel(self.answers, stated_rates, memory=options.memory)
-        self._shape = tuple(
-            len(dict.fromkeys(own)) for own in zip(*domain.values, strict=True)
-        ) if isinstance(domain.shared, tuple) else (len(domain.values),)
-        extra = ("independent", *[f"without {name}" for name in domain.shared]) if len(self._shape) > 1 else ()
-        self.sources = (*self._stated.names, *LEARNT, *extra)
+        self._learnt = LearntSources(domain, self.answers, stated_rates, options.memory)
+        self.sources = (*self._stated.names, *self._learnt.names)
         self.weights = np.full(len(self.sources), 1 / len(self.sources))
         self.n_people, self._next_fit = 0, 1
-        self._contexts: dict[frozenset[tuple[str, Label]], int] = {}
 
     def posterior(self, attribute: str | Sequence[str], evidence: Mapping[str, Label]) -> Distribution:
         """Return the mixture of the sources' predictions (`lcorpp.protocols.Reasoner`).
@@ -130,8 +118,8 @@ class Trust:
         """
         if attribute != self._domain.shared and tuple(attribute) != self._domain.shared:
             raise DecisionError(f"trust predicts {self._domain.shared!r}, not {attribute!r}")
-        predictions = self._predict(evidence, *self._index(evidence))
-        return Distribution.unchecked(self._domain.values, self.weights @ predictions)
+        prior = self.weights @ self._predict(evidence, *self._index(evidence))
+        return Distribution.unchecked(self._domain.values, prior)
 
     def make_planner(self) -> Planner:
         """Return the planner for the next person: the present one, which sometimes asks to learn."""
@@ -153,8 +141,7 @@ class Trust:
         weights = self.weights * (self._predict(evidence, context, labels) @ likelihood)
         share = self.options.share
         self.weights = (1 - share) * weights / weights.sum() + share / len(weights)
-        for model in (self.learnt, self.recent):
-            model.add(context, labels, answers)
+        self._learnt.add(context, labels, answers)
         self.n_people += 1
         if self.n_people >= self._next_fit:
             self._next_fit = self.n_people + max(1, self.n_people // self.options.refits)
@@ -162,31 +149,22 @@ class Trust:
 
     def _fit(self) -> None:
         options = self.options
-        self.learnt.fit(options.iterations, None if options.hearing else self.answers.stated_rows)
-        self.recent.fit(options.iterations, self.learnt.rows)
+        self._learnt.fit(options.iterations, rows=None if options.hearing else self.answers.stated_rows)
         if options.hearing:
             tables = self.answers.make_tables(self.learnt.rows)
             if np.abs(tables - self.tables).sum(axis=2).max(initial=0) / 2 > options.tolerance:
                 self.planner, self.tables = self._dialogue.make_planner(tables), tables
 
+    @property
+    def learnt(self) -> LatentClassModel:
+        """The model of all people, with the estimated observation model and rates."""
+        return self._learnt.learnt
+
     def _predict(self, evidence: Mapping[str, Label], context: int, labels: Sequence[int]) -> Array:
         """Return (K, V) P(value) of each source."""
-        learnt = [model.predict(context, labels) for model in (self.learnt, self.recent)]
-        facts = {k: v for k, v in evidence.items() if k not in self._stated.attributes}
-        base = self._stated.predict(facts)[0]
-        learnt.append(self.learnt.predict(context, labels, base, CORRECTED_PEOPLE))
         stated = self._stated.predict(evidence)
-        shape = self._shape
-        if len(shape) > 1:
-            own, known = learnt[0].reshape(shape), stated[0].reshape(shape)
-            axes = range(len(shape))
-            marginals = [own.sum(axis=tuple(b for b in axes if b != a), keepdims=True) for a in axes]
-            independent = marginals[0]
-            for m in marginals[1:]:
-                independent = independent * m
-            learnt.append(independent.ravel())
-            learnt += [(known.sum(axis=a, keepdims=True) * marginals[a]).ravel() for a in axes]
-        return np.concatenate([stated, learnt])
+        expected = self._stated.predict(self._find_facts(evidence))[0]
+        return np.concatenate([stated, self._learnt.predict(context, labels, stated[0], expected)])
 
     def _index(self, evidence: Mapping[str, Label]) -> tuple[int, list[int]]:
         """Return the index of the context, and of the label of each sense."""
@@ -196,13 +174,8 @@ class Trust:
             if isinstance(label, Likelihood):
                 label = label.most_likely()
             labels.append(NO_LABEL if label is None else places[label])
-        facts = frozenset(item for item in evidence.items() if item[0] not in self._stated.attributes)
-        context = self._contexts.get(facts)
-        if context is None:
-            if len(self._contexts) < MAX_CONTEXTS:
-                context = self.learnt.add_context(facts)
-                self.recent.add_context(facts)
-                self._contexts[facts] = context
-            else:
-                context = MAX_CONTEXTS - 1
-        return context, labels
+        return self._learnt.index_context(self._find_facts(evidence)), labels
+
+    def _find_facts(self, evidence: Mapping[str, Label]) -> dict[str, Label]:
+        attributes = self._stated.attributes
+        return {name: value for name, value in evidence.items() if name not in attributes}

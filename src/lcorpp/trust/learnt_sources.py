@@ -1,0 +1,89 @@
+"""Predictions of the shared value that people's answers correct."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from lcorpp.protocols import DomainInterface
+from lcorpp.trust.answers import AnswerModel
+from lcorpp.trust.latent_class import LatentClassModel
+from lcorpp.values import Array, Label
+
+KNOWLEDGE_PEOPLE = 20.0
+"""Weight of the knowledge in the source "corrected" against the people met in a context, in people."""
+
+MAX_CONTEXTS = 4096
+"""Number of contexts that are learnt separately; further ones are learnt as one."""
+
+
+class LearntSources:
+    """The sources that learn from answers.
+
+    learnt: a latent class model of all people. recent: of the latest people. corrected: the knowledge, which
+    counts as some people in each context, and the people met there. Several shared variables add these:
+    independent: the learnt marginals of the variables, without their correlation; and for each variable the
+    knowledge without it, with its learnt marginal instead.
+
+    names: of the sources. learnt, recent: the models.
+
+    Args:
+        stated_rates, memory: as of `LatentClassModel`.
+    """
+
+    def __init__(
+        self, domain: DomainInterface, answers: AnswerModel, stated_rates: Sequence[Array], memory: float
+    ) -> None:
+        self.learnt = LatentClassModel(answers, stated_rates)
+        self.recent = LatentClassModel(answers, stated_rates, memory=memory)
+        shared = domain.shared
+        self._sizes: tuple[int, ...] = ()
+        joint: tuple[str, ...] = ()
+        if not isinstance(shared, str):
+            self._sizes = tuple(len(set(names)) for names in zip(*domain.values, strict=True))
+            joint = ("independent", *[f"knowledge without {name}" for name in shared])
+        self.names = ("learnt", "recent", "corrected", *joint)
+        self._contexts: dict[frozenset[tuple[str, Label]], int] = {}
+
+    def index_context(self, facts: Mapping[str, Label]) -> int:
+        """Return the index of a context; a new one is added."""
+        key = frozenset(facts.items())
+        context = self._contexts.get(key)
+        if context is None:
+            context = min(len(self._contexts), MAX_CONTEXTS - 1)
+            self._contexts[key] = context
+            for model in (self.learnt, self.recent):
+                if context == len(model.pi):
+                    model.add_context(key)
+        return context
+
+    def predict(self, context: int, labels: Sequence[int], knowledge: Array, expected: Array) -> Array:
+        """Return (sources, V) P(value) of each source.
+
+        Args:
+            context, labels: as of `LatentClassModel.predict`.
+            knowledge: (V,) P(value) by the knowledge, given facts and labels. expected: given the facts.
+        """
+        rows = [model.predict(context, labels) for model in (self.learnt, self.recent)]
+        rows.append(self.learnt.predict(context, labels, prior=KNOWLEDGE_PEOPLE * expected))
+        if self._sizes:
+            known, own = knowledge.reshape(self._sizes), rows[0].reshape(self._sizes)
+            axes = range(own.ndim)
+            marginals = [own.sum(axis=tuple(b for b in axes if b != a), keepdims=True) for a in axes]
+            independent = np.ones(())
+            for marginal in marginals:
+                independent = independent * marginal
+            rows.append(independent.ravel())
+            rows += [(known.sum(axis=a, keepdims=True) * marginals[a]).ravel() for a in axes]
+        return np.array(rows)
+
+    def add(self, context: int, labels: Sequence[int], answers: Sequence[int]) -> None:
+        """Add a person, see `Cases.add`."""
+        for model in (self.learnt, self.recent):
+            model.add(context, labels, answers)
+
+    def fit(self, iterations: int, *, rows: Array | None) -> None:
+        """Run EM on both models; `rows`: of the observation model, None to estimate it from all people."""
+        self.learnt.fit(iterations, rows)
+        self.recent.fit(iterations, self.learnt.rows)
