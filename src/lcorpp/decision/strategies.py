@@ -11,7 +11,7 @@ import numpy as np
 
 from lcorpp.decision.dt_control import Robot
 from lcorpp.errors import DecisionError, LcorppError, NoReportError, expected_one_of
-from lcorpp.protocols import DomainInterface, Planner
+from lcorpp.protocols import DomainInterface, Planner, Reasoner
 from lcorpp.user_code import UserFunction
 from lcorpp.values import Belief, Distribution, Label
 
@@ -51,7 +51,7 @@ class Strategy:
         """
         robot = Robot(
             classifiers={name: part for name, part in full.classifiers.items() if self.uses(name)},
-            reasoner=full.reasoner if self.reasons else LabelOnlyReasoner(full.domain),
+            reasoner=self._choose_reasoner(full),
             planner=full.planner if self.plans else ImmediateReport(full.planner, full.domain),
             domain=full.domain,
         )
@@ -63,6 +63,13 @@ class Strategy:
         if not isinstance(changed, Robot):
             raise DecisionError(f"{self.location} returned {reprlib.repr(changed)}; expected a Robot")
         return changed
+
+    def _choose_reasoner(self, full: Robot) -> Reasoner:
+        if self.reasons:
+            return full.reasoner
+        if self.learns and self.plans:
+            return LabelRatesReasoner(full.reasoner, full.domain)
+        return LabelOnlyReasoner(full.domain)
 
     @property
     def location(self) -> str:
@@ -100,9 +107,10 @@ STRATEGIES = (
     Strategy("P", learns=False, reasons=False, plans=True),
     Strategy("L+R", learns=True, reasons=True, plans=False),
     Strategy("R+P", learns=False, reasons=True, plans=True),
+    Strategy("L+P", learns=True, reasons=False, plans=True),
     Strategy("LCORPP", learns=True, reasons=True, plans=True),
 )
-"""The strategies of section "Experimental Results" of the paper, in its order."""
+"""The strategies of section "Experimental Results" of the paper, in its order, and L+P."""
 
 
 def list_strategies(senses: Sequence[str]) -> tuple[Strategy, ...]:
@@ -157,6 +165,31 @@ class LabelOnlyReasoner:
 
     def posterior(self, attribute: str | Sequence[str], evidence: Mapping[str, Label]) -> Distribution | None:
         return self.domain.label_marginal(evidence)
+
+
+@dataclass(frozen=True, eq=False)
+class LabelRatesReasoner:
+    """A reasoner that knows the error rates of the classifiers, and nothing else (strategy L+P).
+
+    Its posterior of the shared values is proportional to P(labels | value), as if all values were equally
+    probable before. Without a label there is no posterior, as in `LabelOnlyReasoner`.
+
+    reasoner: whose program has the rates.
+    """
+
+    reasoner: Reasoner
+    domain: DomainInterface
+
+    def posterior(self, attribute: str | Sequence[str], evidence: Mapping[str, Label]) -> Distribution | None:
+        labels = {name: evidence[name] for name in self.domain.label_attributes if name in evidence}
+        if not labels:
+            return None
+        given, prior = self.reasoner.posterior(attribute, labels), self.reasoner.posterior(attribute, {})
+        assert given is not None
+        assert prior is not None
+        ratio = np.zeros(len(prior.values))
+        np.divide(given.probabilities, prior.probabilities, out=ratio, where=prior.probabilities > 0)
+        return Distribution(prior.values, ratio / ratio.sum())
 
 
 @dataclass(frozen=True, eq=False)

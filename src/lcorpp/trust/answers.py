@@ -68,7 +68,8 @@ class AnswerModel:
 
     def make_tables(self, rows: Array) -> Array:
         """Return (K, V, O) the probabilities that rows (R, O) give."""
-        return rows[self.row_of]
+        tables: Array = rows[self.row_of]
+        return tables
 
     def find_log_likelihoods(self, rows: Array) -> Array:
         """Return (D, V) the logarithm of P(observation | value) for each answer, 0 if it is impossible."""
@@ -120,7 +121,8 @@ class AnswerModel:
     def _question_weights(self) -> Array:
         """(R, 1) `QUESTION_ANSWERS`, divided among the rows of each question."""
         sizes = self._is_row_of.sum(axis=0)
-        return (QUESTION_ANSWERS / sizes)[self._question_of][:, None]
+        weights: Array = (QUESTION_ANSWERS / sizes)[self._question_of][:, None]
+        return weights
 
     @cached_property
     def _noisy_rows(self) -> Array:

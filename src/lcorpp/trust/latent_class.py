@@ -7,7 +7,7 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 import numpy.typing as npt
 
-from lcorpp.trust.answers import AnswerModel
+from lcorpp.trust.answers import ROW_TOLERANCE, AnswerModel
 from lcorpp.trust.cases import NO_LABEL, Cases
 from lcorpp.values import Array
 
@@ -194,7 +194,8 @@ def _normalise(rows: Array) -> Array:
 
 def _find_equal_rows(rates: Array) -> Array:
     """Return (V, V) 1 where two values have the same row."""
-    return (np.abs(rates[:, None] - rates).max(axis=2) < 1e-9).astype(np.float64)
+    alike: Array = (np.abs(rates[:, None] - rates).max(axis=2) < ROW_TOLERANCE).astype(np.float64)
+    return alike
 
 
 def _sum_by(groups: npt.NDArray[np.intp], people: Array, n_groups: int) -> Array:

@@ -168,12 +168,15 @@ def _infer_posteriors(
     domain: Domain, reasoner: ReasonerProtocol, cases: Mapping[Strategy, Sequence[_Case]]
 ) -> ReasonerProtocol:
     """Return the reasoner for the cases of the table's strategies; another engine answers one by one."""
-    reasoning = [own for strategy, own in cases.items() if strategy.reasons and strategy.change is None]
-    evidence = {
-        tuple(each.items()): each
-        for own in reasoning
-        for each in [domain.evidence(case.context, case.labels) for case in own]
-    }
+    evidence: dict[tuple[tuple[str, Label], ...], Mapping[str, Label]] = {}
+    for strategy, own in cases.items():
+        if strategy.change is not None or not (strategy.reasons or strategy.plans):
+            continue
+        for case in own:
+            each = domain.evidence(case.context if strategy.reasons else {}, case.labels)
+            evidence[tuple(each.items())] = each
+        if not strategy.reasons:
+            evidence[()] = {}  # see `LabelRatesReasoner`
     if not isinstance(reasoner, Reasoner):
         return reasoner
     answers = reasoner.posteriors(domain.shared, list(evidence.values()))
