@@ -107,10 +107,9 @@ STRATEGIES = (
     Strategy("P", learns=False, reasons=False, plans=True),
     Strategy("L+R", learns=True, reasons=True, plans=False),
     Strategy("R+P", learns=False, reasons=True, plans=True),
-    Strategy("L+P", learns=True, reasons=False, plans=True),
     Strategy("LCORPP", learns=True, reasons=True, plans=True),
 )
-"""The strategies of section "Experimental Results" of the paper, in its order, and L+P."""
+"""The strategies of section "Experimental Results" of the paper, in its order."""
 
 
 def list_strategies(senses: Sequence[str]) -> tuple[Strategy, ...]:

@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from fractions import Fraction
-from itertools import combinations_with_replacement
-from math import comb
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +13,8 @@ from lcorpp.domains.sections.learning import Sense
 from lcorpp.domains.sections.planning import PlanningSection
 from lcorpp.domains.sections.reasoning import ReasoningSection
 from lcorpp.domains.sections.simulation import SimulationSection
-from lcorpp.errors import DomainError, NoValueError, TooLargeError, expected_one_of
+from lcorpp.domains.start_beliefs import list_start_beliefs
+from lcorpp.errors import DomainError, expected_one_of
 from lcorpp.planning import Pomdp
 from lcorpp.reasoning import Program, with_classifier
 from lcorpp.values import (
@@ -29,9 +28,6 @@ from lcorpp.values import (
     SharedValue,
     format_value,
 )
-
-MAX_GRID_STEPS, MAX_PRIORS = 10, 36
-"""Limits of the grid of priors in `Domain.start_beliefs`: grid steps from 0 to 1, and number of priors."""
 
 TERMINAL_TOLERANCE = 1e-9
 """Rounding error of the probability 1 of the terminal states."""
@@ -211,41 +207,8 @@ class Domain:
         return marginal.probabilities @ self.planning.initial_states
 
     def start_beliefs(self) -> Array:
-        """(N, S) beliefs to solve the model for: its own initial belief, and priors.
-
-        The prior differs from person to person, and a policy is only good near the beliefs it was computed
-        for. The priors are a grid that covers the simplex, hence every marginal that a reasoner may return.
-        If a grid finer than the corners is too large, the reasoner's marginals given the most probable
-        observed facts are added.
-        """
-        n = len(self.values)
-        # the finest grid of at most MAX_PRIORS priors; one step gives a prior for each value, however many
-        steps = max(m for m in range(1, MAX_GRID_STEPS + 1) if m == 1 or comb(m + n - 1, m) <= MAX_PRIORS)
-        grid = [
-            np.bincount(values, minlength=n) / steps
-            for values in combinations_with_replacement(range(n), steps)
-        ]
-        priors = np.array(grid if steps > 1 else [*grid, *self._compute_likely_marginals()])
-        return np.vstack([self.pomdp.start, priors @ self.planning.initial_states])
-
-    def _compute_likely_marginals(self) -> Array:
-        """The marginals (n, V) of the shared variables given each of the most probable observed facts.
-
-        They are distinct, sorted, and rounded far above the reasoner's errors, so that programs that are
-        equivalent get the same policy.
-        """
-        from lcorpp.reasoning import Reasoner  # imports the grounder and the compiler
-
-        reasoner, subject = Reasoner(self.program), list(self.reasoning.shared)
-        try:
-            likely = reasoner.most_probable(count=MAX_PRIORS, of=self.observed) if self.observed else ()
-        except NoValueError:  # not all facts can be observed of everybody
-            likely = ()
-        except TooLargeError:  # each marginal would take seconds of sampling
-            return np.zeros((0, len(self.values)))
-        facts = [world.values for world in likely] or [{}]
-        marginals = [reasoner.posterior(subject, context).probabilities for context in facts]
-        return np.unique(np.round(marginals, 12), axis=0)
+        """(N, S) beliefs to solve the model for, see `list_start_beliefs`."""
+        return list_start_beliefs(self.reasoning, self.planning)
 
     def marginal(self, belief: Belief) -> Distribution:
         """The distribution of the shared variables under a belief (S,), given that it is not terminal.

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from lcorpp.decision.strategies import LabelRatesReasoner
 from lcorpp.protocols import DomainInterface, Reasoner
 from lcorpp.values import Array, Distribution, Label, Likelihood
 
@@ -59,30 +60,18 @@ class StatedSources:
 
     def compute_rates(self, attribute: str) -> tuple[tuple[str, ...], Array]:
         """Return the labels of a sense, and (V, L) P(label | value) by the program, 0 if impossible."""
-        marginal = self._reasoner.posterior(attribute, {})
-        assert marginal is not None
-        columns = [
-            self._compute_ratio({attribute: label}) * probability if probability > 0 else self._no_value
-            for label, probability in marginal
-        ]
-        return tuple(marginal.values), np.array(columns).T
+        labels = self._reasoner.posterior(attribute, {})
+        prior = self._infer({}).probabilities
+        assert labels is not None
+        columns = [self._combine_uniformly({attribute: label}) if p > 0 else 0 * prior for label, p in labels]
+        # P(label | value) is P(label) times a column whose mean over the values is 1
+        rates = [p * column / (column @ prior or 1) for column, (_, p) in zip(columns, labels, strict=True)]
+        return tuple(labels.values), np.array(rates).T
 
     def _combine_uniformly(self, labels: Mapping[str, Label]) -> Array:
         """Return (V,) P(value | labels) if all values were equally probable before."""
-        ratio = self._compute_ratio(labels) if labels else np.ones(len(self._domain.values))
-        combined: Array = ratio / ratio.sum()
-        return combined
-
-    def _compute_ratio(self, labels: Mapping[str, Label]) -> Array:
-        """Return (V,) P(labels | value) / P(labels) by the program, 0 if impossible."""
-        prior = self._infer({}).probabilities
-        ratio = np.zeros(len(prior))
-        np.divide(self._infer(labels).probabilities, prior, out=ratio, where=prior > 0)
-        return ratio
-
-    @property
-    def _no_value(self) -> Array:
-        return np.zeros(len(self._domain.values))
+        found = LabelRatesReasoner(self._reasoner, self._domain).posterior(self._domain.shared, labels)
+        return np.full(len(self._start), 1 / len(self._start)) if found is None else found.probabilities
 
     def _infer(self, evidence: Mapping[str, Label]) -> Distribution:
         found = self._reasoner.posterior(self._domain.shared, evidence)

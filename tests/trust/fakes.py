@@ -1,0 +1,52 @@
+"""A dialogue of one question and two values, for trust without a domain."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from lcorpp.values import Array, Distribution, Label
+from tests.decision.fakes import VALUES, FakePlanner
+
+ANSWERS = ("nod", "shake")
+STATED = np.array([[[0.75, 0.25], [0.25, 0.75]]])
+
+
+class SkyReasoner:
+    """A program in which P(yes) depends on the sky and P(label=yes) on the value."""
+
+    def __init__(
+        self, sunny: float = 0.9, grey: float = 0.2, rates: tuple[float, float] = (0.8, 0.3)
+    ) -> None:
+        self.prior = {"sunny": sunny, "grey": grey}
+        self.rates = np.array([[rates[0], 1 - rates[0]], [rates[1], 1 - rates[1]]])
+
+    def posterior(self, attribute: str, evidence: Mapping[str, Label]) -> Distribution:
+        sky = evidence.get("sky")
+        p = np.mean(list(self.prior.values())) if sky is None else self.prior[sky]
+        values = np.array([p, 1 - p])
+        if attribute == "label":
+            return Distribution(VALUES, values @ self.rates)
+        if "label" in evidence:
+            values = values * self.rates[:, VALUES.index(evidence["label"])]
+        return Distribution(VALUES, values / values.sum())
+
+
+class AskDialogue:
+    """The action "ask" is the only question. Planners are recorded with their tables."""
+
+    tables = STATED
+
+    def __init__(self) -> None:
+        self.planned = list[Array]()
+
+    def find_answers(self, history: Sequence[tuple[str, str]]) -> list[int]:
+        return [ANSWERS.index(observation) for action, observation in history if action == "ask"]
+
+    def make_planner(self, tables: Array) -> FakePlanner:
+        self.planned.append(tables)
+        return FakePlanner()
+
+    def choose_question(self, belief: Array) -> str | None:
+        return "ask"

@@ -1,0 +1,64 @@
+"""The observation model: rows, and the estimates of noise, question and row."""
+
+import numpy as np
+import pytest
+
+from lcorpp.trust.answers import AnswerModel
+
+TWO = np.array([[[0.9, 0.1], [0.1, 0.9]], [[0.8, 0.2], [0.2, 0.8]]])
+
+
+def count(model: AnswerModel, tables, people: float):
+    """The expected answers (D, V) of some people of each value."""
+    return people * np.asarray(tables).transpose(0, 2, 1).reshape(model.n_answers, -1)
+
+
+def test_values_with_equal_rows_share_them_and_questions_do_not():
+    table = np.array([[0.7, 0.3], [0.2, 0.8], [0.7, 0.3]])
+    model = AnswerModel.of_tables(np.array([table, table]))
+    assert model.row_of.tolist() == [[0, 1, 0], [2, 3, 2]]
+    np.testing.assert_array_equal(model.make_tables(model.stated_rows), [table, table])
+
+
+def test_without_answers_the_stated_model_remains():
+    model = AnswerModel.of_tables(TWO)
+    rows, noise = model.estimate_rows(np.zeros((4, 2)))
+    assert noise == 0
+    np.testing.assert_allclose(rows, model.stated_rows)
+
+
+@pytest.mark.parametrize("noise", [-0.1, 0.25, 0.5, 0.9])
+def test_a_noise_that_all_questions_share_is_found(noise):
+    model = AnswerModel.of_tables(TWO)
+    noisy = (1 - noise) * TWO + noise / 2
+    rows, found = model.estimate_rows(count(model, noisy, 1e5))
+    assert found == pytest.approx(noise, abs=0.011)
+    np.testing.assert_allclose(model.make_tables(rows), noisy, atol=0.002)
+
+
+def test_each_question_and_each_row_may_differ():
+    model = AnswerModel.of_tables(TWO)
+    other = np.array([[[0.6, 0.4], [0.4, 0.6]], [[0.95, 0.05], [0.3, 0.7]]])
+    rows, _ = model.estimate_rows(count(model, other, 1e6))
+    np.testing.assert_allclose(model.make_tables(rows), other, atol=0.002)
+
+
+def test_few_answers_move_all_questions_alike_rather_than_one():
+    """Twenty wrong answers to the first question are noise of the second one, too."""
+    model = AnswerModel.of_tables(TWO)
+    heard = np.zeros((4, 2))
+    heard[0], heard[1] = [30, 20], [20, 30]
+    rows, noise = model.estimate_rows(heard)
+    assert 0 < noise < 0.8
+    first, second = model.make_tables(rows)[:, 0, 1]
+    assert first > 0.1
+    assert second > 0.2
+
+
+def test_an_observation_that_no_value_makes_possible_keeps_probability_zero():
+    table = np.array([[[0.9, 0.1, 0.0], [0.0, 1.0, 0.0]]])
+    model = AnswerModel.of_tables(table)
+    rows, _ = model.estimate_rows(count(model, table, 100))
+    assert (rows[:, 2] == 0).all()
+    assert (rows[:, :2] > 0).all()  # stated as impossible for one value only: it may be wrong
+    np.testing.assert_allclose(rows.sum(axis=1), 1)

@@ -1,0 +1,147 @@
+"""Trust: the mixture and its weights, asking, planning for noise, and the errors of its options."""
+
+import numpy as np
+import pytest
+
+from lcorpp.decision import Robot, dt_control
+from lcorpp.errors import DecisionError
+from lcorpp.trust import Trust, TrustOptions
+from lcorpp.values import Distribution, Likelihood, Step
+from tests.decision.fakes import VALUES, FakeClassifier, FakeDomain, FakePlanner, FakeWorld, make_instance
+from tests.trust.fakes import STATED, AskDialogue, SkyReasoner
+
+
+def make_trust(reasoner=None, **options):
+    dialogue = AskDialogue()
+    return Trust(
+        reasoner or SkyReasoner(), FakeDomain(), dialogue, FakePlanner(), options=TrustOptions(**options)
+    ), dialogue
+
+
+def steps(*observations):
+    return [Step("ask", heard, np.array([0.5, 0.5])) for heard in observations]
+
+
+def test_the_prior_is_the_mean_of_the_sources_at_first():
+    trust, _ = make_trust()
+    assert trust.sources == ("knowledge", "label", "no evidence", "learnt", "recent", "corrected")
+    prior = trust.posterior("wish", {"sky": "sunny", "label": "yes"})
+    known, sensed = 0.72 / (0.72 + 0.03), 0.8 / 1.1
+    # without people, what is learnt knows the stated rates alone; corrected knowledge is knowledge
+    assert prior["yes"] == pytest.approx((known + sensed + 0.5 + 2 * sensed + known) / 6, abs=1e-6)
+
+
+def test_a_source_gains_by_the_probability_that_it_gave_to_the_answers():
+    trust, _ = make_trust(share=0.0)
+    evidence = {"sky": "sunny"}
+    trust.learn(evidence, steps("nod"))
+    # P(nod) by each source: .75 P(yes) + .25 P(no)
+    chances = np.array([0.75 * p + 0.25 * (1 - p) for p in (0.9, 0.5, 0.5, 0.5, 0.5, 0.9)])
+    np.testing.assert_allclose(trust.weights, chances / chances.sum())
+
+
+def test_each_source_keeps_a_share():
+    trust, _ = make_trust(SkyReasoner(sunny=0.999), share=0.01)
+    for _ in range(200):
+        trust.learn({"sky": "sunny"}, steps("shake", "shake"))
+    assert trust.weights[0] >= 0.01 / 6
+    assert trust.weights.sum() == pytest.approx(1)
+    assert trust.posterior("wish", {"sky": "sunny"})["yes"] < 0.1
+
+
+def test_knowledge_that_is_wrong_loses_and_knowledge_that_is_right_wins():
+    for sunny, wins in ((0.9, True), (0.1, False)):
+        rng, (trust, _) = np.random.default_rng(0), make_trust(SkyReasoner(sunny=sunny, grey=1 - sunny))
+        for _ in range(300):
+            sky = ("sunny", "grey")[int(rng.integers(2))]
+            is_yes = rng.random() < (0.9 if sky == "sunny" else 0.1)
+            heard = ["nod" if (rng.random() < 0.75) == is_yes else "shake" for _ in range(3)]
+            trust.learn({"sky": sky}, steps(*heard))
+        weight = dict(zip(trust.sources, trust.weights, strict=True))["knowledge"]
+        assert (weight > 0.2) == wins
+        assert trust.posterior("wish", {"sky": "sunny"})["yes"] == pytest.approx(0.9, abs=0.08)
+
+
+def test_the_policy_is_solved_for_the_noise_that_is_heard():
+    rng, (trust, dialogue) = np.random.default_rng(1), make_trust(tolerance=0.05)
+    for _ in range(1000):
+        is_yes = rng.random() < 0.5
+        trust.learn({}, steps(*["nod" if (rng.random() < 0.6) == is_yes else "shake" for _ in range(4)]))
+    assert trust.learnt.rows[0, 0] == pytest.approx(0.6, abs=0.05)
+    assert 1 <= len(dialogue.planned) < 20
+    np.testing.assert_array_equal(dialogue.planned[-1], trust.tables)
+    differences = np.abs(np.diff([STATED, *dialogue.planned], axis=0)).sum(axis=3).max(axis=(1, 2)) / 2
+    assert (differences > 0.05).all()
+
+
+def test_without_hearing_model_and_policy_stay():
+    trust, dialogue = make_trust(hearing=False)
+    for _ in range(50):
+        trust.learn({}, steps("nod", "shake", "nod", "shake"))
+    assert not dialogue.planned
+    np.testing.assert_array_equal(trust.learnt.rows, trust.answers.stated_rows)
+
+
+def test_one_person_in_so_many_is_asked_until_enough_answers_are_heard():
+    trust, _ = make_trust(SkyReasoner(sunny=0.999), ask_every=2, ask_answers=3)
+    asked = []
+    for _ in range(4):
+        robot = Robot({"eyes": FakeClassifier()}, trust, trust.make_planner(), FakeDomain())
+        world = FakeWorld(*["nod"] * 9)
+        episode = dt_control(robot, make_instance(0, "sunny"), world)
+        trust.learn(episode.evidence, episode.steps)
+        asked.append(world.done.count("ask"))
+    assert asked[0] >= 3
+    assert asked[2] >= 3
+    assert asked[3] < 3
+
+
+def test_a_likelihood_counts_as_its_most_probable_label_in_what_is_learnt():
+    trust, _ = make_trust()
+
+    class Soft(SkyReasoner):
+        def posterior(self, attribute, evidence):
+            label = evidence.get("label")
+            if isinstance(label, Likelihood):
+                prior = super().posterior(attribute, {k: v for k, v in evidence.items() if k != "label"})
+                weights = prior.probabilities * (self.rates @ label.weights)
+                return Distribution(VALUES, weights / weights.sum())
+            return super().posterior(attribute, evidence)
+
+    trust, _ = make_trust(Soft())
+    evidence = {"sky": "grey", "label": Likelihood(VALUES, [1.0, 0.2])}
+    assert 0 < trust.posterior("wish", evidence)["yes"] < 1
+    trust.learn(evidence, steps("nod"))
+    assert trust.learnt.cases.labels.tolist() == [[0]]
+
+
+def test_a_person_without_answers_changes_no_weight():
+    trust, _ = make_trust(share=0.0)
+    before = trust.weights
+    trust.learn({"sky": "grey", "label": "no"}, [Step("say no", None, np.array([0.1, 0.9]))])
+    np.testing.assert_allclose(trust.weights, before)
+    assert trust.n_people == 1
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"share": 1.0}, r"`share` of trust is 1\.0; expected from 0 to below 1"),
+        ({"share": float("nan")}, "`share` of trust is nan"),
+        ({"memory": 0}, "`memory` of trust is 0; expected positive"),
+        ({"ask_every": -1}, "`ask_every` of trust is -1; expected at least 0"),
+        ({"ask_answers": 0}, "`ask_answers` of trust is 0; expected at least 1"),
+        ({"tolerance": 0.0}, r"`tolerance` of trust is 0\.0; expected positive"),
+        ({"refits": 0}, "`refits` of trust is 0; expected at least 1"),
+        ({"iterations": 0}, "`iterations` of trust is 0; expected at least 1"),
+    ],
+)
+def test_wrong_options_are_refused(options, message):
+    with pytest.raises(DecisionError, match=message):
+        TrustOptions(**options)
+
+
+def test_trust_predicts_the_shared_variable_only():
+    trust, _ = make_trust()
+    with pytest.raises(DecisionError, match="trust predicts 'wish', not 'sky'"):
+        trust.posterior("sky", {})
