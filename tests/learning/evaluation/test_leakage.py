@@ -83,7 +83,7 @@ def test_chance_raises_an_alarm_in_at_most_five_percent_of_small_data_sets(walks
         tracks = ends[:, :, None] * np.linspace(0, 1, 4)
         data = Dataset(tracks, tuple(labels.tolist()), tuple(map(str, person)))
         scores.append(by_name(data, n_splits=1, seed=seed)["end position"])
-    assert sum(score.auc.estimate >= 0.7 and score.auc.low > 0.5 for score in scores) >= 5  # no sure sign
+    assert sum(score.auc.estimate >= 0.7 and score.auc.low > 0.5 for score in scores) >= 3  # 7 % and more
     assert sum(score.is_suspicious for score in scores) <= 2
     for level in (0.05, 0.2, 0.5):
         assert abs(np.mean([score.p_value <= level for score in scores]) - level) < 0.16  # 2 errors at .5

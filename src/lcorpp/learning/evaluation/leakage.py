@@ -250,14 +250,14 @@ def _predict_out_of_fold(features: Array, targets: Array, groups: Strings, n_spl
     kernels = make_union(
         *(Nystroem(gamma=g, n_components=landmarks, random_state=seed) for g in KERNEL_GAMMAS)
     )
-    centred = make_pipeline(StandardScaler(), kernels, StandardScaler(with_std=False)).fit_transform(ranks)
+    mapped = make_pipeline(StandardScaler(), kernels).fit_transform(ranks)
     splitters = (
         GroupKFold(min(MAX_FOLDS, len(set(groups))), shuffle=True, random_state=seed + split)
         for split in range(n_splits)
     )
-    # an intercept would be low where the test fold has many cases of the class
-    model = Ridge(fit_intercept=False)
-    splits = [cross_val_predict(model, centred, targets, groups=groups, cv=cv) for cv in splitters]
+    # neither an intercept nor means over all cases: they depend on the labels of the test fold
+    model = make_pipeline(StandardScaler(with_std=False), Ridge(fit_intercept=False))
+    splits = [cross_val_predict(model, mapped, targets, groups=groups, cv=cv) for cv in splitters]
     return np.asarray(np.mean(splits, axis=0))
 
 
