@@ -77,7 +77,7 @@ def test_run_writes_table_figure_and_configuration(lcorpp, tmp_path):
     with (tmp_path / "results.csv").open() as file:
         rows = list(csv.DictReader(file))
     assert tuple(rows[0]) == COLUMNS
-    assert [row["strategy"] for row in rows] == ["L", "R", "P", "L+R", "R+P", "LCORPP"]
+    assert [row["strategy"] for row in rows] == ["L", "R", "P", "L+R", "R+P", "L+P", "LCORPP"]
     for row in rows:
         for name in ("f1", "precision", "recall", "accuracy", "cost", "return"):
             assert float(row[f"{name}_low"]) <= float(row[name]) <= float(row[f"{name}_high"])

@@ -27,9 +27,10 @@ def decide(name: str, index: int, sky: str = "grey", *answers: str):
     return dt_control(robot, make_instance(index, sky), FakeWorld(*answers)), reasoner
 
 
-def test_the_six_strategies_of_the_paper():
-    assert list(FULL) == ["L", "R", "P", "L+R", "R+P", "LCORPP"]
-    assert len({(row.learns, row.reasons, row.plans) for row in STRATEGIES}) == 6
+def test_the_strategies_are_all_combinations_of_parts():
+    """The six of the paper, and L+P."""
+    assert list(FULL) == ["L", "R", "P", "L+R", "R+P", "L+P", "LCORPP"]
+    assert len({(row.learns, row.reasons, row.plans) for row in STRATEGIES}) == 7
 
 
 @pytest.mark.parametrize(("index", "label"), [(0, "yes"), (1, "no")])
@@ -84,6 +85,14 @@ def test_r_and_p_starts_from_the_facts():
     assert episode.report == "yes"
 
 
+def test_l_and_p_starts_from_the_rates_of_the_label():
+    episode, reasoner = decide("L+P", 0, "sunny", "nod")
+    # P(label=yes | value) is as 4 to 1 by the program, whatever the sky is
+    np.testing.assert_allclose(episode.prior, [0.8, 0.2])
+    assert all("sky" not in evidence for _, evidence in reasoner.queries)
+    assert (episode.steps[0].action, episode.report) == ("ask", "yes")
+
+
 def test_lcorpp_uses_all_parts():
     episode, _ = decide("LCORPP", 0, "sunny", "nod")
     assert (episode.labels["eyes"], episode.report) == ("yes", "yes")
@@ -107,10 +116,10 @@ def test_without_senses_no_strategy_learns():
 
 def test_with_several_senses_each_is_left_out_in_turn():
     rows = list_strategies(["eyes", "ears"])
-    assert [row.name for row in rows[6:]] == ["LCORPP-eyes", "LCORPP-ears"]
+    assert [row.name for row in rows[7:]] == ["LCORPP-eyes", "LCORPP-ears"]
     parts = {"eyes": FakeClassifier(), "ears": FakeClassifier()}
     full = Robot(parts, FakeReasoner(), FakePlanner(), FakeDomain())
-    assert [list(row.robot(full).classifiers) for row in rows[5:]] == [["eyes", "ears"], ["ears"], ["eyes"]]
+    assert [list(row.robot(full).classifiers) for row in rows[6:]] == [["eyes", "ears"], ["ears"], ["eyes"]]
     assert [row.name for row in strategies(["lcorpp-EARS"], ["eyes", "ears"])] == ["LCORPP-ears"]
 
 

@@ -25,6 +25,7 @@ from lcorpp.values import ConfusionMatrix, Episode, EvidenceKind, Instance, Like
 from tests.domains.deliveries import GAZE, VOICE, write_domain
 
 ROOMS = Path(__file__).parents[1] / "domains" / "rooms"
+NAMES = [row.name for row in STRATEGIES]
 COUNTS = np.array([[8.0, 1.0, 1.0], [2.0, 5.0, 3.0], [0.0, 2.0, 8.0]])
 
 
@@ -131,8 +132,8 @@ def test_a_log_is_the_same_for_any_number_of_processes(tmp_path):
     one = write_log(tmp_path / "one", ROOMS, trials=250, jobs=1)
     two = write_log(tmp_path / "two", ROOMS, trials=250, jobs=2)
     assert one == two
-    assert [line["simulated"]["trial"] for line in one] == [i // 6 for i in range(1500)]
-    assert [line["strategy"]["name"] for line in one[:6]] == ["L", "R", "P", "L+R", "R+P", "LCORPP"]
+    assert [line["simulated"]["trial"] for line in one] == [i // len(NAMES) for i in range(250 * len(NAMES))]
+    assert [line["strategy"]["name"] for line in one[: len(NAMES)]] == NAMES
     assert all(line["simulated"]["truth"]["goal"] in ("lab", "office", "store") for line in one)
 
 
@@ -148,26 +149,26 @@ def test_an_interrupt_keeps_the_decisions_of_the_complete_trials(tmp_path, monke
     honest, calls = trial_chunks.dt_control, itertools.count(1)
 
     def interrupt(robot, instance, world):
-        if next(calls) > 130 * 6 + 4:
+        if next(calls) > 130 * len(NAMES) + 4:
             raise KeyboardInterrupt
         return honest(robot, instance, world)
 
     monkeypatch.setattr(trial_chunks, "dt_control", interrupt)
-    assert write_log(tmp_path / "part", ROOMS, trials=200) == whole[: 130 * 6]
+    assert write_log(tmp_path / "part", ROOMS, trials=200) == whole[: 130 * len(NAMES)]
 
 
 def test_an_error_keeps_the_decisions_before_it(tmp_path, monkeypatch):
     honest, calls = trial_chunks.dt_control, itertools.count(1)
 
     def fail(robot, instance, world):
-        if next(calls) > 12:
+        if next(calls) > 2 * len(NAMES):
             raise DecisionError("the robot is broken")
         return honest(robot, instance, world)
 
     monkeypatch.setattr(trial_chunks, "dt_control", fail)
     with pytest.raises(DecisionError, match="broken"):
         write_log(tmp_path / "log", ROOMS)
-    assert len(read_lines(tmp_path / "log")) == 12
+    assert len(read_lines(tmp_path / "log")) == 2 * len(NAMES)
 
 
 def test_a_cut_line_does_not_damage_the_next(tmp_path):
@@ -247,7 +248,7 @@ def test_a_replay_finds_no_differences_in_any_domain(tmp_path):
     write_log(tmp_path / "deliveries", write_domain(tmp_path / "domain", senses=GAZE + VOICE))
     for name in ("rooms", "deliveries"):
         results = list(replay_log(tmp_path / name))
-        assert len(results) in (30 * 6, 30 * 8)
+        assert len(results) in (30 * len(NAMES), 30 * (len(NAMES) + 2))
         assert all(isinstance(result, ReplayedDecision) and not result.differences for result in results)
 
 
@@ -336,7 +337,7 @@ def test_a_changed_policy_option_is_named(change_and_replay):
 def test_a_domain_that_is_broken_now_is_an_error_of_each_line(change_and_replay):
     parts, differences, errors = change_and_replay("domain.toml", 'terminal = "gone"', 'terminal = "left"')
     assert parts == differences == []
-    assert len(errors) == 30 * 6
+    assert len(errors) == 30 * len(NAMES)
     assert "log:1: cannot be replayed: " in errors[0]
     assert "has no state 'left'" in errors[0]
 

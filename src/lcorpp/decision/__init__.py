@@ -1,4 +1,4 @@
-"""Algorithms 1 and 2 of the paper and the six strategies, written against `lcorpp.protocols` only."""
+"""Algorithms 1 and 2 of the paper and the strategies, written against `lcorpp.protocols` only."""
 
 import lazy_loader as _lazy
 

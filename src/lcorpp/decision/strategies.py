@@ -1,4 +1,4 @@
-"""Strategies: the table of the paper's six, with the parts that each one uses, and changes of a robot."""
+"""Strategies: the table, with the parts that each one uses, and changes of a robot."""
 
 from __future__ import annotations
 
@@ -107,9 +107,10 @@ STRATEGIES = (
     Strategy("P", learns=False, reasons=False, plans=True),
     Strategy("L+R", learns=True, reasons=True, plans=False),
     Strategy("R+P", learns=False, reasons=True, plans=True),
+    Strategy("L+P", learns=True, reasons=False, plans=True),
     Strategy("LCORPP", learns=True, reasons=True, plans=True),
 )
-"""The strategies of section "Experimental Results" of the paper, in its order."""
+"""The strategies of section "Experimental Results" of the paper, in its order; and L+P."""
 
 
 def list_strategies(senses: Sequence[str]) -> tuple[Strategy, ...]:

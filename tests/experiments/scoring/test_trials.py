@@ -130,7 +130,7 @@ def test_decisions_at_once_equal_those_one_by_one(rooms):
 
 def test_a_single_trial_is_replayed(rooms):
     """Also of the last chunk, which is not full."""
-    results = make_results(150, 6)
+    results = make_results(150, len(STRATEGIES))
     trial_chunks.run_chunks(rooms, [ChunkWork(0, results[:100]), ChunkWork(1, results[100:])])
     for trial in (0, 57, 100, 149):
         for k, strategy in enumerate(STRATEGIES):

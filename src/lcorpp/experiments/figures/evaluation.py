@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from lcorpp.decision.strategies import strategies
 from lcorpp.domains import Domain
 from lcorpp.experiments.comparison import ComparisonOptions, compare_strategies
+from lcorpp.experiments.figures import published
 from lcorpp.experiments.figures.result import FigureOptions, Row
 from lcorpp.experiments.scoring.metrics import Scores, make_cells
 from lcorpp.experiments.setup import ProgressDisplay, solve_domain
@@ -73,12 +74,12 @@ def evaluate(
     options: FigureOptions,
     progress: ProgressDisplay,
     *,
-    names: Sequence[str] = (),
+    names: Sequence[str] = tuple(published.STRATEGIES),
 ) -> Evaluation:
     """Score strategies in a domain, with its noisy channel as the classifier.
 
     Args:
-        names: of the strategies; all six by default.
+        names: of the strategies; the paper's six by default.
 
     Raises:
         KeyboardInterrupt: the solver or the trials are interrupted; no trial is kept.
