@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Protocol
+from typing import Any, Protocol
 
 from lcorpp.values import Array, Belief, Distribution, Label, SharedValue
 
@@ -123,7 +123,16 @@ class Dialogue(Protocol):
         """Return k * O + o for each action and observation that are a question of kind k and an answer o."""
 
     def make_planner(self, tables: Array) -> Planner:
-        """Return the planner for the model with these tables (K, V, O) in place of the stated ones."""
+        """Return the planner for the next person, who answers by these tables (K, V, O), not the stated ones.
+
+        It is called after each person, so it is cheap where the tables have not changed.
+        """
+
+    def state(self) -> dict[str, Any]:
+        """Return the state of the planners as JSON."""
+
+    def restore(self, state: Mapping[str, Any]) -> Planner:
+        """Go on from the state of an equal dialogue; return the planner of the last call."""
 
     def choose_question(self, belief: Belief) -> str | None:
         """Return the action to ask at a belief (S,) in order to learn, None if there is none."""

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
+from typing import Any, Protocol
 
 import numpy as np
 
 from lcorpp.domains.domain import Domain
 from lcorpp.errors import DomainError, expected_one_of
-from lcorpp.planning import Planner, Pomdp, SparseTables
+from lcorpp.planning import Pomdp, SparseTables
+from lcorpp.protocols import Planner
 from lcorpp.values import Array, Belief
 
 Situation = tuple[int, ...]
@@ -20,6 +22,19 @@ MIN_INFORMATION = 1e-6
 """In nats: an action that is less informative is no question."""
 
 
+class PlannerFactory(Protocol):
+    """Makes the planner of each estimated model; it may remember the models before."""
+
+    def __call__(self, model: Pomdp, /) -> Planner:
+        """Return the planner of the next person; cheap if the model is that of the call before."""
+
+    def state(self) -> dict[str, Any]:
+        """Return the state as JSON."""
+
+    def restore(self, state: Mapping[str, Any], /) -> Planner:
+        """Go on from a state of a factory with the same arguments; return the planner of the last call."""
+
+
 class DomainDialogue:
     """The questions of a domain.
 
@@ -27,15 +42,16 @@ class DomainDialogue:
     determine the next situation, e.g. whether the robot has turned, whatever the shared value is.
 
     Args:
-        make_planner: returns the planner of a model, e.g. by solving it.
+        make_planner: makes the planners, e.g. `lcorpp.experiments.replanning.Replanner`.
 
     Raises:
         DomainError: the actions and observations do not determine the situation; the dynamics of the
             planner's own variables depend on the shared value; or no observation depends on it.
     """
 
-    def __init__(self, domain: Domain, make_planner: Callable[[Pomdp], Planner]) -> None:
+    def __init__(self, domain: Domain, make_planner: PlannerFactory) -> None:
         self._domain, self._make_planner = domain, make_planner
+        self._model: tuple[Array, Pomdp] | None = None  # the latest one, with its tables
         pomdp = domain.pomdp
         self._index = {
             "action": {name: a for a, name in enumerate(pomdp.actions)},
@@ -79,11 +95,24 @@ class DomainDialogue:
 
     def make_planner(self, tables: Array) -> Planner:
         """Return the planner for the model with these tables (K, V, O)."""
+        if self._model is None or not np.array_equal(tables, self._model[0]):
+            self._model = tables, self._make_model(tables)
+        return self._make_planner(self._model[1])
+
+    def state(self) -> dict[str, Any]:
+        """Return the state of the planners as JSON."""
+        return self._make_planner.state()
+
+    def restore(self, state: Mapping[str, Any]) -> Planner:
+        """Go on from the state of a dialogue of the same domain; return the planner of the last person."""
+        return self._make_planner.restore(state)
+
+    def _make_model(self, tables: Array) -> Pomdp:
         pomdp = self._domain.pomdp
         observation = pomdp.observation.dense.copy()
         for (action, situation), kind in self._places.items():
             observation[action, list(situation)] = tables[kind]
-        return self._make_planner(replace(pomdp, observation=SparseTables.of(observation)))
+        return replace(pomdp, observation=SparseTables.of(observation))
 
     def choose_question(self, belief: Belief) -> str | None:
         """Return the action with the most information about the shared value for its cost; None for none.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import overload
 
 import numpy as np
@@ -85,3 +86,24 @@ class Planner(ModelPlanner):
     def actions_at(self, beliefs: Array) -> list[str]:
         """Return the name of the policy's action at each of n beliefs (n, S)."""
         return [self.pomdp.actions[action] for action in self.policy.actions_at(beliefs).tolist()]
+
+
+class TransferPlanner(ModelPlanner):
+    """A planner whose policy was computed for another model of the same states, actions and observations.
+
+    The beliefs are those of the model; the policy acts on them as if its own model had led to them.
+
+    Raises:
+        PolicyError: states or actions have other names.
+    """
+
+    def __init__(self, policy: Policy, pomdp: Pomdp) -> None:
+        check_same_model(pomdp, replace(policy, fingerprint=""))
+        self.pomdp, self.policy = pomdp, policy
+
+    def __repr__(self) -> str:
+        return f"<TransferPlanner {self.policy!r}>"
+
+    def action(self, belief: Belief) -> str:
+        """Return the name of the policy's action at a belief (S,)."""
+        return self.pomdp.actions[self.policy.action(belief)]

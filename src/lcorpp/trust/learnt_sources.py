@@ -83,7 +83,7 @@ class LearntSources:
         for model in (self.learnt, self.recent):
             model.add(context, labels, answers)
 
-    def fit(self, iterations: int, *, rows: Array | None) -> None:
-        """Run EM on both models; `rows`: of the observation model, None to estimate it from all people."""
-        self.learnt.fit(iterations, rows)
+    def fit(self, iterations: int) -> None:
+        """Run EM on both models; the observation model is estimated from all people."""
+        self.learnt.fit(iterations)
         self.recent.fit(iterations, self.learnt.rows)

@@ -26,9 +26,6 @@ class TrustOptions:
     memory: of the source "recent", in people.
     ask_every: one person in so many is asked until `ask_answers` answers are heard; 0 asks nobody more than
         needed.
-    hearing: whether the observation model is estimated and the policy solved for it.
-    tolerance: the policy is solved again where an estimated row differs by more than this, in total
-        variation, from that of the present policy.
     refits: the learnt models are fitted again when the number of people has grown by 1 / `refits`.
     iterations: of EM at each fit; each begins at the estimates of the one before.
     """
@@ -37,8 +34,6 @@ class TrustOptions:
     memory: float = 100.0
     ask_every: int = 20
     ask_answers: int = 3
-    hearing: bool = True
-    tolerance: float = 0.03
     refits: int = 50
     iterations: int = 2
 
@@ -48,7 +43,6 @@ class TrustOptions:
             "memory": (self.memory > 0, "positive"),
             "ask_every": (self.ask_every >= 0, "at least 0"),
             "ask_answers": (self.ask_answers >= 1, "at least 1"),
-            "tolerance": (self.tolerance > 0, "positive"),
             "refits": (self.refits >= 1, "at least 1"),
             "iterations": (self.iterations >= 1, "at least 1"),
         }
@@ -69,7 +63,7 @@ class Trust:
     models that never see the knowledge; see docs/trust.md.
 
     sources: their names. weights: (K,) of the sources, summing to 1. n_people: number of people learnt from.
-    planner: of the present policy. tables: (K, V, O) its observation model.
+    tables: (K, V, O) the estimated observation model. planner: for the next person, who answers by it.
 
     Args:
         reasoner: theta, the program with the stated rates of the classifiers.
@@ -122,7 +116,7 @@ class Trust:
         return Distribution.unchecked(self._domain.values, prior)
 
     def make_planner(self) -> Planner:
-        """Return the planner for the next person: the present one, which sometimes asks to learn."""
+        """Return the planner for the next person, which sometimes asks to learn."""
         options = self.options
         if options.ask_every and self.n_people % options.ask_every == 0:
             return AskingPlanner(self.planner, self._domain, self._dialogue, options.ask_answers)
@@ -145,15 +139,9 @@ class Trust:
         self.n_people += 1
         if self.n_people >= self._next_fit:
             self._next_fit = self.n_people + max(1, self.n_people // self.options.refits)
-            self._fit()
-
-    def _fit(self) -> None:
-        options = self.options
-        self._learnt.fit(options.iterations, rows=None if options.hearing else self.answers.stated_rows)
-        if options.hearing:
-            tables = self.answers.make_tables(self.learnt.rows)
-            if np.abs(tables - self.tables).sum(axis=2).max(initial=0) / 2 > options.tolerance:
-                self.planner, self.tables = self._dialogue.make_planner(tables), tables
+            self._learnt.fit(self.options.iterations)
+            self.tables = self.answers.make_tables(self.learnt.rows)
+        self.planner = self._dialogue.make_planner(self.tables)
 
     @property
     def learnt(self) -> LatentClassModel:

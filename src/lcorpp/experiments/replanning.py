@@ -1,0 +1,114 @@
+"""Policies for an estimated observation model, by a bounded amount of work between two people."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from lcorpp.planning import Planner, Pomdp, SparseTables
+from lcorpp.planning.planner import TransferPlanner
+from lcorpp.planning.sarsop.paced_search import PacedSearch
+from lcorpp.values import Array
+
+TOLERANCE = 0.03
+"""A policy is computed anew if a row of the observation model differs by more than this, in total variation,
+from the row that it was computed for."""
+
+PRECISION_SHARE = 1e-3
+"""Precision of the policies, as a share of the range of the rewards."""
+
+WORK = 1e5
+"""Work for one person, in the unit of `PacedSearch`: 5 to 25 milliseconds."""
+
+MAX_WORK = 200 * WORK
+"""A search that is not as good as the stated policy after this much work is given up."""
+
+
+class Replanner:
+    """Returns the planner of each estimated model: it solves the model, a bit after each person.
+
+    While the search for a model is unfinished, the former policy acts on the beliefs of the model. The policy
+    takes over if its gap at the start beliefs is at most that of the stated policy, or the precision. The
+    result depends on the models and their order, not on a clock.
+
+    Args:
+        planner: for the stated model.
+        starts: (N, S) beliefs to solve for.
+        precision: of the stated policy, in reward units.
+    """
+
+    def __init__(self, planner: Planner, starts: Array, precision: float) -> None:
+        self._starts = starts
+        self._model = self._target = planner.pomdp
+        self._precision = max(precision, PRECISION_SHARE * float(np.ptp(planner.pomdp.reward)))
+        self._max_gap = self._precision
+        if planner.policy.upper_bound is not None:
+            self._max_gap = max(self._max_gap, *map(planner.policy.gap, starts))
+        self._stated = self._policy = planner.policy
+        self._solved: tuple[Pomdp, int] | None = None  # what `_policy` was computed for, and its trials
+        self._search: PacedSearch | None = None
+        self.planner: Planner | TransferPlanner = planner
+
+    def __call__(self, model: Pomdp) -> Planner | TransferPlanner:
+        """Return the planner of the next person; cheap if the model is that of the call before."""
+        if model is not self._model:
+            self._model = model
+            if _compare_observations(model, self._target) > TOLERANCE:
+                self._target, self._search = model, PacedSearch(model, self._starts, self._precision)
+            self.planner = TransferPlanner(self._policy, model)
+        search = self._search
+        if search is not None:
+            search.advance(work=WORK)
+            if search.gap <= self._max_gap:
+                self._policy, self._solved = search.make_policy(), (search.pomdp, search.trials)
+                self.planner, self._search = TransferPlanner(self._policy, model), None
+            elif search.work > MAX_WORK:
+                self._search = None
+        return self.planner
+
+    def state(self) -> dict[str, Any]:
+        """Return the state as JSON: the models of policy and search, with numbers of trials."""
+        search = self._search
+        return {
+            "model": _export(self._model),
+            "target": _export(self._target),
+            "policy": None if self._solved is None else [_export(self._solved[0]), self._solved[1]],
+            "trials": None if search is None else search.trials,
+        }
+
+    def restore(self, state: Mapping[str, Any]) -> Planner | TransferPlanner:
+        """Go on from a state of a replanner with the same arguments.
+
+        The searches are repeated, in the same numbers of trials.
+        """
+        self._model, self._target = self._import(state["model"]), self._import(state["target"])
+        self._policy, self._solved, self._search = self._stated, None, None
+        if state["policy"] is not None:
+            model, trials = self._import(state["policy"][0]), state["policy"][1]
+            self._policy, self._solved = self._repeat(model, trials).make_policy(), (model, trials)
+        if state["trials"] is not None:
+            self._search = self._repeat(self._target, state["trials"])
+        self.planner = TransferPlanner(self._policy, self._model)
+        return self.planner
+
+    def _repeat(self, model: Pomdp, trials: int) -> PacedSearch:
+        search = PacedSearch(model, self._starts, self._precision)
+        if trials:
+            search.advance(trials=trials)
+        return search
+
+    def _import(self, observation: list[Any]) -> Pomdp:
+        return replace(self._target, observation=SparseTables.of(np.array(observation)))
+
+
+def _export(model: Pomdp) -> list[Any]:
+    observation: list[Any] = model.observation.dense.tolist()
+    return observation
+
+
+def _compare_observations(one: Pomdp, other: Pomdp) -> float:
+    """Return the largest total variation between rows of two models."""
+    return float(np.abs(one.observation.dense - other.observation.dense).sum(axis=2).max()) / 2

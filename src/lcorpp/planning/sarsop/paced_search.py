@@ -1,0 +1,72 @@
+"""SARSOP in instalments: a search that goes on by bounded amounts of work instead of until a time limit."""
+
+from __future__ import annotations
+
+from math import inf
+
+from lcorpp.planning.policy import Policy
+from lcorpp.planning.pomdp import Pomdp
+from lcorpp.planning.sarsop.bounded_search import BoundedSearch, BoundedTree
+from lcorpp.planning.sarsop.solver import LOOK_AHEAD, MAX_DEPTH
+from lcorpp.values import Array
+
+
+class PacedSearch:
+    """A search whose state depends on the model, the starts and the number of trials alone, not on a clock.
+
+    Args:
+        pomdp: the problem.
+        starts: (N, S) beliefs for which the policy is optimised.
+        precision: the search ends when upper - lower is at most this at every start, in reward units.
+
+    work: so far: the numbers in all vectors, summed over the trials. Time grows with it.
+
+    Source: as `lcorpp.planning.sarsop.solver`.
+    """
+
+    def __init__(self, pomdp: Pomdp, starts: Array, precision: float) -> None:
+        self.pomdp = pomdp
+        bounds = BoundedTree(pomdp, precision=precision, seconds=inf)
+        self._search = BoundedSearch(bounds, starts, precision=precision, began=0.0, time_limit=inf)
+        self._share = pomdp.discount**LOOK_AHEAD
+        self.work = 0
+
+    @property
+    def trials(self) -> int:
+        """The number of sampled paths so far."""
+        return self._search.trials
+
+    @property
+    def gap(self) -> float:
+        """The widest gap between the bounds at a start, in reward units."""
+        return self._search.gap
+
+    @property
+    def converged(self) -> bool:
+        """Whether the bounds are as close as requested."""
+        return self.gap <= self._search.precision
+
+    def advance(self, *, work: float = inf, trials: float = inf) -> None:
+        """Sample paths until the search converges or a limit is reached.
+
+        Args:
+            work: limit of the work of this call. trials: limit of the trials of all calls.
+
+        Raises:
+            KeyboardInterrupt: as usual; the search can go on.
+        """
+        limit = self.work + work
+
+        def step() -> str | None:
+            if self.work >= limit or self.trials >= trials:
+                return "limit"
+            self._search.sample(self._share, MAX_DEPTH)
+            self.work += self._search.bounds.tree.vector_count * len(self.pomdp.states)
+            return None
+
+        if self._search.run(step) == "interrupted":
+            raise KeyboardInterrupt
+
+    def make_policy(self) -> Policy:
+        """Return the best policy so far."""
+        return self._search.make_solution("").policy

@@ -1,0 +1,73 @@
+"""Search in instalments: the same result as in one go, and within the bounds of the solver."""
+
+import numpy as np
+import pytest
+
+from lcorpp.domains import load_domain
+from lcorpp.errors import PolicyError
+from lcorpp.planning import Planner, solve
+from lcorpp.planning.planner import TransferPlanner
+from lcorpp.planning.sarsop.paced_search import PacedSearch
+
+
+@pytest.fixture(scope="module")
+def problem():
+    domain = load_domain("intention")
+    return domain.pomdp, domain.start_beliefs()
+
+
+def test_instalments_give_the_policy_of_one_search(problem):
+    pomdp, starts = problem
+    one, parts = PacedSearch(pomdp, starts, 0.1), PacedSearch(pomdp, starts, 0.1)
+    one.advance()
+    calls = 0
+    while not parts.converged:
+        before = parts.work
+        parts.advance(work=1000)
+        calls += 1
+        assert 0 < parts.work - before < 1000 + 10 * len(pomdp.states) * parts.trials
+    assert calls > 3
+    assert one.converged
+    assert (one.trials, one.work, one.gap) == (parts.trials, parts.work, parts.gap)
+    np.testing.assert_array_equal(one.make_policy().vectors, parts.make_policy().vectors)
+    again = PacedSearch(pomdp, starts, 0.1)
+    again.advance(trials=7)
+    assert again.trials == 7
+    again.advance(trials=7)
+    assert again.trials == 7
+
+
+def test_the_policy_is_as_good_as_that_of_the_solver(problem):
+    pomdp, starts = problem
+    search = PacedSearch(pomdp, starts, 0.1)
+    search.advance()
+    policy, solution = search.make_policy(), solve(pomdp, starts, precision=1e-3)
+    for start in starts:
+        assert solution.policy.value(start) - policy.value(start) <= 0.1 + 1e-9
+        assert policy.gap(start) <= 0.1 + 1e-9
+
+
+def test_ctrl_c_interrupts_and_the_search_goes_on(problem, monkeypatch):
+    search = PacedSearch(*problem, 0.1)
+    search.advance(trials=3)
+
+    def interrupt(*_):
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch:
+        patch.setattr(search._search, "sample", interrupt)
+        with pytest.raises(KeyboardInterrupt):
+            search.advance()
+    search.advance()
+    assert search.converged
+
+
+def test_a_policy_acts_on_the_beliefs_of_another_model(problem):
+    pomdp, starts = problem
+    policy = solve(pomdp, starts, precision=0.1).policy
+    museum = load_domain("museum").pomdp
+    with pytest.raises(PolicyError, match="names"):
+        TransferPlanner(policy, museum)
+    planner = TransferPlanner(policy, pomdp)
+    for start in starts:
+        assert planner.action(start) == Planner(policy, pomdp).action(start)
