@@ -62,3 +62,14 @@ def test_an_observation_that_no_value_makes_possible_keeps_probability_zero():
     assert (rows[:, 2] == 0).all()
     assert (rows[:, :2] > 0).all()  # stated as impossible for one value only: it may be wrong
     np.testing.assert_allclose(rows.sum(axis=1), 1)
+
+
+def test_values_are_never_exchanged_in_the_rows():
+    model = AnswerModel.of_tables(TWO)
+    inverted = TWO[:, ::-1]
+    rows, noise = model.estimate_rows(count(model, inverted, 1e6))
+    first, second = model.make_tables(rows).transpose(1, 0, 2)
+    assert noise > 0.9
+    assert (first[:, 0] > second[:, 0]).all()
+    assert (first[:, 0] - second[:, 0] < 0.05).all()
+    np.testing.assert_allclose(rows.sum(axis=1), 1)

@@ -28,6 +28,9 @@ STATED = 30
 MIN_PROBABILITY = 1e-3
 """Smallest probability of an observation that some value makes possible."""
 
+MIN_CONTRAST = 0.01
+"""Smallest difference of two rows of a question in the direction of the stated one, relative to it."""
+
 ROW_TOLERANCE = 1e-9
 
 
@@ -71,6 +74,11 @@ class AnswerModel:
         tables: Array = rows[self.row_of]
         return tables
 
+    def add_noise(self, noise: float) -> Array:
+        """Return the rows (R, O) with a noise that all questions share."""
+        rows: Array = self._noisy_rows[int(np.argmin(np.abs(NOISE - noise)))]
+        return rows
+
     def find_log_likelihoods(self, rows: Array) -> Array:
         """Return (D, V) the logarithm of P(observation | value) for each answer, 0 if it is impossible."""
         logs = np.log(np.where(rows > 0, rows, 1))[self.row_of]
@@ -98,7 +106,33 @@ class AnswerModel:
         prior = self._noisy_rows[best[self._question_of], np.arange(len(counts))]
         rows = ROW_ANSWERS * prior + counts
         rows /= rows.sum(axis=1, keepdims=True)
-        return rows, float(NOISE[shared])
+        return self._orient(rows, prior), float(NOISE[shared])
+
+    def _orient(self, rows: Array, prior: Array) -> Array:
+        """Return rows between `rows` and `prior` (R, O) in which no two values are exchanged.
+
+        Exchanging two values in the rows, the rates and the contexts changes no probability, so only the
+        direction in which the stated rows differ tells them apart.
+        """
+        left, right = self._pairs
+        stated = self.stated_rows[left] - self.stated_rows[right]
+        least = MIN_CONTRAST * (stated**2).sum(axis=1)
+        found = ((rows[left] - rows[right]) * stated).sum(axis=1)
+        expected = ((prior[left] - prior[right]) * stated).sum(axis=1)
+        share = np.ones(len(self.row_of))
+        wrong = found < least
+        limits = np.maximum(expected - least, 0)[wrong] / np.maximum(expected - found, 1e-12)[wrong]
+        np.minimum.at(share, self._question_of[left[wrong]], np.minimum(limits, 1))
+        weight = share[self._question_of][:, None]
+        oriented: Array = weight * rows + (1 - weight) * prior
+        return oriented
+
+    @cached_property
+    def _pairs(self) -> tuple[npt.NDArray[np.intp], npt.NDArray[np.intp]]:
+        """The indices of all pairs of rows of one question."""
+        left, right = np.triu_indices(len(self.stated_rows), 1)
+        same = self._question_of[left] == self._question_of[right]
+        return left[same], right[same]
 
     @cached_property
     def _membership(self) -> Array:

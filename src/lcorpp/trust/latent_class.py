@@ -24,6 +24,9 @@ classifier's rates are wrong and answers are noisy."""
 MAX_CASES = 5000
 """Number of distinct cases that are kept; of further ones only the expected counts are."""
 
+MIN_GAIN = 2.0
+"""Gain of log likelihood at which the result of another start is kept."""
+
 MIN_PEOPLE = 1e-12
 """Smallest expected number of people of a value."""
 
@@ -39,7 +42,7 @@ class LatentClassModel:
     prior of pi beside a free O, EM explains answers that disagree with it as noise.
 
     pi: (X, V) the distribution of the value in each context. rates: for each sense (V, L) C. rows: (R, O) the
-    rows of O. noise: of the answers, see `AnswerModel`.
+    rows of O. noise: of the answers, see `AnswerModel`. prior_rates: the prior of C, first the stated rates.
 
     Args:
         answers: the stated observation model.
@@ -57,17 +60,17 @@ class LatentClassModel:
         self.answers = answers
         self.n_values = answers.row_of.shape[1]
         self.cases = Cases(len(stated_rates), answers.n_answers, memory)
-        self._stated_rates = [_bound_rows(rates) for rates in stated_rates]
-        self._alike = [_find_equal_rows(rates) for rates in self._stated_rates]
+        self.prior_rates = [_bound_rows(rates) for rates in stated_rates]
+        self._alike = [_find_equal_rows(rates) for rates in self.prior_rates]
         self.pi = np.zeros((0, self.n_values))
         self._facts: dict[tuple[str, object], int] = {}
         self._has_fact = np.zeros((0, 0))  # (X, F) 1 for the facts of a context
-        self.rates = list(self._stated_rates)
+        self.rates = list(self.prior_rates)
         self.rows, self.noise = answers.stated_rows, 0.0
         # expected counts of cases that are not kept
         self._values = np.zeros((0, self.n_values))
         self._past_values = np.zeros((0, self.n_values))
-        self._past_labels = [np.zeros_like(rates) for rates in self._stated_rates]
+        self._past_labels = [np.zeros_like(rates) for rates in self.prior_rates]
         self._past_heard = np.zeros((answers.n_answers, self.n_values))
         self._take_logs()
 
@@ -132,19 +135,51 @@ class LatentClassModel:
             self.pi /= self.pi.sum(axis=1, keepdims=True)
             self.rates = [
                 _normalise(alike @ own + LABEL_PEOPLE * stated)
-                for own, alike, stated in zip(labels, self._alike, self._stated_rates, strict=True)
+                for own, alike, stated in zip(labels, self._alike, self.prior_rates, strict=True)
             ]
             if rows is None:
                 self.rows, self.noise = self.answers.estimate_rows(heard)
             self._take_logs()
 
-    def _expect(self, weights: Array) -> tuple[Array, list[Array], Array]:
-        """Return the expected counts of values (X, V), labels (V, L) for each sense, and answers (D, V)."""
+    def restart(self, iterations: int) -> None:
+        """Run EM from another start, and keep its result if it is more likely.
+
+        At this start labels say nothing and answers are half as good as stated. EM from the stated rates may
+        end where the classes are exchanged, if the rates are wrong and the answers are noisy.
+        """
+        before, score = (self.pi, self._values, self.rates, self.rows, self.noise), self._score()
+        self.pi = np.full_like(self.pi, 1 / self.n_values)
+        self.rates = [np.tile(stated.mean(axis=0), (self.n_values, 1)) for stated in self.prior_rates]
+        self.rows = self.answers.add_noise(0.5)
+        self._take_logs()
+        self.fit(iterations)
+        if self._score() < score + MIN_GAIN:
+            self.pi, self._values, self.rates, self.rows, self.noise = before
+            self._take_logs()
+
+    def _score(self) -> float:
+        """Return the log likelihood of the cases, and the log prior of the rates up to a constant."""
+        logs = self._weigh_values()
+        top = logs.max(axis=1)
+        likelihood = self.cases.weights @ (top + np.log(np.exp(logs - top[:, None]).sum(axis=1)))
+        prior = sum(
+            LABEL_PEOPLE * float((stated * log_rates).sum())
+            for stated, log_rates in zip(self.prior_rates, self._log_rates, strict=True)
+        )
+        return float(likelihood) + prior
+
+    def _weigh_values(self) -> Array:
+        """Return (n, V) log p(value, labels, answers | context) of each case."""
         cases = self.cases
-        logs = self._log_pi[cases.contexts] + cases.heard @ self._log_answers
+        logs: Array = self._log_pi[cases.contexts] + cases.heard @ self._log_answers
         for s, log_rates in enumerate(self._log_rates):
             label = cases.labels[:, s]
             logs += np.where((label != NO_LABEL)[:, None], log_rates.T[label], 0)
+        return logs
+
+    def _expect(self, weights: Array) -> tuple[Array, list[Array], Array]:
+        """Return the expected counts of values (X, V), labels (V, L) for each sense, and answers (D, V)."""
+        cases, logs = self.cases, self._weigh_values()
         logs -= logs.max(axis=1, keepdims=True)
         people = np.exp(logs, out=logs)
         people *= (weights / people.sum(axis=1))[:, None]

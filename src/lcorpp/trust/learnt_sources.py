@@ -86,4 +86,5 @@ class LearntSources:
     def fit(self, iterations: int) -> None:
         """Run EM on both models; the observation model is estimated from all people."""
         self.learnt.fit(iterations)
+        self.recent.prior_rates = self.learnt.rates
         self.recent.fit(iterations, self.learnt.rows)

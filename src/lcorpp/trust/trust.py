@@ -17,6 +17,9 @@ from lcorpp.trust.learnt_sources import LearntSources
 from lcorpp.trust.sources import StatedSources
 from lcorpp.values import Array, Distribution, Label, Likelihood, Step
 
+FIRST_RESTART, RESTART_ITERATIONS = 25, 40
+"""Number of people at which EM also runs from another start, again at each doubling; and its iterations."""
+
 
 @dataclass(frozen=True)
 class TrustOptions:
@@ -101,7 +104,7 @@ class Trust:
         self._learnt = LearntSources(domain, self.answers, stated_rates, options.memory)
         self.sources = (*self._stated.names, *self._learnt.names)
         self.weights = np.full(len(self.sources), 1 / len(self.sources))
-        self.n_people, self._next_fit = 0, 1
+        self.n_people, self._next_fit, self._next_restart = 0, 1, FIRST_RESTART
 
     def posterior(self, attribute: str | Sequence[str], evidence: Mapping[str, Label]) -> Distribution:
         """Return the mixture of the sources' predictions (`lcorpp.protocols.Reasoner`).
@@ -140,6 +143,9 @@ class Trust:
         if self.n_people >= self._next_fit:
             self._next_fit = self.n_people + max(1, self.n_people // self.options.refits)
             self._learnt.fit(self.options.iterations)
+            if self.n_people >= self._next_restart:
+                self._next_restart *= 2
+                self.learnt.restart(RESTART_ITERATIONS)
             self.tables = self.answers.make_tables(self.learnt.rows)
         self.planner = self._dialogue.make_planner(self.tables)
 
