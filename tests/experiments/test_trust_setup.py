@@ -42,6 +42,6 @@ def run(intention, count, **switches):
 def test_a_robot_with_trust_decides_as_well_as_one_that_knows(intention, hearing):
     # LCORPP earns 51.5 with the paper's noise of answers .3, the robot that knows the noise 62.1
     mean, trust = run(intention, 400, hearing=hearing)
-    assert mean > (56 if hearing else 45)
+    assert mean > (56 if hearing else 50)
     assert trust.learnt.rows[2, 0] == pytest.approx(0.7, abs=0.1)
     assert (trust.planner.policy is intention[1].policy) != hearing

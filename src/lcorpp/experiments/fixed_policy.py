@@ -1,27 +1,172 @@
-"""A policy that does not change with the estimated observation model, e.g. from a file."""
+"""A policy that stays while the observation model is estimated, e.g. one of a file or of another solver.
+
+If answers are more often wrong than the policy's model states, a start that is less certain makes the policy
+ask more, and a more certain one makes it report; the best start follows from exact returns.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
+from functools import cached_property
 from typing import Any
 
-from lcorpp.planning import Planner, Pomdp
+import numpy as np
+
+from lcorpp.domains import Domain
+from lcorpp.planning import Planner, Pomdp, SparseTables
+from lcorpp.planning.evaluation.belief_graph import UNKNOWN, BeliefGraph
+from lcorpp.planning.evaluation.sparse_beliefs import SparseBeliefs
+from lcorpp.planning.planner import ModelPlanner, TransferPlanner
+from lcorpp.protocols import Planner as PlannerProtocol
+from lcorpp.values import Array, Belief, Indices
+
+LOG_ODDS = np.arange(-28, 29) / 4
+"""Log odds of the first value at the starts that are compared."""
+
+GRID = 0.02
+"""Returns are computed for probabilities of observations that are multiples of this."""
+
+MAX_NODES = 20_000
+"""Maximum number of beliefs that the policy reaches from all starts."""
+
+MAX_SWEEPS, SWEEP_TOLERANCE = 500, 1e-3
+"""Limit of the actions in one decision, and of the change of a return by one more, in reward units."""
 
 
 class FixedPolicy:
-    """Returns the planner of the stated model for each estimated model."""
+    """Returns planners with the stated policy for estimated observation models.
 
-    def __init__(self, planner: Planner) -> None:
-        self._planner = planner
+    With two shared values the policy starts at argmax_b sum_y prior(y) G_y(b), where G_y(b) is its expected
+    return from start b with a person of value y, who answers as the estimated model says; its beliefs follow
+    the stated model. With more values, or if the policy reaches too many beliefs, it starts at the prior, and
+    beliefs follow the estimated model. Either result depends on the estimated model alone.
 
-    def __call__(self, model: Pomdp) -> Planner:
-        """Return the planner."""
-        return self._planner
+    Args:
+        planner: the policy with the stated model.
+    """
+
+    def __init__(self, planner: Planner, domain: Domain) -> None:
+        self._stated, self._domain, self._model = planner, domain, planner.pomdp
+        self._cells = dict[bytes, Array]()
+        self.planner: PlannerProtocol = planner
+
+    def __call__(self, model: Pomdp) -> PlannerProtocol:
+        """Return the planner of the next person; the same one if the model is that of the call before."""
+        if model is not self._model:
+            self._model = model
+            self.planner = TransferPlanner(self._stated.policy, model)
+            if self._graph is not None:
+                returns = self._find_returns(self._graph, model)
+                self.planner = StartingPlanner(
+                    self._stated, self.planner, self._domain, self._starts, returns
+                )
+        return self.planner
 
     def state(self) -> dict[str, Any]:
-        """Return the state, which is empty."""
-        return {}
+        """Return the state as JSON: the estimated observation model."""
+        return {"model": self._model.observation.dense.tolist()}
 
-    def restore(self, state: Mapping[str, Any]) -> Planner:
-        """Return the planner."""
-        return self._planner
+    def restore(self, state: Mapping[str, Any]) -> PlannerProtocol:
+        """Go on from a state; return the planner of the last call."""
+        observation = SparseTables.of(np.array(state["model"]))
+        return self(replace(self._stated.pomdp, observation=observation))
+
+    @cached_property
+    def _starts(self) -> Array:
+        """(N, S) the beliefs that are compared."""
+        first = 1 / (1 + np.exp(-LOG_ODDS))
+        starts: Array = np.stack([first, 1 - first], axis=1) @ self._domain.planning.initial_states
+        return starts
+
+    @cached_property
+    def _graph(self) -> BeliefGraph | None:
+        """The beliefs that the policy reaches from the starts; None if starts are not compared."""
+        if len(self._domain.values) != 2:
+            return None
+        graph = BeliefGraph(self._stated.pomdp, self._stated.policy)
+        frontier = np.unique(graph.add(SparseBeliefs.of(self._starts)))
+        while len(frontier):
+            if len(graph) > MAX_NODES:
+                return None
+            n_known = len(graph)
+            graph.expand(frontier)
+            frontier = n_known + np.flatnonzero(~graph.absorbing[n_known:])
+        return graph
+
+    def _find_returns(self, graph: BeliefGraph, model: Pomdp) -> Array:
+        """Return (N, V) the policy's return from each start with a person of each value."""
+        rounded = GRID * np.round(model.observation.dense / GRID)
+        key = rounded.tobytes()
+        if key not in self._cells:
+            rounded = np.where(model.observation.dense > 0, np.maximum(rounded, GRID / 2), 0)
+            rounded /= rounded.sum(axis=2, keepdims=True)
+            roots = graph.add(SparseBeliefs.of(self._starts))
+            returns = sum_rewards(graph, rounded)[roots]
+            self._cells[key] = returns @ self._domain.planning.initial_states.T
+        return self._cells[key]
+
+
+class StartingPlanner(ModelPlanner):
+    """A policy that starts at another belief than the prior.
+
+    The beliefs of the decision are those of the estimated model; the policy acts on its own ones.
+
+    Args:
+        stated: the policy with its model. estimated: the estimated model.
+        starts: (N, S). returns: (N, V) for people of each value.
+    """
+
+    def __init__(
+        self, stated: Planner, estimated: ModelPlanner, domain: Domain, starts: Array, returns: Array
+    ) -> None:
+        self.pomdp, self.policy = estimated.pomdp, stated.policy
+        self._stated, self._domain = stated, domain
+        self._starts, self._returns = starts, returns
+        self._own: Belief = stated.start
+        self._last: Belief | None = None  # the belief of the decision to which `_own` belongs
+
+    def action(self, belief: Belief) -> str:
+        """Return the policy's action; a belief (S,) that no `update` returned is a prior."""
+        if belief is not self._last:
+            self._own = self.find_start(belief)
+            self._last = belief
+        return self._stated.action(self._own)
+
+    def find_start(self, prior: Belief) -> Belief:
+        """Return the belief (S,) from which the policy starts."""
+        start: Belief = self._starts[(self._returns @ self._domain.marginal(prior).probabilities).argmax()]
+        return start
+
+    def update(self, belief: Belief, action: str, observation: str) -> Belief:
+        """Return the belief (S,) by the estimated model, and update that of the policy."""
+        self._own = self._stated.update(self._own, action, observation)
+        self._last = super().update(belief, action, observation)
+        return self._last
+
+
+def sum_rewards(graph: BeliefGraph, observation: Array) -> Array:
+    """Compute the expected sum of rewards, without discount, of a policy whose answers have another law.
+
+    Args:
+        graph: all beliefs that the policy reaches. observation: (A, S, O) the law of the answers.
+
+    Returns:
+        (n, S) for each node as the policy's belief, and each true state.
+    """
+    model = graph.pomdp
+    children = graph.children
+    places: list[tuple[int, Indices]] = [
+        (action, np.flatnonzero((graph.actions == action) & ~graph.absorbing))
+        for action in range(len(model.actions))
+    ]
+    values = np.zeros((len(graph), len(model.states)))
+    for _ in range(MAX_SWEEPS):
+        before = values.copy()
+        for action, nodes in places:
+            after = np.where((children[nodes] != UNKNOWN)[:, :, None], before[children[nodes]], 0)
+            expected = np.einsum("so,nos->ns", observation[action], after)
+            values[nodes] = model.reward[action] + expected @ model.transition.dense[action].T
+        if np.abs(values - before).max() < SWEEP_TOLERANCE:
+            break
+    return values

@@ -35,7 +35,7 @@ def set_up_trust(
     Raises:
         DomainError: trust cannot follow the domain's dialogue.
     """
-    planners: PlannerFactory = FixedPolicy(planner)
+    planners: PlannerFactory = FixedPolicy(planner, domain)
     if hearing:
         planners = Replanner(planner, domain.start_beliefs(), domain.planning.solver.precision)
     return Trust(reasoner, domain, DomainDialogue(domain, planners), planner, options=options, rates=rates)

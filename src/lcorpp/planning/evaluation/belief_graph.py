@@ -90,6 +90,11 @@ class BeliefGraph:
         return self._absorbing[: self._count]
 
     @property
+    def children(self) -> npt.NDArray[np.int32]:
+        """(n, O) the node after each observation, `UNKNOWN` if it is not computed or impossible."""
+        return self._children[: self._count]
+
+    @property
     def beliefs(self) -> SparseBeliefs:
         """The beliefs of all nodes."""
         end = int(self._begins[self._count])
