@@ -1,0 +1,258 @@
+"""LCORPP+trust in worlds that differ from what the robot is told: the domain `intention`, a grid of cells.
+
+    OMP_NUM_THREADS=1 python benchmarks/trust.py [--streams 2] [--people 2000] [--cells N] [--seed 0]
+        [--jobs 2] [--rates honest|lying] [--no-hearing] [--out FOLDER]
+
+A cell is what people know (right, or wrong in seven ways), the rate of wrong answers, the classifier and the
+costs of the actions; the robot's observation model stays as stated (.1 and .2). With honest rates the program
+states the classifier's true ones; lying classifiers have other rates than the stated .76 and .29. Each cell
+gives the mean return over streams of people, one after another, beside the exact returns of P, R+P, L+P and
+LCORPP and of the omniscient robot, LCORPP with the true program, rates and noise.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import product
+from pathlib import Path
+from time import process_time
+from typing import Annotated, Any
+
+import matplotlib.pyplot as plt
+import numpy as np
+import typer
+from joblib import Parallel, delayed
+
+from lcorpp.decision import Robot, Strategy, dt_control, strategies
+from lcorpp.domains import Domain, load_domain
+from lcorpp.experiments.scoring.exact_evaluation import evaluate_exactly
+from lcorpp.experiments.trust_setup import set_up_trust
+from lcorpp.files import make_folder, write_atomically
+from lcorpp.planning import Planner, SparseTables, solve
+from lcorpp.reasoning import Program, Reasoner, parse_plog
+from lcorpp.simulation import NoisyChannel
+from lcorpp.simulation.people import Population
+from lcorpp.simulation.world import SimulationModel
+from lcorpp.values import Array, Instance
+
+TIMES = {"student": (0.15, 0.15), "professor": (0.8, 0.1), "visitor": (0.1, 0.7)}
+LIBRARY = {"student": 0.3, "professor": 0.1, "visitor": 0.8}
+INTERESTED = {"student": 0.3, "professor": 0.1, "visitor": 0.8}
+STATED_RATES = (0.76, 0.29)
+HONEST = ((0.5, 0.5), (0.6, 0.4), STATED_RATES, (0.9, 0.1))
+LYING = ((0.5, 0.5), (0.594, 0.119), (0.29, 0.76))
+NOISES = (0.1, 0.2, 0.3, 0.4)
+COSTS = {"stated": 1.0, "half": 0.5, "double": 2.0}
+QUESTIONS = ("move_forward", "greet", "turn")
+BASELINES = ("P", "R+P", "L+P", "LCORPP")
+
+Numbers = tuple[Mapping[str, tuple[float, float]], Mapping[str, float], Mapping[str, float]]
+
+
+def swap(numbers: Mapping[str, Any]) -> dict[str, Any]:
+    """Exchange the numbers of professor and visitor."""
+    return {**numbers, "professor": numbers["visitor"], "visitor": numbers["professor"]}
+
+
+def invert(numbers: Mapping[str, float]) -> dict[str, float]:
+    """Replace each probability by that of the contrary."""
+    return {identity: 1 - p for identity, p in numbers.items()}
+
+
+KNOWLEDGE: Mapping[str, Numbers] = {
+    "right": (TIMES, LIBRARY, INTERESTED),
+    "no locations": (TIMES, dict.fromkeys(LIBRARY, 0.5), INTERESTED),
+    "no times": (dict.fromkeys(TIMES, (1 / 3, 1 / 3)), LIBRARY, INTERESTED),
+    "vague": (TIMES, LIBRARY, {identity: (p + 0.4) / 2 for identity, p in INTERESTED.items()}),
+    "swapped": (TIMES, LIBRARY, swap(INTERESTED)),
+    "inverted": (TIMES, LIBRARY, invert(INTERESTED)),
+    "times swapped": (swap(TIMES), LIBRARY, INTERESTED),
+    "locations inverted": (TIMES, invert(LIBRARY), INTERESTED),
+}
+
+
+@dataclass(frozen=True)
+class Cell:
+    """knowledge, costs: names. rates: the true ones of the classifier; stated: those in the program."""
+
+    knowledge: str
+    noise: float
+    rates: tuple[float, float]
+    stated: tuple[float, float]
+    costs: str
+
+
+def make_program(text: str, numbers: Numbers, rates: tuple[float, float]) -> Program:
+    """Return the program of the domain with other numbers."""
+    times, library, interested = numbers
+    lines = [line for line in text.splitlines() if not line.startswith("pr(")]
+    for identity in TIMES:
+        for time, p in zip(("morning", "afternoon"), times[identity], strict=True):
+            lines.append(f"pr(time={time} | identity={identity}) = {p!r}.")
+        lines.append(f"pr(location=library | identity={identity}) = {library[identity]!r}.")
+        lines.append(f"pr(intention=interested | identity={identity}) = {interested[identity]!r}.")
+    for value, rate in zip(("interested", "not_interested"), rates, strict=True):
+        lines.append(f"pr(classifier=one | intention={value}) = {rate!r}.")
+    return parse_plog("\n".join(lines))
+
+
+def make_domain(cell: Cell, *, omniscient: bool = False) -> Domain:
+    """Return the domain of a cell; that of the omniscient robot knows program, rates and noise."""
+    domain = load_domain("intention", preset="paper")
+    text = (domain.folder / "knowledge.plog").read_text()
+    truth = make_program(text, KNOWLEDGE["right"], cell.rates)
+    program = truth if omniscient else make_program(text, KNOWLEDGE[cell.knowledge], cell.stated)
+    pomdp, heard = domain.pomdp, domain.simulation.feedback_model.copy()
+    reward, observation = pomdp.reward.copy(), pomdp.observation.dense.copy()
+    for action in QUESTIONS:
+        a = pomdp.action_index(action)
+        reward[a] *= COSTS[cell.costs]
+        answered = heard[a, :, 2] == 0  # not after a turn that failed
+        right = heard[a, answered].argmax(axis=1)
+        heard[a, answered, :2] = cell.noise
+        heard[a, np.flatnonzero(answered), right] = 1 - cell.noise
+        if omniscient:
+            observation[a, answered] = heard[a, answered]
+    channel = {
+        value: {"one": rate, "zero": 1 - rate}
+        for value, rate in zip(("interested", "not_interested"), cell.rates, strict=True)
+    }
+    return replace(
+        domain,
+        reasoning=replace(domain.reasoning, program=program),
+        planning=replace(
+            domain.planning,
+            pomdp=replace(pomdp, reward=reward, observation=SparseTables.of(observation)),
+        ),
+        simulation=replace(
+            domain.simulation,
+            true_program=truth,
+            feedback_model=heard,
+            noisy_channels={sense.name: channel for sense in domain.senses},
+        ),
+    )
+
+
+def score_exactly(domain: Domain, rows: Sequence[Strategy]) -> dict[str, float]:
+    """Return the exact mean returns of strategies."""
+    channels = {sense.name: NoisyChannel.from_domain(domain, sense) for sense in domain.senses}
+    planner = Planner(solve(domain.pomdp, domain.start_beliefs(), precision=0.01))
+    robot = Robot(channels, Reasoner(domain.program), planner, domain)
+    found = evaluate_exactly(domain, robot, channels, tuple(rows))
+    return {scores.strategy: scores.return_.estimate for scores in found}
+
+
+def run_stream(domain: Domain, planner: Planner, people: int, seed: Sequence[int], hearing: bool) -> Array:
+    """Return the return of each person of a stream with trust."""
+    rng = np.random.default_rng(seed)
+    crowd = Population(domain).sample(people, rng)
+    channels = {sense.name: NoisyChannel.from_domain(domain, sense) for sense in domain.senses}
+    signals = {name: channel.simulate(crowd, rng) for name, channel in channels.items()}
+    trust = set_up_trust(domain, Reasoner(domain.program), planner, hearing=hearing)
+    model, returns = SimulationModel(domain), np.zeros(people)
+    for i, person in enumerate(crowd):
+        perceived = {name: own[i] for name, own in signals.items()}
+        instance = Instance(perceived, {name: person[name] for name in domain.observed})
+        world = model.make_world(person, rng)
+        episode = dt_control(Robot(channels, trust, trust.make_planner(), domain), instance, world)
+        trust.learn(episode.evidence, episode.steps)
+        returns[i] = world.return_
+    return returns
+
+
+def run_cell(
+    cell: Cell, number: int, streams: int, people: int, seed: int, hearing: bool
+) -> dict[str, float]:
+    """Return the mean returns of the strategies in a cell, of trust also its standard error."""
+    began, domain = process_time(), make_domain(cell)
+    result = score_exactly(domain, strategies(BASELINES))
+    result["omniscient"] = score_exactly(make_domain(cell, omniscient=True), strategies(["LCORPP"]))["LCORPP"]
+    planner = Planner(solve(domain.pomdp, domain.start_beliefs(), precision=0.01))
+    returns = np.array(
+        [run_stream(domain, planner, people, [seed, number, k], hearing) for k in range(streams)]
+    )
+    result |= {"trust": returns.mean(), "se": returns.std() / returns.size**0.5}
+    return result | {"late": returns[:, -people // 5 :].mean(), "cpu": process_time() - began}
+
+
+def describe(cells: Sequence[Cell], results: Sequence[Mapping[str, float]], options: str) -> str:
+    """Return the table: margins over the best of the four strategies, and regret to the omniscient robot."""
+    trust, se = (np.array([result[name] for result in results]) for name in ("trust", "se"))
+    best = np.array([max(result[name] for name in BASELINES) for result in results])
+    regret = trust - np.array([result["omniscient"] for result in results])
+    noise = np.array([cell.noise for cell in cells])
+    lines = [
+        f"{options}; {sum(result['cpu'] for result in results):.0f} s of CPU",
+        "",
+        "| noise | cells | worst margin over the best of four | mean margin | cells below 0 | by two s.e."
+        " | worst regret | mean regret |",
+        "|---|---|---|---|---|---|---|---|",
+    ]
+    margin = trust - best
+    for name, chosen in [(f"{n:g}", noise == n) for n in NOISES] + [("all", noise > 0)]:
+        if chosen.any():
+            own = margin[chosen]
+            certain = (own < -2 * se[chosen]).sum()
+            lines.append(
+                f"| {name} | {chosen.sum()} | {own.min():+.2f} | {own.mean():+.2f} | {(own < 0).sum()} |"
+                f" {certain} | {regret[chosen].min():+.2f} | {regret[chosen].mean():+.2f} |"
+            )
+    worst = [int(i) for i in np.argsort(margin)[:5]]
+    lines += ["", "The five smallest margins:", ""]
+    lines += [f"- {margin[i]:+.2f} ± {se[i]:.2f}: {cells[i]}" for i in worst]
+    return "\n".join(lines) + "\n"
+
+
+def draw(cells: Sequence[Cell], results: Sequence[Mapping[str, float]], file: Path) -> None:
+    """Draw heat maps by knowledge and noise: smallest margin over the best of four, and largest regret."""
+    margin = {cell: r["trust"] - max(r[n] for n in BASELINES) for cell, r in zip(cells, results, strict=True)}
+    regret = {cell: r["trust"] - r["omniscient"] for cell, r in zip(cells, results, strict=True)}
+    figure, axes = plt.subplots(1, 2, figsize=(9, 3.6), sharey=True, layout="constrained")
+    titles = ("Smallest return minus\nthe best of P, R+P, L+P, LCORPP", "Smallest return minus\nomniscient")
+    for axis, values, title, limit in zip(axes, (margin, regret), titles, (20, 20), strict=True):
+        table = np.full((len(KNOWLEDGE), len(NOISES)), np.nan)
+        for cell, value in values.items():
+            place = list(KNOWLEDGE).index(cell.knowledge), NOISES.index(cell.noise)
+            table[place] = np.fmin(table[place], value)
+        image = axis.imshow(table, cmap="RdBu", vmin=-limit, vmax=limit, aspect="auto")
+        for (i, k), value in np.ndenumerate(table):
+            colour = "white" if abs(value) > limit / 2 else "black"
+            axis.text(k, i, f"{value:+.1f}", ha="center", va="center", fontsize=8, color=colour)
+        axis.set(title=title, xlabel="rate of wrong answers")
+        axis.set_xticks(range(len(NOISES)), [f"{noise:g}" for noise in NOISES])
+        axis.set_yticks(range(len(KNOWLEDGE)), list(KNOWLEDGE))
+        figure.colorbar(image, ax=axis, label="return")
+    axes[0].set_ylabel("knowledge")
+    figure.savefig(file, dpi=150)
+
+
+def main(
+    streams: Annotated[int, typer.Option(min=1, help="Streams a cell.")] = 2,
+    people: Annotated[int, typer.Option(min=5, help="People a stream.")] = 2000,
+    cells: Annotated[int, typer.Option(min=0, help="Cells, drawn at random; 0 takes all.")] = 0,
+    seed: Annotated[int, typer.Option(min=0)] = 0,
+    jobs: Annotated[int, typer.Option(min=1)] = 1,
+    rates: Annotated[str, typer.Option(help="honest or lying")] = "honest",
+    hearing: Annotated[bool, typer.Option(help="Policies for the estimated noise.")] = True,
+    out: Annotated[Path | None, typer.Option(metavar="FOLDER")] = None,
+) -> None:
+    """Run the grid; print the table, and write it with heat maps."""
+    pairs = [(r, r) for r in HONEST] if rates == "honest" else [(r, STATED_RATES) for r in LYING]
+    grid = [Cell(k, n, *r, c) for k, n, r, c in product(KNOWLEDGE, NOISES, pairs, COSTS)]
+    if cells:
+        chosen = np.random.default_rng([seed, 1]).permutation(len(grid))[:cells]
+        grid = [grid[i] for i in sorted(chosen)]
+    calls = (delayed(run_cell)(cell, i, streams, people, seed, hearing) for i, cell in enumerate(grid))
+    results = list(Parallel(n_jobs=jobs, verbose=5)(calls))
+    options = f"{len(grid)} cells, {rates} rates, {streams} streams of {people} people, seed {seed}"
+    table = describe(grid, results, options + ("" if hearing else ", the stated policy"))
+    print(table)
+    if out is not None:
+        make_folder(out)
+        write_atomically(out / "trust.md", table.encode())
+        draw(grid, results, out / "trust.png")
+
+
+if __name__ == "__main__":
+    typer.run(main)
