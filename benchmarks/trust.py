@@ -218,7 +218,8 @@ def draw(cells: Sequence[Cell], results: Sequence[Mapping[str, float]], file: Pa
         image = axis.imshow(table, cmap="RdBu", vmin=-limit, vmax=limit, aspect="auto")
         for (i, k), value in np.ndenumerate(table):
             colour = "white" if abs(value) > limit / 2 else "black"
-            axis.text(k, i, f"{value:+.1f}", ha="center", va="center", fontsize=8, color=colour)
+            text = "" if np.isnan(value) else f"{value:+.1f}"
+            axis.text(k, i, text, ha="center", va="center", fontsize=8, color=colour)
         axis.set(title=title, xlabel="rate of wrong answers")
         axis.set_xticks(range(len(NOISES)), [f"{noise:g}" for noise in NOISES])
         axis.set_yticks(range(len(KNOWLEDGE)), list(KNOWLEDGE))
