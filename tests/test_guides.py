@@ -33,6 +33,7 @@ DOCS = Path(__file__).parents[1] / "docs"
         ("worlds.md", 4),
         ("strategies.md", 1),
         ("log.md", 6),
+        ("audit.md", 0),
         ("figures.md", 3),
         ("sweeps.md", 2),
     ],

@@ -42,15 +42,16 @@ class DomainDialogue:
     determine the next situation, e.g. whether the robot has turned, whatever the shared value is.
 
     Args:
-        make_planner: makes the planners, e.g. `lcorpp.experiments.replanning.Replanner`.
+        make_planner: makes the planners, e.g. `lcorpp.experiments.replanning.Replanner`; None for a dialogue
+            that only reads answers.
 
     Raises:
         DomainError: the actions and observations do not determine the situation; the dynamics of the
             planner's own variables depend on the shared value; or no observation depends on it.
     """
 
-    def __init__(self, domain: Domain, make_planner: PlannerFactory) -> None:
-        self._domain, self._make_planner = domain, make_planner
+    def __init__(self, domain: Domain, make_planner: PlannerFactory | None = None) -> None:
+        self._domain, self._factory = domain, make_planner
         self._model: tuple[Array, Pomdp] | None = None  # the latest one, with its tables
         pomdp = domain.pomdp
         self._index = {
@@ -69,11 +70,26 @@ class DomainDialogue:
                 " trust has nothing to learn from"
             )
 
+    @property
+    def _make_planners(self) -> PlannerFactory:
+        assert self._factory is not None, "a dialogue that only reads answers makes no planner"
+        return self._factory
+
     @cached_property
     def tables(self) -> Array:
         """(K, V, O) the stated P(observation | value) of each kind of question."""
         observation = self._domain.pomdp.observation.dense
         return np.array([observation[action, list(situation)] for action, situation in self._cells])
+
+    @cached_property
+    def questions(self) -> tuple[str, ...]:
+        """(K,) the action of each kind; if there are several of one action, also a state after it."""
+        pomdp = self._domain.pomdp
+        names = [pomdp.actions[action] for action, _ in self._cells]
+        return tuple(
+            name if names.count(name) == 1 else f"{name} in {pomdp.states[situation[0]]}"
+            for name, (_, situation) in zip(names, self._cells, strict=True)
+        )
 
     def find_answers(self, history: Sequence[tuple[str, str]]) -> list[int]:
         """Return k * O + o for each question of kind k and its answer o.
@@ -97,15 +113,15 @@ class DomainDialogue:
         """Return the planner for the model with these tables (K, V, O)."""
         if self._model is None or not np.array_equal(tables, self._model[0]):
             self._model = tables, self._make_model(tables)
-        return self._make_planner(self._model[1])
+        return self._make_planners(self._model[1])
 
     def state(self) -> dict[str, Any]:
         """Return the state of the planners as JSON."""
-        return self._make_planner.state()
+        return self._make_planners.state()
 
     def restore(self, state: Mapping[str, Any]) -> Planner:
         """Go on from the state of a dialogue of the same domain; return the planner of the last person."""
-        return self._make_planner.restore(state)
+        return self._make_planners.restore(state)
 
     def _make_model(self, tables: Array) -> Pomdp:
         pomdp = self._domain.pomdp

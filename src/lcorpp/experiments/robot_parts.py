@@ -74,10 +74,7 @@ class RobotParts:
     @cached_property
     def program(self) -> Program:
         """The robot's program with the classifiers' rules."""
-        parts = self.classifiers.items()
-        confusions = {name: part.confusion for name, part in parts if part.confusion is not None}
-        soft = [name for name, part in parts if part.soft]
-        return self.domain.program_for(confusions, self.smoothing, soft=soft)
+        return _make_program(self.domain, self.classifiers, self.smoothing)
 
     @cached_property
     def description(self) -> Json:
@@ -183,10 +180,7 @@ def read_parts(description: Json, domain: Domain, *, cache: Path | None = None) 
         LookupError, TypeError, ValueError: `description` has another form.
     """
     policy = description["policy"]
-    classifiers = {name: _read_classifier(part) for name, part in description["classifiers"].items()}
-    for name in classifiers:
-        domain.find_sense(name)
-    smoothing = Fraction(description["smoothing"])
+    classifiers, smoothing = _read_classifiers(description, domain)
     if "solver" not in policy:
         if "file" not in policy:
             raise DecisionError("the policy has no file and no solver, so it cannot be set up again")
@@ -196,6 +190,29 @@ def read_parts(description: Json, domain: Domain, *, cache: Path | None = None) 
     solver = replace(domain.planning.solver, **{name: policy["solver"][name] for name in policy["given"]})
     solution = solve_domain(domain, solver, cache=cache)
     return RobotParts(domain, solution.policy, classifiers, smoothing, solver)
+
+
+def read_program(description: Json, domain: Domain) -> Program:
+    """Return the program with the rules of the classifiers that a log describes.
+
+    Raises:
+        LcorppError, LookupError, TypeError, ValueError: as `read_parts`.
+    """
+    return _make_program(domain, *_read_classifiers(description, domain))
+
+
+def _read_classifiers(description: Json, domain: Domain) -> tuple[dict[str, ClassifierPart], Fraction]:
+    """Return sense -> classifier, and the smoothing of their confusion matrices."""
+    classifiers = {name: _read_classifier(part) for name, part in description["classifiers"].items()}
+    for name in classifiers:
+        domain.find_sense(name)
+    return classifiers, Fraction(description["smoothing"])
+
+
+def _make_program(domain: Domain, classifiers: Mapping[str, ClassifierPart], smoothing: Fraction) -> Program:
+    parts = classifiers.items()
+    confusions = {name: part.confusion for name, part in parts if part.confusion is not None}
+    return domain.program_for(confusions, smoothing, soft=[name for name, part in parts if part.soft])
 
 
 def _describe_domain(domain: Domain) -> dict[str, Any]:

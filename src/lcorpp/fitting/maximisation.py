@@ -21,6 +21,7 @@ from scipy.sparse.csgraph import connected_components
 from lcorpp.errors import ProgramError
 from lcorpp.fitting.expectation import Expectation
 from lcorpp.fitting.number_model import Case, NumberModel
+from lcorpp.fitting.soft_records import SoftExpectation
 from lcorpp.values import Array
 
 MAX_STEPS = 10_000
@@ -48,7 +49,9 @@ class Objective:
         ProgramError: numbers sum to 1 in one case, and occur in other sums too.
     """
 
-    def __init__(self, model: NumberModel, expectation: Expectation, strength: float) -> None:
+    def __init__(
+        self, model: NumberModel, expectation: Expectation | SoftExpectation, strength: float
+    ) -> None:
         self.model, self.expectation, self._groups = model, expectation, _group_cases(model)
         values, self.prior = model.evaluate(model.start), np.zeros(len(model.constants))
         for case in model.cases:

@@ -119,8 +119,11 @@ def list_free_numbers(program: Program, fixed: Collection[str | int]) -> dict[in
         fixed: attributes and lines.
 
     Raises:
-        ProgramError: none of the pr-atoms is of an attribute or line in `fixed`, or no number is free.
+        ProgramError: none of the pr-atoms is of an attribute or line in `fixed`, no number is free, or the
+            program has cr-rules.
     """
+    if program.has_cr_rules:
+        raise ProgramError(f"{program.file}: the numbers of a program with cr-rules cannot be fitted")
     if isinstance(fixed, str) or not isinstance(fixed, Collection):
         raise ProgramError(f"expected a list of attributes and lines, not {fixed!r}")
     atoms = {i: s for i, s in enumerate(program.statements) if isinstance(s, Probability)}

@@ -7,7 +7,7 @@ Source: Dempster, Laird and Rubin, "Maximum likelihood from incomplete data via 
 from __future__ import annotations
 
 import logging
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 
@@ -168,26 +168,12 @@ def fit(
         raise DataError(f"expected a number of pseudo-counts from 0 to {_MAX_PRIOR:g}, not {prior}")
     check_at_least(starts, 1, "starts")
     check_at_least(seed, 0, "seed")
-    if program.has_cr_rules:
-        raise ProgramError(f"{program.file}: the numbers of a program with cr-rules cannot be fitted")
     free = list_free_numbers(program, fixed)
     distinct, places, repeats = group_records(program, records)
     model = build_number_model(program, free, {name for record in distinct for name in record})
     expectation = Expectation(model, distinct, repeats)
     objective = Objective(model, expectation, prior)
-    log_p = expectation.compute(model.evaluate(model.start)).log_p
-    excluded = 1 - np.exp(log_p[-2:]).sum()
-    if abs(excluded) > _MAX_EXCLUDED:
-        raise ProgramError(
-            f"{program.file}: rules exclude worlds of measure {excluded:.6g}, such as worlds in which they"
-            " derive two values of a term, or in which a dynamic range is empty, so its numbers are not"
-            " frequencies and cannot be fitted"
-        )
-    impossible = np.flatnonzero(np.isinf(log_p[:-2]))
-    if len(impossible):
-        raise UndefinedError(
-            f"{program.file}: {places[impossible[0]]} is in no possible world of positive measure"
-        )
+    check_possible(program, expectation.compute(model.evaluate(model.start)).log_p, places)
     rng = np.random.default_rng(seed)
     best = climb(objective, model.start, progress)
     for _ in range(starts - 1):
@@ -216,6 +202,30 @@ def fit(
         best.converged,
         starts,
     )
+
+
+def check_possible(program: Program, log_p: Array, places: Sequence[str]) -> None:
+    """Check that the numbers of a program are frequencies, and that each record is possible.
+
+    Args:
+        log_p: (n + 2,) of `Expected`, at the numbers of the program. places: of the records, for errors.
+
+    Raises:
+        ProgramError: the program's rules exclude worlds.
+        UndefinedError: a record is impossible.
+    """
+    excluded = 1 - np.exp(log_p[-2:]).sum()
+    if abs(excluded) > _MAX_EXCLUDED:
+        raise ProgramError(
+            f"{program.file}: rules exclude worlds of measure {excluded:.6g}, such as worlds in which they"
+            " derive two values of a term, or in which a dynamic range is empty, so its numbers are not"
+            " frequencies and cannot be fitted"
+        )
+    impossible = np.flatnonzero(np.isinf(log_p[:-2]))
+    if len(impossible):
+        raise UndefinedError(
+            f"{program.file}: {places[impossible[0]]} is in no possible world of positive measure"
+        )
 
 
 def _round(model: NumberModel, parameters: Array) -> list[Fraction]:

@@ -1,0 +1,69 @@
+"""`lcorpp audit`: what the people of a log suggest for each stated number."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from lcorpp.cli import console
+from lcorpp.errors import FileError
+
+
+def audit(
+    log: Annotated[Path, typer.Argument(metavar="LOG", help="A log of decisions, written with --log.")],
+    output: Annotated[
+        Path | None,
+        typer.Option("-o", "--output", metavar="FILE.plog", help="Write the suggested rules to this file."),
+    ] = None,
+    figure: Annotated[
+        Path | None,
+        typer.Option("--figure", metavar="FILE", help="Draw the numbers; .png, .svg or .pdf."),
+    ] = None,
+    domain: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FOLDER", help="The domain folder, if it is no longer where it was; by default the log's."
+        ),
+    ] = None,
+    strategy: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAME",
+            help="Whose decisions are read; by default the one with most, or the last of equals.",
+        ),
+    ] = None,
+) -> None:
+    """Compare what is stated with the people of a log.
+
+    For each number of the knowledge, each rate of a classifier and each answer of the observation model:
+    what is stated, what the people suggest with a 95 % interval, and how strongly they disagree. Then the
+    fewest numbers that have to change. Nothing is changed: -o writes the rules to apply by hand.
+    """
+    from lcorpp.cli.output_files import check_figure, check_writable
+    from lcorpp.experiments.audit.audit import audit_people
+    from lcorpp.experiments.audit.logged_people import read_people
+    from lcorpp.experiments.audit.report import format_audit, format_patch
+    from lcorpp.files import write_atomically
+
+    if output is not None:
+        check_writable(output)
+        if output.suffix.lower() != ".plog":
+            raise FileError(f"{output}: expected a file name that ends with .plog")
+    if figure is not None:
+        check_figure(figure)
+    people = read_people(log, folder=domain, strategy=strategy)
+    with console.show_progress("fitting numbers") as advance:
+        result = audit_people(people, advance)
+    typer.echo(format_audit(result))
+    if output is not None:
+        write_atomically(output, format_patch(result))
+    if figure is not None:
+        from lcorpp.experiments.audit.figure import plot_audit
+        from lcorpp.plot_style import save_figure
+
+        save_figure(plot_audit(result), figure)
+    written = [str(path) for path in (output, figure) if path is not None]
+    if written:
+        typer.echo("wrote " + ", ".join(written))

@@ -1,0 +1,1 @@
+"""The audit of what is stated: knowledge, rates of classifiers, observation model."""

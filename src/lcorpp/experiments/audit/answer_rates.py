@@ -1,0 +1,220 @@
+"""Rates of classifiers and of the observation model with their uncertainty, without the knowledge."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
+
+import numpy as np
+import numpy.typing as npt
+from scipy.optimize import minimize
+from scipy.special import softmax
+
+from lcorpp.trust.answers import ROW_TOLERANCE, AnswerModel
+from lcorpp.trust.cases import NO_LABEL, Cases
+from lcorpp.values import Array
+
+PRIOR_PEOPLE = 1.0
+"""Weight of the stated distribution of each row, in people or answers: enough to keep rows off 0 and 1."""
+
+MIN_START = 0.01
+"""Smallest probability at which the search begins."""
+
+MIN_EIGENVALUE = 1e-9
+"""Directions with less information than this share of the largest are those along which nothing changes."""
+
+
+@dataclass(frozen=True, eq=False)
+class Rows:
+    """Distributions over observed outcomes, as m cells.
+
+    A case with value v has the log probability ``sum_j times[j] * log p[j]`` over the cells j of v.
+
+    row_of: (m,) the row of each cell. member: (V, m) 1 where a value uses the cell. times: (n, m) how often
+    the case has the cell's outcome. prior: (m,) pseudo-counts. outcome: (m,) index of the outcome.
+    """
+
+    row_of: npt.NDArray[np.intp]
+    member: Array
+    times: Array
+    prior: Array
+    outcome: npt.NDArray[np.intp]
+
+    @classmethod
+    def of_table(cls, row_of_value: npt.NDArray[np.intp], stated: Array, times: Array) -> Rows:
+        """Return the rows of one table.
+
+        Args:
+            row_of_value: (V,) the row of each value. stated: (R, O). times: (n, O) of each outcome, the same
+                for all values.
+        """
+        n_rows, n_outcomes = stated.shape
+        member = np.repeat(np.eye(n_rows)[row_of_value], n_outcomes, axis=1)
+        row_of = np.repeat(np.arange(n_rows), n_outcomes)
+        prior = PRIOR_PEOPLE * np.maximum(stated, MIN_START)
+        used = np.tile(stated.any(axis=0), n_rows)  # the others are impossible
+        outcome = np.tile(np.arange(n_outcomes), n_rows)
+        times = np.tile(times, n_rows)
+        return cls(row_of[used], member[:, used], times[:, used], prior.ravel()[used], outcome[used])
+
+
+class AnswerRates:
+    """Maximum likelihood estimates of p(value | context), of the senses' rates and of the observation model.
+
+    The model is that of `lcorpp.trust.LatentClassModel`, with rows that depart freely from what is stated. It
+    knows nothing of the knowledge, so that wrong knowledge cannot be explained as bad hearing.
+
+    cells: the cells of all tables, those of the contexts first, then of each sense, then of each kind of
+    question. p: (m,) their estimated probabilities. covariance: (m, m) of log p, up to a constant of each
+    row. tables: the slice of cells of each table. is_nuisance: (m,) whether the cell is not of the contexts.
+
+    Args:
+        n_contexts: X. rates: for each sense (V, L) the stated rates.
+    """
+
+    def __init__(self, answers: AnswerModel, rates: Sequence[Array], cases: Cases, n_contexts: int) -> None:
+        n_values, n_outcomes = answers.row_of.shape[1], answers.stated_rows.shape[1]
+        uniform = np.full((n_contexts, n_values), 1 / n_values)
+        parts = [_make_context_rows(uniform, cases.contexts)]
+        for s, table in enumerate(rates):
+            label = cases.labels[:, s]
+            times = np.where((label != NO_LABEL)[:, None], np.eye(table.shape[1])[label], 0.0)
+            rows, row_of_value = _find_rows(table)
+            parts.append(Rows.of_table(row_of_value, rows, times))
+        heard = cases.heard.reshape(cases.n, -1, n_outcomes)
+        for k, row_of_value in enumerate(answers.row_of):
+            rows, places = np.unique(row_of_value, return_inverse=True)
+            parts.append(Rows.of_table(places, answers.stated_rows[rows], heard[:, k]))
+        sizes = np.cumsum([0, *[len(part.row_of) for part in parts]])
+        self.tables = [slice(start, end) for start, end in pairwise(sizes.tolist())]
+        self.cells = _join(parts)
+        self.weights = cases.weights
+        self.is_nuisance = np.arange(sizes[-1]) >= sizes[1]
+        self.p = self._search()
+
+    def _normalise(self, logs: Array) -> Array:
+        p = np.exp(logs)
+        normalised: Array = p / np.bincount(self.cells.row_of, p)[self.cells.row_of]
+        return normalised
+
+    def _search(self) -> Array:
+        prior, row_of, weights = self.cells.prior, self.cells.row_of, self.weights
+        start = np.log(np.maximum(prior, MIN_START))
+
+        def evaluate(logs: Array) -> tuple[float, Array]:
+            p = self._normalise(logs)
+            joint = (self.cells.times * np.log(p)) @ self.cells.member.T
+            top = joint.max(axis=1, keepdims=True)
+            shares = np.exp(joint - top)
+            total = shares.sum(axis=1, keepdims=True)
+            counts = weights @ (self.cells.times * ((shares / total) @ self.cells.member)) + prior
+            gradient = counts - np.bincount(row_of, counts)[row_of] * p
+            value = weights @ (top + np.log(total))[:, 0] + prior @ np.log(p)
+            return -float(value) / weights.sum(), -gradient / weights.sum()
+
+        found = minimize(
+            evaluate,
+            start,
+            jac=True,
+            method="L-BFGS-B",
+            options={"maxiter": 2000, "ftol": 1e-13, "gtol": 1e-7},
+        )
+        return self._normalise(found.x)
+
+    @cached_property
+    def likelihoods(self) -> Array:
+        """(n, V) P(labels, answers | value), up to a factor for each case."""
+        nuisance = self.is_nuisance
+        logs = (self.cells.times[:, nuisance] * np.log(self.p[nuisance])) @ self.cells.member[:, nuisance].T
+        likelihoods: Array = np.exp(logs - logs.max(axis=1, keepdims=True))
+        return likelihoods
+
+    def compute_scores(self, shares: Array) -> Array:
+        """Compute (n, m) derivatives of each case's log likelihood by log p before normalisation.
+
+        Args:
+            shares: (n, V) the probability of each value, given the case.
+        """
+        counts = self.cells.times * (shares @ self.cells.member)
+        totals: Array = counts @ np.eye(int(self.cells.row_of.max()) + 1)[self.cells.row_of]
+        scores: Array = counts - totals[:, self.cells.row_of] * self.p
+        return scores
+
+    @cached_property
+    def scores(self) -> Array:
+        """(n, m) the scores at the estimates."""
+        joint = (self.cells.times * np.log(self.p)) @ self.cells.member.T
+        shares: Array = softmax(joint, axis=1)
+        return self.compute_scores(shares)
+
+    @cached_property
+    def prior_information(self) -> Array:
+        """(m, m) of the pseudo-counts."""
+        row_of, p = self.cells.row_of, self.p
+        totals = np.bincount(row_of, self.cells.prior)[row_of]
+        information: Array = np.diag(totals * p) - (row_of[:, None] == row_of) * np.outer(totals * p, p)
+        return information
+
+    def list_rows(self, table: int) -> list[list[int]]:
+        """List the cells of each row of a table of `tables`."""
+        cells = range(len(self.p))[self.tables[table]]
+        rows = dict.fromkeys(self.cells.row_of[cells].tolist())
+        return [[j for j in cells if self.cells.row_of[j] == row] for row in rows]
+
+    def describe_cell(self, cell: int, row: Sequence[int]) -> tuple[float, float, float]:
+        """Return the probability of a cell of a row, its variance, and that of the pseudo-counts alone."""
+        p = float(self.p[cell])
+        slopes = p * ((np.array(row) == cell) - self.p[row])
+        places = np.ix_(row, row)
+        prior = slopes @ self.prior_covariance[places] @ slopes
+        return p, float(slopes @ self.covariance[places] @ slopes), float(prior)
+
+    @cached_property
+    def covariance(self) -> Array:
+        information = (self.scores * self.weights[:, None]).T @ self.scores + self.prior_information
+        return invert(information)
+
+    @cached_property
+    def prior_covariance(self) -> Array:
+        """As `covariance`, of the pseudo-counts alone."""
+        return invert(self.prior_information)
+
+
+def invert(information: Array) -> Array:
+    """Invert a symmetric matrix along the directions that have information."""
+    inverse = np.linalg.pinv(information, rcond=MIN_EIGENVALUE, hermitian=True)
+    return np.asarray(inverse, dtype=np.float64)
+
+
+def _make_context_rows(uniform: Array, contexts: npt.NDArray[np.intp]) -> Rows:
+    """Return the rows p(value | context): the outcome is the value itself."""
+    n_contexts, n_values = uniform.shape
+    times = np.repeat(np.eye(n_contexts)[contexts], n_values, axis=1)
+    member = np.tile(np.eye(n_values), n_contexts)
+    row_of = np.repeat(np.arange(n_contexts), n_values)
+    outcome = np.tile(np.arange(n_values), n_contexts)
+    return Rows(row_of, member, times, PRIOR_PEOPLE * uniform.ravel(), outcome)
+
+
+def _find_rows(table: Array) -> tuple[Array, npt.NDArray[np.intp]]:
+    """Return the distinct rows of a table (V, L), and the row of each value."""
+    rows, places = list[Array](), list[int]()
+    for row in table:
+        equal = (r for r, known in enumerate(rows) if np.allclose(known, row, atol=ROW_TOLERANCE))
+        places.append(next(equal, len(rows)))
+        if places[-1] == len(rows):
+            rows.append(row)
+    return np.array(rows), np.array(places, dtype=np.intp)
+
+
+def _join(parts: Sequence[Rows]) -> Rows:
+    offsets = np.cumsum([0, *[part.row_of.max() + 1 for part in parts]])
+    return Rows(
+        np.concatenate([part.row_of + offset for part, offset in zip(parts, offsets, strict=False)]),
+        np.hstack([part.member for part in parts]),
+        np.hstack([part.times for part in parts]),
+        np.concatenate([part.prior for part in parts]),
+        np.concatenate([part.outcome for part in parts]),
+    )

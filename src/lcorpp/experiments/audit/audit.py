@@ -1,0 +1,231 @@
+"""Audit: what the people of a log suggest for each number that was stated."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Iterable, Sequence
+from dataclasses import replace
+from itertools import combinations
+from math import log
+
+import numpy as np
+from scipy.stats import chi2
+
+from lcorpp.errors import ProgramError
+from lcorpp.experiments.audit.answer_rates import AnswerRates, invert
+from lcorpp.experiments.audit.findings import MAX_P, AttributeFinding, Audit, NumberFinding
+from lcorpp.experiments.audit.intervals import compare_log_odds
+from lcorpp.experiments.audit.knowledge import KnowledgeFits, NumbersFit
+from lcorpp.experiments.audit.logged_people import LoggedPeople
+from lcorpp.experiments.audit.rates import list_rates
+from lcorpp.fitting.number_model import list_free_numbers
+from lcorpp.reasoning.language.syntax import Probability
+from lcorpp.reasoning.resolve import resolve_evidence
+from lcorpp.trust.answers import AnswerModel
+from lcorpp.values import Array
+
+MIN_INFORMATION = 0.5
+"""A number is open if the people leave more than this share of the variance of its weak prior."""
+
+STARTS = 5
+"""Number of searches if all numbers of an attribute are free, as the likelihood may have several maxima."""
+
+NULL_SCORE = 1e-6
+"""Directions whose scores are smaller than the largest by this factor are not determined."""
+
+Progress = Callable[[int, int], None]
+
+
+def audit_people(people: LoggedPeople, progress: Progress = lambda done, total: None) -> Audit:
+    """Audit the knowledge, the senses and the observation model.
+
+    First, the rates of senses and answers are estimated without the knowledge; they give the likelihood of
+    each person's shared value. Then each number is fitted alone, and each attribute with all its numbers.
+    From these the fewest numbers are chosen whose change explains the people (BIC): an attribute or a number
+    at a time, and of an attribute the numbers that are needed.
+
+    Args:
+        progress: is called with the number of fits done, and the number of all.
+
+    Raises:
+        ProgramError: the program has no numbers to audit, or they cannot be fitted.
+    """
+    return _Auditor(people, progress).audit()
+
+
+class _Auditor:
+    def __init__(self, people: LoggedPeople, progress: Progress) -> None:
+        program, cases, domain = people.program, people.cases, people.domain
+        self._people, self._progress = people, progress
+        self._n_people = float(cases.weights.sum())
+        senses = set(domain.label_attributes)
+        free = list_free_numbers(program, ())
+        free = {i: x for i, x in free.items() if self._atom(i).term.name not in senses}
+        if not free:
+            raise ProgramError(f"{program.file}: no number of a pr-atom to audit, apart from those of senses")
+        answers = AnswerModel.of_tables(people.dialogue.tables)
+        tables = [
+            _guess_rates(people, place) if rates is None else rates
+            for place, rates in enumerate(people.stated_rates)
+        ]
+        self._rates = AnswerRates(answers, tables, cases, len(people.contexts))
+        values = [domain.reasoning.split(value) for value in domain.values]
+        records = [
+            resolve_evidence(program, {**facts, **value}) for facts in people.contexts for value in values
+        ]
+        parts = cases.contexts[:, None] * len(values) + np.arange(len(values))
+        self._fits = KnowledgeFits(program, free, records, parts, self._rates)
+        self._groups: dict[str, tuple[int, ...]] = {}
+        for i in free:
+            name = self._atom(i).term.name
+            self._groups[name] = (*self._groups.get(name, ()), i)
+        self._stated = self._fits.compute_stated()
+
+    def audit(self) -> Audit:
+        people, free = self._people, list(self._fits.free)
+        n_fits = len(free) + len(self._groups)
+        for done, key in enumerate([*[(i,) for i in free], *self._groups.values()]):
+            self._progress(done, n_fits)
+            self._fits.fit(self._complete(key), STARTS if len(key) > 1 else 1)
+        self._progress(n_fits, n_fits)
+        chosen = self._choose()
+        n_open, undetermined = self._fits.find_undetermined(NULL_SCORE)
+        return Audit(
+            people.program.file,
+            people.domain.pomdp.file or str(people.domain.folder),
+            round(self._n_people),
+            people.strategy,
+            people.n_others,
+            people.skipped,
+            [self._describe(i, self._fits.fit(self._complete((i,)))) for i in free],
+            [self._describe_attribute(name) for name in self._groups],
+            list_rates(people, self._rates, MIN_INFORMATION),
+            [self._describe(i, self._fits.fit(chosen)) for i in chosen],
+            self._list_rivals(chosen) if chosen else [],
+            n_open,
+            [_name(self._atom(i)) for i in undetermined],
+        )
+
+    def _atom(self, statement: int) -> Probability:
+        atom = self._people.program.statements[statement]
+        assert isinstance(atom, Probability)
+        return atom
+
+    def _complete(self, statements: Iterable[int]) -> tuple[int, ...]:
+        """Add the numbers that have to change, too, where the numbers of a case sum to 1."""
+        return self._fits.complete(statements)
+
+    def _find_gain(self, statements: Collection[int]) -> float:
+        """Return twice the gain in log likelihood if these numbers are free."""
+        if not statements:
+            return 0.0
+        return max(2 * (self._fits.fit(statements).log_likelihood - self._stated), 0.0)
+
+    def _find_bic(self, statements: Collection[int]) -> float:
+        return self._find_gain(statements) - len(statements) * log(self._n_people)
+
+    def _choose(self) -> tuple[int, ...]:
+        """Choose the fewest numbers that have to change: add what explains most, remove what need not."""
+        candidates = self._list_candidates()
+        chosen: tuple[int, ...] = ()
+        while True:
+            refuted = []
+            for own in candidates:
+                larger = tuple(sorted({*chosen, *own}))
+                if larger != chosen:
+                    statistic, rank = _compare(self._fits.fit(larger), chosen)
+                    if self._is_refuted(statistic, rank):
+                        refuted.append(larger)
+            best = self._reduce(max(refuted, key=self._find_bic, default=chosen))
+            if self._find_bic(best) <= self._find_bic(chosen):
+                return chosen
+            chosen = best
+
+    def _list_candidates(self) -> list[tuple[int, ...]]:
+        """List single numbers, and all numbers of an attribute."""
+        singles = [self._complete((i,)) for i in self._fits.free]
+        return list(dict.fromkeys([*singles, *self._groups.values()]))
+
+    def _is_refuted(self, statistic: float, rank: int) -> bool:
+        """Whether numbers are refuted by BIC, and by a test that counts all candidates (Bonferroni)."""
+        p_value = float(chi2.sf(statistic, rank)) * len(self._list_candidates())
+        return statistic > rank * log(self._n_people) and p_value < MAX_P
+
+    def _reduce(self, chosen: tuple[int, ...]) -> tuple[int, ...]:
+        """Return to the stated numbers one by one, as long as the people do not refute the next."""
+        while len(chosen) > 1:
+            fit = self._fits.fit(chosen)
+            smaller = [tuple(i for i in chosen if i != own) for own in chosen]
+            smaller = [own for own in smaller if self._complete(own) == own]
+            least = min(smaller, key=lambda own: _compare(fit, own)[0], default=())
+            if not least:
+                break
+            statistic, rank = _compare(fit, least)
+            if self._is_refuted(statistic, rank):
+                break
+            chosen = least
+        return chosen
+
+    def _list_rivals(self, chosen: tuple[int, ...]) -> list[str]:
+        """List other changes that explain the people as well: single numbers, or whole other attributes.
+
+        The chosen numbers fit the people better than the truth by chance, and the others may not.
+        """
+        by_chance = self._fits.fit(chosen).inflation * float(chi2.isf(MAX_P, len(chosen)))
+        least, rivals = self._find_gain(chosen) - by_chance, list[str]()
+        for i in self._fits.free:
+            own = self._complete((i,))
+            if i not in chosen and self._find_gain(own) > least:
+                rivals.append(_name(self._atom(i)))
+        changed = {self._atom(i).term.name for i in chosen}
+        worst = max(changed, key=lambda name: self._find_bic(self._groups[name]))
+        others = [name for name in self._groups if name != worst]
+        if not rivals:
+            for size in (1, 2):
+                for names in combinations(others, size):
+                    if any(set(r.split(" and ")) <= set(names) for r in rivals):
+                        continue
+                    own = tuple(sorted(i for name in names for i in self._groups[name]))
+                    self._fits.fit(own, STARTS)
+                    if self._find_gain(own) > least:
+                        rivals.append(" and ".join(names))
+        return rivals
+
+    def _describe(self, statement: int, fit: NumbersFit) -> NumberFinding:
+        place = fit.statements.index(statement)
+        stated, estimate = float(fit.stated[place]), float(fit.estimates[place])
+        variance = float(fit.covariance[place, place])
+        atom, gain = self._atom(statement), self._find_gain(fit.statements)
+        finding = NumberFinding(_name(atom), stated, estimate, None, 1.0, atom, gain)
+        if variance > MIN_INFORMATION * fit.prior_variance[place]:
+            return finding
+        interval, p_value = compare_log_odds(stated, estimate, variance)
+        return replace(finding, interval=interval, p_value=p_value)
+
+    def _describe_attribute(self, name: str) -> AttributeFinding:
+        own = self._groups[name]
+        p_value = float(chi2.sf(*_compare(self._fits.fit(own), ())))
+        return AttributeFinding(name, len(own), self._find_gain(own), self._find_bic(own), p_value)
+
+
+def _name(atom: Probability) -> str:
+    """Return a pr-atom without its number."""
+    return str(atom).rpartition(" = ")[0]
+
+
+def _compare(fit: NumbersFit, known: Sequence[int]) -> tuple[float, int]:
+    """Compare the stated numbers with the fit, apart from the known ones: Wald's statistic, and its rank."""
+    places = [k for k, i in enumerate(fit.statements) if i not in known]
+    slopes = fit.estimates * (1 - fit.estimates)  # of the log-odds
+    shift = (np.log(fit.estimates / (1 - fit.estimates)) - np.log(fit.stated / (1 - fit.stated)))[places]
+    covariance = (fit.covariance / np.outer(slopes, slopes))[np.ix_(places, places)]
+    rank = int(np.linalg.matrix_rank(covariance, tol=1e-9 * np.abs(covariance).max(), hermitian=True))
+    return float(shift @ invert(covariance) @ shift), rank
+
+
+def _guess_rates(people: LoggedPeople, place: int) -> Array:
+    """Return (V, L) rates of a sense of which none are stated: its label is rather right than wrong."""
+    sense, labels = people.domain.senses[place], people.labels[place]
+    rates = np.full((len(people.domain.values), len(labels)), 0.3 / max(len(labels) - 1, 1))
+    for row, value in zip(rates, people.domain.values, strict=True):
+        row[labels.index(sense.label_of[people.domain.class_of(sense.name, value)])] = 0.7
+    return rates

@@ -1,0 +1,98 @@
+"""The findings of an audit as values."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from lcorpp.reasoning.language.syntax import Probability
+
+MAX_P = 0.05
+"""Probability that something right is named as wrong, for knowledge and for rates."""
+
+
+@dataclass(frozen=True)
+class Finding:
+    """What the people suggest for a probability.
+
+    name: what it is of; a pr-atom without its number. stated: None if nothing is stated.
+    interval: 95 %, None if the people do not determine it.
+    p_value: of what is stated; 1 without an interval.
+    """
+
+    name: str
+    stated: float | None
+    estimate: float
+    interval: tuple[float, float] | None
+    p_value: float
+
+
+@dataclass(frozen=True)
+class NumberFinding(Finding):
+    """What the people suggest for one number of the knowledge, if all others are as stated.
+
+    statement: the pr-atom. gain: twice the gain in log likelihood.
+    """
+
+    statement: Probability
+    gain: float
+
+
+@dataclass(frozen=True)
+class RateFinding(Finding):
+    """A probability of a sense's label or of an answer, given the shared value.
+
+    is_sense: whether it is of a sense. rule: as a pr-atom without its number, "" if it is none.
+    """
+
+    is_sense: bool
+    rule: str
+
+
+@dataclass(frozen=True)
+class AttributeFinding:
+    """How much better the people are explained if all numbers of an attribute are free.
+
+    gain: twice the gain in log likelihood. bic: gain minus `n_numbers` times log n; positive values speak for
+    free numbers. p_value: of the stated numbers, all together.
+    """
+
+    name: str
+    n_numbers: int
+    gain: float
+    bic: float
+    p_value: float
+
+
+@dataclass(frozen=True)
+class Audit:
+    """The result of `audit_people`.
+
+    numbers: each alone, the others as stated. attributes: each with all its numbers free. rates: of senses
+    and answers.
+    changes: the fewest numbers that have to change together, with their joint estimates; () if nothing stated
+    is refuted. rivals: other numbers or attributes that explain the people as well as `changes`.
+    n_undetermined: number of combinations that the people leave open if all numbers are free together.
+    undetermined: the rules in these combinations.
+    n_people, strategy, n_others, skipped: as of `LoggedPeople`.
+    """
+
+    program_file: str
+    model_file: str
+    n_people: int
+    strategy: str
+    n_others: int
+    skipped: Mapping[str, int]
+    numbers: Sequence[NumberFinding]
+    attributes: Sequence[AttributeFinding]
+    rates: Sequence[RateFinding]
+    changes: Sequence[NumberFinding]
+    rivals: Sequence[str]
+    n_undetermined: int
+    undetermined: Sequence[str]
+
+    @property
+    def changed_rates(self) -> list[RateFinding]:
+        """The rates that the people refute, corrected for their number (Bonferroni)."""
+        limit = MAX_P / max(len(self.rates), 1)
+        return [rate for rate in self.rates if rate.p_value < limit]

@@ -1,0 +1,27 @@
+"""Intervals and tests of probabilities, on the log-odds scale."""
+
+from __future__ import annotations
+
+from math import log
+
+import numpy as np
+from scipy.stats import chi2
+
+from lcorpp.fitting.uncertainty import Z95
+
+MIN_STATED = 1e-3
+"""A stated probability of 0 or 1 is compared as if it were this far from it."""
+
+
+def compare_log_odds(
+    stated: float | None, estimate: float, variance: float
+) -> tuple[tuple[float, float], float]:
+    """Return the 95 % interval of a probability, and the p-value of what is stated (1 if nothing is)."""
+    spread = np.sqrt(variance) / (estimate * (1 - estimate))
+    odds = estimate / (1 - estimate)
+    low, high = (float(1 / (1 + np.exp(-side * Z95 * spread) / odds)) for side in (-1, 1))
+    if stated is None:
+        return (low, high), 1.0
+    bounded = min(max(stated, MIN_STATED), 1 - MIN_STATED)
+    z = (log(odds) - log(bounded / (1 - bounded))) / spread
+    return (low, high), float(chi2.sf(z * z, 1))

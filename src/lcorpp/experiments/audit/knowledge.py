@@ -1,0 +1,197 @@
+"""Fits of some numbers of the knowledge to people's answers, the others as stated."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from functools import cached_property
+
+import numpy as np
+import numpy.typing as npt
+from scipy.linalg import null_space
+
+from lcorpp.experiments.audit.answer_rates import AnswerRates, invert
+from lcorpp.fitting.expectation import Expectation, Expected
+from lcorpp.fitting.maximisation import Objective, climb, draw_start
+from lcorpp.fitting.number_model import NumberModel, build_number_model
+from lcorpp.fitting.numbers import check_possible
+from lcorpp.fitting.soft_records import SoftExpectation
+from lcorpp.fitting.uncertainty import MIN_FORM
+from lcorpp.reasoning import Program
+from lcorpp.values import Array
+
+STATED_PEOPLE = 1.0
+"""Weight of the stated numbers of each case, in people: enough to keep estimates off 0 and 1."""
+
+
+@dataclass(frozen=True, eq=False)
+class NumbersFit:
+    """The most probable numbers of some pr-atoms, with the others as stated.
+
+    statements: their indexes in the program. stated, estimates: (k,). covariance: (k, k), the uncertainty of
+    senses and answers included. prior_variance: (k,) without the people.
+    log_likelihood: of the people's facts, labels and answers. inflation: how much larger, at most, the
+    variance of a combination is than if the rates of senses and answers were known.
+    """
+
+    statements: tuple[int, ...]
+    stated: Array
+    estimates: Array
+    covariance: Array
+    prior_variance: Array
+    log_likelihood: float
+    inflation: float
+
+
+class KnowledgeFits:
+    """Fits of numbers to the cases of `AnswerRates`.
+
+    The shared value is hidden; what is known of it is the likelihood of labels and answers, under the rates
+    estimated without the knowledge. Their uncertainty is added to that of the numbers (two-step estimation).
+
+    Source: Murphy and Topel, "Estimation and inference in two-step econometric models", Journal of Business
+    and Economic Statistics 3(4), 1985.
+
+    Args:
+        free: index of a statement -> its number.
+        records: canonical term -> value, for each context and value of the shared variables.
+        parts: (n, V) the record of each case and value.
+    """
+
+    def __init__(
+        self,
+        program: Program,
+        free: Mapping[int, Fraction],
+        records: Sequence[Mapping[str, str]],
+        parts: npt.NDArray[np.intp],
+        rates: AnswerRates,
+    ) -> None:
+        self.free, self._program, self._records = free, program, records
+        self._parts, self._rates = parts, rates
+        self._known: dict[tuple[int, ...], NumbersFit] = {}
+        self._full = [
+            tuple(self._all.statements[k] for k in case.parameters)
+            for case in self._all.cases
+            if case.is_full
+        ]
+
+    @cached_property
+    def _all(self) -> NumberModel:
+        """The program with all numbers as parameters."""
+        return self._build(self.free)
+
+    def complete(self, statements: Iterable[int]) -> tuple[int, ...]:
+        """Add the numbers that have to change, too, as the numbers of a case sum to 1."""
+        own = set(statements)
+        while added := {i for case in self._full if own.intersection(case) for i in case} - own:
+            own |= added
+        return tuple(sorted(own))
+
+    def compute_stated(self) -> float:
+        """Compute the log likelihood of the stated numbers.
+
+        Raises:
+            ProgramError: they are not frequencies, as rules exclude worlds.
+            UndefinedError: what is known of a person is impossible.
+        """
+        expected = self._make_expectation(self._all).compute(self._all.evaluate(self._all.start))
+        first = [self._records[place] for place in self._parts[:, 0]]
+        places = [", ".join(f"{name}={value}" for name, value in record.items()) for record in first]
+        check_possible(self._program, expected.log_p, [f"a person with the facts of {p}" for p in places])
+        return expected.log_likelihood
+
+    def find_undetermined(self, null: float) -> tuple[int, list[int]]:
+        """Find numbers of which the people leave combinations open if all are free together.
+
+        Args:
+            null: directions with scores smaller than the largest by this factor are open.
+
+        Returns:
+            The number of open directions, and the statements of the numbers that move along them.
+        """
+        model = self._all
+        values = model.evaluate(model.start)
+        expected = self._make_expectation(model).compute(values)
+        scores = self._compute_scores(model, expected, values)
+        basis = self._find_basis(model)
+        _, sizes, rows = np.linalg.svd(scores @ basis * np.sqrt(self._rates.weights)[:, None])
+        rank = int((sizes > null * sizes.max(initial=0.0)).sum())
+        moves = np.abs(basis @ rows[rank:].T).max(axis=1, initial=0.0)
+        return len(rows) - rank, [
+            i for i, move in zip(model.statements, moves, strict=True) if move > np.sqrt(null)
+        ]
+
+    def fit(self, statements: Collection[int], starts: int = 1) -> NumbersFit:
+        """Fit the numbers of these statements; a fit is kept, with the starts that it had.
+
+        Args:
+            starts: number of searches, all but the first from random numbers; the best is kept.
+        """
+        key = tuple(sorted(statements))
+        if key not in self._known:
+            self._known[key] = self._fit(key, starts)
+        return self._known[key]
+
+    def _fit(self, statements: tuple[int, ...], starts: int) -> NumbersFit:
+        model = self._build(statements)
+        soft = self._make_expectation(model)
+        objective = Objective(model, soft, STATED_PEOPLE)
+        rng = np.random.default_rng(0)
+        points = [model.start, *[draw_start(model, rng) for _ in range(starts - 1)]]
+        best = max([climb(objective, point) for point in points], key=lambda end: end.objective).parameters
+        values = model.evaluate(best)
+        expected = soft.compute(values)
+        covariance, prior_covariance, inflation = self._find_covariance(objective, expected, values, soft)
+        return NumbersFit(
+            statements,
+            model.start,
+            best,
+            covariance,
+            np.diag(prior_covariance),
+            expected.log_likelihood,
+            inflation,
+        )
+
+    def _build(self, statements: Collection[int]) -> NumberModel:
+        """Compile the program with the numbers of these statements as parameters."""
+        observed = {name for record in self._records for name in record}
+        return build_number_model(self._program, {i: self.free[i] for i in statements}, observed)
+
+    def _make_expectation(self, model: NumberModel) -> SoftExpectation:
+        """Return the expectation step of the cases."""
+        stated = Expectation(model, self._records, np.ones(len(self._records)))
+        return SoftExpectation(stated, self._parts, self._rates.likelihoods, self._rates.weights)
+
+    def _compute_scores(self, model: NumberModel, expected: Expected, values: Array) -> Array:
+        """Compute (n, k) the derivatives of each case's log likelihood."""
+        forms = model.coefficients / np.maximum(values, MIN_FORM)[:, None]  # of the logarithms
+        rejected = expected.counts[:, -1] * (expected.repeats[-1] / self._rates.weights.sum())
+        scores: Array = (expected.counts[:, :-2].T + rejected) @ forms
+        return scores
+
+    def _find_covariance(
+        self, objective: Objective, expected: Expected, values: Array, soft: SoftExpectation
+    ) -> tuple[Array, Array, float]:
+        """Return the covariance of the numbers, that of the pseudo-counts alone, and the inflation."""
+        model, rates = objective.model, self._rates
+        scores = self._compute_scores(model, expected, values)
+        forms = model.coefficients / np.maximum(values, MIN_FORM)[:, None]
+        weighted = scores * rates.weights[:, None]
+        prior = (forms * objective.prior[:, None]).T @ forms
+        # what moves the rates moves the numbers
+        nuisance = rates.is_nuisance
+        pulls = weighted.T @ rates.compute_scores(soft.compute_shares(values))[:, nuisance]
+        moved = rates.scores @ rates.covariance[:, nuisance] @ pulls.T
+        corrected = scores - moved
+        basis = self._find_basis(model)
+        bread = basis @ invert(basis.T @ (weighted.T @ scores + prior) @ basis) @ basis.T
+        meat = (corrected * rates.weights[:, None]).T @ corrected + prior
+        inflation = float(np.linalg.eigvals(bread @ meat).real.max())
+        return bread @ meat @ bread, basis @ invert(basis.T @ prior @ basis) @ basis.T, inflation
+
+    def _find_basis(self, model: NumberModel) -> Array:
+        """Return a basis (k, d) of the directions that keep the sums of cases without a rest."""
+        sums = [model.coefficients[case.rest] for case in model.cases if case.is_full]
+        basis: Array = null_space(np.array(sums).reshape(-1, len(model.start)))
+        return basis

@@ -1,0 +1,54 @@
+"""Findings about the rates of senses and the observation model."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from lcorpp.experiments.audit.answer_rates import AnswerRates
+from lcorpp.experiments.audit.findings import RateFinding
+from lcorpp.experiments.audit.intervals import compare_log_odds
+from lcorpp.experiments.audit.logged_people import LoggedPeople
+from lcorpp.values import SharedValue, format_value
+
+
+def list_rates(people: LoggedPeople, rates: AnswerRates, max_share: float) -> list[RateFinding]:
+    """List the probability of each label and answer.
+
+    Args:
+        max_share: a rate is open if the people leave more than this share of the variance of its weak prior.
+    """
+    domain, findings, values = people.domain, list[RateFinding](), people.domain.values
+    senses, questions = domain.senses, people.dialogue.questions
+    tables = [*people.stated_rates, *people.dialogue.tables]
+    outcomes = [*people.labels, *[domain.pomdp.observations] * len(questions)]
+    names = [*[sense.name for sense in senses], *questions]
+    for place, (name, stated) in enumerate(zip(names, tables, strict=True)):
+        for row in rates.list_rows(1 + place):
+            members = np.flatnonzero(rates.cells.member[:, row[0]])
+            about = " or ".join(format_value(values[v]) for v in members)
+            for j in row if len(row) > 2 else row[:1]:
+                outcome = int(rates.cells.outcome[j])
+                number = None if stated is None else float(stated[members[0], outcome])
+                estimate, variance, prior = rates.describe_cell(j, row)
+                interval, p_value = compare_log_odds(number, estimate, variance)
+                is_open = variance > max_share * prior
+                is_sense, label = place < len(senses), outcomes[place][outcome]
+                findings.append(
+                    RateFinding(
+                        f"{name}: {label} if {about}",
+                        number,
+                        estimate,
+                        None if is_open else interval,
+                        1.0 if is_open else p_value,
+                        is_sense,
+                        _write_rule(people, place, label, values[members[0]]) if is_sense else "",
+                    )
+                )
+    return findings
+
+
+def _write_rule(people: LoggedPeople, place: int, label: str, value: SharedValue) -> str:
+    """Write the pr-atom of a label without its number; "" if the sense classifies no shared variable."""
+    sense = people.domain.senses[place]
+    classes = people.domain.reasoning.split(value)
+    return f"pr({sense.attribute}={label} | {sense.of}={classes[sense.of]})" if sense.of in classes else ""

@@ -1,0 +1,116 @@
+"""An audit as text: tables, and a patch of P-log rules to apply by hand."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+from lcorpp.experiments.audit.findings import Audit, Finding
+
+Table = Sequence[Sequence[str]]
+
+
+def format_audit(audit: Audit) -> str:
+    """Return the tables and the conclusion of an audit."""
+    attributes = [
+        (x.name, str(x.n_numbers), f"{x.gain:.1f}", f"{x.bic:+.1f}", f"{x.p_value:.2g}")
+        for x in audit.attributes
+    ]
+    parts = [
+        f"{audit.n_people} people about whom {audit.strategy} decided; {audit.program_file}",
+        _format_findings("rule, alone", audit.numbers, {x.name: x.gain for x in audit.numbers}),
+        format_table([("attribute, all numbers free", "numbers", "gain", "BIC", "p"), *attributes]),
+        _format_findings("label or answer", audit.rates),
+        "\n".join(_conclude(audit)),
+    ]
+    return "\n\n".join(parts)
+
+
+def _format_findings(title: str, findings: Sequence[Finding], gains: Mapping[str, float] = {}) -> str:
+    """Format a table with a column of gains in log likelihood if there are any."""
+    rows = [[title, "stated", "suggested", "95 % interval", "p", *(["gain"] if gains else [])]]
+    for x in findings:
+        stated, estimate, interval, p_value = "", "", "not determined", ""
+        if x.stated is not None:
+            stated = f"{x.stated:.3g}"
+        if x.interval is not None:
+            estimate, interval = f"{x.estimate:.3f}", "{:.3f} to {:.3f}".format(*x.interval)
+            p_value = f"{x.p_value:.2g}" if stated else ""
+        gain = [f"{gains[x.name]:.1f}"] if gains else []
+        rows.append([x.name, stated, estimate, interval, p_value, *gain])
+    return format_table(rows)
+
+
+def format_table(rows: Table) -> str:
+    """Return rows as aligned columns; the first is aligned at the left."""
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    lines = []
+    for first, *others in rows:
+        cells = [first.ljust(widths[0])]
+        cells += [cell.rjust(width) for cell, width in zip(others, widths[1:], strict=True)]
+        lines.append("  ".join(cells).rstrip())
+    return "\n".join(lines)
+
+
+def _conclude(audit: Audit) -> list[str]:
+    """Return the sentences below the tables."""
+    lines = []
+    if audit.changes:
+        lines.append("The people refute the knowledge; the fewest numbers that have to change together:")
+        lines += [f"  {x.name}: {_describe_change(x)}" for x in audit.changes]
+    else:
+        lines.append("The people do not refute the knowledge.")
+    if audit.rivals:
+        lines.append(f"Cannot be told apart from other numbers of {'; or of '.join(audit.rivals)}.")
+    if audit.n_undetermined:
+        names = "all numbers"
+        if len(audit.undetermined) < len(audit.numbers):
+            names = ", ".join(audit.undetermined)
+        lines.append(
+            f"With {names} free together, {audit.n_undetermined} of their combinations would be undetermined."
+        )
+    for is_sense, what in ((True, "rates of senses"), (False, "observation model")):
+        rates = [x for x in audit.changed_rates if x.is_sense == is_sense]
+        if rates:
+            lines.append(f"The people refute the {what}:")
+            lines += [f"  {x.name}: {_describe_change(x)}" for x in rates]
+        else:
+            lines.append(f"The people do not refute the {what}.")
+    if audit.n_others:
+        lines.append(f"{audit.n_others} decisions of other strategies are not used.")
+    lines += [f"{number} lines are left out: {reason}" for reason, number in audit.skipped.items()]
+    return lines
+
+
+def _describe_change(finding: Finding) -> str:
+    assert finding.stated is not None
+    was = f"{finding.stated:.3g}"
+    if finding.interval is None:
+        return f"was {was}; not determined"
+    return (
+        f"was {was}, suggested {finding.estimate:.3f} ({finding.interval[0]:.3f} to"
+        f" {finding.interval[1]:.3f}), p = {finding.p_value:.2g}"
+    )
+
+
+def format_patch(audit: Audit) -> str:
+    """Return the changed rules, with comments: what they were, intervals, evidence.
+
+    Answers are comments, as their probabilities are in the planner's model.
+    """
+    lines = [
+        f"% Suggested by `lcorpp audit` from {audit.n_people} people; nothing is changed until you do it.",
+        f"% Replace these rules of {audit.program_file}.",
+    ]
+    for x in audit.changes:
+        lines += ["", f"% line {x.statement.at.line}: {_describe_change(x)}"]
+        lines.append(f"{x.name} = {x.stated if x.interval is None else x.estimate:.3g}.")
+    if not audit.changes:
+        lines += ["", "% No number of the knowledge is refuted."]
+    if audit.rivals:
+        lines += ["", f"% Cannot be told apart from other numbers of {'; or of '.join(audit.rivals)}."]
+    for rate in audit.changed_rates:
+        source = "" if rate.is_sense else f"{audit.model_file}: "
+        lines += ["", f"% {source}{rate.name}: {_describe_change(rate)}"]
+        if rate.rule:
+            lines.append(f"{rate.rule} = {rate.estimate:.3g}.")
+    return "\n".join(lines) + "\n"

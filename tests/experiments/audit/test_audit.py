@@ -1,0 +1,183 @@
+"""Audits of simulated people: what is wrong, what is right, and what cannot be told apart."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from lcorpp.errors import DataError, DomainError, ProgramError
+from lcorpp.experiments.audit.answer_rates import AnswerRates
+from lcorpp.experiments.audit.audit import audit_people
+from lcorpp.experiments.audit.findings import Audit
+from lcorpp.experiments.audit.knowledge import KnowledgeFits
+from lcorpp.experiments.audit.logged_people import read_people
+from lcorpp.experiments.audit.report import format_audit, format_patch
+from lcorpp.fitting import fit
+from lcorpp.fitting.number_model import list_free_numbers
+from lcorpp.reasoning import parse_plog
+from lcorpp.trust.answers import AnswerModel
+from lcorpp.values import Array
+from tests.experiments.audit.logs import write_log
+
+INTENTION = "pr(intention=interested | identity={})".format
+
+
+def audit(path: Path) -> Audit:
+    return audit_people(read_people(path))
+
+
+def test_swapped_rules_are_named_with_what_explains_the_people_as_well(tmp_path: Path) -> None:
+    """Swapping professor and visitor in the intention rules equals swapping all their other rules."""
+    log = tmp_path / "log"
+    write_log(log, "low", 2000, 1)
+    result = audit(log)
+    worst = max(result.attributes, key=lambda x: x.bic)
+    assert worst.name == "intention"
+    assert worst.p_value < 1e-20
+    assert [x.name for x in result.changes] == [INTENTION("professor"), INTENTION("visitor")]
+    for x, right in zip(result.changes, (0.1, 0.8), strict=True):
+        assert x.interval is not None
+        assert x.interval[0] < right < x.interval[1]
+    assert list(result.rivals) == ["time and location"]
+    assert result.n_undetermined == 1
+    assert len(result.undetermined) == 12
+    assert "Cannot be told apart from other numbers of time and location." in format_audit(result)
+
+
+def test_right_knowledge_is_not_refuted_but_the_stated_noise_is(tmp_path: Path) -> None:
+    log = tmp_path / "log"
+    write_log(log, "paper", 2000, 2)
+    result = audit(log)
+    assert not result.changes
+    assert not result.rivals
+    assert "The people do not refute the knowledge." in format_audit(result)
+    assert {x.name for x in result.changed_rates} == {
+        "greet: pos if interested", "greet: pos if not_interested"
+    }  # fmt: skip
+    (greet,) = [x for x in result.rates if x.name == "greet: pos if interested"]
+    assert greet.stated == pytest.approx(0.8)
+    assert greet.interval is not None
+    assert greet.interval[0] < 0.7 < greet.interval[1]
+    turns = [x for x in result.rates if x.name.startswith("turn")]
+    assert [x.interval for x in turns] == [None, None]  # nobody was asked that way
+    assert "% No number of the knowledge is refuted." in format_patch(result)
+
+
+def test_the_identity_as_a_fact_of_some_people_tells_the_swap_apart(tmp_path: Path) -> None:
+    log = tmp_path / "log"
+    write_log(log, "low", 2000, 5, extra={"identity": 10})
+    result = audit(log)
+    assert [x.name for x in result.changes] == [INTENTION("professor"), INTENTION("visitor")]
+    assert not result.rivals
+    assert result.n_undetermined == 0
+
+
+def test_the_noise_is_not_determined_by_one_answer_a_person(tmp_path: Path) -> None:
+    """Contexts are the people's only repeated evidence; without labels, noise and prior trade off."""
+    log = tmp_path / "log"
+    write_log(log, "paper", 1000, 4, asked=1)
+    people = read_people(log)
+    people.cases.labels[:] = -1
+    rates = AnswerRates(
+        AnswerModel.of_tables(people.dialogue.tables),
+        [r for r in people.stated_rates if r is not None],
+        people.cases,
+        len(people.contexts),
+    )
+    greet = rates.list_rows(1 + 1 + people.dialogue.questions.index("greet"))
+    for row in greet:
+        _, variance, prior = rates.describe_cell(row[0], row)
+        assert variance > 0.5 * prior
+
+
+@dataclass
+class CertainRates:
+    """Rates without uncertainty that identify each person's value (as `AnswerRates`)."""
+
+    likelihoods: Array
+    weights: Array
+    is_nuisance: Array = field(default_factory=lambda: np.ones(1, bool))
+    covariance: Array = field(default_factory=lambda: np.zeros((1, 1)))
+
+    @property
+    def scores(self) -> Array:
+        return self.compute_scores(self.likelihoods)
+
+    def compute_scores(self, shares: Array) -> Array:
+        return np.zeros((len(shares), 1))
+
+
+def test_fits_of_known_values_are_those_of_records() -> None:
+    program = parse_plog(
+        "n = {1..3}. a : n. b : boolean. random(a). random(b). pr(a=1) = 0.2. pr(a=2) = 0.5.\n"
+        "pr(b | a=1) = 0.7. pr(b | a=2) = 0.4."
+    )
+    records = [{"b": b, "a": a} for b in ("true", "false") for a in "123"]
+    repeats = np.array([60, 90, 40, 20, 160, 30.0])
+    rates = CertainRates(np.tile(np.eye(3), (2, 1)), repeats)
+    parts = np.repeat(np.arange(6).reshape(2, 3), 3, axis=0)
+    free = list_free_numbers(program, ())
+    found = KnowledgeFits(program, free, records, parts, rates).fit(free)  # type: ignore[arg-type]
+    people = [r for r, n in zip(records, repeats, strict=True) for _ in range(int(n))]
+    expected = fit(program, people, prior=1)
+    assert found.estimates == pytest.approx([float(x.value) for x in expected.numbers], abs=1e-5)
+    for x, p, variance in zip(expected.numbers, found.estimates, np.diag(found.covariance), strict=True):
+        assert x.interval is not None
+        width = np.log([side / (1 - side) for side in x.interval])
+        spread = np.sqrt(variance) / (p * (1 - p))
+        assert (width[1] - width[0]) / (2 * 1.96) == pytest.approx(spread, rel=0.06)
+
+
+def test_numbers_that_sum_to_one_change_together() -> None:
+    program = parse_plog("n = {1..3}. a : n. random(a). pr(a=1) = 0.2. pr(a=2) = 0.3. pr(a=3) = 0.5.")
+    rates = CertainRates(np.eye(3), np.array([50, 30, 20.0]))
+    free = list_free_numbers(program, ())
+    records = [{"a": a} for a in "123"]
+    fits = KnowledgeFits(program, free, records, np.tile(np.arange(3), (3, 1)), rates)  # type: ignore[arg-type]
+    first, *_ = free
+    assert fits.complete([first]) == tuple(free)
+    found = fits.fit(tuple(free))
+    assert found.estimates == pytest.approx(np.array([50.2, 30.3, 20.5]) / 101, abs=1e-6)
+    assert found.covariance.sum() == pytest.approx(0, abs=1e-12)
+    assert found.covariance[0, 0] == pytest.approx(0.5 * 0.5 / 101, rel=0.02)
+
+
+def test_logs_without_a_decision_to_read(tmp_path: Path) -> None:
+    log = tmp_path / "log"
+    log.write_text("")
+    with pytest.raises(DataError, match="no decision"):
+        read_people(log)
+    write_log(log, "paper", 3, 0)
+    with pytest.raises(DataError, match="no decision of R\\+P; strategies in it: LCORPP"):
+        read_people(log, strategy="R+P")
+    lines = [json.loads(line) for line in log.read_text().splitlines()]
+    lines[0]["steps"][0]["observation"] = "maybe"
+    log.write_text("".join(json.dumps(line) + "\n" for line in lines) + "{")
+    people = read_people(log)
+    assert people.cases.weights.sum() == 2
+    assert sum(people.skipped.values()) == 2
+    assert "1 lines are left out: unknown observation 'maybe'" in format_audit(audit_people(people))
+    for line in lines:
+        line["steps"][0]["observation"] = "maybe"
+    log.write_text("".join(json.dumps(line) + "\n" for line in lines))
+    with pytest.raises(DataError, match="no decision can be read: unknown observation 'maybe'"):
+        read_people(log)
+    lines[-1]["parts"]["domain"]["folder"] = "/nowhere"
+    log.write_text(json.dumps(lines[-1]) + "\n")
+    with pytest.raises((DataError, DomainError), match="/nowhere"):
+        read_people(log)
+
+
+def test_a_program_without_numbers_is_an_error(tmp_path: Path) -> None:
+    log = tmp_path / "log"
+    write_log(log, "paper", 3, 0)
+    people = read_people(log)
+    lines = str(people.program).splitlines()
+    kept = [line for line in lines if not line.startswith("pr(") or "classifier" in line]
+    object.__setattr__(people, "program", parse_plog("\n".join(kept)))
+    with pytest.raises(ProgramError, match="no number of a pr-atom to audit"):
+        audit_people(people)
