@@ -77,7 +77,7 @@ def test_run_writes_table_figure_and_configuration(lcorpp, tmp_path):
     with (tmp_path / "results.csv").open() as file:
         rows = list(csv.DictReader(file))
     assert tuple(rows[0]) == COLUMNS
-    assert [row["strategy"] for row in rows] == ["L", "R", "P", "L+R", "R+P", "L+P", "LCORPP"]
+    assert [row["strategy"] for row in rows] == ["L", "R", "P", "L+R", "R+P", "L+P", "LCORPP", "LCORPP+trust"]
     for row in rows:
         for name in ("f1", "precision", "recall", "accuracy", "cost", "return"):
             assert float(row[f"{name}_low"]) <= float(row[name]) <= float(row[f"{name}_high"])
@@ -100,13 +100,14 @@ def test_files_have_the_accuracy_of_each_variable_and_paired_differences(lcorpp,
     names = [f"accuracy_{name}{end}" for name in ("item", "person", "room") for end in ("", "_low", "_high")]
     assert tuple(rows[0]) == (*COLUMNS, *names)
     found = json.loads((tmp_path / "results.json").read_text())["strategies"]
-    assert found[-1]["strategy"] == "R+P"
-    assert found[-1]["difference"] is None
-    for row in found[:-1]:
+    assert [row["strategy"] for row in found] == ["R", "P", "R+P", "LCORPP+trust"]
+    reference = found.pop(2)
+    assert reference["difference"] is None
+    for row in found:
         difference = row["difference"]
         assert difference["reference"] == "R+P"
         for name in ("cost", "return"):
-            assert difference[name] == pytest.approx(found[-1][name] - row[name])
+            assert difference[name] == pytest.approx(reference[name] - row[name])
             assert difference[f"{name}_low"] <= difference[name] <= difference[f"{name}_high"]
 
 

@@ -48,7 +48,8 @@ def run(
 ) -> None:
     """Compare strategies on simulated people; by default the paper's.
 
-    Trains or loads the classifier, solves the POMDP, simulates the strategies and prints their scores.
+    Trains or loads the classifier, solves the POMDP, simulates the strategies and prints their scores. L+P
+    and, in simulated trials, LCORPP+trust are compared, too.
     Ctrl-C stops the solver, and the command continues with the best policy so far; during the trials Ctrl-C
     keeps the complete ones.
     """
@@ -94,8 +95,15 @@ def _choose_comparison(
     """Return the options of the comparison; without trials it is exact."""
     from lcorpp.experiments.comparison import ComparisonOptions
     from lcorpp.experiments.strategies.baselines import find_strategies
+    from lcorpp.experiments.strategies.trust import TRUST, check_followed
 
     rows = find_strategies(strategies, [sense.name for sense in domain.senses])
+    if not strategies and trials is not None:
+        try:
+            check_followed(domain, [TRUST])
+            rows = (*rows, TRUST)
+        except DomainError as error:
+            console.print_note(f"{TRUST.name} is left out: {error}")
     used = [sense for sense in domain.senses if any(row.uses(sense.name) for row in rows)]
     sources = given.choose_classifiers(domain, used, tracks)
     if trials is None and any(sources.values()):

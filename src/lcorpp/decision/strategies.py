@@ -6,6 +6,7 @@ import reprlib
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from typing import Protocol
 
 import numpy as np
 
@@ -13,7 +14,27 @@ from lcorpp.decision.dt_control import Robot
 from lcorpp.errors import DecisionError, LcorppError, NoReportError, expected_one_of
 from lcorpp.protocols import DomainInterface, Planner, Reasoner
 from lcorpp.user_code import UserFunction
-from lcorpp.values import Belief, Distribution, Label
+from lcorpp.values import Array, Belief, Distribution, Episode, Label
+
+Rates = Mapping[str, Mapping[str, Array]]
+"""Attribute of a sense -> its label -> (V,) P(label | shared value)."""
+
+NO_RATES: Rates = {}
+"""Of a robot whose program has the rates of all senses."""
+
+
+class Session(Protocol):
+    """The decisions of a strategy that remembers earlier people, about one person after another."""
+
+    @property
+    def n_people(self) -> int:
+        """Number of people that it has learnt from."""
+
+    def robot(self, full: Robot) -> Robot:
+        """Return the robot for the next person; `full`: whose classifiers perceive that person."""
+
+    def learn(self, episode: Episode) -> None:
+        """Learn from the decision about that person."""
 
 
 @dataclass(frozen=True)
@@ -25,6 +46,9 @@ class Strategy:
         changes nothing. It is called for each decision, so that its parts may remember the decision's steps.
     own: the user's function that `change` calls; None for a strategy from elsewhere.
     draws: whether `change` takes a random generator, too, and the robot's actions are random.
+    start: starts a session of a strategy that remembers earlier people, from the full robot and the rates of
+        senses with soft evidence, which its program lacks. None for a strategy that decides about each person
+        alone.
     """
 
     name: str
@@ -35,20 +59,26 @@ class Strategy:
     change: Callable[..., object] | None = None
     own: UserFunction | None = None
     draws: bool = False
+    start: Callable[[Robot, Rates], Session] | None = None
 
     def uses(self, sense: str) -> bool:
         """Whether the robot uses the classifier of a sense."""
         return self.learns and sense not in self.without
 
-    def robot(self, full: Robot, rng: np.random.Generator | None = None) -> Robot:
+    def robot(self, full: Robot, rng: np.random.Generator | None = None, *, rates: Rates = NO_RATES) -> Robot:
         """The robot `full` with each unused part left out or replaced by its trivial substitute, and changed.
+
+        That of a strategy that remembers earlier people is for the first person of a session.
 
         Args:
             rng: draws the actions of a strategy that draws; required by these only.
+            rates: as of `start`.
 
         Raises:
             DecisionError: `change` fails or returns no robot; or `rng` is missing.
         """
+        if self.start is not None:
+            return self.start(full, rates).robot(full)
         robot = Robot(
             classifiers={name: part for name, part in full.classifiers.items() if self.uses(name)},
             reasoner=self._choose_reasoner(full),

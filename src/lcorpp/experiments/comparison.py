@@ -32,6 +32,7 @@ from lcorpp.experiments.setup import (
     no_progress,
     solve_domain,
 )
+from lcorpp.experiments.strategies.trust import check_followed, compute_soft_rates
 from lcorpp.planning import Planner, Policy, Solution, SolverOptions
 from lcorpp.simulation import NoisyChannel
 
@@ -110,7 +111,8 @@ def compare_strategies(
 
     Raises:
         DomainError: exact scores are requested of a classifier other than a noisy channel, or with a log; a
-            sense has no noisy channel, or no signals to train on.
+            sense has no noisy channel, or no signals to train on; or trust cannot follow the dialogue of the
+            domain, see `DomainDialogue`.
         DataError, FileError: the training options or files are wrong.
         KeyboardInterrupt: an interrupt before the first trial was complete.
     """
@@ -175,6 +177,7 @@ def set_up_experiment(
         policy was given.
     """
     strategies = list_compared(domain, options)
+    check_followed(domain, strategies)
     used = [sense for sense in domain.senses if any(row.uses(sense.name) for row in strategies)]
     senses = set_up_senses(
         domain, used, options.classifiers, options.evidence, progress, seed=options.seed, jobs=options.jobs
@@ -199,5 +202,11 @@ def set_up_experiment(
         )
     classifiers = {name: setup.classifier for name, setup in senses.items()}
     signals = {name: setup.signals for name, setup in senses.items()}
-    experiment = Experiment(domain, robot, classifiers, signals, strategies, options.seed, parts)
+    rates = compute_soft_rates(
+        domain,
+        {name: setup.confusion for name, setup in senses.items() if setup.confusion is not None},
+        options.evidence.smoothing,
+        soft=[name for name, setup in senses.items() if setup.evidence.is_likelihood],
+    )
+    experiment = Experiment(domain, robot, classifiers, signals, strategies, options.seed, parts, rates)
     return experiment, senses, solution

@@ -74,13 +74,15 @@ class DecisionLog:
         simulated: Json | None = None,
         *,
         seed: tuple[int, ...] | None = None,
+        person: int | None = None,
     ) -> None:
         """Append a decision, see `format_decision`.
 
         Raises:
             FileError: the file cannot be written.
         """
-        self.append_lines([format_decision(parts, strategy, context, episode, simulated, seed=seed)])
+        line = format_decision(parts, strategy, context, episode, simulated, seed=seed, person=person)
+        self.append_lines([line])
 
     def append_lines(self, lines: Iterable[bytes]) -> None:
         """Append whole lines; of a line that cannot be written completely, nothing remains.
@@ -132,6 +134,7 @@ def format_decision(
     simulated: Json | None = None,
     *,
     seed: tuple[int, ...] | None = None,
+    person: int | None = None,
 ) -> bytes:
     """Return a decision as one line of JSON; numbers have all their digits.
 
@@ -139,7 +142,9 @@ def format_decision(
         strategy: that of the robot. context: the observed facts.
         simulated: what only a simulation knows, e.g. the truth, cost and return.
         seed: of `make_generator`, for a strategy that draws its actions.
+        person: number of people before this one, for a strategy that remembers them.
     """
+    own = {"seed": seed} if strategy.draws else {"person": person} if strategy.start is not None else {}
     states = parts.domain.pomdp.states
     marginal = episode.marginal
     content = {
@@ -147,7 +152,7 @@ def format_decision(
         "version": VERSION,
         "domain": parts.domain.name,
         "preset": parts.domain.preset,
-        "strategy": describe_strategy(strategy) | ({"seed": seed} if strategy.draws else {}),
+        "strategy": describe_strategy(strategy) | own,
         "facts": dict(context),
         "labels": _format_labels(episode.labels),
         "evidence": _format_labels(episode.evidence),

@@ -12,8 +12,9 @@ import numpy as np
 
 from lcorpp.decision import Robot, Strategy
 from lcorpp.decision.dt_control import act_until_report, infer_prior
+from lcorpp.decision.strategies import Session
 from lcorpp.domains import Domain
-from lcorpp.errors import DataError, LcorppError
+from lcorpp.errors import DataError, DecisionError, LcorppError
 from lcorpp.experiments.decision_log import DAMAGE, LoggedDecision, describe_damage, read_log
 from lcorpp.experiments.robot_parts import (
     RobotParts,
@@ -62,7 +63,8 @@ def replay_log(
     """Make each decision of a log again; a line that cannot be replayed becomes an error with its place.
 
     Parts that have changed come before the first decision that they concern. The robot gets the facts and
-    labels of the log, and after each of its actions the observation of the log.
+    labels of the log, and after each of its actions the observation of the log. A strategy that remembers
+    earlier people learns from the decisions as they are in the log, in their order.
 
     Args:
         folder: of the domain, if it is not the one of the log. cache: a folder that keeps policies.
@@ -81,8 +83,13 @@ def replay_log(
             episode = line.read_episode(parts.domain)
             strategy = known.find_strategy(line.strategy, parts.domain)
             with strategy.locate_failures():
-                robot = make_logged_robot(parts, strategy, episode.labels, line.strategy.get("seed"))
+                session = known.find_session(parts, strategy, line.strategy.get("person"))
+                robot = make_logged_robot(
+                    parts, strategy, episode.labels, line.strategy.get("seed"), session=session
+                )
                 differences = compare(episode, robot, line)
+                if session is not None:
+                    session.learn(episode)
             result = ReplayedDecision(line.line, strategy.name, episode, tuple(differences))
         except DAMAGE as error:
             result = DataError(f"{path}:{line.line}: cannot be replayed: {describe_damage(error)}")
@@ -99,6 +106,7 @@ class KnownParts:
         self._folder, self._cache = folder, cache
         self._parts: dict[str, RobotParts | Exception] = {}
         self._strategies: dict[str, Strategy] = {}
+        self._sessions: dict[str, Session] = {}  # the latest one of each strategy that remembers
         self._known_changes: set[str] = set()
         self._new_changes: list[str] = []  # those that `take_changes` has not returned yet
 
@@ -150,12 +158,41 @@ class KnownParts:
             self._strategies[key] = read_strategy(description, domain)
         return self._strategies[key]
 
+    def find_session(self, parts: RobotParts, strategy: Strategy, person: Any) -> Session | None:
+        """Return the session of a strategy that remembers earlier people; None for another strategy.
+
+        Args:
+            person: number of people before this one; 0 starts a session.
+
+        Raises:
+            DAMAGE: an earlier person of the session is missing.
+        """
+        if strategy.start is None:
+            return None
+        if person == 0:
+            self._sessions[strategy.name] = strategy.start(parts.robot, parts.rates)
+        session = self._sessions.get(strategy.name)
+        before = 0 if session is None else session.n_people
+        if session is None or person != before:
+            raise DecisionError(
+                f"{strategy.location} has learnt from {before} people, and the line is after {person!r}:"
+                " decisions before it are missing"
+            )
+        return session
+
 
 def make_logged_robot(
-    parts: RobotParts, strategy: Strategy, labels: Mapping[str, Label], seed: Sequence[int] | None
+    parts: RobotParts,
+    strategy: Strategy,
+    labels: Mapping[str, Label],
+    seed: Sequence[int] | None,
+    *,
+    session: Session | None = None,
 ) -> Robot:
     """Return the robot of one decision, whose classifiers return the labels of the log."""
     classifiers = {name: PrecomputedLabel(label) for name, label in labels.items()}
+    if session is not None:
+        return session.robot(replace(parts.robot, classifiers=classifiers))
     rng = make_generator(*seed) if strategy.draws and seed is not None else None
     return strategy.robot(replace(parts.robot, classifiers=classifiers), rng)
 

@@ -12,12 +12,13 @@ from typing import Any
 
 import lcorpp
 from lcorpp.decision import STRATEGIES, Robot, Strategy
-from lcorpp.decision.strategies import list_strategies
+from lcorpp.decision.strategies import Rates, list_strategies
 from lcorpp.domains import Domain, load_domain
 from lcorpp.domains.loading import SHIPPED_FOLDER
 from lcorpp.errors import DecisionError, LcorppError, expected_one_of
 from lcorpp.experiments.setup import solve_domain
 from lcorpp.experiments.strategies.baselines import BASELINES, find_strategies
+from lcorpp.experiments.strategies.trust import WITH_TRUST, compute_soft_rates
 from lcorpp.files import read_bytes
 from lcorpp.planning import Planner, Policy, SolverOptions, read_policy
 from lcorpp.reasoning import Program, Reasoner
@@ -77,6 +78,14 @@ class RobotParts:
         return _make_program(self.domain, self.classifiers, self.smoothing)
 
     @cached_property
+    def rates(self) -> Rates:
+        """The rates of senses with soft evidence, which the program lacks."""
+        parts = self.classifiers.items()
+        confusions = {name: part.confusion for name, part in parts if part.confusion is not None}
+        soft = [name for name, part in parts if part.soft]
+        return compute_soft_rates(self.domain, confusions, self.smoothing, soft=soft)
+
+    @cached_property
     def description(self) -> Json:
         """The parts as JSON, with a fingerprint of each; `read_parts` is the inverse."""
         policy: dict[str, Any] = {"fingerprint": hash_policy(self.policy)}
@@ -120,7 +129,7 @@ def read_strategy(description: Json, domain: Domain) -> Strategy:
     if source is not None:
         return find_strategies([source])[0]
     senses = [sense.name for sense in domain.senses]
-    rows = {row.name: row for row in (*STRATEGIES, *list_strategies(senses), *BASELINES)}
+    rows = {row.name: row for row in (*STRATEGIES, *list_strategies(senses), *BASELINES, *WITH_TRUST)}
     if name not in rows:
         raise DecisionError(f"unknown strategy {name!r}; {expected_one_of(rows)}")
     return rows[name]

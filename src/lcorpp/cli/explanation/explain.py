@@ -187,13 +187,13 @@ def explain(
         else:
             case = simulate_case(loaded, senses, facts, predicted, value, script, seed)
         with explain_missing_reports(solution), row.locate_failures():
-            own = row.robot(full_robot, make_generator(seed, 0))
+            own = row.robot(full_robot, make_generator(seed, 0), rates=parts.rates)
             known = {name: label for name, label in case.predicted.items() if name in own.classifiers}
             episode = decide_and_print(loaded, own, case.facts, known, case.world, case.truth)
         log_decision(episode)
         if decisions is not None:
             simulated = describe_simulation(case)
-            decisions.append(parts, row, case.facts, episode, simulated, seed=(seed, 0))
+            decisions.append(parts, row, case.facts, episode, simulated, seed=(seed, 0), person=0)
 
 
 def _check_evidence(

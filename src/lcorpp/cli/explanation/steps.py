@@ -33,7 +33,8 @@ def decide_and_print(
         truth: the true shared value, None if it is unknown.
     """
     from lcorpp.decision.dt_control import act_until_report, infer_prior
-    from lcorpp.decision.strategies import LabelOnlyReasoner
+    from lcorpp.decision.strategies import LabelOnlyReasoner, LabelRatesReasoner
+    from lcorpp.trust import Trust
     from lcorpp.values import Episode, format_value
 
     began = perf_counter()
@@ -57,8 +58,12 @@ def decide_and_print(
         for name, attribute in domain.program.attributes.items()
         if not attribute.arguments and name not in evidence and name != domain.shared
     ]
-    if isinstance(robot.reasoner, LabelOnlyReasoner):
-        hidden = []
+    if isinstance(robot.reasoner, LabelOnlyReasoner | LabelRatesReasoner | Trust):
+        hidden = []  # these answer for the shared variables alone
+    if isinstance(robot.reasoner, Trust):
+        trust = robot.reasoner
+        console.out.print(f"   weight of each source after {trust.n_people} people")
+        _print_bars(zip(trust.sources, trust.weights.tolist(), strict=True))
     answers = {}
     for name in hidden:
         with suppress(NoValueError):  # an attribute that may have no value has no distribution

@@ -19,7 +19,7 @@ def print_trial(experiment: Experiment, number: int, trials: int) -> None:
         number: of the trial, from 0. trials: the number of all trials.
     """
     from lcorpp.decision.dt_control import log_decision
-    from lcorpp.experiments.scoring.experiment import draw_trial
+    from lcorpp.experiments.scoring.experiment import draw_trial, start_session
 
     domain, trial = experiment.domain, draw_trial(experiment, number, trials=trials)
     truth = domain.reasoning.join(trial.person)
@@ -27,7 +27,8 @@ def print_trial(experiment: Experiment, number: int, trials: int) -> None:
     for strategy in experiment.strategies:
         console.out.print(f"\ntrial {number}, {strategy.name}", style="bold")
         with strategy.locate_failures():
-            robot, world = trial.make_robot(strategy), trial.make_world()
+            session = start_session(experiment, strategy, number, trials=trials)
+            robot, world = trial.make_robot(strategy, session), trial.make_world()
             labels = robot.classify(trial.instance)
             episode = decide_and_print(domain, robot, trial.instance.context, labels, world, truth)
         log_decision(episode)

@@ -85,8 +85,9 @@ TracksOption = Annotated[
 ]
 
 STRATEGIES = (
-    "L, R, P, L+R, R+P, L+P or LCORPP; with several senses LCORPP-SENSE leaves one out; the baselines"
-    " ask-twice, random and always-report; or your own as FILE.py:NAME"
+    "L, R, P, L+R, R+P, L+P or LCORPP; with several senses LCORPP-SENSE leaves one out;"
+    " LCORPP+trust, and LCORPP+trust-hearing and LCORPP+trust-asking without its hearing or asking; the"
+    " baselines ask-twice, random and always-report; or your own as FILE.py:NAME"
 )
 """The strategies, for help: those of `experiments.strategies.baselines`, which takes longer to load."""
 

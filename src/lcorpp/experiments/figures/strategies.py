@@ -141,7 +141,7 @@ def plot_strategies(scores: Sequence[Scores], title: str) -> Figure:
     """
     planning = [result for result in scores if result.cost.estimate > 0]
     widths = [len(scores), len(scores)] + ([max(len(planning), 2)] if planning else [])
-    figure = Figure(figsize=(10, 4.2), layout="constrained")
+    figure = Figure(figsize=(max(10, 1.5 * len(scores)), 4.2), layout="constrained")
     axes = figure.subplots(1, len(widths), width_ratios=widths)
     if any(result.variables for result in scores):
         _draw_scores(axes[0], scores, [result.accuracy for result in scores], "accuracy", ".3f")
@@ -160,5 +160,6 @@ def _draw_scores(
 ) -> None:
     names = [result.strategy for result in scores]
     colours = [ORANGE if name == "LCORPP" else BLUE for name in names]
-    draw_bars(axes, names, [Bars("", colours, intervals, digits=digits)], label)
+    titles = [name.replace("LCORPP+", "LCORPP\n+").replace("LCORPP-", "LCORPP\n-") for name in names]
+    draw_bars(axes, titles, [Bars("", colours, intervals, digits=digits)], label)
     axes.margins(y=0.12)

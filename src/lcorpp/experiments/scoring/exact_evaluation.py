@@ -57,8 +57,8 @@ def evaluate_exactly(
 
     Raises:
         DomainError: the domain has a world of its own, whose probabilities are unknown.
-        DecisionError: a strategy draws its actions, acts differently after equal histories, has too many
-            histories, or branches so much that the bounds say little.
+        DecisionError: a strategy draws its actions, remembers earlier people, acts differently after equal
+            histories, has too many histories, or branches so much that the bounds say little.
         NoReportError: a strategy's policy never reports.
     """
     check_type(domain, Domain, "the domain", DomainError)
@@ -96,7 +96,7 @@ def check_enumerable(domain: Domain, strategies: Sequence[Strategy]) -> None:
 
     Raises:
         DomainError: the domain has a world of its own.
-        DecisionError: a strategy draws its actions.
+        DecisionError: a strategy draws its actions, or remembers earlier people.
     """
     if domain.simulation.world is not None:
         raise DomainError(
@@ -104,6 +104,11 @@ def check_enumerable(domain: Domain, strategies: Sequence[Strategy]) -> None:
             " simulated trials can score this domain"
         )
     for strategy in strategies:
+        if strategy.start is not None:
+            raise DecisionError(
+                f"{strategy.location} learns from each person, so its scores depend on the people before and"
+                " it has no exact scores; expected simulated trials"
+            )
         if strategy.draws:
             raise DecisionError(
                 f"{strategy.location} draws its actions, so it has no exact scores; expected simulated trials"

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from time import perf_counter
 from typing import NamedTuple
 
 import numpy as np
 
 from lcorpp.decision import Robot, Strategy, dt_control
+from lcorpp.decision.strategies import Rates, Session
 from lcorpp.domains import Domain
 from lcorpp.errors import DecisionError, check_type
 from lcorpp.experiments.robot_parts import RobotParts
@@ -30,6 +31,7 @@ class Experiment:
     seed: of the people and their answers. All strategies get the same people and the same random numbers, so
         that differences between strategies are not differences between samples.
     parts: what determines the robot's decisions, for a log.
+    rates: of senses with soft evidence, for strategies that remember earlier people.
     """
 
     domain: Domain
@@ -39,6 +41,7 @@ class Experiment:
     strategies: tuple[Strategy, ...]
     seed: int
     parts: RobotParts | None = None
+    rates: Rates = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         check_type(self.domain, Domain, "the domain of an experiment", DecisionError)
@@ -60,8 +63,10 @@ class Trial(NamedTuple):
     person: Person
     seed: tuple[int, ...]
 
-    def make_robot(self, strategy: Strategy) -> Robot:
-        """Return the robot of a strategy."""
+    def make_robot(self, strategy: Strategy, session: Session | None = None) -> Robot:
+        """Return the robot of a strategy; session: in which it remembers the people of earlier trials."""
+        if session is not None:
+            return session.robot(self.robot)
         return strategy.robot(self.robot, make_generator(*self.seed) if strategy.draws else None)
 
     def make_world(self) -> SimulatedWorld:
@@ -153,7 +158,25 @@ def replay_trial(experiment: Experiment, trial: int, strategy: Strategy, *, tria
         DecisionError: there is no such trial; and whatever the robot's parts raise.
     """
     drawn = draw_trial(experiment, trial, trials=trials)
-    return dt_control(drawn.make_robot(strategy), drawn.instance, drawn.make_world())
+    robot = drawn.make_robot(strategy, start_session(experiment, strategy, trial, trials=trials))
+    return dt_control(robot, drawn.instance, drawn.make_world())
+
+
+def start_session(experiment: Experiment, strategy: Strategy, trial: int, *, trials: int) -> Session | None:
+    """Return the session of a strategy after the trials before `trial`; None if it does not remember them.
+
+    Arguments and errors: as of `replay_trial`.
+    """
+    if strategy.start is None:
+        return None
+    session, source = strategy.start(experiment.robot, experiment.rates), ChunkSource(experiment)
+    for first in range(0, trial, CHUNK_SIZE):
+        chunk = source.draw(first // CHUNK_SIZE, min(CHUNK_SIZE, trials - first))
+        for i in range(min(CHUNK_SIZE, trial - first)):
+            drawn = chunk.find_trial(i)
+            episode = dt_control(drawn.make_robot(strategy, session), drawn.instance, drawn.make_world())
+            session.learn(episode)
+    return session
 
 
 def make_generator(*seed: int) -> np.random.Generator:

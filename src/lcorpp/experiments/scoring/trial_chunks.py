@@ -13,6 +13,7 @@ import numpy as np
 
 from lcorpp.decision import Strategy, dt_control
 from lcorpp.decision.dt_control import LOG
+from lcorpp.decision.strategies import Session
 from lcorpp.errors import LcorppError
 from lcorpp.experiments.decision_log import format_decision
 from lcorpp.experiments.scoring.batch_simulation import BatchWorld, PeopleDraws
@@ -58,12 +59,17 @@ def run_in_worker(level: int, experiment: Experiment, work: Sequence[ChunkWork])
     return run_chunks(experiment, work)
 
 
-def run_chunks(experiment: Experiment, work: Sequence[ChunkWork]) -> int:
+def run_chunks(
+    experiment: Experiment, work: Sequence[ChunkWork], sessions: Sequence[Session | None] | None = None
+) -> int:
     """Simulate trials, write each into its results when it is complete, and return their number.
 
     Decisions that depend on the belief alone are simulated for all people of the chunks at once, the others
     one by one; both ways give the same results. Chunks with a log, and decisions that are shown
     (`lcorpp -v`), are simulated one by one.
+
+    Args:
+        sessions: of each strategy, None for one that does not remember earlier people; by default of all.
     """
     source = ChunkSource(experiment)
     chunks = [source.draw(number, len(results)) for number, results, _ in work]
@@ -71,7 +77,7 @@ def run_chunks(experiment: Experiment, work: Sequence[ChunkWork]) -> int:
     if all(file is None for _, _, file in work) and not LOG.isEnabledFor(logging.INFO):
         single -= _simulate_at_once(experiment, work, chunks)
     for own, chunk in zip(work, chunks, strict=True):
-        _simulate_one_by_one(experiment, own, chunk, sorted(single))
+        _simulate_one_by_one(experiment, own, chunk, sorted(single), sessions)
     return sum(len(results) for _, results, _ in work)
 
 
@@ -81,7 +87,8 @@ def simulates_at_once(experiment: Experiment, strategy: Strategy) -> bool:
     They are if its actions depend on the belief alone and people answer by the feedback model.
     """
     planner = experiment.robot.planner
-    return strategy.change is None and isinstance(planner, Planner) and BatchWorld.supports(experiment.domain)
+    alone = strategy.change is None and strategy.start is None
+    return alone and isinstance(planner, Planner) and BatchWorld.supports(experiment.domain)
 
 
 def _simulate_at_once(experiment: Experiment, work: Sequence[ChunkWork], chunks: Sequence[Chunk]) -> set[int]:
@@ -137,7 +144,11 @@ def _find_roots(
 
 
 def _simulate_one_by_one(
-    experiment: Experiment, work: ChunkWork, chunk: Chunk, selected: Sequence[int]
+    experiment: Experiment,
+    work: ChunkWork,
+    chunk: Chunk,
+    selected: Sequence[int],
+    sessions: Sequence[Session | None] | None,
 ) -> None:
     """Simulate the decisions of the selected strategies about each person, and complete the trials."""
     number, results, file = work
@@ -150,8 +161,12 @@ def _simulate_one_by_one(
             trial, lines = chunk.find_trial(i), []
             for k in selected:
                 strategy, world = experiment.strategies[k], trial.make_world()
+                session = None if sessions is None else sessions[k]
+                person = None if session is None else session.n_people
                 with strategy.locate_failures():
-                    episode = dt_control(trial.make_robot(strategy), trial.instance, world)
+                    episode = dt_control(trial.make_robot(strategy, session), trial.instance, world)
+                    if session is not None:
+                        session.learn(episode)
                 report = episode.report
                 results["reported"][i, k] = len(values) if report is None else values.index(report)
                 results["cost"][i, k], results["return_"][i, k] = world.cost, world.return_
@@ -159,7 +174,10 @@ def _simulate_one_by_one(
                     seconds = {**episode.seconds, "classify": chunk.seconds if episode.labels else 0.0}
                     simulated = {"trial": number * CHUNK_SIZE + i, **world.describe_truth()}
                     timed, context = replace(episode, seconds=seconds), trial.instance.context
-                    lines.append(format_decision(parts, strategy, context, timed, simulated, seed=trial.seed))
+                    line = format_decision(
+                        parts, strategy, context, timed, simulated, seed=trial.seed, person=person
+                    )
+                    lines.append(line)
             if log is not None:
                 log.write(b"".join(lines))
             results["truth"][i] = truth

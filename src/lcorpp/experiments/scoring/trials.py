@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing, contextmanager
+from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import numpy as np
+import numpy.typing as npt
 from joblib import Parallel, delayed
 
 from lcorpp.errors import DecisionError, check_type
@@ -42,7 +44,8 @@ def run_trials(
 
     Args:
         trials: the number of people.
-        jobs: processes; the result is the same for any number.
+        jobs: processes; the result is the same for any number. Strategies that remember earlier people meet
+            them in the order of the trials, in this process.
         progress: called with the number of completed trials and of all trials.
         log: receives the decisions of the completed trials, in their order for any number of processes; the
             experiment needs its `parts`.
@@ -60,38 +63,73 @@ def run_trials(
     check_numbers(trials, jobs, experiment.seed)
     if log is not None and experiment.parts is None:
         raise DecisionError("a log of an experiment needs its `parts`, which determine the decisions")
-    results = make_results(trials, len(experiment.strategies))
+    alone, remembering = _split(experiment)
+    results = make_results(trials, len(alone.strategies))
+    remembered = make_results(trials, len(remembering.strategies))
+    sessions = [
+        None if row.start is None else row.start(experiment.robot, experiment.rates)
+        for row in remembering.strategies
+    ]
     with TemporaryDirectory(prefix="lcorpp-", ignore_cleanup_errors=True) as name:
         folder = Path(name)
         if jobs > 1 and trials > CHUNK_SIZE:  # the processes write into one file
             results.tofile(file := folder / "trials")
             results = np.memmap(file, results.dtype, "r+")
-        chunks = [results[first : first + CHUNK_SIZE] for first in range(0, trials, CHUNK_SIZE)]
-        work = [
-            ChunkWork(number, chunk, None if log is None else folder / f"{number}.jsonl")
-            for number, chunk in enumerate(chunks)
-        ]
-        size, waiting, done = 1, iter(work), 0
-        if log is None and all(simulates_at_once(experiment, row) for row in experiment.strategies):
-            size = min(MAX_GROUP, -(-len(chunks) // (4 * jobs)))
+        work = _divide(results, None if log is None else folder / "alone")
+        later = _divide(remembered, None if log is None else folder / "remembered")
+        size, waiting, done = 1, iter(zip(work, later, strict=True)), 0
+        if log is None and all(simulates_at_once(experiment, row) for row in alone.strategies):
+            size = min(MAX_GROUP, -(-len(work) // (4 * jobs)))
         groups = [work[first : first + size] for first in range(0, len(work), size)]
         try:
-            with _run_groups(experiment, groups, jobs) as counts:
-                for count in counts:
+            with _run_groups(alone, groups, jobs) as counts:
+                for number, count in enumerate(counts):
+                    if sessions:
+                        run_chunks(remembering, later[number * size : (number + 1) * size], sessions)
                     if log is not None:
                         with delay_sigint():
-                            _append_lines(log, next(waiting))
+                            _append_lines(log, experiment, *next(waiting))
                     done += count
                     progress(done, trials)
         except KeyboardInterrupt:
-            if (results["truth"] < 0).all():
+            if not _find_complete(results, remembered).any():
                 raise
         finally:
             if log is not None:
-                for chunk in waiting:  # after an interrupt or an error
-                    _append_lines(log, chunk)
-        completed = np.array(results[results["truth"] >= 0])
-    return _score_trials(experiment, completed), len(completed)
+                for chunks in waiting:  # after an interrupt or an error
+                    _append_lines(log, experiment, *chunks)
+        complete = _find_complete(results, remembered)
+        scores = iter(_score_trials(alone, np.array(results[complete])))
+        others = iter(_score_trials(remembering, remembered[complete]))
+    ordered = [next(scores if row.start is None else others) for row in experiment.strategies]
+    return ordered, int(np.count_nonzero(complete))
+
+
+def _divide(results: Trials, folder: Path | None) -> list[ChunkWork]:
+    """Return the chunks of some trials, with files for their logs in a folder if there is one."""
+    if folder is not None:
+        folder.mkdir()
+    return [
+        ChunkWork(
+            number, results[first : first + CHUNK_SIZE], None if folder is None else folder / f"{number}"
+        )
+        for number, first in enumerate(range(0, len(results), CHUNK_SIZE))
+    ]
+
+
+def _split(experiment: Experiment) -> tuple[Experiment, Experiment]:
+    """Return the experiment of the strategies that do not remember earlier people, and that of the others."""
+    rows = experiment.strategies
+    alone = replace(experiment, strategies=tuple(row for row in rows if row.start is None))
+    return alone, replace(experiment, strategies=tuple(row for row in rows if row.start is not None))
+
+
+def _find_complete(results: Trials, remembered: Trials) -> npt.NDArray[np.bool_]:
+    """Return (n,) whether all strategies have decided about a person."""
+    complete: npt.NDArray[np.bool_] = results["truth"] >= 0
+    if remembered["reported"].shape[1]:
+        complete = complete & (remembered["truth"] >= 0)
+    return complete
 
 
 def check_numbers(trials: int, jobs: int, seed: int) -> None:
@@ -111,6 +149,9 @@ def _run_groups(
     experiment: Experiment, groups: Sequence[Sequence[ChunkWork]], jobs: int
 ) -> Iterator[Iterator[int]]:
     """Run groups of chunks in some processes; yield an iterator of the number of trials of each, in order."""
+    if not experiment.strategies:
+        yield (_skip_chunks(group) for group in groups)
+        return
     if jobs == 1 or len(groups) == 1:
         yield (run_chunks(experiment, group) for group in groups)
         return
@@ -121,14 +162,30 @@ def _run_groups(
         yield started
 
 
-def _append_lines(log: DecisionLog, work: ChunkWork) -> None:
-    """Append the lines of the completed trials of a chunk to a log, one for each strategy."""
-    _, results, file = work
-    if file is not None and file.exists():
-        completed = np.count_nonzero(results["truth"] >= 0) * results["reported"].shape[1]
-        lines = file.read_bytes().splitlines(keepends=True)[:completed]
-        log.append_lines([b"".join(lines)])
-        file.unlink()
+def _skip_chunks(work: Sequence[ChunkWork]) -> int:
+    """Complete the trials of no strategy, and return their number."""
+    for _, results, _ in work:
+        results["truth"] = 0
+    return sum(len(results) for _, results, _ in work)
+
+
+def _append_lines(log: DecisionLog, experiment: Experiment, alone: ChunkWork, remembered: ChunkWork) -> None:
+    """Append the lines of the completed trials of a chunk to a log, one for each strategy in their order."""
+    count = np.count_nonzero(_find_complete(alone.results, remembered.results))
+    lines, others = _take_lines(alone), _take_lines(remembered)
+    ordered = [
+        next(lines if row.start is None else others) for _ in range(count) for row in experiment.strategies
+    ]
+    log.append_lines([b"".join(ordered)])
+
+
+def _take_lines(work: ChunkWork) -> Iterator[bytes]:
+    """Return the lines of a chunk's file, and remove it."""
+    if work.file is None or not work.file.exists():
+        return iter(())
+    lines = work.file.read_bytes().splitlines(keepends=True)
+    work.file.unlink()
+    return iter(lines)
 
 
 def _score_trials(experiment: Experiment, results: Trials) -> list[Scores]:

@@ -13,6 +13,7 @@ from lcorpp.decision.strategies import ImmediateReport, strategies
 from lcorpp.domains import Domain
 from lcorpp.errors import DecisionError, check_type
 from lcorpp.experiments.strategies.own import load_strategy
+from lcorpp.experiments.strategies.trust import WITH_TRUST
 from lcorpp.protocols import Planner
 from lcorpp.user_code import split_function
 from lcorpp.values import Array, Belief
@@ -28,7 +29,8 @@ def find_strategies(names: Iterable[str], senses: Sequence[str] = ("",)) -> tupl
     """Return the strategies of these names: rows of the table, baselines, then own ones.
 
     Args:
-        names: of rows, of `BASELINES`, or ``FILE.py:NAME``, see `load_strategy`; none for the whole table.
+        names: of rows, of `BASELINES` and `WITH_TRUST`, or ``FILE.py:NAME``, see `load_strategy`; none for
+            the whole table.
         senses: of the domain, see `lcorpp.decision.strategies.list_strategies`; by default one.
 
     Raises:
@@ -41,7 +43,7 @@ def find_strategies(names: Iterable[str], senses: Sequence[str] = ("",)) -> tupl
             rows.append(name)
         else:
             own.append(load_strategy(*parts))
-    found = (*(strategies(rows, senses, more=BASELINES) if rows or not own else ()), *own)
+    found = (*(strategies(rows, senses, more=(*BASELINES, *WITH_TRUST)) if rows or not own else ()), *own)
     for k, strategy in enumerate(found):
         if strategy.name in [other.name for other in found[:k]]:
             raise DecisionError(f"{strategy.location}: another strategy has this name; expected another name")

@@ -1,0 +1,39 @@
+"""LCORPP+trust in `lcorpp run`, `explain` and `replay`."""
+
+import shutil
+from pathlib import Path
+
+from lcorpp.domains.loading import SHIPPED_FOLDER
+
+ROOMS = Path(__file__).parents[1] / "domains" / "rooms"
+
+
+def test_explain_is_about_the_first_person_and_run_prints_the_weights(lcorpp, tmp_path):
+    log = tmp_path / "log"
+    likelihood = ("--likelihood", "interested=0.3")
+    for rest in ((), likelihood):
+        ended = lcorpp("explain", "--strategy", "lcorpp+trust", "--log", log, *rest)
+        assert ended.code == 0, ended.err
+        assert "weight of each source after 0 people" in ended.out
+    assert lcorpp("replay", "-q", log).out == "2 decisions, 0 differences\n"
+    trial = ("run", ROOMS, "--trials", 20, "--trial", 12, "--strategy", "LCORPP+trust")
+    assert "weight of each source after 12 people" in lcorpp(*trial).out
+
+
+def test_the_default_table_has_trust_where_it_can_follow(lcorpp, tmp_path):
+    """Where the domain hides whether the robot has turned, it is left out with a note or refused by name."""
+    folder = shutil.copytree(SHIPPED_FOLDER / "intention", tmp_path / "intention")
+    model = folder / "interaction.pomdp"
+    text = model.read_text()
+    blind = "O: turn\n0.0 0.0 1.0\n0.0 0.0 1.0\n"
+    assert blind in text
+    model.write_text(text.replace(blind, "O: turn\n0.9 0.1 0.0\n0.1 0.9 0.0\n"))
+    options = ("--classifier", "channel", "--trials", 10, "--jobs", 1)
+    left_out = lcorpp("run", folder, *options)
+    assert left_out.code == 0
+    assert "note: LCORPP+trust is left out: " in left_out.err + left_out.out
+    named = lcorpp("run", folder, *options, "--strategy", "LCORPP+trust")
+    assert named.code == 2
+    assert "trust cannot follow the dialogue" in named.err
+    exact = lcorpp("run", "--classifier", "channel", "--exact", "--strategy", "LCORPP+trust")
+    assert (exact.code, "learns from each person" in exact.err) == (2, True)
