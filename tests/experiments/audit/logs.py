@@ -18,16 +18,24 @@ NOISE = 0.3
 
 
 def write_log(
-    path: Path, preset: str, n: int, seed: int, *, asked: int = 3, extra: Mapping[str, int] = {}
+    path: Path,
+    preset: str,
+    n: int,
+    seed: int,
+    *,
+    asked: int = 3,
+    extra: Mapping[str, int] = {},
+    soft: bool = False,
 ) -> Domain:
     """Write a log of people who answer some questions each, with the noise of the domain's simulation.
 
     Args:
         asked: answers of each person. extra: attribute -> one person in so many has it as a fact, too.
+        soft: whether labels are likelihoods.
     """
     domain = load_domain("intention", preset=preset)
     policy = solve_domain(domain).policy
-    parts = RobotParts(domain, policy, {"motion": ClassifierPart("channel")}, solver=domain.planning.solver)
+    parts = RobotParts(domain, policy, {"motion": ClassifierPart("channel", soft=soft)})
     rng = np.random.default_rng(seed)
     with path.open("w") as file:
         for i, person in enumerate(Population(domain).sample(n, rng)):
@@ -35,6 +43,7 @@ def write_log(
             facts = {name: person[name] for name in domain.observed}
             facts |= {name: person[name] for name, every in extra.items() if i % every == 0}
             label = "one" if rng.random() < (0.76 if interested else 0.29) else "zero"
+            given = {name: 1.0 if name == label else 0.4 for name in ("one", "zero")} if soft else label
             answers = ["pos" if (rng.random() < NOISE) != interested else "neg" for _ in range(asked)]
             steps = [{"action": "greet", "observation": o, "belief": {}} for o in answers]
             line = {
@@ -42,7 +51,7 @@ def write_log(
                 "version": VERSION,
                 "strategy": {"name": "LCORPP"},
                 "facts": facts,
-                "evidence": {**facts, "classifier": label},
+                "evidence": {**facts, "classifier": given},
                 "steps": steps,
                 "parts": parts.description,
             }

@@ -9,12 +9,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from lcorpp.domains import load_domain
 from lcorpp.errors import DataError, DomainError, ProgramError
 from lcorpp.experiments.audit.answer_rates import AnswerRates
 from lcorpp.experiments.audit.audit import audit_people
 from lcorpp.experiments.audit.findings import Audit
 from lcorpp.experiments.audit.knowledge import KnowledgeFits
 from lcorpp.experiments.audit.logged_people import read_people
+from lcorpp.experiments.audit.rates import describe_values
 from lcorpp.experiments.audit.report import format_audit, format_patch
 from lcorpp.fitting import fit
 from lcorpp.fitting.number_model import list_free_numbers
@@ -74,6 +76,29 @@ def test_the_identity_as_a_fact_of_some_people_tells_the_swap_apart(tmp_path: Pa
     assert [x.name for x in result.changes] == [INTENTION("professor"), INTENTION("visitor")]
     assert not result.rivals
     assert result.n_undetermined == 0
+
+
+def test_rates_of_soft_evidence_are_estimated_though_none_are_stated(tmp_path: Path) -> None:
+    log = tmp_path / "log"
+    write_log(log, "paper", 1000, 6, soft=True)
+    result = audit(log)
+    assert not result.changes
+    for x, right in zip(result.rates[:2], (0.76, 0.29), strict=True):
+        assert x.stated is None
+        assert x.interval is not None
+        assert x.interval[0] < right < x.interval[1]
+    lines = format_audit(result).splitlines()
+    (line,) = [line for line in lines if line.startswith("motion: one if interested ")]
+    assert len(line.split()) == 8  # the name, the estimate and its interval
+
+
+def test_shared_values_of_several_variables_are_described_by_conditions() -> None:
+    domain = load_domain("shopping")
+    coffee = [v for v, value in enumerate(domain.values) if value[0] == "coffee"]
+    assert describe_values(domain, coffee) == "item=coffee"
+    others = [v for v, value in enumerate(domain.values) if value[0] != "coffee" and value[2] == "lab"]
+    assert describe_values(domain, others) == "item=sandwich or notebook, room=lab"
+    assert describe_values(domain, [0, 4]) == "(coffee, alice, office), (coffee, bob, lab)"
 
 
 def test_the_noise_is_not_determined_by_one_answer_a_person(tmp_path: Path) -> None:

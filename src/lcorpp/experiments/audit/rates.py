@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from math import prod
+
 import numpy as np
 
+from lcorpp.domains import Domain
 from lcorpp.experiments.audit.answer_rates import AnswerRates
 from lcorpp.experiments.audit.findings import RateFinding
 from lcorpp.experiments.audit.intervals import compare_log_odds
 from lcorpp.experiments.audit.logged_people import LoggedPeople
+from lcorpp.notebook import join_some
 from lcorpp.values import SharedValue, format_value
 
 
@@ -25,7 +30,7 @@ def list_rates(people: LoggedPeople, rates: AnswerRates, max_share: float) -> li
     for place, (name, stated) in enumerate(zip(names, tables, strict=True)):
         for row in rates.list_rows(1 + place):
             members = np.flatnonzero(rates.cells.member[:, row[0]])
-            about = " or ".join(format_value(values[v]) for v in members)
+            about = describe_values(people.domain, members.tolist())
             for j in row if len(row) > 2 else row[:1]:
                 outcome = int(rates.cells.outcome[j])
                 number = None if stated is None else float(stated[members[0], outcome])
@@ -45,6 +50,25 @@ def list_rates(people: LoggedPeople, rates: AnswerRates, max_share: float) -> li
                     )
                 )
     return findings
+
+
+def describe_values(domain: Domain, members: Sequence[int]) -> str:
+    """Describe shared values, of several variables by conditions such as ``item=tea or milk, room=lab``."""
+    chosen = [domain.values[v] for v in members]
+    names = domain.reasoning.shared
+    if len(names) == 1:
+        return " or ".join(map(format_value, chosen))
+    every, own = (
+        [list(dict.fromkeys(column)) for column in zip(*rows, strict=True)]
+        for rows in (domain.values, chosen)
+    )
+    if prod(map(len, own)) > len(chosen):  # the conditions on the variables depend on each other
+        return join_some([format_value(value) for value in chosen])
+    return ", ".join(
+        f"{name}={' or '.join(few)}"
+        for name, few, all_ in zip(names, own, every, strict=True)
+        if len(few) < len(all_)
+    )
 
 
 def _write_rule(people: LoggedPeople, place: int, label: str, value: SharedValue) -> str:

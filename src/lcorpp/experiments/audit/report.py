@@ -70,6 +70,8 @@ def _conclude(audit: Audit) -> list[str]:
         )
     for is_sense, what in ((True, "rates of senses"), (False, "observation model")):
         rates = [x for x in audit.changed_rates if x.is_sense == is_sense]
+        if not any(x.is_sense == is_sense for x in audit.rates):
+            continue
         if rates:
             lines.append(f"The people refute the {what}:")
             lines += [f"  {x.name}: {_describe_change(x)}" for x in rates]
