@@ -34,6 +34,7 @@ DOCS = Path(__file__).parents[1] / "docs"
         ("strategies.md", 1),
         ("log.md", 6),
         ("audit.md", 0),
+        ("watch.md", 3),
         ("figures.md", 3),
         ("sweeps.md", 2),
     ],

@@ -10,7 +10,7 @@ import typer
 from lcorpp.cli import ask, check, figures, fit, learn, new, run, show, simulate, solve, sweep
 from lcorpp.cli.data.commands import app as data_app
 from lcorpp.cli.explanation import explain
-from lcorpp.cli.logs import audit, replay
+from lcorpp.cli.logs import audit, replay, watch
 from lcorpp.log_output import show_log
 
 app = typer.Typer(
@@ -34,6 +34,7 @@ app.command()(new.new)
 app.command()(sweep.sweep)
 app.command()(replay.replay)
 app.command()(audit.audit)
+app.command()(watch.watch)
 app.command()(check.check)
 app.add_typer(data_app)
 

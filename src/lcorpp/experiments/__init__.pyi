@@ -45,3 +45,4 @@ from .training_data import (
     read_training_data as read_training_data,
     simulate_training_data as simulate_training_data,
 )
+from .watching import LogWatch as LogWatch

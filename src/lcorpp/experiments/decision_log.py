@@ -6,7 +6,7 @@ import json
 import os
 import shutil
 import stat
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -247,17 +247,29 @@ def _read_belief(states: tuple[str, ...], belief: Mapping[str, float]) -> Array:
     return np.array([belief.get(state, 0.0) for state in states], dtype=np.float64)
 
 
-def read_log(path: Path) -> Iterator[LoggedDecision | DataError]:
+def read_log(path: Path, *, wait: Callable[[], None] | None = None) -> Iterator[LoggedDecision | DataError]:
     """Read a log line by line; a line that is no decision of this format becomes an error with its place.
+
+    Args:
+        wait: called at the end of the log before it is read further, e.g. to sleep; None ends there.
 
     Raises:
         FileError: the file cannot be read.
     """
     try:
         with open(path, "rb") as file:
-            for number, line in enumerate(file, 1):
-                if line.strip():
-                    yield _read_line(path, number, line)
+            number, line = 0, b""
+            while True:
+                for part in file:
+                    line += part
+                    if wait is None or line.endswith(b"\n"):  # otherwise the line is being written
+                        number += 1
+                        if line.strip():
+                            yield _read_line(path, number, line)
+                        line = b""
+                if wait is None:
+                    return
+                wait()
     except (OSError, ValueError) as error:
         raise FileError(f"{path}: cannot be read: {getattr(error, 'strerror', None) or error}") from None
 

@@ -135,6 +135,11 @@ class AnswerModel:
         return left[same], right[same]
 
     @cached_property
+    def noisy_log_likelihoods(self) -> Array:
+        """(N, D, V) what `find_log_likelihoods` returns at each degree of `NOISE`."""
+        return np.array([self.find_log_likelihoods(rows) for rows in self._noisy_rows])
+
+    @cached_property
     def _membership(self) -> Array:
         """(K V, R) 1 for the row of each question and value."""
         return np.eye(len(self.stated_rows))[self.row_of.ravel()]

@@ -57,7 +57,7 @@ def replay(
     where = f" in {different} of them" if different else ""
     console.out.print(f"{count} decisions, {differences} differences{where}")
     if damaged:
-        raise DataError(_summarise(damaged, file))
+        raise DataError(summarise_damage(damaged, file))
     if different:
         raise typer.Exit(1)
 
@@ -75,7 +75,7 @@ def _print_decision(result: ReplayedDecision) -> None:
         console.out.print(f"    {difference}", style="red")
 
 
-def _summarise(damaged: list[DataError], file: Path) -> str:
+def summarise_damage(damaged: list[DataError], file: Path) -> str:
     """Return one message about damaged lines: those of equal faults together."""
     first: dict[str, str] = {}
     faults = Counter[str]()

@@ -1,0 +1,241 @@
+"""Alarms on simulated people: how often without a fault, how soon with one, and which source they name.
+
+    OMP_NUM_THREADS=1 python benchmarks/alarm.py [--streams 40] [--false-alarms 1000] [--seed 0] [--trust]
+
+The robot has wrong knowledge, or the classifier has other rates than those stated. Its decisions are those of
+LCORPP, or with --trust those of a robot that learns whom to trust. For each noise of people's answers: the
+median number of people until the alarm, and the share of the alarms that name the right attribute; before the
+slash if the program predicts facts, too, after it if these are given.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+from functools import cache
+from typing import Annotated, NamedTuple
+
+import numpy as np
+import typer
+
+from lcorpp.decision import Robot, dt_control
+from lcorpp.domains import Domain, load_domain
+from lcorpp.experiments.trust_setup import set_up_trust
+from lcorpp.experiments.watching import make_alarm, make_hypotheses
+from lcorpp.planning import Planner, Pomdp, solve
+from lcorpp.reasoning import Program, Reasoner, parse_plog
+from lcorpp.simulation.people import Population
+from lcorpp.simulation.world import SimulationModel
+from lcorpp.trust import Finding, Hypotheses
+from lcorpp.trust.alarm import KNOWLEDGE
+from lcorpp.values import Instance, Label, Step
+
+Numbers = Mapping[str, float]
+"""A pr-atom, such as ``location=library | identity=student`` -> its number."""
+
+Decision = tuple[Mapping[str, Label], tuple[Step, ...]]
+"""Evidence and steps."""
+
+NOISES = (0.1, 0.2, 0.3, 0.4)
+PEOPLE = 2000
+
+
+class Fault(NamedTuple):
+    """Wrong numbers of the robot's program; if `is_true`, those of the world instead."""
+
+    attribute: str
+    numbers: Numbers
+    is_true: bool = False
+
+
+def list_test_faults() -> dict[str, Fault]:
+    def rows(head: str, *numbers: float) -> Numbers:
+        people = ("student", "professor", "visitor")
+        return {f"{head} | identity={name}": p for name, p in zip(people, numbers, strict=True)}
+
+    def times(morning: tuple[float, ...], afternoon: tuple[float, ...]) -> Fault:
+        return Fault("time", {**rows("time=morning", *morning), **rows("time=afternoon", *afternoon)})
+
+    def rates(one: float, zero: float) -> Fault:
+        atom = "classifier=one | intention"
+        return Fault("classifier", {f"{atom}=interested": one, f"{atom}=not_interested": zero}, is_true=True)
+
+    location, intention = "location=library", "intention=interested"
+    return {
+        "location missing": Fault("location", rows(location, 0.5, 0.5, 0.5)),
+        "time missing": times((1 / 3,) * 3, (1 / 3,) * 3),
+        "intention half-way to .4": Fault("intention", rows(intention, 0.35, 0.25, 0.6)),
+        "intention swapped": Fault("intention", rows(intention, 0.3, 0.8, 0.1)),
+        "intention inverted": Fault("intention", rows(intention, 0.7, 0.9, 0.2)),
+        "time swapped": times((0.15, 0.1, 0.8), (0.15, 0.7, 0.1)),
+        "locations exchanged": Fault("location", rows(location, 0.7, 0.9, 0.2)),
+        "classifier .50/.50": rates(0.5, 0.5),
+        "classifier .60/.40": rates(0.6, 0.4),
+        "classifier .90/.10": rates(0.9, 0.1),
+        "classifier .594/.119": rates(0.594, 0.119),
+        "classifier .29/.76": rates(0.29, 0.76),
+    }
+
+
+def change_program(program: Program, numbers: Numbers) -> Program:
+    """Return a program with other numbers."""
+    text = str(program)
+    for atom, number in numbers.items():
+        text, count = re.subn(rf"(pr\({re.escape(atom)}\) = )\S+\.(?=\n|$)", rf"\g<1>{number:.6f}.", text)
+        if count != 1:
+            raise ValueError(f"{count} pr-atoms {atom!r}; expected 1")
+    return parse_plog(text, file=program.file)
+
+
+def make_domain(fault: Fault | None, noise: float) -> Domain:
+    """Return the domain of a robot with a fault, in a world with this noise."""
+    domain = load_domain("intention")
+    simulation = domain.simulation
+    feedback = np.array(simulation.feedback_model)  # (actions, states, observations)
+    answers = feedback[:, :, :2]
+    answers[answers > 0.5], answers[(answers > 0) & (answers < 0.5)] = 1 - noise, noise
+    known, truth = domain.program, simulation.true_program
+    if fault is not None and fault.is_true:
+        truth = change_program(truth, fault.numbers)
+    elif fault is not None:
+        known = change_program(known, fault.numbers)
+    own = replace(domain, reasoning=replace(domain.reasoning, program=known))
+    return replace(own, simulation=replace(simulation, true_program=truth, feedback_model=feedback))
+
+
+class Decider:
+    """LCORPP's decisions; each point of a decision is computed once."""
+
+    def __init__(self, domain: Domain) -> None:
+        self._domain, self._reasoner = domain, Reasoner(domain.program)
+        self._planner = solve_planner(domain.pomdp)
+        self._labels = Reasoner(domain.simulation.true_program)
+        self._start = cache(self._infer)
+        self._actions = dict[tuple[object, ...], tuple[str, object]]()
+
+    def _infer(self, *evidence: tuple[str, Label]):  # type: ignore[no-untyped-def]
+        marginal = self._reasoner.posterior(self._domain.shared, dict(evidence))
+        assert marginal is not None
+        return self._domain.prior(marginal)
+
+    def decide(self, evidence: Mapping[str, Label], world) -> tuple[Step, ...]:  # type: ignore[no-untyped-def]
+        belief, steps = self._start(*evidence.items()), list[Step]()
+        key: tuple[object, ...] = tuple(evidence.items())
+        while True:
+            if key not in self._actions:
+                self._actions[key] = self._planner.action(belief), belief
+            action, belief = self._actions[key]
+            if self._domain.reported_value(action) is not None:
+                return tuple(steps)
+            observation = world.act(action)
+            steps.append(Step(action, observation, belief))
+            key = (*key, observation)
+            if key not in self._actions:
+                belief = self._planner.update(belief, action, observation)
+
+
+@cache
+def solve_planner(pomdp: Pomdp) -> Planner:
+    return Planner(solve(pomdp, load_domain("intention").start_beliefs(), precision=0.1))
+
+
+def draw_decisions(domain: Domain, rng: np.random.Generator, decider: Decider | None) -> Iterator[Decision]:
+    """Yield the decisions about a stream of people; without a decider those of a robot with trust."""
+    people, model = Population(domain).sample(PEOPLE, rng), SimulationModel(domain)
+    sense = domain.senses[0]
+    truth = Reasoner(domain.simulation.true_program)
+    rates = {
+        value: truth.posterior(sense.attribute, {sense.of: value}).probabilities for value in sense.classes
+    }
+    labels = [sense.classes[int(rng.random() >= rates[person[sense.of]][0])] for person in people]
+    trust = None
+    if decider is None:
+        trust = set_up_trust(domain, Reasoner(domain.program), solve_planner(domain.pomdp))
+    for person, label in zip(people, labels, strict=True):
+        facts, world = {name: person[name] for name in domain.observed}, model.make_world(person, rng)
+        if trust is None:
+            assert decider is not None
+            evidence = domain.evidence(facts, {sense.name: label})
+            yield evidence, decider.decide(evidence, world)
+        else:
+            robot = Robot({sense.name: FixedLabel(label)}, trust, trust.make_planner(), domain)
+            episode = dt_control(robot, Instance({sense.name: np.zeros((1, 1))}, facts), world)
+            trust.learn(episode.evidence, episode.steps)
+            yield episode.evidence, episode.steps
+
+
+class FixedLabel(NamedTuple):
+    label: str
+
+    def classify(self, signal: object) -> str:
+        return self.label
+
+
+def watch(
+    domain: Domain, hypotheses: list[Hypotheses], rng: np.random.Generator, decider: Decider | None
+) -> list[Finding | None]:
+    """Return the first alarm about the knowledge of one stream, by each of the sets of hypotheses."""
+    alarms = [make_alarm(domain, own) for own in hypotheses]
+    found: list[Finding | None] = [None] * len(alarms)
+    for evidence, steps in draw_decisions(domain, rng, decider):
+        for i, alarm in enumerate(alarms):
+            if found[i] is None:
+                new = [finding for finding in alarm.update(evidence, steps) if finding.part == KNOWLEDGE]
+                found[i] = new[0] if new else None
+        if None not in found:
+            break
+    return found
+
+
+def list_hypotheses(fault: Fault | None) -> list[Hypotheses]:
+    """Return a robot's hypotheses if the program predicts the facts, and if they are given."""
+    domain = make_domain(fault, noise=NOISES[0])
+    return [make_hypotheses(domain, given=given) for given in (False, True)]
+
+
+def main(
+    streams: Annotated[int, typer.Option(help="Streams for each fault and noise.")] = 40,
+    false_alarms: Annotated[int, typer.Option(help="Streams without a fault.")] = 1000,
+    seed: int = 0,
+    trust: Annotated[bool, typer.Option("--trust", help="The decisions are those of trust.")] = False,
+    only: Annotated[str, typer.Option(help="Part of the names of faults.")] = "",
+) -> None:
+    """Print a line for each fault, and the number of false alarms."""
+    print(f"{'fault':26}" + "".join(f"noise {noise:<18}" for noise in NOISES))
+    for f, (name, fault) in enumerate(list_test_faults().items()):
+        if only not in name or not streams:
+            continue
+        cells = list[str]()
+        hypotheses = list_hypotheses(fault)
+        for n, noise in enumerate(NOISES):
+            domain = make_domain(fault, noise)
+            decider = None if trust else Decider(domain)
+            found = [
+                watch(domain, hypotheses, np.random.default_rng([seed, f, n, s]), decider)
+                for s in range(streams)
+            ]
+            cells.append(" / ".join(describe([row[i] for row in found], fault) for i in range(2)))
+        print(f"{name:26}" + "".join(f"{cell:24}" for cell in cells), flush=True)
+    hypotheses = list_hypotheses(None)
+    for n, noise in enumerate(NOISES):
+        domain = make_domain(None, noise)
+        decider = None if trust else Decider(domain)
+        own, counts = range(n, false_alarms, len(NOISES)), np.zeros(2, dtype=int)
+        for s in own:
+            found = watch(domain, hypotheses, np.random.default_rng([seed, 99, s]), decider)
+            counts += [finding is not None for finding in found]
+        words = f"{counts[0]} / {counts[1]} of {len(own)} streams of {PEOPLE} people"
+        print(f"false alarms at noise {noise}: {words}", flush=True)
+
+
+def describe(found: list[Finding | None], fault: Fault) -> str:
+    """Return the median number of people, and the share of alarms that name the right attribute."""
+    people = [np.inf if finding is None else finding.person for finding in found]
+    named = [finding.sources[0] == fault.attribute for finding in found if finding is not None]
+    right = f"{100 * np.mean(named):.0f}%" if named else "-"
+    return f"{np.median(people):.0f} {right}"
+
+
+if __name__ == "__main__":
+    typer.run(main)

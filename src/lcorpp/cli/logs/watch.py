@@ -1,0 +1,120 @@
+"""`lcorpp watch`: alarms about knowledge, classifiers and hearing, from a log of decisions."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from lcorpp.cli import console
+from lcorpp.errors import DataError
+
+if TYPE_CHECKING:
+    from lcorpp.domains import Domain
+    from lcorpp.trust import Finding
+
+PAUSE = 1.0
+"""Seconds between two looks at the end of a log."""
+
+
+def watch(
+    file: Annotated[Path, typer.Argument(metavar="LOG", help="A log of decisions, written with --log.")],
+    domain: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FOLDER", help="The domain folder, if it is no longer where it was; by default the log's."
+        ),
+    ] = None,
+    strategy: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAME", help="Read the decisions of this strategy; required if there are several."
+        ),
+    ] = None,
+    given: Annotated[
+        bool,
+        typer.Option(
+            "--given",
+            help="The facts are given, e.g. by the robot's schedule: do not test how often each occurs.",
+        ),
+    ] = False,
+    rate: Annotated[
+        float, typer.Option(metavar="P", help="Maximum probability of a false alarm, in all time.")
+    ] = 0.05,
+    plot: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Draw the evidence against what is stated.")
+    ] = None,
+    follow: Annotated[
+        bool, typer.Option("--follow", help="Wait for further decisions at the end of the log, until Ctrl-C.")
+    ] = False,
+) -> None:
+    """Raise an alarm if knowledge, classifiers or hearing are not as stated.
+
+    Tests after each person whether answers, labels and facts of the log agree with the program, the rates of
+    the classifiers and the observation model. An alarm names what is probably wrong. Exit code 0: no alarm;
+    1: an alarm; 2: lines that cannot be read.
+    """
+    from functools import partial
+    from time import sleep
+
+    from lcorpp.cli.logs.replay import summarise_damage
+    from lcorpp.cli.output_files import check_figure
+    from lcorpp.experiments.watching import LogWatch
+    from lcorpp.plot_style import save_figure
+
+    if plot is not None:
+        check_figure(plot)
+    watching = LogWatch(
+        file, folder=domain, strategy=strategy, given=given, rate=rate, keeps=plot is not None
+    )
+    damaged, alarms = list[DataError](), 0
+    try:
+        for result in watching.read(partial(sleep, PAUSE) if follow else None):
+            if isinstance(result, tuple):
+                line, finding = result
+                assert watching.domain is not None
+                alarms += 1
+                words = describe(finding, watching.domain)
+                console.out.print(f"line {line}, person {finding.person}: {words}")
+            elif not isinstance(result, DataError):
+                console.out.print(f"changed since the log: {result.what}", style="yellow")
+            elif follow:
+                console.err.print(str(result))
+            else:
+                damaged.append(result)
+    except KeyboardInterrupt:
+        if not follow:
+            raise
+    if watching.n_decisions or not damaged:
+        of = f" of {watching.strategy}" if watching.strategy else ""
+        console.out.print(f"{watching.n_decisions} decisions{of}, {alarms or 'no'} alarm{'s' * (alarms > 1)}")
+    if plot is not None and watching.log_e:
+        from lcorpp.experiments.watching_figure import plot_alarm
+
+        save_figure(plot_alarm(watching.log_e, rate), plot)
+    if damaged:
+        raise DataError(summarise_damage(damaged, file))
+    if alarms:
+        raise typer.Exit(1)
+
+
+def describe(finding: Finding, domain: Domain) -> str:
+    """Return an alarm in one sentence."""
+    from math import exp
+
+    from lcorpp.trust.alarm import HEARING
+
+    evidence = f"E = {exp(min(finding.log_e, 700)):.3g}"
+    if finding.part == HEARING:
+        how = "more" if finding.noise > 0 else "less"
+        return f"the answers are {how} noisy than the model states (degree {finding.noise:.2f}); {evidence}"
+    sense_of = {sense.attribute: sense.name for sense in domain.senses}
+    names = [
+        f"the rates of the classifier {sense_of[name]}" if name in sense_of else f"the knowledge about {name}"
+        for name in finding.sources
+    ]
+    return (
+        f"wrong is probably {' or '.join(names)} (most likely: {finding.change});"
+        f" {evidence}, probability {finding.probability:.2f}"
+    )

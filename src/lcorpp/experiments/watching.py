@@ -1,0 +1,167 @@
+"""Alarms about the decisions of a log, see `lcorpp.trust.Alarm`."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+from lcorpp.domains import Domain
+from lcorpp.domains.dialogue import DomainDialogue
+from lcorpp.errors import DataError, DecisionError, expected_one_of
+from lcorpp.experiments.decision_log import DAMAGE, LoggedDecision, describe_damage, read_log
+from lcorpp.experiments.replay import ChangedPart
+from lcorpp.experiments.robot_parts import list_changed_files, load_logged_domain, read_program
+from lcorpp.fitting import list_faults
+from lcorpp.planning import Planner, Pomdp
+from lcorpp.reasoning import Program
+from lcorpp.trust import Alarm, Finding, Hypotheses
+from lcorpp.trust.alarm import RATE, check_rate
+
+
+def make_hypotheses(domain: Domain, program: Program | None = None, *, given: bool = False) -> Hypotheses:
+    """Return a domain's program and its faults.
+
+    Args:
+        program: with the rules of its classifiers; by default the domain's.
+        given: whether the facts are given, see `Hypotheses`.
+    """
+    used = (*domain.observed, *domain.label_attributes, *domain.reasoning.shared)
+    faults = list_faults(domain.program if program is None else program, used)
+    return Hypotheses(
+        faults.reasoners,
+        faults.weights,
+        faults.attributes,
+        faults.changes,
+        faults.shares,
+        domain,
+        given=given,
+    )
+
+
+def make_alarm(domain: Domain, hypotheses: Hypotheses, *, rate: float = RATE) -> Alarm:
+    """Return the alarm of a domain.
+
+    Raises:
+        DomainError: as of `DomainDialogue`.
+        DecisionError: as of `Alarm`.
+    """
+    return Alarm(hypotheses, DomainDialogue(domain, _NoPlanners()), rate=rate)
+
+
+class _NoPlanners:
+    """The planners of a dialogue that is only read."""
+
+    def __call__(self, model: Pomdp) -> Planner:
+        raise DecisionError("an alarm has no planner")
+
+    def state(self) -> dict[str, Any]:
+        return {}
+
+    def restore(self, state: Mapping[str, Any]) -> Planner:
+        raise DecisionError("an alarm has no planner")
+
+
+class LogWatch:
+    """The alarm about the decisions of one strategy in a log.
+
+    If the program changes within the log, as the rates of a classifier do after a training, the alarm goes on
+    with the hypotheses about the new program; if its faults are others, it begins anew.
+
+    alarm, domain: the present ones, None before the first decision. strategy: its name, "" before that.
+    n_decisions: number of decisions so far. log_e: if `keeps`, the logarithm of E of each part after each.
+
+    Args:
+        folder: of the domain, if it is not the one of the log.
+        strategy: whose decisions are read; by default all, which must be of one strategy.
+        given, rate: as of `Hypotheses` and `Alarm`.
+
+    Raises:
+        DecisionError: `rate` is not between 0 and 1.
+    """
+
+    def __init__(
+        self,
+        path: Path,
+        *,
+        folder: Path | None = None,
+        strategy: str | None = None,
+        given: bool = False,
+        rate: float = RATE,
+        keeps: bool = False,
+    ) -> None:
+        check_rate(rate)
+        self._path, self._folder, self._chosen = path, folder, strategy
+        self._given, self._rate, self._keeps = given, rate, keeps
+        self._parts, self._others = "", dict[str, None]()
+        self.domain: Domain | None = None
+        self.alarm: Alarm | None = None
+        self.strategy, self.n_decisions = "", 0
+        self.log_e = list[Mapping[str, float]]()
+
+    def read(
+        self, wait: Callable[[], None] | None = None
+    ) -> Iterator[tuple[int, Finding] | ChangedPart | DataError]:
+        """Read the log; yield alarms with their lines, changed files, and lines that cannot be read.
+
+        Args:
+            wait: as of `read_log`.
+
+        Raises:
+            FileError: the log cannot be read.
+            DecisionError: none of its decisions is of the strategy, or they are of several and none is
+                chosen.
+        """
+        for line in read_log(self._path, wait=wait):
+            if isinstance(line, DataError):
+                yield line
+            elif self._is_chosen(line):
+                try:
+                    yield from self._take(line)
+                except DAMAGE as error:
+                    yield DataError(f"{self._path}:{line.line}: cannot be watched: {describe_damage(error)}")
+        if self._chosen is not None and not self.strategy:
+            expected = f"; {expected_one_of(self._others)}" if self._others else ""
+            raise DecisionError(f"{self._path}: no decision of the strategy {self._chosen!r}{expected}")
+
+    def _is_chosen(self, line: LoggedDecision) -> bool:
+        """Whether a decision is of the strategy."""
+        name = str(dict(line.content.get("strategy") or {}).get("name"))
+        if self._chosen is not None and name.upper() != self._chosen.upper():
+            self._others[name] = None
+            return False
+        if self.strategy and name != self.strategy:
+            raise DecisionError(
+                f"{self._path}:{line.line}: a decision of {name} after those of {self.strategy}, perhaps"
+                " about the same people; choose the strategy"
+            )
+        self.strategy = name
+        return True
+
+    def _take(self, line: LoggedDecision) -> Iterator[tuple[int, Finding] | ChangedPart]:
+        """Take a decision into account."""
+        parts = json.dumps(line.content["parts"])
+        if parts != self._parts:
+            yield from self._set_up(line)
+            self._parts = parts
+        assert self.alarm is not None
+        assert self.domain is not None
+        episode = line.read_episode(self.domain)
+        found = self.alarm.update(episode.evidence, episode.steps)
+        self.n_decisions += 1
+        if self._keeps:
+            self.log_e.append(self.alarm.log_e)
+        for finding in found:
+            yield line.line, finding
+
+    def _set_up(self, line: LoggedDecision) -> Iterator[ChangedPart]:
+        """Set up the domain and the alarm of a decision."""
+        description = line.content["parts"]
+        self.domain = load_logged_domain(description, self._folder)
+        program = read_program(description, self.domain)
+        hypotheses = make_hypotheses(self.domain, program, given=self._given)
+        if self.alarm is None or not self.alarm.replace_hypotheses(hypotheses):
+            self.alarm = make_alarm(self.domain, hypotheses, rate=self._rate)
+        for what in list_changed_files(self.domain, description):
+            yield ChangedPart(line.line, what)

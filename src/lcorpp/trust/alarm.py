@@ -1,0 +1,178 @@
+"""Alarm: knowledge, classifiers or hearing are not as stated, with a bounded probability of a false alarm."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from lcorpp.errors import DecisionError
+from lcorpp.protocols import Dialogue
+from lcorpp.trust.answers import NOISE, STATED, AnswerModel
+from lcorpp.trust.hypotheses import Hypotheses
+from lcorpp.values import Label, Step
+
+RATE = 0.05
+"""Probability of a false alarm, ever, by default."""
+
+COARSE = slice(STATED % 5, None, 5)
+"""The degrees of `NOISE` of the alternatives; it contains the stated model."""
+
+KNOWLEDGE, HEARING = "knowledge", "hearing"
+
+CLEAR, PATIENCE = 0.9, 10.0
+"""An alarm about the knowledge waits until a source has this probability, or E is beyond the threshold by
+this factor: what it names is then more often right."""
+
+EQUAL = 1e-6
+"""Hypotheses whose log likelihoods differ by less cannot be told apart."""
+
+
+@dataclass(frozen=True)
+class Finding:
+    """An alarm.
+
+    person: number of people until then. part: `KNOWLEDGE` or `HEARING`. log_e: the logarithm of E.
+    sources: the attributes whose pr-atoms are probably wrong, several if they cannot be told apart; empty for
+        `HEARING`. change: what is probably wrong there; for `HEARING` "" .
+    noise: the most probable degree of noise, see `AnswerModel`. probability: of `sources`, given that one
+        attribute alone is wrong.
+    """
+
+    person: int
+    part: str
+    log_e: float
+    sources: tuple[str, ...]
+    change: str
+    noise: float
+    probability: float
+
+
+def check_rate(rate: float) -> None:
+    """Raise `DecisionError` if a rate of false alarms is not between 0 and 1."""
+    if not 0 < rate < 1:
+        raise DecisionError(f"the rate of false alarms is {rate}; expected a number between 0 and 1")
+
+
+class Alarm:
+    """Tests after each person whether the program, the classifiers' rates and the hearing are as stated.
+
+    The likelihood of hypothesis f and noise d after some people is L(f, d); f = 0 is the stated program, and
+    d = 0 the stated observation model. With M the mean of L over all f and d, by their probabilities in
+    advance, the two parts have the statistics
+
+        E(knowledge) = M / max_d L(0, d)        E(hearing) = M / max_f L(f, 0)
+
+    An alarm is given when E reaches 1 / rate, about the knowledge a little later, see `CLEAR`. If the program
+    is right, whatever the noise on the grid, the probability that E(knowledge) ever does is at most `rate`;
+    likewise for the hearing, whatever the program among the hypotheses. If both are right, both E are at most
+    M / L(0, 0), so the probability of any alarm is at most `rate`, too.
+
+    n_people: number of people so far. findings: the alarms, at most one for each part.
+
+    Args:
+        dialogue: the planner's model as questions.
+
+    Raises:
+        DecisionError: `rate` is not between 0 and 1.
+
+    Source: Wasserman, Ramdas and Balakrishnan, "Universal inference", PNAS 117(29), 2020.
+    """
+
+    def __init__(self, hypotheses: Hypotheses, dialogue: Dialogue, *, rate: float = RATE) -> None:
+        check_rate(rate)
+        self._hypotheses, self._dialogue, self._threshold = hypotheses, dialogue, -np.log(rate)
+        logs = AnswerModel.of_tables(dialogue.tables).noisy_log_likelihoods  # (N, D, V)
+        self._answers = logs.transpose(1, 0, 2).copy()
+        self._noise = NOISE[COARSE]
+        self._stated = int(np.flatnonzero(self._noise == 0)[0])
+        # what underflows is out for ever, but only after an E beyond every threshold
+        self._posterior = np.outer(hypotheses.shares, np.full(len(self._noise), 1 / len(self._noise)))
+        self._log_m = 0.0
+        self._knowledge = np.zeros(len(NOISE))  # log L(0, d)
+        self._hearing = np.zeros(len(hypotheses.shares))  # log L(f, 0)
+        self.n_people = 0
+        self.findings = list[Finding]()
+
+    @property
+    def log_e(self) -> Mapping[str, float]:
+        """The logarithm of E of each part."""
+        return {
+            KNOWLEDGE: self._log_m - float(self._knowledge.max()),
+            HEARING: self._log_m - float(self._hearing.max()),
+        }
+
+    def update(self, evidence: Mapping[str, Label], steps: Iterable[Step]) -> list[Finding]:
+        """Take a person into account; return the new alarms.
+
+        Args:
+            evidence: what the reasoner got. steps: of the decision.
+
+        Raises:
+            UndefinedError: the evidence is impossible by the stated program.
+        """
+        history = [(step.action, step.observation) for step in steps if step.observation is not None]
+        joint = self._hypotheses.predict(evidence)  # (F, V)
+        answers = np.array(self._dialogue.find_answers(history), np.intp)
+        logs = np.add.reduce(self._answers[answers])  # (N, V), of no answers 0
+        top = logs.max()
+        answers_given = np.exp(logs - top)
+        person = joint @ answers_given[COARSE].T  # (F, noise)
+        with np.errstate(divide="ignore"):
+            self._knowledge += np.log(joint[0] @ answers_given.T) + top
+            self._hearing += np.log(person[:, self._stated]) + top
+        self._posterior *= person
+        total = float(self._posterior.sum())
+        self._posterior /= total
+        self._log_m += float(np.log(total)) + float(top)
+        self.n_people += 1
+        return self._check()
+
+    def replace_hypotheses(self, hypotheses: Hypotheses) -> bool:
+        """Use other hypotheses from now on, e.g. after a training; return whether they have the same faults.
+
+        The bound remains: E compares what each hypothesis predicted of each person before.
+        """
+        is_same = all(
+            getattr(hypotheses, name) == getattr(self._hypotheses, name) for name in ("sources", "changes")
+        )
+        if is_same:
+            self._hypotheses = hypotheses
+        return is_same
+
+    def _check(self) -> list[Finding]:
+        log_e, known = self.log_e, {finding.part for finding in self.findings}
+        found = [
+            self._describe(part, value)
+            for part, value in log_e.items()
+            if value >= self._threshold and part not in known
+        ]
+        waits = self._threshold + np.log(PATIENCE)
+        found = [f for f in found if f.probability >= CLEAR or f.log_e >= waits]
+        self.findings += found
+        return found
+
+    def _describe(self, part: str, log_e: float) -> Finding:
+        noise = float(self._noise[self._posterior.sum(axis=0).argmax()])
+        if part == HEARING:
+            return Finding(self.n_people, part, log_e, (), "", noise, 1.0)
+        hypotheses, by_fault = self._hypotheses, self._posterior.sum(axis=1)
+        by_source = self.find_probabilities()
+        named = max(by_source, key=lambda name: by_source[name])
+        own = [f for f, source in enumerate(hypotheses.sources) if source == named]
+        best = max(own, key=lambda f: by_fault[f])
+        with np.errstate(divide="ignore"):
+            logs = np.log(by_fault / hypotheses.shares)
+        equal = np.flatnonzero(np.abs(logs - logs[best]) < EQUAL)
+        sources = tuple(dict.fromkeys([named, *[hypotheses.sources[f] for f in equal if f]]))
+        probability = sum(by_source[name] for name in sources)
+        return Finding(self.n_people, part, log_e, sources, hypotheses.changes[best], noise, probability)
+
+    def find_probabilities(self) -> dict[str, float]:
+        """Return the probability of each attribute, given that one alone is wrong."""
+        by_fault = self._posterior.sum(axis=1)[1:]
+        totals = dict.fromkeys(self._hypotheses.sources[1:], 0.0)
+        for source, p in zip(self._hypotheses.sources[1:], by_fault.tolist(), strict=True):
+            totals[source] += p / float(by_fault.sum())
+        return totals

@@ -1,0 +1,96 @@
+"""Hypotheses about the knowledge: the stated program and its alternatives, by what they predict."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from lcorpp.errors import DecisionError, UndefinedError
+from lcorpp.protocols import DomainInterface, Reasoner
+from lcorpp.trust.sources import MAX_CACHED
+from lcorpp.values import Array, Label, Likelihood
+
+
+class Hypotheses:
+    """F hypotheses: the stated program, and programs with one wrong attribute.
+
+    sources: (F,) the attribute that is wrong, "" for the first, which is the stated program. changes: (F,)
+    what is wrong. shares: (F,) the probability of each in advance.
+
+    Args:
+        reasoners: (B,) the first is that of the stated program.
+        weights: (F, B) a hypothesis gives evidence the probability ``weights @ p`` of its probabilities p by
+            the reasoners; the first row is 1, 0, ... 0.
+        given: whether the facts are given, e.g. by the robot's own schedule; otherwise the program predicts
+            them, too.
+
+    Raises:
+        DecisionError: the shapes do not fit, or the first hypothesis is not the stated program.
+    """
+
+    def __init__(
+        self,
+        reasoners: Sequence[Reasoner],
+        weights: Array,
+        sources: Sequence[str],
+        changes: Sequence[str],
+        shares: Array,
+        domain: DomainInterface,
+        *,
+        given: bool = False,
+    ) -> None:
+        self.sources, self.changes, self.shares = tuple(sources), tuple(changes), shares
+        shape = len(self.sources), len(reasoners)
+        if weights.shape != shape or len(changes) != len(shares) or len(shares) != shape[0]:
+            raise DecisionError(f"hypotheses have weights of shape {weights.shape}; expected {shape}")
+        if not shape[0] or not np.array_equal(weights[0], np.eye(shape[1])[0]):
+            raise DecisionError("the first hypothesis is another program; expected the stated one")
+        self.domain = domain
+        self._reasoners, self._weights, self._given = reasoners, weights, given
+        self._cache: dict[tuple[tuple[str, Label], ...], Array] = {}
+
+    def predict(self, evidence: Mapping[str, Label]) -> Array:
+        """Return (F, V) P(value, labels, facts), or P(value, labels | facts) if the facts are given.
+
+        A likelihood of labels counts as in P(value, label) summed over the labels, up to a factor.
+
+        Raises:
+            UndefinedError: the evidence is impossible by the stated program.
+        """
+        key = tuple(evidence.items())
+        known = self._cache.get(key)
+        if known is None:
+            rows = [self._infer(number, evidence) for number in range(len(self._reasoners))]
+            known = np.maximum(self._weights @ np.array(rows), 0)
+            if not any(isinstance(value, Likelihood) for value in evidence.values()):
+                if len(self._cache) == MAX_CACHED:
+                    self._cache.clear()
+                self._cache[key] = known
+        return known
+
+    def _infer(self, number: int, evidence: Mapping[str, Label]) -> Array:
+        """Return (V,) what `predict` returns, by one of the reasoners."""
+        reasoner, labels = self._reasoners[number], self.domain.label_attributes
+        known, p = dict[str, Label](), 1.0
+        try:
+            for name in sorted(evidence, key=lambda name: name in labels):
+                if not self._given or name in labels:
+                    p *= _find_probability(reasoner, name, evidence[name], known)
+                known[name] = evidence[name]
+            marginal = reasoner.posterior(self.domain.shared, known)
+        except UndefinedError:
+            if number == 0:
+                raise
+            return np.zeros(len(self.domain.values))
+        assert marginal is not None
+        return p * marginal.probabilities
+
+
+def _find_probability(reasoner: Reasoner, name: str, value: Label, known: Mapping[str, Label]) -> float:
+    """Return P(value | known), or the mean of a likelihood."""
+    marginal = reasoner.posterior(name, known)
+    assert marginal is not None
+    chances = dict(marginal)
+    likelihood = dict(value) if isinstance(value, Likelihood) else {value: 1.0}
+    return sum(p * chances.get(name, 0.0) for name, p in likelihood.items())

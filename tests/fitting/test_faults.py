@@ -1,0 +1,100 @@
+"""Faults of a program's attributes: what they are, and that tables are the programs they stand for."""
+
+from fractions import Fraction
+from itertools import product
+
+import numpy as np
+import pytest
+
+from lcorpp.domains import load_domain
+from lcorpp.fitting import list_faults
+from lcorpp.fitting.faults import MAX_TABLES, TABLES, _make_lattice
+from lcorpp.reasoning import Reasoner, parse_plog
+
+COIN = """
+sides = {{heads, tails}}.  people = {{honest, cheat}}.
+who : people.  side : sides.
+[w] random(who).  [s] random(side).
+pr(side=heads | who=honest) = {}.
+pr(side=heads | who=cheat) = {}.
+"""
+
+
+def list_simple(faults, attribute):
+    """Return change -> P(side=heads | who) of both, of the simple faults of an attribute."""
+    return {
+        change: [row @ [r.posterior("side", {"who": w}).probabilities[0] for r in faults.reasoners]
+                 for w in ("honest", "cheat")]
+        for row, own, change in zip(faults.weights, faults.attributes, faults.changes, strict=True)
+        if own == attribute and change != TABLES
+    }  # fmt: skip
+
+
+def test_simple_faults_have_the_numbers_that_they_name():
+    faults = list_faults(parse_plog(COIN.format("0.5", "0.9")), ["who", "side"])
+    assert set(faults.attributes) == {"", "side"}
+    simple = list_simple(faults, "side")
+    assert simple == {
+        "equally probable values": pytest.approx([0.5, 0.5]),
+        "half-way to equally probable values": pytest.approx([0.5, 0.7]),
+        "inverted probabilities": pytest.approx([0.5, 0.1]),
+        "who=honest and who=cheat exchanged": pytest.approx([0.9, 0.5]),
+    }
+    assert faults.weights[0].tolist() == [1.0] + [0.0] * (len(faults.reasoners) - 1)
+
+
+def test_attributes_have_equal_shares_and_within_one_simple_faults_and_tables():
+    faults = list_faults(load_domain("intention").program, ["intention"])
+    share = dict.fromkeys(faults.attributes, 0.0)
+    simple = dict.fromkeys(faults.attributes, 0.0)
+    for name, change, p in zip(faults.attributes, faults.changes, faults.shares, strict=True):
+        share[name] += p
+        simple[name] += p * (change != TABLES)
+    assert share == pytest.approx(dict.fromkeys(["", "time", "location", "intention", "classifier"], 0.2))
+    assert simple == pytest.approx({name: 0.2 if name == "" else 0.1 for name in share})
+
+
+def test_a_table_is_the_program_with_its_numbers():
+    faults = list_faults(parse_plog(COIN.format("0.2", "1/3")), ["who", "side"])
+    tables = [row for row, change in zip(faults.weights, faults.changes, strict=True) if change == TABLES]
+    lattice = list(_make_lattice(2, 2))
+    assert len(tables) == len(lattice) == 256
+    for row, table in list(zip(tables, lattice, strict=True))[::25]:
+        numbers = [str(Fraction(float(p)).limit_denominator(1000)) for p in table[:, 0]]
+        direct = Reasoner(parse_plog(COIN.format(*numbers)))
+        for side in ("heads", "tails"):
+            joint = [
+                r.posterior("side", {}).probabilities[int(side == "tails")]
+                * r.posterior("who", {"side": side}).probabilities
+                for r in (*faults.reasoners, direct)
+            ]
+            np.testing.assert_allclose(row @ joint[:-1], joint[-1], atol=1e-12)
+
+
+@pytest.mark.parametrize(("n_rows", "n_values"), [(1, 2), (3, 2), (3, 3), (2, 5), (9, 4)])
+def test_a_lattice_has_distributions_as_rows_and_is_not_too_large(n_rows, n_values):
+    tables = np.array(list(_make_lattice(n_rows, n_values)))
+    assert tables.shape[1:] == (n_rows, n_values)
+    assert len(np.unique(tables.reshape(len(tables), -1), axis=0)) > 30
+    assert len(tables) <= MAX_TABLES
+    np.testing.assert_allclose(tables.sum(axis=2), 1)
+    assert tables.min() > 0
+
+
+def test_overlapping_conditions_and_arguments_have_simple_faults_alone():
+    faults = list_faults(load_domain("shopping").program, ["time", "item", "person", "room"])
+    kinds = {(name, change == TABLES) for name, change in zip(faults.attributes, faults.changes, strict=True)}
+    expected = {(name, tables) for name, tables in product(("requester", "person"), (False, True))}
+    assert kinds == {("", False), ("item", False), ("place", False), *expected}
+    museum = load_domain("museum")
+    faults = list_faults(museum.program, [*museum.observed, "wish"])
+    wish = [c for name, c in zip(faults.attributes, faults.changes, strict=True) if name == "wish"]
+    assert TABLES not in wish
+    assert "alone and family exchanged" not in wish
+    assert "group=alone and group=family exchanged" in wish
+
+
+def test_the_exchange_of_a_hidden_parent_names_its_mirror_image():
+    faults = list_faults(load_domain("intention").program, ["time", "location", "classifier", "intention"])
+    change = "identity=professor and identity=visitor exchanged, or in all of time, location instead"
+    assert faults.attributes[faults.changes.index(change)] == "intention"

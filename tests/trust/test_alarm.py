@@ -1,0 +1,151 @@
+"""The alarm: its statistics by another way, its bound, and what it names."""
+
+import numpy as np
+import pytest
+
+from lcorpp.errors import DecisionError, UndefinedError
+from lcorpp.trust import Alarm, Hypotheses
+from lcorpp.trust.alarm import COARSE, HEARING, KNOWLEDGE
+from lcorpp.trust.answers import NOISE
+from lcorpp.values import Likelihood, Step
+from tests.decision.fakes import VALUES, FakeDomain
+from tests.trust.fakes import ANSWERS, AskDialogue, SkyReasoner
+
+RIGHT = SkyReasoner()
+HALF = SkyReasoner(sunny=0.5, grey=0.5)
+SWAPPED = SkyReasoner(sunny=0.2, grey=0.9)
+BLIND = SkyReasoner(rates=(0.5, 0.5))
+
+
+def make_hypotheses(*reasoners, sources=("", "wish", "wish", "label")):
+    n = len(reasoners)
+    changes, shares = [f"change {i}" for i in range(n)], np.full(n, 1 / n)
+    return Hypotheses(reasoners, np.eye(n), sources[:n], changes, shares, FakeDomain(), given=True)
+
+
+def make_alarm(*reasoners, rate=0.05, **options):
+    return Alarm(make_hypotheses(*reasoners, **options), AskDialogue(), rate=rate)
+
+
+def draw(rng, n, truth=RIGHT, wrong=0.25, n_answers=3):
+    """Yield the evidence and steps of n people."""
+    for _ in range(n):
+        sky = ("sunny", "grey")[rng.integers(2)]
+        value = int(rng.random() >= truth.prior[sky])
+        label = VALUES[int(rng.random() >= truth.rates[value, 0])]
+        answers = [ANSWERS[value ^ int(rng.random() < wrong)] for _ in range(n_answers)]
+        yield {"sky": sky, "label": label}, [Step("ask", a, np.ones(2) / 2) for a in answers]
+
+
+def test_e_is_the_mean_likelihood_over_that_of_the_null():
+    reasoners, rng = (RIGHT, HALF, BLIND), np.random.default_rng(0)
+    alarm = make_alarm(*reasoners, sources=("", "wish", "label"), rate=1e-300)
+    likelihood = np.ones((3, len(NOISE)))
+    for evidence, steps in draw(rng, 40):
+        for f, reasoner in enumerate(reasoners):
+            for d, noise in enumerate(NOISE):
+                wrong = np.clip(0.25 + noise * 0.25, 1e-3, None)
+                total = 0.0
+                for value in (0, 1):
+                    p = reasoner.prior[evidence["sky"]] if value == 0 else 1 - reasoner.prior[evidence["sky"]]
+                    p *= reasoner.rates[value, VALUES.index(evidence["label"])]
+                    for step in steps:
+                        p *= wrong if ANSWERS.index(step.observation) != value else 1 - wrong
+                    total += p
+                likelihood[f, d] *= total
+        alarm.update(evidence, steps)
+    mean = likelihood[:, COARSE].mean()
+    assert alarm.log_e[KNOWLEDGE] == pytest.approx(np.log(mean / likelihood[0].max()))
+    stated = int(np.flatnonzero(NOISE == 0)[0])
+    assert alarm.log_e[HEARING] == pytest.approx(np.log(mean / likelihood[:, stated].max()))
+    assert alarm.n_people == 40
+
+
+@pytest.mark.parametrize(("truth", "source"), [(SWAPPED, "wish"), (BLIND, "label")])
+@pytest.mark.parametrize("wrong", [0.15, 0.35])
+def test_the_wrong_source_is_named_whatever_the_noise(truth, source, wrong):
+    alarm, named = make_alarm(RIGHT, HALF, SWAPPED, BLIND), list[str]()
+    for seed in range(10):
+        alarm = make_alarm(RIGHT, HALF, SWAPPED, BLIND)
+        for evidence, steps in draw(np.random.default_rng(seed), 600, truth, wrong):
+            named += [
+                name for f in alarm.update(evidence, steps) if f.part == KNOWLEDGE for name in f.sources
+            ]
+    assert len(named) == 10
+    assert named.count(source) >= 9
+
+
+def test_noisy_answers_are_a_fault_of_hearing_alone():
+    alarm = make_alarm(RIGHT, HALF, SWAPPED, BLIND)
+    for evidence, steps in draw(np.random.default_rng(1), 400, wrong=0.4):
+        alarm.update(evidence, steps)
+    (finding,) = alarm.findings
+    assert (finding.part, finding.sources) == (HEARING, ())
+    assert finding.noise > 0.3
+
+
+def test_false_alarms_are_rarer_than_the_rate():
+    alarms = 0
+    for seed in range(100):
+        alarm = make_alarm(RIGHT, HALF, SWAPPED, BLIND, rate=0.2)
+        for evidence, steps in draw(np.random.default_rng([7, seed]), 100):
+            alarm.update(evidence, steps)
+        alarms += bool(alarm.findings)
+    assert alarms <= 20
+
+
+def test_sources_that_cannot_be_told_apart_are_all_named():
+    alarm = make_alarm(RIGHT, SWAPPED, SWAPPED, sources=("", "wish", "identity"))
+    for evidence, steps in draw(np.random.default_rng(0), 100, SWAPPED):
+        alarm.update(evidence, steps)
+    assert [set(finding.sources) for finding in alarm.findings] == [{"wish", "identity"}]
+    assert alarm.findings[0].probability == pytest.approx(1)
+
+
+def test_a_likelihood_counts_as_the_labels_that_it_mixes():
+    hypotheses = make_hypotheses(RIGHT, BLIND)
+    labels = [hypotheses.predict({"sky": "sunny", "label": label}) for label in VALUES]
+
+    class SoftReasoner(SkyReasoner):
+        def posterior(self, attribute, evidence):
+            label = evidence.get("label")
+            if attribute == "label" or label is None:
+                return super().posterior(attribute, evidence)
+            rows = self.rates @ label.weights
+            p = np.array([self.prior["sunny"], 1 - self.prior["sunny"]]) * rows
+            return type(super().posterior("wish", {}))(VALUES, p / p.sum())
+
+    soft = Hypotheses([SoftReasoner()], np.eye(1), [""], [""], np.ones(1), FakeDomain(), given=True)
+    weights = np.array([1.0, 0.25])
+    found = soft.predict({"sky": "sunny", "label": Likelihood(VALUES, weights)})
+    np.testing.assert_allclose(
+        found, weights @ np.array([table[:1] for table in labels])[:, 0][:, None].transpose(1, 0, 2)
+    )
+
+
+def test_other_hypotheses_about_the_same_faults_go_on():
+    alarm = make_alarm(RIGHT, HALF)
+    assert alarm.replace_hypotheses(make_hypotheses(BLIND, HALF))
+    assert not alarm.replace_hypotheses(make_hypotheses(RIGHT, HALF, BLIND))
+
+
+def test_bad_arguments_are_refused():
+    with pytest.raises(
+        DecisionError, match="the rate of false alarms is 1; expected a number between 0 and 1"
+    ):
+        make_alarm(RIGHT, HALF, rate=1)
+    with pytest.raises(DecisionError, match="the first hypothesis is another program"):
+        Hypotheses([RIGHT], np.zeros((1, 1)), [""], [""], np.ones(1), FakeDomain())
+    with pytest.raises(DecisionError, match=r"weights of shape \(2, 1\); expected \(1, 1\)"):
+        Hypotheses([RIGHT], np.ones((2, 1)), [""], [""], np.ones(1), FakeDomain())
+
+
+def test_evidence_that_the_stated_program_excludes_is_an_error_others_have_probability_0():
+    class Excluding(SkyReasoner):
+        def posterior(self, attribute, evidence):
+            raise UndefinedError("impossible")
+
+    evidence = {"sky": "sunny", "label": "yes"}
+    assert make_hypotheses(RIGHT, Excluding()).predict(evidence)[1].tolist() == [0, 0]
+    with pytest.raises(UndefinedError):
+        make_hypotheses(Excluding(), RIGHT).predict(evidence)
