@@ -1,6 +1,7 @@
 """Loading of domain folders: the files are checked against each other, and errors name both places."""
 
 import shutil
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +12,7 @@ from lcorpp.domains.toml import read_toml
 from lcorpp.errors import DomainError, FileError, LcorppError, ParseError
 from lcorpp.experiments import TrainingOptions, train_classifier
 from lcorpp.experiments.training_data import simulate_training_data
+from lcorpp.planning import solve
 from lcorpp.reasoning import Reasoner
 from lcorpp.values import ConfusionMatrix, Distribution, Likelihood, strip_padding
 
@@ -103,12 +105,26 @@ def test_a_new_confusion_matrix_gives_a_new_program():
     assert str(rooms.program) == before
 
 
-def test_start_beliefs_cover_the_simplex_of_priors():
-    starts = load_domain(ROOMS).start_beliefs()
+def test_start_beliefs_cover_the_simplex_and_the_priors_of_all_evidence():
+    rooms = load_domain(ROOMS)
+    starts = rooms.start_beliefs()
     np.testing.assert_allclose(starts.sum(axis=1), 1)
-    assert len(starts) == 1 + 36  # the model's initial belief, and a grid in sevenths
     for corner in np.eye(3, 4):
-        assert (starts == corner).all(axis=1).any()
+        assert (starts[1:37] == corner).all(axis=1).any()  # a grid in sevenths
+    reasoner, observed = Reasoner(rooms.program), rooms.reasoning.observed_values
+    for badge, weekday, heading in product(observed["badge"], observed["weekday"], (None, "left", "right")):
+        evidence = {"badge": badge, "weekday": weekday} | ({"heading": heading} if heading else {})
+        prior = rooms.prior(reasoner.posterior("goal", evidence))
+        assert np.abs(starts[37:] - prior).max(axis=1).min() < 1e-11
+
+
+def test_the_policy_is_as_good_at_the_priors_of_evidence_as_requested():
+    domain = load_domain("intention", preset="paper")
+    times = ("morning", "afternoon", "evening")
+    solution, reasoner = solve(domain.pomdp, domain.start_beliefs(), precision=0.01), Reasoner(domain.program)
+    for time, location, label in product(times, ("library", "classroom"), ("one", "zero")):
+        evidence = {"time": time, "location": location, "classifier": label}
+        assert solution.gap(domain.prior(reasoner.posterior("intention", evidence))) <= 0.01 + 1e-9
 
 
 def test_shipped_domains_load_by_name():

@@ -208,7 +208,7 @@ class Domain:
 
     def start_beliefs(self) -> Array:
         """(N, S) beliefs to solve the model for, see `list_start_beliefs`."""
-        return list_start_beliefs(self.reasoning, self.planning)
+        return list_start_beliefs(self.reasoning, self.senses, self.planning)
 
     def marginal(self, belief: Belief) -> Distribution:
         """The distribution of the shared variables under a belief (S,), given that it is not terminal.

@@ -2,27 +2,37 @@
 
 from __future__ import annotations
 
-from itertools import combinations_with_replacement
-from math import comb
+from collections.abc import Iterable
+from contextlib import suppress
+from itertools import combinations_with_replacement, product
+from math import comb, prod
+from typing import Any
 
 import numpy as np
 
+from lcorpp.domains.sections.learning import Sense
 from lcorpp.domains.sections.planning import PlanningSection
 from lcorpp.domains.sections.reasoning import ReasoningSection
-from lcorpp.errors import NoValueError, TooLargeError
+from lcorpp.errors import NoValueError, ProgramError, TooLargeError, UndefinedError
 from lcorpp.values import Array
 
 MAX_GRID_STEPS, MAX_PRIORS = 10, 36
 """Limits of the grid of priors in `list_start_beliefs`: grid steps from 0 to 1, and number of priors."""
 
+MAX_EVIDENCES, MAX_EVIDENCE_PRIORS = 500, 64
+"""Maximum numbers of combinations of facts and labels, and of the priors that follow from them."""
 
-def list_start_beliefs(reasoning: ReasoningSection, planning: PlanningSection) -> Array:
+
+def list_start_beliefs(
+    reasoning: ReasoningSection, senses: Iterable[Sense], planning: PlanningSection
+) -> Array:
     """Return (N, S) beliefs to solve the model for: its own initial belief, and priors.
 
     The prior differs from person to person, and a policy is only good near the beliefs it was computed
-    for. The priors are a grid that covers the simplex, hence every marginal that a reasoner may return.
-    If a grid finer than the corners is too large, the reasoner's marginals given the most probable
-    observed facts are added.
+    for. The priors are a grid that covers the simplex, hence every marginal that a reasoner may return, and
+    the reasoner's marginals given each combination of facts and labels, if these are few. If they are many
+    and a grid finer than the corners is too large, the marginals given the most probable observed facts are
+    added instead.
     """
     n = len(reasoning.values)
     # the finest grid of at most MAX_PRIORS priors; one step gives a prior for each value, however many
@@ -30,8 +40,38 @@ def list_start_beliefs(reasoning: ReasoningSection, planning: PlanningSection) -
     grid = [
         np.bincount(values, minlength=n) / steps for values in combinations_with_replacement(range(n), steps)
     ]
-    priors = np.array(grid if steps > 1 else [*grid, *_compute_likely_marginals(reasoning)])
-    return np.vstack([planning.pomdp.start, priors @ planning.initial_states])
+    marginals = _compute_all_marginals(reasoning, senses)
+    if marginals is None:
+        marginals = np.zeros((0, n)) if steps > 1 else _compute_likely_marginals(reasoning)
+    return np.vstack([planning.pomdp.start, np.vstack([grid, marginals]) @ planning.initial_states])
+
+
+def _compute_all_marginals(section: ReasoningSection, senses: Iterable[Sense]) -> Array | None:
+    """Return the marginals (n, V) of the shared variables given all facts, and a label of each sense or none.
+
+    The one without evidence is added. They are distinct, sorted, and rounded, see
+    `_compute_likely_marginals`; None if they are too many, or the program has no circuit, e.g. because it is
+    too large.
+    """
+    choices: dict[str, list[str | None]] = {name: [*own] for name, own in section.observed_values.items()}
+    choices |= {sense.attribute: [None, *sense.label_of.values()] for sense in senses}
+    if not choices or prod(map(len, choices.values())) > MAX_EVIDENCES:
+        return None
+    from lcorpp.reasoning import Reasoner  # imports the grounder and the compiler
+
+    try:
+        circuit = Reasoner(section.program).compile(list(choices), [section.shared])
+    except ProgramError:
+        return None
+    marginals = list[Array]()
+    unknown = [None] * len(choices)  # not all facts can be observed of everybody
+    for evidence in (unknown, *product(*choices.values())):
+        with suppress(NoValueError, UndefinedError):
+            answers: Any = circuit({name: [value] for name, value in zip(choices, evidence, strict=True)})
+            marginals += [rows[0] for rows in answers.values()]
+    table = np.array(marginals).reshape(-1, len(section.values))
+    distinct: Array = np.unique(np.round(table, 12), axis=0)
+    return distinct if len(distinct) <= MAX_EVIDENCE_PRIORS else None
 
 
 def _compute_likely_marginals(section: ReasoningSection) -> Array:
