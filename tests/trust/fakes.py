@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -46,6 +47,13 @@ class AskDialogue:
 
     def make_planner(self, tables: Array) -> FakePlanner:
         self.planned.append(tables)
+        return FakePlanner()
+
+    def state(self) -> dict[str, Any]:
+        return {"planned": len(self.planned)}
+
+    def restore(self, state: Mapping[str, Any]) -> FakePlanner:
+        self.planned = [STATED] * state["planned"]
         return FakePlanner()
 
     def choose_question(self, belief: Array) -> str | None:

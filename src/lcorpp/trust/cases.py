@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Sequence
+from collections.abc import Hashable, Mapping, Sequence
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -82,6 +83,26 @@ class Cases:
         place = dict(zip(kept.tolist(), range(size), strict=True))
         self._index = {key: place[case] for key, case in self._index.items() if case in place}
         self.n = size
+
+    def state(self) -> dict[str, Any]:
+        """Return the cases as JSON."""
+        numbers = np.arange(self._heard.shape[1])
+        return {
+            "contexts": self.contexts.tolist(),
+            "labels": self.labels.tolist(),
+            "answers": [np.repeat(numbers, heard.astype(np.intp)).tolist() for heard in self.heard],
+            "weights": self._weights[: self.n].tolist(),
+            "unit": self._unit,
+        }
+
+    def restore(self, state: Mapping[str, Any]) -> None:
+        """Replace the cases by those of a state."""
+        self.n, self._index, self._unit = 0, {}, 1.0
+        memory, self.memory = self.memory, None  # the weights are given
+        for case in zip(state["contexts"], state["labels"], state["answers"], strict=True):
+            self.add(*case)
+        self.memory, self._unit = memory, float(state["unit"])
+        self._weights[: self.n] = state["weights"]
 
     def _double(self) -> None:
         self._contexts, self._labels, self._heard, self._weights = (

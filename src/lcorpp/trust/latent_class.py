@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -140,6 +141,33 @@ class LatentClassModel:
             if rows is None:
                 self.rows, self.noise = self.answers.estimate_rows(heard)
             self._take_logs()
+
+    def state(self) -> dict[str, Any]:
+        """Return the estimates and the cases as JSON, without the facts of the contexts."""
+        return {
+            "cases": self.cases.state(),
+            "pi": self.pi.tolist(),
+            "rates": [rates.tolist() for rates in self.rates],
+            "rows": self.rows.tolist(),
+            "noise": self.noise,
+            "values": self._values.tolist(),
+            "past_values": self._past_values.tolist(),
+            "past_labels": [labels.tolist() for labels in self._past_labels],
+            "past_heard": self._past_heard.tolist(),
+        }
+
+    def restore(self, state: Mapping[str, Any]) -> None:
+        """Go on from a state; all its contexts are added already."""
+        self.cases.restore(state["cases"])
+        shape = self.pi.shape
+        self.pi, self._values, self._past_values = (
+            np.array(state[name], np.float64).reshape(shape) for name in ("pi", "values", "past_values")
+        )
+        self.rates = [np.array(rates) for rates in state["rates"]]
+        self._past_labels = [np.array(labels) for labels in state["past_labels"]]
+        self.rows, self.noise = np.array(state["rows"]), float(state["noise"])
+        self._past_heard = np.array(state["past_heard"])
+        self._take_logs()
 
     def restart(self, iterations: int) -> None:
         """Run EM from another start, and keep its result if it is more likely.

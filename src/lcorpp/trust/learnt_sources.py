@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from operator import itemgetter
+from typing import Any
 
 import numpy as np
 
@@ -51,11 +53,10 @@ class LearntSources:
         key = frozenset(facts.items())
         context = self._contexts.get(key)
         if context is None:
-            context = min(len(self._contexts), MAX_CONTEXTS - 1)
-            self._contexts[key] = context
+            context = self._contexts[key] = min(len(self._contexts), MAX_CONTEXTS - 1)
             for model in (self.learnt, self.recent):
                 if context == len(model.pi):
-                    model.add_context(key)
+                    model.add_context(sorted(facts.items(), key=itemgetter(0)))
         return context
 
     def predict(self, context: int, labels: Sequence[int], knowledge: Array, expected: Array) -> Array:
@@ -88,3 +89,15 @@ class LearntSources:
         self.learnt.fit(iterations)
         self.recent.prior_rates = self.learnt.rates
         self.recent.fit(iterations, self.learnt.rows)
+
+    def state(self) -> dict[str, Any]:
+        """Return the contexts, in their order, and both models as JSON."""
+        contexts = [sorted(context, key=itemgetter(0)) for context in self._contexts]
+        return {"contexts": contexts, "learnt": self.learnt.state(), "recent": self.recent.state()}
+
+    def restore(self, state: Mapping[str, Any]) -> None:
+        """Go on from a state, without contexts of its own."""
+        for facts in state["contexts"]:
+            self.index_context(dict(facts))
+        self.learnt.restore(state["learnt"])
+        self.recent.restore(state["recent"])

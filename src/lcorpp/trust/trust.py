@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -148,6 +149,43 @@ class Trust:
                 self.learnt.restart(RESTART_ITERATIONS)
             self.tables = self.answers.make_tables(self.learnt.rows)
         self.planner = self._dialogue.make_planner(self.tables)
+
+    def state(self) -> dict[str, Any]:
+        """Return what it has learnt as JSON; numbers have all their digits."""
+        return {
+            "sources": list(self.sources),
+            "weights": self.weights.tolist(),
+            "people": self.n_people,
+            "next_fit": self._next_fit,
+            "next_restart": self._next_restart,
+            "tables": self.tables.tolist(),
+            "learnt": self._learnt.state(),
+            "planners": self._dialogue.state(),
+        }
+
+    def restore(self, state: Mapping[str, Any]) -> None:
+        """Go on exactly from a state of trust with the same arguments; it has learnt from nobody yet.
+
+        Raises:
+            DecisionError: it has learnt already, or the state is damaged or of other sources.
+        """
+        if self.n_people:
+            raise DecisionError(f"trust has learnt from {self.n_people} people; expected a new one")
+        try:
+            if state["sources"] != list(self.sources):
+                raise DecisionError(
+                    f"the state of trust is of the sources {', '.join(state['sources'])}; expected"
+                    f" {', '.join(self.sources)}"
+                )
+            self._learnt.restore(state["learnt"])
+            self.weights = np.array(state["weights"], np.float64).reshape(self.weights.shape)
+            self.tables = np.array(state["tables"], np.float64).reshape(self.tables.shape)
+            self.n_people = state["people"]
+            self._next_fit, self._next_restart = state["next_fit"], state["next_restart"]
+            if self.n_people:
+                self.planner = self._dialogue.restore(state["planners"])
+        except (LookupError, TypeError, ValueError, AttributeError) as error:
+            raise DecisionError(f"the state of trust is damaged ({type(error).__name__}: {error})") from error
 
     @property
     def learnt(self) -> LatentClassModel:

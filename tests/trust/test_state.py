@@ -1,0 +1,93 @@
+"""The state of trust: a restart goes on exactly, whatever was condensed or has faded."""
+
+import json
+
+import numpy as np
+import pytest
+
+from lcorpp.decision import dt_control, strategies
+from lcorpp.domains import load_domain
+from lcorpp.errors import DecisionError
+from lcorpp.experiments.comparison import ComparisonOptions, set_up_experiment
+from lcorpp.experiments.scoring.experiment import ChunkSource
+from lcorpp.experiments.strategies.trust import WITH_TRUST
+from lcorpp.trust import Trust, TrustOptions, latent_class
+from lcorpp.values import Step
+from tests.decision.fakes import FakeDomain, FakePlanner
+from tests.trust.fakes import AskDialogue, SkyReasoner
+
+
+def make_trust(**options):
+    return Trust(SkyReasoner(), FakeDomain(), AskDialogue(), FakePlanner(), options=TrustOptions(**options))
+
+
+def meet(trust, rng, number):
+    """Let some people answer; a tenth of them without a label."""
+    for _ in range(number):
+        evidence = {"sky": str(rng.choice(["sunny", "grey"])), "label": str(rng.choice(["yes", "no"]))}
+        if rng.random() < 0.1:
+            del evidence["label"]
+        heard = rng.choice(["nod", "shake"], size=rng.integers(5))
+        trust.learn(evidence, [Step("ask", str(answer), np.array([0.5, 0.5])) for answer in heard])
+
+
+def copy_state(trust):
+    return json.loads(json.dumps(trust.state()))
+
+
+@pytest.mark.parametrize("n_before", [0, 1, 57, 300])
+def test_a_restart_goes_on_exactly(n_before, monkeypatch):
+    """Also where rare cases are condensed into counts, and where people are forgotten."""
+    monkeypatch.setattr(latent_class, "MAX_CASES", 20)
+    rng, whole = np.random.default_rng(3), make_trust(memory=4.0)
+    meet(whole, rng, n_before)
+    restarted = make_trust(memory=4.0)
+    restarted.restore(copy_state(whole))
+    assert restarted.n_people == n_before
+    other = np.random.default_rng(4)
+    meet(whole, np.random.default_rng(4), 150)
+    meet(restarted, other, 150)
+    assert copy_state(restarted) == copy_state(whole)
+    evidence = {"sky": "sunny", "label": "no"}
+    np.testing.assert_array_equal(
+        whole.posterior("wish", evidence).probabilities, restarted.posterior("wish", evidence).probabilities
+    )
+
+
+@pytest.mark.parametrize("row", WITH_TRUST[:2], ids=lambda row: row.name)
+@pytest.mark.parametrize("name", ["intention", "museum"])
+def test_a_domain_s_restart_goes_on_exactly(name, row):
+    """With the policies for the estimated observation model, whose search may be unfinished."""
+    experiment, *_ = set_up_experiment(
+        load_domain(name), ComparisonOptions((row, *strategies(["LCORPP"])), seed=5)
+    )
+    chunk = ChunkSource(experiment).draw(0, 100)
+    sessions = [row.start(experiment.robot, {})]
+    for trial in range(60):
+        if trial == 37:
+            sessions.append(row.start(experiment.robot, {}))
+            sessions[1].trust.restore(copy_state(sessions[0].trust))
+        drawn, episodes = chunk.find_trial(trial), []
+        for session in sessions:
+            episodes.append(dt_control(session.robot(drawn.robot), drawn.instance, drawn.make_world()))
+            session.learn(episodes[-1])
+        for episode in episodes[1:]:
+            np.testing.assert_array_equal(episode.prior, episodes[0].prior)
+            assert [step.action for step in episode.steps] == [step.action for step in episodes[0].steps]
+    one, two = (copy_state(session.trust) for session in sessions)
+    assert one == two
+
+
+def test_a_state_that_does_not_fit_is_refused():
+    trust = make_trust()
+    meet(trust, np.random.default_rng(0), 5)
+    state = copy_state(trust)
+    with pytest.raises(DecisionError, match="trust has learnt from 5 people; expected a new one"):
+        trust.restore(state)
+    with pytest.raises(DecisionError, match="is of the sources knowledge; expected knowledge, label, no ev"):
+        make_trust().restore(state | {"sources": ["knowledge"]})
+    for damage in ({"learnt": {}}, {"weights": ["x"] * 6}, {"tables": None, "learnt": None}):
+        with pytest.raises(DecisionError, match="the state of trust is damaged"):
+            make_trust().restore(state | damage)
+    with pytest.raises(DecisionError, match="the state of trust is damaged"):
+        make_trust().restore({})
