@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from lcorpp.domains import load_domain
-from lcorpp.errors import DataError, DomainError, ProgramError
+from lcorpp.errors import DataError, DomainError, ProgramError, TooLargeError, UndefinedError
+from lcorpp.experiments.audit import answer_rates
 from lcorpp.experiments.audit.answer_rates import AnswerRates
 from lcorpp.experiments.audit.audit import audit_people
 from lcorpp.experiments.audit.findings import Audit
@@ -197,12 +198,25 @@ def test_logs_without_a_decision_to_read(tmp_path: Path) -> None:
         read_people(log)
 
 
+def test_facts_that_the_knowledge_excludes_and_too_many_of_them_are_errors(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    log = tmp_path / "log"
+    write_log(log, "paper", 100, 0)
+    people = read_people(log)
+    program = parse_plog(f"{people.program} :- time=evening.")
+    with pytest.raises(UndefinedError, match=r"a person with the facts of .*time=evening.* is in no"):
+        audit_people(replace(people, program=program))
+    monkeypatch.setattr(answer_rates, "MAX_CELLS", 11)
+    with pytest.raises(TooLargeError, match="6 different combinations of facts with 2 shared values"):
+        audit_people(people)
+
+
 def test_a_program_without_numbers_is_an_error(tmp_path: Path) -> None:
     log = tmp_path / "log"
     write_log(log, "paper", 3, 0)
     people = read_people(log)
     lines = str(people.program).splitlines()
     kept = [line for line in lines if not line.startswith("pr(") or "classifier" in line]
-    object.__setattr__(people, "program", parse_plog("\n".join(kept)))
     with pytest.raises(ProgramError, match="no number of a pr-atom to audit"):
-        audit_people(people)
+        audit_people(replace(people, program=parse_plog("\n".join(kept))))

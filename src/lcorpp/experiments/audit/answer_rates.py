@@ -12,12 +12,16 @@ import numpy.typing as npt
 from scipy.optimize import minimize
 from scipy.special import softmax
 
+from lcorpp.errors import TooLargeError
 from lcorpp.trust.answers import ROW_TOLERANCE, AnswerModel
 from lcorpp.trust.cases import NO_LABEL, Cases
 from lcorpp.values import Array
 
 PRIOR_PEOPLE = 1.0
 """Weight of the stated distribution of each row, in people or answers: enough to keep rows off 0 and 1."""
+
+MAX_CELLS = 4000
+"""Maximum number of contexts times shared values: their covariance is computed as a whole."""
 
 MIN_START = 0.01
 """Smallest probability at which the search begins."""
@@ -72,10 +76,18 @@ class AnswerRates:
 
     Args:
         n_contexts: X. rates: for each sense (V, L) the stated rates.
+
+    Raises:
+        TooLargeError: there are too many contexts.
     """
 
     def __init__(self, answers: AnswerModel, rates: Sequence[Array], cases: Cases, n_contexts: int) -> None:
         n_values, n_outcomes = answers.row_of.shape[1], answers.stated_rows.shape[1]
+        if n_contexts * n_values > MAX_CELLS:
+            raise TooLargeError(
+                f"{n_contexts} different combinations of facts with {n_values} shared values;"
+                f" an audit expects a product of at most {MAX_CELLS}"
+            )
         uniform = np.full((n_contexts, n_values), 1 / n_values)
         parts = [_make_context_rows(uniform, cases.contexts)]
         for s, table in enumerate(rates):

@@ -48,6 +48,8 @@ def audit_people(people: LoggedPeople, progress: Progress = lambda done, total: 
 
     Raises:
         ProgramError: the program has no numbers to audit, or they cannot be fitted.
+        UndefinedError: what is known of a person is impossible by the program.
+        TooLargeError: the program is too large to be compiled, or there are too many contexts.
     """
     return _Auditor(people, progress).audit()
 
