@@ -24,15 +24,16 @@ WORK = 1e5
 """Work for one person, in the unit of `PacedSearch`: 5 to 25 milliseconds."""
 
 MAX_WORK = 200 * WORK
-"""A search that is not as good as the stated policy after this much work is given up."""
+"""A search that has not reached its precision after this much work is given up."""
 
 
 class Replanner:
     """Returns the planner of each estimated model: it solves the model, a bit after each person.
 
-    While the search for a model is unfinished, the former policy acts on the beliefs of the model. The policy
-    takes over if its gap at the start beliefs is at most that of the stated policy, or the precision. The
-    result depends on the models and their order, not on a clock.
+    While the search for a model is unfinished, the former policy acts on the beliefs of the model. The new
+    policy takes over if its gap at the start beliefs is at most the precision: before that, it may be worse
+    than the former one. If not even the stated policy reached the precision, e.g. because the model is large,
+    nothing is searched. The result depends on the models and their order, not on a clock.
 
     Args:
         planner: for the stated model.
@@ -44,9 +45,8 @@ class Replanner:
         self._starts = starts
         self._model = self._target = planner.pomdp
         self._precision = max(precision, PRECISION_SHARE * float(np.ptp(planner.pomdp.reward)))
-        self._max_gap = self._precision
-        if planner.policy.upper_bound is not None:
-            self._max_gap = max(self._max_gap, *map(planner.policy.gap, starts))
+        bound = planner.policy.upper_bound
+        self._is_solvable = bound is None or max(map(planner.policy.gap, starts)) <= self._precision
         self._stated = self._policy = planner.policy
         self._solved: tuple[Pomdp, int] | None = None  # what `_policy` was computed for, and its trials
         self._search: PacedSearch | None = None
@@ -56,13 +56,13 @@ class Replanner:
         """Return the planner of the next person; cheap if the model is that of the call before."""
         if model is not self._model:
             self._model = model
-            if _compare_observations(model, self._target) > TOLERANCE:
+            if self._is_solvable and _compare_observations(model, self._target) > TOLERANCE:
                 self._target, self._search = model, PacedSearch(model, self._starts, self._precision)
             self.planner = TransferPlanner(self._policy, model)
         search = self._search
         if search is not None:
             search.advance(work=WORK)
-            if search.gap <= self._max_gap:
+            if search.converged:
                 self._policy, self._solved = search.make_policy(), (search.pomdp, search.trials)
                 self.planner, self._search = TransferPlanner(self._policy, model), None
             elif search.work > MAX_WORK:
