@@ -49,7 +49,7 @@ def watch(
         bool, typer.Option("--follow", help="Wait for further decisions at the end of the log, until Ctrl-C.")
     ] = False,
 ) -> None:
-    """Raise an alarm if knowledge, classifiers or hearing are not as stated.
+    """Raise an alarm if a log is not as knowledge and rates state.
 
     Tests after each person whether answers, labels and facts of the log agree with the program, the rates of
     the classifiers and the observation model. An alarm names what is probably wrong. Exit code 0: no alarm;
