@@ -65,16 +65,6 @@ def test_a_search_that_takes_too_long_is_given_up(intention, monkeypatch):
     assert replan.state()["trials"] is None
 
 
-def test_a_model_whose_stated_policy_is_not_precise_is_not_searched(intention):
-    domain, _ = intention
-    rough = Planner(solve(domain.pomdp, domain.start_beliefs(), precision=20))
-    dialogue = DomainDialogue(domain, Replanner(rough, domain.start_beliefs(), 0.1))
-    planner = dialogue.make_planner(add_noise(dialogue.tables, 0.5))
-    assert planner.policy is rough.policy
-    assert dialogue.state()["trials"] is None
-    assert planner.pomdp is not domain.pomdp
-
-
 @pytest.mark.parametrize("n_before", [1, 4, 12, 30])
 def test_a_restored_replanner_goes_on_exactly(intention, monkeypatch, n_before):
     monkeypatch.setattr(replanning, "WORK", 5000)

@@ -32,8 +32,7 @@ class Replanner:
 
     While the search for a model is unfinished, the former policy acts on the beliefs of the model. The new
     policy takes over if its gap at the start beliefs is at most the precision: before that, it may be worse
-    than the former one. If not even the stated policy reached the precision, e.g. because the model is large,
-    nothing is searched. The result depends on the models and their order, not on a clock.
+    than the former one. The result depends on the models and their order, not on a clock.
 
     Args:
         planner: for the stated model.
@@ -45,8 +44,6 @@ class Replanner:
         self._starts = starts
         self._model = self._target = planner.pomdp
         self._precision = max(precision, PRECISION_SHARE * float(np.ptp(planner.pomdp.reward)))
-        bound = planner.policy.upper_bound
-        self._is_solvable = bound is None or max(map(planner.policy.gap, starts)) <= self._precision
         self._stated = self._policy = planner.policy
         self._solved: tuple[Pomdp, int] | None = None  # what `_policy` was computed for, and its trials
         self._search: PacedSearch | None = None
@@ -56,7 +53,7 @@ class Replanner:
         """Return the planner of the next person; cheap if the model is that of the call before."""
         if model is not self._model:
             self._model = model
-            if self._is_solvable and _compare_observations(model, self._target) > TOLERANCE:
+            if _compare_observations(model, self._target) > TOLERANCE:
                 self._target, self._search = model, PacedSearch(model, self._starts, self._precision)
             self.planner = TransferPlanner(self._policy, model)
         search = self._search
