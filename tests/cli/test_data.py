@@ -175,7 +175,7 @@ def test_describe_finds_the_leaks_of_the_authors_tracks(lcorpp):
     assert ended.code == 0
     assert "123 tracks of 109 people; x, y" in ended.out
     assert "people with several tracks: 13" in ended.out
-    assert "end position    0.98" in ended.out
+    assert "end position    0.99" in ended.out
     assert ended.out.count("  LEAK") == 3
 
 
