@@ -20,7 +20,10 @@ def make_model(channels: int, points: int, seed: int = 0, features: int = 840) -
     return MiniRocket(features=features, random_state=seed).fit(*make_waves(12, channels, points, seed))
 
 
-@pytest.mark.parametrize(("channels", "points", "seed"), SHAPES)
+@pytest.mark.parametrize(
+    ("channels", "points", "seed"),
+    [s if s[1] < 100 else pytest.param(*s, marks=pytest.mark.slow) for s in SHAPES],
+)
 def test_features_and_predictions_equal_the_batch_at_every_length(channels, points, seed):
     model = make_model(channels, points, seed)
     tracks = make_waves(5, channels, points + 20, seed + 1)[0]  # longer than those of the training
@@ -38,7 +41,7 @@ def test_tracks_of_any_age_advance_together(monkeypatch):
     monkeypatch.setattr("lcorpp.learning.classifiers.running_convolutions.BLOCK", 2 * 840 * 4)
     model, rng = make_model(2, 40), np.random.default_rng(0)
     state, tracks = model.begin(7), [np.empty((2, 0)) for _ in range(7)]
-    for _ in range(150):
+    for _ in range(60):
         rows = rng.permutation(7)[: rng.integers(1, 8)]
         for row in rows[rng.uniform(size=len(rows)) < 0.02]:
             state.put([row], model.begin())

@@ -80,7 +80,9 @@ def test_a_person_with_many_cases_counts_once():
     assert fit_prediction_sets(halves, 0.8).counts.sum() == len(repeated) / 2
 
 
-@pytest.mark.parametrize(("classes", "many"), [(2, 1), (3, 1), (2, 20), (3, 20)])
+@pytest.mark.parametrize(
+    ("classes", "many"), [(2, 1), (3, 1), (2, 20), pytest.param(3, 20, marks=pytest.mark.slow)]
+)
 def test_coverage_over_many_data_sets(classes, many):
     """Of classifiers trained on all cases, for new people; and of the reported out-of-fold sets.
 
