@@ -21,7 +21,7 @@ import typer
 
 from lcorpp.decision import Robot, dt_control
 from lcorpp.domains import Domain, load_domain
-from lcorpp.experiments.trust_setup import set_up_trust
+from lcorpp.experiments.trust.setup import set_up_trust
 from lcorpp.experiments.watching import make_alarm, make_hypotheses
 from lcorpp.planning import Planner, Pomdp, solve
 from lcorpp.reasoning import Program, Reasoner, parse_plog

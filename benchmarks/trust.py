@@ -27,7 +27,7 @@ from joblib import Parallel, delayed
 from lcorpp.decision import Robot, Strategy, dt_control, strategies
 from lcorpp.domains import Domain, load_domain
 from lcorpp.experiments.scoring.exact_evaluation import evaluate_exactly
-from lcorpp.experiments.trust_setup import set_up_trust
+from lcorpp.experiments.trust.setup import set_up_trust
 from lcorpp.files import make_folder, write_atomically
 from lcorpp.planning import Planner, SparseTables, solve
 from lcorpp.reasoning import Program, Reasoner, parse_plog

@@ -134,5 +134,6 @@ class Dialogue(Protocol):
     def restore(self, state: Mapping[str, Any]) -> Planner:
         """Go on from the state of an equal dialogue; return the planner of the last call."""
 
-    def choose_question(self, belief: Belief) -> str | None:
-        """Return the action to ask at a belief (S,) in order to learn, None if there is none."""
+    @property
+    def question(self) -> str | None:
+        """The action to ask in order to learn, None if there is none."""

@@ -55,8 +55,7 @@ def test_other_domains_have_questions(name, preset, kinds):
 
 
 def test_the_question_to_learn_from_is_informative_and_cheap(intention):
-    belief = intention.pomdp.start
-    assert DomainDialogue(intention, lambda model: model).choose_question(belief) == "greet"
+    assert DomainDialogue(intention, lambda model: model).question == "greet"
 
 
 def change(domain, **tables):

@@ -10,6 +10,7 @@ import pytest
 from lcorpp import planning
 from lcorpp.decision import STRATEGIES, Robot, Strategy
 from lcorpp.domains import load_domain
+from lcorpp.domains.information import compute_information
 from lcorpp.errors import DecisionError, NoReportError
 from lcorpp.experiments.comparison import ComparisonOptions, compare_strategies
 from lcorpp.experiments.scoring import decision_nodes, episode_sums, episode_totals
@@ -17,7 +18,7 @@ from lcorpp.experiments.scoring.exact_evaluation import evaluate_exactly
 from lcorpp.experiments.scoring.experiment import Experiment
 from lcorpp.experiments.scoring.part_state import NoKeyError, make_state_key
 from lcorpp.experiments.scoring.trials import run_trials
-from lcorpp.experiments.strategies.baselines import BASELINES, compute_information, find_strategies
+from lcorpp.experiments.strategies.baselines import BASELINES, find_strategies
 from lcorpp.reasoning import Reasoner
 from lcorpp.simulation import NoisyChannel
 from tests.decision.fakes import FakeDomain

@@ -38,6 +38,7 @@ class AskDialogue:
     """The action "ask" is the only question. Planners are recorded with their tables."""
 
     tables = STATED
+    question = "ask"
 
     def __init__(self) -> None:
         self.planned = list[Array]()
@@ -55,6 +56,3 @@ class AskDialogue:
     def restore(self, state: Mapping[str, Any]) -> FakePlanner:
         self.planned = [STATED] * state["planned"]
         return FakePlanner()
-
-    def choose_question(self, belief: Array) -> str | None:
-        return "ask"

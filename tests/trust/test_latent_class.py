@@ -100,7 +100,7 @@ def test_equal_people_are_one_case_and_answers_have_no_order():
     cases.add(0, [1], [2, 2, 3])
     cases.add(0, [0], [])
     assert (cases.n, cases.weights.tolist()) == (2, [2, 1])
-    assert cases.heard.tolist() == [[0, 0, 2, 1], [0, 0, 0, 0]]
+    assert cases.answer_counts.tolist() == [[0, 0, 2, 1], [0, 0, 0, 0]]
 
 
 def test_weights_fade_with_memory():

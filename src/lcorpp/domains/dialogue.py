@@ -10,10 +10,11 @@ from typing import Any, Protocol
 import numpy as np
 
 from lcorpp.domains.domain import Domain
+from lcorpp.domains.information import compute_information
 from lcorpp.errors import DomainError, expected_one_of
 from lcorpp.planning import Pomdp, SparseTables
 from lcorpp.protocols import Planner
-from lcorpp.values import Array, Belief
+from lcorpp.values import Array
 
 Situation = tuple[int, ...]
 """The state that each shared value has where the planner's own variables have some values."""
@@ -42,8 +43,8 @@ class DomainDialogue:
     determine the next situation, e.g. whether the robot has turned, whatever the shared value is.
 
     Args:
-        make_planner: makes the planners, e.g. `lcorpp.experiments.replanning.Replanner`; None for a dialogue
-            that only reads answers.
+        make_planner: makes the planners, e.g. `lcorpp.experiments.trust.replanning.Replanner`; None for a
+            dialogue that only reads answers.
 
     Raises:
         DomainError: the actions and observations do not determine the situation; the dynamics of the
@@ -130,29 +131,20 @@ class DomainDialogue:
             observation[action, list(situation)] = tables[kind]
         return replace(pomdp, observation=SparseTables.of(observation))
 
-    def choose_question(self, belief: Belief) -> str | None:
-        """Return the action with the most information about the shared value for its cost; None for none.
-
-        The information is that of the stated model, at a uniform distribution of the values.
-        """
-        return self._question
-
     @cached_property
-    def _question(self) -> str | None:
-        pomdp, domain = self._domain.pomdp, self._domain
-        best, question = 0.0, None
-        for a, action in enumerate(pomdp.actions):
-            if domain.reported_value(action) is not None:
-                continue
-            successors = pomdp.transition.dense[a, list(self._start)]  # (V, S)
-            joint = successors @ pomdp.observation.dense[a] / len(self._start)  # (V, O)
-            independent = np.outer(joint.sum(axis=1), joint.sum(axis=0))
-            possible = joint > 0
-            information = float(joint[possible] @ np.log(joint[possible] / independent[possible]))
-            cost = max(-float(pomdp.reward[a, list(self._start)].mean()), MIN_INFORMATION)
-            if information > MIN_INFORMATION and information / cost > best:
-                best, question = information / cost, action
-        return question
+    def question(self) -> str | None:
+        """The action with the most information about the shared value for its cost; None for none.
+
+        The information is that of the stated model, at the first action and a uniform distribution of the
+        values.
+        """
+        pomdp = self._domain.pomdp
+        start = self._domain.planning.initial_states.mean(axis=0)
+        information = compute_information(self._domain, start)
+        values = information / np.maximum(-pomdp.reward @ start, MIN_INFORMATION)
+        values[information <= MIN_INFORMATION] = 0
+        best = int(values.argmax())
+        return pomdp.actions[best] if values[best] > 0 else None
 
     def _find(self, kind: str, name: str) -> int:
         known = self._index[kind]

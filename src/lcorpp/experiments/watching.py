@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
-from typing import Any
 
 from lcorpp.domains import Domain
 from lcorpp.domains.dialogue import DomainDialogue
@@ -14,7 +13,6 @@ from lcorpp.experiments.decision_log import DAMAGE, LoggedDecision, describe_dam
 from lcorpp.experiments.replay import ChangedPart
 from lcorpp.experiments.robot_parts import list_changed_files, load_logged_domain, read_program
 from lcorpp.fitting import list_faults
-from lcorpp.planning import Planner, Pomdp
 from lcorpp.reasoning import Program
 from lcorpp.trust import Alarm, Finding, Hypotheses
 from lcorpp.trust.alarm import RATE, check_rate
@@ -47,20 +45,7 @@ def make_alarm(domain: Domain, hypotheses: Hypotheses, *, rate: float = RATE) ->
         DomainError: as of `DomainDialogue`.
         DecisionError: as of `Alarm`.
     """
-    return Alarm(hypotheses, DomainDialogue(domain, _NoPlanners()), rate=rate)
-
-
-class _NoPlanners:
-    """The planners of a dialogue that is only read."""
-
-    def __call__(self, model: Pomdp) -> Planner:
-        raise DecisionError("an alarm has no planner")
-
-    def state(self) -> dict[str, Any]:
-        return {}
-
-    def restore(self, state: Mapping[str, Any]) -> Planner:
-        raise DecisionError("an alarm has no planner")
+    return Alarm(hypotheses, DomainDialogue(domain), rate=rate)
 
 
 class LogWatch:

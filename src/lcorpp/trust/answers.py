@@ -34,6 +34,17 @@ MIN_CONTRAST = 0.01
 ROW_TOLERANCE = 1e-9
 
 
+def number_rows(table: Array) -> tuple[npt.NDArray[np.intp], Array]:
+    """Number the distinct rows of a table (n, k), up to rounding errors.
+
+    Returns:
+        (n,) the number of each row, and the distinct rows in the order of their numbers.
+    """
+    equal = np.isclose(table[:, None], table, atol=ROW_TOLERANCE).all(axis=2)
+    first, numbers = np.unique(equal.argmax(axis=1), return_inverse=True)
+    return numbers.reshape(-1), table[first]
+
+
 @dataclass(frozen=True, eq=False)
 class AnswerModel:
     """P(observation | value) for K kinds of questions, as the planner's model states it.
@@ -53,15 +64,11 @@ class AnswerModel:
     @classmethod
     def of_tables(cls, tables: Array) -> AnswerModel:
         """Return the model of the tables (K, V, O) of P(observation | value)."""
-        rows = list[Array]()
-        row_of = np.empty(tables.shape[:2], np.intp)
+        rows, row_of = list[Array](), np.empty(tables.shape[:2], np.intp)
         for k, table in enumerate(tables):
-            first = len(rows)
-            for v, row in enumerate(table):
-                equal = (r for r in range(first, len(rows)) if np.allclose(rows[r], row, atol=ROW_TOLERANCE))
-                row_of[k, v] = found = next(equal, len(rows))
-                if found == len(rows):
-                    rows.append(row)
+            numbers, distinct = number_rows(table)
+            row_of[k] = len(rows) + numbers
+            rows.extend(distinct)
         return cls(freeze(np.array(rows).reshape(-1, tables.shape[2])), row_of)
 
     @property

@@ -38,11 +38,10 @@ class AskingPlanner:
             return action
         if len(self._dialogue.find_answers(self._history)) >= self._wanted:
             return action
-        question = self._dialogue.choose_question(belief)
-        if question is None:
+        if self._dialogue.question is None:
             return action
         self.added += 1
-        return question
+        return self._dialogue.question
 
     def update(self, belief: Belief, action: str, observation: str) -> Belief:
         """Return the belief after an action and an observation."""

@@ -20,8 +20,8 @@ class Cases:
     """Distinct cases; the arrays have room for more than `n`.
 
     contexts: (n,) index of the context. labels: (n, senses) index of the label of each sense, `NO_LABEL` for
-    none. heard: (n, D) how often each answer, a pair of question and observation, was heard. weights: (n,)
-    number of people, each of which counts less with the time since if `memory` is given.
+    none. answer_counts: (n, D) how often each answer, a pair of question and observation, was heard.
+    weights: (n,) number of people, each of which counts less with the time since if `memory` is given.
 
     Args:
         memory: number of people after which a person's weight has fallen to 1 / e; None: never.
@@ -33,7 +33,7 @@ class Cases:
         self._unit = 1.0  # weight of the latest person in units of `_weights`
         self._contexts = np.zeros(64, np.intp)
         self._labels = np.zeros((64, n_senses), np.intp)
-        self._heard = np.zeros((64, n_answers))
+        self._answer_counts = np.zeros((64, n_answers))
         self._weights = np.zeros(64)
 
     @property
@@ -45,8 +45,8 @@ class Cases:
         return self._labels[: self.n]
 
     @property
-    def heard(self) -> Array:
-        return self._heard[: self.n]
+    def answer_counts(self) -> Array:
+        return self._answer_counts[: self.n]
 
     @property
     def weights(self) -> Array:
@@ -67,7 +67,9 @@ class Cases:
                 self._double()
             case = self._index[key] = self.n
             self._contexts[case], self._labels[case], self._weights[case] = context, labels, 0
-            self._heard[case] = np.bincount(answers, minlength=self._heard.shape[1]) if answers else 0
+            self._answer_counts[case] = (
+                np.bincount(answers, minlength=self._answer_counts.shape[1]) if answers else 0
+            )
             self.n += 1
         self._weights[case] += self._unit
         if self.memory is not None and (self._unit > 1e100 or self.n > 8 * self.memory):
@@ -76,7 +78,7 @@ class Cases:
     def keep(self, kept: npt.NDArray[np.intp]) -> None:
         """Keep the cases of these indices, which increase."""
         size = len(kept)
-        for array in (self._contexts, self._labels, self._heard, self._weights):
+        for array in (self._contexts, self._labels, self._answer_counts, self._weights):
             array[:size] = array[kept]
         self._weights[:size] /= self._unit
         self._unit = 1.0
@@ -86,11 +88,11 @@ class Cases:
 
     def state(self) -> dict[str, Any]:
         """Return the cases as JSON."""
-        numbers = np.arange(self._heard.shape[1])
+        numbers = np.arange(self._answer_counts.shape[1])
         return {
             "contexts": self.contexts.tolist(),
             "labels": self.labels.tolist(),
-            "answers": [np.repeat(numbers, heard.astype(np.intp)).tolist() for heard in self.heard],
+            "answers": [np.repeat(numbers, counts.astype(np.intp)).tolist() for counts in self.answer_counts],
             "weights": self._weights[: self.n].tolist(),
             "unit": self._unit,
         }
@@ -105,7 +107,7 @@ class Cases:
         self._weights[: self.n] = state["weights"]
 
     def _double(self) -> None:
-        self._contexts, self._labels, self._heard, self._weights = (
+        self._contexts, self._labels, self._answer_counts, self._weights = (
             np.concatenate([array, np.zeros_like(array)])
-            for array in (self._contexts, self._labels, self._heard, self._weights)
+            for array in (self._contexts, self._labels, self._answer_counts, self._weights)
         )

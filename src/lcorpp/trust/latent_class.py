@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from lcorpp.trust.answers import ROW_TOLERANCE, AnswerModel
+from lcorpp.trust.answers import AnswerModel, number_rows
 from lcorpp.trust.cases import NO_LABEL, Cases
 from lcorpp.values import Array
 
@@ -68,8 +68,8 @@ class LatentClassModel:
         self._has_fact = np.zeros((0, 0))  # (X, F) 1 for the facts of a context
         self.rates = list(self.prior_rates)
         self.rows, self.noise = answers.stated_rows, 0.0
+        self._values = np.zeros((0, self.n_values))  # (X, V) expected counts
         # expected counts of cases that are not kept
-        self._values = np.zeros((0, self.n_values))
         self._past_values = np.zeros((0, self.n_values))
         self._past_labels = [np.zeros_like(rates) for rates in self.prior_rates]
         self._past_heard = np.zeros((answers.n_answers, self.n_values))
@@ -199,7 +199,7 @@ class LatentClassModel:
     def _weigh_values(self) -> Array:
         """Return (n, V) log p(value, labels, answers | context) of each case."""
         cases = self.cases
-        logs: Array = self._log_pi[cases.contexts] + cases.heard @ self._log_answers
+        logs: Array = self._log_pi[cases.contexts] + cases.answer_counts @ self._log_answers
         for s, log_rates in enumerate(self._log_rates):
             label = cases.labels[:, s]
             logs += np.where((label != NO_LABEL)[:, None], log_rates.T[label], 0)
@@ -216,7 +216,7 @@ class LatentClassModel:
             _sum_by(cases.labels[:, s] + 1, people, past.shape[1] + 1)[1:].T + past
             for s, past in enumerate(self._past_labels)
         ]
-        return values, labels, cases.heard.T @ people + self._past_heard
+        return values, labels, cases.answer_counts.T @ people + self._past_heard
 
     def _combine_facts(self, values: Array) -> Array:
         """Return (X, V) P(value | facts) if the facts were independent given the value (naive Bayes).
@@ -257,7 +257,8 @@ def _normalise(rows: Array) -> Array:
 
 def _find_equal_rows(rates: Array) -> Array:
     """Return (V, V) 1 where two values have the same row."""
-    alike: Array = (np.abs(rates[:, None] - rates).max(axis=2) < ROW_TOLERANCE).astype(np.float64)
+    numbers, _ = number_rows(rates)
+    alike: Array = (numbers[:, None] == numbers).astype(np.float64)
     return alike
 
 

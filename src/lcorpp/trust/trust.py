@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from lcorpp.decision.strategies import NO_RATES, Rates
 from lcorpp.errors import DecisionError
 from lcorpp.protocols import Dialogue, DomainInterface, Planner, Reasoner
 from lcorpp.trust.answers import AnswerModel
@@ -55,6 +56,9 @@ class TrustOptions:
                 raise DecisionError(f"`{name}` of trust is {getattr(self, name)!r}; expected {expected}")
 
 
+DEFAULT_OPTIONS = TrustOptions()
+
+
 class Trust:
     """Learns from each decision what the sources of knowledge are worth.
 
@@ -86,8 +90,8 @@ class Trust:
         dialogue: Dialogue,
         planner: Planner,
         *,
-        rates: Mapping[str, Mapping[str, Array]] = {},
-        options: TrustOptions = TrustOptions(),
+        rates: Rates = NO_RATES,
+        options: TrustOptions = DEFAULT_OPTIONS,
     ) -> None:
         self.options, self.planner = options, planner
         self._domain, self._dialogue = domain, dialogue

@@ -13,7 +13,7 @@ from scipy.optimize import minimize
 from scipy.special import softmax
 
 from lcorpp.errors import TooLargeError
-from lcorpp.trust.answers import ROW_TOLERANCE, AnswerModel
+from lcorpp.trust.answers import AnswerModel, number_rows
 from lcorpp.trust.cases import NO_LABEL, Cases
 from lcorpp.values import Array
 
@@ -93,9 +93,9 @@ class AnswerRates:
         for s, table in enumerate(rates):
             label = cases.labels[:, s]
             times = np.where((label != NO_LABEL)[:, None], np.eye(table.shape[1])[label], 0.0)
-            rows, row_of_value = _find_rows(table)
-            parts.append(Rows.of_table(row_of_value, rows, times))
-        heard = cases.heard.reshape(cases.n, -1, n_outcomes)
+            numbers, distinct = number_rows(table)
+            parts.append(Rows.of_table(numbers, distinct, times))
+        heard = cases.answer_counts.reshape(cases.n, -1, n_outcomes)
         for k, row_of_value in enumerate(answers.row_of):
             rows, places = np.unique(row_of_value, return_inverse=True)
             parts.append(Rows.of_table(places, answers.stated_rows[rows], heard[:, k]))
@@ -208,17 +208,6 @@ def _make_context_rows(uniform: Array, contexts: npt.NDArray[np.intp]) -> Rows:
     row_of = np.repeat(np.arange(n_contexts), n_values)
     outcome = np.tile(np.arange(n_values), n_contexts)
     return Rows(row_of, member, times, PRIOR_PEOPLE * uniform.ravel(), outcome)
-
-
-def _find_rows(table: Array) -> tuple[Array, npt.NDArray[np.intp]]:
-    """Return the distinct rows of a table (V, L), and the row of each value."""
-    rows, places = list[Array](), list[int]()
-    for row in table:
-        equal = (r for r, known in enumerate(rows) if np.allclose(known, row, atol=ROW_TOLERANCE))
-        places.append(next(equal, len(rows)))
-        if places[-1] == len(rows):
-            rows.append(row)
-    return np.array(rows), np.array(places, dtype=np.intp)
 
 
 def _join(parts: Sequence[Rows]) -> Rows:

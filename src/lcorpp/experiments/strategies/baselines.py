@@ -11,12 +11,13 @@ import numpy as np
 from lcorpp.decision import Robot, Strategy
 from lcorpp.decision.strategies import ImmediateReport, strategies
 from lcorpp.domains import Domain
+from lcorpp.domains.information import compute_information
 from lcorpp.errors import DecisionError, check_type
 from lcorpp.experiments.strategies.own import load_strategy
 from lcorpp.experiments.strategies.trust import WITH_TRUST
 from lcorpp.protocols import Planner
 from lcorpp.user_code import split_function
-from lcorpp.values import Array, Belief
+from lcorpp.values import Belief
 
 QUESTIONS = 2
 """Number of questions of the strategy `ask-twice`."""
@@ -121,24 +122,6 @@ class _RandomPlanner:
 
     def update(self, belief: Belief, action: str, observation: str) -> Belief:
         return self.planner.update(belief, action, observation)
-
-
-def compute_information(domain: Domain, belief: Belief) -> Array:
-    """Return (A,) the mutual information, in nats, of each action's observation and the shared variables.
-
-    It is that of P(v, o | b, a), where v is the value after the action. It is 0 for reports.
-    """
-    pomdp, information = domain.pomdp, np.zeros(len(domain.pomdp.actions))
-    for a, action in enumerate(pomdp.actions):
-        if domain.reported_value(action) is None:
-            predicted = pomdp.transition.forward(a, belief)
-            joint = (domain.planning.state_values.T * predicted) @ pomdp.observation.dense[a]  # (V, O)
-            independent = np.outer(joint.sum(axis=1), joint.sum(axis=0))
-            possible = joint > 0
-            total = joint.sum()  # below 1 if the action may end the decision
-            ratios = joint[possible] * total / independent[possible]
-            information[a] = float(joint[possible] @ np.log(ratios))
-    return information
 
 
 BASELINES = (

@@ -11,11 +11,12 @@ from lcorpp.decision.strategies import Rates
 from lcorpp.domains import Domain
 from lcorpp.domains.dialogue import DomainDialogue
 from lcorpp.errors import DecisionError, check_type
-from lcorpp.experiments.trust_setup import DEFAULTS, set_up_trust
+from lcorpp.experiments.trust.setup import set_up_trust
 from lcorpp.planning import Planner
 from lcorpp.reasoning import Reasoner
 from lcorpp.trust import TrustOptions
 from lcorpp.trust.sources import StatedSources
+from lcorpp.trust.trust import DEFAULT_OPTIONS
 from lcorpp.values import JEFFREYS, ConfusionMatrix, Episode
 
 
@@ -59,7 +60,7 @@ class TrustSession:
 class StartTrust:
     """Starts sessions with some options of trust; hearing: as of `set_up_trust`."""
 
-    options: TrustOptions = DEFAULTS
+    options: TrustOptions = DEFAULT_OPTIONS
     hearing: bool = True
 
     def __call__(self, full: Robot, rates: Rates) -> TrustSession:

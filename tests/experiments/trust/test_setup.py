@@ -5,7 +5,7 @@ import pytest
 
 from lcorpp.decision import Robot, dt_control
 from lcorpp.domains import load_domain
-from lcorpp.experiments.trust_setup import set_up_trust
+from lcorpp.experiments.trust.setup import set_up_trust
 from lcorpp.planning import Planner, solve
 from lcorpp.reasoning import Reasoner
 from lcorpp.simulation import NoisyChannel

@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
+from lcorpp.decision.strategies import NO_RATES, Rates
 from lcorpp.domains import Domain
 from lcorpp.domains.dialogue import DomainDialogue, PlannerFactory
-from lcorpp.experiments.fixed_policy import FixedPolicy
-from lcorpp.experiments.replanning import Replanner
+from lcorpp.experiments.trust.fixed_policy import FixedPolicy
+from lcorpp.experiments.trust.replanning import Replanner
 from lcorpp.planning import Planner
 from lcorpp.protocols import Reasoner
 from lcorpp.trust import Trust, TrustOptions
-from lcorpp.values import Array
-
-DEFAULTS = TrustOptions()
+from lcorpp.trust.trust import DEFAULT_OPTIONS
 
 
 def set_up_trust(
@@ -22,8 +19,8 @@ def set_up_trust(
     planner: Planner,
     *,
     hearing: bool = True,
-    options: TrustOptions = DEFAULTS,
-    rates: Mapping[str, Mapping[str, Array]] = {},
+    options: TrustOptions = DEFAULT_OPTIONS,
+    rates: Rates = NO_RATES,
 ) -> Trust:
     """Return trust in the sources of a domain.
 
@@ -35,7 +32,9 @@ def set_up_trust(
     Raises:
         DomainError: trust cannot follow the domain's dialogue.
     """
-    planners: PlannerFactory = FixedPolicy(planner, domain)
+    planners: PlannerFactory
     if hearing:
         planners = Replanner(planner, domain.start_beliefs(), domain.planning.solver.precision)
+    else:
+        planners = FixedPolicy(planner, domain)
     return Trust(reasoner, domain, DomainDialogue(domain, planners), planner, options=options, rates=rates)

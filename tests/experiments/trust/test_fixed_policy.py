@@ -7,7 +7,7 @@ import pytest
 
 from lcorpp.domains import load_domain
 from lcorpp.domains.dialogue import DomainDialogue
-from lcorpp.experiments.fixed_policy import FixedPolicy, sum_rewards
+from lcorpp.experiments.trust.fixed_policy import FixedPolicy, sum_rewards
 from lcorpp.planning import Planner, solve
 from lcorpp.planning.evaluation.belief_graph import BeliefGraph
 from lcorpp.planning.evaluation.sparse_beliefs import SparseBeliefs

@@ -7,8 +7,8 @@ import pytest
 
 from lcorpp.domains import load_domain
 from lcorpp.domains.dialogue import DomainDialogue
-from lcorpp.experiments import replanning
-from lcorpp.experiments.replanning import TOLERANCE, Replanner
+from lcorpp.experiments.trust import replanning
+from lcorpp.experiments.trust.replanning import TOLERANCE, Replanner
 from lcorpp.planning import Planner, solve
 
 

@@ -1,0 +1,1 @@
+"""Trust in a domain: its composition, and policies for the estimated observation model."""
