@@ -8,11 +8,12 @@ from typing import Annotated
 import typer
 
 from lcorpp.cli import console
+from lcorpp.cli.logs import common
 from lcorpp.errors import FileError
 
 
 def audit(
-    log: Annotated[Path, typer.Argument(metavar="LOG", help="A log of decisions, written with --log.")],
+    log: common.LogArgument,
     output: Annotated[
         Path | None,
         typer.Option("-o", "--output", metavar="FILE.plog", help="Write the suggested rules to this file."),
@@ -21,25 +22,16 @@ def audit(
         Path | None,
         typer.Option("--figure", metavar="FILE", help="Draw the numbers; .png, .svg or .pdf."),
     ] = None,
-    domain: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="FOLDER", help="The domain folder, if it is no longer where it was; by default the log's."
-        ),
-    ] = None,
-    strategy: Annotated[
-        str | None,
-        typer.Option(
-            metavar="NAME",
-            help="Whose decisions are read; by default the one with most, or the last of equals.",
-        ),
-    ] = None,
+    domain: common.LoggedDomainOption = None,
+    strategy: common.LoggedStrategyOption = None,
 ) -> None:
     """Compare what is stated with the people of a log.
 
     For each number of the knowledge, each rate of a classifier and each answer of the observation model:
     what is stated, what the people suggest with a 95 % interval, and how strongly they disagree. Then the
     fewest numbers that have to change. Nothing is changed: -o writes the rules to apply by hand.
+
+    Without --strategy, the people are those of the strategy with most decisions, or the last of these.
     """
     from lcorpp.cli.output_files import check_figure, check_writable
     from lcorpp.experiments.audit.audit import audit_people

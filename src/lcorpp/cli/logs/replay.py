@@ -2,31 +2,22 @@
 
 from __future__ import annotations
 
-from collections import Counter
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from lcorpp.cli import console
+from lcorpp.cli.logs import common
 from lcorpp.cli.options import common as options
 from lcorpp.errors import DataError
 
 if TYPE_CHECKING:
     from lcorpp.experiments.replay import ReplayedDecision
 
-MAX_SHOWN = 10
-"""Maximum number of messages about damaged lines."""
-
 
 def replay(
-    file: Annotated[Path, typer.Argument(metavar="FILE", help="A log of decisions, written with --log.")],
-    domain: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="FOLDER", help="The domain folder, if it is no longer where it was; by default the log's."
-        ),
-    ] = None,
+    log: common.LogArgument,
+    domain: common.LoggedDomainOption = None,
     quiet: Annotated[
         bool, typer.Option("--quiet", "-q", help="Print the changes and the summary only.")
     ] = False,
@@ -43,7 +34,7 @@ def replay(
 
     count = different = differences = 0
     damaged = list[DataError]()
-    for result in replay_log(file, domain, cache=None if no_cache else find_cache_folder()):
+    for result in replay_log(log, domain, cache=None if no_cache else find_cache_folder()):
         if isinstance(result, ChangedPart):
             console.out.print(f"changed since the log: {result.what}", style="yellow")
         elif isinstance(result, DataError):
@@ -57,7 +48,7 @@ def replay(
     where = f" in {different} of them" if different else ""
     console.out.print(f"{count} decisions, {differences} differences{where}")
     if damaged:
-        raise DataError(summarise_damage(damaged, file))
+        raise DataError(common.summarise_damage(damaged, log))
     if different:
         raise typer.Exit(1)
 
@@ -73,20 +64,3 @@ def _print_decision(result: ReplayedDecision) -> None:
     console.out.print(f"{result.line}  {result.strategy}: {given or 'no evidence'}: {steps}; {report}")
     for difference in result.differences:
         console.out.print(f"    {difference}", style="red")
-
-
-def summarise_damage(damaged: list[DataError], file: Path) -> str:
-    """Return one message about damaged lines: those of equal faults together."""
-    first: dict[str, str] = {}
-    faults = Counter[str]()
-    for error in damaged:
-        message = str(error)
-        fault = message.removeprefix(f"{file}:").partition(":")[2]
-        first.setdefault(fault, message)
-        faults[fault] += 1
-    lines = [first[fault] + (f" ({number} lines)" if number > 1 else "") for fault, number in faults.items()][
-        :MAX_SHOWN
-    ]
-    if len(faults) > MAX_SHOWN:
-        lines.append(f"... ({len(damaged)} lines in all)")
-    return "\n".join(lines)

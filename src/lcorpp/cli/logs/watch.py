@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from lcorpp.cli import console
+from lcorpp.cli.logs import common
 from lcorpp.errors import DataError
 
 if TYPE_CHECKING:
@@ -19,19 +20,9 @@ PAUSE = 1.0
 
 
 def watch(
-    file: Annotated[Path, typer.Argument(metavar="LOG", help="A log of decisions, written with --log.")],
-    domain: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="FOLDER", help="The domain folder, if it is no longer where it was; by default the log's."
-        ),
-    ] = None,
-    strategy: Annotated[
-        str | None,
-        typer.Option(
-            metavar="NAME", help="Read the decisions of this strategy; required if there are several."
-        ),
-    ] = None,
+    log: common.LogArgument,
+    domain: common.LoggedDomainOption = None,
+    strategy: common.LoggedStrategyOption = None,
     given: Annotated[
         bool,
         typer.Option(
@@ -52,22 +43,20 @@ def watch(
     """Raise an alarm if a log is not as knowledge and rates state.
 
     Tests after each person whether answers, labels and facts of the log agree with the program, the rates of
-    the classifiers and the observation model. An alarm names what is probably wrong. Exit code 0: no alarm;
-    1: an alarm; 2: lines that cannot be read.
+    the classifiers and the observation model. An alarm names what is probably wrong. A log of several
+    strategies needs --strategy, as their decisions may be about the same people. Exit code 0: no alarm; 1: an
+    alarm; 2: lines that cannot be read.
     """
     from functools import partial
     from time import sleep
 
-    from lcorpp.cli.logs.replay import summarise_damage
     from lcorpp.cli.output_files import check_figure
     from lcorpp.experiments.watching import LogWatch
     from lcorpp.plot_style import save_figure
 
     if plot is not None:
         check_figure(plot)
-    watching = LogWatch(
-        file, folder=domain, strategy=strategy, given=given, rate=rate, keeps=plot is not None
-    )
+    watching = LogWatch(log, folder=domain, strategy=strategy, given=given, rate=rate, keeps=plot is not None)
     damaged, alarms = list[DataError](), 0
     try:
         for result in watching.read(partial(sleep, PAUSE) if follow else None):
@@ -94,7 +83,7 @@ def watch(
 
         save_figure(plot_alarm(watching.log_e, rate), plot)
     if damaged:
-        raise DataError(summarise_damage(damaged, file))
+        raise DataError(common.summarise_damage(damaged, log))
     if alarms:
         raise typer.Exit(1)
 
