@@ -1,5 +1,7 @@
 """The alarm: its statistics by another way, its bound, and what it names."""
 
+import json
+
 import numpy as np
 import pytest
 
@@ -127,6 +129,41 @@ def test_other_hypotheses_about_the_same_faults_go_on():
     alarm = make_alarm(RIGHT, HALF)
     assert alarm.replace_hypotheses(make_hypotheses(BLIND, HALF))
     assert not alarm.replace_hypotheses(make_hypotheses(RIGHT, HALF, BLIND))
+
+
+@pytest.mark.parametrize("n_before", [0, 7, 200])
+def test_a_restart_goes_on_exactly(n_before):
+    people = list(draw(np.random.default_rng(5), 300, SWAPPED, wrong=0.4))
+    whole = make_alarm(RIGHT, HALF, SWAPPED, BLIND)
+    for evidence, steps in people[:n_before]:
+        whole.update(evidence, steps)
+    restarted = make_alarm(RIGHT, HALF, SWAPPED, BLIND)
+    restarted.restore(json.loads(json.dumps(whole.state(), allow_nan=False)))
+    assert restarted.findings == whole.findings
+    for evidence, steps in people[n_before:]:
+        assert restarted.update(evidence, steps) == whole.update(evidence, steps)
+    assert restarted.findings == whole.findings != []
+    assert restarted.state() == whole.state()
+
+
+def test_a_state_that_does_not_fit_is_refused():
+    alarm = make_alarm(RIGHT, HALF)
+    for evidence, steps in draw(np.random.default_rng(0), 5):
+        alarm.update(evidence, steps)
+    state = json.loads(json.dumps(alarm.state()))
+    with pytest.raises(DecisionError, match="the alarm is about 5 people already; expected a new one"):
+        alarm.restore(state)
+    with pytest.raises(DecisionError, match="an alarm with other hypotheses; expected its own"):
+        make_alarm(RIGHT, HALF, BLIND).restore(state)
+    with pytest.raises(DecisionError, match=r"with .*'rate': 0\.05\}; expected .*'rate': 0\.01\}"):
+        make_alarm(RIGHT, HALF, rate=0.01).restore(state)
+    finding = {"sources": ["wish"], "colour": "red"}
+    for damage in ({"posterior": [1]}, {"log_m": None}, {"knowledge": "x"}, {"findings": [finding]}):
+        with pytest.raises(DecisionError, match="the state of the alarm is damaged"):
+            make_alarm(RIGHT, HALF).restore(state | damage)
+    for name in state:
+        with pytest.raises(DecisionError, match=f"damaged .*{name}"):
+            make_alarm(RIGHT, HALF).restore({key: value for key, value in state.items() if key != name})
 
 
 def test_bad_arguments_are_refused():

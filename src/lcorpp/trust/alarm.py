@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
+from typing import Any
 
 import numpy as np
 
@@ -11,7 +12,7 @@ from lcorpp.errors import DecisionError
 from lcorpp.protocols import Dialogue
 from lcorpp.trust.answers import NOISE, STATED, AnswerModel
 from lcorpp.trust.hypotheses import Hypotheses
-from lcorpp.values import Label, Step
+from lcorpp.values import Array, Label, Step
 
 RATE = 0.05
 """Probability of a false alarm, ever, by default."""
@@ -24,6 +25,9 @@ KNOWLEDGE, HEARING = "knowledge", "hearing"
 CLEAR, PATIENCE = 0.9, 10.0
 """An alarm about the knowledge waits until a source has this probability, or E is beyond the threshold by
 this factor: what it names is then more often right."""
+
+TINY = np.finfo(np.float64).tiny
+"""Least likelihood of a person by a hypothesis that E is compared with; more makes E smaller."""
 
 EQUAL = 1e-6
 """Hypotheses whose log likelihoods differ by less cannot be told apart."""
@@ -82,7 +86,8 @@ class Alarm:
 
     def __init__(self, hypotheses: Hypotheses, dialogue: Dialogue, *, rate: float = RATE) -> None:
         check_rate(rate)
-        self._hypotheses, self._dialogue, self._threshold = hypotheses, dialogue, -np.log(rate)
+        self._hypotheses, self._dialogue = hypotheses, dialogue
+        self._rate, self._threshold = rate, -np.log(rate)
         logs = AnswerModel.of_tables(dialogue.tables).noisy_log_likelihoods  # (N, D, V)
         self._answers = logs.transpose(1, 0, 2).copy()
         self._noise = NOISE[COARSE]
@@ -119,9 +124,8 @@ class Alarm:
         top = logs.max()
         answers_given = np.exp(logs - top)
         person = joint @ answers_given[COARSE].T  # (F, noise)
-        with np.errstate(divide="ignore"):
-            self._knowledge += np.log(joint[0] @ answers_given.T) + top
-            self._hearing += np.log(person[:, self._stated]) + top
+        self._knowledge += np.log(np.maximum(joint[0] @ answers_given.T, TINY)) + top
+        self._hearing += np.log(np.maximum(person[:, self._stated], TINY)) + top
         self._posterior *= person
         total = float(self._posterior.sum())
         self._posterior /= total
@@ -140,6 +144,53 @@ class Alarm:
         if is_same:
             self._hypotheses = hypotheses
         return is_same
+
+    def state(self) -> dict[str, Any]:
+        """Return the state as JSON; numbers have all their digits."""
+        return {
+            "hypotheses": self._list_hypotheses(),
+            "options": self._options(),
+            "people": self.n_people,
+            "findings": [asdict(finding) | {"sources": list(finding.sources)} for finding in self.findings],
+            "log_m": self._log_m,
+            **{name: array.tolist() for name, array in self._arrays().items()},
+        }
+
+    def restore(self, state: Mapping[str, Any]) -> None:
+        """Go on exactly from the state of an alarm with the same arguments; it knows nobody yet.
+
+        Raises:
+            DecisionError: people were taken into account already; or the state is damaged, or is that of an
+                alarm with other arguments.
+        """
+        if self.n_people:
+            raise DecisionError(f"the alarm is about {self.n_people} people already; expected a new one")
+        try:
+            if state["hypotheses"] != self._list_hypotheses():
+                raise DecisionError("the state is of an alarm with other hypotheses; expected its own")
+            if state["options"] != self._options():
+                raise DecisionError(
+                    f"the state is of an alarm with {state['options']}; expected {self._options()}"
+                )
+            for name, array in self._arrays().items():
+                array[...] = np.array(state[name], np.float64).reshape(array.shape)
+            self._log_m, self.n_people = float(state["log_m"]), int(state["people"])
+            self.findings = [Finding(**f | {"sources": tuple(f["sources"])}) for f in state["findings"]]
+            if not np.isclose(self._posterior.sum(), 1) or not np.isfinite([*self.log_e.values()]).all():
+                raise ValueError("no probabilities of the hypotheses")
+        except (LookupError, TypeError, ValueError) as error:
+            raise DecisionError(
+                f"the state of the alarm is damaged ({type(error).__name__}: {error})"
+            ) from error
+
+    def _list_hypotheses(self) -> list[list[str]]:
+        return [list(fault) for fault in zip(self._hypotheses.sources, self._hypotheses.changes, strict=True)]
+
+    def _options(self) -> dict[str, Any]:
+        return {"given": self._hypotheses.given, "rate": self._rate}
+
+    def _arrays(self) -> dict[str, Array]:
+        return {"posterior": self._posterior, "knowledge": self._knowledge, "hearing": self._hearing}
 
     def _check(self) -> list[Finding]:
         log_e, known = self.log_e, {finding.part for finding in self.findings}

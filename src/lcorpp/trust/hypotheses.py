@@ -16,7 +16,7 @@ class Hypotheses:
     """F hypotheses: the stated program, and programs with one wrong attribute.
 
     sources: (F,) the attribute that is wrong, "" for the first, which is the stated program. changes: (F,)
-    what is wrong. shares: (F,) the probability of each in advance.
+    what is wrong. shares: (F,) the probability of each in advance. given: see below.
 
     Args:
         reasoners: (B,) the first is that of the stated program.
@@ -47,7 +47,7 @@ class Hypotheses:
         if not shape[0] or not np.array_equal(weights[0], np.eye(shape[1])[0]):
             raise DecisionError("the first hypothesis is another program; expected the stated one")
         self.domain = domain
-        self._reasoners, self._weights, self._given = reasoners, weights, given
+        self._reasoners, self._weights, self.given = reasoners, weights, given
         self._cache: dict[tuple[tuple[str, Label], ...], Array] = {}
 
     def predict(self, evidence: Mapping[str, Label]) -> Array:
@@ -75,7 +75,7 @@ class Hypotheses:
         known, p = dict[str, Label](), 1.0
         try:
             for name in sorted(evidence, key=lambda name: name in labels):
-                if not self._given or name in labels:
+                if not self.given or name in labels:
                     p *= _find_probability(reasoner, name, evidence[name], known)
                 known[name] = evidence[name]
             marginal = reasoner.posterior(self.domain.shared, known)
