@@ -38,7 +38,7 @@ Decision = tuple[Mapping[str, Label], tuple[Step, ...]]
 """Evidence and steps."""
 
 NOISES = (0.1, 0.2, 0.3, 0.4)
-PEOPLE = 2000
+N_PEOPLE = 2000
 
 
 class Fault(NamedTuple):
@@ -142,7 +142,7 @@ def solve_planner(pomdp: Pomdp) -> Planner:
 
 def draw_decisions(domain: Domain, rng: np.random.Generator, decider: Decider | None) -> Iterator[Decision]:
     """Yield the decisions about a stream of people; without a decider those of a robot with trust."""
-    people, model = Population(domain).sample(PEOPLE, rng), SimulationModel(domain)
+    people, model = Population(domain).sample(N_PEOPLE, rng), SimulationModel(domain)
     sense = domain.senses[0]
     truth = Reasoner(domain.simulation.true_program)
     rates = {
@@ -225,7 +225,7 @@ def main(
         for s in own:
             found = watch(domain, hypotheses, np.random.default_rng([seed, 99, s]), decider)
             counts += [finding is not None for finding in found]
-        words = f"{counts[0]} / {counts[1]} of {len(own)} streams of {PEOPLE} people"
+        words = f"{counts[0]} / {counts[1]} of {len(own)} streams of {N_PEOPLE} people"
         print(f"false alarms at noise {noise}: {words}", flush=True)
 
 

@@ -34,7 +34,7 @@ from lcorpp.values import Array
 RATES = np.array([[0.76, 0.24], [0.29, 0.71]])
 """P(label | value) of the classifier."""
 
-ASK_EVERY, ASKED = 20, 3
+REPEATED_EVERY, REPEATED_ANSWERS = 20, 3
 """One person in so many is asked until so many answers are heard."""
 
 ATTRIBUTES: Mapping[str, tuple[str, Mapping[str, float]]] = {
@@ -182,7 +182,7 @@ class World:
             facts = tuple(person[name] for name in self._domain.observed)
             value = values.index(person["intention"])
             label = int(rng.random() > RATES[value, 0])
-            history = self._decide(facts, label, value, i % ASK_EVERY == 0, rng)
+            history = self._decide(facts, label, value, i % REPEATED_EVERY == 0, rng)
             answers = self._dialogue.find_answers(history)
             cases.add(contexts.setdefault(facts, len(contexts)), [label], answers)
         names = [dict(zip(self._domain.observed, facts, strict=True)) for facts in contexts]
@@ -203,7 +203,7 @@ class World:
                 robot.actions.setdefault(key, robot.planner.action(belief))
             action = robot.actions[key]
             if self._domain.reported_value(action) is not None:
-                if not is_asked or len(history) >= ASKED:
+                if not is_asked or len(history) >= REPEATED_ANSWERS:
                     return history
                 action = "greet"
             is_wrong = rng.random() < self._noise

@@ -38,22 +38,24 @@ from lcorpp.learning.classifiers.registry import default_features
 from lcorpp.values import Array, Flags, wrap_angle
 
 INTERVAL = 0.4
-SEEN, AHEAD = 9, 12
-"""Points of a case, and after it."""
-LAST = 2
+"""Seconds between two points."""
+N_SEEN, N_AHEAD = 9, 12
+"""Points that the classifier sees, and later ones that determine the class."""
+DIRECTION_STEPS = 2
 """Steps over which a direction is measured: .8 s."""
-TURN = np.radians(35)
-STOP, MOVING = 0.2, 0.5
+MIN_TURN = np.radians(35)
+"""A person turns if the direction changes by more."""
+MAX_STOP_SPEED, MIN_MOVING_SPEED = 0.2, 0.5
 """m/s; a person stops below the first; above the second, people count as moving."""
-STANDING = 0.1
+MIN_DIRECTION_SPEED = 0.1
 """m/s; below this speed a direction is noise."""
 LEARNERS = ("summaries", "forest", "lstm-fast")
-"""The default. `minirocket` takes an hour for all windows, a minute for every twelfth window."""
+"""By default. `minirocket` takes an hour on all windows, and a minute on one window in twelve."""
 SCENES = ("eth", "hotel", "students03", "zara01", "zara02")
 
 
 def read_windows(folder: Path, every: int) -> tuple[Array, npt.NDArray[np.str_]]:
-    """(cases, 2, SEEN + AHEAD) positions in metres, one window in `every`, and the scene of each (cases,)."""
+    """Return positions (cases, 2, N_SEEN + N_AHEAD) in metres, one window in `every`, and scenes (cases,)."""
     windows, scenes = [], []
     for file in sorted(folder.glob("*.txt")):
         scene = file.stem.rpartition("_")[2]
@@ -62,8 +64,8 @@ def read_windows(folder: Path, every: int) -> tuple[Array, npt.NDArray[np.str_]]
         step = np.median(np.concatenate([np.diff(track[:, 0]) for track in tracks]))
         for track in tracks:
             for piece in np.split(track, np.flatnonzero(np.diff(track[:, 0]) != step) + 1):
-                for first in range(0, len(piece) - SEEN - AHEAD + 1, every):
-                    windows.append(piece[first : first + SEEN + AHEAD, [2, 4]].T)
+                for first in range(0, len(piece) - N_SEEN - N_AHEAD + 1, every):
+                    windows.append(piece[first : first + N_SEEN + N_AHEAD, [2, 4]].T)
                     scenes.append(scene)
     missing = sorted(set(SCENES) - set(scenes))
     if missing:
@@ -73,19 +75,19 @@ def read_windows(folder: Path, every: int) -> tuple[Array, npt.NDArray[np.str_]]
 
 def label_turns(windows: Array) -> tuple[Flags, Flags]:
     """(cases,) who turns in the future, and who moves when it begins."""
-    moves = windows[:, :, LAST:] - windows[:, :, :-LAST]
-    now, later = moves[:, :, SEEN - LAST - 1, None], moves[:, :, SEEN - 1 :]
+    moves = windows[:, :, DIRECTION_STEPS:] - windows[:, :, :-DIRECTION_STEPS]
+    now, later = moves[:, :, N_SEEN - DIRECTION_STEPS - 1, None], moves[:, :, N_SEEN - 1 :]
     directions, reference = np.arctan2(later[:, 1], later[:, 0]), np.arctan2(now[:, 1], now[:, 0])
     change = np.abs(wrap_angle(directions - reference))
-    is_moving = np.hypot(later[:, 0], later[:, 1]) > STOP * LAST * INTERVAL
-    speed = np.hypot(now[:, 0, 0], now[:, 1, 0]) / (LAST * INTERVAL)
-    return ((change > TURN) & is_moving).any(axis=1), speed > MOVING
+    is_moving = np.hypot(later[:, 0], later[:, 1]) > MAX_STOP_SPEED * DIRECTION_STEPS * INTERVAL
+    speed = np.hypot(now[:, 0, 0], now[:, 1, 0]) / (DIRECTION_STEPS * INTERVAL)
+    return ((change > MIN_TURN) & is_moving).any(axis=1), speed > MIN_MOVING_SPEED
 
 
 def label_stops(windows: Array) -> tuple[Flags, Flags]:
     """(cases,) who stops in the future, and who moves when it begins."""
     speed = np.hypot(*np.diff(windows, axis=2).transpose(1, 0, 2)) / INTERVAL
-    return (speed[:, SEEN - 1 :] < STOP).any(axis=1), speed[:, SEEN - 2] > MOVING
+    return (speed[:, N_SEEN - 1 :] < MAX_STOP_SPEED).any(axis=1), speed[:, N_SEEN - 2] > MIN_MOVING_SPEED
 
 
 def summarize(tracks: Array) -> Array:
@@ -95,11 +97,11 @@ def summarize(tracks: Array) -> Array:
     acceleration = np.diff(speed, axis=1) / INTERVAL
     heading = np.arctan2(velocity[:, 1], velocity[:, 0])
     turning = wrap_angle(np.diff(heading, axis=1))
-    turning = np.where(np.minimum(speed[:, 1:], speed[:, :-1]) > STANDING, turning, 0.0) / INTERVAL
+    turning = np.where(np.minimum(speed[:, 1:], speed[:, :-1]) > MIN_DIRECTION_SPEED, turning, 0.0) / INTERVAL
     series = (speed, acceleration, np.abs(acceleration), np.abs(turning))
     features = [f(axis=1) for row in series for f in (row.mean, row.std, row.min, row.max)]
     features += [row[:, -1] for row in series]
-    length = np.maximum(speed.sum(axis=1) * INTERVAL, STANDING)
+    length = np.maximum(speed.sum(axis=1) * INTERVAL, MIN_DIRECTION_SPEED)
     straightness = np.hypot(*(tracks[:, :, -1] - tracks[:, :, 0]).T) / length
     return np.stack([*features, straightness, np.abs(turning.mean(axis=1))], axis=1)
 
@@ -142,7 +144,7 @@ def main(
     counts = []
     for label, rule in (("turn", label_turns), ("stop", label_stops)):
         happens, usable = rule(windows)
-        tracks, y, place = windows[usable, :, :SEEN], happens[usable], scenes[usable]
+        tracks, y, place = windows[usable, :, :N_SEEN], happens[usable], scenes[usable]
         counts.append(f"{label}: {len(y)} cases, {100 * y.mean():.0f} % positive")
         work = [(name, "statistics", make, summarize(tracks)) for name, make in baselines().items()]
         for name in learners or LEARNERS:

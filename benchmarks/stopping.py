@@ -27,8 +27,8 @@ from lcorpp.values import ConfusionMatrix
 RULES = ((0.0, 0.05), (0.0, 0.18), (0.95, 0.25), (0.95, 0.2), (0.95, None), (0.95, 0.15))
 """Confidence and epsilon; with confidence 0 the estimates are compared, as in the paper."""
 
-PRECISE = 0.05
-"""Largest error of a rate that is known well enough."""
+MAX_RATE_ERROR = 0.05
+"""Largest error of a rate that counts as accurate."""
 
 HEADER = """| confidence | epsilon | runs that stop | batch | its CV | both rates within .05 |
 |---|---|---|---|---|---|
@@ -80,7 +80,7 @@ def describe_rules(runs: list[list[ConfusionMatrix]]) -> str:
             for run, stop in zip(runs, stops, strict=True)
             if stop is not None
         ]
-        precise = np.mean([np.abs(rate - limit).max() <= PRECISE for rate in rates])
+        precise = np.mean([np.abs(rate - limit).max() <= MAX_RATE_ERROR for rate in rates])
         variation = batches.std(ddof=1) / batches.mean()
         extent = f"{batches.mean():.1f} ({batches.min()} to {batches.max()})"
         rows.append(f"{row} {extent} | {variation:.2f} | {precise:.2f} |\n")

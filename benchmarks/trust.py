@@ -36,14 +36,17 @@ from lcorpp.simulation.people import Population
 from lcorpp.simulation.world import SimulationModel
 from lcorpp.values import Array, Instance
 
-TIMES = {"student": (0.15, 0.15), "professor": (0.8, 0.1), "visitor": (0.1, 0.7)}
-LIBRARY = {"student": 0.3, "professor": 0.1, "visitor": 0.8}
-INTERESTED = {"student": 0.3, "professor": 0.1, "visitor": 0.8}
+TIME_NUMBERS = {"student": (0.15, 0.15), "professor": (0.8, 0.1), "visitor": (0.1, 0.7)}
+LIBRARY_NUMBERS = {"student": 0.3, "professor": 0.1, "visitor": 0.8}
+INTENTION_NUMBERS = {"student": 0.3, "professor": 0.1, "visitor": 0.8}
 STATED_RATES = (0.76, 0.29)
-HONEST = ((0.5, 0.5), (0.6, 0.4), STATED_RATES, (0.9, 0.1))
-LYING = ((0.5, 0.5), (0.594, 0.119), (0.29, 0.76))
+"""P(one | interested) and P(one | not interested) of the classifier."""
+KNOWN_RATES = ((0.5, 0.5), (0.6, 0.4), STATED_RATES, (0.9, 0.1))
+"""True rates that are also the stated ones."""
+MISSTATED_RATES = ((0.5, 0.5), (0.594, 0.119), (0.29, 0.76))
+"""True rates while `STATED_RATES` are stated."""
 NOISES = (0.1, 0.2, 0.3, 0.4)
-COSTS = {"stated": 1.0, "half": 0.5, "double": 2.0}
+COST_FACTORS = {"stated": 1.0, "half": 0.5, "double": 2.0}
 QUESTIONS = ("move_forward", "greet", "turn")
 BASELINES = ("P", "R+P", "L+P", "LCORPP")
 
@@ -61,14 +64,18 @@ def invert(numbers: Mapping[str, float]) -> dict[str, float]:
 
 
 KNOWLEDGE: Mapping[str, Numbers] = {
-    "right": (TIMES, LIBRARY, INTERESTED),
-    "no locations": (TIMES, dict.fromkeys(LIBRARY, 0.5), INTERESTED),
-    "no times": (dict.fromkeys(TIMES, (1 / 3, 1 / 3)), LIBRARY, INTERESTED),
-    "vague": (TIMES, LIBRARY, {identity: (p + 0.4) / 2 for identity, p in INTERESTED.items()}),
-    "swapped": (TIMES, LIBRARY, swap(INTERESTED)),
-    "inverted": (TIMES, LIBRARY, invert(INTERESTED)),
-    "times swapped": (swap(TIMES), LIBRARY, INTERESTED),
-    "locations inverted": (TIMES, invert(LIBRARY), INTERESTED),
+    "right": (TIME_NUMBERS, LIBRARY_NUMBERS, INTENTION_NUMBERS),
+    "no locations": (TIME_NUMBERS, dict.fromkeys(LIBRARY_NUMBERS, 0.5), INTENTION_NUMBERS),
+    "no times": (dict.fromkeys(TIME_NUMBERS, (1 / 3, 1 / 3)), LIBRARY_NUMBERS, INTENTION_NUMBERS),
+    "vague": (
+        TIME_NUMBERS,
+        LIBRARY_NUMBERS,
+        {identity: (p + 0.4) / 2 for identity, p in INTENTION_NUMBERS.items()},
+    ),
+    "swapped": (TIME_NUMBERS, LIBRARY_NUMBERS, swap(INTENTION_NUMBERS)),
+    "inverted": (TIME_NUMBERS, LIBRARY_NUMBERS, invert(INTENTION_NUMBERS)),
+    "times swapped": (swap(TIME_NUMBERS), LIBRARY_NUMBERS, INTENTION_NUMBERS),
+    "locations inverted": (TIME_NUMBERS, invert(LIBRARY_NUMBERS), INTENTION_NUMBERS),
 }
 
 
@@ -87,7 +94,7 @@ def make_program(text: str, numbers: Numbers, rates: tuple[float, float]) -> Pro
     """Return the program of the domain with other numbers."""
     times, library, interested = numbers
     lines = [line for line in text.splitlines() if not line.startswith("pr(")]
-    for identity in TIMES:
+    for identity in TIME_NUMBERS:
         for time, p in zip(("morning", "afternoon"), times[identity], strict=True):
             lines.append(f"pr(time={time} | identity={identity}) = {p!r}.")
         lines.append(f"pr(location=library | identity={identity}) = {library[identity]!r}.")
@@ -107,7 +114,7 @@ def make_domain(cell: Cell, *, omniscient: bool = False) -> Domain:
     reward, observation = pomdp.reward.copy(), pomdp.observation.dense.copy()
     for action in QUESTIONS:
         a = pomdp.action_index(action)
-        reward[a] *= COSTS[cell.costs]
+        reward[a] *= COST_FACTORS[cell.costs]
         answered = heard[a, :, 2] == 0  # not after a turn that failed
         right = heard[a, answered].argmax(axis=1)
         heard[a, answered, :2] = cell.noise
@@ -239,8 +246,10 @@ def main(
     out: Annotated[Path | None, typer.Option(metavar="FOLDER")] = None,
 ) -> None:
     """Run the grid; print the table, and write it with heat maps."""
-    pairs = [(r, r) for r in HONEST] if rates == "honest" else [(r, STATED_RATES) for r in LYING]
-    grid = [Cell(k, n, *r, c) for k, n, r, c in product(KNOWLEDGE, NOISES, pairs, COSTS)]
+    pairs = (
+        [(r, r) for r in KNOWN_RATES] if rates == "honest" else [(r, STATED_RATES) for r in MISSTATED_RATES]
+    )
+    grid = [Cell(k, n, *r, c) for k, n, r, c in product(KNOWLEDGE, NOISES, pairs, COST_FACTORS)]
     if cells:
         chosen = np.random.default_rng([seed, 1]).permutation(len(grid))[:cells]
         grid = [grid[i] for i in sorted(chosen)]

@@ -9,7 +9,7 @@ from lcorpp import load_domain
 from lcorpp.experiments.setup import solve_domain
 from lcorpp.planning import write_policy
 
-FEW = ("--tracks", 60, "--learner", "summaries", "--batch-size", 4, "--epsilon", 0, "--jobs", 1)
+FAST_OPTIONS = ("--tracks", 60, "--learner", "summaries", "--batch-size", 4, "--epsilon", 0, "--jobs", 1)
 
 WORLD = """
 class Honest:
@@ -23,7 +23,7 @@ class Honest:
 
 
 def learn(lcorpp, *options, batches=1):
-    ended = lcorpp("learn", *FEW, "--max-batches", batches, *options)
+    ended = lcorpp("learn", *FAST_OPTIONS, "--max-batches", batches, *options)
     assert ended.code == 0, ended.err
     return [line for line in ended.out.splitlines() if line.startswith("batch")]
 
@@ -40,9 +40,9 @@ def test_the_threshold_determines_the_labels_and_the_matrix(lcorpp, labels):
 def test_a_resumed_run_keeps_its_threshold(lcorpp, tmp_path):
     store = ("--threshold", "youden", "--store", tmp_path / "s.tracks")
     learn(lcorpp, *store)
-    resumed = lcorpp("learn", *FEW, *store, "--max-batches", 2).out
+    resumed = lcorpp("learn", *FAST_OPTIONS, *store, "--max-batches", 2).out
     assert resumed.splitlines()[-2] == learn(lcorpp, "--threshold", "youden", batches=2)[-1]
-    other = lcorpp("learn", *FEW, *store[2:], "--threshold", 0.7, "--max-batches", 3)
+    other = lcorpp("learn", *FAST_OPTIONS, *store[2:], "--threshold", 0.7, "--max-batches", 3)
     assert "threshold was youden, and is 0.7 now; trained on all that is stored" in other.out
 
 
@@ -84,5 +84,5 @@ def test_an_own_world_answers(lcorpp, tmp_path):
     ],
 )
 def test_options_without_effect_or_meaning_are_refused(lcorpp, options, words):
-    refused = lcorpp("learn", *FEW, *options)
+    refused = lcorpp("learn", *FAST_OPTIONS, *options)
     assert (refused.code, words in refused.err, "Traceback" in refused.err) == (2, True, False)

@@ -8,7 +8,7 @@ import pytest
 
 from lcorpp.domains import load_domain
 from lcorpp.fitting import list_faults
-from lcorpp.fitting.faults import MAX_TABLES, TABLES, _make_lattice
+from lcorpp.fitting.faults import MAX_TABLES, TABLE_CHANGE, _make_lattice
 from lcorpp.reasoning import Reasoner, parse_plog
 
 COIN = """
@@ -26,7 +26,7 @@ def list_simple(faults, attribute):
         change: [row @ [r.posterior("side", {"who": w}).probabilities[0] for r in faults.reasoners]
                  for w in ("honest", "cheat")]
         for row, own, change in zip(faults.weights, faults.attributes, faults.changes, strict=True)
-        if own == attribute and change != TABLES
+        if own == attribute and change != TABLE_CHANGE
     }  # fmt: skip
 
 
@@ -49,14 +49,16 @@ def test_attributes_have_equal_shares_and_within_one_simple_faults_and_tables():
     simple = dict.fromkeys(faults.attributes, 0.0)
     for name, change, p in zip(faults.attributes, faults.changes, faults.shares, strict=True):
         share[name] += p
-        simple[name] += p * (change != TABLES)
+        simple[name] += p * (change != TABLE_CHANGE)
     assert share == pytest.approx(dict.fromkeys(["", "time", "location", "intention", "classifier"], 0.2))
     assert simple == pytest.approx({name: 0.2 if name == "" else 0.1 for name in share})
 
 
 def test_a_table_is_the_program_with_its_numbers():
     faults = list_faults(parse_plog(COIN.format("0.2", "1/3")), ["who", "side"])
-    tables = [row for row, change in zip(faults.weights, faults.changes, strict=True) if change == TABLES]
+    tables = [
+        row for row, change in zip(faults.weights, faults.changes, strict=True) if change == TABLE_CHANGE
+    ]
     lattice = list(_make_lattice(2, 2))
     assert len(tables) == len(lattice) == 256
     for row, table in list(zip(tables, lattice, strict=True))[::25]:
@@ -83,13 +85,15 @@ def test_a_lattice_has_distributions_as_rows_and_is_not_too_large(n_rows, n_valu
 
 def test_overlapping_conditions_and_arguments_have_simple_faults_alone():
     faults = list_faults(load_domain("shopping").program, ["time", "item", "person", "room"])
-    kinds = {(name, change == TABLES) for name, change in zip(faults.attributes, faults.changes, strict=True)}
+    kinds = {
+        (name, change == TABLE_CHANGE) for name, change in zip(faults.attributes, faults.changes, strict=True)
+    }
     expected = {(name, tables) for name, tables in product(("requester", "person"), (False, True))}
     assert kinds == {("", False), ("item", False), ("place", False), *expected}
     museum = load_domain("museum")
     faults = list_faults(museum.program, [*museum.observed, "wish"])
     wish = [c for name, c in zip(faults.attributes, faults.changes, strict=True) if name == "wish"]
-    assert TABLES not in wish
+    assert TABLE_CHANGE not in wish
     assert "alone and family exchanged" not in wish
     assert "group=alone and group=family exchanged" in wish
 

@@ -29,9 +29,9 @@ TIMELINE = learning.cross_predict_over_time(TRAINED.estimator, DATA, folds=2)
 SEARCH = learning.search_trigger(TIMELINE)
 PREFIX_SETS = learning.fit_prefix_sets(TIMELINE)
 SETS, CALIBRATION = TRAINED.prediction_sets, TRAINED.calibration
-P = VALIDATION.probabilities
+PROBABILITIES = VALIDATION.probabilities
 MATRIX = ConfusionMatrix(("a", "b"), [[8, 2], [3, 7]])
-TRACK, NOWHERE = DATA.trajectories[0], "/nowhere/a"
+TRACK, MISSING_FILE = DATA.trajectories[0], "/nowhere/a"
 MOTION = {"rate": 3.0, "interval": 0.1, "features": ("x", "y"), "inputs": ("x", "y")}
 REPORT = learning.build_report(VALIDATION)
 
@@ -42,8 +42,8 @@ def fit(kind, tracks=DATA.trajectories):
 
 
 MORE_CALLS = {
-    "Calibration.calibrate": (CALIBRATION.calibrate, {"probabilities": P}),
-    "Calibration.likelihoods": (CALIBRATION.likelihoods, {"probabilities": P}),
+    "Calibration.calibrate": (CALIBRATION.calibrate, {"probabilities": PROBABILITIES}),
+    "Calibration.likelihoods": (CALIBRATION.likelihoods, {"probabilities": PROBABILITIES}),
     "ChannelStandardizer": (learning.ChannelStandardizer().fit, {"X": DATA.trajectories}),
     "DecisionThreshold": (learning.DecisionThreshold, {"name": "a", "probability": 0.5}),
     "LstmClassifier": (fit(learning.LstmClassifier), {
@@ -55,9 +55,9 @@ MORE_CALLS = {
     "PredictionSets": (learning.PredictionSets, {
         name: getattr(SETS, name)
         for name in ("classes", "coverage", "floors", "best", "members", "counts")}),
-    "PredictionSets.contains": (SETS.contains, {"probabilities": P}),
-    "PredictionSets.predict": (SETS.predict, {"probabilities": P}),
-    "PredictionSets.likelihoods": (SETS.likelihoods, {"probabilities": P}),
+    "PredictionSets.contains": (SETS.contains, {"probabilities": PROBABILITIES}),
+    "PredictionSets.predict": (SETS.predict, {"probabilities": PROBABILITIES}),
+    "PredictionSets.likelihoods": (SETS.likelihoods, {"probabilities": PROBABILITIES}),
     "PredictionSets.from_json": (SETS.from_json, {"numbers": SETS.to_json()}),
     "PredictionTimeline": (learning.PredictionTimeline, {
         name: getattr(TIMELINE, name)
@@ -78,7 +78,7 @@ MORE_CALLS = {
         "C": 0.1, "max_cases": None}),
     "SoftClassifier.classify": (TRAINED.soft().classify, {"signal": TRACK}),
     "SoftClassifier.classify_many": (TRAINED.soft().classify_many, {"trajectories": DATA.trajectories}),
-    "Store": (learning.Store, {"path": NOWHERE, "schema": SCHEMA}),
+    "Store": (learning.Store, {"path": MISSING_FILE, "schema": SCHEMA}),
     "StreamingClassifier.push": (learning.StreamingClassifier(TRAINED.estimator).push, {
         "time": 0.0, "person": "a"}),
     "SummaryFeatures": (fit(learning.SummaryFeatures), {"rate": 3.0}),
@@ -101,13 +101,14 @@ MORE_CALLS = {
                      "weights")}),
     "Validation.with_predictions": (VALIDATION.with_predictions, {"predictions": VALIDATION.predictions}),
     "apply_threshold": (learning.apply_threshold, {
-        "classes": ("a", "b"), "probabilities": P, "threshold": learning.DecisionThreshold("a", 0.5)}),
+        "classes": ("a", "b"), "probabilities": PROBABILITIES,
+        "threshold": learning.DecisionThreshold("a", 0.5)}),
     "build_report": (learning.build_report, {
         "validation": VALIDATION, "positive": "fast", "prevalence": None, "costs": (1.0, 2.0),
         "learner": "", "source": "", "coverage": 0.9}),
     "calibrate_prefixes": (learning.calibrate_prefixes, {"timeline": TIMELINE}),
     "choose_threshold": (learning.choose_threshold, {
-        "scores": P[:, 0], "positive": np.arange(20) % 2 == 0, "folds": VALIDATION.folds,
+        "scores": PROBABILITIES[:, 0], "positive": np.arange(20) % 2 == 0, "folds": VALIDATION.folds,
         "prevalence": 0.5, "goal": "f1"}),
     "convert_snapshot": (learning.convert_snapshot, {"snapshot": None}),
     "count_repairs": (learning.count_repairs, {"repairs": ()}),
@@ -121,7 +122,7 @@ MORE_CALLS = {
         "min_updates": 1, "dropout": 0.1, "learning_rate": 0.01, "schedule": "one-cycle",
         "features": ("velocity",)}),
     "fit_calibration": (learning.fit_calibration, {
-        "classes": VALIDATION.classes, "probabilities": P, "labels": VALIDATION.labels,
+        "classes": VALIDATION.classes, "probabilities": PROBABILITIES, "labels": VALIDATION.labels,
         "weights": VALIDATION.weights}),
     "fit_prediction_sets": (learning.fit_prediction_sets, {"validation": VALIDATION, "coverage": 0.9,
                                                            "by_class": True}),
@@ -129,28 +130,28 @@ MORE_CALLS = {
     "fit_trigger": (learning.fit_trigger, {"timeline": TIMELINE, "rule": "threshold", "waiting_cost": 0.1}),
     "learner": (learning.learner, {"name": "summaries", "interval": 0.1, "inputs": ("x", "y"),
                                    "features": ("x", "y"), "seed": 0, "epochs": None, "device": "cpu"}),
-    "load_classifier": (learning.load_classifier, {"path": NOWHERE}),
+    "load_classifier": (learning.load_classifier, {"path": MISSING_FILE}),
     "paper_pipeline": (lambda **given: fit(learning.paper_pipeline)(**given, epochs=1),
                        {**MOTION, "class_weight": None}),
-    "plot_report": (learning.plot_report, {"report": REPORT, "path": NOWHERE}),
-    "plot_timeline": (learning.plot_timeline, {"timeline": TIMELINE, "path": NOWHERE, "class_name": "fast",
-                                               "examples": 2}),
+    "plot_report": (learning.plot_report, {"report": REPORT, "path": MISSING_FILE}),
+    "plot_timeline": (learning.plot_timeline, {"timeline": TIMELINE, "path": MISSING_FILE,
+                                               "class_name": "fast", "examples": 2}),
     "plot_tracks": (learning.plot_tracks, {"recording": RECORDING, "title": "", "max_tracks": 3}),
-    "plot_trigger": (learning.plot_trigger, {"searches": {"a": SEARCH}, "path": NOWHERE}),
+    "plot_trigger": (learning.plot_trigger, {"searches": {"a": SEARCH}, "path": MISSING_FILE}),
     "predict_over_time": (learning.predict_over_time, {"pipeline": TRAINED.estimator, "dataset": DATA,
                                                        "min_points": 2, "window": None}),
-    "read_authors": (learning.read_authors, {"folder": NOWHERE, "labels": {"1": "a", "0": "b"}}),
-    "read_store": (learning.read_store, {"path": NOWHERE}),
+    "read_authors": (learning.read_authors, {"folder": MISSING_FILE, "labels": {"1": "a", "0": "b"}}),
+    "read_store": (learning.read_store, {"path": MISSING_FILE}),
     "resample": (learning.resample, {"times": TIMES, "samples": np.zeros((2, 3)), "rate": 3.0,
                                      "angles": (1,)}),
-    "save_classifier": (learning.save_classifier, {"classifier": TRAINED, "path": NOWHERE}),
+    "save_classifier": (learning.save_classifier, {"classifier": TRAINED, "path": MISSING_FILE}),
     "search_trigger": (learning.search_trigger, {"timeline": TIMELINE, "rule": "threshold",
                                                  "waiting_cost": None}),
     "train_and_validate": (learning.train_and_validate, {
         "estimator": TRAINED.estimator, "dataset": DATA, "folds": 2, "seed": 0, "jobs": 1, "coverage": 0.9}),
     "with_prefixes": (learning.with_prefixes, {"dataset": DATA, "fractions": (0.5, 1.0)}),
-    "write_report": (learning.write_report, {"report": REPORT, "folder": NOWHERE}),
-    "write_timeline": (learning.write_timeline, {"timeline": TIMELINE, "path": NOWHERE}),
+    "write_report": (learning.write_report, {"report": REPORT, "folder": MISSING_FILE}),
+    "write_timeline": (learning.write_timeline, {"timeline": TIMELINE, "path": MISSING_FILE}),
     "stopping.check_stopping": (stopping.check_stopping, {"epsilon": 0.1, "confidence": 0.5}),
     "stopping.choose_epsilon": (stopping.choose_epsilon, {"epsilon": None, "n_classes": 2}),
     "stopping.compute_change": (stopping.compute_change, {"before": MATRIX, "after": MATRIX,
@@ -178,7 +179,7 @@ RESULTS = {
 }  # fmt: skip
 """Public names that calls return, not made by callers."""
 
-BAD = {
+BAD_VALUES = {
     "fraction": 2.5, "zero": 0, "negative": -1, "nothing": None, "NaN": float("nan"),
     "infinity": float("inf"), "truth": True, "text": "unknown", "no text": "", "empty list": [],
     "list of None": [None], "ragged list": [[1, 2], [3]], "wrong shape": np.zeros((2, 0, 1, 1)),
@@ -193,11 +194,11 @@ def test_every_public_name_is_called():
         learning.fetch_authors(2.5)
 
 
-@pytest.mark.parametrize("kind", BAD)
+@pytest.mark.parametrize("kind", BAD_VALUES)
 @pytest.mark.parametrize("name", {**CALLS, **MORE_CALLS})
 def test_a_bad_argument_is_used_or_a_typed_error(name, kind, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)  # some names of files are good
     call, good = {**CALLS, **MORE_CALLS}[name]
     for argument in good:
         with suppress(LcorppError):
-            call(**{**good, argument: BAD[kind]})
+            call(**{**good, argument: BAD_VALUES[kind]})

@@ -54,7 +54,7 @@ RECORDING = Recording(
     )
 )
 TIMES = np.arange(3.0)
-HALF = np.full(2, 0.5)
+HALVES = np.full(2, 0.5)
 SCHEMA = TrackSchema(("x", "y"), interval=0.033, classes=("a", "b"))
 NUMBERS = np.zeros((4, 2))
 NAMES = np.array(["a", "b"] * 2)
@@ -69,7 +69,7 @@ def store(tmp_path, **fields):
 CALLS = {
     "Dataset": (Dataset, {"trajectories": np.zeros((2, 2, 3)), "labels": ("a", "b"), "groups": ("1", "2"),
                           "source": "", "notes": (), "interval": 0.1, "channels": ("x", "y"),
-                          "weights": HALF}),
+                          "weights": HALVES}),
     "last": (DATA.last, {"seconds": 1.0}),
     "search_trigger": (search_trigger, {"timeline": VALIDATION}),
     "take": (DATA.take, {"rows": [0, 1]}),
@@ -87,8 +87,8 @@ CALLS = {
     "fit_calibration": (fit_calibration, {"classes": ("a", "b"), "probabilities": np.full((4, 2), 0.5),
                                           "labels": tuple(NAMES.tolist())}),
     "cross_calibrate": (cross_calibrate, {"validation": VALIDATION}),
-    "Calibration": (Calibration, {"classes": ("a", "b"), "slope": 1.0, "offsets": 0 * HALF,
-                                  "lapses": 0 * HALF, "shares": HALF}),
+    "Calibration": (Calibration, {"classes": ("a", "b"), "slope": 1.0, "offsets": 0 * HALVES,
+                                  "lapses": 0 * HALVES, "shares": HALVES}),
     "from_json": (Calibration.from_json, {"numbers": VALIDATION}),
     "PrefixCalibration": (PrefixCalibration, {"min_points": 2, "calibrations": ()}),
     "measure_leakage": (measure_leakage, {"data": DATA, "n_splits": 1, "seed": 0}),
@@ -114,14 +114,14 @@ CALLS = {
     "read_recording": (read_recording, {"path": "/nowhere", "labels": {}, "robot": (0, 0, 0), "gap": 5.0}),
     "write_recording": (write_recording, {"recording": RECORDING, "path": "/nowhere/a.csv"}),
 }  # fmt: skip
-BAD = (object(), 1j, [[1, 2], [3]], {"a": object()}, [None], lambda: None)
+BAD_VALUES = (object(), 1j, [[1, 2], [3]], {"a": object()}, [None], lambda: None)
 
 
 @pytest.mark.parametrize("name", CALLS)
 def test_every_bad_argument_is_a_typed_error(name):
     call, good = CALLS[name]
     for argument in good:
-        for value in BAD:
+        for value in BAD_VALUES:
             if argument == "labels" and name == "read_recording" and isinstance(value, list):
                 continue
             with pytest.raises(LcorppError):
@@ -178,7 +178,7 @@ def test_the_message_names_the_argument_its_value_and_what_was_expected(call, wo
 def test_bad_fields_of_a_new_track_are_typed_errors(tmp_path):
     good = {"trajectory": np.zeros((2, 3)), "label": "a", "source": "robot", "belief": None, "context": {}}
     for field in good:
-        for value in BAD:
+        for value in BAD_VALUES:
             with pytest.raises(LcorppError):
                 store(tmp_path, **{**good, field: value})
     with pytest.raises(DataError, match="path is None; expected a text or a Path"):

@@ -11,7 +11,7 @@ from lcorpp.values import Array, Distribution, Label
 from tests.decision.fakes import VALUES, FakePlanner
 
 ANSWERS = ("nod", "shake")
-STATED = np.array([[[0.75, 0.25], [0.25, 0.75]]])
+STATED_TABLES = np.array([[[0.75, 0.25], [0.25, 0.75]]])
 
 
 class SkyReasoner:
@@ -37,7 +37,7 @@ class SkyReasoner:
 class AskDialogue:
     """The action "ask" is the only question. Planners are recorded with their tables."""
 
-    tables = STATED
+    tables = STATED_TABLES
     question = "ask"
 
     def __init__(self) -> None:
@@ -54,5 +54,5 @@ class AskDialogue:
         return {"planned": len(self.planned)}
 
     def restore(self, state: Mapping[str, Any]) -> FakePlanner:
-        self.planned = [STATED] * state["planned"]
+        self.planned = [STATED_TABLES] * state["planned"]
         return FakePlanner()

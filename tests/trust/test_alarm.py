@@ -7,16 +7,16 @@ import pytest
 
 from lcorpp.errors import DecisionError, UndefinedError
 from lcorpp.trust import Alarm, Hypotheses
-from lcorpp.trust.alarm import COARSE, HEARING, KNOWLEDGE
-from lcorpp.trust.answers import NOISE
+from lcorpp.trust.alarm import ALTERNATIVE_DEGREES, HEARING, KNOWLEDGE
+from lcorpp.trust.answers import NOISE_DEGREES
 from lcorpp.values import Likelihood, Step
 from tests.decision.fakes import VALUES, FakeDomain
 from tests.trust.fakes import ANSWERS, AskDialogue, SkyReasoner
 
-RIGHT = SkyReasoner()
-HALF = SkyReasoner(sunny=0.5, grey=0.5)
-SWAPPED = SkyReasoner(sunny=0.2, grey=0.9)
-BLIND = SkyReasoner(rates=(0.5, 0.5))
+STATED_PROGRAM = SkyReasoner()
+UNIFORM_PROGRAM = SkyReasoner(sunny=0.5, grey=0.5)
+SWAPPED_PROGRAM = SkyReasoner(sunny=0.2, grey=0.9)
+UNINFORMATIVE_RATES = SkyReasoner(rates=(0.5, 0.5))
 
 
 def make_hypotheses(*reasoners, sources=("", "wish", "wish", "label")):
@@ -29,7 +29,7 @@ def make_alarm(*reasoners, rate=0.05, **options):
     return Alarm(make_hypotheses(*reasoners, **options), AskDialogue(), rate=rate)
 
 
-def draw(rng, n, truth=RIGHT, wrong=0.25, n_answers=3):
+def draw(rng, n, truth=STATED_PROGRAM, wrong=0.25, n_answers=3):
     """Yield the evidence and steps of n people."""
     for _ in range(n):
         sky = ("sunny", "grey")[rng.integers(2)]
@@ -40,12 +40,12 @@ def draw(rng, n, truth=RIGHT, wrong=0.25, n_answers=3):
 
 
 def test_e_is_the_mean_likelihood_over_that_of_the_null():
-    reasoners, rng = (RIGHT, HALF, BLIND), np.random.default_rng(0)
+    reasoners, rng = (STATED_PROGRAM, UNIFORM_PROGRAM, UNINFORMATIVE_RATES), np.random.default_rng(0)
     alarm = make_alarm(*reasoners, sources=("", "wish", "label"), rate=1e-300)
-    likelihood = np.ones((3, len(NOISE)))
+    likelihood = np.ones((3, len(NOISE_DEGREES)))
     for evidence, steps in draw(rng, 40):
         for f, reasoner in enumerate(reasoners):
-            for d, noise in enumerate(NOISE):
+            for d, noise in enumerate(NOISE_DEGREES):
                 wrong = np.clip(0.25 + noise * 0.25, 1e-3, None)
                 total = 0.0
                 for value in (0, 1):
@@ -56,19 +56,22 @@ def test_e_is_the_mean_likelihood_over_that_of_the_null():
                     total += p
                 likelihood[f, d] *= total
         alarm.update(evidence, steps)
-    mean = likelihood[:, COARSE].mean()
+    mean = likelihood[:, ALTERNATIVE_DEGREES].mean()
     assert alarm.log_e[KNOWLEDGE] == pytest.approx(np.log(mean / likelihood[0].max()))
-    stated = int(np.flatnonzero(NOISE == 0)[0])
+    stated = int(np.flatnonzero(NOISE_DEGREES == 0)[0])
     assert alarm.log_e[HEARING] == pytest.approx(np.log(mean / likelihood[:, stated].max()))
     assert alarm.n_people == 40
 
 
-@pytest.mark.parametrize(("truth", "source"), [(SWAPPED, "wish"), (BLIND, "label")])
+@pytest.mark.parametrize(("truth", "source"), [(SWAPPED_PROGRAM, "wish"), (UNINFORMATIVE_RATES, "label")])
 @pytest.mark.parametrize("wrong", [0.15, 0.35])
 def test_the_wrong_source_is_named_whatever_the_noise(truth, source, wrong):
-    alarm, named = make_alarm(RIGHT, HALF, SWAPPED, BLIND), list[str]()
+    alarm, named = (
+        make_alarm(STATED_PROGRAM, UNIFORM_PROGRAM, SWAPPED_PROGRAM, UNINFORMATIVE_RATES),
+        list[str](),
+    )
     for seed in range(10):
-        alarm = make_alarm(RIGHT, HALF, SWAPPED, BLIND)
+        alarm = make_alarm(STATED_PROGRAM, UNIFORM_PROGRAM, SWAPPED_PROGRAM, UNINFORMATIVE_RATES)
         for evidence, steps in draw(np.random.default_rng(seed), 600, truth, wrong):
             named += [
                 name for f in alarm.update(evidence, steps) if f.part == KNOWLEDGE for name in f.sources
@@ -78,7 +81,7 @@ def test_the_wrong_source_is_named_whatever_the_noise(truth, source, wrong):
 
 
 def test_noisy_answers_are_a_fault_of_hearing_alone():
-    alarm = make_alarm(RIGHT, HALF, SWAPPED, BLIND)
+    alarm = make_alarm(STATED_PROGRAM, UNIFORM_PROGRAM, SWAPPED_PROGRAM, UNINFORMATIVE_RATES)
     for evidence, steps in draw(np.random.default_rng(1), 400, wrong=0.4):
         alarm.update(evidence, steps)
     (finding,) = alarm.findings
@@ -89,7 +92,7 @@ def test_noisy_answers_are_a_fault_of_hearing_alone():
 def test_false_alarms_are_rarer_than_the_rate():
     alarms = 0
     for seed in range(100):
-        alarm = make_alarm(RIGHT, HALF, SWAPPED, BLIND, rate=0.2)
+        alarm = make_alarm(STATED_PROGRAM, UNIFORM_PROGRAM, SWAPPED_PROGRAM, UNINFORMATIVE_RATES, rate=0.2)
         for evidence, steps in draw(np.random.default_rng([7, seed]), 100):
             alarm.update(evidence, steps)
         alarms += bool(alarm.findings)
@@ -97,15 +100,15 @@ def test_false_alarms_are_rarer_than_the_rate():
 
 
 def test_sources_that_cannot_be_told_apart_are_all_named():
-    alarm = make_alarm(RIGHT, SWAPPED, SWAPPED, sources=("", "wish", "identity"))
-    for evidence, steps in draw(np.random.default_rng(0), 100, SWAPPED):
+    alarm = make_alarm(STATED_PROGRAM, SWAPPED_PROGRAM, SWAPPED_PROGRAM, sources=("", "wish", "identity"))
+    for evidence, steps in draw(np.random.default_rng(0), 100, SWAPPED_PROGRAM):
         alarm.update(evidence, steps)
     assert [set(finding.sources) for finding in alarm.findings] == [{"wish", "identity"}]
     assert alarm.findings[0].probability == pytest.approx(1)
 
 
 def test_a_likelihood_counts_as_the_labels_that_it_mixes():
-    hypotheses = make_hypotheses(RIGHT, BLIND)
+    hypotheses = make_hypotheses(STATED_PROGRAM, UNINFORMATIVE_RATES)
     labels = [hypotheses.predict({"sky": "sunny", "label": label}) for label in VALUES]
 
     class SoftReasoner(SkyReasoner):
@@ -126,18 +129,18 @@ def test_a_likelihood_counts_as_the_labels_that_it_mixes():
 
 
 def test_other_hypotheses_about_the_same_faults_go_on():
-    alarm = make_alarm(RIGHT, HALF)
-    assert alarm.replace_hypotheses(make_hypotheses(BLIND, HALF))
-    assert not alarm.replace_hypotheses(make_hypotheses(RIGHT, HALF, BLIND))
+    alarm = make_alarm(STATED_PROGRAM, UNIFORM_PROGRAM)
+    assert alarm.replace_hypotheses(make_hypotheses(UNINFORMATIVE_RATES, UNIFORM_PROGRAM))
+    assert not alarm.replace_hypotheses(make_hypotheses(STATED_PROGRAM, UNIFORM_PROGRAM, UNINFORMATIVE_RATES))
 
 
 @pytest.mark.parametrize("n_before", [0, 7, 200])
 def test_a_restart_goes_on_exactly(n_before):
-    people = list(draw(np.random.default_rng(5), 300, SWAPPED, wrong=0.4))
-    whole = make_alarm(RIGHT, HALF, SWAPPED, BLIND)
+    people = list(draw(np.random.default_rng(5), 300, SWAPPED_PROGRAM, wrong=0.4))
+    whole = make_alarm(STATED_PROGRAM, UNIFORM_PROGRAM, SWAPPED_PROGRAM, UNINFORMATIVE_RATES)
     for evidence, steps in people[:n_before]:
         whole.update(evidence, steps)
-    restarted = make_alarm(RIGHT, HALF, SWAPPED, BLIND)
+    restarted = make_alarm(STATED_PROGRAM, UNIFORM_PROGRAM, SWAPPED_PROGRAM, UNINFORMATIVE_RATES)
     restarted.restore(json.loads(json.dumps(whole.state(), allow_nan=False)))
     assert restarted.findings == whole.findings
     for evidence, steps in people[n_before:]:
@@ -147,34 +150,36 @@ def test_a_restart_goes_on_exactly(n_before):
 
 
 def test_a_state_that_does_not_fit_is_refused():
-    alarm = make_alarm(RIGHT, HALF)
+    alarm = make_alarm(STATED_PROGRAM, UNIFORM_PROGRAM)
     for evidence, steps in draw(np.random.default_rng(0), 5):
         alarm.update(evidence, steps)
     state = json.loads(json.dumps(alarm.state()))
     with pytest.raises(DecisionError, match="the alarm is about 5 people already; expected a new one"):
         alarm.restore(state)
     with pytest.raises(DecisionError, match="an alarm with other hypotheses; expected its own"):
-        make_alarm(RIGHT, HALF, BLIND).restore(state)
+        make_alarm(STATED_PROGRAM, UNIFORM_PROGRAM, UNINFORMATIVE_RATES).restore(state)
     with pytest.raises(DecisionError, match=r"with .*'rate': 0\.05\}; expected .*'rate': 0\.01\}"):
-        make_alarm(RIGHT, HALF, rate=0.01).restore(state)
+        make_alarm(STATED_PROGRAM, UNIFORM_PROGRAM, rate=0.01).restore(state)
     finding = {"sources": ["wish"], "colour": "red"}
     for damage in ({"posterior": [1]}, {"log_m": None}, {"knowledge": "x"}, {"findings": [finding]}):
         with pytest.raises(DecisionError, match="the state of the alarm is damaged"):
-            make_alarm(RIGHT, HALF).restore(state | damage)
+            make_alarm(STATED_PROGRAM, UNIFORM_PROGRAM).restore(state | damage)
     for name in state:
         with pytest.raises(DecisionError, match=f"damaged .*{name}"):
-            make_alarm(RIGHT, HALF).restore({key: value for key, value in state.items() if key != name})
+            make_alarm(STATED_PROGRAM, UNIFORM_PROGRAM).restore(
+                {key: value for key, value in state.items() if key != name}
+            )
 
 
 def test_bad_arguments_are_refused():
     with pytest.raises(
         DecisionError, match="the rate of false alarms is 1; expected a number between 0 and 1"
     ):
-        make_alarm(RIGHT, HALF, rate=1)
+        make_alarm(STATED_PROGRAM, UNIFORM_PROGRAM, rate=1)
     with pytest.raises(DecisionError, match="the first hypothesis is another program"):
-        Hypotheses([RIGHT], np.zeros((1, 1)), [""], [""], np.ones(1), FakeDomain())
+        Hypotheses([STATED_PROGRAM], np.zeros((1, 1)), [""], [""], np.ones(1), FakeDomain())
     with pytest.raises(DecisionError, match=r"weights of shape \(2, 1\); expected \(1, 1\)"):
-        Hypotheses([RIGHT], np.ones((2, 1)), [""], [""], np.ones(1), FakeDomain())
+        Hypotheses([STATED_PROGRAM], np.ones((2, 1)), [""], [""], np.ones(1), FakeDomain())
 
 
 def test_evidence_that_the_stated_program_excludes_is_an_error_others_have_probability_0():
@@ -183,6 +188,6 @@ def test_evidence_that_the_stated_program_excludes_is_an_error_others_have_proba
             raise UndefinedError("impossible")
 
     evidence = {"sky": "sunny", "label": "yes"}
-    assert make_hypotheses(RIGHT, Excluding()).predict(evidence)[1].tolist() == [0, 0]
+    assert make_hypotheses(STATED_PROGRAM, Excluding()).predict(evidence)[1].tolist() == [0, 0]
     with pytest.raises(UndefinedError):
-        make_hypotheses(Excluding(), RIGHT).predict(evidence)
+        make_hypotheses(Excluding(), STATED_PROGRAM).predict(evidence)

@@ -5,7 +5,7 @@ import pytest
 
 from lcorpp.trust.answers import AnswerModel
 
-TWO = np.array([[[0.9, 0.1], [0.1, 0.9]], [[0.8, 0.2], [0.2, 0.8]]])
+TWO_QUESTIONS = np.array([[[0.9, 0.1], [0.1, 0.9]], [[0.8, 0.2], [0.2, 0.8]]])
 
 
 def count(model: AnswerModel, tables, people: float):
@@ -21,7 +21,7 @@ def test_values_with_equal_rows_share_them_and_questions_do_not():
 
 
 def test_without_answers_the_stated_model_remains():
-    model = AnswerModel.of_tables(TWO)
+    model = AnswerModel.of_tables(TWO_QUESTIONS)
     rows, noise = model.estimate_rows(np.zeros((4, 2)))
     assert noise == 0
     np.testing.assert_allclose(rows, model.stated_rows)
@@ -29,15 +29,15 @@ def test_without_answers_the_stated_model_remains():
 
 @pytest.mark.parametrize("noise", [-0.1, 0.25, 0.5, 0.9])
 def test_a_noise_that_all_questions_share_is_found(noise):
-    model = AnswerModel.of_tables(TWO)
-    noisy = (1 - noise) * TWO + noise / 2
+    model = AnswerModel.of_tables(TWO_QUESTIONS)
+    noisy = (1 - noise) * TWO_QUESTIONS + noise / 2
     rows, found = model.estimate_rows(count(model, noisy, 1e5))
     assert found == pytest.approx(noise, abs=0.011)
     np.testing.assert_allclose(model.make_tables(rows), noisy, atol=0.002)
 
 
 def test_each_question_and_each_row_may_differ():
-    model = AnswerModel.of_tables(TWO)
+    model = AnswerModel.of_tables(TWO_QUESTIONS)
     other = np.array([[[0.6, 0.4], [0.4, 0.6]], [[0.95, 0.05], [0.3, 0.7]]])
     rows, _ = model.estimate_rows(count(model, other, 1e6))
     np.testing.assert_allclose(model.make_tables(rows), other, atol=0.002)
@@ -45,7 +45,7 @@ def test_each_question_and_each_row_may_differ():
 
 def test_few_answers_move_all_questions_alike_rather_than_one():
     """Twenty wrong answers to the first question are noise of the second one, too."""
-    model = AnswerModel.of_tables(TWO)
+    model = AnswerModel.of_tables(TWO_QUESTIONS)
     heard = np.zeros((4, 2))
     heard[0], heard[1] = [30, 20], [20, 30]
     rows, noise = model.estimate_rows(heard)
@@ -65,8 +65,8 @@ def test_an_observation_that_no_value_makes_possible_keeps_probability_zero():
 
 
 def test_values_are_never_exchanged_in_the_rows():
-    model = AnswerModel.of_tables(TWO)
-    inverted = TWO[:, ::-1]
+    model = AnswerModel.of_tables(TWO_QUESTIONS)
+    inverted = TWO_QUESTIONS[:, ::-1]
     rows, noise = model.estimate_rows(count(model, inverted, 1e6))
     first, second = model.make_tables(rows).transpose(1, 0, 2)
     assert noise > 0.9

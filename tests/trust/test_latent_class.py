@@ -8,7 +8,7 @@ from lcorpp.trust.answers import AnswerModel
 from lcorpp.trust.cases import NO_LABEL, Cases
 from lcorpp.trust.latent_class import LatentClassModel
 
-STATED = np.array([[[0.9, 0.1], [0.1, 0.9]]])
+STATED_TABLES = np.array([[[0.9, 0.1], [0.1, 0.9]]])
 RATES = np.array([[0.76, 0.24], [0.29, 0.71]])
 
 
@@ -21,7 +21,7 @@ def draw_people(rng, n, pi, rates, noise, answers=3):
 
 
 def make_model(n_contexts, memory=None):
-    model = LatentClassModel(AnswerModel.of_tables(STATED), [RATES], memory=memory)
+    model = LatentClassModel(AnswerModel.of_tables(STATED_TABLES), [RATES], memory=memory)
     for k in range(n_contexts):
         model.add_context([("place", str(k))])
     return model
@@ -63,7 +63,7 @@ def test_the_likelihood_never_falls_from_one_iteration_to_the_next():
 def test_facts_one_by_one_predict_a_context_that_was_never_met():
     """P(value | time, place) of a product: two facts that suggest the same value suggest it more together."""
     rng = np.random.default_rng(2)
-    model = LatentClassModel(AnswerModel.of_tables(STATED), [])
+    model = LatentClassModel(AnswerModel.of_tables(STATED_TABLES), [])
     for time, place, p in (("am", "lab", 0.8), ("pm", "hall", 0.2), ("am", "hall", 0.5)):
         context = model.add_context([("time", time), ("place", place)])
         for _ in range(400):

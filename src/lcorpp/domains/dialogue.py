@@ -22,6 +22,9 @@ Situation = tuple[int, ...]
 MIN_INFORMATION = 1e-6
 """In nats: an action that is less informative is no question."""
 
+MIN_COST = 1e-6
+"""Smallest cost of a question, in reward units, that counts."""
+
 
 class PlannerFactory(Protocol):
     """Makes the planner of each estimated model; it may remember the models before."""
@@ -141,7 +144,7 @@ class DomainDialogue:
         pomdp = self._domain.pomdp
         start = self._domain.planning.initial_states.mean(axis=0)
         information = compute_information(self._domain, start)
-        values = information / np.maximum(-pomdp.reward @ start, MIN_INFORMATION)
+        values = information / np.maximum(-pomdp.reward @ start, MIN_COST)
         values[information <= MIN_INFORMATION] = 0
         best = int(values.argmax())
         return pomdp.actions[best] if values[best] > 0 else None

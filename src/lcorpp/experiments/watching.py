@@ -15,7 +15,7 @@ from lcorpp.experiments.robot_parts import list_changed_files, load_logged_domai
 from lcorpp.fitting import list_faults
 from lcorpp.reasoning import Program
 from lcorpp.trust import Alarm, Finding, Hypotheses
-from lcorpp.trust.alarm import RATE, check_rate
+from lcorpp.trust.alarm import FALSE_ALARM_RATE, check_rate
 
 
 def make_hypotheses(domain: Domain, program: Program | None = None, *, given: bool = False) -> Hypotheses:
@@ -38,7 +38,7 @@ def make_hypotheses(domain: Domain, program: Program | None = None, *, given: bo
     )
 
 
-def make_alarm(domain: Domain, hypotheses: Hypotheses, *, rate: float = RATE) -> Alarm:
+def make_alarm(domain: Domain, hypotheses: Hypotheses, *, rate: float = FALSE_ALARM_RATE) -> Alarm:
     """Return the alarm of a domain.
 
     Raises:
@@ -73,7 +73,7 @@ class LogWatch:
         folder: Path | None = None,
         strategy: str | None = None,
         given: bool = False,
-        rate: float = RATE,
+        rate: float = FALSE_ALARM_RATE,
         keeps: bool = False,
     ) -> None:
         check_rate(rate)

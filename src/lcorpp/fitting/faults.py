@@ -24,8 +24,8 @@ MAX_TABLES = 256
 MAX_EXCHANGES = 30
 """Maximum number of pairs of values of one attribute, or of one condition, that are exchanged."""
 
-TABLES = "other probabilities"
-"""Description of the faults that are tables."""
+TABLE_CHANGE = "other probabilities"
+"""What a fault that is a table changes."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,7 +72,7 @@ def list_faults(program: Program, used: Sequence[str]) -> Faults:
             changes.append(what)
         reasoners += corners
         rows += tables
-        changes += [TABLES] * len(tables)
+        changes += [TABLE_CHANGE] * len(tables)
         groups = [group for group in (simple, tables) if group]
         for group in groups:
             attributes += [name] * len(group)

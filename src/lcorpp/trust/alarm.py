@@ -10,27 +10,27 @@ import numpy as np
 
 from lcorpp.errors import DecisionError
 from lcorpp.protocols import Dialogue
-from lcorpp.trust.answers import NOISE, STATED, AnswerModel
+from lcorpp.trust.answers import NOISE_DEGREES, STATED_DEGREE, AnswerModel
 from lcorpp.trust.hypotheses import Hypotheses
 from lcorpp.values import Array, Label, Step
 
-RATE = 0.05
+FALSE_ALARM_RATE = 0.05
 """Probability of a false alarm, ever, by default."""
 
-COARSE = slice(STATED % 5, None, 5)
-"""The degrees of `NOISE` of the alternatives; it contains the stated model."""
+ALTERNATIVE_DEGREES = slice(STATED_DEGREE % 5, None, 5)
+"""Every fifth of `NOISE_DEGREES`, the stated model among them: the noise of the alternatives."""
 
 KNOWLEDGE, HEARING = "knowledge", "hearing"
 
-CLEAR, PATIENCE = 0.9, 10.0
-"""An alarm about the knowledge waits until a source has this probability, or E is beyond the threshold by
-this factor: what it names is then more often right."""
+MIN_NAME_PROBABILITY, MAX_WAIT_FACTOR = 0.9, 10.0
+"""An alarm about the knowledge waits until what it names has this probability, or E exceeds the threshold by
+this factor: the name is then more often right."""
 
-TINY = np.finfo(np.float64).tiny
-"""Least likelihood of a person by a hypothesis that E is compared with; more makes E smaller."""
+MIN_LIKELIHOOD = np.finfo(np.float64).tiny
+"""Smallest likelihood of a person by a hypothesis that E is compared with; a larger one makes E smaller."""
 
-EQUAL = 1e-6
-"""Hypotheses whose log likelihoods differ by less cannot be told apart."""
+MAX_LOG_DIFFERENCE = 1e-6
+"""Hypotheses whose log likelihoods differ by less are equivalent."""
 
 
 @dataclass(frozen=True)
@@ -38,8 +38,8 @@ class Finding:
     """An alarm.
 
     person: number of people until then. part: `KNOWLEDGE` or `HEARING`. log_e: the logarithm of E.
-    sources: the attributes whose pr-atoms are probably wrong, several if they cannot be told apart; empty for
-        `HEARING`. change: what is probably wrong there; for `HEARING` "" .
+    sources: the attributes whose pr-atoms are probably wrong, several if their hypotheses are equivalent;
+        empty for `HEARING`. change: what is probably wrong there; for `HEARING` "" .
     noise: the most probable degree of noise, see `AnswerModel`. probability: of `sources`, given that one
         attribute alone is wrong.
     """
@@ -68,10 +68,11 @@ class Alarm:
 
         E(knowledge) = M / max_d L(0, d)        E(hearing) = M / max_f L(f, 0)
 
-    An alarm is given when E reaches 1 / rate, about the knowledge a little later, see `CLEAR`. If the program
-    is right, whatever the noise on the grid, the probability that E(knowledge) ever does is at most `rate`;
-    likewise for the hearing, whatever the program among the hypotheses. If both are right, both E are at most
-    M / L(0, 0), so the probability of any alarm is at most `rate`, too.
+    An alarm is raised when E reaches 1 / rate, about the knowledge a little later, see
+    `MIN_NAME_PROBABILITY`. If the program is right, whatever the noise on the grid, the probability that
+    E(knowledge) ever does is at most `rate`; likewise for the hearing, whatever the program among the
+    hypotheses. If both are right, both E are at most M / L(0, 0), so the probability of any alarm is at most
+    `rate`, too.
 
     n_people: number of people so far. findings: the alarms, at most one for each part.
 
@@ -84,18 +85,18 @@ class Alarm:
     Source: Wasserman, Ramdas and Balakrishnan, "Universal inference", PNAS 117(29), 2020.
     """
 
-    def __init__(self, hypotheses: Hypotheses, dialogue: Dialogue, *, rate: float = RATE) -> None:
+    def __init__(self, hypotheses: Hypotheses, dialogue: Dialogue, *, rate: float = FALSE_ALARM_RATE) -> None:
         check_rate(rate)
         self._hypotheses, self._dialogue = hypotheses, dialogue
         self._rate, self._threshold = rate, -np.log(rate)
         logs = AnswerModel.of_tables(dialogue.tables).noisy_log_likelihoods  # (N, D, V)
         self._answers = logs.transpose(1, 0, 2).copy()
-        self._noise = NOISE[COARSE]
+        self._noise = NOISE_DEGREES[ALTERNATIVE_DEGREES]
         self._stated = int(np.flatnonzero(self._noise == 0)[0])
         # what underflows is out for ever, but only after an E beyond every threshold
         self._posterior = np.outer(hypotheses.shares, np.full(len(self._noise), 1 / len(self._noise)))
         self._log_m = 0.0
-        self._knowledge = np.zeros(len(NOISE))  # log L(0, d)
+        self._knowledge = np.zeros(len(NOISE_DEGREES))  # log L(0, d)
         self._hearing = np.zeros(len(hypotheses.shares))  # log L(f, 0)
         self.n_people = 0
         self.findings = list[Finding]()
@@ -123,9 +124,9 @@ class Alarm:
         logs = np.add.reduce(self._answers[answers])  # (N, V), of no answers 0
         top = logs.max()
         answers_given = np.exp(logs - top)
-        person = joint @ answers_given[COARSE].T  # (F, noise)
-        self._knowledge += np.log(np.maximum(joint[0] @ answers_given.T, TINY)) + top
-        self._hearing += np.log(np.maximum(person[:, self._stated], TINY)) + top
+        person = joint @ answers_given[ALTERNATIVE_DEGREES].T  # (F, noise)
+        self._knowledge += np.log(np.maximum(joint[0] @ answers_given.T, MIN_LIKELIHOOD)) + top
+        self._hearing += np.log(np.maximum(person[:, self._stated], MIN_LIKELIHOOD)) + top
         self._posterior *= person
         total = float(self._posterior.sum())
         self._posterior /= total
@@ -199,8 +200,8 @@ class Alarm:
             for part, value in log_e.items()
             if value >= self._threshold and part not in known
         ]
-        waits = self._threshold + np.log(PATIENCE)
-        found = [f for f in found if f.probability >= CLEAR or f.log_e >= waits]
+        waits = self._threshold + np.log(MAX_WAIT_FACTOR)
+        found = [f for f in found if f.probability >= MIN_NAME_PROBABILITY or f.log_e >= waits]
         self.findings += found
         return found
 
@@ -215,7 +216,7 @@ class Alarm:
         best = max(own, key=lambda f: by_fault[f])
         with np.errstate(divide="ignore"):
             logs = np.log(by_fault / hypotheses.shares)
-        equal = np.flatnonzero(np.abs(logs - logs[best]) < EQUAL)
+        equal = np.flatnonzero(np.abs(logs - logs[best]) < MAX_LOG_DIFFERENCE)
         sources = tuple(dict.fromkeys([named, *[hypotheses.sources[f] for f in equal if f]]))
         probability = sum(by_source[name] for name in sources)
         return Finding(self.n_people, part, log_e, sources, hypotheses.changes[best], noise, probability)

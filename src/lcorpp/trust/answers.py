@@ -19,11 +19,11 @@ QUESTION_ANSWERS = 100.0
 ROW_ANSWERS = 200.0
 """Weight of a question's noise against free probabilities of one of its rows, in answers."""
 
-NOISE = np.arange(-30, 99) / 100
+NOISE_DEGREES = np.arange(-30, 99) / 100
 """Degrees of noise that are compared: 0 is the stated model, 1 are answers without information."""
 
-STATED = 30
-"""Index of the stated model in `NOISE`."""
+STATED_DEGREE = 30
+"""Index of the stated model in `NOISE_DEGREES`."""
 
 MIN_PROBABILITY = 1e-3
 """Smallest probability of an observation that some value makes possible."""
@@ -32,6 +32,7 @@ MIN_CONTRAST = 0.01
 """Smallest difference of two rows of a question in the direction of the stated one, relative to it."""
 
 ROW_TOLERANCE = 1e-9
+"""Rows whose probabilities differ by less are equal."""
 
 
 def number_rows(table: Array) -> tuple[npt.NDArray[np.intp], Array]:
@@ -83,7 +84,7 @@ class AnswerModel:
 
     def add_noise(self, noise: float) -> Array:
         """Return the rows (R, O) with a noise that all questions share."""
-        rows: Array = self._noisy_rows[int(np.argmin(np.abs(NOISE - noise)))]
+        rows: Array = self._noisy_rows[int(np.argmin(np.abs(NOISE_DEGREES - noise)))]
         return rows
 
     def find_log_likelihoods(self, rows: Array) -> Array:
@@ -113,7 +114,7 @@ class AnswerModel:
         prior = self._noisy_rows[best[self._question_of], np.arange(len(counts))]
         rows = ROW_ANSWERS * prior + counts
         rows /= rows.sum(axis=1, keepdims=True)
-        return self._orient(rows, prior), float(NOISE[shared])
+        return self._orient(rows, prior), float(NOISE_DEGREES[shared])
 
     def _orient(self, rows: Array, prior: Array) -> Array:
         """Return rows between `rows` and `prior` (R, O) in which no two values are exchanged.
@@ -143,7 +144,7 @@ class AnswerModel:
 
     @cached_property
     def noisy_log_likelihoods(self) -> Array:
-        """(N, D, V) what `find_log_likelihoods` returns at each degree of `NOISE`."""
+        """(N, D, V) what `find_log_likelihoods` returns at each degree of `NOISE_DEGREES`."""
         return np.array([self.find_log_likelihoods(rows) for rows in self._noisy_rows])
 
     @cached_property
@@ -172,9 +173,9 @@ class AnswerModel:
 
     @cached_property
     def _noisy_rows(self) -> Array:
-        """(N, R, O) the rows at each degree of `NOISE`."""
+        """(N, R, O) the rows at each degree of `NOISE_DEGREES`."""
         means = self.stated_rows[self.row_of].mean(axis=1)[self._question_of]  # (R, O)
-        rows = (1 - NOISE)[:, None, None] * self.stated_rows + NOISE[:, None, None] * means
+        rows = (1 - NOISE_DEGREES)[:, None, None] * self.stated_rows + NOISE_DEGREES[:, None, None] * means
         rows = np.where(means > 0, np.maximum(rows, MIN_PROBABILITY), 0)
         noisy: Array = rows / rows.sum(axis=2, keepdims=True)
         return noisy
@@ -183,11 +184,11 @@ class AnswerModel:
     def _logs(self) -> Array:
         """(N, R O) the logarithms of `_noisy_rows`, 0 for impossible observations."""
         rows = self._noisy_rows
-        return np.log(np.where(rows > 0, rows, 1)).reshape(len(NOISE), -1)
+        return np.log(np.where(rows > 0, rows, 1)).reshape(len(NOISE_DEGREES), -1)
 
     @cached_property
     def _stated_score(self) -> Array:
         """(N,) log likelihood of `SHARED_ANSWERS` answers that are as the stated model expects them."""
-        expected = self._noisy_rows[STATED] * (SHARED_ANSWERS / max(len(self.stated_rows), 1))
+        expected = self._noisy_rows[STATED_DEGREE] * (SHARED_ANSWERS / max(len(self.stated_rows), 1))
         scores: Array = self._logs @ expected.ravel()
         return scores

@@ -5,7 +5,7 @@ from __future__ import annotations
 from lcorpp.protocols import Dialogue, DomainInterface, Planner
 from lcorpp.values import Belief
 
-MAX_ADDED = 10
+MAX_ADDED_QUESTIONS = 10
 """Maximum number of questions that are added for one person, e.g. if nobody answers."""
 
 
@@ -34,7 +34,7 @@ class AskingPlanner:
     def action(self, belief: Belief) -> str:
         """Return the planner's action, or a question if that is a report before enough answers."""
         action = self._planner.action(belief)
-        if self.added == MAX_ADDED or self._domain.reported_value(action) is None:
+        if self.added == MAX_ADDED_QUESTIONS or self._domain.reported_value(action) is None:
             return action
         if len(self._dialogue.find_answers(self._history)) >= self._wanted:
             return action

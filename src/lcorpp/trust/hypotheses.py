@@ -8,7 +8,7 @@ import numpy as np
 
 from lcorpp.errors import DecisionError, UndefinedError
 from lcorpp.protocols import DomainInterface, Reasoner
-from lcorpp.trust.sources import MAX_CACHED
+from lcorpp.trust.sources import MAX_CACHED_PREDICTIONS
 from lcorpp.values import Array, Label, Likelihood
 
 
@@ -64,7 +64,7 @@ class Hypotheses:
             rows = [self._infer(number, evidence) for number in range(len(self._reasoners))]
             known = np.maximum(self._weights @ np.array(rows), 0)
             if not any(isinstance(value, Likelihood) for value in evidence.values()):
-                if len(self._cache) == MAX_CACHED:
+                if len(self._cache) == MAX_CACHED_PREDICTIONS:
                     self._cache.clear()
                 self._cache[key] = known
         return known

@@ -23,10 +23,10 @@ LABEL_PEOPLE = 6.0
 classifier's rates are wrong and answers are noisy."""
 
 MAX_CASES = 5000
-"""Number of distinct cases that are kept; of further ones only the expected counts are."""
+"""Maximum number of distinct cases; of further ones only the expected counts are kept."""
 
 MIN_GAIN = 2.0
-"""Gain of log likelihood at which the result of another start is kept."""
+"""Gain in log likelihood above which the result of a restart is kept."""
 
 MIN_PEOPLE = 1e-12
 """Smallest expected number of people of a value."""

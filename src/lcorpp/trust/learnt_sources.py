@@ -17,7 +17,7 @@ KNOWLEDGE_PEOPLE = 20.0
 """Weight of the knowledge in the source "corrected" against the people met in a context, in people."""
 
 MAX_CONTEXTS = 4096
-"""Number of contexts that are learnt separately; further ones are learnt as one."""
+"""Maximum number of contexts that are learnt separately; further ones are learnt as one."""
 
 
 class LearntSources:

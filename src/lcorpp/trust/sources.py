@@ -10,8 +10,8 @@ from lcorpp.decision.strategies import LabelRatesReasoner
 from lcorpp.protocols import DomainInterface, Reasoner
 from lcorpp.values import Array, Distribution, Label, Likelihood
 
-MAX_CACHED = 10_000
-"""Number of evidences whose predictions are kept."""
+MAX_CACHED_PREDICTIONS = 10_000
+"""Maximum number of evidences whose predictions are cached."""
 
 
 class StatedSources:
@@ -53,7 +53,7 @@ class StatedSources:
         ]
         predictions = np.array([*rows, self._start])
         if not any(isinstance(label, Likelihood) for label in labels.values()):
-            if len(self._cache) == MAX_CACHED:
+            if len(self._cache) == MAX_CACHED_PREDICTIONS:
                 self._cache.clear()
             self._cache[key] = predictions
         return predictions

@@ -80,18 +80,18 @@ def test_returns_are_those_of_simulated_people(intention, noise):
 
 
 @pytest.mark.parametrize(
-    ("noise", "chance", "least_gain", "most_gain"),
+    ("noise", "chance", "min_gain", "max_gain"),
     # answers as stated: the prior is the best start; noisier ones: ask more; much noisier ones: ask nothing
     [(1e-9, 0.5, 0, 0.1), (1e-9, 0.9, 0, 0.1), (0.2, 0.6, 0.4, 1), (0.6, 0.9, 10, 12)],
 )
-def test_the_start_with_the_largest_return_is_chosen(intention, noise, chance, least_gain, most_gain):
+def test_the_start_with_the_largest_return_is_chosen(intention, noise, chance, min_gain, max_gain):
     _, moved = estimate(intention, noise)
     prior = np.array([chance, 1 - chance, 0, 0, 0])
     returns = moved._returns @ prior[:2]
     start = moved.find_start(prior)
     gain = returns[np.abs(moved._starts - start).sum(axis=1).argmin()]
     gain -= returns[np.abs(moved._starts - prior).sum(axis=1).argmin()]
-    assert least_gain <= gain <= most_gain
+    assert min_gain <= gain <= max_gain
     if noise == 0.2:
         assert start[0] < chance
     if noise == 0.6:

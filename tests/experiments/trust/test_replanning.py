@@ -8,7 +8,7 @@ import pytest
 from lcorpp.domains import load_domain
 from lcorpp.domains.dialogue import DomainDialogue
 from lcorpp.experiments.trust import replanning
-from lcorpp.experiments.trust.replanning import TOLERANCE, Replanner
+from lcorpp.experiments.trust.replanning import MAX_VARIATION, Replanner
 from lcorpp.planning import Planner, solve
 
 
@@ -31,16 +31,16 @@ def add_noise(tables, noise):
 def test_the_stated_policy_acts_within_the_tolerance(intention):
     dialogue, _ = make(intention)
     assert dialogue.make_planner(dialogue.tables).policy is intention[1].policy
-    near = dialogue.make_planner(add_noise(dialogue.tables, TOLERANCE))
+    near = dialogue.make_planner(add_noise(dialogue.tables, MAX_VARIATION))
     assert near.policy is intention[1].policy
     # beliefs are those of the present model
     start = intention[0].pomdp.start
     after, stated = (planner.update(start, "greet", "pos") for planner in (near, intention[1]))
-    assert 0 < np.abs(after - stated).max() < TOLERANCE
+    assert 0 < np.abs(after - stated).max() < MAX_VARIATION
 
 
 def test_the_policy_of_the_estimated_model_takes_over(intention, monkeypatch):
-    monkeypatch.setattr(replanning, "WORK", 2000)
+    monkeypatch.setattr(replanning, "WORK_PER_PERSON", 2000)
     dialogue, _ = make(intention)
     tables = add_noise(dialogue.tables, 0.5)
     calls = 1
@@ -56,8 +56,8 @@ def test_the_policy_of_the_estimated_model_takes_over(intention, monkeypatch):
 
 
 def test_a_search_that_takes_too_long_is_given_up(intention, monkeypatch):
-    monkeypatch.setattr(replanning, "WORK", 100)
-    monkeypatch.setattr(replanning, "MAX_WORK", 300)
+    monkeypatch.setattr(replanning, "WORK_PER_PERSON", 100)
+    monkeypatch.setattr(replanning, "MAX_SEARCH_WORK", 300)
     dialogue, replan = make(intention)
     for _ in range(20):
         planner = dialogue.make_planner(add_noise(dialogue.tables, 0.5))
@@ -67,7 +67,7 @@ def test_a_search_that_takes_too_long_is_given_up(intention, monkeypatch):
 
 @pytest.mark.parametrize("n_before", [1, 4, 12, 30])
 def test_a_restored_replanner_goes_on_exactly(intention, monkeypatch, n_before):
-    monkeypatch.setattr(replanning, "WORK", 5000)
+    monkeypatch.setattr(replanning, "WORK_PER_PERSON", 5000)
     dialogue, replan = make(intention)
     tables = [add_noise(dialogue.tables, noise) for noise in np.repeat([0.0, 0.3, 0.31, 0.6], 10)]
     for each in tables[:n_before]:

@@ -38,7 +38,7 @@ def test_features_and_predictions_equal_the_batch_at_every_length(channels, poin
 
 def test_tracks_of_any_age_advance_together(monkeypatch):
     """People who come and go, in blocks of two: the prediction for each is that for the track alone."""
-    monkeypatch.setattr("lcorpp.learning.classifiers.running_convolutions.BLOCK", 2 * 840 * 4)
+    monkeypatch.setattr("lcorpp.learning.classifiers.running_convolutions.BLOCK_SIZE", 2 * 840 * 4)
     model, rng = make_model(2, 40), np.random.default_rng(0)
     state, tracks = model.begin(7), [np.empty((2, 0)) for _ in range(7)]
     for _ in range(60):

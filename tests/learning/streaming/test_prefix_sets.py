@@ -24,22 +24,22 @@ from lcorpp.values import Dataset
 from .people import by_way, lstm, walk
 
 CLASSES = ("interested", "not_interested")
-AGES = 6
+N_LENGTHS = 6
 
 
 def make_overconfident_timeline(seed: int, cases: int, *, tracks_each: int = 1) -> PredictionTimeline:
     """Scores as confident at first as at the end, though most of the evidence comes late; unequal lengths."""
     rng = np.random.default_rng(seed)
     truth = rng.random(cases) < 0.4
-    evidence = np.where(truth, 1, -1)[:, None] * np.linspace(0.2, 2, AGES)
-    score = 1.5 * (evidence + rng.normal(size=(cases, AGES)))
-    lengths = rng.integers(AGES // 2, AGES + 1, cases)
+    evidence = np.where(truth, 1, -1)[:, None] * np.linspace(0.2, 2, N_LENGTHS)
+    score = 1.5 * (evidence + rng.normal(size=(cases, N_LENGTHS)))
+    lengths = rng.integers(N_LENGTHS // 2, N_LENGTHS + 1, cases)
     p = np.repeat(1 / (1 + np.exp(-score)), tracks_each, axis=0)
-    p = np.where(np.arange(AGES) < np.repeat(lengths, tracks_each)[:, None], p, np.nan)
+    p = np.where(np.arange(N_LENGTHS) < np.repeat(lengths, tracks_each)[:, None], p, np.nan)
     person = np.repeat(np.arange(cases), tracks_each)
     return PredictionTimeline(
         np.stack([p, 1 - p], axis=2),
-        tuple(range(2, 2 + AGES)),
+        tuple(range(2, 2 + N_LENGTHS)),
         tuple(np.where(truth, *CLASSES)[person].tolist()),
         CLASSES,
         1.0,
@@ -50,7 +50,7 @@ def make_overconfident_timeline(seed: int, cases: int, *, tracks_each: int = 1) 
 
 def measure_coverage(sets: PrefixSets, timeline: PredictionTimeline) -> np.ndarray:
     """(ages, K) the fraction of the cases of each class whose set at each age contains it."""
-    labels, found = np.array(timeline.labels), np.empty((AGES, 2))
+    labels, found = np.array(timeline.labels), np.empty((N_LENGTHS, 2))
     for age, points in enumerate(timeline.points):
         p = timeline.probabilities[:, age]
         for column, name in enumerate(CLASSES):
@@ -77,7 +77,7 @@ def test_each_class_is_covered_at_each_age(coverage, tracks_each):
 def test_sets_shrink_with_age():
     sets = fit_prefix_sets(make_overconfident_timeline(0, 1000), 0.9).sets
     sizes = [each.mean_size for each in sets]
-    assert len(sets) == AGES
+    assert len(sets) == N_LENGTHS
     assert sizes[0] > 1.6 > 1.1 > sizes[-1]
     assert sizes == sorted(sizes, reverse=True)
 

@@ -15,8 +15,8 @@ if TYPE_CHECKING:
     from lcorpp.domains import Domain
     from lcorpp.trust import Finding
 
-PAUSE = 1.0
-"""Seconds between two looks at the end of a log."""
+POLL_SECONDS = 1.0
+"""With --follow, the end of the log is read again after this time."""
 
 
 def watch(
@@ -59,7 +59,7 @@ def watch(
     watching = LogWatch(log, folder=domain, strategy=strategy, given=given, rate=rate, keeps=plot is not None)
     damaged, alarms = list[DataError](), 0
     try:
-        for result in watching.read(partial(sleep, PAUSE) if follow else None):
+        for result in watching.read(partial(sleep, POLL_SECONDS) if follow else None):
             if isinstance(result, tuple):
                 line, finding = result
                 assert watching.domain is not None

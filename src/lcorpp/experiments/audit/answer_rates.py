@@ -23,11 +23,11 @@ PRIOR_PEOPLE = 1.0
 MAX_CELLS = 4000
 """Maximum number of contexts times shared values: their covariance is computed as a whole."""
 
-MIN_START = 0.01
+MIN_START_PROBABILITY = 0.01
 """Smallest probability at which the search begins."""
 
 MIN_EIGENVALUE = 1e-9
-"""Directions with less information than this share of the largest are those along which nothing changes."""
+"""Eigenvalues of an information matrix below this share of the largest count as 0."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,7 +57,7 @@ class Rows:
         n_rows, n_outcomes = stated.shape
         member = np.repeat(np.eye(n_rows)[row_of_value], n_outcomes, axis=1)
         row_of = np.repeat(np.arange(n_rows), n_outcomes)
-        prior = PRIOR_PEOPLE * np.maximum(stated, MIN_START)
+        prior = PRIOR_PEOPLE * np.maximum(stated, MIN_START_PROBABILITY)
         used = np.tile(stated.any(axis=0), n_rows)  # the others are impossible
         outcome = np.tile(np.arange(n_outcomes), n_rows)
         times = np.tile(times, n_rows)
@@ -113,7 +113,7 @@ class AnswerRates:
 
     def _search(self) -> Array:
         prior, row_of, weights = self.cells.prior, self.cells.row_of, self.weights
-        start = np.log(np.maximum(prior, MIN_START))
+        start = np.log(np.maximum(prior, MIN_START_PROBABILITY))
 
         def evaluate(logs: Array) -> tuple[float, Array]:
             p = self._normalise(logs)

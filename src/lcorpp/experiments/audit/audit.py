@@ -12,25 +12,23 @@ from scipy.stats import chi2
 
 from lcorpp.errors import ProgramError
 from lcorpp.experiments.audit.answer_rates import AnswerRates, invert
-from lcorpp.experiments.audit.findings import MAX_P, AttributeFinding, Audit, NumberFinding
+from lcorpp.experiments.audit.findings import MAX_P_VALUE, AttributeFinding, Audit, NumberFinding
 from lcorpp.experiments.audit.intervals import compare_log_odds
 from lcorpp.experiments.audit.knowledge import KnowledgeFits, NumbersFit
 from lcorpp.experiments.audit.logged_people import LoggedPeople
 from lcorpp.experiments.audit.rates import list_rates
 from lcorpp.fitting.number_model import list_free_numbers
+from lcorpp.fitting.uncertainty import NULL_SCORE
 from lcorpp.reasoning.language.syntax import Probability
 from lcorpp.reasoning.resolve import resolve_evidence
 from lcorpp.trust.answers import AnswerModel
 from lcorpp.values import Array
 
-MIN_INFORMATION = 0.5
-"""A number is open if the people leave more than this share of the variance of its weak prior."""
+MAX_PRIOR_SHARE = 0.5
+"""A number is not determined if its variance is more than this share of the variance of its weak prior."""
 
-STARTS = 5
+N_STARTS = 5
 """Number of searches if all numbers of an attribute are free, as the likelihood may have several maxima."""
-
-NULL_SCORE = 1e-6
-"""Directions whose scores are smaller than the largest by this factor are not determined."""
 
 Progress = Callable[[int, int], None]
 
@@ -87,7 +85,7 @@ class _Auditor:
         n_fits = len(free) + len(self._groups)
         for done, key in enumerate([*[(i,) for i in free], *self._groups.values()]):
             self._progress(done, n_fits)
-            self._fits.fit(self._complete(key), STARTS if len(key) > 1 else 1)
+            self._fits.fit(self._complete(key), N_STARTS if len(key) > 1 else 1)
         self._progress(n_fits, n_fits)
         chosen = self._choose()
         n_open, undetermined = self._fits.find_undetermined(NULL_SCORE)
@@ -100,7 +98,7 @@ class _Auditor:
             people.skipped,
             [self._describe(i, self._fits.fit(self._complete((i,)))) for i in free],
             [self._describe_attribute(name) for name in self._groups],
-            list_rates(people, self._rates, MIN_INFORMATION),
+            list_rates(people, self._rates, MAX_PRIOR_SHARE),
             [self._describe(i, self._fits.fit(chosen)) for i in chosen],
             self._list_rivals(chosen) if chosen else [],
             n_open,
@@ -150,7 +148,7 @@ class _Auditor:
     def _is_refuted(self, statistic: float, rank: int) -> bool:
         """Whether numbers are refuted by BIC, and by a test that counts all candidates (Bonferroni)."""
         p_value = float(chi2.sf(statistic, rank)) * len(self._list_candidates())
-        return statistic > rank * log(self._n_people) and p_value < MAX_P
+        return statistic > rank * log(self._n_people) and p_value < MAX_P_VALUE
 
     def _reduce(self, chosen: tuple[int, ...]) -> tuple[int, ...]:
         """Return to the stated numbers one by one, as long as the people do not refute the next."""
@@ -172,7 +170,7 @@ class _Auditor:
 
         The chosen numbers fit the people better than the truth by chance, and the others may not.
         """
-        by_chance = self._fits.fit(chosen).inflation * float(chi2.isf(MAX_P, len(chosen)))
+        by_chance = self._fits.fit(chosen).inflation * float(chi2.isf(MAX_P_VALUE, len(chosen)))
         least, rivals = self._find_gain(chosen) - by_chance, list[str]()
         for i in self._fits.free:
             own = self._complete((i,))
@@ -187,7 +185,7 @@ class _Auditor:
                     if any(set(r.split(" and ")) <= set(names) for r in rivals):
                         continue
                     own = tuple(sorted(i for name in names for i in self._groups[name]))
-                    self._fits.fit(own, STARTS)
+                    self._fits.fit(own, N_STARTS)
                     if self._find_gain(own) > least:
                         rivals.append(" and ".join(names))
         return rivals
@@ -198,7 +196,7 @@ class _Auditor:
         variance = float(fit.covariance[place, place])
         atom, gain = self._atom(statement), self._find_gain(fit.statements)
         finding = NumberFinding(_name(atom), stated, estimate, None, 1.0, atom, gain)
-        if variance > MIN_INFORMATION * fit.prior_variance[place]:
+        if variance > MAX_PRIOR_SHARE * fit.prior_variance[place]:
             return finding
         interval, p_value = compare_log_odds(stated, estimate, variance)
         return replace(finding, interval=interval, p_value=p_value)

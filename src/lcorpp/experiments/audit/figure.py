@@ -11,11 +11,8 @@ from matplotlib.figure import Figure
 from lcorpp.experiments.audit.findings import Audit, Finding
 from lcorpp.plot_style import BLUE, INK, MUTED, ORANGE, PALE, with_style
 
-ROW = 0.27
-"""Height of a row in inches."""
-
-MIN_HEIGHT = 2.5
-"""Of the figure, in inches."""
+ROW_HEIGHT, MIN_FIGURE_HEIGHT = 0.27, 2.5
+"""In inches."""
 
 
 @with_style
@@ -24,7 +21,7 @@ def plot_audit(audit: Audit) -> Figure:
 
     The left panel has the numbers of the knowledge, the right one the rates of labels and answers.
     """
-    height = max(MIN_HEIGHT, 1.3 + ROW * max(len(audit.numbers), len(audit.rates)))
+    height = max(MIN_FIGURE_HEIGHT, 1.3 + ROW_HEIGHT * max(len(audit.numbers), len(audit.rates)))
     figure = Figure(figsize=(13, height), layout="constrained")
     left, right = figure.subplots(1, 2)
     _plot(left, audit.numbers, {x.name for x in audit.changes})

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from lcorpp.reasoning.language.syntax import Probability
 
-MAX_P = 0.05
+MAX_P_VALUE = 0.05
 """Probability that something right is named as wrong, for knowledge and for rates."""
 
 
@@ -94,5 +94,5 @@ class Audit:
     @property
     def changed_rates(self) -> list[RateFinding]:
         """The rates that the people refute, corrected for their number (Bonferroni)."""
-        limit = MAX_P / max(len(self.rates), 1)
+        limit = MAX_P_VALUE / max(len(self.rates), 1)
         return [rate for rate in self.rates if rate.p_value < limit]

@@ -9,7 +9,7 @@ from scipy.stats import chi2
 
 from lcorpp.fitting.uncertainty import Z95
 
-MIN_STATED = 1e-3
+MIN_STATED_PROBABILITY = 1e-3
 """A stated probability of 0 or 1 is compared as if it were this far from it."""
 
 
@@ -22,6 +22,6 @@ def compare_log_odds(
     low, high = (float(1 / (1 + np.exp(-side * Z95 * spread) / odds)) for side in (-1, 1))
     if stated is None:
         return (low, high), 1.0
-    bounded = min(max(stated, MIN_STATED), 1 - MIN_STATED)
+    bounded = min(max(stated, MIN_STATED_PROBABILITY), 1 - MIN_STATED_PROBABILITY)
     z = (log(odds) - log(bounded / (1 - bounded))) / spread
     return (low, high), float(chi2.sf(z * z, 1))

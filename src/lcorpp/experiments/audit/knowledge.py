@@ -21,7 +21,7 @@ from lcorpp.fitting.uncertainty import MIN_FORM
 from lcorpp.reasoning import Program
 from lcorpp.values import Array
 
-STATED_PEOPLE = 1.0
+PRIOR_PEOPLE = 1.0
 """Weight of the stated numbers of each case, in people: enough to keep estimates off 0 and 1."""
 
 
@@ -136,7 +136,7 @@ class KnowledgeFits:
     def _fit(self, statements: tuple[int, ...], starts: int) -> NumbersFit:
         model = self._build(statements)
         soft = self._make_expectation(model)
-        objective = Objective(model, soft, STATED_PEOPLE)
+        objective = Objective(model, soft, PRIOR_PEOPLE)
         rng = np.random.default_rng(0)
         points = [model.start, *[draw_start(model, rng) for _ in range(starts - 1)]]
         best = max([climb(objective, point) for point in points], key=lambda end: end.objective).parameters

@@ -21,17 +21,17 @@ from lcorpp.planning.planner import ModelPlanner, TransferPlanner
 from lcorpp.protocols import Planner as PlannerProtocol
 from lcorpp.values import Array, Belief, Indices
 
-LOG_ODDS = np.arange(-28, 29) / 4
-"""Log odds of the first value at the starts that are compared."""
+START_LOG_ODDS = np.arange(-28, 29) / 4
+"""Log odds of the first value at the candidate start beliefs."""
 
-GRID = 0.02
-"""Returns are computed for probabilities of observations that are multiples of this."""
+PROBABILITY_STEP = 0.02
+"""Probabilities of observations are rounded to multiples of this before returns are computed."""
 
 MAX_NODES = 20_000
 """Maximum number of beliefs that the policy reaches from all starts."""
 
 MAX_SWEEPS, SWEEP_TOLERANCE = 500, 1e-3
-"""Limit of the actions in one decision, and of the change of a return by one more, in reward units."""
+"""Returns are sums over at most this many actions, or until one more changes them by less (reward units)."""
 
 
 class FixedPolicy:
@@ -75,7 +75,7 @@ class FixedPolicy:
     @cached_property
     def _starts(self) -> Array:
         """(N, S) the beliefs that are compared."""
-        first = 1 / (1 + np.exp(-LOG_ODDS))
+        first = 1 / (1 + np.exp(-START_LOG_ODDS))
         starts: Array = np.stack([first, 1 - first], axis=1) @ self._domain.planning.initial_states
         return starts
 
@@ -96,10 +96,10 @@ class FixedPolicy:
 
     def _find_returns(self, graph: BeliefGraph, model: Pomdp) -> Array:
         """Return (N, V) the policy's return from each start with a person of each value."""
-        rounded = GRID * np.round(model.observation.dense / GRID)
+        rounded = PROBABILITY_STEP * np.round(model.observation.dense / PROBABILITY_STEP)
         key = rounded.tobytes()
         if key not in self._cells:
-            rounded = np.where(model.observation.dense > 0, np.maximum(rounded, GRID / 2), 0)
+            rounded = np.where(model.observation.dense > 0, np.maximum(rounded, PROBABILITY_STEP / 2), 0)
             rounded /= rounded.sum(axis=2, keepdims=True)
             roots = graph.add(SparseBeliefs.of(self._starts))
             returns = sum_rewards(graph, rounded)[roots]

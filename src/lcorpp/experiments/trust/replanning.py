@@ -13,18 +13,18 @@ from lcorpp.planning.planner import TransferPlanner
 from lcorpp.planning.sarsop.paced_search import PacedSearch
 from lcorpp.values import Array
 
-TOLERANCE = 0.03
+MAX_VARIATION = 0.03
 """A policy is computed anew if a row of the observation model differs by more than this, in total variation,
 from the row that it was computed for."""
 
 PRECISION_SHARE = 1e-3
 """Precision of the policies, as a share of the range of the rewards."""
 
-WORK = 1e5
-"""Work for one person, in the unit of `PacedSearch`: 5 to 25 milliseconds."""
+WORK_PER_PERSON = 1e5
+"""Work of the search after each person, in the unit of `PacedSearch`: 5 to 25 milliseconds."""
 
-MAX_WORK = 200 * WORK
-"""A search that has not reached its precision after this much work is given up."""
+MAX_SEARCH_WORK = 200 * WORK_PER_PERSON
+"""A search that has not converged after this much work ends without a policy."""
 
 
 class Replanner:
@@ -53,16 +53,16 @@ class Replanner:
         """Return the planner of the next person; cheap if the model is that of the call before."""
         if model is not self._model:
             self._model = model
-            if _compare_observations(model, self._target) > TOLERANCE:
+            if _compare_observations(model, self._target) > MAX_VARIATION:
                 self._target, self._search = model, PacedSearch(model, self._starts, self._precision)
             self.planner = TransferPlanner(self._policy, model)
         search = self._search
         if search is not None:
-            search.advance(work=WORK)
+            search.advance(work=WORK_PER_PERSON)
             if search.converged:
                 self._policy, self._solved = search.make_policy(), (search.pomdp, search.trials)
                 self.planner, self._search = TransferPlanner(self._policy, model), None
-            elif search.work > MAX_WORK:
+            elif search.work > MAX_SEARCH_WORK:
                 self._search = None
         return self.planner
 

@@ -15,7 +15,7 @@ from lcorpp.arguments import to_numbers
 from lcorpp.errors import DataError
 from lcorpp.learning.classifiers.running_convolutions import (
     KERNELS,
-    TAPS,
+    N_TAPS,
     Floats,
     RunningConvolutions,
     RunningState,
@@ -33,7 +33,7 @@ GOLDEN_RATIO = (np.sqrt(5) + 1) / 2
 
 RIDGE_PENALTIES = np.logspace(-3, 3, 10)
 
-BLOCK = 2**20
+BLOCK_SIZE = 2**20
 """Numbers compared at once: larger blocks leave the cache."""
 
 
@@ -168,12 +168,12 @@ class MiniRocket(ProbabilityClassifier):
         channels, longest = tracks.shape[1], int(measure_lengths(tracks).max())
         per_kernel = self.features // len(KERNELS)
         number = min(per_kernel, MAX_DILATIONS)
-        exponents = np.linspace(0, np.log2(max((longest - 1) / (TAPS - 1), 1)), number)
+        exponents = np.linspace(0, np.log2(max((longest - 1) / (N_TAPS - 1), 1)), number)
         self.dilations_, repeats = np.unique((2**exponents).astype(np.int64), return_counts=True)
         self.counts_ = repeats * per_kernel // number
         self.counts_[: per_kernel - self.counts_.sum()] += 1
         convolutions = len(KERNELS) * len(self.dilations_)
-        sizes = (2 ** rng.uniform(0, np.log2(min(channels, TAPS) + 1), convolutions)).astype(int)
+        sizes = (2 ** rng.uniform(0, np.log2(min(channels, N_TAPS) + 1), convolutions)).astype(int)
         order = rng.permuted(np.tile(np.arange(channels), (convolutions, 1)), axis=1)
         self.channels_ = order < sizes[:, None]
 
@@ -190,7 +190,7 @@ class MiniRocket(ProbabilityClassifier):
 
     def _transform(self, tracks: Array) -> Floats:
         """(cases, features) the fraction of the time in which each convolution exceeds each bias."""
-        step = max(1, BLOCK // (tracks.shape[2] * int(self.counts_.max())))
+        step = max(1, BLOCK_SIZE // (tracks.shape[2] * int(self.counts_.max())))
         blocks = [tracks[start : start + step] for start in range(0, len(tracks), step)]
         return np.concatenate([self._transform_block(block) for block in blocks])
 
@@ -204,7 +204,7 @@ class MiniRocket(ProbabilityClassifier):
             layer, kernel = divmod(number, len(KERNELS))
             counted = inside
             if not is_padded(layer, kernel):
-                reach = self.dilations_[layer] * (TAPS // 2)
+                reach = self.dilations_[layer] * (N_TAPS // 2)
                 counted = (times >= reach) & (times < ends - reach)
             values = np.where(counted, self._convolve(number, known), -np.inf)
             exceeds = (values[:, None] > thresholds[:, None]).astype(np.float32)
@@ -215,7 +215,7 @@ class MiniRocket(ProbabilityClassifier):
         """(cases, time points) a convolution of tracks (cases, channels, time points)."""
         layer, kernel = divmod(number, len(KERNELS))
         dilation, points = int(self.dilations_[layer]), tracks.shape[2]
-        reach = dilation * (TAPS // 2)
+        reach = dilation * (N_TAPS // 2)
         signal = np.pad(tracks[:, self.channels_[number]].sum(axis=1), ((0, 0), (reach, reach)))
-        shifted = [signal[:, tap * dilation :][:, :points] for tap in range(TAPS)]
+        shifted = [signal[:, tap * dilation :][:, :points] for tap in range(N_TAPS)]
         return weigh_taps([shifted[tap] for tap in KERNELS[kernel]], shifted)

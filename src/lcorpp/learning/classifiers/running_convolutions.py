@@ -14,16 +14,16 @@ from lcorpp.values import Flags, Indices
 
 Floats = npt.NDArray[np.float32]
 
-TAPS = 9
+N_TAPS = 9
 """Weights of a kernel: three are 2 and six -1, so that they sum to 0."""
 
-REACH = TAPS // 2
+N_SIDE_TAPS = N_TAPS // 2
 """Taps on each side of the point to which a convolution belongs."""
 
-KERNELS = tuple(combinations(range(TAPS), 3))
+KERNELS = tuple(combinations(range(N_TAPS), 3))
 """The 84 kernels, by the positions of the weights 2."""
 
-BLOCK = 2**20
+BLOCK_SIZE = 2**20
 """Numbers compared at once: larger blocks leave the cache."""
 
 
@@ -83,8 +83,8 @@ class RunningState:
 class RunningConvolutions:
     """The features of `MiniRocket`, updated by each point of a track: equal to the batch to the last digit.
 
-    A new point changes few convolutions: at the point itself, and at those `REACH` taps before it, whose
-    kernels saw zeros in its place. So the cost of a point does not depend on the length of the track.
+    A new point changes few convolutions: at the point itself, and at those `N_SIDE_TAPS` taps before it,
+    whose kernels saw zeros in its place. So the cost of a point does not depend on the length of the track.
 
     Args:
         dilations, counts, channels, biases: the attributes of a fitted `MiniRocket`.
@@ -97,13 +97,13 @@ class RunningConvolutions:
         channels: Flags,
         biases: Floats,
     ) -> None:
-        self._channels, self._points = channels.shape[1], int((TAPS - 1) * dilations.max() + 1)
+        self._channels, self._points = channels.shape[1], int((N_TAPS - 1) * dilations.max() + 1)
         layer, kernel = np.divmod(np.arange(len(channels)), len(KERNELS))
         padded = is_padded(layer, kernel)
         number_of = np.repeat(np.arange(len(channels)), np.repeat(counts, len(KERNELS)))
         self._padded, self._inside = (
             _Convolutions(np.flatnonzero(part), positions, dilations, channels, biases, number_of)
-            for part, positions in ((padded, REACH + 1), (~padded, 1))
+            for part, positions in ((padded, N_SIDE_TAPS + 1), (~padded, 1))
         )
         # the counts of a state are those of the padded convolutions, then the others: where is each feature?
         self._order = np.argsort(np.argsort(~padded[number_of], kind="stable"))
@@ -119,7 +119,7 @@ class RunningConvolutions:
         state.recent[:, :-1] = state.recent[:, 1:]
         state.recent[:, -1] = points
         state.lengths[:] += 1
-        step = max(1, BLOCK // (len(self._order) * REACH))
+        step = max(1, BLOCK_SIZE // (len(self._order) * N_SIDE_TAPS))
         starts = range(0, max(1, len(state)), step)
         return np.concatenate([self._update(state.select(slice(start, start + step))) for start in starts])
 
@@ -128,7 +128,7 @@ class RunningConvolutions:
         lengths = state.lengths[:, None, None]
         signal, is_seen = padded.add_channels(state.recent), lengths > padded.ages
         state.counts[:, :split] += padded.count(signal, is_seen)
-        signal[:, TAPS - 1], is_seen[:, -1] = 0, False  # as they were before this point
+        signal[:, N_TAPS - 1], is_seen[:, -1] = 0, False  # as they were before this point
         state.counts[:, :split] -= padded.count(signal, is_seen)
         complete = lengths - 2 * inside.ages  # points at which the whole kernel lies inside the track
         state.counts[:, split:] += inside.count(inside.add_channels(state.recent), complete > 0)
@@ -141,7 +141,7 @@ class RunningConvolutions:
 
 
 class _Convolutions:
-    """Half of the convolutions at a few positions: `REACH` taps before the last point, one tap later, ...
+    """Half of the convolutions at few positions: `N_SIDE_TAPS` taps before the last point, one tap later, ...
 
     numbers: (W,) of the convolutions, the same kernels of every second layer. positions: how many.
     dilations, channels, biases: as for `RunningConvolutions`. number_of: (features,) convolution of each.
@@ -164,8 +164,8 @@ class _Convolutions:
         starts, width = np.arange(positions)[:, None], len(numbers)
         is_own = np.isin(number_of, numbers)
         self.biases, self.columns = biases[is_own], np.searchsorted(numbers, number_of[is_own])
-        self.ages = (REACH - starts) * dilations[layer]
-        self._taps = -1 - np.arange(TAPS - 1, -1, -1)[:, None] * dilations
+        self.ages = (N_SIDE_TAPS - starts) * dilations[layer]
+        self._taps = -1 - np.arange(N_TAPS - 1, -1, -1)[:, None] * dilations
         self._channels = channels[numbers].T.reshape(-1, len(dilations), width // len(dilations))
         self._high = [
             ((starts + tap) * width + np.arange(width)).ravel() for tap in np.array(KERNELS)[kernel].T
@@ -173,11 +173,11 @@ class _Convolutions:
         self._compared = (starts * width + self.columns).ravel()
 
     def add_channels(self, recent: Floats) -> Floats:
-        """(n, TAPS + positions - 1, W) what the taps see of the last points, and zeros for those to come."""
+        """Return (n, N_TAPS + positions - 1, W) the last points at the taps, and zeros for those to come."""
         seen = recent[:, self._taps]
-        signal = np.zeros((len(recent), TAPS + len(self.ages) - 1, *self._channels.shape[1:]), np.float32)
+        signal = np.zeros((len(recent), N_TAPS + len(self.ages) - 1, *self._channels.shape[1:]), np.float32)
         for channel, is_added in enumerate(self._channels):
-            signal[:, :TAPS] += seen[..., channel, None] * is_added
+            signal[:, :N_TAPS] += seen[..., channel, None] * is_added
         return signal.reshape(*signal.shape[:2], -1)
 
     def count(self, signal: Floats, is_counted: Flags) -> npt.NDArray[np.int8]:
@@ -185,7 +185,7 @@ class _Convolutions:
         n, positions = len(signal), len(self.ages)
         flat = signal.reshape(n, -1)
         high = (flat.take(at, axis=1, mode="clip").reshape(is_counted.shape) for at in self._high)
-        values = weigh_taps(high, [signal[:, tap : tap + positions] for tap in range(TAPS)])
+        values = weigh_taps(high, [signal[:, tap : tap + positions] for tap in range(N_TAPS)])
         values = np.where(is_counted, values, -np.inf).reshape(n, -1)
         exceeds = values.take(self._compared, axis=1, mode="clip").reshape(n, positions, -1) > self.biases
         return np.asarray(exceeds.view(np.int8).sum(axis=1, dtype=np.int8))

@@ -22,7 +22,7 @@ AUTHORS = {
 CHUNK_BYTES = 1 << 16
 """Bytes read at once, after which progress is reported."""
 
-TIMEOUT = 30.0
+TIMEOUT_SECONDS = 30.0
 """Seconds without a byte after which a download fails."""
 
 Progress = Callable[[int, int | None], None]
@@ -77,7 +77,7 @@ def fetch(
     download = pooch.HTTPDownloader(
         progressbar=_ProgressBar(progress) if progress else False,
         chunk_size=CHUNK_BYTES,
-        timeout=TIMEOUT,
+        timeout=TIMEOUT_SECONDS,
         headers={"Accept-Encoding": "identity"},  # the bytes counted are those of the file
     )
     try:
@@ -127,7 +127,7 @@ def _describe_error(error: Any) -> str:
     if isinstance(error, requests.HTTPError):
         return f"the server answered {error.response.status_code} {error.response.reason}"
     if isinstance(error, requests.Timeout):
-        return f"the server did not answer for {TIMEOUT:g} s"
+        return f"the server did not answer for {TIMEOUT_SECONDS:g} s"
     if isinstance(error, requests.exceptions.ChunkedEncodingError):
         return "the connection was cut; no part is kept"
     if isinstance(error, requests.ConnectionError):
