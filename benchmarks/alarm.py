@@ -1,4 +1,4 @@
-"""Alarms on simulated people: how often without a fault, how soon with one, and which source they name.
+"""Alarms on simulated people: how often without a fault, how soon with one, and which attribute they name.
 
     OMP_NUM_THREADS=1 python benchmarks/alarm.py [--streams 40] [--false-alarms 1000] [--seed 0] [--trust]
 
@@ -232,7 +232,7 @@ def main(
 def describe(found: list[Finding | None], fault: Fault) -> str:
     """Return the median number of people, and the share of alarms that name the right attribute."""
     people = [np.inf if finding is None else finding.person for finding in found]
-    named = [finding.sources[0] == fault.attribute for finding in found if finding is not None]
+    named = [finding.attributes[0] == fault.attribute for finding in found if finding is not None]
     right = f"{100 * np.mean(named):.0f}%" if named else "-"
     return f"{np.median(people):.0f} {right}"
 

@@ -43,11 +43,11 @@ def test_simple_faults_have_the_numbers_that_they_name():
     assert faults.weights[0].tolist() == [1.0] + [0.0] * (len(faults.reasoners) - 1)
 
 
-def test_attributes_have_equal_shares_and_within_one_simple_faults_and_tables():
+def test_attributes_have_equal_priors_and_within_one_simple_faults_and_tables():
     faults = list_faults(load_domain("intention").program, ["intention"])
     share = dict.fromkeys(faults.attributes, 0.0)
     simple = dict.fromkeys(faults.attributes, 0.0)
-    for name, change, p in zip(faults.attributes, faults.changes, faults.shares, strict=True):
+    for name, change, p in zip(faults.attributes, faults.changes, faults.priors, strict=True):
         share[name] += p
         simple[name] += p * (change != TABLE_CHANGE)
     assert share == pytest.approx(dict.fromkeys(["", "time", "location", "intention", "classifier"], 0.2))

@@ -19,10 +19,10 @@ SWAPPED_PROGRAM = SkyReasoner(sunny=0.2, grey=0.9)
 UNINFORMATIVE_RATES = SkyReasoner(rates=(0.5, 0.5))
 
 
-def make_hypotheses(*reasoners, sources=("", "wish", "wish", "label")):
+def make_hypotheses(*reasoners, attributes=("", "wish", "wish", "label")):
     n = len(reasoners)
-    changes, shares = [f"change {i}" for i in range(n)], np.full(n, 1 / n)
-    return Hypotheses(reasoners, np.eye(n), sources[:n], changes, shares, FakeDomain(), given=True)
+    changes, priors = [f"change {i}" for i in range(n)], np.full(n, 1 / n)
+    return Hypotheses(reasoners, np.eye(n), attributes[:n], changes, priors, FakeDomain(), given=True)
 
 
 def make_alarm(*reasoners, rate=0.05, **options):
@@ -41,7 +41,7 @@ def draw(rng, n, truth=STATED_PROGRAM, wrong=0.25, n_answers=3):
 
 def test_e_is_the_mean_likelihood_over_that_of_the_null():
     reasoners, rng = (STATED_PROGRAM, UNIFORM_PROGRAM, UNINFORMATIVE_RATES), np.random.default_rng(0)
-    alarm = make_alarm(*reasoners, sources=("", "wish", "label"), rate=1e-300)
+    alarm = make_alarm(*reasoners, attributes=("", "wish", "label"), rate=1e-300)
     likelihood = np.ones((3, len(NOISE_DEGREES)))
     for evidence, steps in draw(rng, 40):
         for f, reasoner in enumerate(reasoners):
@@ -63,9 +63,9 @@ def test_e_is_the_mean_likelihood_over_that_of_the_null():
     assert alarm.n_people == 40
 
 
-@pytest.mark.parametrize(("truth", "source"), [(SWAPPED_PROGRAM, "wish"), (UNINFORMATIVE_RATES, "label")])
+@pytest.mark.parametrize(("truth", "attribute"), [(SWAPPED_PROGRAM, "wish"), (UNINFORMATIVE_RATES, "label")])
 @pytest.mark.parametrize("wrong", [0.15, 0.35])
-def test_the_wrong_source_is_named_whatever_the_noise(truth, source, wrong):
+def test_the_wrong_attribute_is_named_whatever_the_noise(truth, attribute, wrong):
     alarm, named = (
         make_alarm(STATED_PROGRAM, UNIFORM_PROGRAM, SWAPPED_PROGRAM, UNINFORMATIVE_RATES),
         list[str](),
@@ -74,10 +74,10 @@ def test_the_wrong_source_is_named_whatever_the_noise(truth, source, wrong):
         alarm = make_alarm(STATED_PROGRAM, UNIFORM_PROGRAM, SWAPPED_PROGRAM, UNINFORMATIVE_RATES)
         for evidence, steps in draw(np.random.default_rng(seed), 600, truth, wrong):
             named += [
-                name for f in alarm.update(evidence, steps) if f.part == KNOWLEDGE for name in f.sources
+                name for f in alarm.update(evidence, steps) if f.part == KNOWLEDGE for name in f.attributes
             ]
     assert len(named) == 10
-    assert named.count(source) >= 9
+    assert named.count(attribute) >= 9
 
 
 def test_noisy_answers_are_a_fault_of_hearing_alone():
@@ -85,7 +85,7 @@ def test_noisy_answers_are_a_fault_of_hearing_alone():
     for evidence, steps in draw(np.random.default_rng(1), 400, wrong=0.4):
         alarm.update(evidence, steps)
     (finding,) = alarm.findings
-    assert (finding.part, finding.sources) == (HEARING, ())
+    assert (finding.part, finding.attributes) == (HEARING, ())
     assert finding.noise > 0.3
 
 
@@ -100,10 +100,10 @@ def test_false_alarms_are_rarer_than_the_rate():
 
 
 def test_sources_that_cannot_be_told_apart_are_all_named():
-    alarm = make_alarm(STATED_PROGRAM, SWAPPED_PROGRAM, SWAPPED_PROGRAM, sources=("", "wish", "identity"))
+    alarm = make_alarm(STATED_PROGRAM, SWAPPED_PROGRAM, SWAPPED_PROGRAM, attributes=("", "wish", "identity"))
     for evidence, steps in draw(np.random.default_rng(0), 100, SWAPPED_PROGRAM):
         alarm.update(evidence, steps)
-    assert [set(finding.sources) for finding in alarm.findings] == [{"wish", "identity"}]
+    assert [set(finding.attributes) for finding in alarm.findings] == [{"wish", "identity"}]
     assert alarm.findings[0].probability == pytest.approx(1)
 
 
@@ -160,7 +160,7 @@ def test_a_state_that_does_not_fit_is_refused():
         make_alarm(STATED_PROGRAM, UNIFORM_PROGRAM, UNINFORMATIVE_RATES).restore(state)
     with pytest.raises(DecisionError, match=r"with .*'rate': 0\.05\}; expected .*'rate': 0\.01\}"):
         make_alarm(STATED_PROGRAM, UNIFORM_PROGRAM, rate=0.01).restore(state)
-    finding = {"sources": ["wish"], "colour": "red"}
+    finding = {"attributes": ["wish"], "colour": "red"}
     for damage in ({"posterior": [1]}, {"log_m": None}, {"knowledge": "x"}, {"findings": [finding]}):
         with pytest.raises(DecisionError, match="the state of the alarm is damaged"):
             make_alarm(STATED_PROGRAM, UNIFORM_PROGRAM).restore(state | damage)

@@ -46,9 +46,9 @@ def test_each_question_and_each_row_may_differ():
 def test_few_answers_move_all_questions_alike_rather_than_one():
     """Twenty wrong answers to the first question are noise of the second one, too."""
     model = AnswerModel.of_tables(TWO_QUESTIONS)
-    heard = np.zeros((4, 2))
-    heard[0], heard[1] = [30, 20], [20, 30]
-    rows, noise = model.estimate_rows(heard)
+    counts = np.zeros((4, 2))
+    counts[0], counts[1] = [30, 20], [20, 30]
+    rows, noise = model.estimate_rows(counts)
     assert 0 < noise < 0.8
     first, second = model.make_tables(rows)[:, 0, 1]
     assert first > 0.1

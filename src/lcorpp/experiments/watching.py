@@ -32,7 +32,7 @@ def make_hypotheses(domain: Domain, program: Program | None = None, *, given: bo
         faults.weights,
         faults.attributes,
         faults.changes,
-        faults.shares,
+        faults.priors,
         domain,
         given=given,
     )

@@ -35,7 +35,7 @@ class Faults:
 
     reasoners: (B,) of the programs; the first is the program itself.
     weights: (F, B). attributes: (F,) the attribute whose pr-atoms are wrong, "" in row 0, the program itself.
-    changes: (F,) what is wrong. shares: (F,) their probability in advance: equal for the attributes and the
+    changes: (F,) what is wrong. priors: (F,) prior probabilities: equal for the attributes and the
         program; within an attribute one half each for simple faults and for tables.
     """
 
@@ -43,7 +43,7 @@ class Faults:
     weights: Array
     attributes: Sequence[str]
     changes: Sequence[str]
-    shares: Array
+    priors: Array
 
 
 def list_faults(program: Program, used: Sequence[str]) -> Faults:
@@ -59,7 +59,7 @@ def list_faults(program: Program, used: Sequence[str]) -> Faults:
             left out.
     """
     reasoners, rows = [Reasoner(program)], [{0: 1.0}]
-    attributes, changes, shares = [""], [""], [1.0]
+    attributes, changes, priors = [""], [""], [1.0]
     names = dict.fromkeys(s.term.name for s in program.statements if isinstance(s, Probability))
     for name in names:
         simple = [
@@ -76,11 +76,11 @@ def list_faults(program: Program, used: Sequence[str]) -> Faults:
         groups = [group for group in (simple, tables) if group]
         for group in groups:
             attributes += [name] * len(group)
-            shares += [1 / (len(groups) * len(group))] * len(group)
+            priors += [1 / (len(groups) * len(group))] * len(group)
     weights = np.zeros((len(rows), len(reasoners)))
     for f, row in enumerate(rows):
         weights[f, list(row)] = list(row.values())
-    return Faults(reasoners, weights, attributes, changes, np.array(shares) / sum(shares))
+    return Faults(reasoners, weights, attributes, changes, np.array(priors) / sum(priors))
 
 
 def _check(program: Program, used: Sequence[str]) -> Reasoner | None:

@@ -1,4 +1,4 @@
-"""Alarm: knowledge, classifiers or hearing are not as stated, with a bounded probability of a false alarm."""
+"""Alarm: a sequential test of knowledge, classifiers and observation model, with a bounded error rate."""
 
 from __future__ import annotations
 
@@ -38,16 +38,16 @@ class Finding:
     """An alarm.
 
     person: number of people until then. part: `KNOWLEDGE` or `HEARING`. log_e: the logarithm of E.
-    sources: the attributes whose pr-atoms are probably wrong, several if their hypotheses are equivalent;
+    attributes: the attributes whose pr-atoms are probably wrong, several if their hypotheses are equivalent;
         empty for `HEARING`. change: what is probably wrong there; for `HEARING` "" .
-    noise: the most probable degree of noise, see `AnswerModel`. probability: of `sources`, given that one
+    noise: the most probable degree of noise, see `AnswerModel`. probability: of `attributes`, given that one
         attribute alone is wrong.
     """
 
     person: int
     part: str
     log_e: float
-    sources: tuple[str, ...]
+    attributes: tuple[str, ...]
     change: str
     noise: float
     probability: float
@@ -60,11 +60,11 @@ def check_rate(rate: float) -> None:
 
 
 class Alarm:
-    """Tests after each person whether the program, the classifiers' rates and the hearing are as stated.
+    """Tests after each person whether program, classifiers and observation model (hearing) are as stated.
 
     The likelihood of hypothesis f and noise d after some people is L(f, d); f = 0 is the stated program, and
-    d = 0 the stated observation model. With M the mean of L over all f and d, by their probabilities in
-    advance, the two parts have the statistics
+    d = 0 the stated observation model. With M the mean of L over all f and d, weighted by their prior
+    probabilities, the two parts have the statistics
 
         E(knowledge) = M / max_d L(0, d)        E(hearing) = M / max_f L(f, 0)
 
@@ -93,11 +93,11 @@ class Alarm:
         self._answers = logs.transpose(1, 0, 2).copy()
         self._noise = NOISE_DEGREES[ALTERNATIVE_DEGREES]
         self._stated = int(np.flatnonzero(self._noise == 0)[0])
-        # what underflows is out for ever, but only after an E beyond every threshold
-        self._posterior = np.outer(hypotheses.shares, np.full(len(self._noise), 1 / len(self._noise)))
+        # a hypothesis whose posterior underflows stays at 0, but E is beyond every threshold before
+        self._posterior = np.outer(hypotheses.priors, np.full(len(self._noise), 1 / len(self._noise)))
         self._log_m = 0.0
         self._knowledge = np.zeros(len(NOISE_DEGREES))  # log L(0, d)
-        self._hearing = np.zeros(len(hypotheses.shares))  # log L(f, 0)
+        self._hearing = np.zeros(len(hypotheses.priors))  # log L(f, 0)
         self.n_people = 0
         self.findings = list[Finding]()
 
@@ -110,10 +110,10 @@ class Alarm:
         }
 
     def update(self, evidence: Mapping[str, Label], steps: Iterable[Step]) -> list[Finding]:
-        """Take a person into account; return the new alarms.
+        """Update the statistics with a person; return the new alarms.
 
         Args:
-            evidence: what the reasoner got. steps: of the decision.
+            evidence: as for the reasoner. steps: of the decision.
 
         Raises:
             UndefinedError: the evidence is impossible by the stated program.
@@ -121,13 +121,13 @@ class Alarm:
         history = [(step.action, step.observation) for step in steps if step.observation is not None]
         joint = self._hypotheses.predict(evidence)  # (F, V)
         answers = np.array(self._dialogue.find_answers(history), np.intp)
-        logs = np.add.reduce(self._answers[answers])  # (N, V), of no answers 0
+        logs = np.add.reduce(self._answers[answers])  # (N, V), 0 without answers
         top = logs.max()
-        answers_given = np.exp(logs - top)
-        person = joint @ answers_given[ALTERNATIVE_DEGREES].T  # (F, noise)
-        self._knowledge += np.log(np.maximum(joint[0] @ answers_given.T, MIN_LIKELIHOOD)) + top
-        self._hearing += np.log(np.maximum(person[:, self._stated], MIN_LIKELIHOOD)) + top
-        self._posterior *= person
+        likelihoods = np.exp(logs - top)
+        predicted = joint @ likelihoods[ALTERNATIVE_DEGREES].T  # (F, noise)
+        self._knowledge += np.log(np.maximum(joint[0] @ likelihoods.T, MIN_LIKELIHOOD)) + top
+        self._hearing += np.log(np.maximum(predicted[:, self._stated], MIN_LIKELIHOOD)) + top
+        self._posterior *= predicted
         total = float(self._posterior.sum())
         self._posterior /= total
         self._log_m += float(np.log(total)) + float(top)
@@ -140,7 +140,7 @@ class Alarm:
         The bound remains: E compares what each hypothesis predicted of each person before.
         """
         is_same = all(
-            getattr(hypotheses, name) == getattr(self._hypotheses, name) for name in ("sources", "changes")
+            getattr(hypotheses, name) == getattr(self._hypotheses, name) for name in ("attributes", "changes")
         )
         if is_same:
             self._hypotheses = hypotheses
@@ -152,16 +152,18 @@ class Alarm:
             "hypotheses": self._list_hypotheses(),
             "options": self._options(),
             "people": self.n_people,
-            "findings": [asdict(finding) | {"sources": list(finding.sources)} for finding in self.findings],
+            "findings": [
+                asdict(finding) | {"attributes": list(finding.attributes)} for finding in self.findings
+            ],
             "log_m": self._log_m,
             **{name: array.tolist() for name, array in self._arrays().items()},
         }
 
     def restore(self, state: Mapping[str, Any]) -> None:
-        """Go on exactly from the state of an alarm with the same arguments; it knows nobody yet.
+        """Continue exactly from the state of an alarm with the same arguments, before the first `update`.
 
         Raises:
-            DecisionError: people were taken into account already; or the state is damaged, or is that of an
+            DecisionError: `update` has been called; or the state is damaged, or is that of an
                 alarm with other arguments.
         """
         if self.n_people:
@@ -176,7 +178,7 @@ class Alarm:
             for name, array in self._arrays().items():
                 array[...] = np.array(state[name], np.float64).reshape(array.shape)
             self._log_m, self.n_people = float(state["log_m"]), int(state["people"])
-            self.findings = [Finding(**f | {"sources": tuple(f["sources"])}) for f in state["findings"]]
+            self.findings = [Finding(**f | {"attributes": tuple(f["attributes"])}) for f in state["findings"]]
             if not np.isclose(self._posterior.sum(), 1) or not np.isfinite([*self.log_e.values()]).all():
                 raise ValueError("no probabilities of the hypotheses")
         except (LookupError, TypeError, ValueError) as error:
@@ -184,8 +186,18 @@ class Alarm:
                 f"the state of the alarm is damaged ({type(error).__name__}: {error})"
             ) from error
 
+    def find_probabilities(self) -> dict[str, float]:
+        """Return the probability of each attribute, given that one alone is wrong."""
+        by_fault = self._posterior.sum(axis=1)[1:]
+        totals = dict.fromkeys(self._hypotheses.attributes[1:], 0.0)
+        for attribute, p in zip(self._hypotheses.attributes[1:], by_fault.tolist(), strict=True):
+            totals[attribute] += p / float(by_fault.sum())
+        return totals
+
     def _list_hypotheses(self) -> list[list[str]]:
-        return [list(fault) for fault in zip(self._hypotheses.sources, self._hypotheses.changes, strict=True)]
+        return [
+            list(fault) for fault in zip(self._hypotheses.attributes, self._hypotheses.changes, strict=True)
+        ]
 
     def _options(self) -> dict[str, Any]:
         return {"given": self._hypotheses.given, "rate": self._rate}
@@ -210,21 +222,13 @@ class Alarm:
         if part == HEARING:
             return Finding(self.n_people, part, log_e, (), "", noise, 1.0)
         hypotheses, by_fault = self._hypotheses, self._posterior.sum(axis=1)
-        by_source = self.find_probabilities()
-        named = max(by_source, key=lambda name: by_source[name])
-        own = [f for f, source in enumerate(hypotheses.sources) if source == named]
+        by_attribute = self.find_probabilities()
+        named = max(by_attribute, key=lambda name: by_attribute[name])
+        own = [f for f, attribute in enumerate(hypotheses.attributes) if attribute == named]
         best = max(own, key=lambda f: by_fault[f])
         with np.errstate(divide="ignore"):
-            logs = np.log(by_fault / hypotheses.shares)
+            logs = np.log(by_fault / hypotheses.priors)
         equal = np.flatnonzero(np.abs(logs - logs[best]) < MAX_LOG_DIFFERENCE)
-        sources = tuple(dict.fromkeys([named, *[hypotheses.sources[f] for f in equal if f]]))
-        probability = sum(by_source[name] for name in sources)
-        return Finding(self.n_people, part, log_e, sources, hypotheses.changes[best], noise, probability)
-
-    def find_probabilities(self) -> dict[str, float]:
-        """Return the probability of each attribute, given that one alone is wrong."""
-        by_fault = self._posterior.sum(axis=1)[1:]
-        totals = dict.fromkeys(self._hypotheses.sources[1:], 0.0)
-        for source, p in zip(self._hypotheses.sources[1:], by_fault.tolist(), strict=True):
-            totals[source] += p / float(by_fault.sum())
-        return totals
+        attributes = tuple(dict.fromkeys([named, *[hypotheses.attributes[f] for f in equal if f]]))
+        probability = sum(by_attribute[name] for name in attributes)
+        return Finding(self.n_people, part, log_e, attributes, hypotheses.changes[best], noise, probability)

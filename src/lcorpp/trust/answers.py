@@ -1,4 +1,4 @@
-"""The observation model of answers: as stated, and as estimated from what was heard."""
+"""The observation model of answers, stated and estimated."""
 
 from __future__ import annotations
 
@@ -92,48 +92,53 @@ class AnswerModel:
         logs = np.log(np.where(rows > 0, rows, 1))[self.row_of]
         return logs.transpose(0, 2, 1).reshape(self.n_answers, -1)
 
-    def estimate_rows(self, heard: Array) -> tuple[Array, float]:
-        """Estimate the rows from expected counts of answers.
+    @cached_property
+    def noisy_log_likelihoods(self) -> Array:
+        """(N, D, V) what `find_log_likelihoods` returns at each degree of `NOISE_DEGREES`."""
+        return np.array([self.find_log_likelihoods(rows) for rows in self._noisy_rows])
+
+    def estimate_rows(self, counts: Array) -> tuple[Array, float]:
+        """Estimate the rows from expected counts of answers, by a hierarchy of priors.
 
         First the noise that all questions share, then that of each question around it, then each row around
         that of its question.
 
         Args:
-            heard: (D, V) how often each answer was given by people of each value.
+            counts: (D, V) how often people of each value gave each answer.
 
         Returns:
             The rows (R, O), and the shared noise.
         """
         n_observations = self.stated_rows.shape[1]
-        by_value = heard.reshape(len(self.row_of), n_observations, -1).transpose(0, 2, 1)
-        counts = self._membership.T @ by_value.reshape(-1, n_observations)  # (R, O)
-        shared = int(np.argmax(self._logs @ counts.ravel() + self._stated_score))
-        expected = counts + self._question_weights * self._noisy_rows[shared]
+        by_value = counts.reshape(len(self.row_of), n_observations, -1).transpose(0, 2, 1)
+        by_row = self._membership.T @ by_value.reshape(-1, n_observations)  # (R, O)
+        shared = int(np.argmax(self._logs @ by_row.ravel() + self._stated_score))
+        expected = by_row + self._question_weights * self._noisy_rows[shared]
         scores = (self._logs.reshape(self._noisy_rows.shape) * expected).sum(axis=2)
         best = (scores @ self._is_row_of).argmax(axis=0)  # (K,)
-        prior = self._noisy_rows[best[self._question_of], np.arange(len(counts))]
-        rows = ROW_ANSWERS * prior + counts
+        prior = self._noisy_rows[best[self._question_of], np.arange(len(by_row))]
+        rows = ROW_ANSWERS * prior + by_row
         rows /= rows.sum(axis=1, keepdims=True)
-        return self._orient(rows, prior), float(NOISE_DEGREES[shared])
+        return self._keep_order(rows, prior), float(NOISE_DEGREES[shared])
 
-    def _orient(self, rows: Array, prior: Array) -> Array:
+    def _keep_order(self, rows: Array, prior: Array) -> Array:
         """Return rows between `rows` and `prior` (R, O) in which no two values are exchanged.
 
-        Exchanging two values in the rows, the rates and the contexts changes no probability, so only the
-        direction in which the stated rows differ tells them apart.
+        Exchanging two values in the rows, the rates and the contexts changes no probability (label
+        switching), so only the direction in which the stated rows differ identifies the values.
         """
         left, right = self._pairs
         stated = self.stated_rows[left] - self.stated_rows[right]
-        least = MIN_CONTRAST * (stated**2).sum(axis=1)
+        minimum = MIN_CONTRAST * (stated**2).sum(axis=1)
         found = ((rows[left] - rows[right]) * stated).sum(axis=1)
         expected = ((prior[left] - prior[right]) * stated).sum(axis=1)
         share = np.ones(len(self.row_of))
-        wrong = found < least
-        limits = np.maximum(expected - least, 0)[wrong] / np.maximum(expected - found, 1e-12)[wrong]
+        wrong = found < minimum
+        limits = np.maximum(expected - minimum, 0)[wrong] / np.maximum(expected - found, 1e-12)[wrong]
         np.minimum.at(share, self._question_of[left[wrong]], np.minimum(limits, 1))
         weight = share[self._question_of][:, None]
-        oriented: Array = weight * rows + (1 - weight) * prior
-        return oriented
+        ordered: Array = weight * rows + (1 - weight) * prior
+        return ordered
 
     @cached_property
     def _pairs(self) -> tuple[npt.NDArray[np.intp], npt.NDArray[np.intp]]:
@@ -141,11 +146,6 @@ class AnswerModel:
         left, right = np.triu_indices(len(self.stated_rows), 1)
         same = self._question_of[left] == self._question_of[right]
         return left[same], right[same]
-
-    @cached_property
-    def noisy_log_likelihoods(self) -> Array:
-        """(N, D, V) what `find_log_likelihoods` returns at each degree of `NOISE_DEGREES`."""
-        return np.array([self.find_log_likelihoods(rows) for rows in self._noisy_rows])
 
     @cached_property
     def _membership(self) -> Array:

@@ -1,4 +1,4 @@
-"""Hypotheses about the knowledge: the stated program and its alternatives, by what they predict."""
+"""Hypotheses about the knowledge: the stated program and its alternatives, as predictive distributions."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ from lcorpp.values import Array, Label, Likelihood
 class Hypotheses:
     """F hypotheses: the stated program, and programs with one wrong attribute.
 
-    sources: (F,) the attribute that is wrong, "" for the first, which is the stated program. changes: (F,)
-    what is wrong. shares: (F,) the probability of each in advance. given: see below.
+    attributes: (F,) the attribute that is wrong, "" for the first, which is the stated program. changes: (F,)
+    what is wrong. priors: (F,) prior probabilities. given: see below.
 
     Args:
         reasoners: (B,) the first is that of the stated program.
@@ -33,16 +33,16 @@ class Hypotheses:
         self,
         reasoners: Sequence[Reasoner],
         weights: Array,
-        sources: Sequence[str],
+        attributes: Sequence[str],
         changes: Sequence[str],
-        shares: Array,
+        priors: Array,
         domain: DomainInterface,
         *,
         given: bool = False,
     ) -> None:
-        self.sources, self.changes, self.shares = tuple(sources), tuple(changes), shares
-        shape = len(self.sources), len(reasoners)
-        if weights.shape != shape or len(changes) != len(shares) or len(shares) != shape[0]:
+        self.attributes, self.changes, self.priors = tuple(attributes), tuple(changes), priors
+        shape = len(self.attributes), len(reasoners)
+        if weights.shape != shape or len(changes) != len(priors) or len(priors) != shape[0]:
             raise DecisionError(f"hypotheses have weights of shape {weights.shape}; expected {shape}")
         if not shape[0] or not np.array_equal(weights[0], np.eye(shape[1])[0]):
             raise DecisionError("the first hypothesis is another program; expected the stated one")

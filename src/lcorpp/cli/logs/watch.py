@@ -101,7 +101,7 @@ def describe(finding: Finding, domain: Domain) -> str:
     sense_of = {sense.attribute: sense.name for sense in domain.senses}
     names = [
         f"the rates of the classifier {sense_of[name]}" if name in sense_of else f"the knowledge about {name}"
-        for name in finding.sources
+        for name in finding.attributes
     ]
     return (
         f"wrong is probably {' or '.join(names)} (most likely: {finding.change});"
