@@ -1,10 +1,12 @@
-"""How often an audit names the wrong numbers, and how often its intervals cover the truth.
+"""How often an audit names what is wrong, and how often its intervals cover the truth.
 
-    OMP_NUM_THREADS=1 python benchmarks/audit.py [--streams 50] [--noise 0.3] [--seed 0] [--out TABLE.md]
+    OMP_NUM_THREADS=1 python benchmarks/audit.py [--streams 50] [--noise 0.3] [--identities 20] [--seed 0]
+        [--rows NAME] [--out TABLE.md]
 
 People are those of the domain `intention`, and the knowledge of the robot is changed. The planner's model
 states a noise of .1 (.2 for `greet`), the policy is solved for the true one, as a robot with trust does, and
-one person in 20 is asked until they have given three answers.
+one person in 20 is asked until three answers are heard. With `--identities 20`, another one in 20 is asked
+who they are: the identity is then among the facts of that person.
 """
 
 from __future__ import annotations
@@ -35,16 +37,21 @@ RATES = np.array([[0.76, 0.24], [0.29, 0.71]])
 """P(label | value) of the classifier."""
 
 REPEATED_EVERY, REPEATED_ANSWERS = 20, 3
-"""Every 20th person is asked until they have given three answers."""
+"""One person in so many is asked until so many answers are heard."""
+
+N_DRAWN = 200
+"""Number of programs with six wrong numbers; further streams begin again."""
 
 ATTRIBUTES: Mapping[str, tuple[str, Mapping[str, float]]] = {
-    "location uninformative": ("location", dict.fromkeys(("student", "professor", "visitor"), 0.5)),
+    "location says nothing": ("location", dict.fromkeys(("student", "professor", "visitor"), 0.5)),
     "location inverted": ("location", {"student": 0.7, "professor": 0.9, "visitor": 0.2}),
     "intention half-way to .4": ("intention", {"student": 0.35, "professor": 0.25, "visitor": 0.6}),
     "intention, professor and visitor swapped": ("intention", {"professor": 0.8, "visitor": 0.1}),
     "intention inverted": ("intention", {"student": 0.7, "professor": 0.9, "visitor": 0.2}),
 }
 """Attributes of which all numbers are wrong: identity -> the stated number."""
+
+Facts = tuple[tuple[str, str], ...]
 
 HEADER = """| knowledge | noise | streams | named | only that is changed | intervals cover |
 |---|---|---|---|---|---|
@@ -56,6 +63,8 @@ def main(
     people: Annotated[int, typer.Option(min=1)] = 2000,
     noise: Annotated[list[float] | None, typer.Option(help="Repeatable; by default .1, .3 and .4.")] = None,
     error: Annotated[float, typer.Option(min=0.01, max=0.5, help="Of the one number that is wrong.")] = 0.2,
+    identities: Annotated[int, typer.Option(min=0, help="Ask one person in so many; 0 nobody.")] = 0,
+    rows: Annotated[str, typer.Option(help="Rows of the table whose name contains this.")] = "",
     seed: Annotated[int, typer.Option(min=0)] = 0,
     out: Annotated[Path | None, typer.Option(dir_okay=False)] = None,
 ) -> None:
@@ -65,12 +74,13 @@ def main(
     text = HEADER
     for level in noise or (0.1, 0.3, 0.4):
         world = World(domain, level)
-        for name, changes in list_rows(domain.program, error):
+        chosen = [row for row in list_rows(domain.program, error, seed) if rows in row[0]]
+        for name, changes in chosen:
             rng = np.random.default_rng(seed)
             results = []
             for number in range(streams):
                 program, wrong = changes[number % len(changes)]
-                audit = audit_people(world.simulate(program, people, rng))
+                audit = audit_people(world.simulate(program, people, identities, rng))
                 results.append(score(audit, domain.program, wrong))
             columns = ([x for x in column if x is not None] for column in zip(*results, strict=True))
             named, exact, covers = (f"{100 * np.mean(own):.1f} %" if own else "" for own in columns)
@@ -81,7 +91,9 @@ def main(
         write_atomically(out, text)
 
 
-def list_rows(program: Program, error: float) -> Iterator[tuple[str, list[tuple[Program, frozenset[int]]]]]:
+def list_rows(
+    program: Program, error: float, seed: int
+) -> Iterator[tuple[str, list[tuple[Program, frozenset[int]]]]]:
     """Yield the rows of the table: a name, and programs with the statements in which they are wrong."""
     yield "right", [(program, frozenset())]
     numbers = {
@@ -106,6 +118,23 @@ def list_rows(program: Program, error: float) -> Iterator[tuple[str, list[tuple[
         changed = change(program, wrong)
         assert changed is not None
         yield name, [(changed, frozenset(wrong))]
+    yield "six numbers wrong", draw_changes(program, numbers, np.random.default_rng([seed, 6]))
+
+
+def draw_changes(
+    program: Program, numbers: Mapping[int, float], rng: np.random.Generator
+) -> list[tuple[Program, frozenset[int]]]:
+    """Draw programs with six wrong numbers, each uniform in .05 to .95 and at least .2 from the right one."""
+    drawn = list[tuple[Program, frozenset[int]]]()
+    while len(drawn) < N_DRAWN:
+        wrong = dict(
+            zip(rng.permutation(list(numbers))[:6].tolist(), rng.uniform(0.05, 0.95, 6), strict=True)
+        )
+        if all(abs(numbers[i] - p) >= 0.2 for i, p in wrong.items()):
+            changed = change(program, wrong)
+            if changed is not None:
+                drawn.append((changed, frozenset(wrong)))
+    return drawn
 
 
 def change(program: Program, numbers: Mapping[int, float]) -> Program | None:
@@ -142,22 +171,23 @@ def score(audit: Audit, right: Program, wrong: frozenset[int]) -> tuple[bool | N
         findings = [x for x in audit.numbers if x.name in names]
         named = max(audit.numbers, key=lambda x: x.gain).name in names
     else:
-        attribute = next(iter(names))[3:].partition("=")[0]
-        named = max(audit.attributes, key=lambda x: x.bic).name == attribute
+        attributes = {name[3:].partition("=")[0] for name in names}
+        if len(attributes) == 1:
+            named = max(audit.attributes, key=lambda x: x.bic).name in attributes
     covers = [x.interval[0] < truth[x.name] < x.interval[1] for x in findings if x.interval is not None]
     return named, exact, float(np.mean(covers)) if covers else None
 
 
 @dataclass(frozen=True, eq=False)
 class Robot:
-    """The planner, and its actions after the histories that have occurred."""
+    """What the robot does: its planner, and the actions at the histories that were met."""
 
     planner: Planner
     actions: dict[object, str]
 
 
 class World:
-    """People whose answers are noisy, and a robot that knows the noise."""
+    """People who answer with a noise, and a robot that knows it."""
 
     def __init__(self, domain: Domain, noise: float) -> None:
         self._domain, self._noise, self._population = domain, noise, Population(domain)
@@ -173,26 +203,32 @@ class World:
         self._robot = Robot(Planner(solution), {})
         self._reasoner = Reasoner(domain.program)
 
-    def simulate(self, program: Program, n: int, rng: np.random.Generator) -> LoggedPeople:
-        """Simulate decisions; the robot's priors are right, the audit is of `program`."""
-        contexts = dict[tuple[str, ...], int]()
+    def simulate(self, program: Program, n: int, identities: int, rng: np.random.Generator) -> LoggedPeople:
+        """Simulate decisions; the robot's priors are right, the audit is of `program`.
+
+        Args:
+            identities: one person in so many has its identity among the facts; 0: nobody.
+        """
+        contexts = dict[Facts, int]()
         cases = Cases(1, self._dialogue.tables.shape[0] * self._dialogue.tables.shape[2])
         values = self._domain.values
         for i, person in enumerate(self._population.sample(n, rng)):
-            facts = tuple(person[name] for name in self._domain.observed)
+            is_known = identities > 0 and i % identities == identities // 2
+            observed = (*self._domain.observed, *(["identity"] if is_known else []))
+            facts = tuple((name, person[name]) for name in observed)
             value = values.index(person["intention"])
             label = int(rng.random() > RATES[value, 0])
             history = self._decide(facts, label, value, i % REPEATED_EVERY == 0, rng)
             answers = self._dialogue.find_answers(history)
             cases.add(contexts.setdefault(facts, len(contexts)), [label], answers)
-        names = [dict(zip(self._domain.observed, facts, strict=True)) for facts in contexts]
+        names = [dict(facts) for facts in contexts]
         labels = [["one", "zero"]]
         return LoggedPeople(
             self._domain, program, self._dialogue, names, labels, [RATES], cases, "LCORPP", 0, {}
         )
 
     def _decide(
-        self, facts: tuple[str, ...], label: int, value: int, is_asked: bool, rng: np.random.Generator
+        self, facts: Facts, label: int, value: int, is_asked: bool, rng: np.random.Generator
     ) -> list[tuple[str, str]]:
         robot, history = self._robot, list[tuple[str, str]]()
         belief: Array | None = None
@@ -210,9 +246,8 @@ class World:
             history.append((action, "pos" if (value == 0) != is_wrong else "neg"))
             belief = robot.planner.update(belief, *history[-1])
 
-    def _find_prior(self, facts: tuple[str, ...], label: int) -> Array:
-        evidence = dict(zip(self._domain.observed, facts, strict=True))
-        evidence["classifier"] = ("one", "zero")[label]
+    def _find_prior(self, facts: Facts, label: int) -> Array:
+        evidence = dict([*facts, ("classifier", ("one", "zero")[label])])
         return self._domain.prior(self._reasoner.posterior("intention", evidence))
 
 

@@ -1,19 +1,19 @@
-"""LCORPP+trust with wrong knowledge, wrong rates and noisier answers than stated, in the domain `intention`.
+"""LCORPP+trust in worlds that differ from what the robot is told: the domain `intention`, a grid of cells.
 
     OMP_NUM_THREADS=1 python benchmarks/trust.py [--streams 2] [--people 2000] [--cells N] [--seed 0]
         [--jobs 2] [--rates honest|lying] [--no-hearing] [--out FOLDER]
 
-A cell of the grid is the knowledge (right, or wrong in seven ways), the rate of wrong answers, the classifier
-and the costs of the actions; the planner's observation model stays as stated (noise .1 and .2). With --rates
-honest the program states the classifier's true rates; with --rates lying it states .76 and .29, and the true
-ones are others. Each cell gives the mean return over streams of people, one after another, beside the exact
-returns of P, R+P, L+P and LCORPP and of the omniscient robot, LCORPP with the true program, rates and noise.
+A cell is what people know (right, or wrong in seven ways), the rate of wrong answers, the classifier and the
+costs of the actions; the robot's observation model stays as stated (.1 and .2). With honest rates the program
+states the classifier's true ones; lying classifiers have other rates than the stated .76 and .29. Each cell
+gives the mean return over streams of people, one after another, beside the exact returns of P, R+P, L+P and
+LCORPP and of the omniscient robot, LCORPP with the true program, rates and noise.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import product
 from pathlib import Path
 from time import process_time
@@ -23,34 +23,32 @@ import matplotlib.pyplot as plt
 import numpy as np
 import typer
 from joblib import Parallel, delayed
+from trust_worlds import (
+    BASELINES,
+    INTENTION_NUMBERS,
+    LIBRARY_NUMBERS,
+    RIGHT,
+    STATED_RATES,
+    TIME_NUMBERS,
+    Numbers,
+    World,
+    make_domain,
+    meet_people,
+    score_exactly,
+    solve_precisely,
+)
 
-from lcorpp.decision import Robot, Strategy, dt_control, strategies
-from lcorpp.domains import Domain, load_domain
-from lcorpp.experiments.scoring.exact_evaluation import evaluate_exactly
+from lcorpp.decision import strategies
 from lcorpp.experiments.trust.setup import set_up_trust
 from lcorpp.files import make_folder, write_atomically
-from lcorpp.planning import Planner, SparseTables, solve
-from lcorpp.reasoning import Program, Reasoner, parse_plog
-from lcorpp.simulation import NoisyChannel
-from lcorpp.simulation.people import Population
-from lcorpp.simulation.world import SimulationModel
-from lcorpp.values import Array, Instance
+from lcorpp.reasoning import Reasoner
 
-TIME_NUMBERS = {"student": (0.15, 0.15), "professor": (0.8, 0.1), "visitor": (0.1, 0.7)}
-LIBRARY_NUMBERS = {"student": 0.3, "professor": 0.1, "visitor": 0.8}
-INTENTION_NUMBERS = {"student": 0.3, "professor": 0.1, "visitor": 0.8}
-STATED_RATES = (0.76, 0.29)
-"""P(one | interested) and P(one | not interested) of the classifier."""
 KNOWN_RATES = ((0.5, 0.5), (0.6, 0.4), STATED_RATES, (0.9, 0.1))
 """True rates that are also the stated ones."""
 MISSTATED_RATES = ((0.5, 0.5), (0.594, 0.119), (0.29, 0.76))
 """True rates while `STATED_RATES` are stated."""
 NOISES = (0.1, 0.2, 0.3, 0.4)
 COST_FACTORS = {"stated": 1.0, "half": 0.5, "double": 2.0}
-QUESTIONS = ("move_forward", "greet", "turn")
-BASELINES = ("P", "R+P", "L+P", "LCORPP")
-
-Numbers = tuple[Mapping[str, tuple[float, float]], Mapping[str, float], Mapping[str, float]]
 
 
 def swap(numbers: Mapping[str, Any]) -> dict[str, Any]:
@@ -64,7 +62,7 @@ def invert(numbers: Mapping[str, float]) -> dict[str, float]:
 
 
 KNOWLEDGE: Mapping[str, Numbers] = {
-    "right": (TIME_NUMBERS, LIBRARY_NUMBERS, INTENTION_NUMBERS),
+    "right": RIGHT,
     "no locations": (TIME_NUMBERS, dict.fromkeys(LIBRARY_NUMBERS, 0.5), INTENTION_NUMBERS),
     "no times": (dict.fromkeys(TIME_NUMBERS, (1 / 3, 1 / 3)), LIBRARY_NUMBERS, INTENTION_NUMBERS),
     "vague": (
@@ -90,94 +88,31 @@ class Cell:
     costs: str
 
 
-def make_program(text: str, numbers: Numbers, rates: tuple[float, float]) -> Program:
-    """Return the program of the domain with other numbers."""
-    times, library, interested = numbers
-    lines = [line for line in text.splitlines() if not line.startswith("pr(")]
-    for identity in TIME_NUMBERS:
-        for time, p in zip(("morning", "afternoon"), times[identity], strict=True):
-            lines.append(f"pr(time={time} | identity={identity}) = {p!r}.")
-        lines.append(f"pr(location=library | identity={identity}) = {library[identity]!r}.")
-        lines.append(f"pr(intention=interested | identity={identity}) = {interested[identity]!r}.")
-    for value, rate in zip(("interested", "not_interested"), rates, strict=True):
-        lines.append(f"pr(classifier=one | intention={value}) = {rate!r}.")
-    return parse_plog("\n".join(lines))
-
-
-def make_domain(cell: Cell, *, omniscient: bool = False) -> Domain:
-    """Return the domain of a cell; that of the omniscient robot knows program, rates and noise."""
-    domain = load_domain("intention", preset="paper")
-    text = (domain.folder / "knowledge.plog").read_text()
-    truth = make_program(text, KNOWLEDGE["right"], cell.rates)
-    program = truth if omniscient else make_program(text, KNOWLEDGE[cell.knowledge], cell.stated)
-    pomdp, heard = domain.pomdp, domain.simulation.feedback_model.copy()
-    reward, observation = pomdp.reward.copy(), pomdp.observation.dense.copy()
-    for action in QUESTIONS:
-        a = pomdp.action_index(action)
-        reward[a] *= COST_FACTORS[cell.costs]
-        answered = heard[a, :, 2] == 0  # not after a turn that failed
-        right = heard[a, answered].argmax(axis=1)
-        heard[a, answered, :2] = cell.noise
-        heard[a, np.flatnonzero(answered), right] = 1 - cell.noise
-        if omniscient:
-            observation[a, answered] = heard[a, answered]
-    channel = {
-        value: {"one": rate, "zero": 1 - rate}
-        for value, rate in zip(("interested", "not_interested"), cell.rates, strict=True)
-    }
-    return replace(
-        domain,
-        reasoning=replace(domain.reasoning, program=program),
-        planning=replace(
-            domain.planning,
-            pomdp=replace(pomdp, reward=reward, observation=SparseTables.of(observation)),
-        ),
-        simulation=replace(
-            domain.simulation,
-            true_program=truth,
-            feedback_model=heard,
-            noisy_channels={sense.name: channel for sense in domain.senses},
-        ),
-    )
-
-
-def score_exactly(domain: Domain, rows: Sequence[Strategy]) -> dict[str, float]:
-    """Return the exact mean returns of strategies."""
-    channels = {sense.name: NoisyChannel.from_domain(domain, sense) for sense in domain.senses}
-    planner = Planner(solve(domain.pomdp, domain.start_beliefs(), precision=0.01))
-    robot = Robot(channels, Reasoner(domain.program), planner, domain)
-    found = evaluate_exactly(domain, robot, channels, tuple(rows))
-    return {scores.strategy: scores.return_.estimate for scores in found}
-
-
-def run_stream(domain: Domain, planner: Planner, people: int, seed: Sequence[int], hearing: bool) -> Array:
-    """Return the return of each person of a stream with trust."""
-    rng = np.random.default_rng(seed)
-    crowd = Population(domain).sample(people, rng)
-    channels = {sense.name: NoisyChannel.from_domain(domain, sense) for sense in domain.senses}
-    signals = {name: channel.simulate(crowd, rng) for name, channel in channels.items()}
-    trust = set_up_trust(domain, Reasoner(domain.program), planner, hearing=hearing)
-    model, returns = SimulationModel(domain), np.zeros(people)
-    for i, person in enumerate(crowd):
-        perceived = {name: own[i] for name, own in signals.items()}
-        instance = Instance(perceived, {name: person[name] for name in domain.observed})
-        world = model.make_world(person, rng)
-        episode = dt_control(Robot(channels, trust, trust.make_planner(), domain), instance, world)
-        trust.learn(episode.evidence, episode.steps)
-        returns[i] = world.return_
-    return returns
-
-
 def run_cell(
     cell: Cell, number: int, streams: int, people: int, seed: int, hearing: bool
 ) -> dict[str, float]:
     """Return the mean returns of the strategies in a cell, of trust also its standard error."""
-    began, domain = process_time(), make_domain(cell)
-    result = score_exactly(domain, strategies(BASELINES))
-    result["omniscient"] = score_exactly(make_domain(cell, omniscient=True), strategies(["LCORPP"]))["LCORPP"]
-    planner = Planner(solve(domain.pomdp, domain.start_beliefs(), precision=0.01))
+    began = process_time()
+    world = World(KNOWLEDGE[cell.knowledge], cell.noise, cell.rates, cell.stated, COST_FACTORS[cell.costs])
+    domain, omniscient = make_domain(world), make_domain(world, omniscient=True)
+    planner, reasoner = solve_precisely(domain), Reasoner(domain.program)
+    result = score_exactly(domain, reasoner, planner, strategies(BASELINES))
+    best = score_exactly(
+        omniscient, Reasoner(omniscient.program), solve_precisely(omniscient), strategies(["LCORPP"])
+    )
+    result["omniscient"] = best["LCORPP"]
     returns = np.array(
-        [run_stream(domain, planner, people, [seed, number, k], hearing) for k in range(streams)]
+        [
+            list(
+                meet_people(
+                    domain,
+                    set_up_trust(domain, Reasoner(domain.program), planner, hearing=hearing),
+                    people,
+                    np.random.default_rng([seed, number, k]),
+                )
+            )
+            for k in range(streams)
+        ]
     )
     result |= {"trust": returns.mean(), "se": returns.std() / returns.size**0.5}
     return result | {"late": returns[:, -people // 5 :].mean(), "cpu": process_time() - began}

@@ -263,7 +263,7 @@ def _list_conditions(program: Program, atoms: Sequence[Probability]) -> Iterator
 
 
 def _name_mirror(program: Program, name: str, term: str) -> str:
-    """Return where else the values of a hidden term may be exchanged, with the same distribution."""
+    """Return where else the values of a hidden term may be exchanged: nobody can tell the two apart."""
     atoms = [s for s in program.statements if isinstance(s, Probability) and s.term.name != name]
     others = dict.fromkeys(
         atom.term.name
