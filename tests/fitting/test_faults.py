@@ -8,7 +8,8 @@ import pytest
 
 from lcorpp.domains import load_domain
 from lcorpp.fitting import list_faults
-from lcorpp.fitting.faults import MAX_TABLES, TABLE_CHANGE, _make_lattice
+from lcorpp.fitting.fault_tables import MAX_TABLES, make_lattice
+from lcorpp.fitting.faults import TABLE_CHANGE
 from lcorpp.reasoning import Reasoner, parse_plog
 
 COIN = """
@@ -59,7 +60,7 @@ def test_a_table_is_the_program_with_its_numbers():
     tables = [
         row for row, change in zip(faults.weights, faults.changes, strict=True) if change == TABLE_CHANGE
     ]
-    lattice = list(_make_lattice(2, 2))
+    lattice = list(make_lattice(2, 2))
     assert len(tables) == len(lattice) == 256
     for row, table in list(zip(tables, lattice, strict=True))[::25]:
         numbers = [str(Fraction(float(p)).limit_denominator(1000)) for p in table[:, 0]]
@@ -75,7 +76,7 @@ def test_a_table_is_the_program_with_its_numbers():
 
 @pytest.mark.parametrize(("n_rows", "n_values"), [(1, 2), (3, 2), (3, 3), (2, 5), (9, 4)])
 def test_a_lattice_has_distributions_as_rows_and_is_not_too_large(n_rows, n_values):
-    tables = np.array(list(_make_lattice(n_rows, n_values)))
+    tables = np.array(list(make_lattice(n_rows, n_values)))
     assert tables.shape[1:] == (n_rows, n_values)
     assert len(np.unique(tables.reshape(len(tables), -1), axis=0)) > 30
     assert len(tables) <= MAX_TABLES
