@@ -1,12 +1,12 @@
-"""How often an audit names what is wrong, and how often its intervals cover the truth.
+"""How often an audit names the wrong numbers, and how often its intervals cover the truth.
 
     OMP_NUM_THREADS=1 python benchmarks/audit.py [--streams 50] [--noise 0.3] [--identities 20] [--seed 0]
         [--rows NAME] [--out TABLE.md]
 
 People are those of the domain `intention`, and the knowledge of the robot is changed. The planner's model
 states a noise of .1 (.2 for `greet`), the policy is solved for the true one, as a robot with trust does, and
-one person in 20 is asked until three answers are heard. With `--identities 20`, another one in 20 is asked
-who they are: the identity is then among the facts of that person.
+one person in 20 is asked until they have given three answers. With `--identities 20`, another one in 20 is
+asked who they are: the identity is then among the facts of that person.
 """
 
 from __future__ import annotations
@@ -37,13 +37,13 @@ RATES = np.array([[0.76, 0.24], [0.29, 0.71]])
 """P(label | value) of the classifier."""
 
 REPEATED_EVERY, REPEATED_ANSWERS = 20, 3
-"""One person in so many is asked until so many answers are heard."""
+"""Every 20th person is asked until they have given three answers."""
 
 N_DRAWN = 200
 """Number of programs with six wrong numbers; further streams begin again."""
 
 ATTRIBUTES: Mapping[str, tuple[str, Mapping[str, float]]] = {
-    "location says nothing": ("location", dict.fromkeys(("student", "professor", "visitor"), 0.5)),
+    "location uninformative": ("location", dict.fromkeys(("student", "professor", "visitor"), 0.5)),
     "location inverted": ("location", {"student": 0.7, "professor": 0.9, "visitor": 0.2}),
     "intention half-way to .4": ("intention", {"student": 0.35, "professor": 0.25, "visitor": 0.6}),
     "intention, professor and visitor swapped": ("intention", {"professor": 0.8, "visitor": 0.1}),
@@ -180,14 +180,14 @@ def score(audit: Audit, right: Program, wrong: frozenset[int]) -> tuple[bool | N
 
 @dataclass(frozen=True, eq=False)
 class Robot:
-    """What the robot does: its planner, and the actions at the histories that were met."""
+    """The planner, and its actions after the histories that have occurred."""
 
     planner: Planner
     actions: dict[object, str]
 
 
 class World:
-    """People who answer with a noise, and a robot that knows it."""
+    """People whose answers are noisy, and a robot that knows the noise."""
 
     def __init__(self, domain: Domain, noise: float) -> None:
         self._domain, self._noise, self._population = domain, noise, Population(domain)

@@ -1,4 +1,4 @@
-"""What trust still loses if half of the knowledge is wrong and the noise is unknown, and to what.
+"""The remaining regret of trust if half of the knowledge is wrong and the noise unknown, and its causes.
 
     OMP_NUM_THREADS=1 python benchmarks/moonshot.py [--streams 48] [--people 2000] [--wrong 6] [--seed 0]
         [--jobs 2] [--out TABLE.md]

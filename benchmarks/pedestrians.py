@@ -1,4 +1,4 @@
-"""Prediction of real pedestrians at places that no training track is from: will they turn, will they stop?
+"""Prediction of real pedestrians in scenes without training data: will they turn, will they stop?
 
     python benchmarks/pedestrians.py FOLDER [--every 3] [--learner NAME] [--features x,y] [--out TABLE.md]
 

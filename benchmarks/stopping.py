@@ -1,4 +1,4 @@
-"""When Algorithm 1 stops, and how precise the rates in the rules are then: several rules, many seeds.
+"""When Algorithm 1 stops, and how accurate the rates of the classifier are then: several rules, many seeds.
 
     OMP_NUM_THREADS=1 python benchmarks/stopping.py [--seeds 50] [--batches 20] [--out TABLE.md]
 

@@ -1,13 +1,13 @@
-"""LCORPP+trust in worlds that differ from what the robot is told: the domain `intention`, a grid of cells.
+"""LCORPP+trust with wrong knowledge, wrong rates and noisier answers than stated, in the domain `intention`.
 
     OMP_NUM_THREADS=1 python benchmarks/trust.py [--streams 2] [--people 2000] [--cells N] [--seed 0]
         [--jobs 2] [--rates honest|lying] [--no-hearing] [--out FOLDER]
 
-A cell is what people know (right, or wrong in seven ways), the rate of wrong answers, the classifier and the
-costs of the actions; the robot's observation model stays as stated (.1 and .2). With honest rates the program
-states the classifier's true ones; lying classifiers have other rates than the stated .76 and .29. Each cell
-gives the mean return over streams of people, one after another, beside the exact returns of P, R+P, L+P and
-LCORPP and of the omniscient robot, LCORPP with the true program, rates and noise.
+A cell of the grid is the knowledge (right, or wrong in seven ways), the rate of wrong answers, the classifier
+and the costs of the actions; the planner's observation model stays as stated (noise .1 and .2). With --rates
+honest the program states the classifier's true rates; with --rates lying it states .76 and .29, and the true
+ones are others. Each cell gives the mean return over streams of people, one after another, beside the exact
+returns of P, R+P, L+P and LCORPP and of the omniscient robot, LCORPP with the true program, rates and noise.
 """
 
 from __future__ import annotations

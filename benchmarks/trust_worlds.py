@@ -1,4 +1,4 @@
-"""The domain `intention` with other numbers, noise, rates and costs than the robot is told."""
+"""The domain `intention` with other numbers, noise, rates and costs than those that the robot assumes."""
 
 from __future__ import annotations
 

@@ -94,7 +94,7 @@ IMPOSSIBLE = "known.classifier.interested = 1, known.classifier.not_interested =
 
 
 def test_an_impossible_configuration_is_named_and_the_others_are_scored(lcorpp, tmp_path):
-    """A robot that is sure of its classifier sees a person whom it holds for impossible."""
+    """A robot that is sure of its classifier sees a person who is impossible by its model."""
     (tmp_path / "s.toml").write_text(
         'strategies = ["R+P", "L+R"]\n'
         "[axes.known.classifier]\ninterested = [0.9, 1]\nnot_interested = [0, 0.6]\n"

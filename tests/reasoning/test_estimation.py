@@ -98,7 +98,7 @@ def test_a_rare_cause_of_the_evidence_is_not_overlooked():
     assert found.intervals[0].low <= exact <= found.intervals[0].high
     rarer = parse_plog(RARE.replace("{n}", "1000000"))
     with pytest.raises(
-        TooLargeError, match=r"more than 1 arcs .*, and no sample met the evidence, which is imp"
+        TooLargeError, match=r"more than 1 arcs .*, and no sample satisfied the evidence, which is imp"
     ):
         Reasoner(rarer, samples=2000).posterior("c", {"e": "true"})
 

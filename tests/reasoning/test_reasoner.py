@@ -242,7 +242,8 @@ def test_estimates_of_undefined_answers_are_errors(small):
     ):
         Reasoner(program, samples=1000).posterior("q", {})
     with pytest.raises(
-        TooLargeError, match=r"no sample met the evidence, which is improbable or impossible: .* 0 in 10 w"
+        TooLargeError,
+        match=r"no sample satisfied the evidence, which is improbable or impossible: .* 0 in 10 w",
     ):
         Reasoner(program, samples=10).posterior("p", {"q": "true", "p": "false"})
 

@@ -54,7 +54,7 @@ class Planner(ModelPlanner):
         Planner(read_policy("tiger.policy", pomdp), pomdp)
 
     Args:
-        policy: a solution, which holds its model, or a policy alone.
+        policy: a solution, which contains its model, or a policy alone.
         pomdp: the model of a policy alone; for a solution, an equal model may replace its own.
 
     Raises:

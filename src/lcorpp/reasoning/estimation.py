@@ -151,7 +151,7 @@ def estimate_answer(model: QueryModel, reason: TooLargeError, samples: int, seed
                 if found.accepted == found.drawn
                 else "its evidence is too improbable for sampling"
                 if found.accepted
-                else "no sample met the evidence, which is improbable or impossible"
+                else "no sample satisfied the evidence, which is improbable or impossible"
             )
             raise TooLargeError(
                 f"{reason}, and {problem}: an effective sample size of {found.accepted} in {worlds}; expected"

@@ -6,14 +6,14 @@ from lcorpp.protocols import Dialogue, DomainInterface, Planner
 from lcorpp.values import Belief
 
 MAX_ADDED_QUESTIONS = 10
-"""Maximum number of questions that are added for one person, e.g. if nobody answers."""
+"""Maximum number of questions that are added for one person, e.g. if there is no answer."""
 
 
 class AskingPlanner:
-    """A planner for one person, with questions in place of a report until enough answers are heard.
+    """A planner for one person, with questions in place of a report until there are enough answers.
 
-    A plan that asks once never hears that it errs: without repeated answers to one person neither the noise
-    of the answers nor the distribution of the values can be estimated.
+    With one answer a person, neither the noise of the answers nor the distribution of the values is
+    identifiable.
 
     added: number of questions in place of a report.
 

@@ -1,4 +1,4 @@
-"""Audits of simulated people: what is wrong, what is right, and what cannot be told apart."""
+"""Audits of simulated people: wrong, right and not identifiable numbers."""
 
 from __future__ import annotations
 
@@ -48,7 +48,9 @@ def test_swapped_rules_are_named_with_what_explains_the_people_as_well(tmp_path:
     assert list(result.rivals) == ["time and location"]
     assert result.n_undetermined == 1
     assert len(result.undetermined) == 12
-    assert "Cannot be told apart from other numbers of time and location." in format_audit(result)
+    assert "Not identifiable: other numbers of time and location explain the data as well." in format_audit(
+        result
+    )
 
 
 def test_right_knowledge_is_not_refuted_but_the_stated_noise_is(tmp_path: Path) -> None:
@@ -57,7 +59,7 @@ def test_right_knowledge_is_not_refuted_but_the_stated_noise_is(tmp_path: Path) 
     result = audit(log)
     assert not result.changes
     assert not result.rivals
-    assert "The people do not refute the knowledge." in format_audit(result)
+    assert "The data do not refute the knowledge." in format_audit(result)
     assert {x.name for x in result.changed_rates} == {
         "greet: pos if interested", "greet: pos if not_interested"
     }  # fmt: skip
@@ -66,7 +68,7 @@ def test_right_knowledge_is_not_refuted_but_the_stated_noise_is(tmp_path: Path) 
     assert greet.interval is not None
     assert greet.interval[0] < 0.7 < greet.interval[1]
     turns = [x for x in result.rates if x.name.startswith("turn")]
-    assert [x.interval for x in turns] == [None, None]  # nobody was asked that way
+    assert [x.interval for x in turns] == [None, None]  # this question was never asked
     assert "% No number of the knowledge is refuted." in format_patch(result)
 
 

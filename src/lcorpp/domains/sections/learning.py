@@ -35,7 +35,7 @@ class Sense:
     positive: the class that F1, precision and recall refer to; None averages over all classes.
     classifier: name of the default classifier, "channel", or a learner of the domain's own as
         FILE.py:FUNCTION or MODULE:FUNCTION; None takes the learner that suits the data.
-    evidence: what a trained classifier gives to the reasoner, if the command does not say otherwise.
+    evidence: what a trained classifier gives to the reasoner, unless the command chooses otherwise.
     tracks, epochs: number of simulated training cases, and of passes over them.
     interval: seconds between two points of simulated tracks.
     channels: names of the simulated channels or features; () for x and y, or the numbers of the features.

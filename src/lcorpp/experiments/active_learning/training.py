@@ -46,7 +46,7 @@ class SenseTrainer:
         """Raises `DataError` if uncertain labels are for a learner without `sample_weight`."""
         self._domain, self._senses, self._options, self._progress = domain, senses, options, progress
         self._split = {"folds": FOLDS, "seed": options.seed, "jobs": options.jobs}
-        self._estimators = {  # the robot meets the next people where it met those before
+        self._estimators = {  # later people come to the same place
             name: make_estimator(data, senses.training[name], options.seed, new_places=False)
             for name, data in senses.data.items()
         }

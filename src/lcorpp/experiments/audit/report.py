@@ -55,12 +55,12 @@ def _conclude(audit: Audit) -> list[str]:
     """Return the sentences below the tables."""
     lines = []
     if audit.changes:
-        lines.append("The people refute the knowledge; the fewest numbers that have to change together:")
+        lines.append("The data refute the knowledge; the fewest numbers that have to change together:")
         lines += [f"  {x.name}: {_describe_change(x)}" for x in audit.changes]
     else:
-        lines.append("The people do not refute the knowledge.")
+        lines.append("The data do not refute the knowledge.")
     if audit.rivals:
-        lines.append(f"Cannot be told apart from other numbers of {'; or of '.join(audit.rivals)}.")
+        lines.append(_describe_rivals(audit))
     if audit.n_undetermined:
         names = "all numbers"
         if len(audit.undetermined) < len(audit.numbers):
@@ -73,14 +73,19 @@ def _conclude(audit: Audit) -> list[str]:
         if not any(x.is_sense == is_sense for x in audit.rates):
             continue
         if rates:
-            lines.append(f"The people refute the {what}:")
+            lines.append(f"The data refute the {what}:")
             lines += [f"  {x.name}: {_describe_change(x)}" for x in rates]
         else:
-            lines.append(f"The people do not refute the {what}.")
+            lines.append(f"The data do not refute the {what}.")
     if audit.n_others:
         lines.append(f"{audit.n_others} decisions of other strategies are not used.")
     lines += [f"{number} lines are left out: {reason}" for reason, number in audit.skipped.items()]
     return lines
+
+
+def _describe_rivals(audit: Audit) -> str:
+    names = "; or of ".join(audit.rivals)
+    return f"Not identifiable: other numbers of {names} explain the data as well."
 
 
 def _describe_change(finding: Finding) -> str:
@@ -109,7 +114,7 @@ def format_patch(audit: Audit) -> str:
     if not audit.changes:
         lines += ["", "% No number of the knowledge is refuted."]
     if audit.rivals:
-        lines += ["", f"% Cannot be told apart from other numbers of {'; or of '.join(audit.rivals)}."]
+        lines += ["", f"% {_describe_rivals(audit)}"]
     for rate in audit.changed_rates:
         source = "" if rate.is_sense else f"{audit.model_file}: "
         lines += ["", f"% {source}{rate.name}: {_describe_change(rate)}"]

@@ -78,7 +78,7 @@ def make_result(
         ],
         findings=[
             Finding(
-                f"The classifier says {POSITIVE} more often of people who are interested",
+                f"The classifier predicts {POSITIVE} more often for people who are interested",
                 judge([gain]),
                 f"rates {positive['interested'].interval:.3f} and {positive['not_interested'].interval:.3f},"
                 f" difference {gain:.3f}",

@@ -1,4 +1,4 @@
-"""The result of a figure: its numbers, what they say about the paper's hypotheses, and its drawing."""
+"""The result of a figure: its numbers, their verdicts on the paper's hypotheses, and its drawing."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ class Verdict(StrEnum):
 
 @dataclass(frozen=True)
 class Finding:
-    """A claim of the paper, or of ours, and what the numbers say about it.
+    """A claim of the paper, or of ours, and the verdict of the numbers on it.
 
     claim: a clause, e.g. "LCORPP returns more than R+P". evidence: the numbers, with intervals.
     """

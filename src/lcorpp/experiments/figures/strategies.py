@@ -33,7 +33,7 @@ PLANNERS = ("P", "R+P", "LCORPP")
 """The strategies that plan, from few to all parts."""
 
 REASONS: Mapping[str, str] = {
-    "paper": "30 % of the answers are wrong here, and the classifier is as good as the rules say; the"
+    "paper": "30 % of the answers are wrong here, and the classifier is as good as stated; the"
     " published numbers fit 25 % and the classifier as it was deployed: preset authors",
     "authors": "",
 }

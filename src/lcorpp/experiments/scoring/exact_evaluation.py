@@ -58,7 +58,7 @@ def evaluate_exactly(
     Raises:
         DomainError: the domain has a world of its own, whose probabilities are unknown.
         DecisionError: a strategy draws its actions, remembers earlier people, acts differently after equal
-            histories, has too many histories, or branches so much that the bounds say little.
+            histories, has too many histories, or branches so much that the bounds are wide.
         NoReportError: a strategy's policy never reports.
     """
     check_type(domain, Domain, "the domain", DomainError)

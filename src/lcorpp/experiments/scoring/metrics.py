@@ -63,7 +63,7 @@ class Scores:
     def columns(self) -> dict[str, Interval]:
         """The scores of a table: of several variables the accuracy of each and of all together.
 
-        Precision and recall of single combinations of values say little there.
+        Precision and recall of single combinations of values have little meaning there.
         """
         if not self.variables:
             return {"F1": self.f1} | {name: self.metrics[name] for name in METRICS[1:]}

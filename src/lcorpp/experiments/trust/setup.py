@@ -1,4 +1,4 @@
-"""Composition of trust for a domain: sources, questions, and the planners for what is heard."""
+"""Composition of trust for a domain: sources, questions, and planners for estimated observation models."""
 
 from __future__ import annotations
 

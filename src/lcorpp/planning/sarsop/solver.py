@@ -19,8 +19,8 @@ from lcorpp.planning.sarsop.kernel_protocols import Kernels
 from lcorpp.planning.solution import Progress, Solution
 
 LOOK_AHEAD = 10
-"""A path aims at the gap discounted by this many steps. Under a slow discount, a wider aim is met only far
-below the root, and the path gains little from all its steps."""
+"""A path aims at the gap discounted by this many steps. Under a slow discount, a wider aim is reached only
+far below the root, and the path gains little from all its steps."""
 
 MAX_DEPTH = 1000
 """Largest number of nodes on a path. The bounds are valid for any value; later paths reach what one

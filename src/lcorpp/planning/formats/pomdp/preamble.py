@@ -87,7 +87,7 @@ def read_preamble(tokens: Tokens) -> Preamble:
         raise tokens.error(f"missing preamble: {', '.join(missing)}")
     A, S, _ = preamble.counts
     if A * S > MAX_ROWS:
-        raise ModelError(f"{A} actions in {S} states are too many: at most {MAX_ROWS} pairs can be held")
+        raise ModelError(f"{A} actions in {S} states are too many: at most {MAX_ROWS} pairs are supported")
     return preamble
 
 
@@ -123,7 +123,7 @@ def _read_names(tokens: Tokens, keyword: str) -> tuple[tuple[str, ...], list[int
     if _is_single_count(tokens):
         text, offset = tokens.peek(), tokens.offset
         if len(text) > 18 or int(text) > MAX_COUNT:
-            raise ModelError(f"{text[:30]} {keyword} are too many; at most {MAX_COUNT} can be held")
+            raise ModelError(f"{text[:30]} {keyword} are too many; at most {MAX_COUNT} are supported")
         if int(text) == 0:
             raise tokens.error(f"there must be at least one of the {keyword}")
         tokens.take()
@@ -140,7 +140,7 @@ def _read_names(tokens: Tokens, keyword: str) -> tuple[tuple[str, ...], list[int
     if not offset_of:
         raise tokens.error(f"expected a count or names after '{keyword}:', found {tokens.describe_next()}")
     if len(offset_of) > MAX_COUNT:
-        raise ModelError(f"{len(offset_of)} {keyword} are too many; at most {MAX_COUNT} can be held")
+        raise ModelError(f"{len(offset_of)} {keyword} are too many; at most {MAX_COUNT} are supported")
     return tuple(offset_of), list(offset_of.values())
 
 
