@@ -33,6 +33,7 @@ DOCS = Path(__file__).parents[1] / "docs"
         ("worlds.md", 4),
         ("strategies.md", 1),
         ("log.md", 6),
+        ("trust.md", 2),
         ("watch.md", 3),
         ("audit.md", 3),
         ("figures.md", 3),

@@ -1,7 +1,10 @@
-"""LCORPP+trust in `lcorpp run`, `explain` and `replay`."""
+"""LCORPP+trust in `lcorpp run`, `learn`, `explain` and `replay`."""
 
+import csv
 import shutil
 from pathlib import Path
+
+import pytest
 
 from lcorpp.domains.loading import SHIPPED_FOLDER
 
@@ -35,5 +38,28 @@ def test_the_default_table_has_trust_where_it_can_follow(lcorpp, tmp_path):
     named = lcorpp("run", folder, *options, "--strategy", "LCORPP+trust")
     assert named.code == 2
     assert "trust cannot follow the dialogue" in named.err
+    learning = lcorpp("learn", folder, "--trust", "--learner", "summaries")
+    assert (learning.code, learning.out) == (2, "")
+    assert "trust cannot follow the dialogue" in learning.err
     exact = lcorpp("run", "--classifier", "channel", "--exact", "--strategy", "LCORPP+trust")
     assert (exact.code, "learns from each person" in exact.err) == (2, True)
+
+
+def test_trust_decides_in_algorithm_1_and_is_in_the_results(lcorpp, tmp_path):
+    log, store, out = tmp_path / "log", tmp_path / "s.tracks", tmp_path / "out"
+    few = ("--tracks", 60, "--learner", "summaries", "--batch-size", 4, "--max-batches", 1, "--jobs", 1)
+    learn = ("learn", ROOMS, *few, "--store", store)
+    ended = lcorpp(*learn, "--trust", "--log", log, "--out", out)
+    assert ended.code == 0, ended.err
+    with (out / "batches.csv").open() as file:
+        last = list(csv.DictReader(file))[-1]
+    weights = {name: float(last[name]) for name in last if name.startswith("weight_")}
+    assert set(weights) > {"weight_knowledge", "weight_learnt", "weight_no_evidence"}
+    assert sum(weights.values()) == pytest.approx(1)
+    best = max(weights, key=lambda name: weights[name])
+    assert f"; trust: {best.removeprefix('weight_')} {weights[best]:.2f}, " in ended.out
+    assert f"; noise {float(last['noise']):.2f}" in ended.out
+    assert lcorpp("replay", "-q", log).out == "4 decisions, 0 differences\n"
+    without = lcorpp(*learn)
+    assert (without.code, "batch" in without.out) == (2, False)
+    assert f"{store}: the run of this store was begun with --trust, and this one is without it" in without.err

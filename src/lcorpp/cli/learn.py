@@ -86,6 +86,14 @@ def learn(
             " that the answers and the classifier's predictions imply; the confusion matrix is corrected too."
         ),
     ] = Labels.hard,
+    trust: Annotated[
+        bool,
+        typer.Option(
+            "--trust",
+            help="Decide by LCORPP+trust: learn from each person's answers how far knowledge, classifiers and"
+            " the observation model can be relied on.",
+        ),
+    ] = False,
     store: Annotated[
         Path | None,
         typer.Option(
@@ -120,10 +128,11 @@ def learn(
         epsilon=epsilon,
         confidence=confidence,
         max_batches=max_batches,
+        trust=trust,
         seed=given.seed,
         jobs=console.count_processes(given.jobs),
     )
-    _check_options(chosen, tracks)
+    _check_options(loaded, chosen, tracks)
     policy, solving = given.read_policy(loaded), given.choose_solver(loaded)
     if store is not None and not store.exists():
         output_files.check_writable(store)
@@ -230,15 +239,17 @@ def _print_batches(
             console.out.print(explain_end(batch, chosen.epsilon))
 
 
-def _check_options(chosen: ActiveLearningOptions, tracks: int | None) -> None:
+def _check_options(domain: Domain, chosen: ActiveLearningOptions, tracks: int | None) -> None:
     """Reject before the work what the training would reject after it.
 
     Raises:
         DataError: the change that ends the run or its confidence is out of range, there are too few tracks, a
             learner or the device is unknown, or a learner cannot learn from weighted cases.
+        DomainError: trust cannot follow the dialogue of the domain.
     """
     from lcorpp.experiments.classifier_training import make_untrained
     from lcorpp.experiments.setup import TrainingOptions
+    from lcorpp.experiments.strategies.trust import TRUST, check_followed
     from lcorpp.learning.classifiers.registry import DEFAULTS, check_weighted
 
     if chosen.epsilon is not None and math.isnan(chosen.epsilon):
@@ -247,6 +258,8 @@ def _check_options(chosen: ActiveLearningOptions, tracks: int | None) -> None:
         raise DataError(f"--confidence {chosen.confidence:g}: expected a number from 0, below 1")
     if tracks is not None and 0 < tracks < MIN_TRACKS:
         raise DataError(f"--tracks {tracks}: expected 0, or at least {MIN_TRACKS}")
+    if chosen.trust:
+        check_followed(domain, [TRUST])
     for training in chosen.classifiers.values():
         if isinstance(training, TrainingOptions):
             name = training.learner or DEFAULTS["motion"]

@@ -124,6 +124,7 @@ def lcorpp(
     epsilon: float | None = None,
     confidence: float = CONFIDENCE,
     other_classifiers: Mapping[str, Classifier] = {},
+    change: Callable[[Robot], Robot] = lambda robot: robot,
     listener: Callable[[Instance, Episode], None] = lambda _instance, _episode: None,
     resume_point: ResumePoint | None = None,
 ) -> Iterator[Batch]:
@@ -148,6 +149,7 @@ def lcorpp(
         epsilon: the loop ends when no confusion matrix changes by more than this; default: `choose_epsilon`.
         confidence: with this probability, see `compute_change`; 0 compares the estimates, as the paper does.
         other_classifiers: of the senses that do not learn.
+        change: called before every decision; returns the robot that decides instead of one with these parts.
         listener: called after every decision.
         resume_point: state in which an earlier run ended; `datasets` are as of then. The first batch
             yielded is the last complete one of that run, without a training; its decisions are not repeated.
@@ -187,7 +189,7 @@ def lcorpp(
         instances, episodes = [], []
         while decided + len(episodes) < batch_size:
             instance, world = collect()
-            episode = dt_control(robot, instance, world)
+            episode = dt_control(change(robot), instance, world)
             instances.append(instance)
             episodes.append(episode)
             listener(instance, episode)

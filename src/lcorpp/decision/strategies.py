@@ -36,6 +36,9 @@ class Session(Protocol):
     def learn(self, episode: Episode) -> None:
         """Learn from the decision about that person."""
 
+    def retrain(self, full: Robot, rates: Rates) -> None:
+        """Use a robot whose classifiers were trained again; arguments as of `Strategy.start`."""
+
 
 @dataclass(frozen=True)
 class Strategy:

@@ -154,8 +154,8 @@ def format_decision(
         "preset": parts.domain.preset,
         "strategy": describe_strategy(strategy) | own,
         "facts": dict(context),
-        "labels": _format_labels(episode.labels),
-        "evidence": _format_labels(episode.evidence),
+        "labels": format_labels(episode.labels),
+        "evidence": format_labels(episode.evidence),
         "marginal": None if marginal is None else list(marginal),
         "prior": _format_belief(states, episode.prior),
         "steps": [
@@ -175,7 +175,8 @@ def format_decision(
     return json.dumps(content, ensure_ascii=False).encode() + b"\n"
 
 
-def _format_labels(labels: Mapping[str, Label]) -> dict[str, Any]:
+def format_labels(labels: Mapping[str, Label]) -> dict[str, Any]:
+    """Return labels or evidence as JSON; what likelihoods observed is left out."""
     return {name: label if isinstance(label, str) else dict(label) for name, label in labels.items()}
 
 
@@ -221,8 +222,8 @@ class LoggedDecision:
             for step in content["steps"]
         ]
         return Episode(
-            labels=_read_labels(content["labels"]),
-            evidence=_read_labels(content["evidence"]),
+            labels=read_labels(content["labels"]),
+            evidence=read_labels(content["evidence"]),
             marginal=marginal,
             prior=_read_belief(states, content["prior"]),
             steps=tuple(steps),
@@ -231,7 +232,8 @@ class LoggedDecision:
         )
 
 
-def _read_labels(labels: Mapping[str, Any]) -> dict[str, Label]:
+def read_labels(labels: Mapping[str, Any]) -> dict[str, Label]:
+    """Return labels or evidence from JSON."""
     return {
         name: label
         if isinstance(label, str)

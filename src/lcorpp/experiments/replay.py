@@ -106,7 +106,8 @@ class KnownParts:
         self._folder, self._cache = folder, cache
         self._parts: dict[str, RobotParts | Exception] = {}
         self._strategies: dict[str, Strategy] = {}
-        self._sessions: dict[str, Session] = {}  # the latest one of each strategy that remembers
+        # the latest session of each strategy that remembers, and its parts
+        self._sessions: dict[str, tuple[Session, RobotParts]] = {}
         self._known_changes: set[str] = set()
         self._new_changes: list[str] = []  # those that `take_changes` has not returned yet
 
@@ -161,6 +162,8 @@ class KnownParts:
     def find_session(self, parts: RobotParts, strategy: Strategy, person: Any) -> Session | None:
         """Return the session of a strategy that remembers earlier people; None for another strategy.
 
+        If the parts changed since the person before, the classifiers were trained again.
+
         Args:
             person: number of people before this one; 0 starts a session.
 
@@ -170,14 +173,17 @@ class KnownParts:
         if strategy.start is None:
             return None
         if person == 0:
-            self._sessions[strategy.name] = strategy.start(parts.robot, parts.rates)
-        session = self._sessions.get(strategy.name)
+            self._sessions[strategy.name] = strategy.start(parts.robot, parts.rates), parts
+        session, former = self._sessions.get(strategy.name, (None, parts))
         before = 0 if session is None else session.n_people
         if session is None or person != before:
             raise DecisionError(
                 f"{strategy.location} has learnt from {before} people, and the line is after {person!r}:"
                 " decisions before it are missing"
             )
+        if parts is not former:
+            session.retrain(parts.robot, parts.rates)
+            self._sessions[strategy.name] = session, parts
         return session
 
 

@@ -60,18 +60,8 @@ class Cases:
         """
         if self.memory is not None:
             self._unit *= np.exp(1 / self.memory)
-        key = (context, *labels, *sorted(answers))
-        case = self._index.get(key)
-        if case is None:
-            if self.n == len(self._weights):
-                self._double()
-            case = self._index[key] = self.n
-            self._contexts[case], self._labels[case], self._weights[case] = context, labels, 0
-            self._answer_counts[case] = (
-                np.bincount(answers, minlength=self._answer_counts.shape[1]) if answers else 0
-            )
-            self.n += 1
-        self._weights[case] += self._unit
+        place = self._place(context, labels, answers)  # before `_weights`, which it may replace
+        self._weights[place] += self._unit
         if self.memory is not None and (self._unit > 1e100 or self.n > 8 * self.memory):
             self.keep(np.flatnonzero(self.weights >= MIN_WEIGHT))
 
@@ -86,6 +76,13 @@ class Cases:
         self._index = {key: place[case] for key, case in self._index.items() if case in place}
         self.n = size
 
+    def forget_labels(self, sense: int) -> None:
+        """Forget all labels of a sense; cases that do not differ otherwise become one."""
+        state = self.state()
+        for labels in state["labels"]:
+            labels[sense] = NO_LABEL
+        self.restore(state)
+
     def state(self) -> dict[str, Any]:
         """Return the cases as JSON."""
         numbers = np.arange(self._answer_counts.shape[1])
@@ -99,12 +96,26 @@ class Cases:
 
     def restore(self, state: Mapping[str, Any]) -> None:
         """Replace the cases by those of a state."""
-        self.n, self._index, self._unit = 0, {}, 1.0
-        memory, self.memory = self.memory, None  # the weights are given
-        for case in zip(state["contexts"], state["labels"], state["answers"], strict=True):
-            self.add(*case)
-        self.memory, self._unit = memory, float(state["unit"])
-        self._weights[: self.n] = state["weights"]
+        self.n, self._index, self._unit = 0, {}, float(state["unit"])
+        columns = (state[name] for name in ("contexts", "labels", "answers", "weights"))
+        for *case, weight in zip(*columns, strict=True):
+            place = self._place(*case)
+            self._weights[place] += weight
+
+    def _place(self, context: int, labels: Sequence[int], answers: Sequence[int]) -> int:
+        """Return the index of a case; a new one has no weight yet."""
+        key = (context, *labels, *sorted(answers))
+        case = self._index.get(key)
+        if case is None:
+            if self.n == len(self._weights):
+                self._double()
+            case = self._index[key] = self.n
+            self._contexts[case], self._labels[case], self._weights[case] = context, labels, 0
+            self._answer_counts[case] = (
+                np.bincount(answers, minlength=self._answer_counts.shape[1]) if answers else 0
+            )
+            self.n += 1
+        return case
 
     def _double(self) -> None:
         self._contexts, self._labels, self._answer_counts, self._weights = (

@@ -61,7 +61,8 @@ class LatentClassModel:
         self.answers = answers
         self.n_values = answers.row_of.shape[1]
         self.cases = Cases(len(stated_rates), answers.n_answers, memory)
-        self.prior_rates = [_bound_rows(rates) for rates in stated_rates]
+        self._stated_rates = [_bound_rows(rates) for rates in stated_rates]
+        self.prior_rates = list(self._stated_rates)
         self._alike = [_find_equal_rows(rates) for rates in self.prior_rates]
         self.pi = np.zeros((0, self.n_values))
         self._facts: dict[tuple[str, object], int] = {}
@@ -142,11 +143,28 @@ class LatentClassModel:
                 self.rows, self.noise = self.answers.estimate_rows(heard)
             self._take_logs()
 
+    def replace_rates(self, stated_rates: Sequence[Array]) -> bool:
+        """Replace the stated rates; of a sense whose rates differ, forget all labels.
+
+        Returns:
+            Whether any rates differ.
+        """
+        replaced = [_bound_rows(rates) for rates in stated_rates]
+        changed = [s for s, own in enumerate(replaced) if not np.array_equal(own, self._stated_rates[s])]
+        for s in changed:
+            self._stated_rates[s] = self.prior_rates[s] = self.rates[s] = replaced[s]
+            self._alike[s] = _find_equal_rows(replaced[s])
+            self._past_labels[s] = np.zeros_like(replaced[s])
+            self.cases.forget_labels(s)
+        self._take_logs()
+        return bool(changed)
+
     def state(self) -> dict[str, Any]:
         """Return the estimates and the cases as JSON, without the facts of the contexts."""
         return {
             "cases": self.cases.state(),
             "pi": self.pi.tolist(),
+            "stated_rates": [rates.tolist() for rates in self._stated_rates],
             "rates": [rates.tolist() for rates in self.rates],
             "rows": self.rows.tolist(),
             "noise": self.noise,
@@ -163,6 +181,9 @@ class LatentClassModel:
         self.pi, self._values, self._past_values = (
             np.array(state[name], np.float64).reshape(shape) for name in ("pi", "values", "past_values")
         )
+        self._stated_rates = [np.array(rates) for rates in state["stated_rates"]]
+        self.prior_rates = list(self._stated_rates)
+        self._alike = [_find_equal_rows(rates) for rates in self.prior_rates]
         self.rates = [np.array(rates) for rates in state["rates"]]
         self._past_labels = [np.array(labels) for labels in state["past_labels"]]
         self.rows, self.noise = np.array(state["rows"]), float(state["noise"])

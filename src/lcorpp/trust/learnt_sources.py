@@ -90,6 +90,11 @@ class LearntSources:
         self.recent.prior_rates = self.learnt.rates
         self.recent.fit(iterations, self.learnt.rows)
 
+    def replace_rates(self, stated_rates: Sequence[Array]) -> bool:
+        """Replace the stated rates, see `LatentClassModel.replace_rates`; return whether any differ."""
+        changed = [model.replace_rates(stated_rates) for model in (self.learnt, self.recent)]
+        return any(changed)
+
     def state(self) -> dict[str, Any]:
         """Return the contexts, in their order, and both models as JSON."""
         contexts = [sorted(context, key=itemgetter(0)) for context in self._contexts]

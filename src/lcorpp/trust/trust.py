@@ -94,16 +94,8 @@ class Trust:
         options: TrustOptions = DEFAULT_OPTIONS,
     ) -> None:
         self.options, self.planner = options, planner
-        self._domain, self._dialogue = domain, dialogue
-        self._stated = StatedSources(reasoner, domain, domain.marginal(planner.start))
-        self._labels, stated_rates = list[Mapping[str, int]](), list[Array]()
-        for attribute in self._stated.attributes:
-            if attribute in rates:
-                names, table = tuple(rates[attribute]), np.array(list(rates[attribute].values())).T
-            else:
-                names, table = self._stated.compute_rates(attribute)
-            self._labels.append({name: i for i, name in enumerate(names)})
-            stated_rates.append(table)
+        self._domain, self._dialogue, self._start = domain, dialogue, domain.marginal(planner.start)
+        stated_rates = self._set_reasoner(reasoner, rates)
         self.tables = dialogue.tables
         self.answers = AnswerModel.of_tables(self.tables)
         self._learnt = LearntSources(domain, self.answers, stated_rates, options.memory)
@@ -153,6 +145,33 @@ class Trust:
                 self.learnt.restart(RESTART_ITERATIONS)
             self.tables = self.answers.make_tables(self.learnt.rows)
         self.planner = self._dialogue.make_planner(self.tables)
+
+    def retrain(self, reasoner: Reasoner, *, rates: Rates = NO_RATES) -> None:
+        """Use classifiers that were trained again.
+
+        The weights, and the contexts and answers of all people remain. Earlier labels of a sense whose stated
+        rates have changed are those of another classifier: the learnt models forget them, and their rates
+        restart at the new ones.
+
+        Args:
+            reasoner, rates: as of `Trust`, for the same attributes and labels.
+        """
+        is_changed = self._learnt.replace_rates(self._set_reasoner(reasoner, rates))
+        if is_changed and self.n_people:
+            self._learnt.fit(self.options.iterations)
+
+    def _set_reasoner(self, reasoner: Reasoner, rates: Rates) -> list[Array]:
+        """Set the sources that do not learn; return the stated rates (V, L) of each sense."""
+        self._stated = StatedSources(reasoner, self._domain, self._start)
+        self._labels, stated_rates = list[Mapping[str, int]](), list[Array]()
+        for attribute in self._stated.attributes:
+            if attribute in rates:
+                names, table = tuple(rates[attribute]), np.array(list(rates[attribute].values())).T
+            else:
+                names, table = self._stated.compute_rates(attribute)
+            self._labels.append({name: i for i, name in enumerate(names)})
+            stated_rates.append(table)
+        return stated_rates
 
     def state(self) -> dict[str, Any]:
         """Return what it has learnt as JSON; numbers have all their digits."""

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from lcorpp.decision import Batch, TrainedSense
+from lcorpp.decision import STRATEGIES, Batch, Strategy, TrainedSense
 from lcorpp.decision.stopping import choose_epsilon
 from lcorpp.domains import Domain
 from lcorpp.experiments.scoring.decision_scores import score_decisions
@@ -22,6 +22,13 @@ Row = dict[str, Any]
 
 LEFT_OUT = ("precision", "recall", "accuracy")
 """Scores that the line of a batch leaves out; with several variables there are others."""
+
+
+WEIGHT, NOISE = "weight_", "noise"
+"""Columns of trust after a batch: the weight of each source, and the estimated noise of the answers."""
+
+SHOWN_WEIGHTS = 2
+"""Number of weights in the line of a batch, the largest ones."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,8 +58,14 @@ class BatchResult:
             cells = {name: cell for name, cell in self.scores.columns.items() if name not in LEFT_OUT}
             formatted = [f"{name} {cell.estimate:{get_format(name)}}" for name, cell in cells.items()]
             texts.append(", ".join(formatted))
-        if self.rows and self.rows[-1].get("drift"):
-            texts.append(f"drift: {self.rows[-1]['drift']}")
+        row = self.rows[-1] if self.rows else {}
+        weights = {name: row[name] for name in row if name.startswith(WEIGHT)}
+        if weights:
+            best = sorted(weights, key=lambda name: -weights[name])[:SHOWN_WEIGHTS]
+            shown = ", ".join(f"{name.removeprefix(WEIGHT)} {weights[name]:.2f}" for name in best)
+            texts.append(f"trust: {shown}; noise {row[NOISE]:.2f}")
+        if row.get("drift"):
+            texts.append(f"drift: {row['drift']}")
         return "; ".join(texts)
 
     def _summarise_sense(self, name: str, prefix: str) -> str:
@@ -119,12 +132,14 @@ def _describe_matrices(sense: TrainedSense) -> dict[str, Any]:
     return described
 
 
-def score_batch(domain: Domain, results: Sequence[DecisionResult]) -> Scores:
-    """Score the decisions of a batch."""
+def score_batch(
+    domain: Domain, results: Sequence[DecisionResult], strategy: Strategy = STRATEGIES[-1]
+) -> Scores:
+    """Score the decisions of a batch, which the strategy made."""
     values = domain.values
     reports = [result.report for result in results]
     return score_decisions(
-        "LCORPP",
+        strategy.name,
         np.array([values.index(result.actual) for result in results]),
         np.array([len(values) if report is None else values.index(report) for report in reports]),
         np.array([result.cost for result in results]),

@@ -22,6 +22,7 @@ from lcorpp.values import ConfusionMatrix, EvidenceKind
 FORMAT, VERSION = "lcorpp checkpoint", 3
 """Version 1 was of one sense, whose values were not in a table `senses`; 2 had no previous counts."""
 
+Json = Mapping[str, Any]
 Rows = list[dict[str, Any]]
 
 
@@ -47,12 +48,14 @@ class Checkpoint:
 
     run: a name shared by all decisions since the first training. number: as in `Batch`.
     rows: results of the batches. senses: the senses that learn.
+    session: the state of a session that remembers earlier people, None without one.
     """
 
     run: str
     number: int
     rows: Rows
     senses: Mapping[str, SenseCheckpoint]
+    session: Json | None = None
 
 
 class CheckpointFolder:
@@ -75,6 +78,7 @@ class CheckpointFolder:
         rows: Rows,
         senses: Mapping[str, TrainedSense],
         records: Mapping[str, int],
+        session: Json | None = None,
     ) -> None:
         """Write a checkpoint, whole or not at all. Arguments: as the fields of `Checkpoint`.
 
@@ -103,6 +107,7 @@ class CheckpointFolder:
             "number": number,
             "rows": rows,
             "senses": described,
+            **({} if session is None else {"session": session}),
         }
         write_atomically(self._file, json.dumps(content, indent=1) + "\n")
         sync_folder(self._file)
@@ -161,6 +166,7 @@ class CheckpointFolder:
                 )
                 for name, sense in senses.items()
             },
+            content.get("session"),
         )
 
     def _write_classifier(self, classifier: Classifier, number: int) -> dict[str, Any] | None:

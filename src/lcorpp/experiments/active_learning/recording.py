@@ -6,11 +6,11 @@ from collections.abc import Collection
 
 import numpy as np
 
-from lcorpp.decision import STRATEGIES
 from lcorpp.decision.lcorpp import sum_by_class
 from lcorpp.domains import Domain
 from lcorpp.experiments.active_learning.drift import DriftMonitor, agrees_with
 from lcorpp.experiments.active_learning.run_store import RunStore
+from lcorpp.experiments.active_learning.session import LearningSession
 from lcorpp.experiments.decision_log import DecisionLog
 from lcorpp.experiments.robot_parts import RobotParts
 from lcorpp.simulation.people_stream import DecisionResult, PeopleStream
@@ -32,10 +32,14 @@ class DecisionRecorder:
         monitor: DriftMonitor,
         run_store: RunStore | None,
         log: DecisionLog | None,
+        session: LearningSession,
     ) -> None:
-        """learning: the senses that learn. run_store: its decisions since the last batch are results, too."""
+        """learning: the senses that learn. run_store: its decisions since the last batch are results, too.
+
+        session: learns from each decision after it is recorded.
+        """
         self._domain, self._learning, self._stream, self._monitor = domain, learning, stream, monitor
-        self._run_store, self._log = run_store, log
+        self._run_store, self._log, self._session = run_store, log, session
         pending = run_store.pending if run_store is not None else ()
         self._results = [result for track in pending if (result := DecisionResult.from_stored(track))]
         self.parts: RobotParts | None = None
@@ -48,7 +52,7 @@ class DecisionRecorder:
 
     def record(self, instance: Instance, episode: Episode) -> None:
         """Record the decision about the latest person; it is in the stores when this returns."""
-        domain, report = self._domain, episode.report
+        domain, report, session = self._domain, episode.report, self._session
         result = self._stream.result(episode)
         self._results.append(result)
         agrees = {
@@ -61,7 +65,8 @@ class DecisionRecorder:
                 self._monitor.add(name, instance.signals[name], agrees.get(name))
         if self._log is not None and self.parts is not None:
             truth = self._stream.describe_truth()
-            self._log.append(self.parts, STRATEGIES[-1], instance.context, episode, truth)
+            strategy, person = session.strategy, session.n_people
+            self._log.append(self.parts, strategy, instance.context, episode, truth, person=person)
         if self._run_store is not None:
             joint = domain.marginal(episode.steps[-1].belief if episode.steps else episode.prior)
             self._run_store.append_decision(
@@ -70,8 +75,9 @@ class DecisionRecorder:
                 {name: None if report is None else domain.class_of(name, report) for name in self._learning},
                 {name: find_class_marginal(domain, name, joint) for name in self._learning},
                 episode.answers,
-                {**result.to_extra(), "agrees": agrees},
+                {**result.to_extra(), "agrees": agrees, **session.format_evidence(episode)},
             )
+        session.learn(episode)
 
 
 def find_class_marginal(domain: Domain, sense: str, joint: Distribution) -> Distribution:

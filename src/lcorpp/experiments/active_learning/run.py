@@ -9,12 +9,13 @@ from pathlib import Path
 from lcorpp.arguments import check_arguments
 from lcorpp.decision import lcorpp
 from lcorpp.domains import Domain
-from lcorpp.errors import DecisionError, DomainError, check_type
+from lcorpp.errors import DataError, DecisionError, DomainError, check_type
 from lcorpp.experiments.active_learning.batches import BatchResult, Row, make_row, score_batch
 from lcorpp.experiments.active_learning.drift import DriftMonitor
 from lcorpp.experiments.active_learning.recording import DecisionRecorder
 from lcorpp.experiments.active_learning.run_store import RunStore
 from lcorpp.experiments.active_learning.senses import ActiveLearningOptions, LearningSenses
+from lcorpp.experiments.active_learning.session import LearningSession
 from lcorpp.experiments.active_learning.training import SenseTrainer
 from lcorpp.experiments.decision_log import DecisionLog
 from lcorpp.experiments.robot_parts import RobotParts
@@ -34,6 +35,7 @@ def open_run_store(
 
     Raises:
         FileError, DataError: as `RunStore`.
+        DataError: its decisions were made with trust and this run is without it, or vice versa.
     """
     settings = {"domain": domain.name, "preset": domain.preset, "seed": options.seed}
     for number, (name, training) in enumerate(senses.training.items()):
@@ -47,9 +49,19 @@ def open_run_store(
             if (value := getattr(training, key)) != getattr(DEFAULTS, key):
                 own[key] = str(value)
         settings |= {key if number == 0 else f"{name} {key}": value for key, value in own.items()}
+    if options.trust:
+        settings["trust"] = True
     datasets = {name: data.dataset for name, data in senses.data.items()}
     classes = {name: domain.find_sense(name).classes for name in datasets}
-    return RunStore(path, datasets, classes, settings)
+    run_store = RunStore(path, datasets, classes, settings)
+    if run_store.has_evidence not in (None, options.trust):
+        run_store.close()
+        before, now = ("with", "without") if run_store.has_evidence else ("without", "with")
+        raise DataError(
+            f"{path}: the run of this store was begun {before} --trust, and this one is {now} it; expected"
+            " the same, or another store"
+        )
+    return run_store
 
 
 @check_arguments
@@ -96,15 +108,17 @@ def run_active_learning(
     monitor = DriftMonitor(tuple(senses.data), options.seed)
     if run_store is not None:
         monitor.restore(run_store)
-    recorder = DecisionRecorder(domain, tuple(senses.data), stream, monitor, run_store, log)
+    session = LearningSession(domain, planner, trainer, run_store, trust=options.trust)
+    recorder = DecisionRecorder(domain, tuple(senses.data), stream, monitor, run_store, log, session)
     batches = lcorpp(
         datasets,
         other_classifiers={name: setup.classifier for name, setup in senses.fixed.items()},
         train=trainer.train,
-        make_reasoner=trainer.make_reasoner,
+        make_reasoner=session.make_reasoner,
         planner=planner,
         domain=domain,
         collect=stream.next,
+        change=session.change,
         batch_size=options.batch_size,
         epsilon=options.epsilon,
         confidence=options.confidence,
@@ -117,12 +131,13 @@ def run_active_learning(
             classifiers = trainer.describe_classifiers(batch)
             recorder.parts = replace(parts, classifiers=classifiers, smoothing=options.evidence.smoothing)
         decisions = () if resumed else recorder.take_results()
-        scores = score_batch(domain, decisions) if decisions else None
+        scores = score_batch(domain, decisions, session.strategy) if decisions else None
         if not resumed:
-            rows.append(make_row(batch, scores) | monitor.test_batch(batch.number, rows))
+            drift = monitor.test_batch(batch.number, rows)
+            rows.append(make_row(batch, scores) | drift | session.describe())
         recorder.trained = [name for name, sense in batch.senses.items() if sense.is_trained]
         if run_store is not None:
-            run_store.save_checkpoint(batch, rows)
+            run_store.save_checkpoint(batch, rows, session.state())
         yield BatchResult(batch, scores, tuple(rows), resumed, decisions)
         resumed = False
         if batch.number >= options.max_batches:

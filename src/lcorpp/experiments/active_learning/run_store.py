@@ -17,9 +17,12 @@ from uuid import uuid4
 
 from lcorpp.decision import Batch, ResumePoint, TrainedSense
 from lcorpp.decision.lcorpp import Train, Training
-from lcorpp.experiments.active_learning.checkpoint import CheckpointFolder, Rows
+from lcorpp.experiments.active_learning.checkpoint import CheckpointFolder, Json, Rows
 from lcorpp.learning.store import NewTrack, Snapshot, Store, StoredTrack, TrackSchema
 from lcorpp.values import Array, Dataset, Distribution, LabelEvidence, track_hash
+
+EVIDENCE = "evidence"
+"""Key of the reasoner's evidence in the extra data of a stored decision; only runs with trust store it."""
 
 
 class RunStore:
@@ -29,6 +32,7 @@ class RunStore:
     notes: warnings from opening the stores and reading the checkpoint, as sentences.
     pending: the stored decisions since the last training.
     n_people: number of people that the run has drawn so far, in all batches.
+    has_evidence: whether its decisions contain the evidence, as trust needs it; None without decisions.
     """
 
     def __init__(
@@ -79,6 +83,8 @@ class RunStore:
             self.pending = self._find_pending(snapshots[first])
             self._n_pending = {name: len(self._find_pending(own)) for name, own in snapshots.items()}
             met = [stored.extra.get("met") for stored in snapshots[first]]
+            decided = [EVIDENCE in stored.extra for stored in snapshots[first] if "met" in stored.extra]
+            self.has_evidence = all(decided) if decided else None
             self.n_people = 1 + max((number for number in met if type(number) is int), default=-1)
             self._files = stack.pop_all()
 
@@ -193,8 +199,16 @@ class RunStore:
         self.n_people += 1
         return id
 
-    def save_checkpoint(self, batch: Batch, rows: Rows) -> None:
+    @property
+    def session(self) -> Json | None:
+        """The state of the session at the checkpoint, see `LearningSession.state`."""
+        return self._checkpoint.session if self._checkpoint else None
+
+    def save_checkpoint(self, batch: Batch, rows: Rows, session: Json | None = None) -> None:
         """Write the checkpoint of a batch, whole or not at all.
+
+        Args:
+            session: the state of the session, if the run has one.
 
         Raises:
             FileError: it cannot be written.
@@ -202,7 +216,7 @@ class RunStore:
         if batch.number != self._number:
             self._number, self.pending, self._n_pending = batch.number, (), dict.fromkeys(self.stores, 0)
         records = {name: store.last_record - self._n_pending[name] for name, store in self.stores.items()}
-        self._folder.write(self._run, batch.number, rows, batch.senses, records)
+        self._folder.write(self._run, batch.number, rows, batch.senses, records, session)
 
     def __repr__(self) -> str:
         state = "new run" if self.number is None else f"resumed after batch {self.number}"

@@ -40,6 +40,7 @@ class ActiveLearningOptions:
     epsilon, confidence: the run ends when no confusion matrix changes by more than this, with this
         probability; the default of epsilon depends on the number of classes.
     max_batches: the run ends after this many batches.
+    trust: whether LCORPP+trust decides, which learns from each person what its sources are worth.
     seed: of all random numbers. jobs: processes for training.
     """
 
@@ -50,6 +51,7 @@ class ActiveLearningOptions:
     epsilon: float | None = None
     confidence: float = CONFIDENCE
     max_batches: int = 20
+    trust: bool = False
     seed: int = 0
     jobs: int = 1
 

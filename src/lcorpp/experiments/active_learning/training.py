@@ -9,6 +9,7 @@ import numpy as np
 
 from lcorpp.decision import Batch
 from lcorpp.decision.lcorpp import Training
+from lcorpp.decision.strategies import Rates
 from lcorpp.domains import Domain
 from lcorpp.experiments.active_learning.corrected_labels import correct_labels
 from lcorpp.experiments.active_learning.senses import (
@@ -22,6 +23,7 @@ from lcorpp.experiments.active_learning.untrained import RandomClassifier, is_tr
 from lcorpp.experiments.robot_parts import ClassifierPart
 from lcorpp.experiments.sense_setup import describe_classifiers
 from lcorpp.experiments.setup import Advance, ProgressDisplay
+from lcorpp.experiments.strategies.trust import compute_soft_rates
 from lcorpp.experiments.thresholds import set_threshold
 from lcorpp.experiments.training_data import FOLDS, make_estimator
 from lcorpp.learning import TrainedClassifier, Validation, cross_validate, train_and_validate
@@ -110,11 +112,23 @@ class SenseTrainer:
 
     def make_reasoner(self, learned: Mapping[str, ConfusionMatrix]) -> Reasoner:
         """Return the reasoner with the error rates of all senses as rules, but for soft evidence."""
-        evidence = self._options.evidence
+        confusions, soft = self._join_confusions(learned)
+        program = self._domain.program_for(confusions, self._options.evidence.smoothing, soft=soft)
+        return Reasoner(program)
+
+    def compute_rates(self, learned: Mapping[str, ConfusionMatrix]) -> Rates:
+        """Return the error rates of the senses with soft evidence, which are not in the rules."""
+        confusions, soft = self._join_confusions(learned)
+        return compute_soft_rates(self._domain, confusions, self._options.evidence.smoothing, soft=soft)
+
+    def _join_confusions(
+        self, learned: Mapping[str, ConfusionMatrix]
+    ) -> tuple[dict[str, ConfusionMatrix], list[str]]:
+        """Return the confusion matrices of all senses that have one, and those with soft evidence."""
         fixed = {name: setup.confusion for name, setup in self._senses.fixed.items()}
         confusions = {name: own for name, own in {**fixed, **learned}.items() if own is not None}
-        soft = [name for name in confusions if evidence.kind(name).is_likelihood]
-        return Reasoner(self._domain.program_for(confusions, evidence.smoothing, soft=soft))
+        evidence = self._options.evidence
+        return confusions, [name for name in confusions if evidence.kind(name).is_likelihood]
 
     def describe_classifiers(self, batch: Batch) -> dict[str, ClassifierPart]:
         """Return the classifiers of the decisions after a batch, for the log."""

@@ -55,6 +55,10 @@ class TrustSession:
         """Learn from the decision about that person."""
         self.trust.learn(episode.evidence, episode.steps)
 
+    def retrain(self, full: Robot, rates: Rates) -> None:
+        """Use a robot whose classifiers were trained again, see `Trust.retrain`."""
+        self.trust.retrain(full.reasoner, rates=rates)
+
 
 @dataclass(frozen=True)
 class StartTrust:

@@ -1,0 +1,176 @@
+"""Algorithm 1 with trust: interruptions change nothing, and each training replaces the rates."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from lcorpp.decision.lcorpp import Training
+from lcorpp.domains import load_domain
+from lcorpp.errors import DataError, DecisionError, FileError
+from lcorpp.experiments.active_learning.run import open_run_store, run_active_learning
+from lcorpp.experiments.active_learning.run_store import RunStore
+from lcorpp.experiments.active_learning.senses import ActiveLearningOptions, set_up_learning
+from lcorpp.experiments.active_learning.training import SenseTrainer
+from lcorpp.experiments.active_learning.untrained import RandomClassifier
+from lcorpp.experiments.decision_log import DecisionLog
+from lcorpp.experiments.replay import ReplayedDecision, replay_log
+from lcorpp.experiments.robot_parts import RobotParts
+from lcorpp.experiments.setup import EvidenceOptions, TrainingOptions, solve_domain
+from lcorpp.learning.store import read_store
+from lcorpp.planning import Planner
+from lcorpp.planning.policy_cache import find_cache_folder
+from lcorpp.values import ConfusionMatrix, EvidenceKind
+from tests.decision.fakes import FakePlanner
+from tests.domains.deliveries import write_learning_domain
+
+ROOMS = Path(__file__).parents[1] / "domains" / "rooms"
+BATCH, BATCHES = 14, 3
+
+
+@pytest.fixture
+def fast_training(monkeypatch):
+    """Classifiers with random labels, of which each training states better rates."""
+
+    def train(trainer, name, dataset):
+        classes = tuple(sorted(trainer._domain.find_sense(name).classes))
+        soft = trainer._options.evidence.kind(name).is_likelihood
+        counts = 5 + np.eye(len(classes)) * len(dataset)
+        return Training(RandomClassifier(classes, len(dataset), soft), ConfusionMatrix(classes, counts))
+
+    monkeypatch.setattr(SenseTrainer, "train", train)
+
+
+@pytest.fixture(scope="module", autouse=True)
+def cache(tmp_path_factory):
+    """A folder that keeps policies, for all tests here."""
+    folder = tmp_path_factory.mktemp("policies")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("LCORPP_CACHE", str(folder))
+        yield folder
+
+
+def run(domain, store, log=None, *, trust=True, soft=(), batches=BATCHES):
+    """Run or resume Algorithm 1; return its results."""
+    senses = [sense.name for sense in domain.senses]
+    options = ActiveLearningOptions(
+        {name: TrainingOptions(tracks=0) for name in senses},
+        EvidenceOptions({name: EvidenceKind("soft") for name in soft}),
+        batch_size=BATCH,
+        epsilon=0,
+        max_batches=batches,
+        trust=trust,
+    )
+    solution = solve_domain(domain, cache=find_cache_folder())
+    learning = set_up_learning(domain, options)
+    with open_run_store(store, domain, learning, options) as run_store:
+        results = run_active_learning(
+            domain,
+            learning,
+            Planner(solution),
+            options,
+            run_store=run_store,
+            log=log,
+            parts=RobotParts(domain, solution.policy, solver=domain.planning.solver),
+        )
+        return list(results), run_store.notes
+
+
+def read_run(store):
+    """Return all that must not depend on interruptions: the decisions, and the state of trust."""
+    decisions = [
+        (s.label, dict(s.belief or ()), dict(s.context), {**s.extra, "run": None}) for s in read_store(store)
+    ]
+    content = json.loads((store.with_name(f"{store.name}.checkpoint") / "checkpoint.json").read_text())
+    return decisions, content["session"], content["rows"]
+
+
+@pytest.fixture
+def interrupt(monkeypatch):
+    """Return a function that sets after, or before, which stored decisions and checkpoints a run ends."""
+
+    def set_up(after, before):
+        n_calls = 0
+
+        def end_at_times(original):
+            def call(*arguments):
+                nonlocal n_calls
+                n_calls += 1
+                if n_calls in before:
+                    raise FileError("No space left on device")
+                original(*arguments)
+                if n_calls in after:
+                    raise KeyboardInterrupt
+
+            return call
+
+        for name in ("append_decision", "save_checkpoint"):
+            monkeypatch.setattr(RunStore, name, end_at_times(getattr(RunStore, name)))
+
+    return set_up
+
+
+@pytest.mark.parametrize("place", ["rooms, soft", "deliveries"])
+def test_an_interrupted_run_decides_as_one_that_was_not(tmp_path, fast_training, interrupt, place):
+    """Interrupted after a decision, within a batch, before and after its training, and by a full disk."""
+    domain = load_domain(ROOMS if "rooms" in place else write_learning_domain(tmp_path / "domain"))
+    soft = [domain.senses[0].name] if "soft" in place else []
+    whole, resumed = tmp_path / "whole.tracks", tmp_path / "resumed.tracks"
+    log = tmp_path / "log"
+    with DecisionLog(log) as opened:
+        run(domain, whole, opened, soft=soft)
+    replayed = list(replay_log(log, cache=find_cache_folder()))
+    assert len(replayed) == BATCH * BATCHES
+    assert not [r for r in replayed if not isinstance(r, ReplayedDecision) or r.differences]
+    # the checkpoint of the initial training and 14 decisions come first; a run begins with a checkpoint
+    interrupt(after=(2, 17, 19, 27), before=(30,))
+    for _ in range(5):
+        with pytest.raises((KeyboardInterrupt, FileError)):
+            run(domain, resumed, soft=soft)
+    run(domain, resumed, soft=soft)
+    one, two = read_run(whole), read_run(resumed)
+    assert one == two
+    decisions, state, rows = one
+    assert len(decisions) == state["people"] == BATCH * BATCHES
+    weights = [value for name, value in rows[-1].items() if name.startswith("weight_")]
+    assert sum(weights) == pytest.approx(1)
+    assert len(weights) == len(state["sources"])
+
+
+def test_without_a_checkpoint_trust_learns_from_the_stored_decisions(tmp_path, fast_training, monkeypatch):
+    domain, store = load_domain(ROOMS), tmp_path / "s.tracks"
+    run(domain, store, batches=2)
+    file = tmp_path / "s.tracks.checkpoint" / "checkpoint.json"
+    content = json.loads(file.read_text())
+    before = content["session"]
+    content["session"] = before | {"weights": ["x"]}
+    file.write_text(json.dumps(content))
+    results, notes = run(domain, store, batches=3)
+    assert len(results) == 2
+    assert "the state of trust is damaged" in notes[-1]
+    assert notes[-1].endswith("; trust learns again from all stored decisions")
+    assert read_run(store)[1]["people"] == 3 * BATCH
+    file.unlink()
+    run(domain, store, batches=1)
+    decisions, state, _ = read_run(store)
+    assert len(decisions) == state["people"] == 4 * BATCH
+    labels = np.array(state["learnt"]["learnt"]["cases"]["labels"])
+    weights = np.array(state["learnt"]["learnt"]["cases"]["weights"])
+    assert weights[labels[:, 0] >= 0].sum() == BATCH
+
+
+@pytest.mark.parametrize("trust", [False, True])
+def test_a_store_of_a_run_with_trust_is_none_of_a_run_without(tmp_path, fast_training, trust):
+    domain, store = load_domain(ROOMS), tmp_path / "s.tracks"
+    run(domain, store, trust=trust, batches=1)
+    before, now = ("with", "without") if trust else ("without", "with")
+    with pytest.raises(DataError, match=f"was begun {before} --trust, and this one is {now} it; expected"):
+        run(domain, store, trust=not trust)
+    run(domain, store, trust=trust, batches=1)
+
+
+def test_trust_needs_the_planner_of_a_policy(fast_training):
+    domain, options = load_domain(ROOMS), ActiveLearningOptions(trust=True)
+    with pytest.raises(DecisionError, match="the planner of a run with trust"):
+        next(run_active_learning(domain, set_up_learning(domain, options), FakePlanner(), options))
