@@ -17,17 +17,17 @@ from lcorpp.protocols import Planner
 from lcorpp.values import Array
 
 Situation = tuple[int, ...]
-"""The state that each shared value has where the planner's own variables have some values."""
+"""An assignment of the planner's own variables, as the state that it gives with each shared value."""
 
 MIN_INFORMATION = 1e-6
-"""In nats: an action that is less informative is no question."""
+"""In nats: an action with less information is no question."""
 
 MIN_COST = 1e-6
 """Smallest cost of a question, in reward units, that counts."""
 
 
 class PlannerFactory(Protocol):
-    """Makes the planner of each estimated model; it may remember the models before."""
+    """Makes the planner of each estimated model; it may depend on the models before."""
 
     def __call__(self, model: Pomdp, /) -> Planner:
         """Return the planner of the next person; cheap if the model is that of the call before."""
@@ -36,7 +36,7 @@ class PlannerFactory(Protocol):
         """Return the state as JSON."""
 
     def restore(self, state: Mapping[str, Any], /) -> Planner:
-        """Go on from a state of a factory with the same arguments; return the planner of the last call."""
+        """Continue from a state of a factory with the same arguments; return the planner of the last call."""
 
 
 class DomainDialogue:
@@ -56,19 +56,19 @@ class DomainDialogue:
 
     def __init__(self, domain: Domain, make_planner: PlannerFactory | None = None) -> None:
         self._domain, self._factory = domain, make_planner
-        self._model: tuple[Array, Pomdp] | None = None  # the latest one, with its tables
+        self._model: tuple[Array, Pomdp] | None = None  # of the last call of `make_planner`, with its tables
         pomdp = domain.pomdp
         self._index = {
             "action": {name: a for a, name in enumerate(pomdp.actions)},
             "observation": {name: o for o, name in enumerate(pomdp.observations)},
         }
         self._start = self._find_start()
-        self._next: dict[tuple[Situation, int, int], tuple[Situation, int | None]] = {}
-        self._cells = list[tuple[int, Situation]]()  # kind -> action and a situation with its rows
+        self._transitions: dict[tuple[Situation, int, int], tuple[Situation, int | None]] = {}
+        self._questions = list[tuple[int, Situation]]()  # kind -> action and a situation with its rows
         self._kinds: dict[tuple[int, bytes], int] = {}
-        self._places: dict[tuple[int, Situation], int] = {}  # action and situation after it -> kind
+        self._kind_of: dict[tuple[int, Situation], int] = {}  # action and situation after it -> kind
         self._explore()
-        if not self._cells:
+        if not self._questions:
             raise DomainError(
                 f"{domain.pomdp.file or domain.folder}: no observation depends on the shared variables, so"
                 " trust has nothing to learn from"
@@ -83,29 +83,44 @@ class DomainDialogue:
     def tables(self) -> Array:
         """(K, V, O) the stated P(observation | value) of each kind of question."""
         observation = self._domain.pomdp.observation.dense
-        return np.array([observation[action, list(situation)] for action, situation in self._cells])
+        return np.array([observation[action, list(situation)] for action, situation in self._questions])
 
     @cached_property
     def questions(self) -> tuple[str, ...]:
         """(K,) the action of each kind; if there are several of one action, also a state after it."""
         pomdp = self._domain.pomdp
-        names = [pomdp.actions[action] for action, _ in self._cells]
+        names = [pomdp.actions[action] for action, _ in self._questions]
         return tuple(
             name if names.count(name) == 1 else f"{name} in {pomdp.states[situation[0]]}"
-            for name, (_, situation) in zip(names, self._cells, strict=True)
+            for name, (_, situation) in zip(names, self._questions, strict=True)
         )
+
+    @cached_property
+    def question(self) -> str | None:
+        """The action with the most information about the shared value for its cost; None for none.
+
+        The information is that of the stated model, at the first action and a uniform distribution of the
+        values.
+        """
+        pomdp = self._domain.pomdp
+        start = self._domain.planning.initial_states.mean(axis=0)
+        information = compute_information(self._domain, start)
+        values = information / np.maximum(-pomdp.reward @ start, MIN_COST)
+        values[information <= MIN_INFORMATION] = 0
+        best = int(values.argmax())
+        return pomdp.actions[best] if values[best] > 0 else None
 
     def find_answers(self, history: Sequence[tuple[str, str]]) -> list[int]:
         """Return k * O + o for each question of kind k and its answer o.
 
         Raises:
-            DomainError: an action or observation is unknown, or impossible at its place.
+            DomainError: an action or observation is unknown, or impossible at this point.
         """
         situation, answers = self._start, list[int]()
         n_observations = len(self._index["observation"])
         for action, observation in history:
             a, o = self._find("action", action), self._find("observation", observation)
-            found = self._next.get((situation, a, o))
+            found = self._transitions.get((situation, a, o))
             if found is None:
                 raise DomainError(f"the observation {observation!r} is impossible after {action!r}")
             situation, kind = found
@@ -124,30 +139,15 @@ class DomainDialogue:
         return self._make_planners.state()
 
     def restore(self, state: Mapping[str, Any]) -> Planner:
-        """Go on from the state of a dialogue of the same domain; return the planner of the last person."""
+        """Continue from the state of a dialogue of the same domain; return the planner of the last person."""
         return self._make_planners.restore(state)
 
     def _make_model(self, tables: Array) -> Pomdp:
         pomdp = self._domain.pomdp
         observation = pomdp.observation.dense.copy()
-        for (action, situation), kind in self._places.items():
+        for (action, situation), kind in self._kind_of.items():
             observation[action, list(situation)] = tables[kind]
         return replace(pomdp, observation=SparseTables.of(observation))
-
-    @cached_property
-    def question(self) -> str | None:
-        """The action with the most information about the shared value for its cost; None for none.
-
-        The information is that of the stated model, at the first action and a uniform distribution of the
-        values.
-        """
-        pomdp = self._domain.pomdp
-        start = self._domain.planning.initial_states.mean(axis=0)
-        information = compute_information(self._domain, start)
-        values = information / np.maximum(-pomdp.reward @ start, MIN_COST)
-        values[information <= MIN_INFORMATION] = 0
-        best = int(values.argmax())
-        return pomdp.actions[best] if values[best] > 0 else None
 
     def _find(self, kind: str, name: str) -> int:
         known = self._index[kind]
@@ -162,7 +162,7 @@ class DomainDialogue:
         return tuple(initial.argmax(axis=1).tolist())
 
     def _explore(self) -> None:
-        """Find all situations, what leads from one to the next, and the kinds of questions."""
+        """Find all situations, the transitions between them, and the kinds of questions."""
         domain, pomdp = self._domain, self._domain.pomdp
         questions = [a for a, name in enumerate(pomdp.actions) if domain.reported_value(name) is None]
         waiting, known = [self._start], {self._start}
@@ -175,26 +175,26 @@ class DomainDialogue:
                     table = pomdp.observation.dense[a, list(successor)]  # (V, O)
                     kind = self._add_kind(a, successor, table)
                     for o in np.flatnonzero(table.any(axis=0)).tolist():
-                        place = situation, a, o
-                        if self._next.get(place, (successor,))[0] != successor:
+                        key = situation, a, o
+                        if self._transitions.get(key, (successor,))[0] != successor:
                             raise self._make_error(
                                 f"after {pomdp.actions[a]!r} and {pomdp.observations[o]!r} the planner's own"
                                 " variables may have several values"
                             )
-                        self._next[place] = successor, kind
+                        self._transitions[key] = successor, kind
                     if successor not in known:
                         known.add(successor)
                         waiting.append(successor)
 
     def _list_successors(self, situation: Situation, action: int) -> list[Situation]:
         """Return the situations that may follow; the k-th successors of all values belong together."""
-        pomdp, successors, chances = self._domain.pomdp, list[list[int]](), list[list[float]]()
+        pomdp, successors, rows = self._domain.pomdp, list[list[int]](), list[list[float]]()
         for state in situation:
             states, probabilities = pomdp.transition.row(action, state)
             order = sorted(zip(map(self._rank, states.tolist()), states.tolist(), probabilities, strict=True))
             successors.append([s for _, s, p in order if p > 0])
-            chances.append([float(p) for *_, p in order if p > 0])
-        if any(len(c) != len(chances[0]) or not np.allclose(c, chances[0]) for c in chances):
+            rows.append([float(p) for *_, p in order if p > 0])
+        if any(len(c) != len(rows[0]) or not np.allclose(c, rows[0]) for c in rows):
             raise self._make_error(
                 f"the effect of {pomdp.actions[action]!r} on the planner's own variables depends on the"
                 " shared value"
@@ -220,9 +220,9 @@ class DomainDialogue:
             return None
         key = action, table.tobytes()
         if key not in self._kinds:
-            self._kinds[key] = len(self._cells)
-            self._cells.append((action, situation))
-        self._places[action, situation] = self._kinds[key]
+            self._kinds[key] = len(self._questions)
+            self._questions.append((action, situation))
+        self._kind_of[action, situation] = self._kinds[key]
         return self._kinds[key]
 
     def _make_error(self, reason: str) -> DomainError:

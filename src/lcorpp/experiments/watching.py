@@ -51,11 +51,12 @@ def make_alarm(domain: Domain, hypotheses: Hypotheses, *, rate: float = FALSE_AL
 class LogWatch:
     """The alarm about the decisions of one strategy in a log.
 
-    If the program changes within the log, as the rates of a classifier do after a training, the alarm goes on
-    with the hypotheses about the new program; if its faults are others, it begins anew.
+    If the program changes within the log, as the rates of a classifier do after a training, the alarm
+    continues with the hypotheses about the new program; if its faults are others, it starts again.
 
     alarm, domain: the present ones, None before the first decision. strategy: its name, "" before that.
-    n_decisions: number of decisions so far. log_e: if `keeps`, the logarithm of E of each part after each.
+    n_decisions: number of decisions so far. log_e: with `keep_log_e`, the logarithm of E of each part after
+    each.
 
     Args:
         folder: of the domain, if it is not the one of the log.
@@ -74,11 +75,11 @@ class LogWatch:
         strategy: str | None = None,
         given: bool = False,
         rate: float = FALSE_ALARM_RATE,
-        keeps: bool = False,
+        keep_log_e: bool = False,
     ) -> None:
         check_rate(rate)
         self._path, self._folder, self._chosen = path, folder, strategy
-        self._given, self._rate, self._keeps = given, rate, keeps
+        self._given, self._rate, self._keeps = given, rate, keep_log_e
         self._parts, self._others = "", dict[str, None]()
         self.domain: Domain | None = None
         self.alarm: Alarm | None = None
@@ -101,17 +102,17 @@ class LogWatch:
         for line in read_log(self._path, wait=wait):
             if isinstance(line, DataError):
                 yield line
-            elif self._is_chosen(line):
+            elif self._check_strategy(line):
                 try:
-                    yield from self._take(line)
+                    yield from self._update(line)
                 except DAMAGE as error:
                     yield DataError(f"{self._path}:{line.line}: cannot be watched: {describe_damage(error)}")
         if self._chosen is not None and not self.strategy:
             expected = f"; {expected_one_of(self._others)}" if self._others else ""
             raise DecisionError(f"{self._path}: no decision of the strategy {self._chosen!r}{expected}")
 
-    def _is_chosen(self, line: LoggedDecision) -> bool:
-        """Whether a decision is of the strategy."""
+    def _check_strategy(self, line: LoggedDecision) -> bool:
+        """Whether a decision is of the chosen strategy, or of the only one."""
         name = str(dict(line.content.get("strategy") or {}).get("name"))
         if self._chosen is not None and name.upper() != self._chosen.upper():
             self._others[name] = None
@@ -124,8 +125,8 @@ class LogWatch:
         self.strategy = name
         return True
 
-    def _take(self, line: LoggedDecision) -> Iterator[tuple[int, Finding] | ChangedPart]:
-        """Take a decision into account."""
+    def _update(self, line: LoggedDecision) -> Iterator[tuple[int, Finding] | ChangedPart]:
+        """Update the alarm with a decision."""
         parts = json.dumps(line.content["parts"])
         if parts != self._parts:
             yield from self._set_up(line)

@@ -56,7 +56,9 @@ def watch(
 
     if plot is not None:
         check_figure(plot)
-    watching = LogWatch(log, folder=domain, strategy=strategy, given=given, rate=rate, keeps=plot is not None)
+    watching = LogWatch(
+        log, folder=domain, strategy=strategy, given=given, rate=rate, keep_log_e=plot is not None
+    )
     damaged, alarms = list[DataError](), 0
     try:
         for result in watching.read(partial(sleep, POLL_SECONDS) if follow else None):

@@ -67,8 +67,8 @@ class Rows:
 class AnswerRates:
     """Maximum likelihood estimates of p(value | context), of the senses' rates and of the observation model.
 
-    The model is that of `lcorpp.trust.LatentClassModel`, with rows that depart freely from what is stated. It
-    knows nothing of the knowledge, so that wrong knowledge cannot be explained as bad hearing.
+    The model is that of `lcorpp.trust.LatentClassModel`, with free rows. The knowledge has no part in it, so
+    that EM cannot explain answers that disagree with wrong knowledge as noise.
 
     cells: the cells of all tables, those of the contexts first, then of each sense, then of each kind of
     question. p: (m,) their estimated probabilities. covariance: (m, m) of log p, up to a constant of each
@@ -95,10 +95,10 @@ class AnswerRates:
             times = np.where((label != NO_LABEL)[:, None], np.eye(table.shape[1])[label], 0.0)
             numbers, distinct = number_rows(table)
             parts.append(Rows.of_table(numbers, distinct, times))
-        heard = cases.answer_counts.reshape(cases.n, -1, n_outcomes)
+        answers_of = cases.answer_counts.reshape(cases.n, -1, n_outcomes)
         for k, row_of_value in enumerate(answers.row_of):
             rows, places = np.unique(row_of_value, return_inverse=True)
-            parts.append(Rows.of_table(places, answers.stated_rows[rows], heard[:, k]))
+            parts.append(Rows.of_table(places, answers.stated_rows[rows], answers_of[:, k]))
         sizes = np.cumsum([0, *[len(part.row_of) for part in parts]])
         self.tables = [slice(start, end) for start, end in pairwise(sizes.tolist())]
         self.cells = _join(parts)

@@ -86,7 +86,7 @@ def read_people(path: Path, *, folder: Path | None = None, strategy: str | None 
 
 
 class _Reader:
-    """Turns decisions into cases."""
+    """Reads decisions as cases."""
 
     def __init__(self, domain: Domain, program: Program, parts: Mapping[str, object]) -> None:
         self._domain, self._program, self._parts = domain, program, parts

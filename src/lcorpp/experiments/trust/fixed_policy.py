@@ -1,7 +1,7 @@
-"""A policy that stays while the observation model is estimated, e.g. one of a file or of another solver.
+"""A fixed policy with an estimated observation model, e.g. a policy of a file or of another solver.
 
-If answers are more often wrong than the policy's model states, a start that is less certain makes the policy
-ask more, and a more certain one makes it report; the best start follows from exact returns.
+If answers are more often wrong than the policy's model states, a less certain start belief makes the policy
+ask more, and a more certain one makes it report earlier; the best start follows from exact returns.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ class FixedPolicy:
     """Returns planners with the stated policy for estimated observation models.
 
     With two shared values the policy starts at argmax_b sum_y prior(y) G_y(b), where G_y(b) is its expected
-    return from start b with a person of value y, who answers as the estimated model says; its beliefs follow
+    return from start b with a person of value y, who answers by the estimated model; its beliefs follow
     the stated model. With more values, or if the policy reaches too many beliefs, it starts at the prior, and
     beliefs follow the estimated model. Either result depends on the estimated model alone.
 
@@ -48,7 +48,7 @@ class FixedPolicy:
 
     def __init__(self, planner: Planner, domain: Domain) -> None:
         self._stated, self._domain, self._model = planner, domain, planner.pomdp
-        self._cells = dict[bytes, Array]()
+        self._returns_of = dict[bytes, Array]()
         self.planner: PlannerProtocol = planner
 
     def __call__(self, model: Pomdp) -> PlannerProtocol:
@@ -68,7 +68,7 @@ class FixedPolicy:
         return {"model": self._model.observation.dense.tolist()}
 
     def restore(self, state: Mapping[str, Any]) -> PlannerProtocol:
-        """Go on from a state; return the planner of the last call."""
+        """Continue from a state; return the planner of the last call."""
         observation = SparseTables.of(np.array(state["model"]))
         return self(replace(self._stated.pomdp, observation=observation))
 
@@ -98,13 +98,13 @@ class FixedPolicy:
         """Return (N, V) the policy's return from each start with a person of each value."""
         rounded = PROBABILITY_STEP * np.round(model.observation.dense / PROBABILITY_STEP)
         key = rounded.tobytes()
-        if key not in self._cells:
+        if key not in self._returns_of:
             rounded = np.where(model.observation.dense > 0, np.maximum(rounded, PROBABILITY_STEP / 2), 0)
             rounded /= rounded.sum(axis=2, keepdims=True)
             roots = graph.add(SparseBeliefs.of(self._starts))
             returns = sum_rewards(graph, rounded)[roots]
-            self._cells[key] = returns @ self._domain.planning.initial_states.T
-        return self._cells[key]
+            self._returns_of[key] = returns @ self._domain.planning.initial_states.T
+        return self._returns_of[key]
 
 
 class StartingPlanner(ModelPlanner):
@@ -146,24 +146,24 @@ class StartingPlanner(ModelPlanner):
 
 
 def sum_rewards(graph: BeliefGraph, observation: Array) -> Array:
-    """Compute the expected sum of rewards, without discount, of a policy whose answers have another law.
+    """Compute the expected sum of rewards, without discount, of a policy under another observation model.
 
     Args:
-        graph: all beliefs that the policy reaches. observation: (A, S, O) the law of the answers.
+        graph: all beliefs that the policy reaches. observation: (A, S, O) the true observation model.
 
     Returns:
         (n, S) for each node as the policy's belief, and each true state.
     """
     model = graph.pomdp
     children = graph.children
-    places: list[tuple[int, Indices]] = [
+    nodes_of_action: list[tuple[int, Indices]] = [
         (action, np.flatnonzero((graph.actions == action) & ~graph.absorbing))
         for action in range(len(model.actions))
     ]
     values = np.zeros((len(graph), len(model.states)))
     for _ in range(MAX_SWEEPS):
         before = values.copy()
-        for action, nodes in places:
+        for action, nodes in nodes_of_action:
             after = np.where((children[nodes] != UNKNOWN)[:, :, None], before[children[nodes]], 0)
             expected = np.einsum("so,nos->ns", observation[action], after)
             values[nodes] = model.reward[action] + expected @ model.transition.dense[action].T

@@ -1,4 +1,4 @@
-"""Policies for an estimated observation model, by a bounded amount of work between two people."""
+"""Policies for an estimated observation model, by a bounded amount of search after each person."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ MAX_SEARCH_WORK = 200 * WORK_PER_PERSON
 
 
 class Replanner:
-    """Returns the planner of each estimated model: it solves the model, a bit after each person.
+    """The planner of each estimated model; it searches for a policy, by bounded work after each person.
 
     While the search for a model is unfinished, the former policy acts on the beliefs of the model. The new
     policy takes over if its gap at the start beliefs is at most the precision: before that, it may be worse
@@ -42,10 +42,11 @@ class Replanner:
 
     def __init__(self, planner: Planner, starts: Array, precision: float) -> None:
         self._starts = starts
-        self._model = self._target = planner.pomdp
+        self._model = planner.pomdp  # of the last call
+        self._target = planner.pomdp  # of the last search
         self._precision = max(precision, PRECISION_SHARE * float(np.ptp(planner.pomdp.reward)))
         self._stated = self._policy = planner.policy
-        self._solved: tuple[Pomdp, int] | None = None  # what `_policy` was computed for, and its trials
+        self._solved: tuple[Pomdp, int] | None = None  # model of `_policy`, and trials of its search
         self._search: PacedSearch | None = None
         self.planner: Planner | TransferPlanner = planner
 
@@ -77,7 +78,7 @@ class Replanner:
         }
 
     def restore(self, state: Mapping[str, Any]) -> Planner | TransferPlanner:
-        """Go on from a state of a replanner with the same arguments.
+        """Continue from a state of a replanner with the same arguments.
 
         The searches are repeated, in the same numbers of trials.
         """
