@@ -1,7 +1,7 @@
 """How often an audit names the wrong numbers, and how often its intervals cover the truth.
 
-    OMP_NUM_THREADS=1 python benchmarks/audit.py [--streams 50] [--noise 0.3] [--identities 20] [--seed 0]
-        [--rows NAME] [--out TABLE.md]
+    OMP_NUM_THREADS=1 python benchmarks/audit.py [--streams 50] [--noise 0.3] [--identities 20]
+        [--facts sampled] [--seed 0] [--rows NAME] [--out TABLE.md]
 
 People are those of the domain `intention`, and the knowledge of the robot is changed. The planner's model
 states a noise of .1 (.2 for `greet`), the policy is solved for the true one, as a robot with trust does, and
@@ -11,11 +11,12 @@ asked who they are: the identity is then among the facts of that person.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from enum import StrEnum
 from fractions import Fraction
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, NamedTuple
 
 import numpy as np
 import typer
@@ -42,20 +43,25 @@ REPEATED_EVERY, REPEATED_ANSWERS = 20, 3
 N_DRAWN = 200
 """Number of programs with six wrong numbers; further streams begin again."""
 
-ATTRIBUTES: Mapping[str, tuple[str, Mapping[str, float]]] = {
-    "location uninformative": ("location", dict.fromkeys(("student", "professor", "visitor"), 0.5)),
-    "location inverted": ("location", {"student": 0.7, "professor": 0.9, "visitor": 0.2}),
-    "intention half-way to .4": ("intention", {"student": 0.35, "professor": 0.25, "visitor": 0.6}),
-    "intention, professor and visitor swapped": ("intention", {"professor": 0.8, "visitor": 0.1}),
-    "intention inverted": ("intention", {"student": 0.7, "professor": 0.9, "visitor": 0.2}),
-}
-"""Attributes of which all numbers are wrong: identity -> the stated number."""
-
 Facts = tuple[tuple[str, str], ...]
 
-HEADER = """| knowledge | noise | streams | named | only that is changed | intervals cover |
-|---|---|---|---|---|---|
+
+class FactsSource(StrEnum):
+    """Where the facts come from, for the audit."""
+
+    SAMPLED = "sampled"
+    GIVEN = "given"
+
+
+ATTRIBUTES = ("time", "location", "intention")
+"""Attributes of which all numbers are wrong in some rows."""
+
+HEADER = """| knowledge | noise | facts | streams | named | or a rival | exact | cover |
+|---|---|---|---|---|---|---|---|
 """
+
+Row = tuple[str, list[tuple[Program, frozenset[str]]]]
+"""Name, and programs with the names of the pr-atoms in which they are wrong: each stream has the next one."""
 
 
 def main(
@@ -65,117 +71,146 @@ def main(
     error: Annotated[float, typer.Option(min=0.01, max=0.5, help="Of the one number that is wrong.")] = 0.2,
     identities: Annotated[int, typer.Option(min=0, help="Ask one person in so many; 0 nobody.")] = 0,
     rows: Annotated[str, typer.Option(help="Rows of the table whose name contains this.")] = "",
+    facts: Annotated[list[FactsSource] | None, typer.Option(help="Repeatable; by default both.")] = None,
     seed: Annotated[int, typer.Option(min=0)] = 0,
     out: Annotated[Path | None, typer.Option(dir_okay=False)] = None,
 ) -> None:
-    """Simulate streams of people and audit them."""
+    """Simulate streams of people and audit them, with facts sampled by the program or given."""
     print(HEADER, end="")
     domain = load_domain("intention", preset="paper")
     text = HEADER
     for level in noise or (0.1, 0.3, 0.4):
         world = World(domain, level)
-        chosen = [row for row in list_rows(domain.program, error, seed) if rows in row[0]]
-        for name, changes in chosen:
+        for name, changes in list_rows(domain.program, error, seed):
+            if rows not in name:
+                continue
             rng = np.random.default_rng(seed)
-            results = []
+            results: dict[FactsSource, list[Score]] = {kind: [] for kind in facts or FactsSource}
             for number in range(streams):
                 program, wrong = changes[number % len(changes)]
-                audit = audit_people(world.simulate(program, people, identities, rng))
-                results.append(score(audit, domain.program, wrong))
-            columns = ([x for x in column if x is not None] for column in zip(*results, strict=True))
-            named, exact, covers = (f"{100 * np.mean(own):.1f} %" if own else "" for own in columns)
-            row = f"| {name} | {level:g} | {streams} | {named} | {exact} | {covers} |\n"
-            print(row, end="", flush=True)
-            text += row
+                logged = world.simulate(program, people, identities, rng)
+                for kind, scores in results.items():
+                    audit = audit_people(logged, given=kind is FactsSource.GIVEN)
+                    scores.append(score(audit, domain.program, wrong))
+            for kind, scores in results.items():
+                cells = " | ".join(map(summarise, zip(*scores, strict=True)))
+                row = f"| {name} | {level:g} | {kind} | {streams} | {cells} |\n"
+                print(row, end="", flush=True)
+                text += row
     if out is not None:
         write_atomically(out, text)
 
 
-def list_rows(
-    program: Program, error: float, seed: int
-) -> Iterator[tuple[str, list[tuple[Program, frozenset[int]]]]]:
-    """Yield the rows of the table: a name, and programs with the statements in which they are wrong."""
+def summarise(column: Sequence[float | None]) -> str:
+    """Return the mean of the numbers that are not None."""
+    own = [x for x in column if x is not None]
+    return f"{100 * np.mean(own):.1f} %" if own else ""
+
+
+def list_rows(program: Program, error: float, seed: int) -> Iterator[Row]:
+    """List the rows of the table."""
     yield "right", [(program, frozenset())]
-    numbers = {
-        i: float(s.number.value)
-        for i, s in enumerate(program.statements)
-        if isinstance(s, Probability) and isinstance(s.number, Number) and s.term.name != "classifier"
-    }
-    singles = []
-    for i, stated in numbers.items():
-        for shift in (error, -error):
-            changed = change(program, {i: stated + shift})
-            if changed is not None:
-                singles.append((changed, frozenset({i})))
-    yield f"one number wrong by {error:g}", singles
-    for name, (attribute, by_identity) in ATTRIBUTES.items():
-        wrong = {
-            i: by_identity[next(v for v in by_identity if f"identity={v}" in str(program.statements[i]))]
-            for i in numbers
-            if str(program.statements[i]).startswith(f"pr({attribute}=")
-            and any(f"identity={v}" in str(program.statements[i]) for v in by_identity)
-        }
-        changed = change(program, wrong)
-        assert changed is not None
-        yield name, [(changed, frozenset(wrong))]
-    yield "six numbers wrong", draw_changes(program, numbers, np.random.default_rng([seed, 6]))
+    numbers = find_numbers(program)
+    shifted = [{name: p + shift} for name, p in numbers.items() for shift in (error, -error)]
+    singles = [wrong for wrong in shifted if are_probabilities({**numbers, **wrong})]
+    yield f"one number wrong by {error:g}", [(change(program, x), frozenset(x)) for x in singles]
+    for attribute in ATTRIBUTES:
+        own = {n: p for n, p in numbers.items() if n.startswith(f"pr({attribute}=")}
+        n_values = len(program.attributes[attribute].values)
+        swapped = {n: own[swap(n, "professor", "visitor")] for n in own}
+        for what, wrong in (
+            ("missing", dict.fromkeys(own)),
+            ("professor and visitor exchanged", swapped),
+            ("inverted", {n: (1 - p) / (n_values - 1) for n, p in own.items()}),
+        ):
+            yield (
+                f"{attribute}: {what}",
+                [(change(program, wrong), frozenset(n for n in own if wrong[n] != own[n]))],
+            )
+
+    drawn = draw_numbers(numbers, np.random.default_rng([seed, 6]))
+    yield "six numbers wrong", [(change(program, wrong), frozenset(wrong)) for wrong in drawn]
 
 
-def draw_changes(
-    program: Program, numbers: Mapping[int, float], rng: np.random.Generator
-) -> list[tuple[Program, frozenset[int]]]:
-    """Draw programs with six wrong numbers, each uniform in .05 to .95 and at least .2 from the right one."""
-    drawn = list[tuple[Program, frozenset[int]]]()
+def draw_numbers(numbers: Mapping[str, float], rng: np.random.Generator) -> list[dict[str, float]]:
+    """Draw six wrong numbers at a time, each uniform in .05 to .95 and at least .2 from the right one."""
+    drawn, names = list[dict[str, float]](), list(numbers)
     while len(drawn) < N_DRAWN:
-        wrong = dict(
-            zip(rng.permutation(list(numbers))[:6].tolist(), rng.uniform(0.05, 0.95, 6), strict=True)
-        )
-        if all(abs(numbers[i] - p) >= 0.2 for i, p in wrong.items()):
-            changed = change(program, wrong)
-            if changed is not None:
-                drawn.append((changed, frozenset(wrong)))
+        chosen = rng.permutation(len(names))[:6]
+        wrong = {names[i]: round(p, 3) for i, p in zip(chosen, rng.uniform(0.05, 0.95, 6), strict=True)}
+        if all(abs(numbers[name] - p) >= 0.2 for name, p in wrong.items()):
+            if are_probabilities({**numbers, **wrong}):
+                drawn.append(wrong)
     return drawn
 
 
-def change(program: Program, numbers: Mapping[int, float]) -> Program | None:
-    """Return the program with other numbers; None if they are no probabilities."""
-    statements, sums = list(program.statements), dict[str, float]()
-    for i, statement in enumerate(program.statements):
-        if isinstance(statement, Probability) and isinstance(statement.number, Number):
-            number = Fraction(round(numbers.get(i, float(statement.number.value)), 6)).limit_denominator(1000)
-            statements[i] = replace(statement, number=Number(number))
-            case = f"{statement.term} {statement.body}"
-            sums[case] = sums.get(case, 0) + float(number)
-            if number < Fraction(1, 100) or sums[case] > 0.99:
-                return None
+def are_probabilities(numbers: Mapping[str, float]) -> bool:
+    """Whether numbers are at least .01, and those under the same condition sum to at most 1."""
+    sums = dict[str, float]()
+    for name, p in numbers.items():
+        case = name.partition("=")[0] + name.partition("|")[2]
+        sums[case] = sums.get(case, 0) + p
+    return min(numbers.values()) >= 0.01 and max(sums.values()) <= 1 + 1e-9
+
+
+def find_numbers(program: Program) -> dict[str, float]:
+    """Return the numbers of the pr-atoms, apart from the classifier's."""
+    return {
+        str(s).rpartition(" = ")[0]: float(s.number.value)
+        for s in program.statements
+        if isinstance(s, Probability) and isinstance(s.number, Number) and s.term.name != "classifier"
+    }
+
+
+def swap(text: str, one: str, other: str) -> str:
+    return text.replace(one, "?").replace(other, one).replace("?", other)
+
+
+def change(program: Program, numbers: Mapping[str, float | None]) -> Program:
+    """Return the program with other numbers, and without the pr-atoms of None."""
+    statements = []
+    for statement in program.statements:
+        name = str(statement).rpartition(" = ")[0]
+        if name not in numbers:
+            statements.append(statement)
+        elif (number := numbers[name]) is not None:
+            assert isinstance(statement, Probability)
+            statements.append(replace(statement, number=Number(Fraction(number).limit_denominator(1000))))
     return Program(program.file, tuple(statements), program.semantics)
 
 
-def score(audit: Audit, right: Program, wrong: frozenset[int]) -> tuple[bool | None, bool, float | None]:
-    """Return whether what is wrong is the worst, whether exactly that is changed, and the coverage.
+class Score(NamedTuple):
+    """What an audit found.
 
-    The intervals of right knowledge are all alone; of wrong knowledge those of the numbers to change.
+    named: whether the wrong number has the largest gain, or the wrong attribute the largest BIC; None if
+    nothing is wrong. rival: whether it is named, or listed as not identifiable.
+    exact: whether the changes are exactly the wrong numbers. covers: share of the 95 % intervals with the
+    true number in them: of all numbers if nothing is wrong, of the wrong number, or of those to change.
     """
-    names = {str(right.statements[i]).rpartition(" = ")[0] for i in wrong}
-    truth = {
-        str(s).rpartition(" = ")[0]: float(s.number.value)
-        for s in right.statements
-        if isinstance(s, Probability) and isinstance(s.number, Number)
-    }
-    exact = {x.name for x in audit.changes} == names
-    findings = audit.changes
+
+    named: bool | None
+    rival: bool | None
+    exact: bool
+    covers: float | None
+
+
+def score(audit: Audit, right: Program, wrong: frozenset[str]) -> Score:
+    """Compare an audit with the right program; `wrong` are the names of the pr-atoms that are not."""
+    truth, findings = find_numbers(right), audit.changes
     named: bool | None = None
     if not wrong:
         findings = audit.numbers
     elif len(wrong) == 1:
-        findings = [x for x in audit.numbers if x.name in names]
-        named = max(audit.numbers, key=lambda x: x.gain).name in names
-    else:
-        attributes = {name[3:].partition("=")[0] for name in names}
-        if len(attributes) == 1:
-            named = max(audit.attributes, key=lambda x: x.bic).name in attributes
+        findings = [x for x in audit.numbers if x.name in wrong]
+        named = max(audit.numbers, key=lambda x: x.gain).name in wrong
+    attributes = {name[3:].partition("=")[0] for name in wrong}
+    if len(attributes) == 1 and len(wrong) > 1:
+        named = max(audit.attributes, key=lambda x: x.bic).name in attributes
+    rivals = {part for rival in audit.rivals for part in rival.split(" and ")}
+    is_rival = None if named is None else named or bool(rivals & (wrong | attributes))
     covers = [x.interval[0] < truth[x.name] < x.interval[1] for x in findings if x.interval is not None]
-    return named, exact, float(np.mean(covers)) if covers else None
+    exact = {x.name for x in audit.changes} == wrong
+    return Score(named, is_rival, exact, float(np.mean(covers)) if covers else None)
 
 
 @dataclass(frozen=True, eq=False)

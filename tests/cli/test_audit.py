@@ -31,6 +31,13 @@ def test_tables_patch_and_figure(lcorpp, log, tmp_path):
     assert figure.read_text().startswith("<?xml")
 
 
+def test_given_facts_are_an_option(lcorpp, log):
+    ended = lcorpp("audit", log, "--given")
+    assert ended.code == 0, ended.err
+    assert ended.out.startswith("1000 people about whom LCORPP decided, facts given; ")
+    assert "  pr(intention=interested | identity=visitor): was 0.1, suggested 0." in ended.out
+
+
 def test_the_patch_can_be_applied(lcorpp, log, tmp_path):
     patch = tmp_path / "audit.plog"
     assert lcorpp("audit", log, "-o", patch).code == 0

@@ -23,9 +23,13 @@ from lcorpp.values import Array
 
 _Mask = npt.NDArray[np.bool_]
 _Codes = npt.NDArray[np.intp]
+_Matrix = sparse.csr_array | sparse.csc_array | Array
 
 MAX_CELLS = 4_000_000
 """The passes have at most this many cells (arcs times records) in memory."""
+
+MAX_DENSE = 4096
+"""Matrices with at most this many cells are dense, as calls of sparse ones take longer than their sums."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,7 +52,7 @@ class Expected:
 
 
 class _Step(NamedTuple):
-    """The arcs of a step, see `Arcs`; the sparse matrices sum over them.
+    """The arcs of a step, see `Arcs`; the matrices sum over them.
 
     agrees: (arcs, n) whether they agree with the records; (arcs, 1) if no record observes the terms.
     branches: the child, the target of each arc in it, and (nodes, arcs).
@@ -58,9 +62,9 @@ class _Step(NamedTuple):
     sources: _Codes
     outcomes: _Codes
     agrees: _Mask
-    branches: Sequence[tuple[int, _Codes, sparse.csr_array]]
-    by_source: sparse.csr_array
-    by_form: sparse.csc_array
+    branches: Sequence[tuple[int, _Codes, _Matrix]]
+    by_source: _Matrix
+    by_form: _Matrix
 
 
 class Expectation:
@@ -94,8 +98,9 @@ class Expectation:
                 (child, np.array(targets), _make_sum(targets, sizes[child]))
                 for child, targets in zip(children, arcs.targets, strict=True)
             ]
-            by_source, by_form = _make_sum(arcs.sources, size), model.factors[:, outcomes]
+            by_source, by_form = _make_sum(arcs.sources, size), _choose_format(model.factors[:, outcomes])
             self._steps.append(_Step(np.array(arcs.sources), outcomes, agrees, branches, by_source, by_form))
+        self._factors = model.factors.T.tocsr()  # sparse, as 0 log 0 is 0 here
         n_arcs = sum([len(step.outcomes) for step in self._steps])
         n, size = len(evidence), max(1, MAX_CELLS // max(n_arcs, 1))
         self._batches = [slice(start, min(start + size, n)) for start in range(0, n, size)]
@@ -103,12 +108,17 @@ class Expectation:
     def compute(self, values: Array) -> Expected:
         """Compute the expected counts, given the values of the forms (f,)."""
         with np.errstate(divide="ignore"):
-            weights = self._model.scales * np.exp(self._model.factors.T @ np.log(values))
+            weights = self._model.scales * np.exp(self._factors @ np.log(values))
             parts = [self._compute_batch(weights, batch) for batch in self._batches]
         log_p = np.concatenate([part[0] for part in parts])
         counts = np.concatenate([part[1] for part in parts], axis=1)
         n_rejected = self._repeats.sum() * np.exp(log_p[-1] - log_p[-2]) if np.isfinite(log_p[-2]) else 0.0
         return Expected(log_p, np.append(self._repeats, [0.0, n_rejected]), counts)
+
+    def sum_counts(self, values: Array) -> tuple[float, Array]:
+        """Compute the log likelihood of the records, and the sum (f,) of the expected counts."""
+        expected = self.compute(values)
+        return expected.log_likelihood, expected.counts @ expected.repeats
 
     def _compute_batch(self, weights: Array, batch: slice) -> tuple[Array, Array]:
         """Return the log probability (n,) and the expected counts (f, n) of n records."""
@@ -125,12 +135,13 @@ class Expectation:
             product = weights[step.outcomes][:, None] * agrees
             for child, targets, _ in step.branches:
                 product = product * below[child][targets]
-            sums = step.by_source @ np.broadcast_to(product, (len(product), n))
+            sums = step.by_source @ product
             scale = sums.max(axis=0)
             log_p += np.log(scale)
-            scale[scale == 0] = 1.0
-            below[number], products[number] = sums / scale, product
-        above = {root: below[root] > 0 for root in diagram.system.tree.roots}
+            below[number], products[number] = sums / np.where(scale > 0, scale, 1.0), product
+        above: dict[int, Array] = {
+            root: np.where(below[root] > 0, 1.0, 0.0) for root in diagram.system.tree.roots
+        }
         for number, step in enumerate(self._steps):
             flow = above.pop(number)[step.sources] * products[number]
             total = flow.sum(axis=0)  # each world has one arc of each step
@@ -143,7 +154,12 @@ class Expectation:
         return log_p, counts
 
 
-def _make_sum(groups: Sequence[int], size: int) -> sparse.csr_array:
+def _make_sum(groups: Sequence[int], size: int) -> _Matrix:
     """Make the matrix (size, n) that sums n numbers by group."""
     n = len(groups)
-    return sparse.csr_array((np.ones(n), (groups, np.arange(n))), shape=(size, n))
+    return _choose_format(sparse.csr_array((np.ones(n), (groups, np.arange(n))), shape=(size, n)))
+
+
+def _choose_format(matrix: sparse.csr_array | sparse.csc_array) -> _Matrix:
+    """Return a matrix as a dense one if it is small."""
+    return matrix.toarray() if np.prod(matrix.shape) <= MAX_DENSE else matrix

@@ -28,7 +28,7 @@ MAX_STEPS = 10_000
 """The ascent ends after this many steps of expectation-maximisation."""
 
 TOLERANCE = 1e-9
-"""The ascent ends when no number changes by more than this."""
+"""By default the ascent ends when no number changes by more than this."""
 
 BISECTIONS = 60
 """Enough to halve an interval down to the precision of floating point."""
@@ -61,9 +61,8 @@ class Objective:
     def evaluate(self, parameters: Array) -> tuple[float, Array]:
         """Return the objective, and the expected counts (f,) of the forms."""
         values, used = self.model.evaluate(parameters), self.prior > 0
-        expected = self.expectation.compute(values)
-        objective = expected.log_likelihood + float(self.prior[used] @ np.log(values[used]))
-        return objective, expected.counts @ expected.repeats + self.prior
+        log_likelihood, counts = self.expectation.sum_counts(values)
+        return log_likelihood + float(self.prior[used] @ np.log(values[used])), counts + self.prior
 
     def maximise(self, parameters: Array, counts: Array) -> Array:
         """Return the parameters that maximise ``counts @ log(forms)``; unchanged where all counts are 0."""
@@ -83,7 +82,10 @@ class Objective:
 
 def _group_cases(model: NumberModel) -> list[list[Case]]:
     """Group the cases by the parameters that they share."""
-    numbers = sparse.csr_array(model.coefficients[[case.rest for case in model.cases]] != 0, dtype=float)
+    rows = np.repeat(np.arange(len(model.cases)), [len(case.parameters) for case in model.cases])
+    columns = np.concatenate([case.parameters for case in model.cases])
+    shape = len(model.cases), len(model.start)
+    numbers = sparse.csr_array((np.ones(len(rows)), (rows, columns)), shape=shape)
     n_groups, group_of = connected_components(numbers @ numbers.T)
     groups: list[list[Case]] = [[] for _ in range(n_groups)]
     for case, group in zip(model.cases, group_of, strict=True):
@@ -137,8 +139,10 @@ class Ascent(NamedTuple):
     converged: bool
 
 
-def climb(objective: Objective, start: Array, progress: Progress | None = None) -> Ascent:
-    """Climb to a maximum of the objective."""
+def climb(
+    objective: Objective, start: Array, progress: Progress | None = None, *, tolerance: float = TOLERANCE
+) -> Ascent:
+    """Climb to a maximum of the objective, until no number changes by more than the tolerance."""
     model, n_steps, following, converged = objective.model, 0, start, False
     reached, longest = -np.inf, 4.0
     while n_steps < MAX_STEPS and not converged:
@@ -154,7 +158,7 @@ def climb(objective: Objective, start: Array, progress: Progress | None = None) 
         largest = float(np.abs(last_change).max())
         if progress is not None:
             progress(n_steps, largest)
-        converged = largest < TOLERANCE
+        converged = largest < tolerance
         reached, curvature = value, last_change - change
         length = float(np.linalg.norm(change)) / (float(np.linalg.norm(curvature)) + TOLERANCE**2)
         length = min(max(length, 1.0), longest)

@@ -75,6 +75,20 @@ class NumberModel:
         values[values < 1e-15] = 0.0  # what rounding leaves of 1 - sum
         return values
 
+    def restrict(self, statements: Collection[int]) -> NumberModel:
+        """Return the model in which the numbers of other statements are fixed: its cases are without them.
+
+        The parameters and forms are those of this model, so that one expectation step serves both.
+        """
+        is_free, cases = np.isin(self.statements, list(statements)), list[Case]()
+        for case in self.cases:
+            own = is_free[case.parameters]
+            if own.any():
+                taken = Fraction(float(case.multiplicities[~own] @ self.start[case.parameters[~own]]))
+                numbers = case.parameters[own], case.multiplicities[own]
+                cases.append(Case(*numbers, case.bound - taken, case.rest, case.is_full))
+        return replace(self, cases=cases)
+
 
 class _Factored(Fraction):
     """A fraction that remembers the factors of which it is the product; none if it is not a product.

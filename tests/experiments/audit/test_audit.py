@@ -209,6 +209,8 @@ def test_facts_that_the_knowledge_excludes_and_too_many_of_them_are_errors(
     program = parse_plog(f"{people.program} :- time=evening.")
     with pytest.raises(UndefinedError, match=r"a person with the facts of .*time=evening.* is in no"):
         audit_people(replace(people, program=program))
+    with pytest.raises(UndefinedError, match=r"a person with the facts of .*time=evening.* is in no"):
+        audit_people(replace(people, program=program), given=True)
     monkeypatch.setattr(answer_rates, "MAX_CELLS", 11)
     with pytest.raises(TooLargeError, match="6 different combinations of facts with 2 shared values"):
         audit_people(people)
@@ -222,3 +224,61 @@ def test_a_program_without_numbers_is_an_error(tmp_path: Path) -> None:
     kept = [line for line in lines if not line.startswith("pr(") or "classifier" in line]
     with pytest.raises(ProgramError, match="no number of a pr-atom to audit"):
         audit_people(replace(people, program=parse_plog("\n".join(kept))))
+
+
+def test_given_facts_say_nothing_about_their_own_numbers(tmp_path: Path) -> None:
+    """A robot on duty in the library in the mornings: no number of the knowledge is wrong."""
+    log = tmp_path / "log"
+    write_log(log, "paper", 2000, 8)
+    people = read_people(log)
+    own = [x for x in people.contexts if x["time"] == "morning" or x["location"] == "library"]
+    numbers = [people.contexts.index(x) for x in own]
+    people.cases.keep(np.flatnonzero(np.isin(people.cases.contexts, numbers)))
+    assert audit_people(people).changes
+    result = audit_people(people, given=True)
+    assert not result.changes
+    assert ", facts given; " in format_audit(result)
+    right = {str(s).rpartition(" = ")[0]: s for s in people.program.statements}
+    for x in result.numbers:
+        if x.name.startswith("pr(intention"):
+            assert x.interval is not None
+            assert x.interval[0] < float(right[x.name].number.value) < x.interval[1]  # type: ignore[attr-defined]
+
+
+def test_facts_that_are_independent_of_the_value_are_not_determined_if_given() -> None:
+    program = parse_plog(
+        "a, b, c : boolean. random(a). random(b). random(c). pr(a) = 0.3. pr(b) = 0.6.\n"
+        "pr(c | a) = 0.8. pr(c | a=false) = 0.3."
+    )
+    records = [
+        {"a": a, "b": b, "c": c}
+        for a in ("true", "false")
+        for b in ("true", "false")
+        for c in ("true", "false")
+    ]
+    rates = CertainRates(np.tile(np.eye(2), (4, 1)), np.array([80, 20, 60, 40, 30, 70, 25, 75.0]))
+    parts = np.repeat(np.arange(8).reshape(4, 2), 2, axis=0)
+    free = list_free_numbers(program, ())
+    fits = KnowledgeFits(program, free, records, parts, rates, given=True)  # type: ignore[arg-type]
+    of_a, of_b, *of_c = free
+    for i in (of_a, of_b):
+        fit = fits.fit((i,))
+        assert fit.estimates == pytest.approx(fit.stated, abs=1e-6)
+        assert fit.covariance[0, 0] == pytest.approx(fit.prior_variance[0])
+    assert fits.find_undetermined(1e-6)[0] == 2
+    both = fits.fit(of_c)
+    assert both.estimates == pytest.approx([(140 + 0.8) / 201, (55 + 0.3) / 201], abs=1e-6)
+
+
+def test_a_search_leaves_numbers_that_sum_to_one() -> None:
+    program = parse_plog("n = {1..3}. a : n. random(a). pr(a=1) = 0.3. pr(a=2) = 0.7.")
+    rates = CertainRates(np.eye(2), np.array([10.0, 70.0]))
+    records = [{"a": a} for a in "12"]
+    free = list_free_numbers(program, ())
+    fits = KnowledgeFits(program, free, records, np.tile(np.arange(2), (2, 1)), rates)  # type: ignore[arg-type]
+    first, _ = free
+    assert fits.fit((first,)).estimates == pytest.approx([0.3])  # nobody has the third value
+    rates = CertainRates(np.eye(3), np.array([10.0, 70.0, 20.0]))
+    records = [{"a": a} for a in "123"]
+    fits = KnowledgeFits(program, free, records, np.tile(np.arange(3), (3, 1)), rates)  # type: ignore[arg-type]
+    assert fits.fit((first,)).estimates == pytest.approx([0.3 * 10.3 / 30.3])

@@ -24,6 +24,13 @@ def audit(
     ] = None,
     domain: common.LoggedDomainOption = None,
     strategy: common.LoggedStrategyOption = None,
+    given: Annotated[
+        bool,
+        typer.Option(
+            "--given",
+            help="The facts are given, e.g. by the robot's schedule: how often each occurs says nothing.",
+        ),
+    ] = False,
 ) -> None:
     """Compare what is stated with the people of a log.
 
@@ -47,7 +54,7 @@ def audit(
         check_figure(figure)
     people = read_people(log, folder=domain, strategy=strategy)
     with console.show_progress("fitting numbers") as advance:
-        result = audit_people(people, advance)
+        result = audit_people(people, advance, given=given)
     typer.echo(format_audit(result))
     if output is not None:
         write_atomically(output, format_patch(result))

@@ -16,6 +16,7 @@ from lcorpp.experiments.audit.findings import MAX_P_VALUE, AttributeFinding, Aud
 from lcorpp.experiments.audit.intervals import compare_log_odds
 from lcorpp.experiments.audit.knowledge import KnowledgeFits, NumbersFit
 from lcorpp.experiments.audit.logged_people import LoggedPeople
+from lcorpp.experiments.audit.missing_rules import add_missing_rules
 from lcorpp.experiments.audit.rates import list_rates
 from lcorpp.fitting.number_model import list_free_numbers
 from lcorpp.fitting.uncertainty import NULL_SCORE
@@ -33,29 +34,36 @@ N_STARTS = 5
 Progress = Callable[[int, int], None]
 
 
-def audit_people(people: LoggedPeople, progress: Progress = lambda done, total: None) -> Audit:
+def audit_people(
+    people: LoggedPeople, progress: Progress = lambda done, total: None, *, given: bool = False
+) -> Audit:
     """Audit the knowledge, the senses and the observation model.
 
     First, the rates of senses and answers are estimated without the knowledge; they give the likelihood of
     each person's shared value. Then each number is fitted alone, and each attribute with all its numbers.
     From these the fewest numbers are chosen whose change explains the people (BIC): an attribute or a number
-    at a time, and of an attribute the numbers that are needed.
+    at a time, and of an attribute the numbers that are needed. Attributes of which the program knows nothing
+    are audited as if it stated equal probabilities, see `add_missing_rules`.
 
     Args:
         progress: is called with the number of fits done, and the number of all.
+        given: whether the facts are given, e.g. by the robot's own schedule, so that how often each occurs
+            says nothing about the knowledge.
 
     Raises:
         ProgramError: the program has no numbers to audit, or they cannot be fitted.
         UndefinedError: what is known of a person is impossible by the program.
         TooLargeError: the program is too large to be compiled, or there are too many contexts.
     """
-    return _Auditor(people, progress).audit()
+    return _Auditor(people, progress, given).audit()
 
 
 class _Auditor:
-    def __init__(self, people: LoggedPeople, progress: Progress) -> None:
-        program, cases, domain = people.program, people.cases, people.domain
-        self._people, self._progress = people, progress
+    def __init__(self, people: LoggedPeople, progress: Progress, given: bool) -> None:
+        cases, domain = people.cases, people.domain
+        used = [*domain.observed, *domain.reasoning.shared]
+        program = add_missing_rules(people.program, used, domain.label_attributes)
+        self._people, self._program, self._progress, self._given = people, program, progress, given
         self._n_people = float(cases.weights.sum())
         senses = set(domain.label_attributes)
         free = list_free_numbers(program, ())
@@ -73,7 +81,7 @@ class _Auditor:
             resolve_evidence(program, {**facts, **value}) for facts in people.contexts for value in values
         ]
         parts = cases.contexts[:, None] * len(values) + np.arange(len(values))
-        self._fits = KnowledgeFits(program, free, records, parts, self._rates)
+        self._fits = KnowledgeFits(program, free, records, parts, self._rates, given=given)
         self._groups: dict[str, tuple[int, ...]] = {}
         for i in free:
             name = self._atom(i).term.name
@@ -96,6 +104,7 @@ class _Auditor:
             people.strategy,
             people.n_others,
             people.skipped,
+            self._given,
             [self._describe(i, self._fits.fit(self._complete((i,)))) for i in free],
             [self._describe_attribute(name) for name in self._groups],
             list_rates(people, self._rates, MAX_PRIOR_SHARE),
@@ -106,7 +115,7 @@ class _Auditor:
         )
 
     def _atom(self, statement: int) -> Probability:
-        atom = self._people.program.statements[statement]
+        atom = self._program.statements[statement]
         assert isinstance(atom, Probability)
         return atom
 
@@ -195,7 +204,8 @@ class _Auditor:
         stated, estimate = float(fit.stated[place]), float(fit.estimates[place])
         variance = float(fit.covariance[place, place])
         atom, gain = self._atom(statement), self._find_gain(fit.statements)
-        finding = NumberFinding(_name(atom), stated, estimate, None, 1.0, atom, gain)
+        is_missing = statement >= len(self._people.program.statements)
+        finding = NumberFinding(_name(atom), stated, estimate, None, 1.0, atom, gain, is_missing)
         if variance > MAX_PRIOR_SHARE * fit.prior_variance[place]:
             return finding
         interval, p_value = compare_log_odds(stated, estimate, variance)

@@ -31,11 +31,13 @@ class Finding:
 class NumberFinding(Finding):
     """What the people suggest for one number of the knowledge, if all others are as stated.
 
-    statement: the pr-atom. gain: twice the gain in log likelihood.
+    statement: the pr-atom. gain: twice the gain in log likelihood. is_missing: whether the program has no
+    such rule, and what is stated follows from the equal probability of all values.
     """
 
     statement: Probability
     gain: float
+    is_missing: bool
 
 
 @dataclass(frozen=True)
@@ -74,7 +76,7 @@ class Audit:
     is refuted. rivals: other numbers or attributes that explain the people as well as `changes`.
     n_undetermined: number of combinations that the people leave open if all numbers are free together.
     undetermined: the rules in these combinations.
-    n_people, strategy, n_others, skipped: as of `LoggedPeople`.
+    n_people, strategy, n_others, skipped: as of `LoggedPeople`. given: whether the facts are given.
     """
 
     program_file: str
@@ -83,6 +85,7 @@ class Audit:
     strategy: str
     n_others: int
     skipped: Mapping[str, int]
+    given: bool
     numbers: Sequence[NumberFinding]
     attributes: Sequence[AttributeFinding]
     rates: Sequence[RateFinding]

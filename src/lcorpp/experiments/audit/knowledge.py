@@ -24,6 +24,15 @@ from lcorpp.values import Array
 PRIOR_PEOPLE = 1.0
 """Weight of the stated numbers of each case, in people: enough to keep estimates off 0 and 1."""
 
+ROUGH, FINE = 1e-4, 1e-7
+"""Searches from several starts are compared when no number changes by more than `ROUGH` in a step; the best
+goes on until none changes by more than `FINE`.
+"""
+
+
+INNER = 0.98
+"""Factor of numbers that sum to 1, where a search begins."""
+
 
 @dataclass(frozen=True, eq=False)
 class NumbersFit:
@@ -57,6 +66,7 @@ class KnowledgeFits:
         free: index of a statement -> its number.
         records: canonical term -> value, for each context and value of the shared variables.
         parts: (n, V) the record of each case and value.
+        given: whether the facts of each case are given, so that only P(value | facts) informs.
     """
 
     def __init__(
@@ -66,20 +76,29 @@ class KnowledgeFits:
         records: Sequence[Mapping[str, str]],
         parts: npt.NDArray[np.intp],
         rates: AnswerRates,
+        *,
+        given: bool = False,
     ) -> None:
         self.free, self._program, self._records = free, program, records
-        self._parts, self._rates = parts, rates
+        self._parts, self._rates, self._given = parts, rates, given
         self._known: dict[tuple[int, ...], NumbersFit] = {}
         self._full = [
-            tuple(self._all.statements[k] for k in case.parameters)
-            for case in self._all.cases
+            tuple(self._model.statements[k] for k in case.parameters)
+            for case in self._model.cases
             if case.is_full
         ]
 
     @cached_property
-    def _all(self) -> NumberModel:
+    def _model(self) -> NumberModel:
         """The program with all numbers as parameters."""
-        return self._build(self.free)
+        observed = {name for record in self._records for name in record}
+        return build_number_model(self._program, self.free, observed)
+
+    @cached_property
+    def _expectation(self) -> SoftExpectation:
+        stated = Expectation(self._model, self._records, np.ones(len(self._records)))
+        likelihoods, weights = self._rates.likelihoods, self._rates.weights
+        return SoftExpectation(stated, self._parts, likelihoods, weights, given=self._given)
 
     def complete(self, statements: Iterable[int]) -> tuple[int, ...]:
         """Add the numbers that have to change, too, as the numbers of a case sum to 1."""
@@ -95,7 +114,7 @@ class KnowledgeFits:
             ProgramError: they are not frequencies, as rules exclude worlds.
             UndefinedError: what is known of a person is impossible.
         """
-        expected = self._make_expectation(self._all).compute(self._all.evaluate(self._all.start))
+        expected = self._expectation.compute(self._model.evaluate(self._model.start))
         first = [self._records[place] for place in self._parts[:, 0]]
         places = [", ".join(f"{name}={value}" for name, value in record.items()) for record in first]
         check_possible(self._program, expected.log_p, [f"a person with the facts of {p}" for p in places])
@@ -110,11 +129,10 @@ class KnowledgeFits:
         Returns:
             The number of open directions, and the statements of the numbers that move along them.
         """
-        model = self._all
+        model = self._model
         values = model.evaluate(model.start)
-        expected = self._make_expectation(model).compute(values)
-        scores = self._compute_scores(model, expected, values)
-        basis = self._find_basis(model)
+        scores = self._compute_scores(self._expectation.compute(values), values)
+        basis = self._find_basis(np.arange(len(model.start)))
         _, sizes, rows = np.linalg.svd(scores @ basis * np.sqrt(self._rates.weights)[:, None])
         rank = int((sizes > null * sizes.max(initial=0.0)).sum())
         moves = np.abs(basis @ rows[rank:].T).max(axis=1, initial=0.0)
@@ -134,64 +152,68 @@ class KnowledgeFits:
         return self._known[key]
 
     def _fit(self, statements: tuple[int, ...], starts: int) -> NumbersFit:
-        model = self._build(statements)
-        soft = self._make_expectation(model)
-        objective = Objective(model, soft, PRIOR_PEOPLE)
-        rng = np.random.default_rng(0)
-        points = [model.start, *[draw_start(model, rng) for _ in range(starts - 1)]]
-        best = max([climb(objective, point) for point in points], key=lambda end: end.objective).parameters
+        model = self._model.restrict(statements)
+        objective = Objective(model, self._expectation, PRIOR_PEOPLE)
+        rng, start = np.random.default_rng(0), self._find_inner_start()
+        if starts > 1:
+            points = [start, *[draw_start(model, rng) for _ in range(starts - 1)]]
+            ends = [climb(objective, point, tolerance=ROUGH) for point in points]
+            start = max(ends, key=lambda end: end.objective).parameters
+        best = climb(objective, start, tolerance=FINE).parameters
         values = model.evaluate(best)
-        expected = soft.compute(values)
-        covariance, prior_covariance, inflation = self._find_covariance(objective, expected, values, soft)
+        expected = self._expectation.compute(values)
+        places = np.flatnonzero(np.isin(model.statements, statements))
+        covariance, prior_covariance, inflation = self._find_covariance(
+            places, objective.prior, expected, values
+        )
         return NumbersFit(
             statements,
-            model.start,
-            best,
+            model.start[places],
+            best[places],
             covariance,
             np.diag(prior_covariance),
             expected.log_likelihood,
             inflation,
         )
 
-    def _build(self, statements: Collection[int]) -> NumberModel:
-        """Compile the program with the numbers of these statements as parameters."""
-        observed = {name for record in self._records for name in record}
-        return build_number_model(self._program, {i: self.free[i] for i in statements}, observed)
+    def _find_inner_start(self) -> Array:
+        """Return the stated numbers, a little less where they leave nothing: no search would leave 0."""
+        values, start = self._model.evaluate(self._model.start), self._model.start.copy()
+        for case in self._model.cases:
+            if values[case.rest] == 0 and not case.is_full:
+                start[case.parameters] *= INNER
+        return start
 
-    def _make_expectation(self, model: NumberModel) -> SoftExpectation:
-        """Return the expectation step of the cases."""
-        stated = Expectation(model, self._records, np.ones(len(self._records)))
-        return SoftExpectation(stated, self._parts, self._rates.likelihoods, self._rates.weights)
-
-    def _compute_scores(self, model: NumberModel, expected: Expected, values: Array) -> Array:
-        """Compute (n, k) the derivatives of each case's log likelihood."""
-        forms = model.coefficients / np.maximum(values, MIN_FORM)[:, None]  # of the logarithms
+    def _compute_scores(self, expected: Expected, values: Array) -> Array:
+        """Compute (n, p) the derivatives of each case's log likelihood by all numbers."""
+        forms = self._model.coefficients / np.maximum(values, MIN_FORM)[:, None]  # of the logarithms
         rejected = expected.counts[:, -1] * (expected.repeats[-1] / self._rates.weights.sum())
         scores: Array = (expected.counts[:, :-2].T + rejected) @ forms
         return scores
 
     def _find_covariance(
-        self, objective: Objective, expected: Expected, values: Array, soft: SoftExpectation
+        self, places: npt.NDArray[np.intp], prior_counts: Array, expected: Expected, values: Array
     ) -> tuple[Array, Array, float]:
-        """Return the covariance of the numbers, that of the pseudo-counts alone, and the inflation."""
-        model, rates = objective.model, self._rates
-        scores = self._compute_scores(model, expected, values)
-        forms = model.coefficients / np.maximum(values, MIN_FORM)[:, None]
+        """Return the covariance of some numbers, that of the pseudo-counts alone, and the inflation."""
+        rates = self._rates
+        scores = self._compute_scores(expected, values)[:, places]
+        forms = self._model.coefficients[:, places] / np.maximum(values, MIN_FORM)[:, None]
         weighted = scores * rates.weights[:, None]
-        prior = (forms * objective.prior[:, None]).T @ forms
+        prior = (forms * prior_counts[:, None]).T @ forms
         # what moves the rates moves the numbers
         nuisance = rates.is_nuisance
-        pulls = weighted.T @ rates.compute_scores(soft.compute_shares(values))[:, nuisance]
+        pulls = weighted.T @ rates.compute_scores(self._expectation.compute_shares(values))[:, nuisance]
         moved = rates.scores @ rates.covariance[:, nuisance] @ pulls.T
         corrected = scores - moved
-        basis = self._find_basis(model)
+        basis = self._find_basis(places)
         bread = basis @ invert(basis.T @ (weighted.T @ scores + prior) @ basis) @ basis.T
         meat = (corrected * rates.weights[:, None]).T @ corrected + prior
         inflation = float(np.linalg.eigvals(bread @ meat).real.max())
         return bread @ meat @ bread, basis @ invert(basis.T @ prior @ basis) @ basis.T, inflation
 
-    def _find_basis(self, model: NumberModel) -> Array:
-        """Return a basis (k, d) of the directions that keep the sums of cases without a rest."""
-        sums = [model.coefficients[case.rest] for case in model.cases if case.is_full]
-        basis: Array = null_space(np.array(sums).reshape(-1, len(model.start)))
+    def _find_basis(self, places: npt.NDArray[np.intp]) -> Array:
+        """Return a basis (k, d) of the directions of k numbers that keep the sums of cases without a rest."""
+        full = [case.rest for case in self._model.cases if case.is_full]
+        sums = self._model.coefficients[full][:, places]
+        basis: Array = null_space(sums[sums.any(axis=1)])
         return basis

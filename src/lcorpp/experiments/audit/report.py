@@ -16,7 +16,8 @@ def format_audit(audit: Audit) -> str:
         for x in audit.attributes
     ]
     parts = [
-        f"{audit.n_people} people about whom {audit.strategy} decided; {audit.program_file}",
+        f"{audit.n_people} people about whom {audit.strategy} decided{', facts given' * audit.given};"
+        f" {audit.program_file}",
         _format_findings("rule, alone", audit.numbers, {x.name: x.gain for x in audit.numbers}),
         format_table([("attribute, all numbers free", "numbers", "gain", "BIC", "p"), *attributes]),
         _format_findings("label or answer", audit.rates),
@@ -54,6 +55,10 @@ def format_table(rows: Table) -> str:
 def _conclude(audit: Audit) -> list[str]:
     """Return the sentences below the tables."""
     lines = []
+    if missing := dict.fromkeys(x.statement.term.name for x in audit.numbers if x.is_missing):
+        lines.append(
+            f"There are no rules about {', '.join(missing)}: equal probabilities are taken as stated."
+        )
     if audit.changes:
         lines.append("The data refute the knowledge; the fewest numbers that have to change together:")
         lines += [f"  {x.name}: {_describe_change(x)}" for x in audit.changes]
@@ -109,7 +114,8 @@ def format_patch(audit: Audit) -> str:
         f"% Replace these rules of {audit.program_file}.",
     ]
     for x in audit.changes:
-        lines += ["", f"% line {x.statement.at.line}: {_describe_change(x)}"]
+        place = "new, as there are no rules" if x.is_missing else f"line {x.statement.at.line}"
+        lines += ["", f"% {place}: {_describe_change(x)}"]
         lines.append(f"{x.name} = {x.stated if x.interval is None else x.estimate:.3g}.")
     if not audit.changes:
         lines += ["", "% No number of the knowledge is refuted."]
