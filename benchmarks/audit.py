@@ -138,9 +138,9 @@ def draw_numbers(numbers: Mapping[str, float], rng: np.random.Generator) -> list
     while len(drawn) < N_DRAWN:
         chosen = rng.permutation(len(names))[:6]
         wrong = {names[i]: round(p, 3) for i, p in zip(chosen, rng.uniform(0.05, 0.95, 6), strict=True)}
-        if all(abs(numbers[name] - p) >= 0.2 for name, p in wrong.items()):
-            if are_probabilities({**numbers, **wrong}):
-                drawn.append(wrong)
+        is_far = all(abs(numbers[name] - p) >= 0.2 for name, p in wrong.items())
+        if is_far and are_probabilities({**numbers, **wrong}):
+            drawn.append(wrong)
     return drawn
 
 
