@@ -24,7 +24,7 @@ NO_RATES: Rates = {}
 
 
 class Session(Protocol):
-    """The decisions of a strategy that remembers earlier people, about one person after another."""
+    """The decisions of a strategy that learns from earlier people, about one person after another."""
 
     @property
     def n_people(self) -> int:
@@ -46,12 +46,12 @@ class Strategy:
 
     without: senses that the robot does not use although it learns.
     change: returns another robot in place of that with these parts, e.g. with a planner of its own; None
-        changes nothing. It is called for each decision, so that its parts may remember the decision's steps.
+        changes nothing. It is called for each decision, so that its parts may have state within a decision.
     own: the user's function that `change` calls; None for a strategy from elsewhere.
     draws: whether `change` takes a random generator, too, and the robot's actions are random.
-    start: starts a session of a strategy that remembers earlier people, from the full robot and the rates of
-        senses with soft evidence, which its program lacks. None for a strategy that decides about each person
-        alone.
+    start: starts a session of a strategy that learns from earlier people; from the full robot, and the rates
+        of senses with soft evidence, which its program lacks. None for a strategy that decides about each
+        person alone.
     """
 
     name: str
@@ -71,7 +71,7 @@ class Strategy:
     def robot(self, full: Robot, rng: np.random.Generator | None = None, *, rates: Rates = NO_RATES) -> Robot:
         """The robot `full` with each unused part left out or replaced by its trivial substitute, and changed.
 
-        That of a strategy that remembers earlier people is for the first person of a session.
+        That of a strategy that learns from earlier people is for the first person of a session.
 
         Args:
             rng: draws the actions of a strategy that draws; required by these only.

@@ -142,7 +142,7 @@ def format_decision(
         strategy: that of the robot. context: the observed facts.
         simulated: what only a simulation knows, e.g. the truth, cost and return.
         seed: of `make_generator`, for a strategy that draws its actions.
-        person: number of people before this one, for a strategy that remembers them.
+        person: number of people before this one, for a strategy that learns from them.
     """
     own = {"seed": seed} if strategy.draws else {"person": person} if strategy.start is not None else {}
     states = parts.domain.pomdp.states

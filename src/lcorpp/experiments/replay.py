@@ -63,8 +63,8 @@ def replay_log(
     """Make each decision of a log again; a line that cannot be replayed becomes an error with its place.
 
     Parts that have changed come before the first decision that they concern. The robot gets the facts and
-    labels of the log, and after each of its actions the observation of the log. A strategy that remembers
-    earlier people learns from the decisions as they are in the log, in their order.
+    labels of the log, and after each of its actions the observation of the log. A strategy that
+    learns from earlier people learns from the decisions as they are in the log, in their order.
 
     Args:
         folder: of the domain, if it is not the one of the log. cache: a folder that keeps policies.
@@ -106,7 +106,7 @@ class KnownParts:
         self._folder, self._cache = folder, cache
         self._parts: dict[str, RobotParts | Exception] = {}
         self._strategies: dict[str, Strategy] = {}
-        # the latest session of each strategy that remembers, and its parts
+        # the latest session of each strategy that learns from earlier people, and its parts
         self._sessions: dict[str, tuple[Session, RobotParts]] = {}
         self._known_changes: set[str] = set()
         self._new_changes: list[str] = []  # those that `take_changes` has not returned yet
@@ -160,7 +160,7 @@ class KnownParts:
         return self._strategies[key]
 
     def find_session(self, parts: RobotParts, strategy: Strategy, person: Any) -> Session | None:
-        """Return the session of a strategy that remembers earlier people; None for another strategy.
+        """Return the session of a strategy that learns from earlier people; None for another strategy.
 
         If the parts changed since the person before, the classifiers were trained again.
 

@@ -15,7 +15,7 @@ Array = npt.NDArray[np.float64]
 """Array of floats; each use documents the shape."""
 
 Indices = npt.NDArray[np.intp]
-"""Array of whole numbers that number something."""
+"""Array of indices."""
 
 Flags = npt.NDArray[np.bool_]
 

@@ -48,7 +48,7 @@ class Checkpoint:
 
     run: a name shared by all decisions since the first training. number: as in `Batch`.
     rows: results of the batches. senses: the senses that learn.
-    session: the state of a session that remembers earlier people, None without one.
+    session: the state of a session that learns from earlier people, None without one.
     """
 
     run: str

@@ -1,4 +1,4 @@
-"""What a run of Algorithm 1 remembers of people beside its data sets: trust, if it has trust."""
+"""The session of a run of Algorithm 1: which strategy decides, and the state of its trust."""
 
 from __future__ import annotations
 

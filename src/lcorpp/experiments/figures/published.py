@@ -17,7 +17,7 @@ from lcorpp.values import Z95, Interval
 TRIALS = 5000
 """Trials behind each published number."""
 
-FAR = 3
+MAX_STANDARD_ERRORS = 3
 """Deviations of more standard errors need a reason; the report has them in bold type."""
 
 STRATEGIES: Mapping[str, Mapping[str, str]] = {
@@ -115,10 +115,10 @@ def deviate(
 
     Args:
         error: the standard error of the published number; that of ours is taken from its interval.
-        reason: given if the two differ by more than `FAR` standard errors.
+        reason: given if the two differ by more than `MAX_STANDARD_ERRORS` standard errors.
     """
     total = hypot((ours.high - ours.low) / (2 * Z95), error)
-    far = abs(ours.estimate - float(published)) > FAR * total
+    far = abs(ours.estimate - float(published)) > MAX_STANDARD_ERRORS * total
     return Deviation(setting, what, ours, published, total, reason if far else "")
 
 

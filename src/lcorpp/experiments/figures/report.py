@@ -10,7 +10,7 @@ from pathlib import Path
 from string import Template
 from typing import Any
 
-from lcorpp.experiments.figures.published import FAR
+from lcorpp.experiments.figures.published import MAX_STANDARD_ERRORS
 from lcorpp.experiments.figures.result import Verdict
 from lcorpp.experiments.figures.storage import StoredFigure
 from lcorpp.files import write_atomically
@@ -79,7 +79,7 @@ def _format_deviations(rows: Sequence[Mapping[str, Any]]) -> str:
     for row in rows:
         digits = max(3, len(row["published"].partition(".")[2]) + 1)
         errors = row["in_standard_errors"]
-        far = errors is not None and abs(errors) > FAR
+        far = errors is not None and abs(errors) > MAX_STANDARD_ERRORS
         reason = row["reason"] or ("not known" if far else "")
         cells = [
             row["setting"],
@@ -93,7 +93,7 @@ def _format_deviations(rows: Sequence[Mapping[str, Any]]) -> str:
         kind = ' class="far"' if far else ""
         lines.append(f"<tr{kind}>" + "".join(f"<td>{escape(cell)}</td>" for cell in cells) + "</tr>\n")
     header = ("setting", "what", "ours", "published", "difference", "in s.e.", "why")
-    caption = f"s.e.: standard errors. More than {FAR} of them are in bold type."
+    caption = f"s.e.: standard errors. More than {MAX_STANDARD_ERRORS} of them are in bold type."
     whys = "".join(f"<li>{escape(reason)}</li>" for reason in reasons)
     table = _format_table(header, lines, caption)
     return f"<h3>Ours beside the published numbers</h3>\n{table}" + (f"<ol>{whys}</ol>\n" if whys else "")

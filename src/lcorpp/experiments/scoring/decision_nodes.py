@@ -104,7 +104,7 @@ class _History(NamedTuple):
 
 
 class HistoryNodes:
-    """The nodes of an own strategy, whose parts may remember a decision: histories, decided anew each time.
+    """The nodes of an own strategy, whose parts may have state: histories, decided anew each time.
 
     Histories are merged if they end with the same belief and action, and with equal states of all parts.
 

@@ -57,7 +57,7 @@ def evaluate_exactly(
 
     Raises:
         DomainError: the domain has a world of its own, whose probabilities are unknown.
-        DecisionError: a strategy draws its actions, remembers earlier people, acts differently after equal
+        DecisionError: a strategy draws its actions, learns from people, acts differently after equal
             histories, has too many histories, or branches so much that the bounds are wide.
         NoReportError: a strategy's policy never reports.
     """
@@ -96,7 +96,7 @@ def check_enumerable(domain: Domain, strategies: Sequence[Strategy]) -> None:
 
     Raises:
         DomainError: the domain has a world of its own.
-        DecisionError: a strategy draws its actions, or remembers earlier people.
+        DecisionError: a strategy draws its actions, or learns from people.
     """
     if domain.simulation.world is not None:
         raise DomainError(

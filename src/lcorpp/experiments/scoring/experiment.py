@@ -31,7 +31,7 @@ class Experiment:
     seed: of the people and their answers. All strategies get the same people and the same random numbers, so
         that differences between strategies are not differences between samples.
     parts: what determines the robot's decisions, for a log.
-    rates: of senses with soft evidence, for strategies that remember earlier people.
+    rates: of senses with soft evidence, for strategies that learn from earlier people.
     """
 
     domain: Domain
@@ -64,7 +64,7 @@ class Trial(NamedTuple):
     seed: tuple[int, ...]
 
     def make_robot(self, strategy: Strategy, session: Session | None = None) -> Robot:
-        """Return the robot of a strategy; session: in which it remembers the people of earlier trials."""
+        """Return the robot of a strategy; session: of a strategy that learns from earlier trials."""
         if session is not None:
             return session.robot(self.robot)
         return strategy.robot(self.robot, make_generator(*self.seed) if strategy.draws else None)
@@ -163,7 +163,7 @@ def replay_trial(experiment: Experiment, trial: int, strategy: Strategy, *, tria
 
 
 def start_session(experiment: Experiment, strategy: Strategy, trial: int, *, trials: int) -> Session | None:
-    """Return the session of a strategy after the trials before `trial`; None if it does not remember them.
+    """Return the session of a strategy after the trials before `trial`; None if it does not learn from them.
 
     Arguments and errors: as of `replay_trial`.
     """

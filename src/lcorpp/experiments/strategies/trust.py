@@ -72,7 +72,7 @@ class StartTrust:
 
 
 TRUST = Strategy("LCORPP+trust", learns=True, reasons=True, plans=True, start=StartTrust())
-"""LCORPP with trust: it estimates its hearing, and asks some people more in order to learn."""
+"""LCORPP with trust: it estimates the observation model, and asks some people more in order to learn."""
 
 WITH_TRUST = (
     TRUST,

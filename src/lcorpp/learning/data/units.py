@@ -20,7 +20,7 @@ MIN_SPEED = 0.005
 MIN_WALK, MAX_WALK = 0.25, 2.5
 """Speeds in m/s between which the faster people of a file are expected: factors of ten cannot be confused."""
 
-FASTER = 0.9
+WALKING_QUANTILE = 0.9
 """Quantile of the tracks' median speeds: even where most people stand, a tenth of them walks."""
 
 LENGTHS = ("x", "y", "z")
@@ -88,7 +88,7 @@ def _factors(speed: Array) -> Array:
     fast = speed > MAX_SPEED
     if np.mean(fast) < 0.5:  # single tracks in another unit
         return np.where(fast, [_factor(value) for value in speed], 1.0)
-    factor = _factor(float(np.quantile(speed, FASTER)))
+    factor = _factor(float(np.quantile(speed, WALKING_QUANTILE)))
     return np.where(speed * factor > MAX_SPEED, np.nan, factor)
 
 
@@ -122,7 +122,7 @@ def note_implausible(tracks: Sequence[Track]) -> tuple[str, ...]:
     if not tracks:
         return ()
     notes = []
-    speed = float(np.quantile([np.median(track.speeds) for track in tracks], FASTER))
+    speed = float(np.quantile([np.median(track.speeds) for track in tracks], WALKING_QUANTILE))
     if 0 < speed < MIN_WALK:
         slow = f"nine of ten tracks have a median speed below {speed:.2g} m/s"
         if all((track.times == np.round(track.times)).all() for track in tracks):

@@ -14,7 +14,7 @@ from lcorpp.learning.data.dataset import check_trainable, count_groups
 from lcorpp.values import Dataset, Indices
 
 MAX_SPLIT_FOLDS = 20
-"""The test data of `split` are whole folds, at most of so many."""
+"""Maximum number of folds that `split` forms; the test data are whole folds."""
 
 
 def assign_folds(labels: Sequence[str], groups: Sequence[str] | None, folds: int, seed: int) -> Indices:

@@ -15,8 +15,8 @@ from lcorpp.values import Array, stack_signals
 MAX_CASES = 500
 """Cases of each sample that are compared; of more, a random subset."""
 
-MAX_PERMUTATIONS, ENOUGH = 9999, 20
-"""Maximum number of permutations; fewer suffice once `ENOUGH` of them are as extreme as the samples."""
+MAX_PERMUTATIONS, MAX_EXTREME = 9999, 20
+"""Maximum number of permutations; sampling ends before if `MAX_EXTREME` are as extreme as the samples."""
 
 PERMUTATIONS_AT_ONCE = 250
 
@@ -49,8 +49,8 @@ def compare_signals(first: Sequence[Array], second: Sequence[Array], rng: np.ran
         # equal cases give equal energies, but for rounding
         is_extreme = _compute_energy(distances, permuted) >= observed - 1e-9 * abs(observed)
         hits = extreme + np.cumsum(is_extreme)
-        if hits[-1] >= ENOUGH:
-            return ENOUGH / float(done + np.searchsorted(hits, ENOUGH) + 1)
+        if hits[-1] >= MAX_EXTREME:
+            return MAX_EXTREME / float(done + np.searchsorted(hits, MAX_EXTREME) + 1)
         extreme, done = int(hits[-1]), done + n
     return (extreme + 1) / (done + 1)
 

@@ -17,8 +17,8 @@ CONTEXT_WEIGHT = 10.0
 TOLERANCE, MAX_STEPS = 1e-6, 5000
 """The estimation ends when no probability of a class changes by more than this, or after the steps."""
 
-SMALLEST = 1e-300
-"""Probability of an answer that cannot be, so that its logarithm is finite."""
+MIN_ANSWER_PROBABILITY = 1e-300
+"""Probability of an impossible answer, so that its logarithm is finite."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,9 +122,9 @@ def estimate_classes(sources: Sequence[AnswerSource], contexts: Indices, n_class
 
 def _infer_classes(sources: Sequence[AnswerSource], matrices: Sequence[Array], priors: Array) -> Array:
     """Return the posterior (N, K) of each case by Bayes' rule. priors: (N, K)."""
-    logs = np.log(np.maximum(priors, SMALLEST))
+    logs = np.log(np.maximum(priors, MIN_ANSWER_PROBABILITY))
     for source, matrix in zip(sources, matrices, strict=True):
-        logs += source.counts @ np.log(np.maximum(matrix, SMALLEST))[source.rows].T
+        logs += source.counts @ np.log(np.maximum(matrix, MIN_ANSWER_PROBABILITY))[source.rows].T
     return _normalise(np.exp(logs - logs.max(axis=1, keepdims=True)))
 
 

@@ -25,7 +25,7 @@ class TrackedPerson:
 
     resampler: its current track. slot: its index in the classifier's state. prediction: the current one.
     last_seen: clock time of its last sample. probabilities: (K,) after the last point, NaN before the first
-    prediction. trigger: what the trigger remembers of the track.
+    prediction. trigger: its state for the track.
     """
 
     resampler: TrackResampler

@@ -51,13 +51,13 @@ class AcceptedRun:
         return AcceptedRun(np.where(is_accepted, column, -1), length)
 
     def decides(self, points: int, consecutive: int, last_points: float) -> Flags:
-        """Whether the run is long enough, or waiting ends after so many points."""
+        """Whether the run is long enough, or the track has the last number of points."""
         return np.asarray((self.length >= consecutive) | (points >= last_points))
 
 
 @dataclass(frozen=True)
 class TriggerState:
-    """What a trigger remembers of a track. decision: the first one, which stays."""
+    """The state of a trigger for a track. decision: the first one, which is final."""
 
     run: AcceptedRun = AcceptedRun()
     decision: EarlyDecision | None = None
