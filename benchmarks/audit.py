@@ -41,7 +41,7 @@ REPEATED_EVERY, REPEATED_ANSWERS = 20, 3
 """Every 20th person is asked until they have given three answers."""
 
 N_DRAWN = 200
-"""Number of programs with six wrong numbers; further streams begin again."""
+"""Number of programs with six wrong numbers; further streams repeat them."""
 
 Facts = tuple[tuple[str, str], ...]
 
@@ -69,7 +69,7 @@ def main(
     people: Annotated[int, typer.Option(min=1)] = 2000,
     noise: Annotated[list[float] | None, typer.Option(help="Repeatable; by default .1, .3 and .4.")] = None,
     error: Annotated[float, typer.Option(min=0.01, max=0.5, help="Of the one number that is wrong.")] = 0.2,
-    identities: Annotated[int, typer.Option(min=0, help="Ask one person in so many; 0 nobody.")] = 0,
+    identities: Annotated[int, typer.Option(min=0, help="Ask every k-th person who they are; 0: none.")] = 0,
     rows: Annotated[str, typer.Option(help="Rows of the table whose name contains this.")] = "",
     facts: Annotated[list[FactsSource] | None, typer.Option(help="Repeatable; by default both.")] = None,
     seed: Annotated[int, typer.Option(min=0)] = 0,
@@ -242,7 +242,7 @@ class World:
         """Simulate decisions; the robot's priors are right, the audit is of `program`.
 
         Args:
-            identities: one person in so many has its identity among the facts; 0: nobody.
+            identities: k: every k-th person has its identity among the facts; 0: none.
         """
         contexts = dict[Facts, int]()
         cases = Cases(1, self._dialogue.tables.shape[0] * self._dialogue.tables.shape[2])

@@ -28,7 +28,7 @@ _Matrix = sparse.csr_array | sparse.csc_array | Array
 MAX_CELLS = 4_000_000
 """The passes have at most this many cells (arcs times records) in memory."""
 
-MAX_DENSE = 4096
+MAX_DENSE_CELLS = 4096
 """Matrices with at most this many cells are dense, as calls of sparse ones take longer than their sums."""
 
 
@@ -162,4 +162,4 @@ def _make_sum(groups: Sequence[int], size: int) -> _Matrix:
 
 def _choose_format(matrix: sparse.csr_array | sparse.csc_array) -> _Matrix:
     """Return a matrix as a dense one if it is small."""
-    return matrix.toarray() if np.prod(matrix.shape) <= MAX_DENSE else matrix
+    return matrix.toarray() if np.prod(matrix.shape) <= MAX_DENSE_CELLS else matrix

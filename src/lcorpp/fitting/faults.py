@@ -62,7 +62,7 @@ def list_faults(program: Program, used: Sequence[str]) -> Faults:
         simple = [
             (what, r)
             for what, p in _list_simple_faults(program, name, used)
-            if (r := _build_reasoner(p, used)) is not None
+            if (r := build_valid_reasoner(p, used)) is not None
         ]
         tables, mixtures = list_tables(program, name, first=len(reasoners) + len(simple))
         for what, reasoner in simple:
@@ -82,8 +82,8 @@ def list_faults(program: Program, used: Sequence[str]) -> Faults:
     return Faults(reasoners, weights, attributes, changes, np.array(priors) / sum(priors))
 
 
-def _build_reasoner(program: Program, used: Sequence[str]) -> Reasoner | None:
-    """Return the reasoner of a program; None if the program is invalid."""
+def build_valid_reasoner(program: Program, used: Sequence[str]) -> Reasoner | None:
+    """Return the reasoner of a program; None if the program has no answer about a used attribute."""
     reasoner = Reasoner(program)
     try:
         for name in used:

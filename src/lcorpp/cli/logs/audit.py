@@ -28,7 +28,7 @@ def audit(
         bool,
         typer.Option(
             "--given",
-            help="The facts are given, e.g. by the robot's schedule: how often each occurs says nothing.",
+            help="The facts are given, e.g. by the robot's schedule: how often each occurs is not used.",
         ),
     ] = False,
 ) -> None:

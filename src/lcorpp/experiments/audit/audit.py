@@ -41,14 +41,14 @@ def audit_people(
 
     First, the rates of senses and answers are estimated without the knowledge; they give the likelihood of
     each person's shared value. Then each number is fitted alone, and each attribute with all its numbers.
-    From these the fewest numbers are chosen whose change explains the people (BIC): an attribute or a number
-    at a time, and of an attribute the numbers that are needed. Attributes of which the program knows nothing
-    are audited as if it stated equal probabilities, see `add_missing_rules`.
+    From these the fewest numbers are chosen whose change explains the data (BIC): an attribute or a number
+    at a time, and of an attribute the numbers that are needed. Attributes without rules are
+    audited as if equal probabilities were stated, see `add_missing_rules`.
 
     Args:
         progress: is called with the number of fits done, and the number of all.
-        given: whether the facts are given, e.g. by the robot's own schedule, so that how often each occurs
-            says nothing about the knowledge.
+        given: whether the facts are given, e.g. by the robot's own schedule, so that the likelihood
+            conditions on them.
 
     Raises:
         ProgramError: the program has no numbers to audit, or they cannot be fitted.
@@ -96,7 +96,7 @@ class _Auditor:
             self._fits.fit(self._complete(key), N_STARTS if len(key) > 1 else 1)
         self._progress(n_fits, n_fits)
         chosen = self._choose()
-        n_open, undetermined = self._fits.find_undetermined(NULL_SCORE)
+        n_undetermined, undetermined = self._fits.find_undetermined(NULL_SCORE)
         return Audit(
             people.program.file,
             people.domain.pomdp.file or str(people.domain.folder),
@@ -110,7 +110,7 @@ class _Auditor:
             list_rates(people, self._rates, MAX_PRIOR_SHARE),
             [self._describe(i, self._fits.fit(chosen)) for i in chosen],
             self._list_rivals(chosen) if chosen else [],
-            n_open,
+            n_undetermined,
             [_name(self._atom(i)) for i in undetermined],
         )
 
@@ -133,7 +133,7 @@ class _Auditor:
         return self._find_gain(statements) - len(statements) * log(self._n_people)
 
     def _choose(self) -> tuple[int, ...]:
-        """Choose the fewest numbers that have to change: add what explains most, remove what need not."""
+        """Choose the fewest numbers that have to change: forward and backward selection."""
         candidates = self._list_candidates()
         chosen: tuple[int, ...] = ()
         while True:
@@ -160,30 +160,30 @@ class _Auditor:
         return statistic > rank * log(self._n_people) and p_value < MAX_P_VALUE
 
     def _reduce(self, chosen: tuple[int, ...]) -> tuple[int, ...]:
-        """Return to the stated numbers one by one, as long as the people do not refute the next."""
+        """Return to the stated numbers one by one, as long as the data do not refute the next."""
         while len(chosen) > 1:
             fit = self._fits.fit(chosen)
             smaller = [tuple(i for i in chosen if i != own) for own in chosen]
             smaller = [own for own in smaller if self._complete(own) == own]
-            least = min(smaller, key=lambda own: _compare(fit, own)[0], default=())
-            if not least:
+            reduced = min(smaller, key=lambda own: _compare(fit, own)[0], default=())
+            if not reduced:
                 break
-            statistic, rank = _compare(fit, least)
+            statistic, rank = _compare(fit, reduced)
             if self._is_refuted(statistic, rank):
                 break
-            chosen = least
+            chosen = reduced
         return chosen
 
     def _list_rivals(self, chosen: tuple[int, ...]) -> list[str]:
-        """List other changes that explain the people as well: single numbers, or whole other attributes.
+        """List other changes that explain the data as well: single numbers, or whole other attributes.
 
-        The chosen numbers fit the people better than the truth by chance, and the others may not.
+        The chosen numbers fit the data better than the truth by chance, and the others may not.
         """
         by_chance = self._fits.fit(chosen).inflation * float(chi2.isf(MAX_P_VALUE, len(chosen)))
-        least, rivals = self._find_gain(chosen) - by_chance, list[str]()
+        min_gain, rivals = self._find_gain(chosen) - by_chance, list[str]()
         for i in self._fits.free:
             own = self._complete((i,))
-            if i not in chosen and self._find_gain(own) > least:
+            if i not in chosen and self._find_gain(own) > min_gain:
                 rivals.append(_name(self._atom(i)))
         changed = {self._atom(i).term.name for i in chosen}
         worst = max(changed, key=lambda name: self._find_bic(self._groups[name]))
@@ -195,7 +195,7 @@ class _Auditor:
                         continue
                     own = tuple(sorted(i for name in names for i in self._groups[name]))
                     self._fits.fit(own, N_STARTS)
-                    if self._find_gain(own) > least:
+                    if self._find_gain(own) > min_gain:
                         rivals.append(" and ".join(names))
         return rivals
 

@@ -13,10 +13,10 @@ MAX_P_VALUE = 0.05
 
 @dataclass(frozen=True)
 class Finding:
-    """What the people suggest for a probability.
+    """An estimate of a stated probability.
 
     name: what it is of; a pr-atom without its number. stated: None if nothing is stated.
-    interval: 95 %, None if the people do not determine it.
+    interval: 95 %, None if the data do not determine it.
     p_value: of what is stated; 1 without an interval.
     """
 
@@ -29,7 +29,7 @@ class Finding:
 
 @dataclass(frozen=True)
 class NumberFinding(Finding):
-    """What the people suggest for one number of the knowledge, if all others are as stated.
+    """An estimate of one number of the knowledge, if all others are as stated.
 
     statement: the pr-atom. gain: twice the gain in log likelihood. is_missing: whether the program has no
     such rule, and what is stated follows from the equal probability of all values.
@@ -53,9 +53,9 @@ class RateFinding(Finding):
 
 @dataclass(frozen=True)
 class AttributeFinding:
-    """How much better the people are explained if all numbers of an attribute are free.
+    """The gain in likelihood if all numbers of an attribute are free.
 
-    gain: twice the gain in log likelihood. bic: gain minus `n_numbers` times log n; positive values speak for
+    gain: twice the gain in log likelihood. bic: gain minus `n_numbers` times log n; positive values favour
     free numbers. p_value: of the stated numbers, all together.
     """
 
@@ -73,8 +73,8 @@ class Audit:
     numbers: each alone, the others as stated. attributes: each with all its numbers free. rates: of senses
     and answers.
     changes: the fewest numbers that have to change together, with their joint estimates; () if nothing stated
-    is refuted. rivals: other numbers or attributes that explain the people as well as `changes`.
-    n_undetermined: number of combinations that the people leave open if all numbers are free together.
+    is refuted. rivals: other numbers or attributes that explain the data as well as `changes`.
+    n_undetermined: number of combinations that the data do not determine if all numbers are free.
     undetermined: the rules in these combinations.
     n_people, strategy, n_others, skipped: as of `LoggedPeople`. given: whether the facts are given.
     """
@@ -96,6 +96,6 @@ class Audit:
 
     @property
     def changed_rates(self) -> list[RateFinding]:
-        """The rates that the people refute, corrected for their number (Bonferroni)."""
+        """The rates that the data refute, corrected for their number (Bonferroni)."""
         limit = MAX_P_VALUE / max(len(self.rates), 1)
         return [rate for rate in self.rates if rate.p_value < limit]

@@ -24,14 +24,12 @@ from lcorpp.values import Array
 PRIOR_PEOPLE = 1.0
 """Weight of the stated numbers of each case, in people: enough to keep estimates off 0 and 1."""
 
-ROUGH, FINE = 1e-4, 1e-7
-"""Searches from several starts are compared when no number changes by more than `ROUGH` in a step; the best
-goes on until none changes by more than `FINE`.
-"""
+COMPARISON_TOLERANCE, FINAL_TOLERANCE = 1e-4, 1e-7
+"""Searches from several starts are compared when no number changes by more than the first in a step; the best
+continues until none changes by more than the second."""
 
-
-INNER = 0.98
-"""Factor of numbers that sum to 1, where a search begins."""
+INTERIOR_FACTOR = 0.98
+"""Factor of stated numbers that sum to 1 at the start of a search, which would not leave the boundary."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,9 +37,9 @@ class NumbersFit:
     """The most probable numbers of some pr-atoms, with the others as stated.
 
     statements: their indexes in the program. stated, estimates: (k,). covariance: (k, k), the uncertainty of
-    senses and answers included. prior_variance: (k,) without the people.
-    log_likelihood: of the people's facts, labels and answers. inflation: how much larger, at most, the
-    variance of a combination is than if the rates of senses and answers were known.
+    senses and answers included. prior_variance: (k,) without data.
+    log_likelihood: of the people's facts, labels and answers. inflation: the largest factor by which the
+    uncertainty of the rates of senses and answers increases the variance of a combination.
     """
 
     statements: tuple[int, ...]
@@ -66,7 +64,7 @@ class KnowledgeFits:
         free: index of a statement -> its number.
         records: canonical term -> value, for each context and value of the shared variables.
         parts: (n, V) the record of each case and value.
-        given: whether the facts of each case are given, so that only P(value | facts) informs.
+        given: whether the facts of each case are given, so that the likelihood conditions on the facts.
     """
 
     def __init__(
@@ -81,7 +79,7 @@ class KnowledgeFits:
     ) -> None:
         self.free, self._program, self._records = free, program, records
         self._parts, self._rates, self._given = parts, rates, given
-        self._known: dict[tuple[int, ...], NumbersFit] = {}
+        self._fits: dict[tuple[int, ...], NumbersFit] = {}
         self._full = [
             tuple(self._model.statements[k] for k in case.parameters)
             for case in self._model.cases
@@ -121,13 +119,13 @@ class KnowledgeFits:
         return expected.log_likelihood
 
     def find_undetermined(self, null: float) -> tuple[int, list[int]]:
-        """Find numbers of which the people leave combinations open if all are free together.
+        """Find combinations of numbers that are not determined if all numbers are free together.
 
         Args:
-            null: directions with scores smaller than the largest by this factor are open.
+            null: directions with scores smaller than the largest by this factor are not determined.
 
         Returns:
-            The number of open directions, and the statements of the numbers that move along them.
+            The number of such directions, and the statements of the numbers that vary along them.
         """
         model = self._model
         values = model.evaluate(model.start)
@@ -141,15 +139,15 @@ class KnowledgeFits:
         ]
 
     def fit(self, statements: Collection[int], starts: int = 1) -> NumbersFit:
-        """Fit the numbers of these statements; a fit is kept, with the starts that it had.
+        """Fit the numbers of these statements; a fit is cached, whatever its starts.
 
         Args:
             starts: number of searches, all but the first from random numbers; the best is kept.
         """
         key = tuple(sorted(statements))
-        if key not in self._known:
-            self._known[key] = self._fit(key, starts)
-        return self._known[key]
+        if key not in self._fits:
+            self._fits[key] = self._fit(key, starts)
+        return self._fits[key]
 
     def _fit(self, statements: tuple[int, ...], starts: int) -> NumbersFit:
         model = self._model.restrict(statements)
@@ -157,9 +155,9 @@ class KnowledgeFits:
         rng, start = np.random.default_rng(0), self._find_inner_start()
         if starts > 1:
             points = [start, *[draw_start(model, rng) for _ in range(starts - 1)]]
-            ends = [climb(objective, point, tolerance=ROUGH) for point in points]
+            ends = [climb(objective, point, tolerance=COMPARISON_TOLERANCE) for point in points]
             start = max(ends, key=lambda end: end.objective).parameters
-        best = climb(objective, start, tolerance=FINE).parameters
+        best = climb(objective, start, tolerance=FINAL_TOLERANCE).parameters
         values = model.evaluate(best)
         expected = self._expectation.compute(values)
         places = np.flatnonzero(np.isin(model.statements, statements))
@@ -177,11 +175,11 @@ class KnowledgeFits:
         )
 
     def _find_inner_start(self) -> Array:
-        """Return the stated numbers, a little less where they leave nothing: no search would leave 0."""
+        """Return the stated numbers, in the interior of the simplex where they sum to 1."""
         values, start = self._model.evaluate(self._model.start), self._model.start.copy()
         for case in self._model.cases:
             if values[case.rest] == 0 and not case.is_full:
-                start[case.parameters] *= INNER
+                start[case.parameters] *= INTERIOR_FACTOR
         return start
 
     def _compute_scores(self, expected: Expected, values: Array) -> Array:
@@ -200,11 +198,10 @@ class KnowledgeFits:
         forms = self._model.coefficients[:, places] / np.maximum(values, MIN_FORM)[:, None]
         weighted = scores * rates.weights[:, None]
         prior = (forms * prior_counts[:, None]).T @ forms
-        # what moves the rates moves the numbers
+        # the scores that the numbers get through the estimated rates
         nuisance = rates.is_nuisance
-        pulls = weighted.T @ rates.compute_scores(self._expectation.compute_shares(values))[:, nuisance]
-        moved = rates.scores @ rates.covariance[:, nuisance] @ pulls.T
-        corrected = scores - moved
+        cross = weighted.T @ rates.compute_scores(self._expectation.compute_shares(values))[:, nuisance]
+        corrected = scores - rates.scores @ rates.covariance[:, nuisance] @ cross.T
         basis = self._find_basis(places)
         bread = basis @ invert(basis.T @ (weighted.T @ scores + prior) @ basis) @ basis.T
         meat = (corrected * rates.weights[:, None]).T @ corrected + prior

@@ -1,4 +1,4 @@
-"""Attributes of which a program knows nothing, as numbers to audit."""
+"""Pr-atoms for attributes without rules, as numbers to audit."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ from collections.abc import Collection, Sequence
 from dataclasses import replace
 from fractions import Fraction
 
-from lcorpp.errors import LcorppError
-from lcorpp.reasoning import Program, Reasoner
+from lcorpp.fitting.faults import build_valid_reasoner
+from lcorpp.reasoning import Program
 from lcorpp.reasoning.language.parser import parse_term
 from lcorpp.reasoning.language.syntax import Literal, Number, Probability, Selection, Statement, Term
 
@@ -17,7 +17,7 @@ def add_missing_rules(program: Program, used: Sequence[str], senses: Collection[
     """Add pr-atoms to the used attributes of which only a random selection is stated.
 
     All values of such an attribute are equally probable, whatever else is true; so are they with the pr-atoms
-    that are added, but these have numbers that people can refute. The condition is the term on which most
+    that are added, but these have numbers that data can refute. The condition is the term on which most
     pr-atoms depend, such as ``identity``.
 
     Args:
@@ -28,17 +28,17 @@ def add_missing_rules(program: Program, used: Sequence[str], senses: Collection[
         The program with new statements at its end; its probabilities are the same.
     """
     for name in used:
-        if _is_unknown(program, name, senses):
+        if _has_no_rules(program, name, senses):
             for condition in _list_conditions(program, senses):
                 added = _write_rules(program, name, condition)
                 changed = replace(program, statements=(*program.statements, *added))
-                if _is_valid(changed, used):
+                if build_valid_reasoner(changed, used) is not None:
                     program = changed
                     break
     return program
 
 
-def _is_unknown(program: Program, name: str, senses: Collection[str]) -> bool:
+def _has_no_rules(program: Program, name: str, senses: Collection[str]) -> bool:
     """Whether a random selection among all values is the only statement with the attribute."""
     named = list[Statement]()
     for statement in program.statements:
@@ -73,13 +73,3 @@ def _write_rules(program: Program, name: str, condition: Term) -> list[Probabili
         for cause in (parse_term(text, "<value>") for text in program.attributes[condition.name].values)
         for value in values[:-1]
     ]
-
-
-def _is_valid(program: Program, used: Sequence[str]) -> bool:
-    reasoner = Reasoner(program)
-    try:
-        for name in used:
-            reasoner.posterior(name, {})
-    except LcorppError:
-        return False
-    return True

@@ -20,7 +20,7 @@ def list_rates(people: LoggedPeople, rates: AnswerRates, max_share: float) -> li
     """List the probability of each label and answer.
 
     Args:
-        max_share: a rate is open if the people leave more than this share of the variance of its weak prior.
+        max_share: a rate is not determined if its variance is more than this share of that of its weak prior.
     """
     domain, findings, values = people.domain, list[RateFinding](), people.domain.values
     senses, questions = domain.senses, people.dialogue.questions
@@ -36,15 +36,15 @@ def list_rates(people: LoggedPeople, rates: AnswerRates, max_share: float) -> li
                 number = None if stated is None else float(stated[members[0], outcome])
                 estimate, variance, prior = rates.describe_cell(j, row)
                 interval, p_value = compare_log_odds(number, estimate, variance)
-                is_open = variance > max_share * prior
+                is_determined = variance <= max_share * prior
                 is_sense, label = place < len(senses), outcomes[place][outcome]
                 findings.append(
                     RateFinding(
                         f"{name}: {label} if {about}",
                         number,
                         estimate,
-                        None if is_open else interval,
-                        1.0 if is_open else p_value,
+                        interval if is_determined else None,
+                        p_value if is_determined else 1.0,
                         is_sense,
                         _write_rule(people, place, label, values[members[0]]) if is_sense else "",
                     )
