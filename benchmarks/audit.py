@@ -24,7 +24,7 @@ import typer
 from lcorpp.domains import Domain, load_domain
 from lcorpp.domains.dialogue import DomainDialogue
 from lcorpp.experiments.audit.audit import audit_people
-from lcorpp.experiments.audit.findings import Audit
+from lcorpp.experiments.audit.estimates import Audit
 from lcorpp.experiments.audit.logged_people import LoggedPeople
 from lcorpp.files import write_atomically
 from lcorpp.planning import Planner, SparseTables, solve
@@ -196,19 +196,19 @@ class Score(NamedTuple):
 
 def score(audit: Audit, right: Program, wrong: frozenset[str]) -> Score:
     """Compare an audit with the right program; `wrong` are the names of the pr-atoms that are not."""
-    truth, findings = find_numbers(right), audit.changes
+    truth, estimates = find_numbers(right), audit.changes
     named: bool | None = None
     if not wrong:
-        findings = audit.numbers
+        estimates = audit.numbers
     elif len(wrong) == 1:
-        findings = [x for x in audit.numbers if x.name in wrong]
+        estimates = [x for x in audit.numbers if x.name in wrong]
         named = max(audit.numbers, key=lambda x: x.gain).name in wrong
     attributes = {name[3:].partition("=")[0] for name in wrong}
     if len(attributes) == 1 and len(wrong) > 1:
         named = max(audit.attributes, key=lambda x: x.bic).name in attributes
     rivals = {part for rival in audit.rivals for part in rival.split(" and ")}
     is_rival = None if named is None else named or bool(rivals & (wrong | attributes))
-    covers = [x.interval[0] < truth[x.name] < x.interval[1] for x in findings if x.interval is not None]
+    covers = [x.interval[0] < truth[x.name] < x.interval[1] for x in estimates if x.interval is not None]
     exact = {x.name for x in audit.changes} == wrong
     return Score(named, is_rival, exact, float(np.mean(covers)) if covers else None)
 

@@ -7,7 +7,7 @@ from .active_learning.senses import (
     set_up_learning as set_up_learning,
 )
 from .audit.audit import audit_people as audit_people
-from .audit.findings import Audit as Audit
+from .audit.estimates import Audit as Audit
 from .audit.logged_people import LoggedPeople as LoggedPeople, read_people as read_people
 from .classifier_training import load_trained as load_trained, train_classifier as train_classifier
 from .comparison import (

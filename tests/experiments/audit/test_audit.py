@@ -14,7 +14,7 @@ from lcorpp.errors import DataError, DomainError, ProgramError, TooLargeError, U
 from lcorpp.experiments.audit import answer_rates
 from lcorpp.experiments.audit.answer_rates import AnswerRates
 from lcorpp.experiments.audit.audit import audit_people
-from lcorpp.experiments.audit.findings import Audit
+from lcorpp.experiments.audit.estimates import Audit
 from lcorpp.experiments.audit.knowledge import KnowledgeFits
 from lcorpp.experiments.audit.logged_people import read_people
 from lcorpp.experiments.audit.rates import describe_values

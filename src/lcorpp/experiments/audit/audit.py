@@ -12,7 +12,7 @@ from scipy.stats import chi2
 
 from lcorpp.errors import ProgramError
 from lcorpp.experiments.audit.answer_rates import AnswerRates, invert
-from lcorpp.experiments.audit.findings import MAX_P_VALUE, AttributeFinding, Audit, NumberFinding
+from lcorpp.experiments.audit.estimates import MAX_P_VALUE, AttributeTest, Audit, NumberEstimate
 from lcorpp.experiments.audit.intervals import compare_log_odds
 from lcorpp.experiments.audit.knowledge import KnowledgeFits, NumbersFit
 from lcorpp.experiments.audit.logged_people import LoggedPeople
@@ -199,22 +199,22 @@ class _Auditor:
                         rivals.append(" and ".join(names))
         return rivals
 
-    def _describe(self, statement: int, fit: NumbersFit) -> NumberFinding:
+    def _describe(self, statement: int, fit: NumbersFit) -> NumberEstimate:
         place = fit.statements.index(statement)
         stated, estimate = float(fit.stated[place]), float(fit.estimates[place])
         variance = float(fit.covariance[place, place])
         atom, gain = self._atom(statement), self._find_gain(fit.statements)
         is_missing = statement >= len(self._people.program.statements)
-        finding = NumberFinding(_name(atom), stated, estimate, None, 1.0, atom, gain, is_missing)
+        found = NumberEstimate(_name(atom), stated, estimate, None, 1.0, atom, gain, is_missing)
         if variance > MAX_PRIOR_SHARE * fit.prior_variance[place]:
-            return finding
+            return found
         interval, p_value = compare_log_odds(stated, estimate, variance)
-        return replace(finding, interval=interval, p_value=p_value)
+        return replace(found, interval=interval, p_value=p_value)
 
-    def _describe_attribute(self, name: str) -> AttributeFinding:
+    def _describe_attribute(self, name: str) -> AttributeTest:
         own = self._groups[name]
         p_value = float(chi2.sf(*_compare(self._fits.fit(own), ())))
-        return AttributeFinding(name, len(own), self._find_gain(own), self._find_bic(own), p_value)
+        return AttributeTest(name, len(own), self._find_gain(own), self._find_bic(own), p_value)
 
 
 def _name(atom: Probability) -> str:

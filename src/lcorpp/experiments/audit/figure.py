@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from lcorpp.experiments.audit.findings import Audit, Finding
+from lcorpp.experiments.audit.estimates import Audit, ProbabilityEstimate
 from lcorpp.plot_style import BLUE, INK, MUTED, ORANGE, PALE, with_style
 
 ROW_HEIGHT, MIN_FIGURE_HEIGHT = 0.27, 2.5
@@ -33,15 +33,15 @@ def plot_audit(audit: Audit) -> Figure:
     return figure
 
 
-def _plot(axes: Axes, findings: Sequence[Finding], refuted: Set[str]) -> None:
-    names = [x.name for x in findings]
+def _plot(axes: Axes, estimates: Sequence[ProbabilityEstimate], refuted: Set[str]) -> None:
+    names = [x.name for x in estimates]
     for colour, is_wrong, label in (
         (BLUE, False, "suggested, 95 % interval"),
         (ORANGE, True, "suggested; what is stated is refuted"),
     ):
         own = [
             (y, x.estimate, *x.interval)
-            for y, x in enumerate(findings)
+            for y, x in enumerate(estimates)
             if x.interval is not None and (x.name in refuted) == is_wrong
         ]
         y, centre, low, high = np.array(own).reshape(-1, 4).T
@@ -49,15 +49,15 @@ def _plot(axes: Axes, findings: Sequence[Finding], refuted: Set[str]) -> None:
         axes.errorbar(
             centre, y, xerr=[centre - low, high - centre], fmt="o", ms=4, lw=1.6, color=colour, label=label
         )
-    stated = [(y, x.stated) for y, x in enumerate(findings) if x.stated is not None]
+    stated = [(y, x.stated) for y, x in enumerate(estimates) if x.stated is not None]
     y, values = np.array(stated).reshape(-1, 2).T
     axes.plot(values, y, "|", ms=12, mew=1.8, color=INK, label="stated")
-    for place, x in enumerate(findings):
+    for place, x in enumerate(estimates):
         if x.interval is None:
             axes.text(0.5, place, "not determined", fontsize=8, color=MUTED, ha="center", va="center")
-    places = range(len(findings))
+    places = range(len(estimates))
     axes.set_yticks(places, names, fontsize=8)
-    axes.set_ylim(len(findings) - 0.4, -0.6)
+    axes.set_ylim(len(estimates) - 0.4, -0.6)
     axes.set_xlim(-0.02, 1.02)
     axes.set_xlabel("probability")
     axes.spines[["top", "right"]].set_visible(False)

@@ -9,20 +9,20 @@ import numpy as np
 
 from lcorpp.domains import Domain
 from lcorpp.experiments.audit.answer_rates import AnswerRates
-from lcorpp.experiments.audit.findings import RateFinding
+from lcorpp.experiments.audit.estimates import RateEstimate
 from lcorpp.experiments.audit.intervals import compare_log_odds
 from lcorpp.experiments.audit.logged_people import LoggedPeople
 from lcorpp.notebook import join_some
 from lcorpp.values import SharedValue, format_value
 
 
-def list_rates(people: LoggedPeople, rates: AnswerRates, max_share: float) -> list[RateFinding]:
+def list_rates(people: LoggedPeople, rates: AnswerRates, max_share: float) -> list[RateEstimate]:
     """List the probability of each label and answer.
 
     Args:
         max_share: a rate is not determined if its variance is more than this share of that of its weak prior.
     """
-    domain, findings, values = people.domain, list[RateFinding](), people.domain.values
+    domain, estimates, values = people.domain, list[RateEstimate](), people.domain.values
     senses, questions = domain.senses, people.dialogue.questions
     tables = [*people.stated_rates, *people.dialogue.tables]
     outcomes = [*people.labels, *[domain.pomdp.observations] * len(questions)]
@@ -38,8 +38,8 @@ def list_rates(people: LoggedPeople, rates: AnswerRates, max_share: float) -> li
                 interval, p_value = compare_log_odds(number, estimate, variance)
                 is_determined = variance <= max_share * prior
                 is_sense, label = place < len(senses), outcomes[place][outcome]
-                findings.append(
-                    RateFinding(
+                estimates.append(
+                    RateEstimate(
                         f"{name}: {label} if {about}",
                         number,
                         estimate,
@@ -49,7 +49,7 @@ def list_rates(people: LoggedPeople, rates: AnswerRates, max_share: float) -> li
                         _write_rule(people, place, label, values[members[0]]) if is_sense else "",
                     )
                 )
-    return findings
+    return estimates
 
 
 def describe_values(domain: Domain, members: Sequence[int]) -> str:

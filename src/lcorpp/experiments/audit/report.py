@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from lcorpp.experiments.audit.findings import Audit, Finding
+from lcorpp.experiments.audit.estimates import Audit, ProbabilityEstimate
 
 Table = Sequence[Sequence[str]]
 
@@ -18,18 +18,20 @@ def format_audit(audit: Audit) -> str:
     parts = [
         f"{audit.n_people} people about whom {audit.strategy} decided{', facts given' * audit.given};"
         f" {audit.program_file}",
-        _format_findings("rule, alone", audit.numbers, {x.name: x.gain for x in audit.numbers}),
+        _format_estimates("rule, alone", audit.numbers, {x.name: x.gain for x in audit.numbers}),
         format_table([("attribute, all numbers free", "numbers", "gain", "BIC", "p"), *attributes]),
-        _format_findings("label or answer", audit.rates),
+        _format_estimates("label or answer", audit.rates),
         "\n".join(_conclude(audit)),
     ]
     return "\n\n".join(parts)
 
 
-def _format_findings(title: str, findings: Sequence[Finding], gains: Mapping[str, float] = {}) -> str:
+def _format_estimates(
+    title: str, estimates: Sequence[ProbabilityEstimate], gains: Mapping[str, float] = {}
+) -> str:
     """Format a table with a column of gains in log likelihood if there are any."""
     rows = [[title, "stated", "suggested", "95 % interval", "p", *(["gain"] if gains else [])]]
-    for x in findings:
+    for x in estimates:
         stated, estimate, interval, p_value = "", "", "not determined", ""
         if x.stated is not None:
             stated = f"{x.stated:.3g}"
@@ -93,14 +95,14 @@ def _describe_rivals(audit: Audit) -> str:
     return f"Not identifiable: other numbers of {names} explain the data as well."
 
 
-def _describe_change(finding: Finding) -> str:
-    assert finding.stated is not None
-    was = f"{finding.stated:.3g}"
-    if finding.interval is None:
+def _describe_change(found: ProbabilityEstimate) -> str:
+    assert found.stated is not None
+    was = f"{found.stated:.3g}"
+    if found.interval is None:
         return f"was {was}; not determined"
     return (
-        f"was {was}, suggested {finding.estimate:.3f} ({finding.interval[0]:.3f} to"
-        f" {finding.interval[1]:.3f}), p = {finding.p_value:.2g}"
+        f"was {was}, suggested {found.estimate:.3f} ({found.interval[0]:.3f} to"
+        f" {found.interval[1]:.3f}), p = {found.p_value:.2g}"
     )
 
 

@@ -1,4 +1,4 @@
-"""The findings of an audit as values."""
+"""The result of an audit as values: estimates of numbers and rates, tests of attributes."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ MAX_P_VALUE = 0.05
 
 
 @dataclass(frozen=True)
-class Finding:
+class ProbabilityEstimate:
     """An estimate of a stated probability.
 
     name: what it is of; a pr-atom without its number. stated: None if nothing is stated.
@@ -28,7 +28,7 @@ class Finding:
 
 
 @dataclass(frozen=True)
-class NumberFinding(Finding):
+class NumberEstimate(ProbabilityEstimate):
     """An estimate of one number of the knowledge, if all others are as stated.
 
     statement: the pr-atom. gain: twice the gain in log likelihood. is_missing: whether the program has no
@@ -41,7 +41,7 @@ class NumberFinding(Finding):
 
 
 @dataclass(frozen=True)
-class RateFinding(Finding):
+class RateEstimate(ProbabilityEstimate):
     """A probability of a sense's label or of an answer, given the shared value.
 
     is_sense: whether it is of a sense. rule: as a pr-atom without its number, "" if it is none.
@@ -52,7 +52,7 @@ class RateFinding(Finding):
 
 
 @dataclass(frozen=True)
-class AttributeFinding:
+class AttributeTest:
     """The gain in likelihood if all numbers of an attribute are free.
 
     gain: twice the gain in log likelihood. bic: gain minus `n_numbers` times log n; positive values favour
@@ -86,16 +86,16 @@ class Audit:
     n_others: int
     skipped: Mapping[str, int]
     given: bool
-    numbers: Sequence[NumberFinding]
-    attributes: Sequence[AttributeFinding]
-    rates: Sequence[RateFinding]
-    changes: Sequence[NumberFinding]
+    numbers: Sequence[NumberEstimate]
+    attributes: Sequence[AttributeTest]
+    rates: Sequence[RateEstimate]
+    changes: Sequence[NumberEstimate]
     rivals: Sequence[str]
     n_undetermined: int
     undetermined: Sequence[str]
 
     @property
-    def changed_rates(self) -> list[RateFinding]:
+    def changed_rates(self) -> list[RateEstimate]:
         """The rates that the data refute, corrected for their number (Bonferroni)."""
         limit = MAX_P_VALUE / max(len(self.rates), 1)
         return [rate for rate in self.rates if rate.p_value < limit]
