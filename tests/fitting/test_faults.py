@@ -99,7 +99,7 @@ def test_overlapping_conditions_and_arguments_have_simple_faults_alone():
     assert "group=alone and group=family exchanged" in wish
 
 
-def test_the_exchange_of_a_hidden_parent_names_its_mirror_image():
+def test_the_exchange_of_a_hidden_parent_names_the_equivalent_one():
     faults = list_faults(load_domain("intention").program, ["time", "location", "classifier", "intention"])
     change = "identity=professor and identity=visitor exchanged, or in all of time, location instead"
     assert faults.attributes[faults.changes.index(change)] == "intention"

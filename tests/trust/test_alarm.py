@@ -99,7 +99,7 @@ def test_false_alarms_are_rarer_than_the_rate():
     assert alarms <= 20
 
 
-def test_sources_that_cannot_be_told_apart_are_all_named():
+def test_equivalent_attributes_are_all_named():
     alarm = make_alarm(STATED_PROGRAM, SWAPPED_PROGRAM, SWAPPED_PROGRAM, attributes=("", "wish", "identity"))
     for evidence, steps in draw(np.random.default_rng(0), 100, SWAPPED_PROGRAM):
         alarm.update(evidence, steps)
@@ -128,7 +128,7 @@ def test_a_likelihood_counts_as_the_labels_that_it_mixes():
     )
 
 
-def test_other_hypotheses_about_the_same_faults_go_on():
+def test_other_hypotheses_about_the_same_faults_continue():
     alarm = make_alarm(STATED_PROGRAM, UNIFORM_PROGRAM)
     assert alarm.replace_hypotheses(make_hypotheses(UNINFORMATIVE_RATES, UNIFORM_PROGRAM))
     assert not alarm.replace_hypotheses(make_hypotheses(STATED_PROGRAM, UNIFORM_PROGRAM, UNINFORMATIVE_RATES))

@@ -1,4 +1,4 @@
-"""The latent class model: it recovers what drew the people, forgets, and keeps its memory bounded."""
+"""The latent class model: it recovers true parameters, weights decay, and its memory is bounded."""
 
 import numpy as np
 import pytest
@@ -60,7 +60,7 @@ def test_the_likelihood_never_falls_from_one_iteration_to_the_next():
     assert scores[-1] > scores[0]
 
 
-def test_facts_one_by_one_predict_a_context_that_was_never_met():
+def test_facts_one_by_one_predict_a_new_context():
     """P(value | time, place) of a product: two facts that suggest the same value suggest it more together."""
     rng = np.random.default_rng(2)
     model = LatentClassModel(AnswerModel.of_tables(STATED_TABLES), [])

@@ -35,7 +35,7 @@ def follow(own, true, depth, rows, cost, reward):
 
 
 @pytest.mark.parametrize(("n_values", "depth"), [(2, 3), (3, 2)])
-def test_a_policy_of_a_wrong_model_costs_at_most_what_the_simulation_lemma_says(n_values, depth):
+def test_a_policy_of_a_wrong_model_costs_at_most_the_bound_of_the_simulation_lemma(n_values, depth):
     n, rng = 1000, np.random.default_rng(n_values)
     prior, guess = draw_pairs(rng, n, n_values)
     rows, heard = draw_pairs(rng, n, 2, n_values, 2)

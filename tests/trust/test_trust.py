@@ -73,7 +73,7 @@ def test_the_observation_model_is_estimated_and_the_next_planner_is_for_it():
     np.testing.assert_array_equal(trust.tables, trust.answers.make_tables(trust.learnt.rows))
 
 
-def test_one_person_in_so_many_is_asked_until_enough_answers_are_heard():
+def test_every_kth_person_is_asked_until_there_are_enough_answers():
     trust, _ = make_trust(SkyReasoner(sunny=0.999), ask_every=2, ask_answers=3)
     asked = []
     for _ in range(4):

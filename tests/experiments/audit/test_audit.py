@@ -33,7 +33,7 @@ def audit(path: Path) -> Audit:
     return audit_people(read_people(path))
 
 
-def test_swapped_rules_are_named_with_what_explains_the_people_as_well(tmp_path: Path) -> None:
+def test_swapped_rules_are_named_with_what_explains_the_data_as_well(tmp_path: Path) -> None:
     """Swapping professor and visitor in the intention rules equals swapping all their other rules."""
     log = tmp_path / "log"
     write_log(log, "low", 2000, 1)
@@ -72,7 +72,7 @@ def test_right_knowledge_is_not_refuted_but_the_stated_noise_is(tmp_path: Path) 
     assert "% No number of the knowledge is refuted." in format_patch(result)
 
 
-def test_the_identity_as_a_fact_of_some_people_tells_the_swap_apart(tmp_path: Path) -> None:
+def test_the_identity_as_a_fact_of_some_people_identifies_the_swap(tmp_path: Path) -> None:
     log = tmp_path / "log"
     write_log(log, "low", 2000, 5, extra={"identity": 10})
     result = audit(log)
@@ -226,7 +226,7 @@ def test_a_program_without_numbers_is_an_error(tmp_path: Path) -> None:
         audit_people(replace(people, program=parse_plog("\n".join(kept))))
 
 
-def test_given_facts_say_nothing_about_their_own_numbers(tmp_path: Path) -> None:
+def test_given_facts_do_not_determine_their_own_numbers(tmp_path: Path) -> None:
     """A robot on duty in the library in the mornings: no number of the knowledge is wrong."""
     log = tmp_path / "log"
     write_log(log, "paper", 2000, 8)

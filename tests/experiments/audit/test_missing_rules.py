@@ -1,4 +1,4 @@
-"""Attributes of which a program knows nothing."""
+"""Pr-atoms for attributes without rules."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def test_all_values_but_one_have_a_rule_for_each_condition(attribute: str, n: in
     assert all(rule.startswith(f"pr({attribute}=") and "| identity=" in rule for rule in added)
 
 
-def test_attributes_in_other_rules_are_meant_to_be_equally_probable() -> None:
+def test_attributes_in_other_rules_get_no_rules() -> None:
     domain = load_domain("shopping")
     assert add(domain, domain.program) == (domain.program, [])
 
@@ -54,7 +54,7 @@ def test_without_any_rule_there_is_no_condition() -> None:
     assert add(domain, parse_plog("\n".join(kept)))[1] == []
 
 
-def test_people_refute_that_an_attribute_says_nothing(tmp_path: Path) -> None:
+def test_data_refute_the_equal_probabilities_of_an_attribute_without_rules(tmp_path: Path) -> None:
     log = tmp_path / "log"
     write_log(log, "medium", 1000, 7)
     audit = audit_people(read_people(log))
