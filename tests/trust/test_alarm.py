@@ -7,7 +7,7 @@ import pytest
 
 from lcorpp.errors import DecisionError, UndefinedError
 from lcorpp.trust import Alarm, Hypotheses
-from lcorpp.trust.alarm import ALTERNATIVE_DEGREES, HEARING, KNOWLEDGE
+from lcorpp.trust.alarm import ALTERNATIVE_DEGREES, BIAS_CHANGE, BIASES, HEARING, KNOWLEDGE
 from lcorpp.trust.answers import NOISE_DEGREES
 from lcorpp.values import Likelihood, Step
 from tests.decision.fakes import VALUES, FakeDomain
@@ -29,34 +29,40 @@ def make_alarm(*reasoners, rate=0.05, **options):
     return Alarm(make_hypotheses(*reasoners, **options), AskDialogue(), rate=rate)
 
 
-def draw(rng, n, truth=STATED_PROGRAM, wrong=0.25, n_answers=3):
-    """Yield the evidence and steps of n people."""
+def draw(rng, n, truth=STATED_PROGRAM, wrong=0.25, n_answers=3, bias=0.0):
+    """Yield the evidence and steps of n people; with the probability `bias` a nod replaces an answer."""
     for _ in range(n):
         sky = ("sunny", "grey")[rng.integers(2)]
         value = int(rng.random() >= truth.prior[sky])
         label = VALUES[int(rng.random() >= truth.rates[value, 0])]
         answers = [ANSWERS[value ^ int(rng.random() < wrong)] for _ in range(n_answers)]
+        if bias:
+            answers = [ANSWERS[0] if rng.random() < bias else answer for answer in answers]
         yield {"sky": sky, "label": label}, [Step("ask", a, np.ones(2) / 2) for a in answers]
 
 
 def test_e_is_the_mean_likelihood_over_that_of_the_null():
     reasoners, rng = (STATED_PROGRAM, UNIFORM_PROGRAM, UNINFORMATIVE_RATES), np.random.default_rng(0)
     alarm = make_alarm(*reasoners, attributes=("", "wish", "label"), rate=1e-300)
-    likelihood = np.ones((3, len(NOISE_DEGREES)))
+    degrees = NOISE_DEGREES[ALTERNATIVE_DEGREES]
+    models = [(0.25 + 0.25 * d, None, 0.0) for d in NOISE_DEGREES]
+    models += [(0.25 + 0.25 * d, nod, b) for nod in (True, False) for b in BIASES for d in degrees]
+    likelihood = np.ones((3, len(models)))
     for evidence, steps in draw(rng, 40):
         for f, reasoner in enumerate(reasoners):
-            for d, noise in enumerate(NOISE_DEGREES):
-                wrong = np.clip(0.25 + noise * 0.25, 1e-3, None)
+            for d, (wrong, nod, bias) in enumerate(models):
                 total = 0.0
                 for value in (0, 1):
                     p = reasoner.prior[evidence["sky"]] if value == 0 else 1 - reasoner.prior[evidence["sky"]]
                     p *= reasoner.rates[value, VALUES.index(evidence["label"])]
                     for step in steps:
-                        p *= wrong if ANSWERS.index(step.observation) != value else 1 - wrong
+                        heard = wrong if ANSWERS.index(step.observation) != value else 1 - wrong
+                        p *= (1 - bias) * heard + bias * (nod == (step.observation == ANSWERS[0]))
                     total += p
                 likelihood[f, d] *= total
         alarm.update(evidence, steps)
-    mean = likelihood[:, ALTERNATIVE_DEGREES].mean()
+    mean = 0.95 * likelihood[:, : len(NOISE_DEGREES)][:, ALTERNATIVE_DEGREES].mean()
+    mean += 0.05 * likelihood[0, len(NOISE_DEGREES) :].mean()
     assert alarm.log_e[KNOWLEDGE] == pytest.approx(np.log(mean / likelihood[0].max()))
     stated = int(np.flatnonzero(NOISE_DEGREES == 0)[0])
     assert alarm.log_e[HEARING] == pytest.approx(np.log(mean / likelihood[:, stated].max()))
@@ -87,6 +93,15 @@ def test_noisy_answers_are_a_fault_of_hearing_alone():
     (finding,) = alarm.findings
     assert (finding.part, finding.attributes) == (HEARING, ())
     assert finding.noise > 0.3
+
+
+@pytest.mark.parametrize("n_answers", [1, 3])
+def test_biased_answers_are_no_fault_of_the_knowledge(n_answers):
+    more_yes = SkyReasoner(sunny=0.95, grey=0.5)
+    alarm = make_alarm(STATED_PROGRAM, more_yes)
+    for evidence, steps in draw(np.random.default_rng(1), 600, n_answers=n_answers, bias=0.35):
+        alarm.update(evidence, steps)
+    assert [(finding.part, finding.change) for finding in alarm.findings] == [(HEARING, BIAS_CHANGE)]
 
 
 def test_false_alarms_are_rarer_than_the_rate():

@@ -26,7 +26,8 @@ def make_hypotheses(domain: Domain, program: Program | None = None, *, given: bo
         given: whether the facts are given, see `Hypotheses`.
     """
     used = (*domain.observed, *domain.label_attributes, *domain.reasoning.shared)
-    faults = list_faults(domain.program if program is None else program, used)
+    unruled = (*domain.observed, *domain.reasoning.shared)
+    faults = list_faults(domain.program if program is None else program, used, unruled)
     return Hypotheses(
         faults.reasoners,
         faults.weights,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from fractions import Fraction
 from itertools import combinations, combinations_with_replacement, product
@@ -11,43 +11,71 @@ from math import comb
 import numpy as np
 
 from lcorpp.fitting.pr_atoms import find_number, is_ground, list_pr_atoms
-from lcorpp.reasoning import Attribute, Program, Reasoner
+from lcorpp.reasoning import Attribute, Program
 from lcorpp.reasoning.language.parser import parse_term
-from lcorpp.reasoning.language.syntax import Body, Literal, Number, Probability
+from lcorpp.reasoning.language.syntax import Body, Literal, Number, Probability, Term
 from lcorpp.values import Array
 
-MAX_TABLES = 256
-"""Maximum number of tables of one attribute."""
+MAX_TABLES = 64
+"""Maximum number of tables of one attribute. When an alarm is due, few people have been met, and they do not
+tell finer tables apart."""
+
+Rows = Mapping[Body, Sequence[Fraction]]
+"""A table: the probability of each value in each condition; elsewhere all values are equally probable."""
 
 
-def list_tables(program: Program, name: str, *, first: int) -> tuple[list[dict[int, float]], list[Reasoner]]:
-    """List tables of an attribute: P(value | condition) for all conditions of its pr-atoms.
+def find_table(program: Program, name: str) -> Rows | None:
+    """Return the table that the pr-atoms of an attribute state; {} without pr-atoms.
+
+    Returns:
+        None for attributes that are not random, with arguments, with fewer than two values or with a dynamic
+        range, and if the conditions of two pr-atoms may hold together, or are not ground.
+    """
+    attribute, atoms_of = program.attributes[name], dict[Body, list[Probability]]()
+    if attribute.arguments or len(attribute.values) < 2:
+        return None
+    selections = program.signature.selections.get(name, ())
+    if not selections or any(selection.range is not None for selection in selections):
+        return None
+    for atom in list_pr_atoms(program, name):
+        if not is_ground(atom) or find_number(atom) is None:
+            return None
+        atoms_of.setdefault(atom.body, []).append(atom)
+    if any(not _are_exclusive(one, other) for one, other in combinations(atoms_of, 2)):
+        return None
+    return {body: _complete_row(atoms, attribute) for body, atoms in atoms_of.items()}
+
+
+def is_equal(one: Rows, other: Rows, tolerance: float) -> bool:
+    """Whether two tables of an attribute have the same probabilities."""
+    return all(
+        abs(p - q) <= tolerance
+        for body in {**one, **other}
+        for p, q in zip(_find_row(one, body, other), _find_row(other, body, one), strict=True)
+    )
+
+
+def list_tables(program: Program, name: str, stated: Rows) -> tuple[Array, list[Program]]:
+    """List tables of an attribute.
 
     As one row of a table applies in each world, probabilities are affine in the table. So they follow from
     those of the program, and of the programs with one row half-way to one value.
 
     Args:
-        first: the index of the first of these programs.
+        stated: the table of the program; its conditions are those of the tables.
 
     Returns:
-        For each table the weight of each program, and the reasoners of the programs.
+        (tables, 1 + mixtures) the weight of each program, and the mixtures.
     """
-    bodies = _group_by_condition(program, name)
-    if bodies is None:
-        return [], []
-    attribute = program.attributes[name]
-    values, mixtures = attribute.values, list[Reasoner]()
-    stated = [_complete_row(atoms, attribute) for atoms in bodies.values()]
-    for atoms, row in zip(bodies.values(), stated, strict=True):
+    values, mixtures = program.attributes[name].values, list[Program]()
+    for body, row in stated.items():
         for value in values:
             mixed = [(p + (v == value)) / 2 for v, p in zip(values, row, strict=True)]
-            mixtures.append(Reasoner(_replace_row(program, atoms, mixed, attribute)))
-    own, tables = np.array(stated, dtype=np.float64), list[dict[int, float]]()
-    for table in make_lattice(len(own), len(values)):
-        # each row sums to 1, so the differences sum to 0 and the programs' other halves cancel
-        differences = 2 * (table - own).ravel()
-        tables.append({0: 1.0, **{first + i: float(d) for i, d in enumerate(differences)}})
-    return tables, mixtures
+            mixtures.append(replace_row(program, name, body, mixed))
+    own = np.array([*stated.values()], dtype=np.float64)
+    # each row sums to 1, so the differences sum to 0 and the programs' other halves cancel
+    differences = [2 * (table - own).ravel() for table in make_lattice(*own.shape)]
+    return np.column_stack([np.ones(len(differences)), differences]), mixtures
 
 
 def make_lattice(n_rows: int, n_values: int) -> Iterator[Array]:
@@ -69,20 +97,22 @@ def make_lattice(n_rows: int, n_values: int) -> Iterator[Array]:
             yield points[drawn]
 
 
-def _group_by_condition(program: Program, name: str) -> dict[Body, list[Probability]] | None:
-    """Return the pr-atoms of each condition; None if there is no table, see `faults.list_faults`."""
-    attribute, rows = program.attributes[name], dict[Body, list[Probability]]()
-    if attribute.arguments or len(attribute.values) < 2:
-        return None
-    if any(selection.range is not None for selection in program.signature.selections[name]):
-        return None
-    for atom in list_pr_atoms(program, name):
-        if not is_ground(atom) or find_number(atom) is None:
-            return None
-        rows.setdefault(atom.body, []).append(atom)
-    if any(not _are_exclusive(one, other) for one, other in combinations(rows, 2)):
-        return None
-    return rows
+def replace_row(program: Program, name: str, body: Body, row: Sequence[Fraction]) -> Program:
+    """Return the program with a pr-atom for each value in place of the pr-atoms of one condition."""
+    own = [atom for atom in list_pr_atoms(program, name) if atom.body == body]
+    label, replaced = own[0].label if own else None, {id(atom) for atom in own}
+    new = [
+        Probability(Term(name), parse_term(value, "<value>"), Number(p), body, label)
+        for value, p in zip(program.attributes[name].values, row, strict=True)
+    ]
+    kept = [statement for statement in program.statements if id(statement) not in replaced]
+    return replace(program, statements=(*kept, *new))
+
+
+def _find_row(table: Rows, body: Body, other: Rows) -> Sequence[Fraction]:
+    """Return the row of a condition in one of two tables."""
+    n_values = len(table.get(body, other.get(body, ())))
+    return table.get(body, [Fraction(1, n_values)] * n_values)
 
 
 def _are_exclusive(one: Body, other: Body) -> bool:
@@ -102,16 +132,3 @@ def _complete_row(atoms: Sequence[Probability], attribute: Attribute) -> list[Fr
     stated = {str(atom.value): find_number(atom) or Fraction(0) for atom in atoms}
     rest = (1 - sum(stated.values(), Fraction(0))) / max(len(attribute.values) - len(stated), 1)
     return [stated.get(value, rest) for value in attribute.values]
-
-
-def _replace_row(
-    program: Program, atoms: Sequence[Probability], row: Sequence[Fraction], attribute: Attribute
-) -> Program:
-    """Return the program with a pr-atom for each value in place of the pr-atoms of one condition."""
-    first, old = atoms[0], {id(atom) for atom in atoms}
-    kept = [s for s in program.statements if id(s) not in old]
-    new = [
-        replace(first, value=parse_term(value, "<value>"), number=Number(p))
-        for value, p in zip(attribute.values, row, strict=True)
-    ]
-    return replace(program, statements=(*kept, *new))

@@ -11,12 +11,18 @@ from itertools import combinations
 import numpy as np
 
 from lcorpp.errors import LcorppError
-from lcorpp.fitting.fault_tables import list_tables
+from lcorpp.fitting.fault_tables import Rows, find_table, is_equal, list_tables, replace_row
 from lcorpp.fitting.pr_atoms import find_number, is_ground, list_pr_atoms, map_pr_atoms
 from lcorpp.reasoning import Program, Reasoner
 from lcorpp.reasoning.language.parser import parse_term
 from lcorpp.reasoning.language.syntax import Expression, Literal, Number, Probability
 from lcorpp.values import Array
+
+PROGRAM_PRIOR, SIMPLE_PRIOR = 0.05, 0.6
+"""Prior probability of the program, and of the simple faults of an attribute that has tables, too."""
+
+TOLERANCE = 1e-3
+"""A fault that changes all probabilities by less is none."""
 
 MAX_EXCHANGES = 30
 """Maximum number of pairs of values of one attribute, or of one condition, that are exchanged."""
@@ -32,8 +38,7 @@ class Faults:
     reasoners: (B,) of programs; the first is the program itself. weights: (F, B): evidence with the
         probabilities p (B,) in these programs has the probabilities ``weights @ p`` under the hypotheses.
     attributes: (F,) the attribute whose pr-atoms are wrong, "" in row 0. changes: (F,) what is wrong.
-    priors: (F,) prior probabilities: equal for the attributes and the program; within an attribute one half
-        each for simple faults and for tables.
+    priors: (F,) prior probabilities: `PROGRAM_PRIOR`, and equal for the attributes.
     """
 
     reasoners: Sequence[Reasoner]
@@ -43,43 +48,51 @@ class Faults:
     priors: Array
 
 
-def list_faults(program: Program, used: Sequence[str]) -> Faults:
-    """List faults of each attribute with pr-atoms.
+def list_faults(program: Program, used: Sequence[str], unruled: Sequence[str] = ()) -> Faults:
+    """List faults of each attribute with pr-atoms, and of random attributes whose pr-atoms may be missing.
 
     Simple faults are: pr-atoms that are missing, so that all values are equally probable; numbers half-way to
-    that; numbers p inverted to (1 - p) / (n - 1) for n values; two values exchanged; and two values of a
-    condition exchanged. Tables are a lattice of all conditional distributions, for attributes without
-    arguments whose pr-atoms have conditions that exclude each other.
+    that; twice the log-odds between values; numbers p inverted to (1 - p) / (n - 1) for n values; two values
+    exchanged; and two values of a condition exchanged. Tables are a lattice of all conditional distributions,
+    for attributes without arguments whose pr-atoms have conditions that exclude each other. The tables of an
+    attribute without pr-atoms have no conditions, or those of another attribute.
 
     Args:
         used: the attributes that are observed or inferred. Faults whose programs are invalid for these are
             left out.
+        unruled: attributes that may lack pr-atoms.
     """
     reasoners, rows = [Reasoner(program)], [{0: 1.0}]
-    attributes, changes, priors = [""], [""], [1.0]
-    names = dict.fromkeys(s.term.name for s in program.statements if isinstance(s, Probability))
-    for name in names:
+    attributes, changes, priors = [""], [""], list[float]()
+    ruled = dict.fromkeys(s.term.name for s in program.statements if isinstance(s, Probability))
+    for name in dict.fromkeys([*ruled, *unruled]):
         simple = [
             (what, r)
-            for what, p in _list_simple_faults(program, name, used)
+            for what, p in (_list_simple_faults(program, name, used) if name in ruled else ())
             if (r := build_valid_reasoner(p, used)) is not None
         ]
-        tables, mixtures = list_tables(program, name, first=len(reasoners) + len(simple))
-        for what, reasoner in simple:
-            rows.append({len(reasoners): 1.0})
-            reasoners.append(reasoner)
-            changes.append(what)
-        reasoners += mixtures
-        rows += tables
-        changes += [TABLE_CHANGE] * len(tables)
-        groups = [group for group in (simple, tables) if group]
-        for group in groups:
+        groups = [(SIMPLE_PRIOR, [{len(reasoners) + i: 1.0} for i in range(len(simple))])] if simple else []
+        changes += [what for what, _ in simple]
+        reasoners += [reasoner for _, reasoner in simple]
+        tables = [list_tables(program, name, stated) for stated in _list_stated(program, name)]
+        if name not in ruled:  # the conditions of other attributes may depend on this one
+            tables = [t for t in tables if build_valid_reasoner(t[1][0], used) is not None]
+        for table_weights, mixtures in tables:
+            used_by = [0, *range(len(reasoners), len(reasoners) + len(mixtures))]
+            group = [dict(zip(used_by, row.tolist(), strict=True)) for row in table_weights]
+            groups.append(((1 - SIMPLE_PRIOR) / len(tables), group))
+            changes += [TABLE_CHANGE] * len(group)
+            reasoners += [Reasoner(mixture) for mixture in mixtures]
+        total = sum(prior for prior, _ in groups)
+        for prior, group in groups:
+            rows += group
             attributes += [name] * len(group)
-            priors += [1 / (len(groups) * len(group))] * len(group)
+            priors += [prior / total / len(group)] * len(group)
     weights = np.zeros((len(rows), len(reasoners)))
     for f, row in enumerate(rows):
         weights[f, list(row)] = list(row.values())
-    return Faults(reasoners, weights, attributes, changes, np.array(priors) / sum(priors))
+    alternatives = np.array(priors) * (1 - PROGRAM_PRIOR) / max(sum(priors), 1)
+    return Faults(reasoners, weights, attributes, changes, np.array([1 - alternatives.sum(), *alternatives]))
 
 
 def build_valid_reasoner(program: Program, used: Sequence[str]) -> Reasoner | None:
@@ -93,8 +106,36 @@ def build_valid_reasoner(program: Program, used: Sequence[str]) -> Reasoner | No
     return reasoner
 
 
+def _list_stated(program: Program, name: str) -> list[Rows]:
+    """Return the stated table; several equal ones for an attribute without pr-atoms, by their conditions."""
+    stated = find_table(program, name)
+    if stated is None:
+        return []
+    if stated:
+        return [stated]
+    others = dict.fromkeys(s.term.name for s in program.statements if isinstance(s, Probability))
+    found = [tuple(table) for other in others if (table := find_table(program, other))]
+    values = program.attributes[name].values
+    return [
+        dict.fromkeys(bodies, [Fraction(1, len(values))] * len(values))
+        for bodies in dict.fromkeys([((),), *found])
+    ]
+
+
 def _list_simple_faults(program: Program, name: str, used: Sequence[str]) -> Iterator[tuple[str, Program]]:
-    """List the simple faults of an attribute, with what each changes."""
+    """List the simple faults of an attribute that change it, with what each changes."""
+    stated = find_table(program, name)
+    rewritten = [*_list_changes(program, name, used)]
+    if stated:
+        rewritten.append(("more certain probabilities", _sharpen(program, name, stated)))
+    for what, fault in rewritten:
+        table = find_table(fault, name)
+        if stated is None or table is None or not is_equal(stated, table, TOLERANCE):
+            yield what, fault
+
+
+def _list_changes(program: Program, name: str, used: Sequence[str]) -> Iterator[tuple[str, Program]]:
+    """List the simple faults of an attribute that change its pr-atoms one by one."""
     attribute = program.attributes[name]
     n, atoms = len(attribute.values), list_pr_atoms(program, name)
     if n > 1:
@@ -120,6 +161,14 @@ def _list_simple_faults(program: Program, name: str, used: Sequence[str]) -> Ite
 def _map_number(atom: Probability, change: Callable[[Fraction], Fraction]) -> Probability:
     number = find_number(atom)
     return atom if number is None else replace(atom, number=Number(change(number)))
+
+
+def _sharpen(program: Program, name: str, table: Rows) -> Program:
+    """Return the program with twice the log-odds between the values of an attribute."""
+    for body, row in table.items():
+        squares = [p**2 for p in row]
+        program = replace_row(program, name, body, [p / sum(squares) for p in squares])
+    return program
 
 
 def _list_pairs(values: Iterable[str]) -> list[tuple[str, str]]:

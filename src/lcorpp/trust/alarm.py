@@ -17,10 +17,17 @@ from lcorpp.values import Array, Label, Step
 FALSE_ALARM_RATE = 0.05
 """Probability of a false alarm, ever, by default."""
 
-ALTERNATIVE_DEGREES = slice(STATED_DEGREE % 5, None, 5)
+ALTERNATIVE_DEGREES = slice(STATED_DEGREE % 5, len(NOISE_DEGREES), 5)
 """Every fifth of `NOISE_DEGREES`, the stated model among them: the noise of the alternatives."""
 
-KNOWLEDGE, HEARING = "knowledge", "hearing"
+BIASES = 0.05, 0.1, 0.2, 0.3, 0.4, 0.5
+"""Probabilities with which an observation replaces that of a noisy model: answers are biased towards it,
+whatever the value."""
+
+BIASED_PRIOR = 0.05
+"""Prior probability that answers are biased and the program is right."""
+
+KNOWLEDGE, HEARING, BIAS_CHANGE = "knowledge", "hearing", "biased answers"
 
 MIN_NAME_PROBABILITY, MAX_WAIT_FACTOR = 0.9, 10.0
 """An alarm about the knowledge waits until what it names has this probability, or E exceeds the threshold by
@@ -39,7 +46,7 @@ class Finding:
 
     person: number of people until then. part: `KNOWLEDGE` or `HEARING`. log_e: the logarithm of E.
     attributes: the attributes whose pr-atoms are probably wrong, several if their hypotheses are equivalent;
-        empty for `HEARING`. change: what is probably wrong there; for `HEARING` "" .
+        empty for `HEARING`. change: what is probably wrong there; for `HEARING` `BIAS_CHANGE`, or "": noise.
     noise: the most probable degree of noise, see `AnswerModel`. probability: of `attributes`, given that one
         attribute alone is wrong.
     """
@@ -62,14 +69,15 @@ def check_rate(rate: float) -> None:
 class Alarm:
     """Tests after each person whether program, classifiers and observation model (hearing) are as stated.
 
-    The likelihood of hypothesis f and noise d after some people is L(f, d); f = 0 is the stated program, and
-    d = 0 the stated observation model. With M the mean of L over all f and d, weighted by their prior
-    probabilities, the two parts have the statistics
+    The likelihood of hypothesis f and observation model d after some people is L(f, d); f = 0 is the stated
+    program, and d = 0 the stated model; others are noisy, or noisy and biased (`BIASES`). With M the mean of
+    L, weighted by prior probabilities, over all f and noisy d, and all biased d with f = 0, there are two
+    statistics
 
         E(knowledge) = M / max_d L(0, d)        E(hearing) = M / max_f L(f, 0)
 
     An alarm is raised when E reaches 1 / rate, about the knowledge a little later, see
-    `MIN_NAME_PROBABILITY`. If the program is right, whatever the noise on the grid, the probability that
+    `MIN_NAME_PROBABILITY`. If the program is right, whatever the model among these, the probability that
     E(knowledge) ever does is at most `rate`; likewise for the hearing, whatever the program among the
     hypotheses. If both are right, both E are at most M / L(0, 0), so the probability of any alarm is at most
     `rate`, too.
@@ -89,14 +97,14 @@ class Alarm:
         check_rate(rate)
         self._hypotheses, self._dialogue = hypotheses, dialogue
         self._rate, self._threshold = rate, -np.log(rate)
-        logs = AnswerModel.of_tables(dialogue.tables).noisy_log_likelihoods  # (N, D, V)
+        logs = _list_log_likelihoods(AnswerModel.of_tables(dialogue.tables))  # (N, D, V)
         self._answers = logs.transpose(1, 0, 2).copy()
         self._noise = NOISE_DEGREES[ALTERNATIVE_DEGREES]
         self._stated = int(np.flatnonzero(self._noise == 0)[0])
         # a hypothesis whose posterior underflows stays at 0, but E is beyond every threshold before
-        self._posterior = np.outer(hypotheses.priors, np.full(len(self._noise), 1 / len(self._noise)))
+        self._posterior = np.outer(np.full(len(self._noise), 1 / len(self._noise)), hypotheses.priors)
         self._log_m = 0.0
-        self._knowledge = np.zeros(len(NOISE_DEGREES))  # log L(0, d)
+        self._knowledge = np.zeros(len(logs))  # log L(0, d)
         self._hearing = np.zeros(len(hypotheses.priors))  # log L(f, 0)
         self.n_people = 0
         self.findings = list[Finding]()
@@ -104,9 +112,11 @@ class Alarm:
     @property
     def log_e(self) -> Mapping[str, float]:
         """The logarithm of E of each part."""
+        biased, unbiased = self._find_parts_of_m()
+        log_m = float(np.logaddexp(biased, unbiased))
         return {
-            KNOWLEDGE: self._log_m - float(self._knowledge.max()),
-            HEARING: self._log_m - float(self._hearing.max()),
+            KNOWLEDGE: log_m - float(self._knowledge.max()),
+            HEARING: log_m - float(self._hearing.max()),
         }
 
     def update(self, evidence: Mapping[str, Label], steps: Iterable[Step]) -> list[Finding]:
@@ -124,12 +134,11 @@ class Alarm:
         logs = np.add.reduce(self._answers[answers])  # (N, V), 0 without answers
         top = logs.max()
         likelihoods = np.exp(logs - top)
-        predicted = joint @ likelihoods[ALTERNATIVE_DEGREES].T  # (F, noise)
-        self._knowledge += np.log(np.maximum(joint[0] @ likelihoods.T, MIN_LIKELIHOOD)) + top
-        self._hearing += np.log(np.maximum(predicted[:, self._stated], MIN_LIKELIHOOD)) + top
-        self._posterior *= predicted
-        total = float(self._posterior.sum())
-        self._posterior /= total
+        noisy = likelihoods[ALTERNATIVE_DEGREES]  # (noise, V)
+        self._knowledge += np.log(np.maximum(likelihoods @ joint[0], MIN_LIKELIHOOD)) + top
+        self._hearing += np.log(np.maximum(joint @ noisy[self._stated], MIN_LIKELIHOOD)) + top
+        total = float(((self._posterior @ joint) * noisy).sum())
+        self._posterior *= (noisy / total) @ joint.T
         self._log_m += float(np.log(total)) + float(top)
         self.n_people += 1
         return self._check()
@@ -188,7 +197,7 @@ class Alarm:
 
     def find_probabilities(self) -> dict[str, float]:
         """Return the probability of each attribute, given that one alone is wrong."""
-        by_fault = self._posterior.sum(axis=1)[1:]
+        by_fault = self._posterior.sum(axis=0)[1:]
         totals = dict.fromkeys(self._hypotheses.attributes[1:], 0.0)
         for attribute, p in zip(self._hypotheses.attributes[1:], by_fault.tolist(), strict=True):
             totals[attribute] += p / float(by_fault.sum())
@@ -217,11 +226,19 @@ class Alarm:
         self.findings += found
         return found
 
+    def _find_parts_of_m(self) -> tuple[float, float]:
+        """Return the logarithms of what biased and unbiased observation models contribute to M."""
+        biased = self._knowledge[len(NOISE_DEGREES) :]
+        log_mean = float(np.logaddexp.reduce(biased)) - np.log(len(biased))
+        return np.log(BIASED_PRIOR) + log_mean, np.log(1 - BIASED_PRIOR) + self._log_m
+
     def _describe(self, part: str, log_e: float) -> Finding:
-        noise = float(self._noise[self._posterior.sum(axis=0).argmax()])
+        noise = float(self._noise[self._posterior.sum(axis=1).argmax()])
         if part == HEARING:
-            return Finding(self.n_people, part, log_e, (), "", noise, 1.0)
-        hypotheses, by_fault = self._hypotheses, self._posterior.sum(axis=1)
+            biased, unbiased = self._find_parts_of_m()
+            change = BIAS_CHANGE if biased > unbiased else ""
+            return Finding(self.n_people, part, log_e, (), change, noise, 1.0)
+        hypotheses, by_fault = self._hypotheses, self._posterior.sum(axis=0)
         by_attribute = self.find_probabilities()
         named = max(by_attribute, key=lambda name: by_attribute[name])
         own = [f for f, attribute in enumerate(hypotheses.attributes) if attribute == named]
@@ -232,3 +249,20 @@ class Alarm:
         attributes = tuple(dict.fromkeys([named, *[hypotheses.attributes[f] for f in equal if f]]))
         probability = sum(by_attribute[name] for name in attributes)
         return Finding(self.n_people, part, log_e, attributes, hypotheses.changes[best], noise, probability)
+
+
+def _list_log_likelihoods(model: AnswerModel) -> Array:
+    """Return (N, D, V) the log likelihoods of answers by all noisy models, then by biased ones."""
+    biased = [
+        model.find_log_likelihoods(_add_bias(model.add_noise(degree), observation, bias))
+        for observation in np.flatnonzero(np.ptp(model.stated_rows, axis=0)).tolist()
+        for bias in BIASES
+        for degree in NOISE_DEGREES[ALTERNATIVE_DEGREES]
+    ]
+    return np.concatenate([model.noisy_log_likelihoods, biased])
+
+
+def _add_bias(rows: Array, observation: int, bias: float) -> Array:
+    """Return rows (R, O) in which an observation replaces others with a probability, where it is possible."""
+    certain = np.eye(rows.shape[1])[observation]
+    return np.where(rows[:, [observation]] > 0, (1 - bias) * rows + bias * certain, rows)

@@ -94,10 +94,12 @@ def describe(finding: Finding, domain: Domain) -> str:
     """Return an alarm in one sentence."""
     from math import exp
 
-    from lcorpp.trust.alarm import HEARING
+    from lcorpp.trust.alarm import BIAS_CHANGE, HEARING
 
     evidence = f"E = {exp(min(finding.log_e, 700)):.3g}"
     if finding.part == HEARING:
+        if finding.change == BIAS_CHANGE:
+            return f"the answers are biased: one is observed too often, whatever the value; {evidence}"
         how = "more" if finding.noise > 0 else "less"
         return f"the answers are {how} noisy than the model states (degree {finding.noise:.2f}); {evidence}"
     sense_of = {sense.attribute: sense.name for sense in domain.senses}
