@@ -5,7 +5,9 @@
 The robot has wrong knowledge, or the classifier has other rates than those stated. Its decisions are those of
 LCORPP, or with --trust those of a robot that learns whom to trust. For each noise of people's answers: the
 median number of people until the alarm, and the share of the alarms that name the right attribute; before the
-slash if the program predicts facts, too, after it if these are given.
+slash if the program predicts facts, too, after it if these are given. Then the false alarms if all knowledge
+is right, of people with the same noise for all questions (not on the grid of the alarm's degrees), of people
+with a degree of noise on this grid, and of people with biased answers.
 """
 
 from __future__ import annotations
@@ -14,7 +16,9 @@ import re
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from functools import cache
+from time import process_time
 from typing import Annotated, NamedTuple
+from zlib import crc32
 
 import numpy as np
 import typer
@@ -28,8 +32,8 @@ from lcorpp.reasoning import Program, Reasoner, parse_plog
 from lcorpp.simulation.people import Population
 from lcorpp.simulation.world import SimulationModel
 from lcorpp.trust import Finding, Hypotheses
-from lcorpp.trust.alarm import KNOWLEDGE
-from lcorpp.values import Instance, Label, Step
+from lcorpp.trust.alarm import HEARING, KNOWLEDGE
+from lcorpp.values import Array, Instance, Label, Step
 
 Numbers = Mapping[str, float]
 """A pr-atom, such as ``location=library | identity=student`` -> its number."""
@@ -39,6 +43,31 @@ Decision = tuple[Mapping[str, Label], tuple[Step, ...]]
 
 NOISES = (0.1, 0.2, 0.3, 0.4)
 N_PEOPLE = 2000
+
+
+class Answers(NamedTuple):
+    """How people answer: with an error rate of all questions, or with a degree of noise; and with a bias."""
+
+    name: str
+    noise: float | None = None
+    degree: float = 0.0
+    bias: float = 0.0
+
+    def change(self, rows: Array) -> Array:
+        """Return P(answer | value) for stated rows (..., 2)."""
+        if self.noise is not None:
+            rows = np.where(rows > 0.5, 1 - self.noise, self.noise)
+        rows = (1 - self.degree) * rows + self.degree / 2
+        return (1 - self.bias) * rows + self.bias * np.array([1.0, 0.0])
+
+
+RIGHT_KNOWLEDGE = (
+    *(Answers(f"error rate {noise}", noise=noise) for noise in NOISES),
+    Answers("as stated"),
+    *(Answers(f"degree {degree}", degree=degree) for degree in (0.25, 0.5, 0.75)),
+    Answers("biased by .3", bias=0.3),
+)
+"""Answers in the streams without a fault of the knowledge."""
 
 
 class Fault(NamedTuple):
@@ -88,13 +117,13 @@ def change_program(program: Program, numbers: Numbers) -> Program:
     return parse_plog(text, file=program.file)
 
 
-def make_domain(fault: Fault | None, noise: float) -> Domain:
-    """Return the domain of a robot with a fault, in a world with this noise."""
+def make_domain(fault: Fault | None, answers: Answers) -> Domain:
+    """Return the domain of a robot with a fault, in a world whose people answer like this."""
     domain = load_domain("intention")
     simulation = domain.simulation
-    feedback = np.array(simulation.feedback_model)  # (actions, states, observations)
-    answers = feedback[:, :, :2]
-    answers[answers > 0.5], answers[(answers > 0) & (answers < 0.5)] = 1 - noise, noise
+    feedback = domain.pomdp.observation.dense.copy()  # (actions, states, observations)
+    is_answer = feedback[:, :, :2].sum(axis=2) > 0
+    feedback[is_answer, :2] = answers.change(feedback[is_answer, :2])
     known, truth = domain.program, simulation.true_program
     if fault is not None and fault.is_true:
         truth = change_program(truth, fault.numbers)
@@ -174,23 +203,25 @@ class FixedLabel(NamedTuple):
 
 def watch(
     domain: Domain, hypotheses: list[Hypotheses], rng: np.random.Generator, decider: Decider | None
-) -> list[Finding | None]:
-    """Return the first alarm about the knowledge of one stream, by each of the sets of hypotheses."""
+) -> list[list[Finding]]:
+    """Return the alarms of one stream by each set of hypotheses, until all have one about the knowledge."""
     alarms = [make_alarm(domain, own) for own in hypotheses]
-    found: list[Finding | None] = [None] * len(alarms)
     for evidence, steps in draw_decisions(domain, rng, decider):
-        for i, alarm in enumerate(alarms):
-            if found[i] is None:
-                new = [finding for finding in alarm.update(evidence, steps) if finding.part == KNOWLEDGE]
-                found[i] = new[0] if new else None
-        if None not in found:
+        for alarm in alarms:
+            if find(KNOWLEDGE, alarm.findings) is None:
+                alarm.update(evidence, steps)
+        if all(find(KNOWLEDGE, alarm.findings) for alarm in alarms):
             break
-    return found
+    return [alarm.findings for alarm in alarms]
+
+
+def find(part: str, findings: list[Finding]) -> Finding | None:
+    return next((finding for finding in findings if finding.part == part), None)
 
 
 def list_hypotheses(fault: Fault | None) -> list[Hypotheses]:
     """Return a robot's hypotheses if the program predicts the facts, and if they are given."""
-    domain = make_domain(fault, noise=NOISES[0])
+    domain = make_domain(fault, Answers("as stated"))
     return [make_hypotheses(domain, given=given) for given in (False, True)]
 
 
@@ -199,34 +230,48 @@ def main(
     false_alarms: Annotated[int, typer.Option(help="Streams without a fault.")] = 1000,
     seed: int = 0,
     trust: Annotated[bool, typer.Option("--trust", help="The decisions are those of trust.")] = False,
-    only: Annotated[str, typer.Option(help="Part of the names of faults.")] = "",
+    only: Annotated[str, typer.Option(help="Part of the names of faults, or of answers.")] = "",
 ) -> None:
-    """Print a line for each fault, and the number of false alarms."""
-    print(f"{'fault':26}" + "".join(f"noise {noise:<18}" for noise in NOISES))
-    for f, (name, fault) in enumerate(list_test_faults().items()):
-        if only not in name or not streams:
-            continue
+    """Print a table of the faults, and one of the alarms without a fault of the knowledge."""
+    faults = {name: fault for name, fault in list_test_faults().items() if only in name}
+    if faults and streams:
+        print_row("fault", *(f"noise {noise}" for noise in NOISES), is_head=True)
+    for name, fault in faults.items() if streams else ():
         cells = list[str]()
         hypotheses = list_hypotheses(fault)
-        for n, noise in enumerate(NOISES):
-            domain = make_domain(fault, noise)
+        for noise in NOISES:
+            domain = make_domain(fault, Answers("", noise=noise))
             decider = None if trust else Decider(domain)
+            key = [seed, crc32(name.encode()), int(100 * noise)]
             found = [
-                watch(domain, hypotheses, np.random.default_rng([seed, f, n, s]), decider)
-                for s in range(streams)
+                watch(domain, hypotheses, np.random.default_rng([*key, s]), decider) for s in range(streams)
             ]
-            cells.append(" / ".join(describe([row[i] for row in found], fault) for i in range(2)))
-        print(f"{name:26}" + "".join(f"{cell:24}" for cell in cells), flush=True)
-    hypotheses = list_hypotheses(None)
-    for n, noise in enumerate(NOISES):
-        domain = make_domain(None, noise)
+            own = [[find(KNOWLEDGE, row[i]) for row in found] for i in range(2)]
+            cells.append(" / ".join(describe(findings, fault) for findings in own))
+        print_row(name, *cells)
+    worlds = [answers for answers in RIGHT_KNOWLEDGE if only in answers.name] if false_alarms else []
+    hypotheses = list_hypotheses(None) if worlds else []
+    if worlds:
+        print()
+        print_row("answers", "streams", "alarms about the knowledge", "about hearing", is_head=True)
+    for n, answers in enumerate(worlds):
+        domain = make_domain(None, answers)
         decider = None if trust else Decider(domain)
-        own, counts = range(n, false_alarms, len(NOISES)), np.zeros(2, dtype=int)
-        for s in own:
-            found = watch(domain, hypotheses, np.random.default_rng([seed, 99, s]), decider)
-            counts += [finding is not None for finding in found]
-        words = f"{counts[0]} / {counts[1]} of {len(own)} streams of {N_PEOPLE} people"
-        print(f"false alarms at noise {noise}: {words}", flush=True)
+        own_streams = range(n, false_alarms, len(worlds))
+        found = [watch(domain, hypotheses, np.random.default_rng([seed, s]), decider) for s in own_streams]
+        counts = [
+            " / ".join(str(sum(find(part, row[i]) is not None for row in found)) for i in range(2))
+            for part in (KNOWLEDGE, HEARING)
+        ]
+        print_row(answers.name, str(len(own_streams)), *counts)
+    print(f"\nseed {seed}, {process_time():.0f} s of CPU")
+
+
+def print_row(*cells: str, is_head: bool = False) -> None:
+    """Print a row of a Markdown table."""
+    print(f"| {' | '.join(cells)} |", flush=True)
+    if is_head:
+        print("|" + "---|" * len(cells))
 
 
 def describe(found: list[Finding | None], fault: Fault) -> str:
