@@ -31,37 +31,37 @@ MIN_EIGENVALUE = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
-class Rows:
-    """Distributions over observed outcomes, as m cells.
+class Cells:
+    """The cells of several distributions over observed outcomes, m in all; a distribution is a row.
 
-    A case with value v has the log probability ``sum_j times[j] * log p[j]`` over the cells j of v.
+    A case with value v has the log probability ``sum_j counts[j] * log p[j]`` over the cells j of v.
 
-    row_of: (m,) the row of each cell. member: (V, m) 1 where a value uses the cell. times: (n, m) how often
-    the case has the cell's outcome. prior: (m,) pseudo-counts. outcome: (m,) index of the outcome.
+    row_of: (m,) the row of each cell. is_of_value: (V, m) 1 where a value uses the cell. counts: (n, m) how
+    often the case has the cell's outcome. prior: (m,) pseudo-counts. outcome: (m,) index of the outcome.
     """
 
     row_of: npt.NDArray[np.intp]
-    member: Array
-    times: Array
+    is_of_value: Array
+    counts: Array
     prior: Array
     outcome: npt.NDArray[np.intp]
 
     @classmethod
-    def of_table(cls, row_of_value: npt.NDArray[np.intp], stated: Array, times: Array) -> Rows:
-        """Return the rows of one table.
+    def of_table(cls, row_of_value: npt.NDArray[np.intp], stated: Array, counts: Array) -> Cells:
+        """Return the cells of one table.
 
         Args:
-            row_of_value: (V,) the row of each value. stated: (R, O). times: (n, O) of each outcome, the same
+            row_of_value: (V,) the row of each value. stated: (R, O). counts: (n, O) of each outcome, the same
                 for all values.
         """
         n_rows, n_outcomes = stated.shape
-        member = np.repeat(np.eye(n_rows)[row_of_value], n_outcomes, axis=1)
+        is_of_value = np.repeat(np.eye(n_rows)[row_of_value], n_outcomes, axis=1)
         row_of = np.repeat(np.arange(n_rows), n_outcomes)
         prior = PRIOR_PEOPLE * np.maximum(stated, MIN_START_PROBABILITY)
         used = np.tile(stated.any(axis=0), n_rows)  # the others are impossible
         outcome = np.tile(np.arange(n_outcomes), n_rows)
-        times = np.tile(times, n_rows)
-        return cls(row_of[used], member[:, used], times[:, used], prior.ravel()[used], outcome[used])
+        counts = np.tile(counts, n_rows)
+        return cls(row_of[used], is_of_value[:, used], counts[:, used], prior.ravel()[used], outcome[used])
 
 
 class AnswerRates:
@@ -89,40 +89,40 @@ class AnswerRates:
                 f" an audit expects a product of at most {MAX_CELLS}"
             )
         uniform = np.full((n_contexts, n_values), 1 / n_values)
-        parts = [_make_context_rows(uniform, cases.contexts)]
+        parts = [_make_context_cells(uniform, cases.contexts)]
         for s, table in enumerate(rates):
             label = cases.labels[:, s]
-            times = np.where((label != NO_LABEL)[:, None], np.eye(table.shape[1])[label], 0.0)
+            counts = np.where((label != NO_LABEL)[:, None], np.eye(table.shape[1])[label], 0.0)
             numbers, distinct = number_rows(table)
-            parts.append(Rows.of_table(numbers, distinct, times))
+            parts.append(Cells.of_table(numbers, distinct, counts))
         answers_of = cases.answer_counts.reshape(cases.n, -1, n_outcomes)
         for k, row_of_value in enumerate(answers.row_of):
             rows, places = np.unique(row_of_value, return_inverse=True)
-            parts.append(Rows.of_table(places, answers.stated_rows[rows], answers_of[:, k]))
+            parts.append(Cells.of_table(places, answers.stated_rows[rows], answers_of[:, k]))
         sizes = np.cumsum([0, *[len(part.row_of) for part in parts]])
         self.tables = [slice(start, end) for start, end in pairwise(sizes.tolist())]
         self.cells = _join(parts)
         self.weights = cases.weights
         self.is_nuisance = np.arange(sizes[-1]) >= sizes[1]
-        self.p = self._search()
+        self.p = self._maximise()
 
     def _normalise(self, logs: Array) -> Array:
         p = np.exp(logs)
         normalised: Array = p / np.bincount(self.cells.row_of, p)[self.cells.row_of]
         return normalised
 
-    def _search(self) -> Array:
+    def _maximise(self) -> Array:
         prior, row_of, weights = self.cells.prior, self.cells.row_of, self.weights
         start = np.log(np.maximum(prior, MIN_START_PROBABILITY))
 
         def evaluate(logs: Array) -> tuple[float, Array]:
             p = self._normalise(logs)
-            joint = (self.cells.times * np.log(p)) @ self.cells.member.T
+            joint = (self.cells.counts * np.log(p)) @ self.cells.is_of_value.T
             top = joint.max(axis=1, keepdims=True)
             shares = np.exp(joint - top)
             total = shares.sum(axis=1, keepdims=True)
-            counts = weights @ (self.cells.times * ((shares / total) @ self.cells.member)) + prior
-            gradient = counts - np.bincount(row_of, counts)[row_of] * p
+            expected = weights @ (self.cells.counts * ((shares / total) @ self.cells.is_of_value)) + prior
+            gradient = expected - np.bincount(row_of, expected)[row_of] * p
             value = weights @ (top + np.log(total))[:, 0] + prior @ np.log(p)
             return -float(value) / weights.sum(), -gradient / weights.sum()
 
@@ -139,7 +139,8 @@ class AnswerRates:
     def likelihoods(self) -> Array:
         """(n, V) P(labels, answers | value), up to a factor for each case."""
         nuisance = self.is_nuisance
-        logs = (self.cells.times[:, nuisance] * np.log(self.p[nuisance])) @ self.cells.member[:, nuisance].T
+        log_p = self.cells.counts[:, nuisance] * np.log(self.p[nuisance])
+        logs = log_p @ self.cells.is_of_value[:, nuisance].T
         likelihoods: Array = np.exp(logs - logs.max(axis=1, keepdims=True))
         return likelihoods
 
@@ -149,15 +150,15 @@ class AnswerRates:
         Args:
             shares: (n, V) the probability of each value, given the case.
         """
-        counts = self.cells.times * (shares @ self.cells.member)
-        totals: Array = counts @ np.eye(int(self.cells.row_of.max()) + 1)[self.cells.row_of]
-        scores: Array = counts - totals[:, self.cells.row_of] * self.p
+        expected = self.cells.counts * (shares @ self.cells.is_of_value)
+        totals: Array = expected @ np.eye(int(self.cells.row_of.max()) + 1)[self.cells.row_of]
+        scores: Array = expected - totals[:, self.cells.row_of] * self.p
         return scores
 
     @cached_property
     def scores(self) -> Array:
         """(n, m) the scores at the estimates."""
-        joint = (self.cells.times * np.log(self.p)) @ self.cells.member.T
+        joint = (self.cells.counts * np.log(self.p)) @ self.cells.is_of_value.T
         shares: Array = softmax(joint, axis=1)
         return self.compute_scores(shares)
 
@@ -200,22 +201,22 @@ def invert(information: Array) -> Array:
     return np.asarray(inverse, dtype=np.float64)
 
 
-def _make_context_rows(uniform: Array, contexts: npt.NDArray[np.intp]) -> Rows:
-    """Return the rows p(value | context): the outcome is the value itself."""
+def _make_context_cells(uniform: Array, contexts: npt.NDArray[np.intp]) -> Cells:
+    """Return the cells of p(value | context): the outcome is the value itself."""
     n_contexts, n_values = uniform.shape
-    times = np.repeat(np.eye(n_contexts)[contexts], n_values, axis=1)
-    member = np.tile(np.eye(n_values), n_contexts)
+    counts = np.repeat(np.eye(n_contexts)[contexts], n_values, axis=1)
+    is_of_value = np.tile(np.eye(n_values), n_contexts)
     row_of = np.repeat(np.arange(n_contexts), n_values)
     outcome = np.tile(np.arange(n_values), n_contexts)
-    return Rows(row_of, member, times, PRIOR_PEOPLE * uniform.ravel(), outcome)
+    return Cells(row_of, is_of_value, counts, PRIOR_PEOPLE * uniform.ravel(), outcome)
 
 
-def _join(parts: Sequence[Rows]) -> Rows:
+def _join(parts: Sequence[Cells]) -> Cells:
     offsets = np.cumsum([0, *[part.row_of.max() + 1 for part in parts]])
-    return Rows(
+    return Cells(
         np.concatenate([part.row_of + offset for part, offset in zip(parts, offsets, strict=False)]),
-        np.hstack([part.member for part in parts]),
-        np.hstack([part.times for part in parts]),
+        np.hstack([part.is_of_value for part in parts]),
+        np.hstack([part.counts for part in parts]),
         np.concatenate([part.prior for part in parts]),
         np.concatenate([part.outcome for part in parts]),
     )
