@@ -126,11 +126,14 @@ def _split(number: Fraction) -> tuple[Fraction, ...]:
     return number.factors or (number,) if isinstance(number, _Factored) else (number,)
 
 
-def list_free_numbers(program: Program, fixed: Collection[str | int]) -> dict[int, Fraction]:
+def list_free_numbers(
+    program: Program, fixed: Collection[str | int], *, with_certain: bool = False
+) -> dict[int, Fraction]:
     """List the numbers of pr-atoms, by statement, that are neither fixed, nor 0 or 1, nor have variables.
 
     Args:
         fixed: attributes and lines.
+        with_certain: whether 0 and 1 are listed, too.
 
     Raises:
         ProgramError: none of the pr-atoms is of an attribute or line in `fixed`, no number is free, or the
@@ -152,7 +155,7 @@ def list_free_numbers(program: Program, fixed: Collection[str | int]) -> dict[in
         index: atom.number.value
         for index, atom in atoms.items()
         if atom.term.name not in fixed and atom.at.line not in fixed
-        if isinstance(atom.number, Number) and 0 < atom.number.value < 1
+        if isinstance(atom.number, Number) and (with_certain or 0 < atom.number.value < 1)
     }
     if not free:
         raise ProgramError(f"{program.file}: no pr-atom has a number that is free; see `fixed`")

@@ -272,13 +272,33 @@ def test_facts_that_are_independent_of_the_value_are_not_determined_if_given() -
 
 def test_a_search_leaves_numbers_that_sum_to_one() -> None:
     program = parse_plog("n = {1..3}. a : n. random(a). pr(a=1) = 0.3. pr(a=2) = 0.7.")
-    rates = CertainRates(np.eye(2), np.array([10.0, 70.0]))
-    records = [{"a": a} for a in "12"]
-    free = list_free_numbers(program, ())
-    fits = KnowledgeFits(program, free, records, np.tile(np.arange(2), (2, 1)), rates)  # type: ignore[arg-type]
-    first, _ = free
-    assert fits.fit((first,)).estimates == pytest.approx([0.3])  # nobody has the third value
     rates = CertainRates(np.eye(3), np.array([10.0, 70.0, 20.0]))
     records = [{"a": a} for a in "123"]
+    free = list_free_numbers(program, ())
     fits = KnowledgeFits(program, free, records, np.tile(np.arange(3), (3, 1)), rates)  # type: ignore[arg-type]
-    assert fits.fit((first,)).estimates == pytest.approx([0.3 * 10.3 / 30.3])
+    first, _ = free
+    fit = fits.fit((first,))
+    assert fit.estimates == pytest.approx([0.3 * 10.3 / 30.3], abs=1e-4)
+    expected = [10 * np.log(fit.estimates[0]), 70 * np.log(0.7), 20 * np.log(0.3 - fit.estimates[0])]
+    assert fit.log_likelihood == pytest.approx(sum(expected))
+
+
+def test_numbers_that_are_0_or_1_can_be_refuted() -> None:
+    program = parse_plog(
+        "n = {1..3}. a : n. b : boolean. random(a). random(b). pr(a=1) = 0. pr(a=2) = 1. pr(b) = 1."
+    )
+    values = [(a, b) for a in "123" for b in ("true", "false")]
+    counts = np.array([8, 2, 40, 10, 30, 10.0])
+    free = list_free_numbers(program, (), with_certain=True)
+    records, parts = [{"a": a, "b": b} for a, b in values], np.tile(np.arange(6), (6, 1))
+    fits = KnowledgeFits(program, free, records, parts, CertainRates(np.eye(6), counts))  # type: ignore[arg-type]
+    found = fits.fit(free)
+    assert found.stated == pytest.approx([0, 1, 1])
+    assert found.estimates == pytest.approx([10.01 / 101, 50.98 / 101, 78.99 / 101], abs=1e-3)
+    (of_b,) = (i for i in free if program.statements[i].at.line == 1 and "b" in str(program.statements[i]))
+    certain = CertainRates(np.eye(6)[2:4], counts[2:4])
+    alone = KnowledgeFits(program, free, records, parts[2:4], certain).fit((of_b,))  # type: ignore[arg-type]
+    assert alone.estimates == pytest.approx([40.99 / 51], abs=1e-3)
+    assert alone.log_likelihood == pytest.approx(
+        40 * np.log(alone.estimates[0]) + 10 * np.log(1 - alone.estimates[0])
+    )

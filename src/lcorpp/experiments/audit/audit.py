@@ -8,19 +8,20 @@ from itertools import combinations
 from math import log
 
 import numpy as np
+from scipy.special import logit
 from scipy.stats import chi2
 
 from lcorpp.errors import ProgramError
 from lcorpp.experiments.audit.answer_rates import AnswerRates, invert
 from lcorpp.experiments.audit.estimates import MAX_P_VALUE, AttributeTest, Audit, NumberEstimate
-from lcorpp.experiments.audit.intervals import compare_log_odds
+from lcorpp.experiments.audit.intervals import bound_stated, compare_log_odds
 from lcorpp.experiments.audit.knowledge import KnowledgeFits, NumbersFit
 from lcorpp.experiments.audit.logged_people import LoggedPeople
 from lcorpp.experiments.audit.missing_rules import add_missing_rules
 from lcorpp.experiments.audit.rates import list_rates
 from lcorpp.fitting.number_model import list_free_numbers
 from lcorpp.fitting.uncertainty import NULL_SCORE
-from lcorpp.reasoning.language.syntax import Probability
+from lcorpp.reasoning.language.syntax import Probability, Selection
 from lcorpp.reasoning.resolve import resolve_evidence
 from lcorpp.trust.answers import AnswerModel
 from lcorpp.values import Array
@@ -66,8 +67,13 @@ class _Auditor:
         self._people, self._program, self._progress, self._given = people, program, progress, given
         self._n_people = float(cases.weights.sum())
         senses = set(domain.label_attributes)
-        free = list_free_numbers(program, ())
-        free = {i: x for i, x in free.items() if self._atom(i).term.name not in senses}
+        free = list_free_numbers(program, (), with_certain=True)
+        ranges = {s.term.name for s in program.statements if isinstance(s, Selection) and s.range}
+        free = {
+            i: x
+            for i, x in free.items()
+            if (name := self._atom(i).term.name) not in senses and (0 < x < 1 or name not in ranges)
+        }
         if not free:
             raise ProgramError(f"{program.file}: no number of a pr-atom to audit, apart from those of senses")
         answers = AnswerModel.of_tables(people.dialogue.tables)
@@ -226,7 +232,7 @@ def _compare(fit: NumbersFit, known: Sequence[int]) -> tuple[float, int]:
     """Compare the stated numbers with the fit, apart from the known ones: Wald's statistic, and its rank."""
     places = [k for k, i in enumerate(fit.statements) if i not in known]
     slopes = fit.estimates * (1 - fit.estimates)  # of the log-odds
-    shift = (np.log(fit.estimates / (1 - fit.estimates)) - np.log(fit.stated / (1 - fit.stated)))[places]
+    shift = (logit(fit.estimates) - logit(bound_stated(fit.stated)))[places]
     covariance = (fit.covariance / np.outer(slopes, slopes))[np.ix_(places, places)]
     rank = int(np.linalg.matrix_rank(covariance, tol=1e-9 * np.abs(covariance).max(), hermitian=True))
     return float(shift @ invert(covariance) @ shift), rank

@@ -5,12 +5,20 @@ from __future__ import annotations
 from math import log
 
 import numpy as np
+from scipy.special import logit
 from scipy.stats import chi2
 
 from lcorpp.fitting.uncertainty import Z95
+from lcorpp.values import Array
 
 MIN_STATED_PROBABILITY = 1e-3
 """A stated probability of 0 or 1 is compared as if it were this far from it."""
+
+
+def bound_stated(stated: Array) -> Array:
+    """Return stated probabilities, bounded by `MIN_STATED_PROBABILITY`."""
+    bounded: Array = np.clip(stated, MIN_STATED_PROBABILITY, 1 - MIN_STATED_PROBABILITY)
+    return bounded
 
 
 def compare_log_odds(
@@ -22,6 +30,5 @@ def compare_log_odds(
     low, high = (float(1 / (1 + np.exp(-side * Z95 * spread) / odds)) for side in (-1, 1))
     if stated is None:
         return (low, high), 1.0
-    bounded = min(max(stated, MIN_STATED_PROBABILITY), 1 - MIN_STATED_PROBABILITY)
-    z = (log(odds) - log(bounded / (1 - bounded))) / spread
+    z = float(log(odds) - logit(bound_stated(np.array(stated)))) / spread
     return (low, high), float(chi2.sf(z * z, 1))

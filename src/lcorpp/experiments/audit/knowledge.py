@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import cached_property
 
@@ -19,6 +19,7 @@ from lcorpp.fitting.numbers import check_possible
 from lcorpp.fitting.soft_records import SoftExpectation
 from lcorpp.fitting.uncertainty import MIN_FORM
 from lcorpp.reasoning import Program
+from lcorpp.reasoning.language.syntax import Body, Number, Probability, Statement, Term
 from lcorpp.values import Array
 
 PRIOR_PEOPLE = 1.0
@@ -28,8 +29,8 @@ COMPARISON_TOLERANCE, FINAL_TOLERANCE = 1e-4, 1e-7
 """Searches from several starts are compared when no number changes by more than the first in a step; the best
 continues until none changes by more than the second."""
 
-INTERIOR_FACTOR = 0.98
-"""Factor of stated numbers that sum to 1 at the start of a search, which would not leave the boundary."""
+INTERIOR_SHARE = 0.02
+"""Where stated numbers are 0, or leave nothing, a search begins this far on the way to equal shares."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,9 +89,20 @@ class KnowledgeFits:
 
     @cached_property
     def _model(self) -> NumberModel:
-        """The program with all numbers as parameters."""
+        """The program with all numbers as parameters; no outcome is left out because a number is 0 or 1."""
         observed = {name for record in self._records for name in record}
-        return build_number_model(self._program, self.free, observed)
+        statements, inside = list(self._program.statements), dict(self.free)
+        certain = {_get_case(statements[i]) for i, number in self.free.items() if number in (0, 1)}
+        for i, number in self.free.items():
+            atom = statements[i]
+            assert isinstance(atom, Probability)
+            if _get_case(atom) in certain:
+                equal = Fraction(1, len(self._program.attributes[atom.term.name].values))
+                inside[i] = number + Fraction(INTERIOR_SHARE) * (equal - number)
+                statements[i] = replace(atom, number=Number(inside[i]))
+        program = replace(self._program, statements=tuple(statements))
+        model = build_number_model(program, inside, observed)
+        return replace(model, start=np.array(list(map(float, self.free.values()))))
 
     @cached_property
     def _expectation(self) -> SoftExpectation:
@@ -128,7 +140,7 @@ class KnowledgeFits:
             The number of such directions, and the statements of the numbers that vary along them.
         """
         model = self._model
-        values = model.evaluate(model.start)
+        values = model.evaluate(_find_interior_start(model))
         scores = self._compute_scores(self._expectation.compute(values), values)
         basis = self._find_basis(np.arange(len(model.start)))
         _, sizes, rows = np.linalg.svd(scores @ basis * np.sqrt(self._rates.weights)[:, None])
@@ -151,8 +163,9 @@ class KnowledgeFits:
 
     def _fit(self, statements: tuple[int, ...], starts: int) -> NumbersFit:
         model = self._model.restrict(statements)
+        model = replace(model, start=_find_interior_start(model))
         objective = Objective(model, self._expectation, PRIOR_PEOPLE)
-        rng, start = np.random.default_rng(0), self._find_inner_start()
+        rng, start = np.random.default_rng(0), model.start
         if starts > 1:
             points = [start, *[draw_start(model, rng) for _ in range(starts - 1)]]
             ends = [climb(objective, point, tolerance=COMPARISON_TOLERANCE) for point in points]
@@ -166,21 +179,13 @@ class KnowledgeFits:
         )
         return NumbersFit(
             statements,
-            model.start[places],
+            self._model.start[places],
             best[places],
             covariance,
             np.diag(prior_covariance),
             expected.log_likelihood,
             inflation,
         )
-
-    def _find_inner_start(self) -> Array:
-        """Return the stated numbers, in the interior of the simplex where they sum to 1."""
-        values, start = self._model.evaluate(self._model.start), self._model.start.copy()
-        for case in self._model.cases:
-            if values[case.rest] == 0 and not case.is_full:
-                start[case.parameters] *= INTERIOR_FACTOR
-        return start
 
     def _compute_scores(self, expected: Expected, values: Array) -> Array:
         """Compute (n, p) the derivatives of each case's log likelihood by all numbers."""
@@ -214,3 +219,20 @@ class KnowledgeFits:
         sums = self._model.coefficients[full][:, places]
         basis: Array = null_space(sums[sums.any(axis=1)])
         return basis
+
+
+def _get_case(atom: Statement) -> tuple[Term, Body]:
+    """Return what the pr-atoms that apply together have in common."""
+    assert isinstance(atom, Probability)
+    return atom.term, atom.body
+
+
+def _find_interior_start(model: NumberModel) -> Array:
+    """Return the stated numbers; the free ones a little different if one is 0, as no search leaves 0."""
+    values, start = model.evaluate(model.start), model.start.copy()
+    for case in model.cases:
+        own = start[case.parameters]
+        if not own.all() or (values[case.rest] == 0 and not case.is_full):
+            equal = float(case.bound) / (case.multiplicities * (len(own) + (not case.is_full)))
+            start[case.parameters] = own + INTERIOR_SHARE * (equal - own)
+    return start
