@@ -16,7 +16,7 @@ from lcorpp.values import Array
 class SimulationModel:
     """The true dynamics of a domain as cumulative tables, shared by all simulated worlds.
 
-    Each table holds one list of interval ends for each row of probabilities:
+    Each table has one list of interval ends for each row of probabilities:
     initial_states[v] over states, `find_successors` over next states, feedback[a][s'] over observations;
     reward[a][s] is the expected immediate reward.
     """

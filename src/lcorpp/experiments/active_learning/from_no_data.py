@@ -58,7 +58,7 @@ def run_from_no_data(
     test_size: int,
     labels: Sequence[str] = LABEL_KINDS,
 ) -> dict[str, list[BatchOutcome]]:
-    """Decide about batches of people, first with a random classifier; each run meets the same people.
+    """Decide about batches of people, first with a random classifier; each run has the same people.
 
     Args:
         domain: with one sense, whose signals are simulated.

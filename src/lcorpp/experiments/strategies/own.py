@@ -107,7 +107,7 @@ class OwnStrategy:
 
     @contextmanager
     def locate_failures(self, what: str) -> Iterator[None]:
-        """Name the user's file and line in lcorpp's errors that a method meets: it was called wrongly.
+        """Name the user's file and line in lcorpp's errors that a method causes: it was called wrongly.
 
         An impossible observation keeps its type. `Strategy.locate_failures` names all other errors.
         """
