@@ -45,11 +45,12 @@ def test_the_default_table_has_trust_where_it_can_follow(lcorpp, tmp_path):
     assert (exact.code, "learns from each person" in exact.err) == (2, True)
 
 
-def test_trust_decides_in_algorithm_1_and_is_in_the_results(lcorpp, tmp_path):
+def test_trust_and_alarm_of_algorithm_1_are_in_the_results(lcorpp, tmp_path, monkeypatch):
+    monkeypatch.setattr("lcorpp.fitting.faults.list_tables", lambda *_, first: ([], []))  # which take seconds
     log, store, out = tmp_path / "log", tmp_path / "s.tracks", tmp_path / "out"
-    few = ("--tracks", 60, "--learner", "summaries", "--batch-size", 4, "--max-batches", 1, "--jobs", 1)
-    learn = ("learn", ROOMS, *few, "--store", store)
-    ended = lcorpp(*learn, "--trust", "--log", log, "--out", out)
+    few = ("--tracks", 60, "--learner", "summaries", "--batch-size", 12, "--max-batches", 1, "--jobs", 1)
+    learn = ("learn", *few, "--store", store)
+    ended = lcorpp(*learn, "--trust", "--watch", "--log", log, "--out", out)
     assert ended.code == 0, ended.err
     with (out / "batches.csv").open() as file:
         last = list(csv.DictReader(file))[-1]
@@ -59,7 +60,23 @@ def test_trust_decides_in_algorithm_1_and_is_in_the_results(lcorpp, tmp_path):
     best = max(weights, key=lambda name: weights[name])
     assert f"; trust: {best.removeprefix('weight_')} {weights[best]:.2f}, " in ended.out
     assert f"; noise {float(last['noise']):.2f}" in ended.out
-    assert lcorpp("replay", "-q", log).out == "4 decisions, 0 differences\n"
-    without = lcorpp(*learn)
-    assert (without.code, "batch" in without.out) == (2, False)
-    assert f"{store}: the run of this store was begun with --trust, and this one is without it" in without.err
+    assert f"note: batch 1, {last['alarm']}\n" in ended.out + ended.err
+    assert "the answers are more noisy than the model states" in last["alarm"]
+    assert lcorpp("replay", "-q", log).out == "12 decisions, 0 differences\n"
+    for options, words in (
+        ((), "the run of this store was begun with --trust, and this one is without it; expected"),
+        (("--watch",), "begun with --trust"),
+    ):
+        refused = lcorpp(*learn, *options)
+        assert (refused.code, "batch" in refused.out) == (2, False)
+        assert f"{store}: " in refused.err
+        assert words in refused.err
+
+
+def test_an_alarm_needs_the_evidence_of_all_stored_decisions(lcorpp, tmp_path):
+    few = ("--tracks", 60, "--learner", "summaries", "--batch-size", 3, "--max-batches", 1, "--jobs", 1)
+    learn = ("learn", ROOMS, *few, "--store", tmp_path / "s.tracks")
+    assert lcorpp(*learn).code == 0
+    refused = lcorpp(*learn, "--watch")
+    assert (refused.code, "batch" in refused.out) == (2, False)
+    assert "it has decisions of a run without --watch, which lack their evidence" in refused.err

@@ -1,4 +1,4 @@
-"""Algorithm 1 with trust: interruptions change nothing, and each training replaces the rates."""
+"""Algorithm 1 with trust and the alarm: interruptions change nothing."""
 
 import json
 from pathlib import Path
@@ -51,8 +51,8 @@ def cache(tmp_path_factory):
         yield folder
 
 
-def run(domain, store, log=None, *, trust=True, soft=(), batches=BATCHES):
-    """Run or resume Algorithm 1; return its results."""
+def run(domain, store, log=None, *, trust=True, watch=False, soft=(), batches=BATCHES):
+    """Run or resume Algorithm 1; return its results and the notes of its store."""
     senses = [sense.name for sense in domain.senses]
     options = ActiveLearningOptions(
         {name: TrainingOptions(tracks=0) for name in senses},
@@ -61,6 +61,7 @@ def run(domain, store, log=None, *, trust=True, soft=(), batches=BATCHES):
         epsilon=0,
         max_batches=batches,
         trust=trust,
+        watch=watch,
     )
     solution = solve_domain(domain, cache=find_cache_folder())
     learning = set_up_learning(domain, options)
@@ -84,6 +85,13 @@ def read_run(store):
     ]
     content = json.loads((store.with_name(f"{store.name}.checkpoint") / "checkpoint.json").read_text())
     return decisions, content["session"], content["rows"]
+
+
+@pytest.fixture
+def few_faults(monkeypatch):
+    """An alarm about few faults, which are quickly compiled."""
+    monkeypatch.setattr("lcorpp.fitting.faults.list_tables", lambda *_, first: ([], []))
+    monkeypatch.setattr("lcorpp.fitting.faults.MAX_EXCHANGES", 1)
 
 
 @pytest.fixture
@@ -111,31 +119,43 @@ def interrupt(monkeypatch):
     return set_up
 
 
-@pytest.mark.parametrize("place", ["rooms, soft", "deliveries"])
-def test_an_interrupted_run_decides_as_one_that_was_not(tmp_path, fast_training, interrupt, place):
+@pytest.mark.parametrize(
+    ("place", "after", "before"),
+    [
+        # the checkpoint of the initial training and 14 decisions come first; a run begins with a checkpoint
+        ("rooms, soft", (2, 17, 19, 27), (30,)),
+        ("deliveries", (16, 29), ()),
+        ("rooms, watched", (12, 26), ()),
+    ],
+)
+def test_an_interrupted_run_decides_as_one_that_was_not(
+    tmp_path, fast_training, few_faults, interrupt, place, after, before
+):
     """Interrupted after a decision, within a batch, before and after its training, and by a full disk."""
     domain = load_domain(ROOMS if "rooms" in place else write_learning_domain(tmp_path / "domain"))
     soft = [domain.senses[0].name] if "soft" in place else []
+    options = {"watch": "watched" in place, "soft": soft}
     whole, resumed = tmp_path / "whole.tracks", tmp_path / "resumed.tracks"
     log = tmp_path / "log"
     with DecisionLog(log) as opened:
-        run(domain, whole, opened, soft=soft)
+        run(domain, whole, opened, **options)
     replayed = list(replay_log(log, cache=find_cache_folder()))
     assert len(replayed) == BATCH * BATCHES
     assert not [r for r in replayed if not isinstance(r, ReplayedDecision) or r.differences]
-    # the checkpoint of the initial training and 14 decisions come first; a run begins with a checkpoint
-    interrupt(after=(2, 17, 19, 27), before=(30,))
-    for _ in range(5):
+    interrupt(after, before)
+    for _ in (*after, *before):
         with pytest.raises((KeyboardInterrupt, FileError)):
-            run(domain, resumed, soft=soft)
-    run(domain, resumed, soft=soft)
+            run(domain, resumed, **options)
+    run(domain, resumed, **options)
     one, two = read_run(whole), read_run(resumed)
     assert one == two
     decisions, state, rows = one
-    assert len(decisions) == state["people"] == BATCH * BATCHES
+    assert len(decisions) == state["trust"]["people"] == BATCH * BATCHES
+    if options["watch"]:
+        assert state["alarm"]["n_before"] + state["alarm"]["alarm"]["people"] == BATCH * BATCHES
     weights = [value for name, value in rows[-1].items() if name.startswith("weight_")]
     assert sum(weights) == pytest.approx(1)
-    assert len(weights) == len(state["sources"])
+    assert len(weights) == len(state["trust"]["sources"])
 
 
 def test_without_a_checkpoint_trust_learns_from_the_stored_decisions(tmp_path, fast_training, monkeypatch):
@@ -143,20 +163,19 @@ def test_without_a_checkpoint_trust_learns_from_the_stored_decisions(tmp_path, f
     run(domain, store, batches=2)
     file = tmp_path / "s.tracks.checkpoint" / "checkpoint.json"
     content = json.loads(file.read_text())
-    before = content["session"]
-    content["session"] = before | {"weights": ["x"]}
+    content["session"]["trust"]["weights"] = ["x"]
     file.write_text(json.dumps(content))
     results, notes = run(domain, store, batches=3)
     assert len(results) == 2
     assert "the state of trust is damaged" in notes[-1]
     assert notes[-1].endswith("; trust learns again from all stored decisions")
-    assert read_run(store)[1]["people"] == 3 * BATCH
+    assert read_run(store)[1]["trust"]["people"] == 3 * BATCH
     file.unlink()
     run(domain, store, batches=1)
     decisions, state, _ = read_run(store)
-    assert len(decisions) == state["people"] == 4 * BATCH
-    labels = np.array(state["learnt"]["learnt"]["cases"]["labels"])
-    weights = np.array(state["learnt"]["learnt"]["cases"]["weights"])
+    assert len(decisions) == state["trust"]["people"] == 4 * BATCH
+    labels = np.array(state["trust"]["learnt"]["learnt"]["cases"]["labels"])
+    weights = np.array(state["trust"]["learnt"]["learnt"]["cases"]["weights"])
     assert weights[labels[:, 0] >= 0].sum() == BATCH
 
 

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from contextlib import ExitStack
 from dataclasses import replace
 from enum import StrEnum
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -27,6 +28,7 @@ if TYPE_CHECKING:
     from lcorpp.experiments.active_learning.senses import ActiveLearningOptions, LearningSenses
     from lcorpp.experiments.setup import ClassifierOptions
     from lcorpp.planning import Planner, Policy, Solution, SolverOptions
+    from lcorpp.trust import Finding
 
 TRACKS, MIN_TRACKS = 100, 20
 """Simulated training tracks of a sense that learns, without --tracks; and the minimum, if there are any."""
@@ -94,6 +96,13 @@ def learn(
             " the observation model can be relied on.",
         ),
     ] = False,
+    watch: Annotated[
+        bool,
+        typer.Option(
+            "--watch",
+            help="Raise an alarm if knowledge, classifiers or hearing are not as stated, as `lcorpp watch`.",
+        ),
+    ] = False,
     store: Annotated[
         Path | None,
         typer.Option(
@@ -129,6 +138,7 @@ def learn(
         confidence=confidence,
         max_batches=max_batches,
         trust=trust,
+        watch=watch,
         seed=given.seed,
         jobs=console.count_processes(given.jobs),
     )
@@ -161,6 +171,7 @@ def learn(
                 run_store=run_store,
                 log=log,
                 parts=parts,
+                on_alarm=partial(_print_alarm, loaded),
                 progress=console.show_progress,
             )
             for result in _print_batches(results, chosen, run_store):
@@ -239,6 +250,12 @@ def _print_batches(
             console.out.print(explain_end(batch, chosen.epsilon))
 
 
+def _print_alarm(domain: Domain, batch: int, person: int, finding: Finding) -> None:
+    from lcorpp.experiments.watching import describe_finding
+
+    console.print_note(f"batch {batch}, person {person}: {describe_finding(finding, domain)}")
+
+
 def _check_options(domain: Domain, chosen: ActiveLearningOptions, tracks: int | None) -> None:
     """Reject before the work what the training would reject after it.
 
@@ -258,7 +275,7 @@ def _check_options(domain: Domain, chosen: ActiveLearningOptions, tracks: int | 
         raise DataError(f"--confidence {chosen.confidence:g}: expected a number from 0, below 1")
     if tracks is not None and 0 < tracks < MIN_TRACKS:
         raise DataError(f"--tracks {tracks}: expected 0, or at least {MIN_TRACKS}")
-    if chosen.trust:
+    if chosen.trust or chosen.watch:
         check_followed(domain, [TRUST])
     for training in chosen.classifiers.values():
         if isinstance(training, TrainingOptions):

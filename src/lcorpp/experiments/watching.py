@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Iterator, Mapping
+from math import exp
 from pathlib import Path
 
 from lcorpp.domains import Domain
@@ -15,7 +16,7 @@ from lcorpp.experiments.robot_parts import list_changed_files, load_logged_domai
 from lcorpp.fitting import list_faults
 from lcorpp.reasoning import Program
 from lcorpp.trust import Alarm, Finding, Hypotheses
-from lcorpp.trust.alarm import FALSE_ALARM_RATE, check_rate
+from lcorpp.trust.alarm import BIAS_CHANGE, FALSE_ALARM_RATE, HEARING, check_rate
 
 
 def make_hypotheses(domain: Domain, program: Program | None = None, *, given: bool = False) -> Hypotheses:
@@ -47,6 +48,25 @@ def make_alarm(domain: Domain, hypotheses: Hypotheses, *, rate: float = FALSE_AL
         DecisionError: as of `Alarm`.
     """
     return Alarm(hypotheses, DomainDialogue(domain), rate=rate)
+
+
+def describe_finding(finding: Finding, domain: Domain) -> str:
+    """Return an alarm in one sentence."""
+    evidence = f"E = {exp(min(finding.log_e, 700)):.3g}"
+    if finding.part == HEARING:
+        if finding.change == BIAS_CHANGE:
+            return f"the answers are biased: one is observed too often, whatever the value; {evidence}"
+        how = "more" if finding.noise > 0 else "less"
+        return f"the answers are {how} noisy than the model states (degree {finding.noise:.2f}); {evidence}"
+    sense_of = {sense.attribute: sense.name for sense in domain.senses}
+    names = [
+        f"the rates of the classifier {sense_of[name]}" if name in sense_of else f"the knowledge about {name}"
+        for name in finding.attributes
+    ]
+    return (
+        f"wrong is probably {' or '.join(names)} (most likely: {finding.change});"
+        f" {evidence}, probability {finding.probability:.2f}"
+    )
 
 
 class LogWatch:

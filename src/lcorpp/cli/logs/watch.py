@@ -3,17 +3,13 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
 from lcorpp.cli import console
 from lcorpp.cli.logs import common
 from lcorpp.errors import DataError
-
-if TYPE_CHECKING:
-    from lcorpp.domains import Domain
-    from lcorpp.trust import Finding
 
 POLL_SECONDS = 1.0
 """With --follow, the end of the log is read again after this time."""
@@ -51,7 +47,7 @@ def watch(
     from time import sleep
 
     from lcorpp.cli.output_files import check_figure
-    from lcorpp.experiments.watching import LogWatch
+    from lcorpp.experiments.watching import LogWatch, describe_finding
     from lcorpp.plot_style import save_figure
 
     if plot is not None:
@@ -66,7 +62,7 @@ def watch(
                 line, finding = result
                 assert watching.domain is not None
                 alarms += 1
-                words = describe(finding, watching.domain)
+                words = describe_finding(finding, watching.domain)
                 console.out.print(f"line {line}, person {finding.person}: {words}")
             elif not isinstance(result, DataError):
                 console.out.print(f"changed since the log: {result.what}", style="yellow")
@@ -88,26 +84,3 @@ def watch(
         raise DataError(common.summarise_damage(damaged, log))
     if alarms:
         raise typer.Exit(1)
-
-
-def describe(finding: Finding, domain: Domain) -> str:
-    """Return an alarm in one sentence."""
-    from math import exp
-
-    from lcorpp.trust.alarm import BIAS_CHANGE, HEARING
-
-    evidence = f"E = {exp(min(finding.log_e, 700)):.3g}"
-    if finding.part == HEARING:
-        if finding.change == BIAS_CHANGE:
-            return f"the answers are biased: one is observed too often, whatever the value; {evidence}"
-        how = "more" if finding.noise > 0 else "less"
-        return f"the answers are {how} noisy than the model states (degree {finding.noise:.2f}); {evidence}"
-    sense_of = {sense.attribute: sense.name for sense in domain.senses}
-    names = [
-        f"the rates of the classifier {sense_of[name]}" if name in sense_of else f"the knowledge about {name}"
-        for name in finding.attributes
-    ]
-    return (
-        f"wrong is probably {' or '.join(names)} (most likely: {finding.change});"
-        f" {evidence}, probability {finding.probability:.2f}"
-    )

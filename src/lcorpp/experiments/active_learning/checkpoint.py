@@ -48,7 +48,7 @@ class Checkpoint:
 
     run: a name shared by all decisions since the first training. number: as in `Batch`.
     rows: results of the batches. senses: the senses that learn.
-    session: the state of a session that learns from earlier people, None without one.
+    session: name -> state of what learns from people, see `LearningSession.state`; None without such.
     """
 
     run: str
@@ -166,7 +166,7 @@ class CheckpointFolder:
                 )
                 for name, sense in senses.items()
             },
-            content.get("session"),
+            _check_states(content.get("session")),
         )
 
     def _write_classifier(self, classifier: Classifier, number: int) -> dict[str, Any] | None:
@@ -205,6 +205,12 @@ def _read_matrix(sense: Mapping[str, Any], name: str | None) -> ConfusionMatrix:
     """Return a matrix of a sense, without counts if it has no name."""
     counts = np.array(sense[name]) if name else np.zeros_like(np.array(sense["counts"]))
     return ConfusionMatrix(tuple(sense["classes"]), counts)
+
+
+def _check_states(session: dict[str, Any] | None) -> Json | None:
+    if session is not None and not all(isinstance(state, dict) for state in session.values()):
+        raise ValueError("the session has no states")
+    return session
 
 
 def _check_count(value: Any) -> int:

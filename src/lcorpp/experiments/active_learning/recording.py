@@ -75,7 +75,7 @@ class DecisionRecorder:
                 {name: None if report is None else domain.class_of(name, report) for name in self._learning},
                 {name: find_class_marginal(domain, name, joint) for name in self._learning},
                 episode.answers,
-                {**result.to_extra(), "agrees": agrees, **session.format_evidence(episode)},
+                {**result.to_extra(), "agrees": agrees, **session.describe_decision(episode)},
             )
         session.learn(episode)
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 
@@ -13,15 +13,17 @@ from lcorpp.errors import DataError, DecisionError, DomainError, check_type
 from lcorpp.experiments.active_learning.batches import BatchResult, Row, make_row, score_batch
 from lcorpp.experiments.active_learning.drift import DriftMonitor
 from lcorpp.experiments.active_learning.recording import DecisionRecorder
-from lcorpp.experiments.active_learning.run_store import RunStore
+from lcorpp.experiments.active_learning.run_store import EVIDENCE, STRATEGY, RunStore
 from lcorpp.experiments.active_learning.senses import ActiveLearningOptions, LearningSenses
 from lcorpp.experiments.active_learning.session import LearningSession
 from lcorpp.experiments.active_learning.training import SenseTrainer
 from lcorpp.experiments.decision_log import DecisionLog
 from lcorpp.experiments.robot_parts import RobotParts
 from lcorpp.experiments.setup import ProgressDisplay, TrainingOptions, no_progress
+from lcorpp.experiments.strategies.trust import TRUST
 from lcorpp.protocols import Planner
 from lcorpp.simulation.people_stream import PeopleStream
+from lcorpp.trust import Finding
 from lcorpp.values import Dataset
 
 DEFAULTS = TrainingOptions()
@@ -35,7 +37,8 @@ def open_run_store(
 
     Raises:
         FileError, DataError: as `RunStore`.
-        DataError: its decisions were made with trust and this run is without it, or vice versa.
+        DataError: its decisions were made with trust and this run is without it, or vice versa; or the run
+            has the alarm and the decisions no evidence.
     """
     settings = {"domain": domain.name, "preset": domain.preset, "seed": options.seed}
     for number, (name, training) in enumerate(senses.training.items()):
@@ -54,14 +57,29 @@ def open_run_store(
     datasets = {name: data.dataset for name, data in senses.data.items()}
     classes = {name: domain.find_sense(name).classes for name in datasets}
     run_store = RunStore(path, datasets, classes, settings)
-    if run_store.has_evidence not in (None, options.trust):
+    try:
+        _check_decisions(run_store, options)
+    except DataError:
         run_store.close()
-        before, now = ("with", "without") if run_store.has_evidence else ("without", "with")
+        raise
+    return run_store
+
+
+def _check_decisions(run_store: RunStore, options: ActiveLearningOptions) -> None:
+    """Check that the earlier decisions are of the same strategy, and have what the run needs."""
+    path, decisions = run_store.store.path, [t.extra for t in run_store.store.snapshot() if "met" in t.extra]
+    had_trust = [extra.get(STRATEGY) == TRUST.name for extra in decisions]
+    if had_trust and had_trust[-1] != options.trust:
+        before, now = ("with", "without") if had_trust[-1] else ("without", "with")
         raise DataError(
             f"{path}: the run of this store was begun {before} --trust, and this one is {now} it; expected"
             " the same, or another store"
         )
-    return run_store
+    if options.watch and not all(EVIDENCE in extra for extra in decisions):
+        raise DataError(
+            f"{path}: it has decisions of a run without --watch, which lack their evidence; expected another"
+            " store"
+        )
 
 
 @check_arguments
@@ -74,6 +92,7 @@ def run_active_learning(
     run_store: RunStore | None = None,
     log: DecisionLog | None = None,
     parts: RobotParts | None = None,
+    on_alarm: Callable[[int, int, Finding], None] = lambda batch, person, finding: None,
     progress: ProgressDisplay = no_progress,
 ) -> Iterator[BatchResult]:
     """Run Algorithm 1 and yield each batch after its training, the initial training first.
@@ -85,6 +104,7 @@ def run_active_learning(
         senses: see `set_up_learning`.
         run_store: stores every decision and a checkpoint of every batch; a run of the same options resumes
             where the last one ended, and its first batch is the last completed one.
+        on_alarm: called with the batch, the number of people and the finding when an alarm is raised.
         log: receives every decision. parts: the domain and the planner's policy, which a log needs.
 
     Raises:
@@ -108,7 +128,14 @@ def run_active_learning(
     monitor = DriftMonitor(tuple(senses.data), options.seed)
     if run_store is not None:
         monitor.restore(run_store)
-    session = LearningSession(domain, planner, trainer, run_store, trust=options.trust)
+    next_batch = 1
+
+    def report_alarm(person: int, finding: Finding) -> None:
+        on_alarm(next_batch, person, finding)
+
+    session = LearningSession(
+        domain, planner, trainer, run_store, trust=options.trust, watch=options.watch, listener=report_alarm
+    )
     recorder = DecisionRecorder(domain, tuple(senses.data), stream, monitor, run_store, log, session)
     batches = lcorpp(
         datasets,
@@ -139,6 +166,6 @@ def run_active_learning(
         if run_store is not None:
             run_store.save_checkpoint(batch, rows, session.state())
         yield BatchResult(batch, scores, tuple(rows), resumed, decisions)
-        resumed = False
+        resumed, next_batch = False, batch.number + 1
         if batch.number >= options.max_batches:
             return

@@ -21,8 +21,8 @@ from lcorpp.experiments.active_learning.checkpoint import CheckpointFolder, Json
 from lcorpp.learning.store import NewTrack, Snapshot, Store, StoredTrack, TrackSchema
 from lcorpp.values import Array, Dataset, Distribution, LabelEvidence, track_hash
 
-EVIDENCE = "evidence"
-"""Key of the reasoner's evidence in the extra data of a stored decision; only runs with trust store it."""
+STRATEGY, EVIDENCE = "strategy", "evidence"
+"""Keys in the extra data of a stored decision; only runs with trust or the alarm have them."""
 
 
 class RunStore:
@@ -32,7 +32,6 @@ class RunStore:
     notes: warnings from opening the stores and reading the checkpoint, as sentences.
     pending: the stored decisions since the last training.
     n_people: number of people that the run has drawn so far, in all batches.
-    has_evidence: whether its decisions contain the evidence, as trust needs it; None without decisions.
     """
 
     def __init__(
@@ -83,8 +82,6 @@ class RunStore:
             self.pending = self._find_pending(snapshots[first])
             self._n_pending = {name: len(self._find_pending(own)) for name, own in snapshots.items()}
             met = [stored.extra.get("met") for stored in snapshots[first]]
-            decided = [EVIDENCE in stored.extra for stored in snapshots[first] if "met" in stored.extra]
-            self.has_evidence = all(decided) if decided else None
             self.n_people = 1 + max((number for number in met if type(number) is int), default=-1)
             self._files = stack.pop_all()
 

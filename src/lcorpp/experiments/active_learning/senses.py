@@ -41,6 +41,7 @@ class ActiveLearningOptions:
         probability; the default of epsilon depends on the number of classes.
     max_batches: the run ends after this many batches.
     trust: whether LCORPP+trust decides, which learns from each person what its sources are worth.
+    watch: whether an alarm is raised if knowledge, rates or hearing are not as stated, see `Alarm`.
     seed: of all random numbers. jobs: processes for training.
     """
 
@@ -52,6 +53,7 @@ class ActiveLearningOptions:
     confidence: float = CONFIDENCE
     max_batches: int = 20
     trust: bool = False
+    watch: bool = False
     seed: int = 0
     jobs: int = 1
 

@@ -1,131 +1,137 @@
-"""The session of a run of Algorithm 1: which strategy decides, and the state of its trust."""
+"""The session of a run of Algorithm 1: which strategy decides, and the states of trust and of the alarm."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from typing import Any
 
 from lcorpp.decision import STRATEGIES, Robot, Strategy
 from lcorpp.decision.strategies import Rates
 from lcorpp.domains import Domain
-from lcorpp.errors import DecisionError, check_type
-from lcorpp.experiments.active_learning.batches import NOISE, WEIGHT, Row
-from lcorpp.experiments.active_learning.run_store import EVIDENCE, RunStore
+from lcorpp.errors import DecisionError
+from lcorpp.experiments.active_learning.batches import Row
+from lcorpp.experiments.active_learning.followers import AlarmFollower, Follower, TrustFollower
+from lcorpp.experiments.active_learning.run_store import EVIDENCE, STRATEGY, RunStore
 from lcorpp.experiments.active_learning.training import SenseTrainer
 from lcorpp.experiments.decision_log import format_labels, read_labels
 from lcorpp.experiments.strategies.trust import TRUST, check_followed
-from lcorpp.experiments.trust.setup import set_up_trust
-from lcorpp.planning import Planner
-from lcorpp.protocols import Planner as PlannerProtocol
+from lcorpp.protocols import Planner
 from lcorpp.reasoning import Reasoner
-from lcorpp.trust import Trust
+from lcorpp.trust import Finding
 from lcorpp.values import ConfusionMatrix, Episode, Label, Step
 
 
 class LearningSession:
-    """The strategy that decides in a run of Algorithm 1, over batches and interruptions.
+    """The strategy that decides in a run, trust and the alarm, over batches and interruptions.
 
-    With trust, an interrupted run goes on exactly: from the state in the checkpoint, and the decisions that
-    are stored since. Without a usable checkpoint the classifiers are trained again. Then trust learns from
-    all stored decisions, without the labels of the senses that learn: those are of earlier classifiers.
+    An interrupted run goes on exactly: from the state in the checkpoint, and the decisions stored since.
+    Without a usable checkpoint the classifiers are trained again. Then trust and alarm learn from all stored
+    decisions, without the labels of the senses that learn: those are of earlier classifiers.
 
     strategy: LCORPP or LCORPP+trust.
 
     Args:
         run_store: of the run, if it has one.
+        trust, watch: whether the run has trust, and the alarm. listener: as of `AlarmFollower`.
 
     Raises:
-        DecisionError: the planner is none of lcorpp's.
-        DomainError: trust cannot follow the domain's dialogue.
+        DecisionError: as `TrustFollower`. DomainError: they cannot follow the domain's dialogue.
     """
 
     def __init__(
         self,
         domain: Domain,
-        planner: PlannerProtocol,
+        planner: Planner,
         trainer: SenseTrainer,
         run_store: RunStore | None,
         *,
         trust: bool,
+        watch: bool,
+        listener: Callable[[int, Finding], None],
     ) -> None:
         self.strategy: Strategy = TRUST if trust else STRATEGIES[-1]
-        self._domain, self._planner, self._trainer, self._run_store = domain, planner, trainer, run_store
-        self._trust: Trust | None = None
-        if trust:
-            check_type(planner, Planner, "the planner of a run with trust", DecisionError)
+        self._domain, self._start, self._trainer, self._store = domain, planner.start, trainer, run_store
+        self._trust = TrustFollower(domain, planner) if trust else None
+        self._followers = dict[str, Follower]()
+        if self._trust is not None:
+            self._followers["trust"] = self._trust
+        if watch:
+            self._followers["alarm"] = AlarmFollower(domain, listener)
+        if self._followers:
             check_followed(domain, [TRUST])
+        self._has_begun = False
 
     @property
     def n_people(self) -> int | None:
         """Number of people that trust has learnt from; None without trust."""
-        return self._trust.n_people if self._trust else None
+        return None if self._trust is None or self._trust.trust is None else self._trust.trust.n_people
 
     def make_reasoner(self, confusions: Mapping[str, ConfusionMatrix]) -> Reasoner:
         """Return the reasoner after a training, and begin the decisions with its classifiers."""
         reasoner = self._trainer.make_reasoner(confusions)
-        if self.strategy is TRUST:
+        if self._followers:
             rates = self._trainer.compute_rates(confusions)
-            if self._trust is None:
-                self._trust = self._resume(reasoner, rates)
+            if self._has_begun:
+                for follower in self._followers.values():
+                    follower.retrain(reasoner, rates)
             else:
-                self._trust.retrain(reasoner, rates=rates)
+                self._begin(reasoner, rates)
         return reasoner
 
     def change(self, full: Robot) -> Robot:
         """Return the robot for the next person."""
-        if self._trust is None:
+        if self._trust is None or self._trust.trust is None:
             return full
-        return replace(full, reasoner=self._trust, planner=self._trust.make_planner())
+        trust = self._trust.trust
+        return replace(full, reasoner=trust, planner=trust.make_planner())
 
     def learn(self, episode: Episode) -> None:
         """Learn from the decision about that person."""
-        if self._trust is not None:
-            self._trust.learn(episode.evidence, episode.steps)
+        for follower in self._followers.values():
+            follower.learn(episode.evidence, episode.steps)
 
-    def format_evidence(self, episode: Episode) -> dict[str, Any]:
-        """Return what trust needs of a decision besides its answers, to be stored as JSON."""
-        return {} if self._trust is None else {EVIDENCE: format_labels(episode.evidence)}
+    def describe_decision(self, episode: Episode) -> dict[str, Any]:
+        """Return what learning needs of a decision besides its answers, to be stored as JSON."""
+        if not self._followers:
+            return {}
+        return {STRATEGY: self.strategy.name, EVIDENCE: format_labels(episode.evidence)}
 
     def state(self) -> Mapping[str, Any] | None:
-        """Return the state for a checkpoint as JSON; None without trust, and before the first decision."""
-        if self._trust is None:
-            return self._run_store.session if self._run_store else None
-        return self._trust.state()
+        """Return the state for a checkpoint as JSON; None if there is none, or not yet."""
+        if not self._has_begun:
+            return self._store.session if self._store and self._followers else None
+        return {name: follower.state() for name, follower in self._followers.items()}
 
     def describe(self) -> Row:
-        """Return the weights of trust's sources, and the noise of the answers, as columns of a batch."""
-        if self._trust is None:
-            return {}
-        weights = zip(self._trust.sources, self._trust.weights.tolist(), strict=True)
-        columns: Row = {WEIGHT + name.replace(" ", "_"): weight for name, weight in weights}
-        return columns | {NOISE: self._trust.learnt.noise}
+        """Return the columns of a batch that ends."""
+        columns: Row = {}
+        for follower in self._followers.values():
+            columns |= follower.describe()
+        return columns
 
-    def _resume(self, reasoner: Reasoner, rates: Rates) -> Trust:
-        """Return trust as the earlier run left it, or a new one, with the classifiers of a reasoner."""
-        trust, store = self._set_up_trust(reasoner, rates), self._run_store
-        if store is None:
-            return trust
-        state = store.session
-        if state is not None:
+    def _begin(self, reasoner: Reasoner, rates: Rates) -> None:
+        """Go on where the earlier run ended, if the store has one."""
+        store = self._store
+        states = store.session or {} if store else {}
+        for name, follower in self._followers.items():
+            state = states.get(name)
             try:
-                trust.restore(state)
+                follower.begin(reasoner, rates, state)
             except DecisionError as error:
-                store.notes.append(f"{error}; trust learns again from all stored decisions")
-                trust, state = self._set_up_trust(reasoner, rates), None
-        if state is None:
-            learning = {self._domain.find_sense(name).attribute for name in store.stores}
-            for evidence, steps in self._read_decisions(store, pending=False):
-                known = {name: value for name, value in evidence.items() if name not in learning}
-                trust.learn(known, steps)
-        trust.retrain(reasoner, rates=rates)
-        for evidence, steps in self._read_decisions(store, pending=True):
-            trust.learn(evidence, steps)
-        return trust
-
-    def _set_up_trust(self, reasoner: Reasoner, rates: Rates) -> Trust:
-        assert isinstance(self._planner, Planner)
-        return set_up_trust(self._domain, reasoner, self._planner, rates=rates)
+                assert store is not None
+                store.notes.append(f"{error}; {name} learns again from all stored decisions")
+                state = None
+                follower.begin(reasoner, rates, None)
+            if state is None and store is not None:
+                learning = {self._domain.find_sense(sense).attribute for sense in store.stores}
+                for evidence, steps in self._read_decisions(store, pending=False):
+                    known = {name: value for name, value in evidence.items() if name not in learning}
+                    follower.learn(known, steps)
+        for evidence, steps in self._read_decisions(store, pending=True) if store else ():
+            for follower in self._followers.values():
+                follower.learn(evidence, steps)
+        self._has_begun = True
 
     def _read_decisions(
         self, store: RunStore, *, pending: bool
@@ -134,8 +140,8 @@ class LearningSession:
 
         The steps have no report, and the initial belief in place of theirs, which is not stored.
         """
-        since, belief = {track.id for track in store.pending}, self._planner.start
+        since = {track.id for track in store.pending}
         for track in store.store.snapshot():
             if EVIDENCE in track.extra and (track.id in since) == pending:
-                steps = [Step(action, heard, belief) for action, heard in track.extra["answers"]]
+                steps = [Step(action, heard, self._start) for action, heard in track.extra["answers"]]
                 yield read_labels(track.extra[EVIDENCE]), steps
