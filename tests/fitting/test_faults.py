@@ -74,7 +74,7 @@ def test_missing_rules_are_found_by_the_conditions_of_others():
         pr(hat=heads | who=honest) = 0.2.
         pr(hat=heads | who=cheat) = 0.7.
     """)
-    faults = list_faults(program, ["side", "hat"], unruled=["side"])
+    faults = list_faults(program, ["side", "hat"], may_lack_rules=["side"])
     own = [f for f, name in enumerate(faults.attributes) if name == "side"]
     assert {faults.changes[f] for f in own} == {TABLE_CHANGE}
     assert faults.priors[own].sum() == pytest.approx((1 - PROGRAM_PRIOR) / 2)

@@ -27,8 +27,8 @@ def make_hypotheses(domain: Domain, program: Program | None = None, *, given: bo
         given: whether the facts are given, see `Hypotheses`.
     """
     used = (*domain.observed, *domain.label_attributes, *domain.reasoning.shared)
-    unruled = (*domain.observed, *domain.reasoning.shared)
-    faults = list_faults(domain.program if program is None else program, used, unruled)
+    may_lack_rules = (*domain.observed, *domain.reasoning.shared)
+    faults = list_faults(domain.program if program is None else program, used, may_lack_rules)
     return Hypotheses(
         faults.reasoners,
         faults.weights,

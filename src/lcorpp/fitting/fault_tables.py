@@ -17,8 +17,8 @@ from lcorpp.reasoning.language.syntax import Body, Literal, Number, Probability,
 from lcorpp.values import Array
 
 MAX_TABLES = 64
-"""Maximum number of tables of one attribute. When an alarm is due, few people have been met, and they do not
-tell finer tables apart."""
+"""Maximum number of tables of one attribute: an alarm is due after few people, whose data do not distinguish
+finer tables."""
 
 Rows = Mapping[Body, Sequence[Fraction]]
 """A table: the probability of each value in each condition; elsewhere all values are equally probable."""

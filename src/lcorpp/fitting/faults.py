@@ -21,8 +21,8 @@ from lcorpp.values import Array
 PROGRAM_PRIOR, SIMPLE_PRIOR = 0.05, 0.6
 """Prior probability of the program, and of the simple faults of an attribute that has tables, too."""
 
-TOLERANCE = 1e-3
-"""A fault that changes all probabilities by less is none."""
+CHANGE_TOLERANCE = 1e-3
+"""A fault that changes no probability by more is left out."""
 
 MAX_EXCHANGES = 30
 """Maximum number of pairs of values of one attribute, or of one condition, that are exchanged."""
@@ -48,7 +48,7 @@ class Faults:
     priors: Array
 
 
-def list_faults(program: Program, used: Sequence[str], unruled: Sequence[str] = ()) -> Faults:
+def list_faults(program: Program, used: Sequence[str], may_lack_rules: Sequence[str] = ()) -> Faults:
     """List faults of each attribute with pr-atoms, and of random attributes whose pr-atoms may be missing.
 
     Simple faults are: pr-atoms that are missing, so that all values are equally probable; numbers half-way to
@@ -60,22 +60,22 @@ def list_faults(program: Program, used: Sequence[str], unruled: Sequence[str] = 
     Args:
         used: the attributes that are observed or inferred. Faults whose programs are invalid for these are
             left out.
-        unruled: attributes that may lack pr-atoms.
+        may_lack_rules: attributes that may lack pr-atoms.
     """
     reasoners, rows = [Reasoner(program)], [{0: 1.0}]
     attributes, changes, priors = [""], [""], list[float]()
-    ruled = dict.fromkeys(s.term.name for s in program.statements if isinstance(s, Probability))
-    for name in dict.fromkeys([*ruled, *unruled]):
+    with_rules = dict.fromkeys(s.term.name for s in program.statements if isinstance(s, Probability))
+    for name in dict.fromkeys([*with_rules, *may_lack_rules]):
         simple = [
             (what, r)
-            for what, p in (_list_simple_faults(program, name, used) if name in ruled else ())
+            for what, p in (_list_simple_faults(program, name, used) if name in with_rules else ())
             if (r := build_valid_reasoner(p, used)) is not None
         ]
         groups = [(SIMPLE_PRIOR, [{len(reasoners) + i: 1.0} for i in range(len(simple))])] if simple else []
         changes += [what for what, _ in simple]
         reasoners += [reasoner for _, reasoner in simple]
         tables = [list_tables(program, name, stated) for stated in _list_stated(program, name)]
-        if name not in ruled:  # the conditions of other attributes may depend on this one
+        if name not in with_rules:  # the conditions of other attributes may depend on this one
             tables = [t for t in tables if build_valid_reasoner(t[1][0], used) is not None]
         for table_weights, mixtures in tables:
             used_by = [0, *range(len(reasoners), len(reasoners) + len(mixtures))]
@@ -130,7 +130,7 @@ def _list_simple_faults(program: Program, name: str, used: Sequence[str]) -> Ite
         rewritten.append(("more certain probabilities", _sharpen(program, name, stated)))
     for what, fault in rewritten:
         table = find_table(fault, name)
-        if stated is None or table is None or not is_equal(stated, table, TOLERANCE):
+        if stated is None or table is None or not is_equal(stated, table, CHANGE_TOLERANCE):
             yield what, fault
 
 
