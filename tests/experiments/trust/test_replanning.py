@@ -41,13 +41,17 @@ def test_the_stated_policy_acts_within_the_tolerance(intention):
 
 def test_the_policy_of_the_estimated_model_takes_over(intention, monkeypatch):
     monkeypatch.setattr(replanning, "WORK_PER_PERSON", 2000)
-    dialogue, _ = make(intention)
+    dialogue, replan = make(intention)
     tables = add_noise(dialogue.tables, 0.5)
     calls = 1
     while (planner := dialogue.make_planner(tables)).policy is intention[1].policy:
         calls += 1
     assert calls > 3
     domain = intention[0]
+    usable = 0.01 * np.ptp(domain.pomdp.reward)
+    assert max(map(planner.policy.gap, domain.start_beliefs())) <= usable
+    while replan.state()["trials"] is not None:
+        planner = dialogue.make_planner(tables)
     assert max(map(planner.policy.gap, domain.start_beliefs())) <= 0.161
     best = solve(planner.pomdp, domain.start_beliefs(), precision=0.01)
     for start in domain.start_beliefs():
@@ -63,6 +67,21 @@ def test_a_search_that_takes_too_long_is_given_up(intention, monkeypatch):
         planner = dialogue.make_planner(add_noise(dialogue.tables, 0.5))
     assert planner.policy is intention[1].policy
     assert replan.state()["trials"] is None
+
+
+def test_a_usable_policy_acts_though_its_search_ends_without_the_precision(intention, monkeypatch):
+    monkeypatch.setattr(replanning, "WORK_PER_PERSON", 2000)
+    monkeypatch.setattr(replanning, "PRECISION_SHARE", 1e-9)
+    domain, stated = intention
+    replan = Replanner(stated, domain.start_beliefs(), 1e-9)
+    dialogue = DomainDialogue(domain, replan)
+    tables = add_noise(dialogue.tables, 0.5)
+    monkeypatch.setattr(replanning, "MAX_SEARCH_WORK", 100_000)
+    planner = dialogue.make_planner(tables)
+    while replan.state()["trials"] is not None:
+        planner = dialogue.make_planner(tables)
+    gaps = [planner.policy.gap(start) for start in domain.start_beliefs()]
+    assert 1e-9 < max(gaps) <= 0.01 * np.ptp(domain.pomdp.reward)
 
 
 @pytest.mark.parametrize("n_before", [1, 4, 12, 30])

@@ -24,15 +24,18 @@ WORK_PER_PERSON = 1e5
 """Work of the search after each person, in the unit of `PacedSearch`: 5 to 25 milliseconds."""
 
 MAX_SEARCH_WORK = 200 * WORK_PER_PERSON
-"""A search that has not converged after this much work ends without a policy."""
+"""A search that has not converged after this much work ends."""
+
+USABLE_SHARE = 1e-2
+"""Gap at which the policy of an unfinished search acts, as a share of the range of the rewards."""
 
 
 class Replanner:
     """The planner of each estimated model; it searches for a policy, by bounded work after each person.
 
-    While the search for a model is unfinished, the former policy acts on the beliefs of the model. The new
-    policy takes over if its gap at the start beliefs is at most the precision: before that, it may be worse
-    than the former one. The result depends on the models and their order, not on a clock.
+    The former policy acts on the beliefs of a new model until the gap of the new policy at the start beliefs
+    is at most `USABLE_SHARE`: before that, the new one may be worse. The search goes on to the precision. The
+    result depends on the models and their order, not on a clock.
 
     Args:
         planner: for the stated model.
@@ -44,7 +47,8 @@ class Replanner:
         self._starts = starts
         self._model = planner.pomdp  # of the last call
         self._target = planner.pomdp  # of the last search
-        self._precision = max(precision, PRECISION_SHARE * float(np.ptp(planner.pomdp.reward)))
+        span = float(np.ptp(planner.pomdp.reward))
+        self._precision, self._usable_gap = max(precision, PRECISION_SHARE * span), USABLE_SHARE * span
         self._stated = self._policy = planner.policy
         self._solved: tuple[Pomdp, int] | None = None  # model of `_policy`, and trials of its search
         self._search: PacedSearch | None = None
@@ -60,10 +64,10 @@ class Replanner:
         search = self._search
         if search is not None:
             search.advance(work=WORK_PER_PERSON)
-            if search.converged:
+            if search.gap <= self._usable_gap:
                 self._policy, self._solved = search.make_policy(), (search.pomdp, search.trials)
-                self.planner, self._search = TransferPlanner(self._policy, model), None
-            elif search.work > MAX_SEARCH_WORK:
+                self.planner = TransferPlanner(self._policy, model)
+            if search.converged or search.work > MAX_SEARCH_WORK:
                 self._search = None
         return self.planner
 
