@@ -61,7 +61,7 @@ def test_trust_and_alarm_of_algorithm_1_are_in_the_results(lcorpp, tmp_path, mon
     assert f"; trust: {best.removeprefix('weight_')} {weights[best]:.2f}, " in ended.out
     assert f"; noise {float(last['noise']):.2f}" in ended.out
     assert f"note: batch 1, {last['alarm']}\n" in ended.out + ended.err
-    assert "the answers are more noisy than the model states" in last["alarm"]
+    assert "the answers are noisier than the model states" in last["alarm"]
     assert lcorpp("replay", "-q", log).out == "12 decisions, 0 differences\n"
     for options, words in (
         ((), "the run of this store was begun with --trust, and this one is without it; expected"),

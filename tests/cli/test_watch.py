@@ -37,9 +37,9 @@ def test_swapped_knowledge_is_named(lcorpp, run, options):
     log = run(300, "--preset", "low", "--strategy", "LCORPP")
     ended = lcorpp("watch", log, *options)
     assert ended.code == 1
-    first = next(line for line in ended.out.splitlines() if "wrong is probably" in line)
-    assert "wrong is probably the knowledge about intention (" in first
-    assert "the answers are more noisy than the model states (degree 0." in ended.out
+    first = next(line for line in ended.out.splitlines() if "probably wrong" in line)
+    assert "probably wrong: the knowledge about intention (" in first
+    assert "the answers are noisier than the model states (degree 0." in ended.out
     assert ended.out.endswith("300 decisions of LCORPP, 2 alarms\n")
 
 

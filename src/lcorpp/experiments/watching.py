@@ -56,15 +56,15 @@ def describe_finding(finding: Finding, domain: Domain) -> str:
     if finding.part == HEARING:
         if finding.change == BIAS_CHANGE:
             return f"the answers are biased: one is observed too often, whatever the value; {evidence}"
-        how = "more" if finding.noise > 0 else "less"
-        return f"the answers are {how} noisy than the model states (degree {finding.noise:.2f}); {evidence}"
+        how = "noisier" if finding.noise > 0 else "less noisy"
+        return f"the answers are {how} than the model states (degree {finding.noise:.2f}); {evidence}"
     sense_of = {sense.attribute: sense.name for sense in domain.senses}
     names = [
         f"the rates of the classifier {sense_of[name]}" if name in sense_of else f"the knowledge about {name}"
         for name in finding.attributes
     ]
     return (
-        f"wrong is probably {' or '.join(names)} (most likely: {finding.change});"
+        f"probably wrong: {' or '.join(names)} (most likely: {finding.change});"
         f" {evidence}, probability {finding.probability:.2f}"
     )
 
