@@ -146,7 +146,7 @@ def test_another_start_leaves_a_maximum_at_which_the_values_are_exchanged(seed):
         model.add(*person)
     model.rates, model.rows = [np.array([[0.9, 0.1], [0.1, 0.9]])], model.answers.add_noise(0.98)
     model.pi = np.array([[0.8, 0.2], [0.3, 0.7]])
-    model._take_logs()
+    model._update_logs()
     model.fit(20)
     assert model.rates[0][0, 0] > 0.6
     model.restart(100)

@@ -13,7 +13,7 @@ from lcorpp.trust.cases import NO_LABEL, Cases
 from lcorpp.values import Array
 
 CONTEXT_PEOPLE = 5.0
-"""Weight of what the facts of a context suggest one by one against the people met in it, in people."""
+"""Weight of the prediction of a context from its facts against the people of the context, in people."""
 
 FACT_PEOPLE = 1.0
 """Weight of a fact's frequency among all people against that among people of one value, in people."""
@@ -36,11 +36,12 @@ MIN_RATE = 1e-3
 
 
 class LatentClassModel:
-    """p(labels, answers | context) = sum_y pi_context(y) prod_s C_s(label | y) prod_j O(heard | asked, y).
+    """p(labels, answers | x) = sum_y pi_x(y) prod_s C_s(label | y) prod_j O(answer | question, y).
 
-    y is the shared value. The choice of the questions cancels. The distributions pi have a flat prior, the
-    rates C and the observation model O have what is stated as a prior. The knowledge has no part in it: as a
-    prior of pi beside a free O, EM explains answers that disagree with it as noise.
+    y is the shared value, x the context. The choice of the questions cancels. The prior of pi is a prediction
+    from the facts of the context (naive Bayes), that of the rates C and of the observation model O what is
+    stated. The knowledge has no part in it: as a prior of pi beside a free O, EM would explain answers that
+    disagree with it as noise.
 
     pi: (X, V) the distribution of the value in each context. rates: for each sense (V, L) C. rows: (R, O) the
     rows of O. noise: of the answers, see `AnswerModel`. prior_rates: the prior of C, first the stated rates.
@@ -63,7 +64,7 @@ class LatentClassModel:
         self.cases = Cases(len(stated_rates), answers.n_answers, memory)
         self._stated_rates = [_bound_rows(rates) for rates in stated_rates]
         self.prior_rates = list(self._stated_rates)
-        self._alike = [_find_equal_rows(rates) for rates in self.prior_rates]
+        self._equal_rows = [_find_equal_rows(rates) for rates in self.prior_rates]
         self.pi = np.zeros((0, self.n_values))
         self._facts: dict[tuple[str, object], int] = {}
         self._has_fact = np.zeros((0, 0))  # (X, F) 1 for the facts of a context
@@ -73,8 +74,8 @@ class LatentClassModel:
         # expected counts of cases that are not kept
         self._past_values = np.zeros((0, self.n_values))
         self._past_labels = [np.zeros_like(rates) for rates in self.prior_rates]
-        self._past_heard = np.zeros((answers.n_answers, self.n_values))
-        self._take_logs()
+        self._past_answers = np.zeros((answers.n_answers, self.n_values))
+        self._update_logs()
 
     def add_context(self, facts: Iterable[tuple[str, object]]) -> int:
         """Add a context, given by attributes and their values; return its index."""
@@ -129,19 +130,19 @@ class LatentClassModel:
         """
         if rows is not None:
             self.rows = rows
-            self._take_logs()
+            self._update_logs()
         for _ in range(iterations):
-            values, labels, heard = self._expect(self.cases.weights)
+            values, labels, answers_of_value = self._expect(self.cases.weights)
             self._values = values
             self.pi = values + CONTEXT_PEOPLE * self._combine_facts(values)
             self.pi /= self.pi.sum(axis=1, keepdims=True)
             self.rates = [
-                _normalise(alike @ own + LABEL_PEOPLE * stated)
-                for own, alike, stated in zip(labels, self._alike, self.prior_rates, strict=True)
+                _normalise(equal_rows @ own + LABEL_PEOPLE * stated)
+                for own, equal_rows, stated in zip(labels, self._equal_rows, self.prior_rates, strict=True)
             ]
             if rows is None:
-                self.rows, self.noise = self.answers.estimate_rows(heard)
-            self._take_logs()
+                self.rows, self.noise = self.answers.estimate_rows(answers_of_value)
+            self._update_logs()
 
     def replace_rates(self, stated_rates: Sequence[Array]) -> bool:
         """Replace the stated rates; of a sense whose rates differ, forget all labels.
@@ -153,10 +154,10 @@ class LatentClassModel:
         changed = [s for s, own in enumerate(replaced) if not np.array_equal(own, self._stated_rates[s])]
         for s in changed:
             self._stated_rates[s] = self.prior_rates[s] = self.rates[s] = replaced[s]
-            self._alike[s] = _find_equal_rows(replaced[s])
+            self._equal_rows[s] = _find_equal_rows(replaced[s])
             self._past_labels[s] = np.zeros_like(replaced[s])
             self.cases.forget_labels(s)
-        self._take_logs()
+        self._update_logs()
         return bool(changed)
 
     def state(self) -> dict[str, Any]:
@@ -171,11 +172,11 @@ class LatentClassModel:
             "values": self._values.tolist(),
             "past_values": self._past_values.tolist(),
             "past_labels": [labels.tolist() for labels in self._past_labels],
-            "past_heard": self._past_heard.tolist(),
+            "past_heard": self._past_answers.tolist(),
         }
 
     def restore(self, state: Mapping[str, Any]) -> None:
-        """Go on from a state; all its contexts are added already."""
+        """Continue from a state; all its contexts are added already."""
         self.cases.restore(state["cases"])
         shape = self.pi.shape
         self.pi, self._values, self._past_values = (
@@ -183,32 +184,32 @@ class LatentClassModel:
         )
         self._stated_rates = [np.array(rates) for rates in state["stated_rates"]]
         self.prior_rates = list(self._stated_rates)
-        self._alike = [_find_equal_rows(rates) for rates in self.prior_rates]
+        self._equal_rows = [_find_equal_rows(rates) for rates in self.prior_rates]
         self.rates = [np.array(rates) for rates in state["rates"]]
         self._past_labels = [np.array(labels) for labels in state["past_labels"]]
         self.rows, self.noise = np.array(state["rows"]), float(state["noise"])
-        self._past_heard = np.array(state["past_heard"])
-        self._take_logs()
+        self._past_answers = np.array(state["past_heard"])
+        self._update_logs()
 
     def restart(self, iterations: int) -> None:
         """Run EM from another start, and keep its result if it is more likely.
 
-        At this start labels say nothing and answers are half as good as stated. EM from the stated rates may
-        end where the classes are exchanged, if the rates are wrong and the answers are noisy.
+        At this start labels have no information and answers have noise 1/2. EM from the stated rates may end
+        in a local maximum in which the classes are exchanged, if the rates are wrong and answers are noisy.
         """
-        before, score = (self.pi, self._values, self.rates, self.rows, self.noise), self._score()
+        before, score = (self.pi, self._values, self.rates, self.rows, self.noise), self._compute_objective()
         self.pi = np.full_like(self.pi, 1 / self.n_values)
         self.rates = [np.tile(stated.mean(axis=0), (self.n_values, 1)) for stated in self.prior_rates]
         self.rows = self.answers.add_noise(0.5)
-        self._take_logs()
+        self._update_logs()
         self.fit(iterations)
-        if self._score() < score + MIN_GAIN:
+        if self._compute_objective() < score + MIN_GAIN:
             self.pi, self._values, self.rates, self.rows, self.noise = before
-            self._take_logs()
+            self._update_logs()
 
-    def _score(self) -> float:
+    def _compute_objective(self) -> float:
         """Return the log likelihood of the cases, and the log prior of the rates up to a constant."""
-        logs = self._weigh_values()
+        logs = self._compute_log_joint()
         top = logs.max(axis=1)
         likelihood = self.cases.weights @ (top + np.log(np.exp(logs - top[:, None]).sum(axis=1)))
         prior = sum(
@@ -217,7 +218,7 @@ class LatentClassModel:
         )
         return float(likelihood) + prior
 
-    def _weigh_values(self) -> Array:
+    def _compute_log_joint(self) -> Array:
         """Return (n, V) log p(value, labels, answers | context) of each case."""
         cases = self.cases
         logs: Array = self._log_pi[cases.contexts] + cases.answer_counts @ self._log_answers
@@ -228,7 +229,7 @@ class LatentClassModel:
 
     def _expect(self, weights: Array) -> tuple[Array, list[Array], Array]:
         """Return the expected counts of values (X, V), labels (V, L) for each sense, and answers (D, V)."""
-        cases, logs = self.cases, self._weigh_values()
+        cases, logs = self.cases, self._compute_log_joint()
         logs -= logs.max(axis=1, keepdims=True)
         people = np.exp(logs, out=logs)
         people *= (weights / people.sum(axis=1))[:, None]
@@ -237,7 +238,7 @@ class LatentClassModel:
             _sum_by(cases.labels[:, s] + 1, people, past.shape[1] + 1)[1:].T + past
             for s, past in enumerate(self._past_labels)
         ]
-        return values, labels, cases.answer_counts.T @ people + self._past_heard
+        return values, labels, cases.answer_counts.T @ people + self._past_answers
 
     def _combine_facts(self, values: Array) -> Array:
         """Return (X, V) P(value | facts) if the facts were independent given the value (naive Bayes).
@@ -248,8 +249,8 @@ class LatentClassModel:
         by_fact = self._has_fact.T @ values  # (F, V)
         by_value, n_people = values.sum(axis=0), values.sum() + 1
         frequency = (by_fact.sum(axis=1, keepdims=True) + 1 / self.n_values) / n_people
-        chances = (by_fact + FACT_PEOPLE * frequency) / (by_value + FACT_PEOPLE)
-        logs = self._has_fact @ np.log(chances) + np.log(by_value + 1 / self.n_values)
+        p_facts = (by_fact + FACT_PEOPLE * frequency) / (by_value + FACT_PEOPLE)
+        logs = self._has_fact @ np.log(p_facts) + np.log(by_value + 1 / self.n_values)
         return _normalise(np.exp(logs - logs.max(axis=1, keepdims=True)))
 
     def _condense(self) -> None:
@@ -258,10 +259,10 @@ class LatentClassModel:
         rare = np.argsort(weights, kind="stable")[: self.cases.n // 2]
         removed = np.zeros_like(weights)
         removed[rare] = weights[rare]
-        self._past_values, self._past_labels, self._past_heard = self._expect(removed)
+        self._past_values, self._past_labels, self._past_answers = self._expect(removed)
         self.cases.keep(np.flatnonzero(removed == 0))
 
-    def _take_logs(self) -> None:
+    def _update_logs(self) -> None:
         self._log_pi = np.log(self.pi)
         self._log_rates = [np.log(rates) for rates in self.rates]
         self._log_answers = self.answers.find_log_likelihoods(self.rows)
@@ -279,8 +280,8 @@ def _normalise(rows: Array) -> Array:
 def _find_equal_rows(rates: Array) -> Array:
     """Return (V, V) 1 where two values have the same row."""
     numbers, _ = number_rows(rates)
-    alike: Array = (numbers[:, None] == numbers).astype(np.float64)
-    return alike
+    equal_rows: Array = (numbers[:, None] == numbers).astype(np.float64)
+    return equal_rows
 
 
 def _sum_by(groups: npt.NDArray[np.intp], people: Array, n_groups: int) -> Array:

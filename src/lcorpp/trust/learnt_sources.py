@@ -1,4 +1,4 @@
-"""Predictions of the shared value that people's answers correct."""
+"""Predictions of the shared value by models that learn from people's answers."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from lcorpp.trust.latent_class import LatentClassModel
 from lcorpp.values import Array, Label
 
 KNOWLEDGE_PEOPLE = 20.0
-"""Weight of the knowledge in the source "corrected" against the people met in a context, in people."""
+"""Weight of the knowledge in the source "corrected" against the people of a context, in people."""
 
 MAX_CONTEXTS = 4096
 """Maximum number of contexts that are learnt separately; further ones are learnt as one."""
@@ -24,7 +24,7 @@ class LearntSources:
     """The sources that learn from answers.
 
     learnt: a latent class model of all people. recent: of the latest people. corrected: the knowledge, which
-    counts as some people in each context, and the people met there. Several shared variables add these:
+    counts as some people in each context, and the people of the context. Several shared variables add these:
     independent: the learnt marginals of the variables, without their correlation; and for each variable the
     knowledge without it, with its learnt marginal instead.
 
@@ -101,7 +101,7 @@ class LearntSources:
         return {"contexts": contexts, "learnt": self.learnt.state(), "recent": self.recent.state()}
 
     def restore(self, state: Mapping[str, Any]) -> None:
-        """Go on from a state, without contexts of its own."""
+        """Continue from a state, before the first context is added."""
         for facts in state["contexts"]:
             self.index_context(dict(facts))
         self.learnt.restore(state["learnt"])

@@ -1,4 +1,4 @@
-"""Predictions of the shared value by what is stated: knowledge, single senses, the planner's model."""
+"""Predictions of the shared value by stated sources: knowledge, single senses, the planner's model."""
 
 from __future__ import annotations
 
@@ -46,10 +46,9 @@ class StatedSources:
         labels = {name: evidence[name] for name in self.attributes if name in evidence}
         rows = [knowledge.probabilities]
         if len(self.attributes) > 1:
-            rows.append(self._combine_uniformly(labels))
+            rows.append(self._combine_uniform(labels))
         rows += [
-            self._combine_uniformly({name: labels[name]} if name in labels else {})
-            for name in self.attributes
+            self._combine_uniform({name: labels[name]} if name in labels else {}) for name in self.attributes
         ]
         predictions = np.array([*rows, self._start])
         if not any(isinstance(label, Likelihood) for label in labels.values()):
@@ -63,12 +62,12 @@ class StatedSources:
         labels = self._reasoner.posterior(attribute, {})
         prior = self._infer({}).probabilities
         assert labels is not None
-        columns = [self._combine_uniformly({attribute: label}) if p > 0 else 0 * prior for label, p in labels]
+        columns = [self._combine_uniform({attribute: label}) if p > 0 else 0 * prior for label, p in labels]
         # P(label | value) is P(label) times a column whose mean over the values is 1
         rates = [p * column / (column @ prior or 1) for column, (_, p) in zip(columns, labels, strict=True)]
         return tuple(labels.values), np.array(rates).T
 
-    def _combine_uniformly(self, labels: Mapping[str, Label]) -> Array:
+    def _combine_uniform(self, labels: Mapping[str, Label]) -> Array:
         """Return (V,) P(value | labels) if all values were equally probable before."""
         found = LabelRatesReasoner(self._reasoner, self._domain).posterior(self._domain.shared, labels)
         return np.full(len(self._start), 1 / len(self._start)) if found is None else found.probabilities

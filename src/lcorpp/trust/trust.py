@@ -1,4 +1,4 @@
-"""Trust: a reasoner that learns which of its sources to believe, and how well it hears."""
+"""Trust: a mixture of sources of knowledge and an observation model, both learnt from people's answers."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from lcorpp.trust.sources import StatedSources
 from lcorpp.values import Array, Distribution, Label, Likelihood, Step
 
 FIRST_RESTART, RESTART_ITERATIONS = 25, 40
-"""Number of people at which EM also runs from another start, again at each doubling; and its iterations."""
+"""Number of people at the first restart of EM, which is repeated at each doubling; and its iterations."""
 
 
 @dataclass(frozen=True)
@@ -29,8 +29,7 @@ class TrustOptions:
 
     share: alpha, the probability that another source becomes the best one between two people.
     memory: of the source "recent", in people.
-    ask_every: one person in so many is asked until `ask_answers` answers are heard; 0 asks nobody more than
-        needed.
+    ask_every: k: every k-th person is asked until there are `ask_answers` answers; 0: none.
     refits: the learnt models are fitted again when the number of people has grown by 1 / `refits`.
     iterations: of EM at each fit; each begins at the estimates of the one before.
     """
@@ -60,7 +59,7 @@ DEFAULT_OPTIONS = TrustOptions()
 
 
 class Trust:
-    """Learns from each decision what the sources of knowledge are worth.
+    """A reasoner that learns the weights of its sources of knowledge from each decision.
 
         trust = Trust(reasoner, domain, dialogue, planner)
         robot = Robot(classifiers, trust, trust.make_planner(), domain)   # for each person
@@ -68,10 +67,10 @@ class Trust:
 
     The prior of a person is the mixture of what the sources predict. A source's weight grows with the
     probability that it gave to the answers. The sources are those of `StatedSources`, and two latent class
-    models that never see the knowledge; see docs/trust.md.
+    models that do not depend on the knowledge; see docs/trust.md.
 
     sources: their names. weights: (K,) of the sources, summing to 1. n_people: number of people learnt from.
-    tables: (K, V, O) the estimated observation model. planner: for the next person, who answers by it.
+    tables: (K, V, O) the estimated observation model. planner: for the next person, by that model.
 
     Args:
         reasoner: theta, the program with the stated rates of the classifiers.
@@ -123,7 +122,7 @@ class Trust:
         return self.planner
 
     def learn(self, evidence: Mapping[str, Label], steps: Iterable[Step]) -> None:
-        """Learn from a person: first weigh the sources, then fit the models, then plan for the noise.
+        """Learn from a person: update the weights, then the models, then the planner.
 
         Args:
             evidence: what `posterior` got. steps: of the decision.
@@ -187,7 +186,7 @@ class Trust:
         }
 
     def restore(self, state: Mapping[str, Any]) -> None:
-        """Go on exactly from a state of trust with the same arguments; it has learnt from nobody yet.
+        """Continue exactly from a state of trust with the same arguments, before the first `learn`.
 
         Raises:
             DecisionError: it has learnt already, or the state is damaged or of other sources.
