@@ -266,7 +266,7 @@ def _check_options(domain: Domain, chosen: ActiveLearningOptions, tracks: int | 
     """
     from lcorpp.experiments.classifier_training import make_untrained
     from lcorpp.experiments.setup import TrainingOptions
-    from lcorpp.experiments.strategies.trust import TRUST, check_followed
+    from lcorpp.experiments.strategies.trust import TRUST, check_dialogue
     from lcorpp.learning.classifiers.registry import DEFAULTS, check_weighted
 
     if chosen.epsilon is not None and math.isnan(chosen.epsilon):
@@ -276,7 +276,7 @@ def _check_options(domain: Domain, chosen: ActiveLearningOptions, tracks: int | 
     if tracks is not None and 0 < tracks < MIN_TRACKS:
         raise DataError(f"--tracks {tracks}: expected 0, or at least {MIN_TRACKS}")
     if chosen.trust or chosen.watch:
-        check_followed(domain, [TRUST])
+        check_dialogue(domain, [TRUST])
     for training in chosen.classifiers.values():
         if isinstance(training, TrainingOptions):
             name = training.learner or DEFAULTS["motion"]

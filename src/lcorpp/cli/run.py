@@ -95,12 +95,12 @@ def _choose_comparison(
     """Return the options of the comparison; without trials it is exact."""
     from lcorpp.experiments.comparison import ComparisonOptions
     from lcorpp.experiments.strategies.baselines import find_strategies
-    from lcorpp.experiments.strategies.trust import TRUST, check_followed
+    from lcorpp.experiments.strategies.trust import TRUST, check_dialogue
 
     rows = find_strategies(strategies, [sense.name for sense in domain.senses])
     if not strategies and trials is not None:
         try:
-            check_followed(domain, [TRUST])
+            check_dialogue(domain, [TRUST])
             rows = (*rows, TRUST)
         except DomainError as error:
             console.print_note(f"{TRUST.name} is left out: {error}")

@@ -32,7 +32,7 @@ from lcorpp.experiments.setup import (
     no_progress,
     solve_domain,
 )
-from lcorpp.experiments.strategies.trust import check_followed, compute_soft_rates
+from lcorpp.experiments.strategies.trust import check_dialogue, compute_soft_rates
 from lcorpp.planning import Planner, Policy, Solution, SolverOptions
 from lcorpp.simulation import NoisyChannel
 
@@ -177,7 +177,7 @@ def set_up_experiment(
         policy was given.
     """
     strategies = list_compared(domain, options)
-    check_followed(domain, strategies)
+    check_dialogue(domain, strategies)
     used = [sense for sense in domain.senses if any(row.uses(sense.name) for row in strategies)]
     senses = set_up_senses(
         domain, used, options.classifiers, options.evidence, progress, seed=options.seed, jobs=options.jobs

@@ -11,11 +11,11 @@ from lcorpp.decision.strategies import Rates
 from lcorpp.domains import Domain
 from lcorpp.errors import DecisionError
 from lcorpp.experiments.active_learning.batches import Row
-from lcorpp.experiments.active_learning.followers import AlarmFollower, Follower, TrustFollower
+from lcorpp.experiments.active_learning.online_learners import AlarmLearner, OnlineLearner, TrustLearner
 from lcorpp.experiments.active_learning.run_store import EVIDENCE, STRATEGY, RunStore
 from lcorpp.experiments.active_learning.training import SenseTrainer
 from lcorpp.experiments.decision_log import format_labels, read_labels
-from lcorpp.experiments.strategies.trust import TRUST, check_followed
+from lcorpp.experiments.strategies.trust import TRUST, check_dialogue
 from lcorpp.protocols import Planner
 from lcorpp.reasoning import Reasoner
 from lcorpp.trust import Finding
@@ -25,7 +25,7 @@ from lcorpp.values import ConfusionMatrix, Episode, Label, Step
 class LearningSession:
     """The strategy that decides in a run, trust and the alarm, over batches and interruptions.
 
-    An interrupted run goes on exactly: from the state in the checkpoint, and the decisions stored since.
+    An interrupted run continues exactly: from the state in the checkpoint, and the decisions stored since.
     Without a usable checkpoint the classifiers are trained again. Then trust and alarm learn from all stored
     decisions, without the labels of the senses that learn: those are of earlier classifiers.
 
@@ -33,10 +33,10 @@ class LearningSession:
 
     Args:
         run_store: of the run, if it has one.
-        trust, watch: whether the run has trust, and the alarm. listener: as of `AlarmFollower`.
+        trust, watch: whether the run has trust, and the alarm. listener: as of `AlarmLearner`.
 
     Raises:
-        DecisionError: as `TrustFollower`. DomainError: they cannot follow the domain's dialogue.
+        DecisionError: as `TrustLearner`. DomainError: they cannot follow the domain's dialogue.
     """
 
     def __init__(
@@ -52,14 +52,14 @@ class LearningSession:
     ) -> None:
         self.strategy: Strategy = TRUST if trust else STRATEGIES[-1]
         self._domain, self._start, self._trainer, self._store = domain, planner.start, trainer, run_store
-        self._trust = TrustFollower(domain, planner) if trust else None
-        self._followers = dict[str, Follower]()
+        self._trust = TrustLearner(domain, planner) if trust else None
+        self._learners = dict[str, OnlineLearner]()
         if self._trust is not None:
-            self._followers["trust"] = self._trust
+            self._learners["trust"] = self._trust
         if watch:
-            self._followers["alarm"] = AlarmFollower(domain, listener)
-        if self._followers:
-            check_followed(domain, [TRUST])
+            self._learners["alarm"] = AlarmLearner(domain, listener)
+        if self._learners:
+            check_dialogue(domain, [TRUST])
         self._has_begun = False
 
     @property
@@ -70,11 +70,11 @@ class LearningSession:
     def make_reasoner(self, confusions: Mapping[str, ConfusionMatrix]) -> Reasoner:
         """Return the reasoner after a training, and begin the decisions with its classifiers."""
         reasoner = self._trainer.make_reasoner(confusions)
-        if self._followers:
+        if self._learners:
             rates = self._trainer.compute_rates(confusions)
             if self._has_begun:
-                for follower in self._followers.values():
-                    follower.retrain(reasoner, rates)
+                for learner in self._learners.values():
+                    learner.retrain(reasoner, rates)
             else:
                 self._begin(reasoner, rates)
         return reasoner
@@ -88,49 +88,49 @@ class LearningSession:
 
     def learn(self, episode: Episode) -> None:
         """Learn from the decision about that person."""
-        for follower in self._followers.values():
-            follower.learn(episode.evidence, episode.steps)
+        for learner in self._learners.values():
+            learner.learn(episode.evidence, episode.steps)
 
     def describe_decision(self, episode: Episode) -> dict[str, Any]:
         """Return what learning needs of a decision besides its answers, to be stored as JSON."""
-        if not self._followers:
+        if not self._learners:
             return {}
         return {STRATEGY: self.strategy.name, EVIDENCE: format_labels(episode.evidence)}
 
     def state(self) -> Mapping[str, Any] | None:
         """Return the state for a checkpoint as JSON; None if there is none, or not yet."""
         if not self._has_begun:
-            return self._store.session if self._store and self._followers else None
-        return {name: follower.state() for name, follower in self._followers.items()}
+            return self._store.session if self._store and self._learners else None
+        return {name: learner.state() for name, learner in self._learners.items()}
 
     def describe(self) -> Row:
         """Return the columns of a batch that ends."""
         columns: Row = {}
-        for follower in self._followers.values():
-            columns |= follower.describe()
+        for learner in self._learners.values():
+            columns |= learner.describe()
         return columns
 
     def _begin(self, reasoner: Reasoner, rates: Rates) -> None:
-        """Go on where the earlier run ended, if the store has one."""
+        """Continue where the earlier run ended, if the store has one."""
         store = self._store
         states = store.session or {} if store else {}
-        for name, follower in self._followers.items():
+        for name, learner in self._learners.items():
             state = states.get(name)
             try:
-                follower.begin(reasoner, rates, state)
+                learner.begin(reasoner, rates, state)
             except DecisionError as error:
                 assert store is not None
                 store.notes.append(f"{error}; {name} learns again from all stored decisions")
                 state = None
-                follower.begin(reasoner, rates, None)
+                learner.begin(reasoner, rates, None)
             if state is None and store is not None:
                 learning = {self._domain.find_sense(sense).attribute for sense in store.stores}
                 for evidence, steps in self._read_decisions(store, pending=False):
                     known = {name: value for name, value in evidence.items() if name not in learning}
-                    follower.learn(known, steps)
+                    learner.learn(known, steps)
         for evidence, steps in self._read_decisions(store, pending=True) if store else ():
-            for follower in self._followers.values():
-                follower.learn(evidence, steps)
+            for learner in self._learners.values():
+                learner.learn(evidence, steps)
         self._has_begun = True
 
     def _read_decisions(

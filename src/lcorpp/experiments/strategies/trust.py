@@ -82,8 +82,8 @@ WITH_TRUST = (
 """LCORPP+trust, and without its hearing or its asking; they are found by their names."""
 
 
-def check_followed(domain: Domain, strategies: Iterable[Strategy]) -> None:
-    """Check that trust can follow the dialogue of a domain if a strategy needs that.
+def check_dialogue(domain: Domain, strategies: Iterable[Strategy]) -> None:
+    """Check that the dialogue of a domain suits strategies that learn from earlier people, if there are some.
 
     Raises:
         DomainError: as of `DomainDialogue`.

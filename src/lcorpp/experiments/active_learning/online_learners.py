@@ -1,4 +1,4 @@
-"""What learns from each person of a run of Algorithm 1, beside the classifiers: trust and the alarm."""
+"""Online learners of a run of Algorithm 1, updated after each person: trust and the alarm."""
 
 from __future__ import annotations
 
@@ -20,22 +20,22 @@ from lcorpp.values import Label, Step
 Json = Mapping[str, Any]
 
 
-class Follower(Protocol):
-    """Learns from the people of a run, over its trainings and interruptions."""
+class OnlineLearner(Protocol):
+    """Learns from each person of a run, across trainings and interruptions."""
 
     def begin(self, reasoner: Reasoner, rates: Rates, state: Json | None) -> None:
         """Begin after a training.
 
         Args:
             reasoner: with the error rates of the classifiers. rates: as of `Strategy.start`.
-            state: in which it was before that training, in an earlier run; None for a new run.
+            state: before that training, in an earlier run; None for a new run.
 
         Raises:
             DecisionError: the state is damaged.
         """
 
     def retrain(self, reasoner: Reasoner, rates: Rates) -> None:
-        """Go on after a later training."""
+        """Continue after a later training."""
 
     def learn(self, evidence: Mapping[str, Label], steps: Iterable[Step]) -> None:
         """Learn from the decision about a person."""
@@ -47,7 +47,7 @@ class Follower(Protocol):
         """Return the columns of a batch that ends."""
 
 
-class TrustFollower:
+class TrustLearner:
     """Trust in a run.
 
     trust: None before it begins.
@@ -88,10 +88,10 @@ class TrustFollower:
         return columns | {NOISE: self.trust.learnt.noise}
 
 
-class AlarmFollower:
+class AlarmLearner:
     """The alarm in a run.
 
-    If the faults of the program after a training are others, it begins anew, as in `LogWatch`.
+    If the faults of the program after a training are others, it starts again, as in `LogWatch`.
 
     Args:
         listener: gets each alarm, with the number of people until then.
@@ -101,7 +101,7 @@ class AlarmFollower:
         self._domain, self._listener = domain, listener
         self._alarm: Alarm | None = None
         self._n_before = 0  # people of earlier alarms
-        self._found = list[str]()  # in the batch under way
+        self._found = list[str]()  # in the current batch
 
     def begin(self, reasoner: Reasoner, rates: Rates, state: Json | None) -> None:
         self._n_before = 0
