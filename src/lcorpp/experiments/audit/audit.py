@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable, Sequence
+from collections.abc import Callable, Collection, Iterable
 from dataclasses import replace
 from itertools import combinations
 from math import log
@@ -147,7 +147,7 @@ class _Auditor:
             for own in candidates:
                 larger = tuple(sorted({*chosen, *own}))
                 if larger != chosen:
-                    statistic, rank = _compare(self._fits.fit(larger), chosen)
+                    statistic, rank = self._compare(larger, chosen)
                     if self._is_refuted(statistic, rank):
                         refuted.append(larger)
             best = self._reduce(max(refuted, key=self._find_bic, default=chosen))
@@ -168,17 +168,28 @@ class _Auditor:
     def _reduce(self, chosen: tuple[int, ...]) -> tuple[int, ...]:
         """Return to the stated numbers one by one, as long as the data do not refute the next."""
         while len(chosen) > 1:
-            fit = self._fits.fit(chosen)
             smaller = [tuple(i for i in chosen if i != own) for own in chosen]
-            smaller = [own for own in smaller if self._complete(own) == own]
-            reduced = min(smaller, key=lambda own: _compare(fit, own)[0], default=())
-            if not reduced:
+            tests = {own: self._compare(chosen, own) for own in smaller if self._complete(own) == own}
+            least = min(tests, key=lambda own: tests[own][0], default=())
+            if not least or self._is_refuted(*tests[least]):
                 break
-            statistic, rank = _compare(fit, reduced)
-            if self._is_refuted(statistic, rank):
-                break
-            chosen = reduced
+            chosen = least
         return chosen
+
+    def _compare(self, free: Collection[int], known: Collection[int]) -> tuple[float, int]:
+        """Test the stated numbers that are free, apart from the known ones, against the fit of the free ones.
+
+        Wald's statistic takes the uncertainty of senses and answers into account, but is small if numbers are
+        weakly determined and correlated, however wrong they are together (Hauck and Donner, JASA 72, 1977).
+        So the likelihood ratio is used if it is larger, even divided by the largest inflation of a variance.
+
+        Returns:
+            The larger statistic, and the number of free directions.
+        """
+        fit = self._fits.fit(free)
+        wald, rank = _compute_wald(fit, known)
+        ratio = (self._find_gain(free) - self._find_gain(known)) / fit.inflation
+        return max(wald, ratio), rank
 
     def _list_rivals(self, chosen: tuple[int, ...]) -> list[str]:
         """List other changes that explain the data as well: single numbers, or whole other attributes.
@@ -219,7 +230,7 @@ class _Auditor:
 
     def _describe_attribute(self, name: str) -> AttributeTest:
         own = self._groups[name]
-        p_value = float(chi2.sf(*_compare(self._fits.fit(own), ())))
+        p_value = float(chi2.sf(*self._compare(own, ())))
         return AttributeTest(name, len(own), self._find_gain(own), self._find_bic(own), p_value)
 
 
@@ -228,7 +239,7 @@ def _name(atom: Probability) -> str:
     return str(atom).rpartition(" = ")[0]
 
 
-def _compare(fit: NumbersFit, known: Sequence[int]) -> tuple[float, int]:
+def _compute_wald(fit: NumbersFit, known: Collection[int]) -> tuple[float, int]:
     """Compare the stated numbers with the fit, apart from the known ones: Wald's statistic, and its rank."""
     places = [k for k, i in enumerate(fit.statements) if i not in known]
     slopes = fit.estimates * (1 - fit.estimates)  # of the log-odds
