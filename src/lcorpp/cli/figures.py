@@ -17,7 +17,7 @@ def figures(
         list[str] | None,
         typer.Argument(
             metavar="[NAME]...",
-            help="strategies, knowledge, partial, augmentation, confusion, trial; all by default.",
+            help="strategies, knowledge, trust, partial, augmentation, confusion, trial; all by default.",
         ),
     ] = None,
     fast: Annotated[

@@ -276,9 +276,9 @@ def _draw_returns(axes: Axes, evaluations: Evaluations, streams: Streams) -> Non
         level = evaluations[name].exact["LCORPP"].return_.estimate
         axes.axhline(level, color=KNOWLEDGE[name], linestyle="--", linewidth=1)
     handles, _ = axes.get_legend_handles_labels()
-    handles.append(Line2D([], [], color=MUTED, linestyle="--", linewidth=1, label="LCORPP"))
-    axes.set_ylim(bottom=20)
-    axes.legend(handles=handles, fontsize=7, frameon=False, loc="lower center", ncols=4, columnspacing=1)
+    handles.append(Line2D([], [], color=MUTED, linestyle="--", linewidth=1, label="LCORPP, exact"))
+    axes.set_ylim(bottom=15)  # space for the legend
+    axes.legend(handles=handles, fontsize=7, frameon=False, loc="lower center", ncols=2)
     axes.set_title(TRUST.name, fontsize=8)
     axes.set_xlim(0, ends[-1])
     axes.set_xlabel("people", fontsize=8)
