@@ -170,10 +170,10 @@ class _Auditor:
         while len(chosen) > 1:
             smaller = [tuple(i for i in chosen if i != own) for own in chosen]
             tests = {own: self._compare(chosen, own) for own in smaller if self._complete(own) == own}
-            least = min(tests, key=lambda own: tests[own][0], default=())
-            if not least or self._is_refuted(*tests[least]):
+            reduced = min(tests, key=lambda own: tests[own][0], default=())
+            if not reduced or self._is_refuted(*tests[reduced]):
                 break
-            chosen = least
+            chosen = reduced
         return chosen
 
     def _compare(self, free: Collection[int], known: Collection[int]) -> tuple[float, int]:

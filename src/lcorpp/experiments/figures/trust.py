@@ -76,7 +76,7 @@ SOURCES: Mapping[str, str] = {
 
 @dataclass(frozen=True, eq=False)
 class Stream:
-    """What trust learnt from a stream of people.
+    """Returns and weights of trust in a stream of people.
 
     returns: (blocks,) mean return of the people of each block. sources: their names.
     weights: (blocks, sources) at the end of each block.
@@ -88,7 +88,7 @@ class Stream:
 
 
 Streams = Mapping[str, Sequence[Stream]]
-"""Knowledge -> a stream for each seed; all knowledge meets the same people."""
+"""Knowledge -> a stream for each seed, of the same people with any knowledge."""
 
 Evaluations = Mapping[str, Evaluation]
 """Knowledge -> scores of the baselines."""
@@ -130,7 +130,7 @@ def invert(program: Program, attribute: str) -> Program:
 
 
 def run_streams(domains: Mapping[str, Domain], planner: Planner, blocks: int, seed: int) -> dict[str, Stream]:
-    """Return knowledge -> what trust with it learns from the people of a seed."""
+    """Return knowledge -> the stream of trust with it, of the people of a seed."""
     return {name: run_stream(domain, planner, blocks, seed) for name, domain in domains.items()}
 
 
@@ -163,9 +163,8 @@ def make_result(evaluations: Evaluations, streams: Streams) -> FigureResult:
         draw=partial(_draw, evaluations, streams),
         notes=[
             "Not in the paper. 30 % of the answers are wrong, 20 or 10 % by the planner's model.",
-            "By swapped knowledge, the paper's misleading one, professors are likely to want to interact"
-            " and visitors are not; by inverted knowledge each probability of the intention is that of the"
-            " contrary.",
+            "With swapped knowledge, the paper's misleading one, professors are likely to want to interact"
+            " and visitors are not; with inverted knowledge each probability p of the intention is 1 - p.",
             f"{TRUST.name} learns without labels. Its return is the mean over all {n_people} people of"
             f" each of {len(one_knowledge)} streams, the first ones included; intervals are Student's over"
             " the streams.",
@@ -210,7 +209,7 @@ def compute_mean_return(streams: Sequence[Stream]) -> Interval:
 
 
 def _judge(evaluations: Evaluations, streams: Streams) -> Iterator[Finding]:
-    """Decide whether trust is above the best baseline, and whether it unlearns wrong knowledge."""
+    """Decide whether trust is above the best baseline, and whether wrong knowledge loses weight."""
     for name, own in streams.items():
         exact = {s: scores.return_.estimate for s, scores in evaluations[name].exact.items()}
         best = max(exact, key=lambda strategy: exact[strategy])
