@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 from lcorpp.domains import Domain, load_domain
 from lcorpp.experiments.audit.audit import audit_people
+from lcorpp.experiments.audit.estimates import Audit
 from lcorpp.experiments.audit.logged_people import read_people
 from lcorpp.experiments.audit.missing_rules import add_missing_rules
 from lcorpp.experiments.audit.report import format_audit, format_patch
@@ -54,16 +57,36 @@ def test_without_any_rule_there_is_no_condition() -> None:
     assert add(domain, parse_plog("\n".join(kept)))[1] == []
 
 
-def test_data_refute_the_equal_probabilities_of_an_attribute_without_rules(tmp_path: Path) -> None:
-    log = tmp_path / "log"
-    write_log(log, "medium", 1000, 7)
-    audit = audit_people(read_people(log))
-    assert max(audit.attributes, key=lambda x: x.bic).name == "location"
+def audit_with(path: Path, change: Callable[[str], str]) -> Audit:
+    """Audit people of right knowledge, with changed lines of the program."""
+    write_log(path, "paper", 1500, 7)
+    people = read_people(path)
+    text = "\n".join(map(change, str(people.program).splitlines()))
+    return audit_people(replace(people, program=parse_plog(text)))
+
+
+def test_the_numbers_of_missing_rules_are_estimated_together(tmp_path: Path) -> None:
+    audit = audit_with(tmp_path / "log", lambda line: "" if line.startswith("pr(time=") else line)
+    assert max(audit.attributes, key=lambda x: x.bic).name == "time"
     changed = {x.name: x for x in audit.changes}
+    for name, right in (("morning | identity=professor", 0.8), ("afternoon | identity=visitor", 0.7)):
+        interval = changed[f"pr(time={name})"].interval
+        assert interval is not None
+        assert interval[0] < right < interval[1]
     assert set(changed) == {x.name for x in audit.numbers if x.is_missing}
-    right = changed["pr(location=library | identity=professor)"]
-    assert right.interval is not None
-    assert right.interval[0] < 0.1 < right.interval[1]
     text = format_audit(audit)
-    assert "There are no rules about location: equal probabilities are taken as stated." in text
-    assert "% new, as there are no rules: was 0.5, suggested 0." in format_patch(audit)
+    assert "There are no rules about time: equal probabilities are taken as stated." in text
+    assert "% new, as there are no rules: was 0.333, suggested 0." in format_patch(audit)
+
+
+def test_weakly_determined_numbers_do_not_return_to_wrong_ones(tmp_path: Path) -> None:
+    """Wald's statistic of each is small if all numbers of an attribute are free, even if all are wrong."""
+    wrong = {"3/20": "17/40", "4/5": "1/10", "1/10": "9/20", "7/10": "3/20"}
+
+    def invert(line: str) -> str:
+        head, _, number = line.rstrip(".").rpartition(" = ")
+        return f"{head} = {wrong[number]}." if line.startswith("pr(time=") else line
+
+    audit = audit_with(tmp_path / "log", invert)
+    assert max(audit.attributes, key=lambda x: x.bic).name == "time"
+    assert len(audit.changes) >= 5

@@ -126,8 +126,18 @@ class _Auditor:
         return atom
 
     def _complete(self, statements: Iterable[int]) -> tuple[int, ...]:
-        """Add the numbers that have to change, too, where the numbers of a case sum to 1."""
-        return self._fits.complete(statements)
+        """Add the numbers that have to change, too: those of a case that sum to 1, and all of missing rules.
+
+        As nothing is stated by missing rules, there is nothing to return to for one of them.
+        """
+        own = set(statements)
+        for group in self._groups.values():
+            if any(self._is_missing(i) for i in own.intersection(group)):
+                own.update(group)
+        return self._fits.complete(own)
+
+    def _is_missing(self, statement: int) -> bool:
+        return statement >= len(self._people.program.statements)
 
     def _find_gain(self, statements: Collection[int]) -> float:
         """Return twice the gain in log likelihood if these numbers are free."""
@@ -221,8 +231,9 @@ class _Auditor:
         stated, estimate = float(fit.stated[place]), float(fit.estimates[place])
         variance = float(fit.covariance[place, place])
         atom, gain = self._atom(statement), self._find_gain(fit.statements)
-        is_missing = statement >= len(self._people.program.statements)
-        found = NumberEstimate(_name(atom), stated, estimate, None, 1.0, atom, gain, is_missing)
+        found = NumberEstimate(
+            _name(atom), stated, estimate, None, 1.0, atom, gain, self._is_missing(statement)
+        )
         if variance > MAX_PRIOR_SHARE * fit.prior_variance[place]:
             return found
         interval, p_value = compare_log_odds(stated, estimate, variance)
