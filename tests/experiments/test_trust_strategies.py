@@ -1,5 +1,6 @@
 """LCORPP+trust in comparisons: people in their order, logs and replays, and what has no scores."""
 
+import itertools
 import json
 from dataclasses import replace
 from pathlib import Path
@@ -12,6 +13,7 @@ from lcorpp.domains import load_domain
 from lcorpp.errors import DataError, DecisionError, DomainError
 from lcorpp.experiments.comparison import ComparisonOptions, compare_strategies, set_up_experiment
 from lcorpp.experiments.replay import ReplayedDecision, replay_log
+from lcorpp.experiments.scoring import trial_chunks
 from lcorpp.experiments.scoring.experiment import ChunkSource, replay_trial
 from lcorpp.experiments.setup import EvidenceOptions, TrainingOptions
 from lcorpp.experiments.strategies import trust as trust_strategies
@@ -52,26 +54,53 @@ def test_names_are_found_and_stay_out_of_the_table():
     assert not [row for row in find_strategies([]) if row.start is not None]
 
 
-def test_scores_and_log_do_not_depend_on_the_processes(tmp_path):
-    domain = load_domain(ROOMS)
-    logs = [tmp_path / "one", tmp_path / "two"]
-    one, two = (compare(domain, jobs=jobs, log=log) for jobs, log in zip((1, 2), logs, strict=True))
-    plain = compare(domain, jobs=2)
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory):
+    """A comparison in one process, and its log."""
+    log = tmp_path_factory.mktemp("whole") / "log"
+    return compare(load_domain(ROOMS), log=log), log
+
+
+def test_scores_and_log_do_not_depend_on_the_processes(whole, tmp_path):
+    domain, (one, log) = load_domain(ROOMS), whole
+    two, plain = compare(domain, jobs=2, log=tmp_path / "two"), compare(domain, jobs=2)
     for a, b, c in zip(one.scores, two.scores, plain.scores, strict=True):
         np.testing.assert_array_equal(a.counts, b.counts)
         np.testing.assert_array_equal(a.counts, c.counts)
         assert a.return_ == b.return_ == c.return_
     assert [row.strategy for row in one.scores] == [row.name for row in ROWS]
-    lines = read_lines(logs[0])
-    assert lines == read_lines(logs[1])
+    lines = read_lines(log)
+    assert lines == read_lines(tmp_path / "two")
     assert [line["strategy"]["name"] for line in lines] == [row.name for row in ROWS] * 130
     persons = [line["strategy"]["person"] for line in lines if line["strategy"]["name"] == TRUST.name]
     assert persons == [line["simulated"]["trial"] for line in lines[:: len(ROWS)]] == list(range(130))
 
 
-def test_other_strategies_are_not_changed():
-    domain = load_domain(ROOMS)
-    both, alone = compare(domain), compare(domain, strategies(["L", "LCORPP"]))
+@pytest.mark.parametrize("logged", [False, True])
+def test_an_interrupt_in_one_process_keeps_every_complete_trial(whole, tmp_path, monkeypatch, logged):
+    """Of a chunk of 100 people whose decisions, except L's without a log, are made one by one."""
+    honest, calls = trial_chunks.dt_control, itertools.count(1)
+    rows, log = (*strategies(["L"]), TRUST), tmp_path / "log" if logged else None
+
+    def interrupt(robot, instance, world):
+        if next(calls) > (51 if logged else 25):
+            raise KeyboardInterrupt
+        return honest(robot, instance, world)
+
+    monkeypatch.setattr(trial_chunks, "dt_control", interrupt)
+    kept = compare(load_domain(ROOMS), rows, log=log)
+    assert kept.trials == 25
+    if log is not None:
+        persons = [line["simulated"]["trial"] for line in read_lines(log)]
+        assert persons == [person for person in range(25) for _ in rows]
+    for a, b in zip(kept.scores, whole[0].scores[:2], strict=True):  # L, LCORPP+trust
+        assert a.counts.sum() == 25
+        assert (a.counts <= b.counts).all()
+
+
+def test_other_strategies_are_not_changed(whole):
+    domain, (both, _) = load_domain(ROOMS), whole
+    alone = compare(domain, strategies(["L", "LCORPP"]))
     assert [repr(row) for row in both.scores[::2]] == [repr(row) for row in alone.scores]
     (trust,) = compare(domain, (TRUST,)).scores
     assert repr(trust) == repr(both.scores[1])
@@ -99,9 +128,9 @@ def test_a_replay_learns_in_the_order_of_the_log(tmp_path, place):
     folder = ROOMS if place == "rooms" else write_domain(tmp_path / "domain", senses=GAZE + VOICE)
     domain, log = load_domain(folder), tmp_path / "log"
     for seed in (7, 8):
-        compare(domain, trials=40, seed=seed, log=log)
+        compare(domain, trials=15, seed=seed, log=log)
     results = list(replay_log(log))
-    assert len(results) == 2 * 40 * len(ROWS)
+    assert len(results) == 2 * 15 * len(ROWS)
     assert not [result for result in results if result.differences]
 
 
@@ -120,7 +149,8 @@ def test_a_line_that_is_missing_stops_the_replay_of_its_session(tmp_path):
     assert not [result for result in others if result.differences]
 
 
-def test_an_interrupt_keeps_the_people_whom_all_strategies_met(tmp_path, monkeypatch):
+def test_an_interrupt_keeps_the_people_whom_all_strategies_met(whole, tmp_path, monkeypatch):
+    """Of two processes, of which this one meets the people of the strategies that remember them."""
     domain, learn, calls = load_domain(ROOMS), trust_strategies.TrustSession.learn, iter(range(10_000))
 
     def interrupt(session, episode):
@@ -128,12 +158,11 @@ def test_an_interrupt_keeps_the_people_whom_all_strategies_met(tmp_path, monkeyp
             raise KeyboardInterrupt
         learn(session, episode)
 
-    whole = compare(domain, log=tmp_path / "whole")
     monkeypatch.setattr(trust_strategies.TrustSession, "learn", interrupt)
-    part = compare(domain, log=tmp_path / "part")
-    assert (whole.trials, part.trials) == (130, 113)
+    part = compare(domain, jobs=2, log=tmp_path / "part")
+    assert (whole[0].trials, part.trials) == (130, 113)
     assert all(row.counts.sum() == 113 for row in part.scores)
-    assert read_lines(tmp_path / "part") == read_lines(tmp_path / "whole")[: 113 * len(ROWS)]
+    assert read_lines(tmp_path / "part") == read_lines(whole[1])[: 113 * len(ROWS)]
 
 
 def test_a_strategy_that_learns_has_no_exact_scores():

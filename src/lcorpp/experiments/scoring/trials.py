@@ -12,6 +12,7 @@ import numpy as np
 import numpy.typing as npt
 from joblib import Parallel, delayed
 
+from lcorpp.decision.strategies import Session
 from lcorpp.errors import DecisionError, check_type
 from lcorpp.experiments.decision_log import DecisionLog
 from lcorpp.experiments.scoring.decision_scores import score_decisions
@@ -63,13 +64,13 @@ def run_trials(
     check_numbers(trials, jobs, experiment.seed)
     if log is not None and experiment.parts is None:
         raise DecisionError("a log of an experiment needs its `parts`, which determine the decisions")
-    alone, remembering = _split(experiment)
+    if jobs == 1 or trials <= CHUNK_SIZE:  # all strategies decide about a person before the next one
+        alone, remembering = experiment, replace(experiment, strategies=())
+    else:
+        alone, remembering = _split(experiment)
     results = make_results(trials, len(alone.strategies))
     remembered = make_results(trials, len(remembering.strategies))
-    sessions = [
-        None if row.start is None else row.start(experiment.robot, experiment.rates)
-        for row in remembering.strategies
-    ]
+    sessions = _start_sessions(remembering)
     with TemporaryDirectory(prefix="lcorpp-", ignore_cleanup_errors=True) as name:
         folder = Path(name)
         if jobs > 1 and trials > CHUNK_SIZE:  # the processes write into one file
@@ -78,7 +79,9 @@ def run_trials(
         work = _divide(results, None if log is None else folder / "alone")
         later = _divide(remembered, None if log is None else folder / "remembered")
         size, waiting, done = 1, iter(zip(work, later, strict=True)), 0
-        if log is None and all(simulates_at_once(experiment, row) for row in alone.strategies):
+        if log is None and all(
+            simulates_at_once(experiment, row) for row in alone.strategies if row.start is None
+        ):
             size = min(MAX_GROUP, -(-len(work) // (4 * jobs)))
         groups = [work[first : first + size] for first in range(0, len(work), size)]
         try:
@@ -88,7 +91,7 @@ def run_trials(
                         run_chunks(remembering, later[number * size : (number + 1) * size], sessions)
                     if log is not None:
                         with delay_sigint():
-                            _append_lines(log, experiment, *next(waiting))
+                            _append_lines(log, experiment, remembering, *next(waiting))
                     done += count
                     progress(done, trials)
         except KeyboardInterrupt:
@@ -97,11 +100,11 @@ def run_trials(
         finally:
             if log is not None:
                 for chunks in waiting:  # after an interrupt or an error
-                    _append_lines(log, experiment, *chunks)
+                    _append_lines(log, experiment, remembering, *chunks)
         complete = _find_complete(results, remembered)
         scores = iter(_score_trials(alone, np.array(results[complete])))
         others = iter(_score_trials(remembering, remembered[complete]))
-    ordered = [next(scores if row.start is None else others) for row in experiment.strategies]
+    ordered = [next(others if row in remembering.strategies else scores) for row in experiment.strategies]
     return ordered, int(np.count_nonzero(complete))
 
 
@@ -122,6 +125,12 @@ def _split(experiment: Experiment) -> tuple[Experiment, Experiment]:
     rows = experiment.strategies
     alone = replace(experiment, strategies=tuple(row for row in rows if row.start is None))
     return alone, replace(experiment, strategies=tuple(row for row in rows if row.start is not None))
+
+
+def _start_sessions(experiment: Experiment) -> list[Session | None]:
+    """Return the session of each strategy, None for one that does not remember earlier people."""
+    start = (experiment.robot, experiment.rates)
+    return [None if row.start is None else row.start(*start) for row in experiment.strategies]
 
 
 def _find_complete(results: Trials, remembered: Trials) -> npt.NDArray[np.bool_]:
@@ -153,7 +162,8 @@ def _run_groups(
         yield (_skip_chunks(group) for group in groups)
         return
     if jobs == 1 or len(groups) == 1:
-        yield (run_chunks(experiment, group) for group in groups)
+        sessions = _start_sessions(experiment)
+        yield (run_chunks(experiment, group, sessions) for group in groups)
         return
     calls = (delayed(run_in_worker)(find_log_level(), experiment, group) for group in groups)
     with ignore_sigint():
@@ -169,12 +179,16 @@ def _skip_chunks(work: Sequence[ChunkWork]) -> int:
     return sum(len(results) for _, results, _ in work)
 
 
-def _append_lines(log: DecisionLog, experiment: Experiment, alone: ChunkWork, remembered: ChunkWork) -> None:
+def _append_lines(
+    log: DecisionLog, experiment: Experiment, remembering: Experiment, alone: ChunkWork, remembered: ChunkWork
+) -> None:
     """Append the lines of the completed trials of a chunk to a log, one for each strategy in their order."""
     count = np.count_nonzero(_find_complete(alone.results, remembered.results))
     lines, others = _take_lines(alone), _take_lines(remembered)
     ordered = [
-        next(lines if row.start is None else others) for _ in range(count) for row in experiment.strategies
+        next(others if row in remembering.strategies else lines)
+        for _ in range(count)
+        for row in experiment.strategies
     ]
     log.append_lines([b"".join(ordered)])
 
