@@ -36,6 +36,11 @@ class DecisionGraph:
     def __len__(self) -> int:
         return len(self._found)
 
+    @property
+    def n_arcs(self) -> int:
+        """The number of known steps from one node to another."""
+        return len(self._children)
+
     def find_numbers(self, nodes: Sequence[Hashable]) -> list[int]:
         """Return the numbers of some nodes; the robot decides at those that are new."""
         numbers = self._numbers

@@ -16,7 +16,7 @@ from lcorpp.decision.dt_control import MAX_STEPS
 from lcorpp.errors import NoReportError
 from lcorpp.experiments.scoring.decision_graph import ENDED, DecisionGraph
 from lcorpp.experiments.scoring.episode_model import EpisodeModel
-from lcorpp.experiments.scoring.episode_totals import find_total_moments
+from lcorpp.experiments.scoring.episode_totals import EpisodeTotals
 from lcorpp.values import Array, Indices, Interval
 
 MIN_PROBABILITY = 1e-12
@@ -121,6 +121,7 @@ def sum_episodes(
     moments = np.zeros((len(nodes), 3, len(model.values)))
     moments[:, 0] = np.array(list(roots.values())) @ model.starts
     points, max_width = 0, max(1, MAX_ENTRIES // len(model.values))
+    totals: EpisodeTotals | None = None  # of the graph when no new point was reached
     for step in range(MAX_STEPS + 1):
         actions = graph.find_actions(nodes)
         ends = _find_ends(model, actions)
@@ -153,7 +154,9 @@ def sum_episodes(
         n_known, children = len(graph), graph.find_children(nodes[source], observation)
         nodes, owners, moments = _merge(children * count + owners[source], moments, count)
         if len(graph) == n_known:
-            total = find_total_moments(model, graph, nodes, owners, moments, count)
+            if totals is None or totals.n_arcs != graph.n_arcs:
+                totals = EpisodeTotals(model, graph)
+            total = totals.find(nodes, owners, moments, count)
             if total is not None:
                 nodes, owners = np.divmod(np.arange(len(graph) * count), count)
                 actions = graph.find_actions(nodes)
