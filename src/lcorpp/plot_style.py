@@ -38,6 +38,9 @@ RC_PARAMS = {
     "svg.fonttype": "path",
 }
 
+DPI = 150
+"""Resolution of .png files, in which texts are measured for the layout of all formats."""
+
 P = ParamSpec("P")
 R = TypeVar("R")
 
@@ -109,13 +112,26 @@ def save_figure(figure: Figure, path: str | Path) -> None:
         FileError: the suffix is not among `FIGURE_SUFFIXES`, or the file cannot be written.
     """
     check_suffix(path)
-    kind = Path(path).suffix.lower()[1:]
+    write_atomically(path, _render(figure, Path(path).suffix.lower()[1:]))
+
+
+def _render(figure: Figure, kind: str) -> bytes:
     FigureCanvasAgg(figure)
     image = io.BytesIO()
     dateless = {"png": {}, "svg": {"Date": None}, "pdf": {"CreationDate": None}}
     with mpl.rc_context(RC_PARAMS):
-        figure.savefig(image, format=kind, dpi=150, metadata=dateless[kind])
-    write_atomically(path, image.getvalue())
+        _fix_layout(figure)
+        figure.savefig(image, format=kind, dpi=DPI, metadata=dateless[kind])
+    return image.getvalue()
+
+
+def _fix_layout(figure: Figure) -> None:
+    """Lay a figure out for good: matplotlib would do it again, and draw twice, for each file."""
+    layout = figure.get_layout_engine()
+    if layout is not None:
+        figure.set_dpi(DPI)
+        layout.execute(figure)
+        figure.set_layout_engine(None)
 
 
 def save_figures(figure: Figure, stem: Path, formats: Iterable[str]) -> list[Path]:
