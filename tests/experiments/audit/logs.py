@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -12,9 +13,12 @@ from lcorpp.domains import Domain, load_domain
 from lcorpp.experiments import RobotParts, solve_domain
 from lcorpp.experiments.decision_log import FORMAT, VERSION
 from lcorpp.experiments.robot_parts import ClassifierPart
-from lcorpp.simulation.people import Population
+from lcorpp.experiments.scoring.exact_evaluation import compute_joint_distribution
 
 NOISE = 0.3
+ATTRIBUTES = ("time", "location", "identity", "intention")
+Observed = tuple[dict[str, str], str, tuple[str, ...]]
+"""A person's values, label and answers."""
 
 
 def write_log(
@@ -29,6 +33,9 @@ def write_log(
 ) -> Domain:
     """Write a log of people who answer some questions each, with the noise of the domain's simulation.
 
+    People are a systematic sample, in which each combination of values is about as frequent as expected, so
+    that nothing is refuted by chance.
+
     Args:
         asked: answers of each person. extra: attribute -> one person in so many has it as a fact, too.
         soft: whether labels are likelihoods.
@@ -36,15 +43,16 @@ def write_log(
     domain = load_domain("intention", preset=preset)
     policy = solve_domain(domain).policy
     parts = RobotParts(domain, policy, {"motion": ClassifierPart("channel", soft=soft)})
-    rng = np.random.default_rng(seed)
+    kinds, probabilities = zip(*_list_people(domain, asked), strict=True)
+    ends = np.floor(np.cumsum([0, *probabilities]) * n + np.random.default_rng(seed).random())
+    people: list[Observed] = [
+        kind for kind, k in zip(kinds, np.diff(ends), strict=True) for _ in range(int(k))
+    ]
     with path.open("w") as file:
-        for i, person in enumerate(Population(domain).sample(n, rng)):
-            interested = person["intention"] == "interested"
+        for i, (person, label, answers) in enumerate(people):
             facts = {name: person[name] for name in domain.observed}
             facts |= {name: person[name] for name, every in extra.items() if i % every == 0}
-            label = "one" if rng.random() < (0.76 if interested else 0.29) else "zero"
             given = {name: 1.0 if name == label else 0.4 for name in ("one", "zero")} if soft else label
-            answers = ["pos" if (rng.random() < NOISE) != interested else "neg" for _ in range(asked)]
             steps = [{"action": "greet", "observation": o, "belief": {}} for o in answers]
             line = {
                 "format": FORMAT,
@@ -57,3 +65,19 @@ def write_log(
             }
             file.write(json.dumps(line) + "\n")
     return domain
+
+
+def _list_people(domain: Domain, asked: int) -> Iterator[tuple[Observed, float]]:
+    """Yield what may be observed of a person, with its probability."""
+    joint = compute_joint_distribution(domain, ATTRIBUTES)
+    for values, label, answers in product(joint, ("one", "zero"), product(("pos", "neg"), repeat=asked)):
+        interested = values[-1] == "interested"
+        one = 0.76 if interested else 0.29
+        right = answers.count("pos" if interested else "neg")
+        p = (
+            joint[values]
+            * (one if label == "one" else 1 - one)
+            * (1 - NOISE) ** right
+            * NOISE ** (asked - right)
+        )
+        yield (dict(zip(ATTRIBUTES, values, strict=True)), label, answers), p
