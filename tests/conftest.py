@@ -1,7 +1,10 @@
-"""Settings of all tests: no test fails because the machine is slow or busy, or uses the cache of policies."""
+"""Settings of all tests: no test fails because the machine is slow or busy, or uses the user's policies."""
 
+import atexit
 import os
+import shutil
 import signal
+import tempfile
 
 from hypothesis import HealthCheck, settings
 
@@ -11,4 +14,7 @@ settings.load_profile("lcorpp")
 # Tests interrupt themselves and their children; a shell that runs them in the background ignores the signal.
 signal.signal(signal.SIGINT, signal.default_int_handler)
 
-os.environ["LCORPP_CACHE"] = ""  # of the tests' child processes, too; tests of the cache set another folder
+# Commands share policies, as a user's do, in a folder that the first process makes, the parent of the others.
+if "PYTEST_XDIST_WORKER" not in os.environ:
+    os.environ["LCORPP_CACHE"] = tempfile.mkdtemp(prefix="lcorpp-tests-")
+    atexit.register(shutil.rmtree, os.environ["LCORPP_CACHE"], ignore_errors=True)

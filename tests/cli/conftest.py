@@ -38,6 +38,12 @@ def lcorpp(monkeypatch, capsys):
 
 
 @pytest.fixture
+def unrendered(monkeypatch):
+    """Figures are drawn but not rendered, which takes most of the time of small runs that write them."""
+    monkeypatch.setattr("lcorpp.plot_style._render", lambda figure, kind: b"a figure")
+
+
+@pytest.fixture
 def tiger(tmp_path):
     """The tiger problem as a file."""
     file = tmp_path / "tiger.pomdp"

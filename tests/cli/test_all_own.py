@@ -3,6 +3,9 @@
 import json
 
 import numpy as np
+import pytest
+
+pytestmark = pytest.mark.usefixtures("unrendered")
 
 PIPELINE = """
 from sklearn.linear_model import LogisticRegression

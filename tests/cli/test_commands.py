@@ -93,7 +93,7 @@ def test_run_writes_table_figure_and_configuration(lcorpp, tmp_path):
 
 
 def test_files_have_the_accuracy_of_each_variable_and_paired_differences(lcorpp, tmp_path):
-    ended = lcorpp("run", "shopping", "--preset", "small", "--trials", 150, "--jobs", 1, "--out", tmp_path)
+    ended = lcorpp("run", "shopping", "--preset", "small", "--trials", 50, "--jobs", 1, "--out", tmp_path)
     assert ended.code == 0
     with (tmp_path / "results.csv").open() as file:
         rows = list(csv.DictReader(file))

@@ -12,6 +12,8 @@ import pytest
 from lcorpp.experiments.active_learning.run_store import RunStore
 from lcorpp.learning.store import Store, TrackSchema, read_store
 
+pytestmark = pytest.mark.usefixtures("unrendered")
+
 ROOMS = Path(__file__).parents[1] / "domains" / "rooms"
 OPTIONS = ("--tracks", 60, "--learner", "summaries", "--batch-size", 4, "--epsilon", 0, "--jobs", 1)
 
@@ -30,7 +32,6 @@ def stored(path):
 def test_an_interrupted_run_resumes_with_the_results_of_an_uninterrupted_run(
     lcorpp, tmp_path, monkeypatch, labels
 ):
-    monkeypatch.setattr("lcorpp.plot_style.save_figures", lambda *_: [])  # takes half the time
     learn = ("learn", ROOMS, *OPTIONS, "--labels", labels, "--max-batches", 3)
     plain = lcorpp(*learn, "--store", tmp_path / "plain.tracks", "--out", tmp_path / "plain")
     assert plain.code == 0, plain.err

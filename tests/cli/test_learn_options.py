@@ -9,6 +9,8 @@ from lcorpp import load_domain
 from lcorpp.experiments.setup import solve_domain
 from lcorpp.planning import write_policy
 
+pytestmark = pytest.mark.usefixtures("unrendered")
+
 FAST_OPTIONS = ("--tracks", 60, "--learner", "summaries", "--batch-size", 4, "--epsilon", 0, "--jobs", 1)
 
 WORLD = """

@@ -13,6 +13,8 @@ from tests.cli.test_bad_input import refused
 from tests.cli.test_learn import stored
 from tests.domains.deliveries import write_learning_domain
 
+pytestmark = pytest.mark.usefixtures("unrendered")
+
 LEARN = ("--learner", "gaze=summaries", "--learner", "voice=logistic", "--tracks", 40, "--jobs", 1)
 BATCHES = ("--batch-size", 4, "--epsilon", 0)
 
@@ -77,7 +79,6 @@ def test_the_last_matrix_is_that_of_all_labels(lcorpp, domain, tmp_path):
 
 def test_an_interrupted_run_of_two_senses_resumes(lcorpp, domain, tmp_path, monkeypatch):
     """Ctrl-C between the stores of the two senses, after a decision and after a training."""
-    monkeypatch.setattr("lcorpp.plot_style.save_figures", lambda *_: [])
     learn = ("learn", domain, *LEARN, *BATCHES, "--max-batches", 3)
     plain = lcorpp(*learn, "--store", tmp_path / "plain.tracks", "--out", tmp_path / "plain")
     assert plain.code == 0, plain.err

@@ -7,6 +7,8 @@ import pytest
 
 from tests.cli.test_bad_input import refused
 
+pytestmark = pytest.mark.usefixtures("unrendered")
+
 ROOMS = Path(__file__).parents[1] / "domains/rooms"
 FEW = ("--trials", 60, "--tracks", 60, "--jobs", 1, "--strategy", "L+R")
 NAMES = ["summaries", "forest", "lstm", "lstm-fast", "minirocket"]
@@ -30,7 +32,7 @@ def test_every_learner_gives_the_same_report(lcorpp, tmp_path, name):
         *("cases", "auc", "roc", "raw", "calibrated", "thresholds")
     ]
     assert content["classes"]["interested"]["thresholds"][0]["prevalence"] == pytest.approx(0.4)  # as known
-    assert (tmp_path / "report.png").read_bytes().startswith(b"\x89PNG")
+    assert (tmp_path / "report.png").exists()
     assert (
         json.loads((tmp_path / "results.json").read_text())["configuration"]["senses"]["motion"]["classifier"]
         == name

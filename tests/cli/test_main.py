@@ -269,8 +269,12 @@ def test_the_table_fits_into_80_columns(lcorpp, monkeypatch):
 
 def test_tables_of_several_variables_and_senses_fit_into_80_columns(lcorpp, monkeypatch):
     monkeypatch.setenv("COLUMNS", "80")
-    small = lcorpp("run", "shopping", "--preset", "small", "--trials", 200, "--jobs", 1).out.splitlines()
-    museum = lcorpp("run", "museum", "--trials", 200, "--jobs", 1).out.splitlines()
+    rows = [f"--strategy={name}" for name in ("P", "R+P")]
+    small = lcorpp(
+        "run", "shopping", "--preset", "small", "--trials", 200, "--jobs", 1, *rows
+    ).out.splitlines()
+    rows = [f"--strategy={name}" for name in ("L", "LCORPP", "LCORPP-motion", "LCORPP-gaze")]
+    museum = lcorpp("run", "museum", "--trials", 200, "--jobs", 1, *rows).out.splitlines()
     for lines, reference, worse in ((small, "R+P", "P"), (museum, "LCORPP", "LCORPP-motion")):
         tables = lines[: next(i for i, line in enumerate(lines) if re.match("classifier|SARSOP", line))]
         assert max(map(len, tables)) <= 80
@@ -323,6 +327,7 @@ def test_progress_has_a_total_or_a_spinner(tmp_path):
     ours, theirs = os.openpty()
     environment = {**os.environ, "TERM": "xterm", "COLUMNS": "120"}
     command = [sys.executable, "-c", code, "run", "--classifier", "channel", "--trials", "300", "--jobs", "1"]
+    command += ["--strategy", "LCORPP"]
     running = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=theirs, env=environment)
     os.close(theirs)
     drawn = b""

@@ -7,6 +7,8 @@ import pytest
 
 from tests.domains.deliveries import write_domain
 
+pytestmark = pytest.mark.usefixtures("unrendered")
+
 OWN = """
 from dataclasses import replace
 

@@ -5,6 +5,8 @@ import re
 import numpy as np
 import pytest
 
+pytestmark = pytest.mark.usefixtures("unrendered")
+
 LEARNERS = """
 import numpy as np
 from sklearn.base import BaseEstimator, ClassifierMixin

@@ -18,6 +18,8 @@ from lcorpp.values import ConfusionMatrix, EvidenceKind
 from tests.cli.test_bad_input import refused
 from tests.domains.deliveries import GAZE, VOICE, write_domain
 
+pytestmark = pytest.mark.usefixtures("unrendered")
+
 DRINKS = Path(__file__).parents[2] / "examples" / "drinks"
 PIPELINE = """
 from sklearn.linear_model import LogisticRegression

@@ -12,6 +12,8 @@ from lcorpp.learning import load_classifier, save_dataset
 from lcorpp.values import Dataset
 from tests.cli.test_bad_input import refused
 
+pytestmark = pytest.mark.usefixtures("unrendered")
+
 ROOMS = Path(__file__).parents[1] / "domains/rooms"
 CLASSES = ("lab", "office", "store")
 

@@ -8,6 +8,8 @@ import pytest
 from lcorpp.decision.strategies import list_strategies
 from tests.domains.deliveries import GAZE, TRIPLES, VARIABLES, VOICE, write_domain
 
+pytestmark = pytest.mark.usefixtures("unrendered")
+
 
 @pytest.fixture
 def folder(tmp_path):

@@ -13,6 +13,8 @@ from lcorpp.planning import SolverOptions, solve
 from tests.cli.planner import refused
 from tests.domains.test_loading import edit, folder as rooms  # noqa: F401
 
+pytestmark = pytest.mark.usefixtures("unrendered")
+
 EXPLAIN = ("explain", "--fact", "time=morning", "--label", "one", "--truth", "interested", "--seed", 1)
 OWN = """
 from lcorpp.planning import solve as sarsop
@@ -60,7 +62,7 @@ def test_the_bounds_are_in_the_results(lcorpp, tmp_path):
 
 def test_learn_states_the_bounds(lcorpp, tmp_path):
     options = ("--learner", "summaries", "--tracks", 40, "--batch-size", 20, "--max-batches", 1, "--jobs", 1)
-    ended = lcorpp("learn", *options, "--precision", 1, "--format", "svg", "--out", tmp_path)
+    ended = lcorpp("learn", *options, "--precision", 1, "--no-cache", "--out", tmp_path)
     assert ended.code == 0
     found = json.loads((tmp_path / "batches.json").read_text())["solution"]
     assert (found["converged"], found["cached"]) == (True, False)

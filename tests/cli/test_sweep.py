@@ -42,6 +42,7 @@ def test_the_files_of_a_sweep(lcorpp, file, tmp_path):
     assert paper["P"]["return_hypothesis"] == paper["P"]["cost_hypothesis"] == "holds"
 
 
+@pytest.mark.usefixtures("unrendered")
 def test_a_finished_sweep_is_not_computed_again(lcorpp, file, tmp_path):
     lcorpp("sweep", file, "--jobs", 1, "--out", tmp_path / "out")
     before = (tmp_path / "out" / "sweep.csv").read_text()
@@ -53,6 +54,7 @@ def test_a_finished_sweep_is_not_computed_again(lcorpp, file, tmp_path):
     assert "4 of 6 configurations are of an earlier run" in ended.out
 
 
+@pytest.mark.usefixtures("unrendered")
 def test_another_sweep_in_the_same_folder_is_refused(lcorpp, file, tmp_path):
     lcorpp("sweep", file, "--jobs", 1, "--out", tmp_path / "out")
     for change, words in (
@@ -93,6 +95,7 @@ def test_bad_input_ends_with_one_message(lcorpp, file, tmp_path, monkeypatch, ar
 IMPOSSIBLE = "known.classifier.interested = 1, known.classifier.not_interested = 0"
 
 
+@pytest.mark.usefixtures("unrendered")
 def test_an_impossible_configuration_is_named_and_the_others_are_scored(lcorpp, tmp_path):
     """A robot that is sure of its classifier sees a person who is impossible by its model."""
     (tmp_path / "s.toml").write_text(

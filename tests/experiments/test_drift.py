@@ -46,9 +46,9 @@ def test_without_a_change_alarms_are_as_rare_as_stated():
 
 def test_a_capital_exceeds_n_in_at_most_one_of_n_runs():
     rng = np.random.default_rng(0)
-    highest = [max(compute_capital(p[:n]) for n in range(1, 21)) for p in rng.random((2000, 20))]
+    highest = [max(compute_capital(p[:n]) for n in range(1, 21)) for p in rng.random((800, 20))]
     for n in (5, 20):
-        assert np.mean(np.array(highest) >= n) < 1 / n + 3 * (1 / n / 2000) ** 0.5
+        assert np.mean(np.array(highest) >= n) < 1 / n + 3 * (1 / n / 800) ** 0.5
 
 
 def test_an_e_value_has_mean_1():

@@ -59,12 +59,12 @@ def test_soft_labels_count_by_weight():
 
 @pytest.mark.parametrize("evidence", ["hard", "soft", "set"])
 def test_without_data_lcorpp_decides_like_r_and_p(evidence):
-    """One batch of 1000 people: within four standard errors of the exact scores of R+P."""
+    """One batch of 400 people: within four standard errors of the exact scores of R+P."""
     domain = load_domain("intention", preset="paper")
     options = ActiveLearningOptions(
         {"motion": TrainingOptions(learner="summaries", tracks=0)},
         EvidenceOptions({"motion": EvidenceKind(evidence)}),
-        batch_size=1000,
+        batch_size=400,
     )
     senses = set_up_learning(domain, options)
     assert (len(senses.data["motion"].dataset), senses.data["motion"].dataset.channels) == (0, ("x", "y"))
@@ -76,8 +76,8 @@ def test_without_data_lcorpp_decides_like_r_and_p(evidence):
     assert start.summary() == "0 tracks; random labels, as cross-validation needs 5 of each class"
     _, accuracy, cost, cost_sd, _ = TABLE["paper"]["R+P"]
     assert first.scores.accuracy.estimate == pytest.approx(
-        accuracy, abs=4 * (accuracy * (1 - accuracy) / 1000) ** 0.5
+        accuracy, abs=4 * (accuracy * (1 - accuracy) / 400) ** 0.5
     )
-    assert first.scores.cost.estimate == pytest.approx(cost, abs=4 * cost_sd / 1000**0.5)
-    assert len(first.decisions) == first.batch.datasets["motion"].n_people == 1000
+    assert first.scores.cost.estimate == pytest.approx(cost, abs=4 * cost_sd / 400**0.5)
+    assert len(first.decisions) == first.batch.datasets["motion"].n_people == 400
     assert first.batch.senses["motion"].is_trained

@@ -1,5 +1,8 @@
 from __future__ import annotations
 
+import sys
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
@@ -14,7 +17,10 @@ torch = pytest.importorskip("torch", reason="torch is not installed (lcorpp[torc
 from lcorpp.learning.lstm.torch_trainer import _Adam  # noqa: E402
 
 
-def test_adam_agrees_with_torch():
+def test_adam_agrees_with_torch(monkeypatch):
+    compiler = SimpleNamespace(disable=lambda function, *_, **__: function, graph_break=lambda: None)
+    monkeypatch.setitem(sys.modules, "torch._dynamo", compiler)  # torch.optim loads it for seconds, unused
+    monkeypatch.setattr(torch, "_dynamo", compiler, raising=False)
     ours = [torch.linspace(-1, 1, 5).requires_grad_(), torch.ones(2, 2, requires_grad=True)]
     theirs = [p.detach().clone().requires_grad_() for p in ours]
     mine, other = _Adam(ours), torch.optim.Adam(theirs, lr=0.03)
@@ -26,7 +32,7 @@ def test_adam_agrees_with_torch():
         mine.step(0.03)
         other.step()
     for a, b in zip(ours, theirs, strict=True):
-        torch.testing.assert_close(a, b)
+        np.testing.assert_allclose(a.detach(), b.detach(), rtol=1.3e-6, atol=1e-5)
 
 
 def test_torch_keeps_its_random_state_and_its_threads(monkeypatch):

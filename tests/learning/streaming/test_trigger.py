@@ -91,7 +91,8 @@ def test_decisions_by_hand(floors, consecutive, last_points, points, label):
 @pytest.mark.parametrize("pipeline", [lstm, by_way])
 @pytest.mark.parametrize("interval", [0.033, 1.0])  # eleven samples for a point, three points for a sample
 def test_streams_decide_as_recorded_tracks(rule, pipeline, interval):
-    tracks = np.stack([walk(seed, samples=100) for seed in range(40)])
+    samples = 100 if interval < 1 else 40
+    tracks = np.stack([walk(seed, samples=samples) for seed in range(40)])
     labels, trained = CLASSES * 20, pipeline(interval=interval)
     timeline = predict_over_time(trained, Dataset(tracks, labels, interval=interval))
     folds = tuple(case // 2 % 4 for case in range(40))
@@ -100,7 +101,7 @@ def test_streams_decide_as_recorded_tracks(rule, pipeline, interval):
     decisions = trigger.decide(timeline)
     limits = {"max_gap": 3.0, "max_duration": 1000}
     streams = StreamingClassifier.from_trained(TrainedClassifier(trained), trigger=trigger, **limits)
-    for t in range(100):
+    for t in range(samples):
         for case, prediction in streams.push_many(
             [(t * timeline.interval, case, *tracks[case, :, t]) for case in range(40)]
         ).items():
