@@ -121,8 +121,8 @@ def one_by_one(rows):
 
 
 def test_decisions_at_once_equal_those_one_by_one(rooms):
-    together, _ = run_trials(rooms, 1100)
-    single, _ = run_trials(replace(rooms, strategies=one_by_one(STRATEGIES)), 1100)
+    together, _ = run_trials(rooms, 450)
+    single, _ = run_trials(replace(rooms, strategies=one_by_one(STRATEGIES)), 450)
     for a, b in zip(together, single, strict=True):
         np.testing.assert_array_equal(a.counts, b.counts)
         assert (a.cost, a.return_, a.cost_sd) == (b.cost, b.return_, b.cost_sd)

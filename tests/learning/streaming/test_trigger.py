@@ -141,7 +141,7 @@ def test_the_expected_score_is_that_of_other_people(rule):
         expected, reached = [], []
         for seed in range(4):
             trigger = fit_trigger(make_timeline(seed), rule=rule, waiting_cost=cost)
-            new = make_timeline(100 + seed, 3000)
+            new = make_timeline(100 + seed, 1000)
             decisions = trigger.decide(new)
             correct = [each.label == label for each, label in zip(decisions, new.labels, strict=True)]
             seconds = [(each.points - 2) for each in decisions]  # one point a second, the first at 0
