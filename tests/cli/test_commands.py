@@ -92,6 +92,7 @@ def test_run_writes_table_figure_and_configuration(lcorpp, tmp_path):
     assert (tmp_path / "results.png").read_bytes().startswith(b"\x89PNG")
 
 
+@pytest.mark.usefixtures("unrendered")
 def test_files_have_the_accuracy_of_each_variable_and_paired_differences(lcorpp, tmp_path):
     ended = lcorpp("run", "shopping", "--preset", "small", "--trials", 50, "--jobs", 1, "--out", tmp_path)
     assert ended.code == 0
@@ -126,6 +127,7 @@ def test_run_with_a_solved_policy(lcorpp, tmp_path):
     assert lcorpp(*common, "--policy", policy).code == 0
 
 
+@pytest.mark.usefixtures("unrendered")
 def test_run_trains_an_lstm_on_another_domain_and_loads_it_again(lcorpp, tmp_path):
     """Shows 5 and 6; the classifier it saved is used again, and gives the same decisions."""
     common = ("run", ROOMS, "--trials", 60, "--jobs", 1, "--strategy", "LCORPP")

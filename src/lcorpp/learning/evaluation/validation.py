@@ -10,7 +10,6 @@ from typing import Any
 import joblib
 import numpy as np
 import numpy.typing as npt
-from sklearn.metrics import confusion_matrix
 
 from lcorpp.arguments import check_arguments, check_fields
 from lcorpp.errors import DataError, expected_one_of
@@ -229,8 +228,10 @@ def count_confusion(
     classes: tuple[str, ...], labels: Sequence[str], predictions: Sequence[str], weights: Array
 ) -> ConfusionMatrix:
     """Return the matrix of labels (cases,) by predictions (cases,), each case with its weight (cases,)."""
-    counts = confusion_matrix(labels, predictions, labels=classes, sample_weight=weights)
-    return ConfusionMatrix(classes, counts.astype(np.float64))
+    columns = {name: column for column, name in enumerate(classes)}
+    counts = np.zeros((len(classes), len(classes)))
+    np.add.at(counts, ([columns[name] for name in labels], [columns[name] for name in predictions]), weights)
+    return ConfusionMatrix(classes, counts)
 
 
 def _clone_without_progress(estimator: Any) -> Any:
