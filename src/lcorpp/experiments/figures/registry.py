@@ -42,7 +42,7 @@ FIGURES: Mapping[str, PaperFigure] = {
     for name, seconds in {
         "strategies": (2, 1),
         "knowledge": (4, 2),
-        "trust": (28, 10),
+        "trust": (28, 16),
         "partial": (38, 8),
         "augmentation": (40, 45),
         "confusion": (6, 2),
