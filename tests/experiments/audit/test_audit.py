@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -79,6 +80,26 @@ def test_the_identity_as_a_fact_of_some_people_identifies_the_swap(tmp_path: Pat
     assert [x.name for x in result.changes] == [INTENTION("professor"), INTENTION("visitor")]
     assert not result.rivals
     assert result.n_undetermined == 0
+
+
+def test_many_wrong_numbers_are_found_though_single_ones_make_up_for_each_other(tmp_path: Path) -> None:
+    """Forward selection alone would end at five numbers, of which three are right."""
+    log = tmp_path / "log"
+    domain = write_log(log, "paper", 1000, 1, extra={"identity": 20})
+    text = re.sub(" +", " ", (domain.folder / "knowledge.plog").read_text())
+    wrong = {
+        "pr(time=morning | identity=visitor)": "0.605",
+        "pr(time=afternoon | identity=visitor)": "0.061",
+        "pr(location=library | identity=student)": "0.945",
+        INTENTION("student"): "0.845",
+        INTENTION("professor"): "0.53",
+        INTENTION("visitor"): "0.166",
+    }
+    for name, number in wrong.items():
+        text, count = re.subn(re.escape(name) + r" = [\d.]+\d", f"{name} = {number}", text)
+        assert count == 1
+    result = audit_people(replace(read_people(log), program=parse_plog(text)))
+    assert {x.name for x in result.changes} == set(wrong)
 
 
 def test_rates_of_soft_evidence_are_estimated_though_none_are_stated(tmp_path: Path) -> None:

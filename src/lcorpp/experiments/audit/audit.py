@@ -149,7 +149,19 @@ class _Auditor:
         return self._find_gain(statements) - len(statements) * log(self._n_people)
 
     def _choose(self) -> tuple[int, ...]:
-        """Choose the fewest numbers that have to change: forward and backward selection."""
+        """Choose the fewest numbers that have to change: forward and backward selection.
+
+        If numbers of several attributes are wrong, others may make up for them, so that forward selection
+        ends in a wrong set. Then the choice begins at all numbers, too.
+        """
+        chosen = self._select_forward()
+        if len({self._atom(i).term.name for i in chosen}) < 2:
+            return chosen
+        everything = tuple(self._fits.free)
+        self._fits.fit(everything, N_STARTS, near=self._fits.fit(chosen))
+        return max(chosen, self._reduce(everything), key=self._find_bic)
+
+    def _select_forward(self) -> tuple[int, ...]:
         candidates = self._list_candidates()
         chosen: tuple[int, ...] = ()
         while True:
@@ -179,7 +191,10 @@ class _Auditor:
         """Return to the stated numbers one by one, as long as the data do not refute the next."""
         while len(chosen) > 1:
             smaller = [tuple(i for i in chosen if i != own) for own in chosen]
-            tests = {own: self._compare(chosen, own) for own in smaller if self._complete(own) == own}
+            smaller = [own for own in smaller if self._complete(own) == own]
+            for own in smaller:
+                self._fits.fit(own, near=self._fits.fit(chosen))
+            tests = {own: self._compare(chosen, own) for own in smaller}
             reduced = min(tests, key=lambda own: tests[own][0], default=())
             if not reduced or self._is_refuted(*tests[reduced]):
                 break

@@ -150,22 +150,27 @@ class KnowledgeFits:
             i for i, move in zip(model.statements, moves, strict=True) if move > np.sqrt(null)
         ]
 
-    def fit(self, statements: Collection[int], starts: int = 1) -> NumbersFit:
-        """Fit the numbers of these statements; a fit is cached, whatever its starts.
+    def fit(
+        self, statements: Collection[int], starts: int = 1, *, near: NumbersFit | None = None
+    ) -> NumbersFit:
+        """Fit the numbers of these statements; the best fit so far is cached.
 
         Args:
-            starts: number of searches, all but the first from random numbers; the best is kept.
+            starts: number of searches, all but the first from random numbers; without effect if it is cached.
+            near: a fit of other numbers; the first search begins at its estimates, not at the stated numbers.
         """
         key = tuple(sorted(statements))
-        if key not in self._fits:
-            self._fits[key] = self._fit(key, starts)
+        if key not in self._fits or near is not None:
+            found = self._fit(key, starts, near)
+            self._fits[key] = max(self._fits.get(key, found), found, key=lambda fit: fit.log_likelihood)
         return self._fits[key]
 
-    def _fit(self, statements: tuple[int, ...], starts: int) -> NumbersFit:
+    def _fit(self, statements: tuple[int, ...], starts: int, near: NumbersFit | None) -> NumbersFit:
         model = self._model.restrict(statements)
         model = replace(model, start=_find_interior_start(model))
         objective = Objective(model, self._expectation, PRIOR_PEOPLE)
-        rng, start = np.random.default_rng(0), model.start
+        rng = np.random.default_rng(0)
+        start = model.start if near is None else _copy_estimates(model, near, statements)
         if starts > 1:
             points = [start, *[draw_start(model, rng) for _ in range(starts - 1)]]
             ends = [climb(objective, point, tolerance=COMPARISON_TOLERANCE) for point in points]
@@ -225,6 +230,17 @@ def _get_case(atom: Statement) -> tuple[Term, Body]:
     """Return what the pr-atoms that apply together have in common."""
     assert isinstance(atom, Probability)
     return atom.term, atom.body
+
+
+def _copy_estimates(model: NumberModel, fit: NumbersFit, statements: Collection[int]) -> Array:
+    """Return the start of the model with the fit's estimates for some statements, reduced to sums below 1."""
+    start = model.start.copy()
+    is_copied = np.isin(fit.statements, list(statements))
+    start[np.isin(model.statements, np.array(fit.statements)[is_copied])] = fit.estimates[is_copied]
+    for case in model.cases:
+        limit = float(case.bound) * (1.0 if case.is_full else 1 - INTERIOR_SHARE)
+        start[case.parameters] *= min(1.0, limit / float(case.multiplicities @ start[case.parameters]))
+    return start
 
 
 def _find_interior_start(model: NumberModel) -> Array:
