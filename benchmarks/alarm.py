@@ -71,7 +71,7 @@ RIGHT_KNOWLEDGE = (
 
 
 class Fault(NamedTuple):
-    """Wrong numbers of the robot's program; if `is_true`, those of the world instead."""
+    """Wrong numbers of the robot's program, none if rules are missing; if `is_true`, those of the world."""
 
     attribute: str
     numbers: Numbers
@@ -99,6 +99,8 @@ def list_test_faults() -> dict[str, Fault]:
         "intention inverted": Fault("intention", rows(intention, 0.7, 0.9, 0.2)),
         "time swapped": times((0.15, 0.1, 0.8), (0.15, 0.7, 0.1)),
         "locations exchanged": Fault("location", rows(location, 0.7, 0.9, 0.2)),
+        "location rules removed": Fault("location", {}),
+        "time rules removed": Fault("time", {}),
         "classifier .50/.50": rates(0.5, 0.5),
         "classifier .60/.40": rates(0.6, 0.4),
         "classifier .90/.10": rates(0.9, 0.1),
@@ -127,8 +129,11 @@ def make_domain(fault: Fault | None, answers: Answers) -> Domain:
     known, truth = domain.program, simulation.true_program
     if fault is not None and fault.is_true:
         truth = change_program(truth, fault.numbers)
-    elif fault is not None:
+    elif fault is not None and fault.numbers:
         known = change_program(known, fault.numbers)
+    elif fault is not None:
+        rules = re.sub(rf"(?m)^pr\({fault.attribute}=.*\n", "", str(known))
+        known = parse_plog(rules, file=known.file)
     own = replace(domain, reasoning=replace(domain.reasoning, program=known))
     return replace(own, simulation=replace(simulation, true_program=truth, feedback_model=feedback))
 
