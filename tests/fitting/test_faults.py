@@ -2,6 +2,7 @@
 
 from fractions import Fraction
 from itertools import product
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ from lcorpp.fitting import list_faults
 from lcorpp.fitting.fault_tables import MAX_TABLES, make_lattice
 from lcorpp.fitting.faults import PROGRAM_PRIOR, SIMPLE_PRIOR, TABLE_CHANGE
 from lcorpp.reasoning import Reasoner, parse_plog
+from lcorpp.trust import Hypotheses
 
 COIN = """
 sides = {{heads, tails}}.  people = {{honest, cheat}}.
@@ -116,6 +118,27 @@ def test_a_lattice_has_distributions_as_rows_and_is_not_too_large(n_rows, n_valu
     assert len(tables) <= MAX_TABLES
     np.testing.assert_allclose(tables.sum(axis=2), 1)
     assert tables.min() > 0
+
+
+@pytest.mark.parametrize("given", [False, True])
+def test_hypotheses_of_tables_are_the_programs_with_their_numbers(given):
+    """Also if facts are given, where probabilities are no longer affine in the table."""
+    faults = list_faults(parse_plog(COIN.format("0.2", "0.9")), ["who", "side"])
+    domain = SimpleNamespace(shared="who", values=("honest", "cheat"), label_attributes=())
+    hypotheses = Hypotheses(
+        faults.reasoners,
+        faults.weights,
+        faults.attributes,
+        faults.changes,
+        faults.priors,
+        domain,
+        given=given,
+    )
+    found = hypotheses.predict({"side": "heads"})
+    own = [f for f, change in enumerate(faults.changes) if change == TABLE_CHANGE]
+    for f, table in zip(own, make_lattice(2, 2), strict=True):
+        joint = table[:, 0] / 2
+        np.testing.assert_allclose(found[f], joint / joint.sum() if given else joint, atol=1e-12)
 
 
 def test_overlapping_conditions_and_arguments_have_simple_faults_alone():

@@ -24,6 +24,8 @@ class SkyReasoner:
         self.rates = np.array([[rates[0], 1 - rates[0]], [rates[1], 1 - rates[1]]])
 
     def posterior(self, attribute: str, evidence: Mapping[str, Label]) -> Distribution:
+        if attribute == "sky":
+            return Distribution(tuple(self.prior), np.full(2, 0.5))
         sky = evidence.get("sky")
         p = np.mean(list(self.prior.values())) if sky is None else self.prior[sky]
         values = np.array([p, 1 - p])

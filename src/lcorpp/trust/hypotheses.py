@@ -62,7 +62,10 @@ class Hypotheses:
         known = self._cache.get(key)
         if known is None:
             rows = [self._infer(number, evidence) for number in range(len(self._reasoners))]
-            known = np.maximum(self._weights @ np.array(rows), 0)
+            mixed = np.maximum(self._weights @ np.array(rows), 0)
+            known, facts = mixed[:, :-1], mixed[:, -1:]
+            if self.given:
+                known = np.divide(known, facts, out=np.zeros_like(known), where=facts > 0)
             if not any(isinstance(value, Likelihood) for value in evidence.values()):
                 if len(self._cache) == MAX_CACHED_PREDICTIONS:
                     self._cache.clear()
@@ -70,21 +73,25 @@ class Hypotheses:
         return known
 
     def _infer(self, number: int, evidence: Mapping[str, Label]) -> Array:
-        """Return (V,) what `predict` returns, by one of the reasoners."""
-        reasoner, labels = self._reasoners[number], self.domain.label_attributes
-        known, p = dict[str, Label](), 1.0
+        """Return (V + 1,) P(value, labels, facts) and P(facts) by one of the reasoners."""
+        reasoner, known, chances = self._reasoners[number], dict[str, Label](), [0.0, 0.0]
+        values = np.zeros(len(self.domain.values))
         try:
-            for name in sorted(evidence, key=lambda name: name in labels):
-                if not self.given or name in labels:
-                    p *= _find_probability(reasoner, name, evidence[name], known)
-                known[name] = evidence[name]
+            for i, is_label in enumerate((False, True)):
+                chance = 1.0
+                for name, value in evidence.items():
+                    if (name in self.domain.label_attributes) == is_label:
+                        chance *= _find_probability(reasoner, name, value, known)
+                        known[name] = value
+                chances[i] = chance
             marginal = reasoner.posterior(self.domain.shared, known)
+            assert marginal is not None
+            values = marginal.probabilities
         except UndefinedError:
             if number == 0:
                 raise
-            return np.zeros(len(self.domain.values))
-        assert marginal is not None
-        return p * marginal.probabilities
+        facts, labels = chances
+        return np.append(facts * labels * values, facts)
 
 
 def _find_probability(reasoner: Reasoner, name: str, value: Label, known: Mapping[str, Label]) -> float:
