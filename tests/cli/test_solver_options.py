@@ -9,7 +9,7 @@ import pytest
 from lcorpp.domains import load_domain
 from lcorpp.errors import DomainError
 from lcorpp.experiments import ComparisonOptions, compare_strategies, solve_domain
-from lcorpp.planning import SolverOptions, solve
+from lcorpp.planning import SolverOptions, solve, write_policy
 from tests.cli.planner import refused
 from tests.domains.test_loading import edit, folder as rooms  # noqa: F401
 
@@ -60,6 +60,37 @@ def test_the_bounds_are_in_the_results(lcorpp, tmp_path):
     assert found["gap"] > 0.1
 
 
+def test_the_gap_at_the_priors_is_in_the_summary(lcorpp, tmp_path):
+    priors = "gap at the priors of these people at most "
+    few = ("run", "--classifier", "channel", "--trials", 30, "--jobs", 1, "--strategy", "LCORPP")
+    ended = lcorpp(*few, "--format", "svg", "--out", tmp_path)
+    (gap,) = re.findall(rf"at the start belief; {priors}(\S+); \d+ vectors", ended.out)
+    found = json.loads((tmp_path / "results.json").read_text())["configuration"]["gap_at_priors"]
+    assert (ended.code, ended.err) == (0, "")
+    assert 0 < found <= float(gap) <= 5e-4
+    assert priors not in lcorpp(*few[:-1], "L").out
+    file = tmp_path / "intention.policy"
+    write_policy(solve_domain(load_domain("intention")).policy, file)
+    assert priors not in lcorpp(*few, "--policy", file).out
+    ended = lcorpp("explain", "--likelihood", "interested=0.3", "--strategy", "R+P")
+    assert ended.code == 2
+    ended = lcorpp("explain", "--likelihood", "interested=0.3", "--strategy", "LCORPP")
+    (gap,) = re.findall(r"gap at this prior at most (\S+)\n", ended.out)
+    assert float(gap) <= 5e-4
+
+
+def test_a_gap_above_the_precision_is_noted(lcorpp, monkeypatch):
+    monkeypatch.setattr("lcorpp.planning.sarsop.solver.MIXTURE_WORK", 0)
+    soft = ("--evidence", "soft", "--learner", "summaries", "--tracks", 40, "--jobs", 1)
+    ended = lcorpp("run", *soft, "--trials", 50, "--strategy", "LCORPP", "--no-cache")
+    assert ended.code == 0
+    note = (
+        "note: the gap at a prior is above the precision 0.0005, so a better policy for some people may"
+        " exist; with a longer --time-limit the search goes on"
+    )
+    assert note in " ".join(ended.out.split())
+
+
 def test_learn_states_the_bounds(lcorpp, tmp_path):
     options = ("--learner", "summaries", "--tracks", 40, "--batch-size", 20, "--max-batches", 1, "--jobs", 1)
     ended = lcorpp("learn", *options, "--precision", 1, "--no-cache", "--out", tmp_path)
@@ -67,6 +98,8 @@ def test_learn_states_the_bounds(lcorpp, tmp_path):
     found = json.loads((tmp_path / "batches.json").read_text())["solution"]
     assert (found["converged"], found["cached"]) == (True, False)
     assert 5e-4 < found["gap"] <= 1
+    (gap,) = re.findall(r"\ngap at the priors of these people at most (\S+)\n", ended.out)
+    assert 0 < float(gap) <= 1
 
 
 def test_the_second_explain_takes_the_policy_from_the_cache(lcorpp, tmp_path, monkeypatch):

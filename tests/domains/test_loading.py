@@ -118,6 +118,17 @@ def test_start_beliefs_cover_the_simplex_and_the_priors_of_all_evidence():
         assert np.abs(starts[37:] - prior).max(axis=1).min() < 1e-11
 
 
+def test_starts_have_the_priors_of_the_labels_alone():
+    """Those of L+P, proportional to the rates of the label."""
+    domain = load_domain("intention", preset="paper")
+    starts = domain.list_starts()
+    assert starts.are_complete
+    for rates in ((0.76, 0.29), (0.24, 0.71)):
+        prior = np.array(rates) / sum(rates)
+        assert np.abs(starts.labels_alone @ domain.planning.state_values - prior).max(axis=1).min() < 1e-11
+    assert not load_domain("museum").list_starts().are_complete  # two senses: too many priors
+
+
 def test_the_policy_is_as_good_at_the_priors_of_evidence_as_requested():
     domain = load_domain("intention", preset="paper")
     times = ("morning", "afternoon", "evening")

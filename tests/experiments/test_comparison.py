@@ -1,5 +1,6 @@
 """A comparison is a value: scores, classifier and solution, with a short repr and an HTML table."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -18,8 +19,14 @@ from lcorpp.experiments import (
     run_active_learning,
     run_trials,
     simulate_training_data,
+    solve_domain,
     train_classifier,
 )
+from lcorpp.experiments.comparison import set_up_experiment
+from lcorpp.experiments.replay import replay_log
+from lcorpp.experiments.setup import EvidenceOptions
+from lcorpp.planning import Planner
+from lcorpp.values import EvidenceKind
 
 ROOMS = Path(__file__).parents[1] / "domains" / "rooms"
 
@@ -35,6 +42,41 @@ def test_a_comparison_prints_nothing_and_returns_everything(capsys):
     assert comparison._repr_html_().count("<tr>") == 3
     assert repr(comparison.senses["heading"]).startswith("<SenseSetup channel; recall: lab ")
     assert capsys.readouterr() == ("", "")
+
+
+def test_the_precision_is_reached_at_the_priors_of_soft_evidence():
+    """Each person has another prior. The policy is made before the people are met, in one process."""
+    domain, rows = load_domain("intention"), strategies(["L", "P", "L+P", "LCORPP"])
+    training = TrainingOptions(learner="summaries", tracks=40)
+    soft = EvidenceOptions({"motion": EvidenceKind("soft")})
+    options = ComparisonOptions(rows, classifiers={"motion": training}, evidence=soft)
+    experiment, *_ = set_up_experiment(domain, options)
+    scores, _ = run_trials(experiment, 110)
+    assert scores[0].gap is None
+    assert all(0 < row.gap <= 5e-4 for row in scores[1:])
+    starts = replace(experiment.robot, planner=Planner(solve_domain(domain)))
+    before, _ = run_trials(replace(experiment, robot=starts), 110)
+    assert min(before[2].gap, before[3].gap) > 0.1
+
+
+def test_the_gap_of_decisions_one_by_one_and_of_exact_ones(tmp_path):
+    domain, rows = load_domain("museum"), strategies(["R+P", "LCORPP"])
+    exact = compare_strategies(domain, ComparisonOptions(rows, trials=None))
+    at_once = compare_strategies(domain, ComparisonOptions(rows, trials=40))
+    logged = compare_strategies(domain, ComparisonOptions(rows, trials=40, log=tmp_path / "log.jsonl"))
+    assert [row.gap for row in at_once.scores] == [row.gap for row in logged.scores]
+    replayed = list(replay_log(tmp_path / "log.jsonl"))  # with the same policy, for every prior
+    assert [line.differences for line in replayed] == [()] * 80
+    for row, all_of_it in zip(at_once.scores, exact.scores, strict=True):
+        assert 0 < row.gap <= all_of_it.gap <= 0.01
+
+
+def test_a_policy_without_bounds_has_no_gap():
+    domain = load_domain("intention")
+    policy = replace(solve_domain(domain).policy, upper_bound=None)
+    for trials in (10, None):
+        options = ComparisonOptions(strategies(["P", "LCORPP"]), trials=trials)
+        assert compare_strategies(domain, options, policy=policy).gap is None
 
 
 def test_exact_scores_need_a_channel():

@@ -21,7 +21,7 @@ from lcorpp.experiments.scoring import trial_chunks
 from lcorpp.experiments.setup import make_program, solve_domain
 from lcorpp.experiments.strategies.baselines import find_strategies
 from lcorpp.planning import read_policy, write_policy
-from lcorpp.values import ConfusionMatrix, Episode, EvidenceKind, Instance, Likelihood
+from lcorpp.values import ConfusionMatrix, Episode, Instance, Likelihood
 from tests.domains.deliveries import GAZE, VOICE, write_domain
 
 ROOMS = Path(__file__).parents[1] / "domains" / "rooms"
@@ -122,7 +122,7 @@ def test_the_program_is_that_of_a_comparison(rooms):
         confusion = rooms.classifiers["heading"].confusion
 
     for soft in (False, True):
-        Setup.evidence = EvidenceKind("soft" if soft else "hard")
+        Setup.soft = soft
         part = replace(rooms.classifiers["heading"], soft=soft)
         parts = replace(rooms, classifiers={"heading": part}, smoothing=Fraction(1))
         assert parts.program == make_program(rooms.domain, {"heading": Setup()}, Fraction(1))

@@ -53,6 +53,16 @@ def test_the_second_call_returns_the_same_solution(tmp_path, name, monkeypatch):
     assert len(entries(tmp_path)) == 1
 
 
+def test_the_bound_at_mixtures_is_kept_and_is_another_entry(tmp_path):
+    solve_cached(tiger, STARTS, FAST, folder=tmp_path)
+    mixed = np.eye(2)
+    first, second = (solve_cached(tiger, STARTS, FAST, mixed=mixed, folder=tmp_path) for _ in range(2))
+    assert (first.cached, second.cached) == (False, True)
+    assert_equal(first, second)
+    assert max(second.gap(np.array([p, 1 - p])) for p in np.linspace(0, 1, 50)) <= 0.1
+    assert len(entries(tmp_path)) == 2
+
+
 def test_policies_of_several_vector_sets(tmp_path):
     pomdp = flatten(rover())  # its place is observed
     first, second = (solve_cached(pomdp, pomdp.start[None], FAST, folder=tmp_path) for _ in range(2))

@@ -119,7 +119,7 @@ def learn(
     solver stops only the solver; the command continues with the best policy so far. With --store every
     decision survives any interruption, and the same command resumes the run.
     """
-    from lcorpp.cli.robot_output import note_storage_problems, print_domain
+    from lcorpp.cli.robot_output import note_storage_problems, print_domain, print_gap
     from lcorpp.experiments.active_learning.run import open_run_store, run_active_learning
     from lcorpp.experiments.active_learning.senses import ActiveLearningOptions, set_up_learning
     from lcorpp.experiments.decision_log import DecisionLog
@@ -157,7 +157,7 @@ def learn(
             run_store = stack.enter_context(open_run_store(store, loaded, senses, chosen))
             _print_run_store(run_store)
         noted = given.out is not None and note_storage_problems(senses.training.values())
-        written, is_complete = None, False
+        written, is_complete, solution, gaps = None, False, None, list[float]()
         try:
             planner, solution = _make_planner(loaded, policy, solving, given.find_cache())
             stack.enter_context(explain_missing_reports(solution))
@@ -176,6 +176,8 @@ def learn(
             )
             for result in _print_batches(results, chosen, run_store):
                 is_complete = True
+                if solution is not None and not trust:  # which solves the POMDPs that it estimates
+                    gaps += [solution.gap(episode.prior) for episode in result.batch.episodes]
                 if given.out is not None:
                     formats = given.formats or FORMATS
                     written = write_batches(
@@ -187,6 +189,8 @@ def learn(
             console.err.print(f"interrupted: {kept}")
             if not is_complete and store is None:
                 raise typer.Exit(130) from None
+    if solution is not None:
+        print_gap(solution, max(gaps, default=None), solving.precision)
     if written is not None:
         if written.problem is not None and not noted:
             console.print_note(f"the classifier is not saved: {written.problem}")
@@ -226,7 +230,7 @@ def _make_planner(
     if policy is not None:
         return Planner(policy, domain.pomdp), None
     with console.show_progress("solving the POMDP") as advance:
-        solution = solve_domain(domain, solver, cache=cache, advance=advance)
+        solution = solve_domain(domain, solver, any_prior=True, cache=cache, advance=advance)
     print_solution(solution)
     return Planner(solution), solution
 

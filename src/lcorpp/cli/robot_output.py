@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from math import ceil, floor
+from decimal import ROUND_CEILING, Context
+from math import ceil, floor, inf
 from typing import TYPE_CHECKING
 
 from lcorpp.cli import console
@@ -174,20 +175,56 @@ def _describe_sets(sets: PredictionSets) -> str:
     )
 
 
-def print_solution(solution: Solution) -> None:
-    """Print the bounds of a solution, and a warning with the remaining gap if it has not converged."""
+def print_solution(solution: Solution, gap: float | None = None, *, precision: float = inf) -> None:
+    """Print the bounds of a solution, and a warning with the remaining gap if it has not converged.
+
+    Args:
+        gap: the largest one at the priors of the people, None if unknown. precision: of the solver.
+    """
     name = "SARSOP" if solution.solver == "sarsop" else f"solver {solution.solver}"
-    lower, gap = solution.policy.value(solution.pomdp.start), solution.gap(solution.pomdp.start)
+    lower = solution.policy.value(solution.pomdp.start)
+    upper = lower + solution.gap(solution.pomdp.start)
+    about_gap = "" if gap is None else f"{_describe_gap(gap)}; "
     cached = "; from the cache of policies (--no-cache solves again)" if solution.cached else ""
     console.out.print(
-        f"{name}: value in [{lower:.3f}, {lower + gap:.3f}] at the start belief; {solution.vectors} vectors,"
-        f" {solution.seconds:.1f} s{cached}"
+        f"{name}: value in [{lower:.3f}, {upper:.3f}] at the start belief; {about_gap}{solution.vectors}"
+        f" vectors, {solution.seconds:.1f} s{cached}"
     )
     if not solution.converged:
         kept = "; this is the best policy so far" if solution.reason == "interrupted" else ""
         console.warn(
             f"{name} has not converged ({solution.reason}{kept}): a gap of"
             f" {solution.upper - solution.lower:.4g} remains, so a better policy may exist"
+        )
+    elif gap is not None:
+        _note_wide_gap(solution, gap, precision)
+
+
+PRIORS = "the priors of these people"
+
+
+def print_gap(solution: Solution, gap: float | None, precision: float, priors: str = PRIORS) -> None:
+    """Print the largest gap at some priors; other arguments as of `print_solution`."""
+    if gap is not None:
+        console.out.print(_describe_gap(gap, priors))
+        _note_wide_gap(solution, gap, precision)
+
+
+def _describe_gap(gap: float, priors: str = PRIORS) -> str:
+    rounded_up = float(Context(prec=2, rounding=ROUND_CEILING).create_decimal_from_float(gap))
+    return f"gap at {priors} at most {rounded_up:g}"
+
+
+def _note_wide_gap(solution: Solution, gap: float, precision: float) -> None:
+    """Print a note if the gap at a prior is above the precision of a search that has converged."""
+    from lcorpp.planning.upper_bounds import MixtureBound
+
+    if solution.converged and gap > precision:
+        mixed = isinstance(solution.policy.upper_bound, MixtureBound)
+        advice = "; with a longer --time-limit the search goes on" if mixed else ""
+        console.print_note(
+            f"the gap at a prior is above the precision {precision:g}, so a better policy for some people may"
+            f" exist{advice}"
         )
 
 

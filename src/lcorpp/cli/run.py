@@ -82,7 +82,7 @@ def run(
     comparison = compare_strategies(
         loaded, chosen, policy=policy, policy_file=given.policy, progress=console.show_progress
     )
-    _print_comparison(loaded, comparison)
+    _print_comparison(loaded, comparison, chosen)
     if given.out is not None:
         _write_results(given.out, loaded, given, chosen, comparison, noted=noted)
     if comparison.trials is not None and comparison.trials < number:
@@ -124,13 +124,14 @@ def _choose_comparison(
     )
 
 
-def _print_comparison(domain: Domain, comparison: Comparison) -> None:
+def _print_comparison(domain: Domain, comparison: Comparison, chosen: ComparisonOptions) -> None:
     from lcorpp.cli.robot_output import print_classifiers, print_scores, print_solution
 
     print_scores(comparison.scores, domain.positive, comparison.trials)
     print_classifiers(domain, comparison.senses)
     if comparison.solution is not None:
-        print_solution(comparison.solution)
+        solver = chosen.solver or domain.planning.solver
+        print_solution(comparison.solution, comparison.gap, precision=solver.precision)
 
 
 def _write_results(

@@ -13,7 +13,7 @@ from lcorpp.domains.sections.learning import Sense
 from lcorpp.domains.sections.planning import PlanningSection
 from lcorpp.domains.sections.reasoning import ReasoningSection
 from lcorpp.domains.sections.simulation import SimulationSection
-from lcorpp.domains.start_beliefs import list_start_beliefs
+from lcorpp.domains.start_beliefs import StartBeliefs, list_start_beliefs
 from lcorpp.errors import DomainError, expected_one_of
 from lcorpp.planning import Pomdp
 from lcorpp.reasoning import Program, with_classifier
@@ -208,6 +208,10 @@ class Domain:
 
     def start_beliefs(self) -> Array:
         """(N, S) beliefs to solve the model for, see `list_start_beliefs`."""
+        return self.list_starts().beliefs
+
+    def list_starts(self) -> StartBeliefs:
+        """The beliefs to solve the model for, and whether they are all priors of hard evidence."""
         return list_start_beliefs(self.reasoning, self.senses, self.planning)
 
     def marginal(self, belief: Belief) -> Distribution:

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Sequence
 from contextlib import suppress
-from itertools import combinations_with_replacement, product
+from itertools import chain, combinations_with_replacement, product
 from math import comb, prod
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -23,16 +23,28 @@ MAX_EVIDENCES, MAX_EVIDENCE_PRIORS = 500, 64
 """Maximum numbers of combinations of facts and labels, and of the priors that follow from them."""
 
 
+class StartBeliefs(NamedTuple):
+    """Beliefs to solve a model for.
+
+    beliefs: (N, S) the model's initial belief, and priors.
+    labels_alone: (M, S) priors by the labels and the rates alone (L+P).
+    are_complete: whether these are all priors of the stated program with labels as evidence.
+    """
+
+    beliefs: Array
+    labels_alone: Array
+    are_complete: bool
+
+
 def list_start_beliefs(
-    reasoning: ReasoningSection, senses: Iterable[Sense], planning: PlanningSection
-) -> Array:
-    """Return (N, S) beliefs to solve the model for: its own initial belief, and priors.
+    reasoning: ReasoningSection, senses: Sequence[Sense], planning: PlanningSection
+) -> StartBeliefs:
+    """Return the beliefs to solve the model for: its own initial belief, and priors.
 
     The prior differs from person to person, and a policy is only good near the beliefs it was computed
-    for. The priors are a grid that covers the simplex, hence every marginal that a reasoner may return, and
-    the reasoner's marginals given each combination of facts and labels, if these are few. If they are many
-    and a grid finer than the corners is too large, the marginals given the most probable observed facts are
-    added instead.
+    for. The priors are a grid that covers the simplex, and the reasoner's marginals given each combination of
+    facts and labels, if these are few. If they are many and a grid finer than the corners is too large, the
+    marginals given the most probable observed facts are added instead. `solve(mixed=...)` is for all others.
     """
     n = len(reasoning.values)
     # the finest grid of at most MAX_PRIORS priors; one step gives a prior for each value, however many
@@ -40,38 +52,59 @@ def list_start_beliefs(
     grid = [
         np.bincount(values, minlength=n) / steps for values in combinations_with_replacement(range(n), steps)
     ]
-    marginals = _compute_all_marginals(reasoning, senses)
+    marginals, labels_alone = _compute_all_marginals(reasoning, senses)
+    are_complete = marginals is not None
     if marginals is None:
         marginals = np.zeros((0, n)) if steps > 1 else _compute_likely_marginals(reasoning)
-    return np.vstack([planning.pomdp.start, np.vstack([grid, marginals]) @ planning.initial_states])
+    corners = planning.initial_states
+    beliefs = np.vstack([planning.pomdp.start, np.vstack([grid, marginals]) @ corners])
+    return StartBeliefs(beliefs, labels_alone @ corners, are_complete)
 
 
-def _compute_all_marginals(section: ReasoningSection, senses: Iterable[Sense]) -> Array | None:
-    """Return the marginals (n, V) of the shared variables given all facts, and a label of each sense or none.
+def _compute_all_marginals(section: ReasoningSection, senses: Sequence[Sense]) -> tuple[Array | None, Array]:
+    """Return the marginals of the shared variables given all facts, and a label of each sense or none.
 
-    The one without evidence is added. They are distinct, sorted, and rounded, see
-    `_compute_likely_marginals`; None if they are too many, or the program has no circuit, e.g. because it is
-    too large.
+    They are distinct, sorted, and rounded, see `_compute_likely_marginals`.
+
+    Returns:
+        (n, V) the marginals, and the one without evidence; None if they are too many, or the program has no
+        circuit, e.g. because it is too large. (m, V) those by labels alone, if all values were equally
+        probable before.
     """
+    nothing = np.zeros((0, len(section.values)))
     choices: dict[str, list[str | None]] = {name: [*own] for name, own in section.observed_values.items()}
     choices |= {sense.attribute: [None, *sense.label_of.values()] for sense in senses}
     if not choices or prod(map(len, choices.values())) > MAX_EVIDENCES:
-        return None
+        return None, nothing
     from lcorpp.reasoning import Reasoner  # imports the grounder and the compiler
 
     try:
         circuit = Reasoner(section.program).compile(list(choices), [section.shared])
     except ProgramError:
-        return None
-    marginals = list[Array]()
-    unknown = [None] * len(choices)  # not all facts can be observed of everybody
-    for evidence in (unknown, *product(*choices.values())):
+        return None, nothing
+
+    def infer(evidence: Sequence[str | None]) -> list[Array]:
         with suppress(NoValueError, UndefinedError):
             answers: Any = circuit({name: [value] for name, value in zip(choices, evidence, strict=True)})
-            marginals += [rows[0] for rows in answers.values()]
-    table = np.array(marginals).reshape(-1, len(section.values))
-    distinct: Array = np.unique(np.round(table, 12), axis=0)
-    return distinct if len(distinct) <= MAX_EVIDENCE_PRIORS else None
+            return [rows[0] for rows in answers.values()]
+        return []
+
+    before = infer([None] * len(choices))  # not all facts can be observed of everybody
+    marginals = [*before, *chain.from_iterable(map(infer, product(*choices.values())))]
+    distinct = _find_distinct(marginals, nothing)
+    if len(distinct) > MAX_EVIDENCE_PRIORS:
+        return None, nothing
+    no_facts, ratios = [None] * len(section.observed_values), list[Array]()
+    for labels in product(*[[None, *sense.label_of.values()] for sense in senses]):
+        if any(labels):
+            for prior, given in zip(before, infer([*no_facts, *labels]), strict=False):
+                ratios.append(np.divide(given, prior, out=np.zeros(len(prior)), where=prior > 0))
+    return distinct, _find_distinct([own / own.sum() for own in ratios], nothing)
+
+
+def _find_distinct(marginals: Sequence[Array], nothing: Array) -> Array:
+    distinct: Array = np.unique(np.round([*nothing, *marginals], 12).reshape(-1, nothing.shape[1]), axis=0)
+    return distinct
 
 
 def _compute_likely_marginals(section: ReasoningSection) -> Array:

@@ -27,6 +27,7 @@ from lcorpp.experiments.setup import (
     StoredOptions,
     TrainingOptions,
     explain_missing_reports,
+    have_own_rates,
     make_program,
     make_robot,
     no_progress,
@@ -86,6 +87,11 @@ class Comparison:
     trials: int | None
     senses: Senses
     solution: Solution | None
+
+    @property
+    def gap(self) -> float | None:
+        """The largest gap between the bounds of the policy at a prior of a strategy's people, if known."""
+        return max((row.gap for row in self.scores if row.gap is not None), default=None)
 
     def __repr__(self) -> str:
         count = "exact" if self.trials is None else f"{self.trials} trials"
@@ -187,7 +193,13 @@ def set_up_experiment(
         planner = Planner(policy, domain.pomdp)
     else:
         with progress("solving the POMDP") as advance:
-            solution = solve_domain(domain, options.solver, cache=options.cache, advance=advance)
+            solution = solve_domain(
+                domain,
+                options.solver,
+                any_prior=have_own_rates(senses),
+                cache=options.cache,
+                advance=advance,
+            )
         planner = Planner(solution)
     robot = make_robot(domain, senses, make_program(domain, senses, options.evidence.smoothing), planner)
     parts = None
@@ -206,7 +218,7 @@ def set_up_experiment(
         domain,
         {name: setup.confusion for name, setup in senses.items() if setup.confusion is not None},
         options.evidence.smoothing,
-        soft=[name for name, setup in senses.items() if setup.evidence.is_likelihood],
+        soft=[name for name, setup in senses.items() if setup.soft],
     )
     experiment = Experiment(domain, robot, classifiers, signals, strategies, options.seed, parts, rates)
     return experiment, senses, solution

@@ -58,6 +58,7 @@ def describe_run(
         "smoothing": "laplace" if options.evidence.smoothing == LAPLACE else "jeffreys",
         "policy": str(policy) if policy else "solved",
         "solution": describe_solution(comparison.solution),
+        "gap_at_priors": comparison.gap,
         "trials": "exact" if comparison.trials is None else comparison.trials,
         "seed": options.seed,
         "world": repr(world) if isinstance(world := domain.simulation.world, OwnWorlds) else None,

@@ -21,6 +21,7 @@ from lcorpp.experiments.strategies.baselines import BASELINES, find_strategies
 from lcorpp.experiments.strategies.trust import WITH_TRUST, compute_soft_rates
 from lcorpp.files import read_bytes
 from lcorpp.planning import Planner, Policy, SolverOptions, read_policy
+from lcorpp.planning.upper_bounds import MixtureBound
 from lcorpp.reasoning import Program, Reasoner
 from lcorpp.user_code import split_function
 from lcorpp.values import JEFFREYS, ConfusionMatrix
@@ -92,7 +93,8 @@ class RobotParts:
         if self.solver is not None:
             options, own = asdict(self.solver), asdict(self.domain.planning.solver)
             given = [name for name, value in own.items() if options[name] != value]
-            policy |= {"solver": options, "given": given}
+            any_prior = isinstance(self.policy.upper_bound, MixtureBound)
+            policy |= {"solver": options, "given": given, "any_prior": any_prior}
         elif self.policy_file is not None:
             policy["file"] = str(self.policy_file.resolve())
         return {
@@ -197,7 +199,7 @@ def read_parts(description: Json, domain: Domain, *, cache: Path | None = None) 
         found = read_policy(file, domain.pomdp)
         return RobotParts(domain, found, classifiers, smoothing, policy_file=file)
     solver = replace(domain.planning.solver, **{name: policy["solver"][name] for name in policy["given"]})
-    solution = solve_domain(domain, solver, cache=cache)
+    solution = solve_domain(domain, solver, any_prior=policy.get("any_prior", False), cache=cache)
     return RobotParts(domain, solution.policy, classifiers, smoothing, solver)
 
 

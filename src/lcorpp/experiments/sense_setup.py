@@ -62,8 +62,6 @@ def set_up_senses(
 def describe_classifiers(senses: Senses) -> dict[str, ClassifierPart]:
     """Return the classifiers of some senses as parts of a robot, for the log."""
     return {
-        name: ClassifierPart.of(
-            setup.source, setup.classifier, confusion=setup.confusion, soft=setup.evidence.is_likelihood
-        )
+        name: ClassifierPart.of(setup.source, setup.classifier, confusion=setup.confusion, soft=setup.soft)
         for name, setup in senses.items()
     }

@@ -13,6 +13,8 @@ from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Protocol
 
+import numpy as np
+
 from lcorpp.decision import Robot
 from lcorpp.domains import Domain
 from lcorpp.domains.sections.learning import Sense
@@ -20,11 +22,12 @@ from lcorpp.errors import NoReportError
 from lcorpp.learning.features.resampling import RATE
 from lcorpp.planning import Progress, Solution, SolverOptions
 from lcorpp.planning.policy_cache import solve_cached
+from lcorpp.planning.sarsop.mixtures import MAX_MIXED
 from lcorpp.protocols import Planner
 from lcorpp.reasoning import Program, Reasoner
 from lcorpp.simulation.people import SignalSource
 from lcorpp.simulation.simulated_classifier import BatchClassifier, NoisyChannel
-from lcorpp.values import JEFFREYS, ConfusionMatrix, EvidenceKind
+from lcorpp.values import JEFFREYS, Array, ConfusionMatrix, EvidenceKind
 
 if TYPE_CHECKING:  # scikit-learn takes seconds to load, and a noisy channel does without
     from lcorpp.learning import EvaluationReport, Rate, TrainedClassifier
@@ -172,6 +175,11 @@ class SenseSetup:
     data: Path | None = None
     notes: tuple[str, ...] = ()
 
+    @property
+    def soft(self) -> bool:
+        """Whether its evidence is a likelihood."""
+        return self.evidence.is_likelihood
+
     def __repr__(self) -> str:
         kind = "channel" if self.trained is None else "trained"
         rates = ", ".join(f"{value} {row[value]:.3f}" for value, row in self.rates.items())
@@ -192,10 +200,24 @@ def from_channel(domain: Domain, sense: Sense) -> SenseSetup:
     return SenseSetup(channel, channel, nest_rates(sense.classes, channel.rates.tolist()))
 
 
+class RatesSource(Protocol):
+    """A classifier as the program knows it: the matrix that replaces its rules, and whether it is soft."""
+
+    @property
+    def confusion(self) -> ConfusionMatrix | None: ...
+    @property
+    def soft(self) -> bool: ...
+
+
+def have_own_rates(classifiers: Mapping[str, RatesSource]) -> bool:
+    """Whether a classifier has other rates than the domain's program states, or returns likelihoods."""
+    return any(part.confusion is not None or part.soft for part in classifiers.values())
+
+
 def make_program(domain: Domain, senses: Senses, smoothing: Fraction = JEFFREYS) -> Program:
     """Return the domain's program with the error rates of trained classifiers as rules."""
     confusions = {name: setup.confusion for name, setup in senses.items() if setup.confusion is not None}
-    soft = [name for name, setup in senses.items() if setup.evidence.is_likelihood]
+    soft = [name for name, setup in senses.items() if setup.soft]
     return domain.program_for(confusions, smoothing, soft=soft)
 
 
@@ -203,15 +225,20 @@ def solve_domain(
     domain: Domain,
     solver: SolverOptions | None = None,
     *,
+    any_prior: bool = False,
     cache: Path | None = None,
     advance: Advance = show_nothing,
 ) -> Solution:
-    """Solve the domain's POMDP for all its start beliefs.
+    """Solve the domain's POMDP for all its start beliefs, or for all priors.
 
     At the time limit or after Ctrl-C, the result is the best policy so far.
 
     Args:
         solver: None takes that of the domain.
+        any_prior: whether the robot's priors are others than those of the domain's own rates and labels as
+            evidence: a classifier was trained or gives likelihoods. With `sarsop` and at most `MAX_MIXED`
+            shared values the precision is then reached at every prior, within the solver's limit; also if the
+            domain's own priors are too many to be listed.
         cache: a folder that keeps solutions; None solves.
         advance: receives the seconds and the time limit.
 
@@ -225,7 +252,17 @@ def solve_domain(
         advance(round(now.seconds), round(limit))
 
     callback = show if isfinite(limit) and advance is not show_nothing else None
-    return solve_cached(domain.pomdp, domain.start_beliefs(), options, folder=cache, callback=callback)
+    starts = domain.list_starts()
+    beliefs = np.vstack([starts.beliefs, starts.labels_alone])
+    is_mixed = options.name == "sarsop" and (any_prior or not starts.are_complete)
+    mixed = find_mixed(domain) if is_mixed else None
+    return solve_cached(domain.pomdp, beliefs, options, mixed=mixed, folder=cache, callback=callback)
+
+
+def find_mixed(domain: Domain) -> Array | None:
+    """Return the beliefs (V, S) whose mixtures are the priors; None if they are too many."""
+    corners = domain.planning.initial_states
+    return corners if 2 <= len(corners) <= MAX_MIXED else None
 
 
 FLAWS = {

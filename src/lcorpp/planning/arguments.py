@@ -38,12 +38,21 @@ def check_solver_arguments(
     check_limits(precision, time_limit)
     if callback is not None and not callable(callback):
         raise ModelError(f"callback must be a function, not {shorten(callback)}")
+    return check_beliefs(pomdp, pomdp.start if start is None else start, "start")
+
+
+def check_beliefs(pomdp: Pomdp, value: npt.ArrayLike, name: str) -> Array:
+    """Check one belief (S,) or several (N, S), an argument of this name; return them as (N, S).
+
+    Raises:
+        ModelError: one is not a distribution over the states, or there is none.
+    """
     try:
-        beliefs = np.atleast_2d(np.asarray(pomdp.start if start is None else start))
+        beliefs = np.atleast_2d(np.asarray(value))
     except ValueError:
-        raise ModelError(f"start must be one belief or several, not {shorten(start)}") from None
+        raise ModelError(f"{name} must be one belief or several, not {shorten(value)}") from None
     if not len(beliefs):
-        raise ModelError("there is no start belief")
+        raise ModelError(f"there is no {name} belief")
     return np.array([check_belief(pomdp, belief) for belief in beliefs])
 
 

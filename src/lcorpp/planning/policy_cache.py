@@ -27,7 +27,7 @@ from lcorpp.planning.policy import AlphaVectors, Policy
 from lcorpp.planning.pomdp import Pomdp
 from lcorpp.planning.solution import Progress, Solution
 from lcorpp.planning.solvers import SOLVER_NAMES, SolverOptions, load_solver
-from lcorpp.planning.upper_bounds import PiecewiseLinearBound, SawtoothBound
+from lcorpp.planning.upper_bounds import MixtureBound, PiecewiseLinearBound, SawtoothBound
 from lcorpp.values import Array
 
 LOG = logging.getLogger(__name__)
@@ -38,7 +38,7 @@ MAX_BYTES = 2**29
 DIGEST_SIZE = 32
 """Bytes of a SHA-256."""
 
-_BOUNDS = {kind.__name__: kind for kind in (PiecewiseLinearBound, SawtoothBound)}
+_BOUNDS = {kind.__name__: kind for kind in (PiecewiseLinearBound, SawtoothBound, MixtureBound)}
 _NUMBERS = ("lower", "upper", "seconds", "reason", "beliefs", "trials", "start_count")
 _DAMAGE = (LcorppError, ValueError, KeyError, TypeError, IndexError, OSError, EOFError, BadZipFile, ZlibError)
 """What reading a damaged entry may raise."""
@@ -62,6 +62,7 @@ def solve_cached(
     starts: Array,
     options: SolverOptions,
     *,
+    mixed: Array | None = None,
     folder: Path | None = None,
     callback: Callable[[Progress], None] | None = None,
 ) -> Solution:
@@ -71,7 +72,7 @@ def solve_cached(
     damaged entry is computed again; a folder that cannot be written is not used.
 
     Args:
-        starts: (N, S) start beliefs.
+        starts: (N, S) start beliefs. mixed: (V, S), for SARSOP: as of `lcorpp.planning.sarsop.solve`.
         folder: of the cache; None solves.
 
     Raises:
@@ -79,24 +80,27 @@ def solve_cached(
     """
     path = None
     if folder is not None and options.name in SOLVER_NAMES:
-        path = folder / "policies" / f"{_make_key(pomdp, starts, options)}.solution"
+        path = folder / "policies" / f"{_make_key(pomdp, starts, mixed, options)}.solution"
         found = _read(path, pomdp)
         if found is not None:
             return replace(found, solver=options.name)
     solver = load_solver(options.name)
+    more = {} if mixed is None else {"mixed": mixed}
     solution = solver(
-        pomdp, starts, precision=options.precision, time_limit=options.time_limit, callback=callback
+        pomdp, starts, precision=options.precision, time_limit=options.time_limit, callback=callback, **more
     )
     if path is not None and solution.reason != "interrupted":
         _write(path, solution)
     return replace(solution, solver=options.name)
 
 
-def _make_key(pomdp: Pomdp, starts: Array, options: SolverOptions) -> str:
+def _make_key(pomdp: Pomdp, starts: Array, mixed: Array | None, options: SolverOptions) -> str:
     """Return the fingerprint of all that determines a solution."""
     digest = hashlib.sha256(_hash_code().encode())
-    digest.update(repr((pomdp.fingerprint, options, starts.shape)).encode())
-    digest.update(np.ascontiguousarray(starts, dtype="<f8").tobytes())
+    beliefs = [starts] if mixed is None else [starts, mixed]
+    digest.update(repr((pomdp.fingerprint, options, [each.shape for each in beliefs])).encode())
+    for each in beliefs:
+        digest.update(np.ascontiguousarray(each, dtype="<f8").tobytes())
     return digest.hexdigest()
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from functools import cached_property
 
 import numpy as np
@@ -50,10 +50,10 @@ class SawtoothBound:
     values: Array
 
     def __post_init__(self) -> None:
-        for field in ("informed", "corners", "begins", "states", "weights", "values"):
-            array = np.array(getattr(self, field))
+        for field in fields(self):
+            array = np.array(getattr(self, field.name))
             array.setflags(write=False)
-            object.__setattr__(self, field, array)
+            object.__setattr__(self, field.name, array)
 
     def __repr__(self) -> str:
         return f"<SawtoothBound: {len(self.values)} points, {len(self.corners)} states>"
@@ -81,3 +81,34 @@ class SawtoothBound:
         """(n,) v - corners.p of each point, not above 0."""
         planes = np.add.reduceat(self.corners[self.states] * self.weights, self.begins[:-1])
         return np.minimum(self.values - planes, 0.0)
+
+
+MIXTURE_TOLERANCE = 1e-9
+"""Rounding error of a belief that is a mixture."""
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class MixtureBound(SawtoothBound):
+    """A sawtooth bound, and a closer one at the mixtures of some beliefs.
+
+    The optimal value is convex, so at a mixture of beliefs it is at most the mixture of the values there.
+
+    mixed: (V, S) beliefs. planes: (F, V): the bound at the mixture with weights w (V,) is max over F of
+    planes @ w, the lower convex envelope of upper bounds at some mixtures.
+    """
+
+    mixed: Array
+    planes: Array
+
+    def value(self, belief: Belief) -> float:
+        """Return the bound at a belief (S,)."""
+        belief = np.asarray(belief, dtype=np.float64)
+        weights = belief @ self._inverse
+        if np.abs(weights @ self.mixed - belief).max() > MIXTURE_TOLERANCE:
+            return super().value(belief)
+        return float((self.planes @ weights).max())
+
+    @cached_property
+    def _inverse(self) -> Array:
+        """(S, V) the weights of a mixture are the belief @ this."""
+        return np.linalg.pinv(self.mixed).astype(np.float64)

@@ -64,7 +64,7 @@ def test_the_result_does_not_depend_on_the_processes(rooms):
     two, _ = run_trials(rooms, 350, jobs=2)
     for a, b in zip(one, two, strict=True):
         np.testing.assert_array_equal(a.counts, b.counts)
-        assert (a.cost, a.return_, a.cost_sd) == (b.cost, b.return_, b.cost_sd)
+        assert (a.cost, a.return_, a.cost_sd, a.gap) == (b.cost, b.return_, b.cost_sd, b.gap)
 
 
 @dataclass(frozen=True)

@@ -105,7 +105,7 @@ def explain(
     A classifier is a noisy channel, unless --learner, --classifier or --data asks for a trained one.
     Ctrl-C stops the solver; the command continues with the best policy so far.
     """
-    from lcorpp.cli.robot_output import print_classifiers, print_domain, print_solution
+    from lcorpp.cli.robot_output import print_classifiers, print_domain, print_gap, print_solution
     from lcorpp.decision import STRATEGIES
     from lcorpp.decision.dt_control import log_decision
     from lcorpp.domains import load_domain, with_world
@@ -117,6 +117,7 @@ def explain(
         EvidenceOptions,
         ReadingOptions,
         explain_missing_reports,
+        have_own_rates,
         make_robot,
         solve_domain,
     )
@@ -172,15 +173,16 @@ def explain(
             loaded, used, sources, EvidenceOptions(kinds), console.show_progress, seed=seed, jobs=processes
         )
         print_classifiers(loaded, senses)
+        known_as = describe_classifiers(senses)
+        for name in predicted:
+            soft = name in likelihoods
+            known_as[name] = replace(known_as[name], source="given", fingerprint="", soft=soft)
         with console.show_progress("solving the POMDP") as advance:
-            solution = solve_domain(loaded, chosen, cache=cache, advance=advance)
+            solution = solve_domain(
+                loaded, chosen, any_prior=have_own_rates(known_as), cache=cache, advance=advance
+            )
         print_solution(solution)
-        parts = RobotParts(loaded, solution.policy, describe_classifiers(senses), solver=chosen)
-        given = {
-            name: replace(parts.classifiers[name], source="given", fingerprint="", soft=name in likelihoods)
-            for name in predicted
-        }
-        parts = replace(parts, classifiers={**parts.classifiers, **given})
+        parts = RobotParts(loaded, solution.policy, known_as, solver=chosen)
         full_robot = make_robot(loaded, senses, parts.program, Planner(solution))
         if interactive:
             case = ask_case(loaded, used, facts, predicted)
@@ -190,6 +192,8 @@ def explain(
             own = row.robot(full_robot, make_generator(seed, 0), rates=parts.rates)
             known = {name: label for name, label in case.predicted.items() if name in own.classifiers}
             episode = decide_and_print(loaded, own, case.facts, known, case.world, case.truth)
+        if row.plans and row.change is None and row.start is None:
+            print_gap(solution, solution.gap(episode.prior), chosen.precision, "this prior")
         log_decision(episode)
         if decisions is not None:
             simulated = describe_simulation(case)

@@ -111,7 +111,7 @@ def make_planner(domain: Domain, progress: ProgressDisplay) -> Planner:
         KeyboardInterrupt: the solver is interrupted.
     """
     with progress("solving the POMDP") as advance:
-        solution = solve_domain(domain, cache=find_cache_folder(), advance=advance)
+        solution = solve_domain(domain, any_prior=True, cache=find_cache_folder(), advance=advance)
     if solution.reason == "interrupted":
         raise KeyboardInterrupt
     return Planner(solution)

@@ -47,7 +47,7 @@ class BeliefNodes:
     def __init__(self, domain: Domain, robot: Robot) -> None:
         self._domain, self._robot = domain, robot
 
-    def root(self, context: Mapping[str, str], labels: Mapping[str, Label]) -> Hashable:
+    def root(self, context: Mapping[str, str], labels: Mapping[str, Label]) -> bytes:
         marginal = self._robot.reasoner.posterior(self._domain.shared, self._domain.evidence(context, labels))
         return (self._robot.planner.start if marginal is None else self._domain.prior(marginal)).tobytes()
 

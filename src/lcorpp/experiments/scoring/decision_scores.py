@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
 import numpy as np
 
+from lcorpp.experiments.scoring.experiment import NO_GAP
 from lcorpp.experiments.scoring.metrics import Scores
 from lcorpp.values import Array, Indices, Interval, SharedValue
 
@@ -24,6 +25,7 @@ def score_decisions(
     values: Sequence[SharedValue],
     positive: str | None,
     variables: Sequence[str] = (),
+    gap: float | None = None,
 ) -> Scores:
     """Score n simulated decisions.
 
@@ -34,6 +36,7 @@ def score_decisions(
         positive: the positive class of F1, precision and recall; None takes the macro average over all
             values. The ends of the intervals are averaged as well, which makes them wide.
         variables: names of the shared variables; each value is a tuple if they are several.
+        gap: as in `Scores`.
 
     Accuracy, precision and recall have Wilson intervals. F1 = 2p / (1 + p) grows with p, the share of true
     positives among all decisions that are positive or reported as positive, so its interval is the
@@ -50,6 +53,7 @@ def score_decisions(
         return_=Interval.from_sample(return_),
         cost_sd=float(np.std(cost, ddof=min(1, len(cost) - 1))),  # one decision has no spread
         samples={"f1": f1, "cost": cost, "return": return_},
+        gap=gap,
     )
 
 
@@ -64,6 +68,7 @@ def score_probabilities(
     positive: str | None,
     variables: Sequence[str] = (),
     dropped: Array | None = None,
+    gap: float | None = None,
 ) -> Scores:
     """Score exact probabilities instead of decisions; the intervals have zero width.
 
@@ -71,9 +76,16 @@ def score_probabilities(
         joint: (V, V + 1) probability of true value i and reported value j.
         dropped: (V,) probability of each true value with an unknown report; the ends of the intervals are
             the scores if all of these decisions are wrong, and if all are right.
+        gap: as in `Scores`.
     """
     reports = _score_reports(joint, values, positive, variables, _bound_proportion, dropped)
-    return Scores(strategy, joint, **reports, cost=cost, return_=return_, cost_sd=cost_sd)
+    return Scores(strategy, joint, **reports, cost=cost, return_=return_, cost_sd=cost_sd, gap=gap)
+
+
+def take_gap(gaps: Iterable[float]) -> float | None:
+    """Return the largest of some gaps; None if one is `NO_GAP`, or there is none."""
+    own = list(gaps)
+    return float(max(own)) if own and min(own) > NO_GAP else None
 
 
 def _estimate_proportion(hits: float, total: float, _hits: float = 0.0, _misses: float = 0.0) -> Interval:

@@ -22,9 +22,10 @@ from lcorpp.errors import DecisionError, DomainError, check_type
 from lcorpp.experiments.scoring import episode_sums
 from lcorpp.experiments.scoring.decision_graph import DecisionGraph
 from lcorpp.experiments.scoring.decision_nodes import DecisionNodes, HistoryNodes, RoundedBeliefNodes
-from lcorpp.experiments.scoring.decision_scores import score_probabilities
+from lcorpp.experiments.scoring.decision_scores import score_probabilities, take_gap
 from lcorpp.experiments.scoring.episode_model import EpisodeModel
 from lcorpp.experiments.scoring.episode_sums import EpisodeSums
+from lcorpp.experiments.scoring.experiment import find_gap
 from lcorpp.experiments.scoring.metrics import Scores
 from lcorpp.protocols import Reasoner as ReasonerProtocol
 from lcorpp.reasoning import Program, Reasoner
@@ -88,7 +89,10 @@ def evaluate_exactly(
         ]
         found = _sum_strategies(domain, nodes_of, {each: cases[each] for each in alike}, model, progress)
         sums |= zip(alike, found, strict=True)
-    return [_score_sums(domain, strategy, sums[strategy]) for strategy in strategies]
+    return [
+        _score_sums(domain, strategy, sums[strategy], _find_gaps(domain, informed, strategy, cases[strategy]))
+        for strategy in strategies
+    ]
 
 
 def check_enumerable(domain: Domain, strategies: Sequence[Strategy]) -> None:
@@ -212,8 +216,17 @@ def _list_used(channels: Mapping[str, NoisyChannel], strategy: Strategy) -> dict
     return {sense: channel for sense, channel in channels.items() if strategy.uses(sense)}
 
 
-def _score_sums(domain: Domain, strategy: Strategy, sums: EpisodeSums) -> Scores:
-    """Return the scores of a strategy from the sums over its episodes."""
+def _find_gaps(domain: Domain, robot: Robot, strategy: Strategy, cases: Sequence[_Case]) -> list[float]:
+    """Return the gap at the prior of each case, see `find_gap`."""
+    if not strategy.plans or strategy.change is not None:
+        return []
+    nodes = RoundedBeliefNodes(domain, strategy.robot(robot))
+    priors = dict.fromkeys(nodes.root(case.context, case.labels) for case in cases)
+    return [find_gap(robot, strategy, np.frombuffer(prior)) for prior in priors]
+
+
+def _score_sums(domain: Domain, strategy: Strategy, sums: EpisodeSums, gaps: Sequence[float]) -> Scores:
+    """Return the scores of a strategy from the sums over its episodes; gaps: at its priors."""
     share = float(sums.dropped.sum())
     if share > MAX_DROPPED:
         raise DecisionError(
@@ -231,6 +244,7 @@ def _score_sums(domain: Domain, strategy: Strategy, sums: EpisodeSums) -> Scores
         positive=domain.positive,
         variables=domain.reasoning.shared,
         dropped=sums.dropped,
+        gap=take_gap(gaps),
     )
 
 

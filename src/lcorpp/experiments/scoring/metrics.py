@@ -30,6 +30,8 @@ class Scores:
     variables: with several shared variables, the accuracy of each; `accuracy` is that of all together.
     samples: name in `DIFFERENCES` -> (n,) a number for each of n people, whose mean is the score; {} if the
         scores are exact.
+    gap: the largest gap between the bounds of the robot's policy at the priors of these people, in reward
+        units; None for a strategy that does not plan or has policies of its own, and without an upper bound.
     """
 
     strategy: str
@@ -43,6 +45,7 @@ class Scores:
     cost_sd: float
     variables: Mapping[str, Interval] = field(default_factory=dict)
     samples: Mapping[str, Array] = field(default_factory=dict, repr=False)
+    gap: float | None = None
 
     @property
     def metrics(self) -> dict[str, Interval]:

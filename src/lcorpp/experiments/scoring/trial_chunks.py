@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from lcorpp.decision import Strategy, dt_control
+from lcorpp.decision import Robot, Strategy, dt_control
 from lcorpp.decision.dt_control import LOG
 from lcorpp.decision.strategies import Session
 from lcorpp.errors import LcorppError
@@ -19,16 +19,16 @@ from lcorpp.experiments.decision_log import format_decision
 from lcorpp.experiments.scoring.batch_simulation import BatchWorld, PeopleDraws
 from lcorpp.experiments.scoring.decision_graph import DecisionGraph
 from lcorpp.experiments.scoring.decision_nodes import BeliefNodes
-from lcorpp.experiments.scoring.experiment import CHUNK_SIZE, Chunk, ChunkSource, Experiment
+from lcorpp.experiments.scoring.experiment import CHUNK_SIZE, Chunk, ChunkSource, Experiment, find_gap
 from lcorpp.log_output import show_log
 from lcorpp.planning import Planner
-from lcorpp.values import Indices
+from lcorpp.values import Array, Indices
 
 Trials = np.ndarray[Any, np.dtype[np.void]]
 """(n,) trials, each with these fields, one number for each of the k strategies:
 
 truth: index of the true value; -1 before the trial is complete. reported: (k,) index of the reported value,
-V for no report. cost, return_: (k,) as in `Scores`.
+V for no report. cost, return_: (k,) as in `Scores`. gap: (k,) see `find_gap`.
 """
 
 
@@ -48,6 +48,7 @@ def make_results(trials: int, k: int) -> Trials:
         ("reported", np.intp, each),
         ("cost", float, each),
         ("return_", float, each),
+        ("gap", float, each),
     ]
     return np.full(trials, -1, np.dtype(fields))
 
@@ -110,10 +111,11 @@ def _simulate_at_once(experiment: Experiment, work: Sequence[ChunkWork], chunks:
         nodes = BeliefNodes(domain, strategy.robot(experiment.robot))
         graph = DecisionGraph(domain, nodes)
         try:
-            outcomes = world.decide(graph, _find_roots(nodes, graph, strategy, chunks), values, draws)
+            roots, gaps = _find_roots(nodes, graph, strategy, chunks, experiment.robot)
+            outcomes = world.decide(graph, roots, values, draws)
         except LcorppError:
             continue
-        for name, numbers in outcomes._asdict().items():
+        for name, numbers in {**outcomes._asdict(), "gap": gaps}.items():
             for (_, results, _), part in zip(work, np.split(numbers, ends), strict=True):
                 results[name][:, k] = part
         done.add(k)
@@ -121,11 +123,11 @@ def _simulate_at_once(experiment: Experiment, work: Sequence[ChunkWork], chunks:
 
 
 def _find_roots(
-    nodes: BeliefNodes, graph: DecisionGraph, strategy: Strategy, chunks: Sequence[Chunk]
-) -> Indices:
-    """Return the node of a graph before the first action about each person of the chunks."""
-    roots = list[int]()
-    known: dict[tuple[object, ...], int] = {}
+    nodes: BeliefNodes, graph: DecisionGraph, strategy: Strategy, chunks: Sequence[Chunk], full: Robot
+) -> tuple[Indices, Array]:
+    """Return the node of a graph before the first action about each person of the chunks, and `find_gap`."""
+    roots, gaps = list[int](), list[float]()
+    known: dict[tuple[object, ...], tuple[int, float]] = {}
     for chunk in chunks:
         observed = chunk.model.domain.observed
         senses = [sense for sense in chunk.labels if strategy.uses(sense)]
@@ -133,14 +135,15 @@ def _find_roots(
             facts = [person[name] for name in observed]
             outputs = [chunk.labels[sense][i] for sense in senses]
             key = (*facts, *outputs)
-            root = known.get(key)
-            if root is None:
+            if key not in known:
                 labels = {s: label for s, label in zip(senses, outputs, strict=True) if label is not None}
                 node = nodes.root(dict(zip(observed, facts, strict=True)), labels)
                 (root,) = graph.find_numbers([node])
-                known[key] = root
+                known[key] = root, find_gap(full, strategy, np.frombuffer(node))
+            root, gap = known[key]
             roots.append(root)
-    return np.array(roots, np.intp)
+            gaps.append(gap)
+    return np.array(roots, np.intp), np.array(gaps)
 
 
 def _simulate_one_by_one(
@@ -170,6 +173,7 @@ def _simulate_one_by_one(
                 report = episode.report
                 results["reported"][i, k] = len(values) if report is None else values.index(report)
                 results["cost"][i, k], results["return_"][i, k] = world.cost, world.return_
+                results["gap"][i, k] = find_gap(trial.robot, strategy, episode.prior)
                 if log is not None and parts is not None:
                     seconds = {**episode.seconds, "classify": chunk.seconds if episode.labels else 0.0}
                     simulated = {"trial": number * CHUNK_SIZE + i, **world.describe_truth()}

@@ -15,7 +15,7 @@ from joblib import Parallel, delayed
 from lcorpp.decision.strategies import Session
 from lcorpp.errors import DecisionError, check_type
 from lcorpp.experiments.decision_log import DecisionLog
-from lcorpp.experiments.scoring.decision_scores import score_decisions
+from lcorpp.experiments.scoring.decision_scores import score_decisions, take_gap
 from lcorpp.experiments.scoring.experiment import CHUNK_SIZE, Experiment
 from lcorpp.experiments.scoring.metrics import Scores
 from lcorpp.experiments.scoring.trial_chunks import (
@@ -205,7 +205,8 @@ def _take_lines(work: ChunkWork) -> Iterator[bytes]:
 def _score_trials(experiment: Experiment, results: Trials) -> list[Scores]:
     """Return the scores of each strategy, in the order of the experiment."""
     domain, truth = experiment.domain, np.array(results["truth"])
-    reported, cost, return_ = (results[name].T.copy() for name in ("reported", "cost", "return_"))  # (k, n)
+    fields = ("reported", "cost", "return_", "gap")
+    reported, cost, return_, gap = (results[name].T.copy() for name in fields)  # (k, n)
     return [
         score_decisions(
             strategy.name,
@@ -216,6 +217,7 @@ def _score_trials(experiment: Experiment, results: Trials) -> list[Scores]:
             values=domain.values,
             positive=domain.positive,
             variables=domain.reasoning.shared,
+            gap=take_gap(gap[k]),
         )
         for k, strategy in enumerate(experiment.strategies)
     ]

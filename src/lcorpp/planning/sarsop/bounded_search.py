@@ -122,7 +122,8 @@ class BoundedSearch:
         began: start time on the monotonic clock. time_limit: wall-clock seconds from `began`.
 
     roots: the nodes of the start beliefs.
-    record: of the bounds at the roots. trials: steps so far, in the unit of the solver.
+    record: of the bounds at the roots that were added last. trials: steps so far, in the unit of the solver.
+    work: the numbers in all vectors, summed over the sampled paths so far; time grows with it.
     """
 
     def __init__(
@@ -135,13 +136,18 @@ class BoundedSearch:
         time_limit: float,
     ) -> None:
         self.bounds, self.precision = bounds, precision
-        self._deadline = began + time_limit
-        self.roots = [bounds.tree.find_or_add_node(belief) for belief in starts]
-        self.trials = 0
-        root_beliefs = [bounds.tree.belief(root) for root in self.roots]
-        self.record = BoundsRecord(bounds.pomdp, root_beliefs, began)
+        self._began, self._deadline = began, began + time_limit
         self._tolerance = CROSSING_TOLERANCE * bounds.max_abs_value
-        self._update_record()
+        self.roots, self.trials, self.work = list[int](), 0, 0
+        self._aims = self.roots
+        self.record = BoundsRecord(bounds.pomdp, [], began)
+        self.add_starts(starts)
+
+    def add_starts(self, starts: Iterable[Belief]) -> None:
+        """Aim the next steps at these beliefs; the bounds that were reached at earlier ones remain."""
+        added = [self.bounds.tree.find_or_add_node(belief) for belief in starts]
+        self.roots = [*self.roots, *added]
+        self._aim(added)
 
     @property
     def gap(self) -> float:
@@ -151,7 +157,7 @@ class BoundedSearch:
     @property
     def widest(self) -> int:
         """The root with the widest gap."""
-        return self.roots[self.record.widest]
+        return self._aims[self.record.widest]
 
     @property
     def seconds_left(self) -> float:
@@ -208,6 +214,7 @@ class BoundedSearch:
             function(tree, *arguments)
         self.prune(self.roots)
         self.trials += 1
+        self.work += tree.vector_count * len(self.bounds.pomdp.states)
 
     def prune(self, roots: list[int]) -> None:
         """Drop vectors that are useless at the beliefs that the roots reach."""
@@ -215,15 +222,25 @@ class BoundedSearch:
 
     def make_solution(self, reason: str) -> Solution:
         """Return the result after the search stopped for a reason."""
+        if len(self._aims) < len(self.roots):
+            self._aim(self.roots)
         self._update_record()
         self.bounds.add_points(self.roots)
         return self.record.make_solution(
             self.bounds.make_policy(), reason, beliefs=self.bounds.tree.node_count, trials=self.trials
         )
 
+    def _aim(self, roots: list[int]) -> None:
+        """Record the bounds at these roots from now on."""
+        history, self._aims = self.record.history, roots
+        beliefs = [self.bounds.tree.belief(root) for root in roots]
+        self.record = BoundsRecord(self.bounds.pomdp, beliefs, self._began)
+        self.record.history = history
+        self._update_record()
+
     def _update_record(self) -> None:
-        """Record the bounds at the roots."""
-        tree, roots = self.bounds.tree, self.roots
+        """Record the bounds at the roots that the search aims at."""
+        tree, roots = self.bounds.tree, self._aims
         lower = [tree.lower_bound(root) for root in roots]
         upper = [tree.upper_bound(root) for root in roots]
         self.record.update(lower, upper, tree.vector_count, tolerance=self._tolerance)

@@ -19,8 +19,6 @@ class PacedSearch:
         starts: (N, S) beliefs for which the policy is optimised.
         precision: the search ends when upper - lower is at most this at every start, in reward units.
 
-    work: so far: the numbers in all vectors, summed over the trials. Time grows with it.
-
     Source: as `lcorpp.planning.sarsop.solver`.
     """
 
@@ -29,7 +27,11 @@ class PacedSearch:
         bounds = BoundedTree(pomdp, precision=precision, seconds=inf)
         self._search = BoundedSearch(bounds, starts, precision=precision, began=0.0, time_limit=inf)
         self._share = pomdp.discount**LOOK_AHEAD
-        self.work = 0
+
+    @property
+    def work(self) -> int:
+        """The work so far, in the unit of `BoundedSearch`."""
+        return self._search.work
 
     @property
     def trials(self) -> int:
@@ -61,7 +63,6 @@ class PacedSearch:
             if self.work >= limit or self.trials >= trials:
                 return "limit"
             self._search.sample(self._share, MAX_DEPTH)
-            self.work += self._search.bounds.tree.vector_count * len(self.pomdp.states)
             return None
 
         if self._search.run(step) == "interrupted":

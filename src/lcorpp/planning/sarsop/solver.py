@@ -7,16 +7,18 @@ reachable belief spaces", RSS 2008, Algorithm 1.
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from time import monotonic
 
 import numpy.typing as npt
 
 from lcorpp.errors import PolicyError
-from lcorpp.planning.arguments import check_solver_arguments, check_type
+from lcorpp.planning.arguments import check_beliefs, check_solver_arguments, check_type
 from lcorpp.planning.pomdp import Pomdp
 from lcorpp.planning.sarsop.bounded_search import BoundedSearch, BoundedTree, SampleFunction
 from lcorpp.planning.sarsop.kernel_protocols import Kernels
-from lcorpp.planning.solution import Progress, Solution
+from lcorpp.planning.sarsop.mixtures import MixtureStarts
+from lcorpp.planning.solution import CONVERGED, Progress, Solution
 
 LOOK_AHEAD = 10
 """A path aims at the gap discounted by this many steps. Under a slow discount, a wider aim is reached only
@@ -25,6 +27,10 @@ far below the root, and the path gains little from all its steps."""
 MAX_DEPTH = 1000
 """Largest number of nodes on a path. The bounds are valid for any value; later paths reach what one
 misses."""
+
+MIXTURE_WORK = 2e5
+"""Work for mixtures for each second of the time limit, in the unit of `BoundedSearch`: some hundredths of a
+second. Unlike a time, it gives the same policy each time."""
 
 INITIAL_SHARE = 0.1
 """Share of the time limit for each of the initial bounds."""
@@ -38,6 +44,7 @@ def solve(
     time_limit: float = 60.0,
     callback: Callable[[Progress], None] | None = None,
     previous: Solution | None = None,
+    mixed: npt.ArrayLike | None = None,
     sample: SampleFunction | None = None,
     kernels: Kernels | None = None,
 ) -> Solution:
@@ -53,6 +60,9 @@ def solve(
         callback: called after each sampled path of beliefs.
         previous: a solution of the same model for other starts. Its vectors and points are valid for all
             beliefs, so the search continues from them and stops at once if its gap is small enough.
+        mixed: (V, S) linearly independent beliefs, V from 2 to `MAX_MIXED`. The search goes on until the
+            precision is reached at all their mixtures, too, i.e. wherever a prior is a mixture of them; or
+            until its work is as much as belongs to the time limit, see `MIXTURE_WORK`.
         sample: replaces `lcorpp.planning.sarsop.path_sampling.sample`.
         kernels: implementation of the kernels; the compiled ones, if installed, when None.
 
@@ -60,7 +70,8 @@ def solve(
         The policy, both bounds, the seconds used and why the search stopped.
 
     Raises:
-        ModelError: `start` is not a distribution over the states, or precision or limit are not positive.
+        ModelError: `start` or `mixed` is not a distribution over the states, `mixed` are too many or
+            dependent, or precision or limit are not positive.
         PolicyError: `previous` is for another model.
 
     Source: Kurniawati, Hsu and Lee, RSS 2008, Algorithm 1.
@@ -80,5 +91,18 @@ def solve(
     )
     search = BoundedSearch(bounds, starts, precision=precision, began=began, time_limit=time_limit)
     share = pomdp.discount**LOOK_AHEAD
-    reason = search.run(lambda: search.sample(share, MAX_DEPTH, sample), callback)
-    return search.make_solution(reason)
+
+    def run() -> str:
+        return search.run(lambda: search.sample(share, MAX_DEPTH, sample), callback)
+
+    reason = run()
+    if mixed is None:
+        return search.make_solution(reason)
+    mixtures = MixtureStarts(search, check_beliefs(pomdp, mixed, "mixed"))
+    limit = search.work + MIXTURE_WORK * time_limit
+    while reason == CONVERGED:
+        reason = run()
+        if reason == CONVERGED and (search.work > limit or not mixtures.add_wide()):
+            break
+    solution = search.make_solution(reason)
+    return replace(solution, policy=mixtures.tighten(solution.policy))
