@@ -149,8 +149,8 @@ def test_a_line_that_is_missing_stops_the_replay_of_its_session(tmp_path):
     assert not [result for result in others if result.differences]
 
 
-def test_an_interrupt_keeps_the_people_whom_all_strategies_met(whole, tmp_path, monkeypatch):
-    """Of two processes, of which this one meets the people of the strategies that remember them."""
+def test_an_interrupt_keeps_the_people_about_whom_all_strategies_decided(whole, tmp_path, monkeypatch):
+    """Of two processes, of which this one runs the strategies that learn from people."""
     domain, learn, calls = load_domain(ROOMS), trust_strategies.TrustSession.learn, iter(range(10_000))
 
     def interrupt(session, episode):

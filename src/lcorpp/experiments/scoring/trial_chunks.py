@@ -70,7 +70,7 @@ def run_chunks(
     (`lcorpp -v`), are simulated one by one.
 
     Args:
-        sessions: of each strategy, None for one that does not remember earlier people; by default of all.
+        sessions: of each strategy, None for one that does not learn from earlier people; by default of all.
     """
     source = ChunkSource(experiment)
     chunks = [source.draw(number, len(results)) for number, results, _ in work]

@@ -45,7 +45,7 @@ def run_trials(
 
     Args:
         trials: the number of people.
-        jobs: processes; the result is the same for any number. Strategies that remember earlier people meet
+        jobs: processes; the result is the same for any number. Strategies that learn from earlier people take
             them in the order of the trials, in this process.
         progress: called with the number of completed trials and of all trials.
         log: receives the decisions of the completed trials, in their order for any number of processes; the
@@ -65,46 +65,46 @@ def run_trials(
     if log is not None and experiment.parts is None:
         raise DecisionError("a log of an experiment needs its `parts`, which determine the decisions")
     if jobs == 1 or trials <= CHUNK_SIZE:  # all strategies decide about a person before the next one
-        alone, remembering = experiment, replace(experiment, strategies=())
+        parallel, sequential = experiment, replace(experiment, strategies=())
     else:
-        alone, remembering = _split(experiment)
-    results = make_results(trials, len(alone.strategies))
-    remembered = make_results(trials, len(remembering.strategies))
-    sessions = _start_sessions(remembering)
+        parallel, sequential = _split(experiment)
+    results = make_results(trials, len(parallel.strategies))
+    sequential_results = make_results(trials, len(sequential.strategies))
+    sessions = _start_sessions(sequential)
     with TemporaryDirectory(prefix="lcorpp-", ignore_cleanup_errors=True) as name:
         folder = Path(name)
         if jobs > 1 and trials > CHUNK_SIZE:  # the processes write into one file
             results.tofile(file := folder / "trials")
             results = np.memmap(file, results.dtype, "r+")
-        work = _divide(results, None if log is None else folder / "alone")
-        later = _divide(remembered, None if log is None else folder / "remembered")
+        work = _divide(results, None if log is None else folder / "parallel")
+        later = _divide(sequential_results, None if log is None else folder / "sequential")
         size, waiting, done = 1, iter(zip(work, later, strict=True)), 0
         if log is None and all(
-            simulates_at_once(experiment, row) for row in alone.strategies if row.start is None
+            simulates_at_once(experiment, row) for row in parallel.strategies if row.start is None
         ):
             size = min(MAX_GROUP, -(-len(work) // (4 * jobs)))
         groups = [work[first : first + size] for first in range(0, len(work), size)]
         try:
-            with _run_groups(alone, groups, jobs) as counts:
+            with _run_groups(parallel, groups, jobs) as counts:
                 for number, count in enumerate(counts):
                     if sessions:
-                        run_chunks(remembering, later[number * size : (number + 1) * size], sessions)
+                        run_chunks(sequential, later[number * size : (number + 1) * size], sessions)
                     if log is not None:
                         with delay_sigint():
-                            _append_lines(log, experiment, remembering, *next(waiting))
+                            _append_lines(log, experiment, sequential, *next(waiting))
                     done += count
                     progress(done, trials)
         except KeyboardInterrupt:
-            if not _find_complete(results, remembered).any():
+            if not _find_complete(results, sequential_results).any():
                 raise
         finally:
             if log is not None:
                 for chunks in waiting:  # after an interrupt or an error
-                    _append_lines(log, experiment, remembering, *chunks)
-        complete = _find_complete(results, remembered)
-        scores = iter(_score_trials(alone, np.array(results[complete])))
-        others = iter(_score_trials(remembering, remembered[complete]))
-    ordered = [next(others if row in remembering.strategies else scores) for row in experiment.strategies]
+                    _append_lines(log, experiment, sequential, *chunks)
+        complete = _find_complete(results, sequential_results)
+        scores = iter(_score_trials(parallel, np.array(results[complete])))
+        others = iter(_score_trials(sequential, sequential_results[complete]))
+    ordered = [next(others if row in sequential.strategies else scores) for row in experiment.strategies]
     return ordered, int(np.count_nonzero(complete))
 
 
@@ -121,23 +121,23 @@ def _divide(results: Trials, folder: Path | None) -> list[ChunkWork]:
 
 
 def _split(experiment: Experiment) -> tuple[Experiment, Experiment]:
-    """Return the experiment of the strategies that do not remember earlier people, and that of the others."""
+    """Return the experiments of the strategies that decide about each person alone, and of the others."""
     rows = experiment.strategies
-    alone = replace(experiment, strategies=tuple(row for row in rows if row.start is None))
-    return alone, replace(experiment, strategies=tuple(row for row in rows if row.start is not None))
+    parallel = replace(experiment, strategies=tuple(row for row in rows if row.start is None))
+    return parallel, replace(experiment, strategies=tuple(row for row in rows if row.start is not None))
 
 
 def _start_sessions(experiment: Experiment) -> list[Session | None]:
-    """Return the session of each strategy, None for one that does not remember earlier people."""
+    """Return the session of each strategy, None for one that does not learn from earlier people."""
     start = (experiment.robot, experiment.rates)
     return [None if row.start is None else row.start(*start) for row in experiment.strategies]
 
 
-def _find_complete(results: Trials, remembered: Trials) -> npt.NDArray[np.bool_]:
+def _find_complete(results: Trials, sequential_results: Trials) -> npt.NDArray[np.bool_]:
     """Return (n,) whether all strategies have decided about a person."""
     complete: npt.NDArray[np.bool_] = results["truth"] >= 0
-    if remembered["reported"].shape[1]:
-        complete = complete & (remembered["truth"] >= 0)
+    if sequential_results["reported"].shape[1]:
+        complete = complete & (sequential_results["truth"] >= 0)
     return complete
 
 
@@ -180,13 +180,17 @@ def _skip_chunks(work: Sequence[ChunkWork]) -> int:
 
 
 def _append_lines(
-    log: DecisionLog, experiment: Experiment, remembering: Experiment, alone: ChunkWork, remembered: ChunkWork
+    log: DecisionLog,
+    experiment: Experiment,
+    sequential: Experiment,
+    work: ChunkWork,
+    sequential_work: ChunkWork,
 ) -> None:
     """Append the lines of the completed trials of a chunk to a log, one for each strategy in their order."""
-    count = np.count_nonzero(_find_complete(alone.results, remembered.results))
-    lines, others = _take_lines(alone), _take_lines(remembered)
+    count = np.count_nonzero(_find_complete(work.results, sequential_work.results))
+    lines, others = _take_lines(work), _take_lines(sequential_work)
     ordered = [
-        next(others if row in remembering.strategies else lines)
+        next(others if row in sequential.strategies else lines)
         for _ in range(count)
         for row in experiment.strategies
     ]
