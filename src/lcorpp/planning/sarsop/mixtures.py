@@ -25,10 +25,10 @@ from lcorpp.values import Array
 MAX_MIXED = 4
 """Maximum number of beliefs that are mixed: the number of vertices grows exponentially with it."""
 
-MAX_ADDED = 20
+MAX_ADDED_STARTS = 20
 """Maximum number of starts that are added at once."""
 
-WIDE_SHARE = 0.3
+MIN_GAP_SHARE = 0.3
 """A gap below this share of the widest one waits: most such gaps close together with a wider one."""
 
 MIN_DISTANCE = 1e-7
@@ -76,10 +76,10 @@ class MixtureStarts:
         values = vertices @ planes.T
         gaps = values.max(axis=1) - (vertices @ vectors.T).max(axis=1)
         gaps[np.abs(vertices[:, None] - self._weights).max(axis=2).min(axis=1) < MIN_DISTANCE] = 0
-        least, facets = max(self._search.precision, WIDE_SHARE * gaps.max()), values.argmax(axis=1)
+        least, facets = max(self._search.precision, MIN_GAP_SHARE * gaps.max()), values.argmax(axis=1)
         chosen = dict[int, int]()  # facet of the envelope -> vertex: the others below it are near
         for i in np.argsort(-gaps, kind="stable").tolist():
-            if gaps[i] <= least or len(chosen) == MAX_ADDED:
+            if gaps[i] <= least or len(chosen) == MAX_ADDED_STARTS:
                 break
             chosen.setdefault(int(facets[i]), i)
         if chosen:
