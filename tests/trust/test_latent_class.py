@@ -60,6 +60,42 @@ def test_the_likelihood_never_falls_from_one_iteration_to_the_next():
     assert scores[-1] > scores[0]
 
 
+def test_rows_for_planning_are_as_good_as_the_answers_permit():
+    """Question 1 answers with noise .3 where .1 is stated; question 2 is never asked."""
+    rng = np.random.default_rng(4)
+    model = LatentClassModel(AnswerModel.of_tables(np.repeat(STATED_TABLES, 2, axis=0)), [RATES])
+    model.add_context([])
+    people = list(draw_people(rng, 400, [0.7], RATES, 0.3))
+    for person in people:
+        model.add(*person)
+    model.fit(60)
+    rows = model.find_optimistic_rows(0.5)
+    asked, other = slice(0, 2), slice(2, 4)
+    assert (np.abs(rows - model.rows)[asked] < 0.05).all()
+    better = (rows - model.rows)[other].diagonal()
+    assert (better > 0.03).all()
+    assert (better < 0.08).all()
+
+    def score(tables):
+        total = 0.0
+        for _, (label,), answers in people:
+            total += np.log(model.pi[0] * model.rates[0][:, label] @ np.prod(tables[:, answers], axis=1))
+        return total
+
+    np.testing.assert_array_equal(model.find_optimistic_rows(0.0), model.rows)
+    credible = model.find_optimistic_rows(4.0)
+    assert score(model.rows[asked]) - 4 <= score(credible[asked]) < score(model.rows[asked])
+
+
+def test_rows_that_are_better_than_stated_are_those_for_planning():
+    model = make_model(1)
+    for person in draw_people(np.random.default_rng(5), 600, [0.5], RATES, 0.02, answers=4):
+        model.add(*person)
+    model.fit(30)
+    assert model.rows[0, 0] > 0.92
+    np.testing.assert_array_equal(model.find_optimistic_rows(0.5), model.rows)
+
+
 def test_facts_one_by_one_predict_a_new_context():
     """P(value | time, place) of a product: two facts that suggest the same value suggest it more together."""
     rng = np.random.default_rng(2)

@@ -70,7 +70,7 @@ def test_the_observation_model_is_estimated_and_the_next_planner_is_for_it():
         assert len(dialogue.planned) == n + 1
         assert dialogue.planned[-1] is trust.tables
     assert trust.learnt.rows[0, 0] == pytest.approx(0.6, abs=0.05)
-    np.testing.assert_array_equal(trust.tables, trust.answers.make_tables(trust.learnt.rows))
+    np.testing.assert_array_equal(trust.tables[0], trust.learnt.find_optimistic_rows(0.5))
 
 
 def test_every_kth_person_is_asked_until_there_are_enough_answers():
@@ -121,6 +121,7 @@ def test_a_person_without_answers_changes_no_weight():
         ({"share": float("nan")}, "`share` of trust is nan"),
         ({"memory": 0}, "`memory` of trust is 0; expected positive"),
         ({"ask_every": -1}, "`ask_every` of trust is -1; expected at least 0"),
+        ({"max_loss": -0.1}, "`max_loss` of trust is -0.1; expected at least 0"),
         ({"ask_answers": 0}, "`ask_answers` of trust is 0; expected at least 1"),
         ({"refits": 0}, "`refits` of trust is 0; expected at least 1"),
         ({"iterations": 0}, "`iterations` of trust is 0; expected at least 1"),

@@ -87,6 +87,12 @@ class AnswerModel:
         rows: Array = self._noisy_rows[int(np.argmin(np.abs(NOISE_DEGREES - noise)))]
         return rows
 
+    def list_questions(self, noise: float) -> list[tuple[npt.NDArray[np.bool_], Array]]:
+        """Return for each kind of question its rows (R,), and their prior at a shared noise, in answers."""
+        prior = self._question_weights * self.add_noise(noise)
+        members = [self._question_of == k for k in range(len(self.row_of))]
+        return [(own, prior[own]) for own in members]
+
     def find_log_likelihoods(self, rows: Array) -> Array:
         """Return (D, V) the logarithm of P(observation | value) for each answer, 0 if it is impossible."""
         logs = np.log(np.where(rows > 0, rows, 1))[self.row_of]

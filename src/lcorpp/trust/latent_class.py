@@ -25,6 +25,9 @@ classifier's rates are wrong and answers are noisy."""
 MAX_CASES = 5000
 """Maximum number of distinct cases; of further ones only the expected counts are kept."""
 
+STATED_SHARES = (1.0, 0.75, 0.5, 0.35, 0.2, 0.1)
+"""Shares of the stated rows that `find_optimistic_rows` tries."""
+
 MIN_GAIN = 2.0
 """Gain in log likelihood above which the result of a restart is kept."""
 
@@ -144,6 +147,32 @@ class LatentClassModel:
                 self.rows, self.noise = self.answers.estimate_rows(answers_of_value)
             self._update_logs()
 
+    def find_optimistic_rows(self, max_loss: float) -> Array:
+        """Return (R, O) rows for planning: those of each question as near to the stated ones as is credible.
+
+        Credible are mixtures of estimated and stated rows whose log posterior is at most `max_loss` lower,
+        while the other questions have the estimated rows. An estimate with too much noise would last
+        otherwise: the robot asks something else, and never learns that it errs.
+        """
+        rows, answers, cases = self.rows.copy(), self.answers, self.cases
+        logs = self._compute_log_joint()
+        score = self._sum_log_likelihoods(logs)
+        counts = cases.answer_counts
+        for own, prior in answers.list_questions(self.noise):
+            estimated, stated = self.rows[own], answers.stated_rows[own]
+            if np.ptp(stated, axis=0).sum() <= np.ptp(estimated, axis=0).sum():
+                continue
+            for share in STATED_SHARES:
+                mixed = self.rows.copy()
+                mixed[own] = (1 - share) * estimated + share * stated
+                changed = counts @ (answers.find_log_likelihoods(mixed) - self._log_answers)
+                possible = prior > 0
+                loss = prior[possible] @ np.log(estimated[possible] / mixed[own][possible])
+                if self._sum_log_likelihoods(logs + changed) - loss >= score - max_loss:
+                    rows[own] = mixed[own]
+                    break
+        return rows
+
     def replace_rates(self, stated_rates: Sequence[Array]) -> bool:
         """Replace the stated rates; of a sense whose rates differ, forget all labels.
 
@@ -209,14 +238,16 @@ class LatentClassModel:
 
     def _compute_objective(self) -> float:
         """Return the log likelihood of the cases, and the log prior of the rates up to a constant."""
-        logs = self._compute_log_joint()
-        top = logs.max(axis=1)
-        likelihood = self.cases.weights @ (top + np.log(np.exp(logs - top[:, None]).sum(axis=1)))
         prior = sum(
             LABEL_PEOPLE * float((stated * log_rates).sum())
             for stated, log_rates in zip(self.prior_rates, self._log_rates, strict=True)
         )
-        return float(likelihood) + prior
+        return self._sum_log_likelihoods(self._compute_log_joint()) + prior
+
+    def _sum_log_likelihoods(self, logs: Array) -> float:
+        """Return the log likelihood of the cases with the logs (n, V) of `_compute_log_joint`."""
+        top = logs.max(axis=1)
+        return float(self.cases.weights @ (top + np.log(np.exp(logs - top[:, None]).sum(axis=1))))
 
     def _compute_log_joint(self) -> Array:
         """Return (n, V) log p(value, labels, answers | context) of each case."""

@@ -32,6 +32,8 @@ class TrustOptions:
     ask_every: k: every k-th person is asked until there are `ask_answers` answers; 0: none.
     refits: the learnt models are fitted again when the number of people has grown by 1 / `refits`.
     iterations: of EM at each fit; each begins at the estimates of the one before.
+    max_loss: plans are for the best observation model whose log posterior is at most this much lower than
+        that of the estimate, question by question; .5 is one standard error, 0 the estimate.
     """
 
     share: float = 0.005
@@ -40,6 +42,7 @@ class TrustOptions:
     ask_answers: int = 3
     refits: int = 50
     iterations: int = 2
+    max_loss: float = 0.5
 
     def __post_init__(self) -> None:
         limits = {
@@ -49,6 +52,7 @@ class TrustOptions:
             "ask_answers": (self.ask_answers >= 1, "at least 1"),
             "refits": (self.refits >= 1, "at least 1"),
             "iterations": (self.iterations >= 1, "at least 1"),
+            "max_loss": (self.max_loss >= 0, "at least 0"),
         }
         for name, (is_valid, expected) in limits.items():
             if not is_valid:
@@ -70,7 +74,7 @@ class Trust:
     models that do not depend on the knowledge; see docs/trust.md.
 
     sources: their names. weights: (K,) of the sources, summing to 1. n_people: number of people learnt from.
-    tables: (K, V, O) the estimated observation model. planner: for the next person, by that model.
+    tables: (K, V, O) the observation model for planning. planner: for the next person, by that model.
 
     Args:
         reasoner: theta, the program with the stated rates of the classifiers.
@@ -142,7 +146,7 @@ class Trust:
             if self.n_people >= self._next_restart:
                 self._next_restart *= 2
                 self.learnt.restart(RESTART_ITERATIONS)
-            self.tables = self.answers.make_tables(self.learnt.rows)
+            self.tables = self.answers.make_tables(self.learnt.find_optimistic_rows(self.options.max_loss))
         self.planner = self._dialogue.make_planner(self.tables)
 
     def retrain(self, reasoner: Reasoner, *, rates: Rates = NO_RATES) -> None:

@@ -22,10 +22,11 @@ def test_instalments_give_the_policy_of_one_search(problem):
     one.advance()
     calls = 0
     while not parts.converged:
-        before = parts.work
-        parts.advance(work=1000)
+        before, trials = parts.work, parts.trials
+        parts.advance(work=5000)
         calls += 1
-        assert 0 < parts.work - before < 1000 + 10 * len(pomdp.states) * parts.trials
+        assert parts.converged or parts.work - before >= 5000
+        assert 0 < parts.trials - trials <= 5  # a trial counts as at least 1000
     assert calls > 3
     assert one.converged
     assert (one.trials, one.work, one.gap) == (parts.trials, parts.work, parts.gap)

@@ -20,22 +20,24 @@ from the row that it was computed for."""
 PRECISION_SHARE = 1e-3
 """Precision of the policies, as a share of the range of the rewards."""
 
-WORK_PER_PERSON = 1e5
-"""Work of the search after each person, in the unit of `PacedSearch`: 5 to 25 milliseconds."""
+WORK_PER_PERSON = 4e4
+"""Work of the search after each person, in the unit of `PacedSearch`: 2 to 15 milliseconds."""
 
-MAX_SEARCH_WORK = 200 * WORK_PER_PERSON
+MAX_SEARCH_WORK = 500 * WORK_PER_PERSON
 """A search that has not converged after this much work ends."""
 
-USABLE_SHARE = 1e-2
-"""Gap at which the policy of an unfinished search acts, as a share of the range of the rewards."""
+LOSS_PER_VARIATION = 1 / 3
+"""Loss that is assumed of a policy on another model, in spans of the rewards: this times the largest total
+variation between rows of the models."""
 
 
 class Replanner:
     """The planner of each estimated model; it searches for a policy, by bounded work after each person.
 
-    The former policy acts on the beliefs of a new model until the gap of the new policy at the start beliefs
-    is at most `USABLE_SHARE`: before that, the new one may be worse. The search goes on to the precision. The
-    result depends on the models and their order, not on a clock.
+    The former policy acts on the beliefs of a new model until the search has one whose gap at the start
+    beliefs is at most half the loss that is assumed of the former one: its own gap, and `LOSS_PER_VARIATION`.
+    Before that, the new one may be worse. The search goes on to the precision. The result depends on the
+    models and their order, not on a clock.
 
     Args:
         planner: for the stated model.
@@ -45,10 +47,12 @@ class Replanner:
 
     def __init__(self, planner: Planner, starts: Array, precision: float) -> None:
         self._starts = starts
+        self._stated_model = planner.pomdp
         self._model = planner.pomdp  # of the last call
         self._target = planner.pomdp  # of the last search
-        span = float(np.ptp(planner.pomdp.reward))
-        self._precision, self._usable_gap = max(precision, PRECISION_SHARE * span), USABLE_SHARE * span
+        self._span = float(np.ptp(planner.pomdp.reward))
+        self._precision = max(precision, PRECISION_SHARE * self._span)
+        self._gap = self._precision  # of `_policy`
         self._stated = self._policy = planner.policy
         self._solved: tuple[Pomdp, int] | None = None  # model of `_policy`, and trials of its search
         self._search: PacedSearch | None = None
@@ -64,12 +68,18 @@ class Replanner:
         search = self._search
         if search is not None:
             search.advance(work=WORK_PER_PERSON)
-            if search.gap <= self._usable_gap:
+            if search.converged or search.gap <= self._assume_loss(search.pomdp) / 2:
                 self._policy, self._solved = search.make_policy(), (search.pomdp, search.trials)
+                self._gap = search.gap
                 self.planner = TransferPlanner(self._policy, model)
             if search.converged or search.work > MAX_SEARCH_WORK:
                 self._search = None
         return self.planner
+
+    def _assume_loss(self, model: Pomdp) -> float:
+        """Return the loss that is assumed of the present policy on a model."""
+        own = self._stated_model if self._solved is None else self._solved[0]
+        return self._gap + LOSS_PER_VARIATION * self._span * _compare_observations(own, model)
 
     def state(self) -> dict[str, Any]:
         """Return the state as JSON: the models of policy and search, with numbers of trials."""
@@ -79,6 +89,7 @@ class Replanner:
             "target": _export(self._target),
             "policy": None if self._solved is None else [_export(self._solved[0]), self._solved[1]],
             "trials": None if search is None else search.trials,
+            "gap": self._gap,
         }
 
     def restore(self, state: Mapping[str, Any]) -> Planner | TransferPlanner:
@@ -91,6 +102,7 @@ class Replanner:
         if state["policy"] is not None:
             model, trials = self._import(state["policy"][0]), state["policy"][1]
             self._policy, self._solved = self._repeat(model, trials).make_policy(), (model, trials)
+        self._gap = float(state["gap"])
         if state["trials"] is not None:
             self._search = self._repeat(self._target, state["trials"])
         self.planner = TransferPlanner(self._policy, self._model)

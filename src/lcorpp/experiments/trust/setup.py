@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from lcorpp.decision.strategies import NO_RATES, Rates
 from lcorpp.domains import Domain
 from lcorpp.domains.dialogue import DomainDialogue, PlannerFactory
@@ -35,6 +37,6 @@ def set_up_trust(
     planners: PlannerFactory
     if hearing:
         planners = Replanner(planner, domain.start_beliefs(), domain.planning.solver.precision)
-    else:
-        planners = FixedPolicy(planner, domain)
+    else:  # a fixed policy does not explore, so it needs the estimates
+        planners, options = FixedPolicy(planner, domain), replace(options, max_loss=0.0)
     return Trust(reasoner, domain, DomainDialogue(domain, planners), planner, options=options, rates=rates)

@@ -15,6 +15,9 @@ from lcorpp.planning.solution import BoundsRecord, Progress, Solution
 from lcorpp.planning.upper_bounds import SawtoothBound
 from lcorpp.values import Belief
 
+WORK_PER_TRIAL = 1000
+"""Work of a trial beside that for the vectors; a trial of few vectors takes some 50 microseconds."""
+
 PRUNING_RADIUS = 1e-3
 """Radius of delta-dominance, in the space of beliefs."""
 
@@ -123,7 +126,8 @@ class BoundedSearch:
 
     roots: the nodes of the start beliefs.
     record: of the bounds at the roots that were added last. trials: steps so far, in the unit of the solver.
-    work: the numbers in all vectors, summed over the sampled paths so far; time grows with it.
+    work: summed over the sampled paths so far: the numbers in all vectors, what pruning compares, and a
+        constant; time grows with it.
     """
 
     def __init__(
@@ -214,7 +218,8 @@ class BoundedSearch:
             function(tree, *arguments)
         self.prune(self.roots)
         self.trials += 1
-        self.work += tree.vector_count * len(self.bounds.pomdp.states)
+        vectors = tree.vector_count
+        self.work += WORK_PER_TRIAL + vectors * (len(self.bounds.pomdp.states) + vectors // 20)
 
     def prune(self, roots: list[int]) -> None:
         """Drop vectors that are useless at the beliefs that the roots reach."""

@@ -28,7 +28,7 @@ MAX_DEPTH = 1000
 """Largest number of nodes on a path. The bounds are valid for any value; later paths reach what one
 misses."""
 
-MIXTURE_WORK = 2e5
+MIXTURE_WORK = 1e6
 """Work for mixtures for each second of the time limit, in the unit of `BoundedSearch`: some hundredths of a
 second. Unlike a time, it gives the same policy each time."""
 
