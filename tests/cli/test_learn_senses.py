@@ -74,7 +74,7 @@ def test_the_last_matrix_is_that_of_all_labels(lcorpp, domain, tmp_path):
     recall = ", ".join(
         f"{name} {rate:.3f}" for name, rate in zip(validation.confusion.classes, rates, strict=True)
     )
-    assert f"voice: 48 cases; recall: {recall}; change" in ended.out.splitlines()[-2]
+    assert f"voice: 48 cases; recall: {recall}; change" in ended.out
 
 
 def test_an_interrupted_run_of_two_senses_resumes(lcorpp, domain, tmp_path, monkeypatch):
@@ -102,13 +102,16 @@ def test_an_interrupted_run_of_two_senses_resumes(lcorpp, domain, tmp_path, monk
     while not ends or "stopped after 3 batches" not in ends[-1].out:
         ends.append(lcorpp(*learn, "--store", tmp_path / "s.tracks", "--out", tmp_path / "out"))
         assert ends[-1].code == 0, ends[-1].err
-        assert "note:" not in ends[-1].out
+        assert ends[-1].out.count("note:") == ends[-1].out.count("note: the gap at a prior")
         assert len(ends) < 9
     assert len(ends) > 3
     assert read_rows(tmp_path / "out") == read_rows(tmp_path / "plain")
     for suffix in ("", "-voice"):
         assert stored(tmp_path / f"s{suffix}.tracks") == stored(tmp_path / f"plain{suffix}.tracks")
-    assert ends[-1].out.splitlines()[-3:-1] == plain.out.splitlines()[-3:-1]
+    last = [
+        [line for line in end.out.splitlines() if line.startswith("batch 3")] for end in (ends[-1], plain)
+    ]
+    assert last[0] == last[1] != []
 
 
 def test_a_checkpoint_of_other_senses_is_not_used(lcorpp, domain, tmp_path):

@@ -28,8 +28,8 @@ MAX_DEPTH = 1000
 """Largest number of nodes on a path. The bounds are valid for any value; later paths reach what one
 misses."""
 
-MIXTURE_WORK = 1e6
-"""Work for mixtures for each second of the time limit, in the unit of `BoundedSearch`: some hundredths of a
+MIXTURE_WORK = 2.5e5
+"""Work for mixtures for each second of the time limit, in the unit of `BoundedSearch`: about a hundredth of a
 second. Unlike a time, it gives the same policy each time."""
 
 INITIAL_SHARE = 0.1
