@@ -6,6 +6,7 @@ import pytest
 from lcorpp.decision import Robot, dt_control
 from lcorpp.errors import DecisionError
 from lcorpp.trust import Trust, TrustOptions
+from lcorpp.trust.optimism import find_optimistic_rows
 from lcorpp.values import Distribution, Likelihood, Step
 from tests.decision.fakes import VALUES, FakeClassifier, FakeDomain, FakePlanner, FakeWorld, make_instance
 from tests.trust.fakes import AskDialogue, SkyReasoner
@@ -70,7 +71,7 @@ def test_the_observation_model_is_estimated_and_the_next_planner_is_for_it():
         assert len(dialogue.planned) == n + 1
         assert dialogue.planned[-1] is trust.tables
     assert trust.learnt.rows[0, 0] == pytest.approx(0.6, abs=0.05)
-    np.testing.assert_array_equal(trust.tables[0], trust.learnt.find_optimistic_rows(0.5))
+    np.testing.assert_array_equal(trust.tables[0], find_optimistic_rows(trust.learnt, 0.5))
 
 
 def test_every_kth_person_is_asked_until_there_are_enough_answers():
@@ -85,6 +86,20 @@ def test_every_kth_person_is_asked_until_there_are_enough_answers():
     assert asked[0] >= 3
     assert asked[2] >= 3
     assert asked[3] < 3
+
+
+def test_a_policy_that_never_reports_ends_with_the_most_probable_value():
+    class Asker(FakePlanner):
+        def action(self, belief):
+            return "ask"
+
+    trust, _ = make_trust()
+    trust.planner = Asker()
+    world = FakeWorld(*["shake"] * 200)
+    robot = Robot({"eyes": FakeClassifier()}, trust, trust.make_planner(), FakeDomain())
+    episode = dt_control(robot, make_instance(0, "sunny"), world)
+    assert world.done.count("ask") == 100
+    assert episode.report == "no"
 
 
 def test_a_likelihood_counts_as_its_most_probable_label_in_what_is_learnt():

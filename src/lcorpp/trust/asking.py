@@ -9,6 +9,11 @@ MAX_ADDED_QUESTIONS = 10
 """Maximum number of questions that are added for one person, e.g. if there is no answer."""
 
 
+MAX_ACTIONS = 100
+"""Maximum number of actions; then the most probable value is reported. A policy that was computed for less
+noise than is estimated now may ask without end."""
+
+
 class AskingPlanner:
     """A planner for one person, with questions in place of a report until there are enough answers.
 
@@ -18,7 +23,7 @@ class AskingPlanner:
     added: number of questions in place of a report.
 
     Args:
-        wanted: number of informative answers.
+        wanted: number of informative answers; 0 if the person is not asked more than needed.
     """
 
     def __init__(self, planner: Planner, domain: DomainInterface, dialogue: Dialogue, wanted: int) -> None:
@@ -33,6 +38,8 @@ class AskingPlanner:
 
     def action(self, belief: Belief) -> str:
         """Return the planner's action, or a question if that is a report before enough answers."""
+        if len(self._history) >= MAX_ACTIONS:
+            return self._domain.report_action(self._domain.marginal(belief).most_likely())
         action = self._planner.action(belief)
         if self.added == MAX_ADDED_QUESTIONS or self._domain.reported_value(action) is None:
             return action

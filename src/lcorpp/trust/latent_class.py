@@ -25,9 +25,6 @@ classifier's rates are wrong and answers are noisy."""
 MAX_CASES = 5000
 """Maximum number of distinct cases; of further ones only the expected counts are kept."""
 
-STATED_SHARES = (1.0, 0.75, 0.5, 0.35, 0.2, 0.1)
-"""Shares of the stated rows that `find_optimistic_rows` tries."""
-
 MIN_GAIN = 2.0
 """Gain in log likelihood above which the result of a restart is kept."""
 
@@ -147,32 +144,6 @@ class LatentClassModel:
                 self.rows, self.noise = self.answers.estimate_rows(answers_of_value)
             self._update_logs()
 
-    def find_optimistic_rows(self, max_loss: float) -> Array:
-        """Return (R, O) rows for planning: those of each question as near to the stated ones as is credible.
-
-        Credible are mixtures of estimated and stated rows whose log posterior is at most `max_loss` lower,
-        while the other questions have the estimated rows. An estimate with too much noise would last
-        otherwise: the robot asks something else, and never learns that it errs.
-        """
-        rows, answers, cases = self.rows.copy(), self.answers, self.cases
-        logs = self._compute_log_joint()
-        score = self._sum_log_likelihoods(logs)
-        counts = cases.answer_counts
-        for own, prior in answers.list_questions(self.noise):
-            estimated, stated = self.rows[own], answers.stated_rows[own]
-            if np.ptp(stated, axis=0).sum() <= np.ptp(estimated, axis=0).sum():
-                continue
-            for share in STATED_SHARES:
-                mixed = self.rows.copy()
-                mixed[own] = (1 - share) * estimated + share * stated
-                changed = counts @ (answers.find_log_likelihoods(mixed) - self._log_answers)
-                possible = prior > 0
-                loss = prior[possible] @ np.log(estimated[possible] / mixed[own][possible])
-                if self._sum_log_likelihoods(logs + changed) - loss >= score - max_loss:
-                    rows[own] = mixed[own]
-                    break
-        return rows
-
     def replace_rates(self, stated_rates: Sequence[Array]) -> bool:
         """Replace the stated rates; of a sense whose rates differ, forget all labels.
 
@@ -242,14 +213,9 @@ class LatentClassModel:
             LABEL_PEOPLE * float((stated * log_rates).sum())
             for stated, log_rates in zip(self.prior_rates, self._log_rates, strict=True)
         )
-        return self._sum_log_likelihoods(self._compute_log_joint()) + prior
+        return sum_log_likelihood(self.compute_log_joint(), self.cases.weights) + prior
 
-    def _sum_log_likelihoods(self, logs: Array) -> float:
-        """Return the log likelihood of the cases with the logs (n, V) of `_compute_log_joint`."""
-        top = logs.max(axis=1)
-        return float(self.cases.weights @ (top + np.log(np.exp(logs - top[:, None]).sum(axis=1))))
-
-    def _compute_log_joint(self) -> Array:
+    def compute_log_joint(self) -> Array:
         """Return (n, V) log p(value, labels, answers | context) of each case."""
         cases = self.cases
         logs: Array = self._log_pi[cases.contexts] + cases.answer_counts @ self._log_answers
@@ -260,7 +226,7 @@ class LatentClassModel:
 
     def _expect(self, weights: Array) -> tuple[Array, list[Array], Array]:
         """Return the expected counts of values (X, V), labels (V, L) for each sense, and answers (D, V)."""
-        cases, logs = self.cases, self._compute_log_joint()
+        cases, logs = self.cases, self.compute_log_joint()
         logs -= logs.max(axis=1, keepdims=True)
         people = np.exp(logs, out=logs)
         people *= (weights / people.sum(axis=1))[:, None]
@@ -297,6 +263,12 @@ class LatentClassModel:
         self._log_pi = np.log(self.pi)
         self._log_rates = [np.log(rates) for rates in self.rates]
         self._log_answers = self.answers.find_log_likelihoods(self.rows)
+
+
+def sum_log_likelihood(logs: Array, weights: Array) -> float:
+    """Return the log likelihood of cases with weights (n,) and logs (n, V) of `compute_log_joint`."""
+    top = logs.max(axis=1)
+    return float(weights @ (top + np.log(np.exp(logs - top[:, None]).sum(axis=1))))
 
 
 def _bound_rows(rates: Array) -> Array:

@@ -16,6 +16,7 @@ from lcorpp.trust.asking import AskingPlanner
 from lcorpp.trust.cases import NO_LABEL
 from lcorpp.trust.latent_class import LatentClassModel
 from lcorpp.trust.learnt_sources import LearntSources
+from lcorpp.trust.optimism import find_optimistic_rows
 from lcorpp.trust.sources import StatedSources
 from lcorpp.values import Array, Distribution, Label, Likelihood, Step
 
@@ -121,9 +122,9 @@ class Trust:
     def make_planner(self) -> Planner:
         """Return the planner for the next person, which sometimes asks to learn."""
         options = self.options
-        if options.ask_every and self.n_people % options.ask_every == 0:
-            return AskingPlanner(self.planner, self._domain, self._dialogue, options.ask_answers)
-        return self.planner
+        asks = options.ask_every and self.n_people % options.ask_every == 0
+        wanted = options.ask_answers if asks else 0
+        return AskingPlanner(self.planner, self._domain, self._dialogue, wanted)
 
     def learn(self, evidence: Mapping[str, Label], steps: Iterable[Step]) -> None:
         """Learn from a person: update the weights, then the models, then the planner.
@@ -146,7 +147,7 @@ class Trust:
             if self.n_people >= self._next_restart:
                 self._next_restart *= 2
                 self.learnt.restart(RESTART_ITERATIONS)
-            self.tables = self.answers.make_tables(self.learnt.find_optimistic_rows(self.options.max_loss))
+            self.tables = self.answers.make_tables(find_optimistic_rows(self.learnt, self.options.max_loss))
         self.planner = self._dialogue.make_planner(self.tables)
 
     def retrain(self, reasoner: Reasoner, *, rates: Rates = NO_RATES) -> None:
