@@ -1,19 +1,21 @@
 """LCORPP+trust with wrong knowledge, wrong rates and noisier answers than stated, in the domain `intention`.
 
     OMP_NUM_THREADS=1 python benchmarks/trust.py [--streams 2] [--people 2000] [--cells N] [--seed 0]
-        [--jobs 2] [--rates honest|lying] [--no-hearing] [--out FOLDER]
+        [--jobs 2] [--rates known|misstated] [--no-hearing] [--out FOLDER]
 
 A cell of the grid is the knowledge (right, or wrong in seven ways), the rate of wrong answers, the classifier
 and the costs of the actions; the planner's observation model stays as stated (noise .1 and .2). With --rates
-honest the program states the classifier's true rates; with --rates lying it states .76 and .29, and the true
-ones are others. Each cell gives the mean return over streams of people, one after another, beside the exact
-returns of P, R+P, L+P and LCORPP and of the omniscient robot, LCORPP with the true program, rates and noise.
+known the program states the classifier's true rates; with --rates misstated it states .76 and .29, and the
+true ones are others. Each cell gives the mean return over streams of people, one after another, beside the
+exact returns of P, R+P, L+P and LCORPP and of the omniscient robot, LCORPP with the true program, rates and
+noise.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from enum import StrEnum
 from itertools import product
 from pathlib import Path
 from time import process_time
@@ -75,6 +77,13 @@ KNOWLEDGE: Mapping[str, Numbers] = {
     "times swapped": (swap(TIME_NUMBERS), LIBRARY_NUMBERS, INTENTION_NUMBERS),
     "locations inverted": (TIME_NUMBERS, invert(LIBRARY_NUMBERS), INTENTION_NUMBERS),
 }
+
+
+class Rates(StrEnum):
+    """Whether the program states the classifier's true rates."""
+
+    known = "known"
+    misstated = "misstated"
 
 
 @dataclass(frozen=True)
@@ -176,13 +185,15 @@ def main(
     cells: Annotated[int, typer.Option(min=0, help="Cells, drawn at random; 0 takes all.")] = 0,
     seed: Annotated[int, typer.Option(min=0)] = 0,
     jobs: Annotated[int, typer.Option(min=1)] = 1,
-    rates: Annotated[str, typer.Option(help="honest or lying")] = "honest",
+    rates: Annotated[Rates, typer.Option(help="The program's rates of the classifier.")] = Rates.known,
     hearing: Annotated[bool, typer.Option(help="Policies for the estimated noise.")] = True,
     out: Annotated[Path | None, typer.Option(metavar="FOLDER")] = None,
 ) -> None:
     """Run the grid; print the table, and write it with heat maps."""
     pairs = (
-        [(r, r) for r in KNOWN_RATES] if rates == "honest" else [(r, STATED_RATES) for r in MISSTATED_RATES]
+        [(r, r) for r in KNOWN_RATES]
+        if rates == Rates.known
+        else [(r, STATED_RATES) for r in MISSTATED_RATES]
     )
     grid = [Cell(k, n, *r, c) for k, n, r, c in product(KNOWLEDGE, NOISES, pairs, COST_FACTORS)]
     if cells:
