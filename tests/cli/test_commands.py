@@ -66,7 +66,9 @@ def test_explain_asks_you(lcorpp, monkeypatch):
     monkeypatch.setattr("sys.stdin", io.StringIO("afternoon\nclass\nzero\npos\npos\npos\n"))
     ended = lcorpp("explain", "--preset", "authors", "--interactive")
     assert ended.code == 0
-    assert ended.out.rstrip().endswith("intention = interested")
+    *_, reported, gap = ended.out.splitlines()
+    assert reported == "intention = interested"
+    assert gap.startswith("gap at this prior at most ")
 
 
 def test_run_writes_table_figure_and_configuration(lcorpp, tmp_path):

@@ -227,7 +227,9 @@ def test_the_paper_s_trial(lcorpp):
     assert [line.split()[1] for line in actions] == ["move_forward", "move_forward", "greet"]
     for words in ("0.220250", "0.779750", "0.717686", "0.958123", "0.989191", "7  report_interested"):
         assert words in ended.out
-    assert ended.out.rstrip().endswith("intention = interested (correct)")
+    *_, reported, gap = ended.out.splitlines()
+    assert reported == "intention = interested (correct)"
+    assert gap.startswith("gap at this prior at most ")
     refused(lcorpp("explain", *facts, "--answers", "pos"), "--answers has 1 answers", "move_forward")
     refused(lcorpp("explain", "--answers", "maybe"), "expected one of pos, neg, none")
     refused(lcorpp("explain", "--truth", "bored"), "expected one of interested, not_interested")
