@@ -1,4 +1,4 @@
-"""Search in instalments: the same result as in one go, and within the bounds of the solver."""
+"""Search by bounded amounts of work: the same result as in one go, and within the bounds of the solver."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""SARSOP in instalments: a search that goes on by bounded amounts of work instead of until a time limit."""
+"""SARSOP by bounded amounts of work, instead of until a time limit."""
 
 from __future__ import annotations
 
