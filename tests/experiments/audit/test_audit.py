@@ -16,7 +16,7 @@ from lcorpp.experiments.audit import answer_rates
 from lcorpp.experiments.audit.answer_rates import AnswerRates
 from lcorpp.experiments.audit.audit import audit_people
 from lcorpp.experiments.audit.estimates import Audit
-from lcorpp.experiments.audit.knowledge import KnowledgeFits
+from lcorpp.experiments.audit.knowledge import EXCLUDED_SHARE, KnowledgeFits
 from lcorpp.experiments.audit.logged_people import read_people
 from lcorpp.experiments.audit.rates import describe_values
 from lcorpp.experiments.audit.report import format_audit, format_patch
@@ -299,8 +299,10 @@ def test_a_search_leaves_numbers_that_sum_to_one() -> None:
     fits = KnowledgeFits(program, free, records, np.tile(np.arange(3), (3, 1)), rates)  # type: ignore[arg-type]
     first, _ = free
     fit = fits.fit((first,))
-    assert fit.estimates == pytest.approx([0.3 * 10.3 / 30.3], abs=1e-4)
-    expected = [10 * np.log(fit.estimates[0]), 70 * np.log(0.7), 20 * np.log(0.3 - fit.estimates[0])]
+    second = 0.7 + EXCLUDED_SHARE * (1 / 3 - 0.7)  # as the stated numbers exclude people with a=3
+    assert fit.estimates == pytest.approx([(1 - second) * 10.3 / 30.3], abs=1e-4)
+    expected = [10 * np.log(fit.estimates[0]), 70 * np.log(second)]
+    expected.append(20 * np.log(1 - second - fit.estimates[0]))
     assert fit.log_likelihood == pytest.approx(sum(expected))
 
 

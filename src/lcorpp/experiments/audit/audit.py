@@ -44,7 +44,8 @@ def audit_people(
     each person's shared value. Then each number is fitted alone, and each attribute with all its numbers.
     From these the fewest numbers are chosen whose change explains the data (BIC): an attribute or a number
     at a time, and of an attribute the numbers that are needed. Attributes without rules are
-    audited as if equal probabilities were stated, see `add_missing_rules`.
+    audited as if equal probabilities were stated, see `add_missing_rules`. If the stated numbers exclude
+    people of the log, those that are 0 are taken as a little more, see `EXCLUDED_SHARE`.
 
     Args:
         progress: is called with the number of fits done, and the number of all.
@@ -53,7 +54,7 @@ def audit_people(
 
     Raises:
         ProgramError: the program has no numbers to audit, or they cannot be fitted.
-        UndefinedError: what is known of a person is impossible by the program.
+        UndefinedError: what is known of a person is impossible by the program, whatever its numbers.
         TooLargeError: the program is too large to be compiled, or there are too many contexts.
     """
     return _Auditor(people, progress, given).audit()
@@ -118,7 +119,16 @@ class _Auditor:
             self._list_rivals(chosen) if chosen else [],
             n_undetermined,
             [_name(self._atom(i)) for i in undetermined],
+            self._count_excluded(),
         )
+
+    def _count_excluded(self) -> dict[str, int]:
+        """Return the number of excluded people by their facts."""
+        cases, counts = self._people.cases, dict[str, int]()
+        for case in np.flatnonzero(self._fits.is_excluded):
+            facts = ", ".join(f"{n}={v}" for n, v in self._people.contexts[cases.contexts[case]].items())
+            counts[facts] = counts.get(facts, 0) + round(float(cases.weights[case]))
+        return counts
 
     def _atom(self, statement: int) -> Probability:
         atom = self._program.statements[statement]

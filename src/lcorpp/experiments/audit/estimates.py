@@ -76,6 +76,8 @@ class Audit:
     is refuted. rivals: other numbers or attributes that explain the data as well as `changes`.
     n_undetermined: number of combinations that the data do not determine if all numbers are free.
     undetermined: the rules in these combinations.
+    excluded: facts -> number of people with them whom the stated numbers exclude: what is known of them has
+    the probability 0.
     n_people, strategy, n_others, skipped: as of `LoggedPeople`. given: whether the facts are given.
     """
 
@@ -93,6 +95,7 @@ class Audit:
     rivals: Sequence[str]
     n_undetermined: int
     undetermined: Sequence[str]
+    excluded: Mapping[str, int]
 
     @property
     def changed_rates(self) -> list[RateEstimate]:

@@ -19,7 +19,7 @@ from lcorpp.fitting.numbers import check_possible
 from lcorpp.fitting.soft_records import SoftExpectation
 from lcorpp.fitting.uncertainty import MIN_FORM
 from lcorpp.reasoning import Program
-from lcorpp.reasoning.language.syntax import Body, Number, Probability, Statement, Term
+from lcorpp.reasoning.language.syntax import Body, Number, Probability, Selection, Statement, Term
 from lcorpp.values import Array
 
 PRIOR_PEOPLE = 1.0
@@ -31,6 +31,9 @@ continues until none changes by more than the second."""
 
 INTERIOR_SHARE = 0.02
 """Where stated numbers are 0, or leave nothing, a search begins this far on the way to equal shares."""
+
+EXCLUDED_SHARE = 1e-3
+"""If the stated numbers exclude people, those that are 0, or leave nothing, are taken this far on the way."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,17 +85,23 @@ class KnowledgeFits:
         self._parts, self._rates, self._given = parts, rates, given
         self._fits: dict[tuple[int, ...], NumbersFit] = {}
         self._full = [
-            tuple(self._model.statements[k] for k in case.parameters)
-            for case in self._model.cases
+            tuple(self._compiled.statements[k] for k in case.parameters)
+            for case in self._compiled.cases
             if case.is_full
         ]
 
     @cached_property
-    def _model(self) -> NumberModel:
-        """The program with all numbers as parameters; no outcome is left out because a number is 0 or 1."""
+    def _compiled(self) -> NumberModel:
+        """The program with all numbers as parameters; no outcome is left out because its number is 0."""
         observed = {name for record in self._records for name in record}
         statements, inside = list(self._program.statements), dict(self.free)
-        certain = {_get_case(statements[i]) for i, number in self.free.items() if number in (0, 1)}
+        certain, sums = set[object](), dict[object, Fraction]()
+        ranges = {s.term.name for s in statements if isinstance(s, Selection) and s.range}
+        for i, number in self.free.items():
+            case = _get_case(statements[i])
+            sums[case] = sums.get(case, Fraction()) + number
+            if number == 0 or (sums[case] == 1 and case[0].name not in ranges):
+                certain.add(case)
         for i, number in self.free.items():
             atom = statements[i]
             assert isinstance(atom, Probability)
@@ -105,8 +114,31 @@ class KnowledgeFits:
         return replace(model, start=np.array(list(map(float, self.free.values()))))
 
     @cached_property
+    def _model(self) -> NumberModel:
+        """The compiled program; the numbers of cases that exclude people are changed, see `EXCLUDED_SHARE`."""
+        if not self.is_excluded.any():
+            return self._compiled
+        model = replace(self._compiled, start=_find_interior_start(self._compiled, EXCLUDED_SHARE))
+        are_possible = ~self._find_excluded(model)
+        for case in model.cases:
+            start = model.start.copy()
+            start[case.parameters] = self._compiled.start[case.parameters]
+            if not self._find_excluded(replace(model, start=start))[are_possible].any():
+                model = replace(model, start=start)
+        return model
+
+    @cached_property
+    def is_excluded(self) -> npt.NDArray[np.bool_]:
+        """(n,) whether what is known of the case has the probability 0 by the stated numbers."""
+        return self._find_excluded(self._compiled)
+
+    def _find_excluded(self, model: NumberModel) -> npt.NDArray[np.bool_]:
+        log_p = self._expectation.compute(model.evaluate(model.start)).log_p[:-2]
+        return np.asarray(np.isinf(log_p), dtype=bool)
+
+    @cached_property
     def _expectation(self) -> SoftExpectation:
-        stated = Expectation(self._model, self._records, np.ones(len(self._records)))
+        stated = Expectation(self._compiled, self._records, np.ones(len(self._records)))
         likelihoods, weights = self._rates.likelihoods, self._rates.weights
         return SoftExpectation(stated, self._parts, likelihoods, weights, given=self._given)
 
@@ -118,11 +150,11 @@ class KnowledgeFits:
         return tuple(sorted(own))
 
     def compute_stated(self) -> float:
-        """Compute the log likelihood of the stated numbers.
+        """Compute the log likelihood of the stated numbers, see `EXCLUDED_SHARE`.
 
         Raises:
             ProgramError: they are not frequencies, as rules exclude worlds.
-            UndefinedError: what is known of a person is impossible.
+            UndefinedError: what is known of a person is impossible, whatever the numbers.
         """
         expected = self._expectation.compute(self._model.evaluate(self._model.start))
         first = [self._records[place] for place in self._parts[:, 0]]
@@ -184,7 +216,7 @@ class KnowledgeFits:
         )
         return NumbersFit(
             statements,
-            self._model.start[places],
+            self._compiled.start[places],
             best[places],
             covariance,
             np.diag(prior_covariance),
@@ -243,12 +275,16 @@ def _copy_estimates(model: NumberModel, fit: NumbersFit, statements: Collection[
     return start
 
 
-def _find_interior_start(model: NumberModel) -> Array:
-    """Return the stated numbers; the free ones a little different if one is 0, as no search leaves 0."""
+def _find_interior_start(model: NumberModel, share: float = INTERIOR_SHARE) -> Array:
+    """Return the stated numbers; the free ones a little different if one is about 0, as no search leaves 0.
+
+    Args:
+        share: how far on the way to equal shares.
+    """
     values, start = model.evaluate(model.start), model.start.copy()
     for case in model.cases:
         own = start[case.parameters]
-        if not own.all() or (values[case.rest] == 0 and not case.is_full):
+        if own.min() < EXCLUDED_SHARE or (values[case.rest] < EXCLUDED_SHARE and not case.is_full):
             equal = float(case.bound) / (case.multiplicities * (len(own) + (not case.is_full)))
-            start[case.parameters] = own + INTERIOR_SHARE * (equal - own)
+            start[case.parameters] = own + share * (equal - own)
     return start

@@ -21,6 +21,7 @@ def format_audit(audit: Audit) -> str:
         _format_estimates("rule, alone", audit.numbers, {x.name: x.gain for x in audit.numbers}),
         format_table([("attribute, all numbers free", "numbers", "gain", "BIC", "p"), *attributes]),
         _format_estimates("label or answer", audit.rates),
+        *([_format_excluded(audit.excluded)] if audit.excluded else []),
         "\n".join(_conclude(audit)),
     ]
     return "\n\n".join(parts)
@@ -43,6 +44,11 @@ def _format_estimates(
     return format_table(rows)
 
 
+def _format_excluded(excluded: Mapping[str, int]) -> str:
+    rows = [(facts, str(number)) for facts, number in excluded.items()]
+    return format_table([("facts of people whom the knowledge excludes", "people"), *rows])
+
+
 def format_table(rows: Table) -> str:
     """Return rows as aligned columns; the first is aligned at the left."""
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
@@ -60,6 +66,10 @@ def _conclude(audit: Audit) -> list[str]:
     if missing := dict.fromkeys(x.statement.term.name for x in audit.numbers if x.is_missing):
         lines.append(
             f"There are no rules about {', '.join(missing)}: equal probabilities are taken as stated."
+        )
+    if audit.excluded:
+        lines.append(
+            f"The knowledge gives the probability 0 to {sum(audit.excluded.values())} people who were met."
         )
     if audit.changes:
         lines.append("The data refute the knowledge; the fewest numbers that have to change together:")
