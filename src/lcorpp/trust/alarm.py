@@ -29,7 +29,7 @@ BIASED_PRIOR = 0.05
 
 KNOWLEDGE, HEARING, BIAS_CHANGE = "knowledge", "hearing", "biased answers"
 
-MIN_NAME_PROBABILITY, MAX_WAIT_FACTOR = 0.9, 10.0
+MIN_NAME_PROBABILITY, MAX_WAIT_FACTOR = 0.9, 30.0
 """An alarm about the knowledge waits until what it names has this probability, or E exceeds the threshold by
 this factor: the name is then more often right."""
 

@@ -13,7 +13,13 @@ from scipy.stats import chi2
 
 from lcorpp.errors import ProgramError
 from lcorpp.experiments.audit.answer_rates import AnswerRates, invert
-from lcorpp.experiments.audit.estimates import MAX_P_VALUE, AttributeTest, Audit, NumberEstimate
+from lcorpp.experiments.audit.estimates import (
+    MAX_CHANGE_P_VALUE,
+    MAX_P_VALUE,
+    AttributeTest,
+    Audit,
+    NumberEstimate,
+)
 from lcorpp.experiments.audit.intervals import bound_stated, compare_log_odds
 from lcorpp.experiments.audit.knowledge import KnowledgeFits, NumbersFit
 from lcorpp.experiments.audit.logged_people import LoggedPeople
@@ -195,7 +201,7 @@ class _Auditor:
     def _is_refuted(self, statistic: float, rank: int) -> bool:
         """Whether numbers are refuted by BIC, and by a test that counts all candidates (Bonferroni)."""
         p_value = float(chi2.sf(statistic, rank)) * len(self._list_candidates())
-        return statistic > rank * log(self._n_people) and p_value < MAX_P_VALUE
+        return statistic > rank * log(self._n_people) and p_value < MAX_CHANGE_P_VALUE
 
     def _reduce(self, chosen: tuple[int, ...]) -> tuple[int, ...]:
         """Return to the stated numbers one by one, as long as the data do not refute the next."""
