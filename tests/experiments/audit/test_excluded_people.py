@@ -57,7 +57,7 @@ def test_a_stated_1_that_people_contradict_is_a_finding(people: LoggedPeople, gi
 
 
 def test_a_value_for_which_nothing_is_left_is_a_finding(people: LoggedPeople) -> None:
-    """Visitors come in the morning with .1 and in the afternoon with .7; .9 leaves nothing for the evening."""
+    """Visitors come with .1 in the morning; .9 in the afternoon leaves nothing for the evening."""
     result = audit_people(state(people, AFTERNOON, "0.9"))
     assert sum(result.excluded.values()) == count_visitors(people, time="evening") > 0
     assert [x.name for x in result.changes] == [AFTERNOON]

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from lcorpp.reasoning.language.syntax import Probability
 
 MAX_P_VALUE = 0.05
-"""Probability that a right rate is named as wrong, and that numbers as good as the chosen ones are no rivals."""
+"""Probability that a right rate is named as wrong, and that a rival of the chosen numbers is not listed."""
 
 MAX_CHANGE_P_VALUE = 0.01
 """Probability that a right number is among those to change, in one step of their choice."""

@@ -115,7 +115,7 @@ class KnowledgeFits:
 
     @cached_property
     def _model(self) -> NumberModel:
-        """The compiled program; the numbers of cases that exclude people are changed, see `EXCLUDED_SHARE`."""
+        """The compiled program; numbers of cases that exclude people are changed, see `EXCLUDED_SHARE`."""
         if not self.is_excluded.any():
             return self._compiled
         model = replace(self._compiled, start=_find_interior_start(self._compiled, EXCLUDED_SHARE))
