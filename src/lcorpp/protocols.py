@@ -132,7 +132,7 @@ class Dialogue(Protocol):
         """Return the state of the planners as JSON."""
 
     def restore(self, state: Mapping[str, Any]) -> Planner:
-        """Go on from the state of an equal dialogue; return the planner of the last call."""
+        """Continue from the state of an equal dialogue; return the planner of the last call."""
 
     @property
     def question(self) -> str | None:

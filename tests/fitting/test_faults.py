@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from lcorpp.domains import load_domain
+from lcorpp.experiments.watching import make_hypotheses
 from lcorpp.fitting import list_faults
 from lcorpp.fitting.fault_tables import MAX_TABLES, make_lattice
 from lcorpp.fitting.faults import PROGRAM_PRIOR, SIMPLE_PRIOR, TABLE_CHANGE
 from lcorpp.reasoning import Reasoner, parse_plog
-from lcorpp.trust import Hypotheses
 
 COIN = """
 sides = {{heads, tails}}.  people = {{honest, cheat}}.
@@ -123,19 +123,17 @@ def test_a_lattice_has_distributions_as_rows_and_is_not_too_large(n_rows, n_valu
 @pytest.mark.parametrize("given", [False, True])
 def test_hypotheses_of_tables_are_the_programs_with_their_numbers(given):
     """Also if facts are given, where probabilities are no longer affine in the table."""
-    faults = list_faults(parse_plog(COIN.format("0.2", "0.9")), ["who", "side"])
-    domain = SimpleNamespace(shared="who", values=("honest", "cheat"), label_attributes=())
-    hypotheses = Hypotheses(
-        faults.reasoners,
-        faults.weights,
-        faults.attributes,
-        faults.changes,
-        faults.priors,
-        domain,
-        given=given,
+    domain = SimpleNamespace(
+        shared="who",
+        values=("honest", "cheat"),
+        label_attributes=(),
+        observed=("side",),
+        reasoning=SimpleNamespace(shared=("who",)),
     )
+    hypotheses = make_hypotheses(domain, parse_plog(COIN.format("0.2", "0.9")), given=given)
     found = hypotheses.predict({"side": "heads"})
-    own = [f for f, change in enumerate(faults.changes) if change == TABLE_CHANGE]
+    kinds = zip(hypotheses.attributes, hypotheses.changes, strict=True)
+    own = [f for f, kind in enumerate(kinds) if kind == ("side", TABLE_CHANGE)]
     for f, table in zip(own, make_lattice(2, 2), strict=True):
         joint = table[:, 0] / 2
         np.testing.assert_allclose(found[f], joint / joint.sum() if given else joint, atol=1e-12)

@@ -97,6 +97,21 @@ def test_rows_that_are_better_than_stated_are_those_for_planning():
     np.testing.assert_array_equal(find_optimistic_rows(model, 0.5), model.rows)
 
 
+def test_rows_for_planning_count_the_answers_of_cases_that_are_not_kept(monkeypatch):
+    """With 40 answers the value of each person is certain, so the expected counts contain all information."""
+    whole, condensed = make_model(1), make_model(1)
+    for model, max_cases in ((whole, 100), (condensed, 4)):
+        monkeypatch.setattr(latent_class, "MAX_CASES", max_cases)
+        for person in draw_people(np.random.default_rng(2), 30, [0.5], RATES, 0.2, answers=40):
+            model.add(*person)
+            model.fit(1)
+    assert condensed.past_answers.sum() > 0.8 * 30 * 40
+    for max_loss in (0.5, 2.0):
+        rows = find_optimistic_rows(whole, max_loss)
+        assert np.abs(rows - whole.rows).min() > 0.005
+        np.testing.assert_allclose(find_optimistic_rows(condensed, max_loss), rows, atol=1e-4)
+
+
 def test_facts_one_by_one_predict_a_new_context():
     """P(value | time, place) of a product: two facts that suggest the same value suggest it more together."""
     rng = np.random.default_rng(2)

@@ -1,4 +1,4 @@
-"""Asking to learn: a planner that asks some people more than it needs to decide about them."""
+"""A planner that asks some people added questions, in order to learn, and limits the actions for each."""
 
 from __future__ import annotations
 
@@ -8,17 +8,16 @@ from lcorpp.values import Belief
 MAX_ADDED_QUESTIONS = 10
 """Maximum number of questions that are added for one person, e.g. if there is no answer."""
 
-
 MAX_ACTIONS = 100
-"""Maximum number of actions; then the most probable value is reported. A policy that was computed for less
-noise than is estimated now may ask without end."""
+"""Maximum number of actions for one person before a report of the most probable value. A policy that was
+computed for less noise than is estimated now may ask without end."""
 
 
 class AskingPlanner:
     """A planner for one person, with questions in place of a report until there are enough answers.
 
     With one answer a person, neither the noise of the answers nor the distribution of the values is
-    identifiable.
+    identifiable. After `MAX_ACTIONS` actions it reports.
 
     added: number of questions in place of a report.
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from lcorpp.errors import DecisionError, UndefinedError
 from lcorpp.protocols import DomainInterface, Reasoner
-from lcorpp.trust.sources import MAX_CACHED_PREDICTIONS
+from lcorpp.trust.evidence_cache import EvidenceCache
 from lcorpp.values import Array, Label, Likelihood
 
 
@@ -48,7 +48,7 @@ class Hypotheses:
             raise DecisionError("the first hypothesis is another program; expected the stated one")
         self.domain = domain
         self._reasoners, self._weights, self.given = reasoners, weights, given
-        self._cache: dict[tuple[tuple[str, Label], ...], Array] = {}
+        self._cache = EvidenceCache()
 
     def predict(self, evidence: Mapping[str, Label]) -> Array:
         """Return (F, V) P(value, labels, facts), or P(value, labels | facts) if the facts are given.
@@ -58,19 +58,15 @@ class Hypotheses:
         Raises:
             UndefinedError: the evidence is impossible by the stated program.
         """
-        key = tuple(evidence.items())
-        known = self._cache.get(key)
-        if known is None:
-            rows = [self._infer(number, evidence) for number in range(len(self._reasoners))]
-            mixed = np.maximum(self._weights @ np.array(rows), 0)
-            known, facts = mixed[:, :-1], mixed[:, -1:]
-            if self.given:
-                known = np.divide(known, facts, out=np.zeros_like(known), where=facts > 0)
-            if not any(isinstance(value, Likelihood) for value in evidence.values()):
-                if len(self._cache) == MAX_CACHED_PREDICTIONS:
-                    self._cache.clear()
-                self._cache[key] = known
-        return known
+        return self._cache.find(evidence, self._compute_predictions)
+
+    def _compute_predictions(self, evidence: Mapping[str, Label]) -> Array:
+        rows = [self._infer(number, evidence) for number in range(len(self._reasoners))]
+        mixed = np.maximum(self._weights @ np.array(rows), 0)
+        predictions, facts = mixed[:, :-1], mixed[:, -1:]
+        if self.given:
+            predictions = np.divide(predictions, facts, out=np.zeros_like(predictions), where=facts > 0)
+        return predictions
 
     def _infer(self, number: int, evidence: Mapping[str, Label]) -> Array:
         """Return (V + 1,) P(value, labels, facts) and P(facts) by one of the reasoners."""

@@ -45,6 +45,7 @@ class LatentClassModel:
 
     pi: (X, V) the distribution of the value in each context. rates: for each sense (V, L) C. rows: (R, O) the
     rows of O. noise: of the answers, see `AnswerModel`. prior_rates: the prior of C, first the stated rates.
+    past_answers: (D, V) the expected counts of answers in cases that are not kept.
 
     Args:
         answers: the stated observation model.
@@ -71,10 +72,10 @@ class LatentClassModel:
         self.rates = list(self.prior_rates)
         self.rows, self.noise = answers.stated_rows, 0.0
         self._values = np.zeros((0, self.n_values))  # (X, V) expected counts
-        # expected counts of cases that are not kept
+        # expected counts of cases that are not kept, as `past_answers`
         self._past_values = np.zeros((0, self.n_values))
         self._past_labels = [np.zeros_like(rates) for rates in self.prior_rates]
-        self._past_answers = np.zeros((answers.n_answers, self.n_values))
+        self.past_answers = np.zeros((answers.n_answers, self.n_values))
         self._update_logs()
 
     def add_context(self, facts: Iterable[tuple[str, object]]) -> int:
@@ -172,7 +173,7 @@ class LatentClassModel:
             "values": self._values.tolist(),
             "past_values": self._past_values.tolist(),
             "past_labels": [labels.tolist() for labels in self._past_labels],
-            "past_heard": self._past_answers.tolist(),
+            "past_answers": self.past_answers.tolist(),
         }
 
     def restore(self, state: Mapping[str, Any]) -> None:
@@ -188,7 +189,7 @@ class LatentClassModel:
         self.rates = [np.array(rates) for rates in state["rates"]]
         self._past_labels = [np.array(labels) for labels in state["past_labels"]]
         self.rows, self.noise = np.array(state["rows"]), float(state["noise"])
-        self._past_answers = np.array(state["past_heard"])
+        self.past_answers = np.array(state["past_answers"])
         self._update_logs()
 
     def restart(self, iterations: int) -> None:
@@ -235,7 +236,7 @@ class LatentClassModel:
             _sum_by(cases.labels[:, s] + 1, people, past.shape[1] + 1)[1:].T + past
             for s, past in enumerate(self._past_labels)
         ]
-        return values, labels, cases.answer_counts.T @ people + self._past_answers
+        return values, labels, cases.answer_counts.T @ people + self.past_answers
 
     def _combine_facts(self, values: Array) -> Array:
         """Return (X, V) P(value | facts) if the facts were independent given the value (naive Bayes).
@@ -256,7 +257,7 @@ class LatentClassModel:
         rare = np.argsort(weights, kind="stable")[: self.cases.n // 2]
         removed = np.zeros_like(weights)
         removed[rare] = weights[rare]
-        self._past_values, self._past_labels, self._past_answers = self._expect(removed)
+        self._past_values, self._past_labels, self.past_answers = self._expect(removed)
         self.cases.keep(np.flatnonzero(removed == 0))
 
     def _update_logs(self) -> None:

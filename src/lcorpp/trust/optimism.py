@@ -15,8 +15,9 @@ def find_optimistic_rows(model: LatentClassModel, max_loss: float) -> Array:
     """Return (R, O) rows: those of each question as near to the stated ones as is credible.
 
     Credible are mixtures of estimated and stated rows whose log posterior is at most `max_loss` lower, while
-    the other questions have the estimated rows. An estimate with too much noise would last otherwise: the
-    robot asks something else, and the estimate is never corrected. Rows that are better than stated stay.
+    the other questions have the estimated rows. Of the answers in cases that are not kept, the expected log
+    likelihood counts. An estimate with too much noise would last otherwise: the robot asks something else,
+    and the estimate is never corrected. Rows that are better than stated stay.
 
     Source of the principle: Lai and Robbins, "Asymptotically efficient adaptive allocation rules", Advances
     in Applied Mathematics 6, 1985 (upper confidence bounds).
@@ -32,8 +33,9 @@ def find_optimistic_rows(model: LatentClassModel, max_loss: float) -> Array:
         for share in STATED_SHARES:
             mixed = model.rows.copy()
             mixed[own] = (1 - share) * estimated + share * stated
-            changed = counts @ (answers.find_log_likelihoods(mixed) - estimated_logs)
-            gain = sum_log_likelihood(logs + changed, weights) - likelihood
+            change = answers.find_log_likelihoods(mixed) - estimated_logs  # (D, V)
+            gain = sum_log_likelihood(logs + counts @ change, weights) - likelihood
+            gain += float((model.past_answers * change).sum())
             possible = prior > 0
             gain += float(prior[possible] @ np.log(mixed[own][possible] / estimated[possible]))
             if gain >= -max_loss:

@@ -8,10 +8,8 @@ import numpy as np
 
 from lcorpp.decision.strategies import LabelRatesReasoner
 from lcorpp.protocols import DomainInterface, Reasoner
-from lcorpp.values import Array, Distribution, Label, Likelihood
-
-MAX_CACHED_PREDICTIONS = 10_000
-"""Maximum number of evidences whose predictions are cached."""
+from lcorpp.trust.evidence_cache import EvidenceCache
+from lcorpp.values import Array, Distribution, Label
 
 
 class StatedSources:
@@ -30,7 +28,7 @@ class StatedSources:
         together = ("all senses",) if len(self.attributes) > 1 else ()
         self.names = ("knowledge", *together, *self.attributes, "no evidence")
         self._start = start.probabilities
-        self._cache: dict[tuple[tuple[str, Label], ...], Array] = {}
+        self._cache = EvidenceCache()
 
     def predict(self, evidence: Mapping[str, Label]) -> Array:
         """Return (sources, V) P(value) of each source.
@@ -38,24 +36,7 @@ class StatedSources:
         Raises:
             UndefinedError: the evidence is impossible.
         """
-        key = tuple(evidence.items())
-        known = self._cache.get(key)
-        if known is not None:
-            return known
-        knowledge = self._infer(evidence)
-        labels = {name: evidence[name] for name in self.attributes if name in evidence}
-        rows = [knowledge.probabilities]
-        if len(self.attributes) > 1:
-            rows.append(self._combine_uniform(labels))
-        rows += [
-            self._combine_uniform({name: labels[name]} if name in labels else {}) for name in self.attributes
-        ]
-        predictions = np.array([*rows, self._start])
-        if not any(isinstance(label, Likelihood) for label in labels.values()):
-            if len(self._cache) == MAX_CACHED_PREDICTIONS:
-                self._cache.clear()
-            self._cache[key] = predictions
-        return predictions
+        return self._cache.find(evidence, self._compute_predictions)
 
     def compute_rates(self, attribute: str) -> tuple[tuple[str, ...], Array]:
         """Return the labels of a sense, and (V, L) P(label | value) by the program, 0 if impossible."""
@@ -66,6 +47,17 @@ class StatedSources:
         # P(label | value) is P(label) times a column whose mean over the values is 1
         rates = [p * column / (column @ prior or 1) for column, (_, p) in zip(columns, labels, strict=True)]
         return tuple(labels.values), np.array(rates).T
+
+    def _compute_predictions(self, evidence: Mapping[str, Label]) -> Array:
+        knowledge = self._infer(evidence)
+        labels = {name: evidence[name] for name in self.attributes if name in evidence}
+        rows = [knowledge.probabilities]
+        if len(self.attributes) > 1:
+            rows.append(self._combine_uniform(labels))
+        rows += [
+            self._combine_uniform({name: labels[name]} if name in labels else {}) for name in self.attributes
+        ]
+        return np.array([*rows, self._start])
 
     def _combine_uniform(self, labels: Mapping[str, Label]) -> Array:
         """Return (V,) P(value | labels) if all values were equally probable before."""

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
-from typing import Any, Protocol
+from typing import Protocol
 
 from lcorpp.decision.strategies import Rates
 from lcorpp.domains import Domain
 from lcorpp.errors import DecisionError, check_type
 from lcorpp.experiments.active_learning.batches import NOISE, WEIGHT, Row
+from lcorpp.experiments.active_learning.checkpoint import Json
 from lcorpp.experiments.trust.setup import set_up_trust
 from lcorpp.experiments.watching import describe_finding, make_alarm, make_hypotheses
 from lcorpp.planning import Planner
@@ -16,8 +17,6 @@ from lcorpp.protocols import Planner as PlannerProtocol
 from lcorpp.reasoning import Reasoner
 from lcorpp.trust import Alarm, Finding, Trust
 from lcorpp.values import Label, Step
-
-Json = Mapping[str, Any]
 
 
 class OnlineLearner(Protocol):

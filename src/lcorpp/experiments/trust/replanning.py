@@ -46,14 +46,13 @@ class Replanner:
     """
 
     def __init__(self, planner: Planner, starts: Array, precision: float) -> None:
-        self._starts = starts
-        self._stated_model = planner.pomdp
+        self._starts, self._stated = starts, planner
         self._model = planner.pomdp  # of the last call
         self._target = planner.pomdp  # of the last search
         self._span = float(np.ptp(planner.pomdp.reward))
         self._precision = max(precision, PRECISION_SHARE * self._span)
         self._gap = self._precision  # of `_policy`
-        self._stated = self._policy = planner.policy
+        self._policy = planner.policy
         self._solved: tuple[Pomdp, int] | None = None  # model of `_policy`, and trials of its search
         self._search: PacedSearch | None = None
         self.planner: Planner | TransferPlanner = planner
@@ -76,11 +75,6 @@ class Replanner:
                 self._search = None
         return self.planner
 
-    def _assume_loss(self, model: Pomdp) -> float:
-        """Return the loss that is assumed of the present policy on a model."""
-        own = self._stated_model if self._solved is None else self._solved[0]
-        return self._gap + LOSS_PER_VARIATION * self._span * _compare_observations(own, model)
-
     def state(self) -> dict[str, Any]:
         """Return the state as JSON: the models of policy and search, with numbers of trials."""
         search = self._search
@@ -98,7 +92,7 @@ class Replanner:
         The searches are repeated, in the same numbers of trials.
         """
         self._model, self._target = self._import(state["model"]), self._import(state["target"])
-        self._policy, self._solved, self._search = self._stated, None, None
+        self._policy, self._solved, self._search = self._stated.policy, None, None
         if state["policy"] is not None:
             model, trials = self._import(state["policy"][0]), state["policy"][1]
             self._policy, self._solved = self._repeat(model, trials).make_policy(), (model, trials)
@@ -107,6 +101,11 @@ class Replanner:
             self._search = self._repeat(self._target, state["trials"])
         self.planner = TransferPlanner(self._policy, self._model)
         return self.planner
+
+    def _assume_loss(self, model: Pomdp) -> float:
+        """Return the loss that is assumed of the present policy on a model."""
+        own = self._stated.pomdp if self._solved is None else self._solved[0]
+        return self._gap + LOSS_PER_VARIATION * self._span * _compare_observations(own, model)
 
     def _repeat(self, model: Pomdp, trials: int) -> PacedSearch:
         search = PacedSearch(model, self._starts, self._precision)

@@ -76,10 +76,10 @@ class MixtureStarts:
         values = vertices @ planes.T
         gaps = values.max(axis=1) - (vertices @ vectors.T).max(axis=1)
         gaps[np.abs(vertices[:, None] - self._weights).max(axis=2).min(axis=1) < MIN_DISTANCE] = 0
-        least, facets = max(self._search.precision, MIN_GAP_SHARE * gaps.max()), values.argmax(axis=1)
+        min_gap, facets = max(self._search.precision, MIN_GAP_SHARE * gaps.max()), values.argmax(axis=1)
         chosen = dict[int, int]()  # facet of the envelope -> vertex: the others below it are near
         for i in np.argsort(-gaps, kind="stable").tolist():
-            if gaps[i] <= least or len(chosen) == MAX_ADDED_STARTS:
+            if gaps[i] <= min_gap or len(chosen) == MAX_ADDED_STARTS:
                 break
             chosen.setdefault(int(facets[i]), i)
         if chosen:
