@@ -1,5 +1,7 @@
 """Search by bounded amounts of work: the same result as in one go, and within the bounds of the solver."""
 
+from math import inf
+
 import numpy as np
 import pytest
 
@@ -46,6 +48,22 @@ def test_the_policy_is_as_good_as_that_of_the_solver(problem):
     for start in starts:
         assert solution.policy.value(start) - policy.value(start) <= 0.1 + 1e-9
         assert policy.gap(start) <= 0.1 + 1e-9
+
+
+def test_the_improvement_estimates_the_loss_long_before_the_gap_does(problem):
+    pomdp, starts = problem
+    best, search = solve(pomdp, starts, precision=1e-3).policy, PacedSearch(pomdp, starts, 0.01)
+    search.advance(trials=2 * len(starts) - 1)
+    assert search.improvement == inf
+    lower_bounds = []
+    for doublings in (1, 2):
+        search.advance(trials=2**doublings * len(starts))
+        policy = search.make_policy()
+        lower_bounds.append(np.array([policy.value(start) for start in starts]))
+        loss = max(best.value(start) - policy.value(start) for start in starts)
+        assert loss <= search.improvement + 1e-3
+        assert search.improvement < search.gap / 3
+    assert search.improvement == pytest.approx((lower_bounds[1] - lower_bounds[0]).max(), abs=1e-9)
 
 
 def test_ctrl_c_interrupts_and_the_search_goes_on(problem, monkeypatch):

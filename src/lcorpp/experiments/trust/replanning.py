@@ -34,10 +34,11 @@ variation between rows of the models."""
 class Replanner:
     """The planner of each estimated model; it searches for a policy, by bounded work after each person.
 
-    The former policy acts on the beliefs of a new model until the search has one whose gap at the start
-    beliefs is at most half the loss that is assumed of the former one: its own gap, and `LOSS_PER_VARIATION`.
-    Before that, the new one may be worse. The search goes on to the precision. The result depends on the
-    models and their order, not on a clock.
+    The former policy acts on the beliefs of a new model until the search's improvement is at most half the
+    loss that is assumed of the former one: its own, and `LOSS_PER_VARIATION`. The search goes on to the
+    precision, and its policy acts again each time its improvement is halved. The gap is no criterion: it is
+    wide long after the policy has become good. The result depends on the models and their order, not on a
+    clock.
 
     Args:
         planner: for the stated model.
@@ -51,7 +52,7 @@ class Replanner:
         self._target = planner.pomdp  # of the last search
         self._span = float(np.ptp(planner.pomdp.reward))
         self._precision = max(precision, PRECISION_SHARE * self._span)
-        self._gap = self._precision  # of `_policy`
+        self._loss = self._precision  # estimated loss of `_policy` on its own model
         self._policy = planner.policy
         self._solved: tuple[Pomdp, int] | None = None  # model of `_policy`, and trials of its search
         self._search: PacedSearch | None = None
@@ -67,9 +68,9 @@ class Replanner:
         search = self._search
         if search is not None:
             search.advance(work=WORK_PER_PERSON)
-            if search.converged or search.gap <= self._assume_loss(search.pomdp) / 2:
+            if search.converged or search.improvement <= self._assume_loss(search.pomdp) / 2:
                 self._policy, self._solved = search.make_policy(), (search.pomdp, search.trials)
-                self._gap = search.gap
+                self._loss = min(search.improvement, search.gap)
                 self.planner = TransferPlanner(self._policy, model)
             if search.converged or search.work > MAX_SEARCH_WORK:
                 self._search = None
@@ -83,7 +84,7 @@ class Replanner:
             "target": _export(self._target),
             "policy": None if self._solved is None else [_export(self._solved[0]), self._solved[1]],
             "trials": None if search is None else search.trials,
-            "gap": self._gap,
+            "loss": self._loss,
         }
 
     def restore(self, state: Mapping[str, Any]) -> Planner | TransferPlanner:
@@ -96,7 +97,7 @@ class Replanner:
         if state["policy"] is not None:
             model, trials = self._import(state["policy"][0]), state["policy"][1]
             self._policy, self._solved = self._repeat(model, trials).make_policy(), (model, trials)
-        self._gap = float(state["gap"])
+        self._loss = float(state["loss"])
         if state["trials"] is not None:
             self._search = self._repeat(self._target, state["trials"])
         self.planner = TransferPlanner(self._policy, self._model)
@@ -105,7 +106,7 @@ class Replanner:
     def _assume_loss(self, model: Pomdp) -> float:
         """Return the loss that is assumed of the present policy on a model."""
         own = self._stated.pomdp if self._solved is None else self._solved[0]
-        return self._gap + LOSS_PER_VARIATION * self._span * _compare_observations(own, model)
+        return self._loss + LOSS_PER_VARIATION * self._span * _compare_observations(own, model)
 
     def _repeat(self, model: Pomdp, trials: int) -> PacedSearch:
         search = PacedSearch(model, self._starts, self._precision)
