@@ -34,7 +34,7 @@ variation between rows of the models."""
 class Replanner:
     """The planner of each estimated model; it searches for a policy, by bounded work after each person.
 
-    The former policy acts on the beliefs of a new model until the search's improvement is at most half the
+    The former policy acts on the beliefs of a new model until the search's improvement is below half the
     loss that is assumed of the former one: its own, and `LOSS_PER_VARIATION`. The search goes on to the
     precision, and its policy acts again each time its improvement is halved. The gap is no criterion: it is
     wide long after the policy has become good. The result depends on the models and their order, not on a
@@ -68,7 +68,7 @@ class Replanner:
         search = self._search
         if search is not None:
             search.advance(work=WORK_PER_PERSON)
-            if search.converged or search.improvement <= self._assume_loss(search.pomdp) / 2:
+            if search.converged or search.improvement < self._assume_loss(search.pomdp) / 2:
                 self._policy, self._solved = search.make_policy(), (search.pomdp, search.trials)
                 self._loss = min(search.improvement, search.gap)
                 self.planner = TransferPlanner(self._policy, model)
