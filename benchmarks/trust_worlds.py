@@ -119,15 +119,27 @@ def make_channels(domain: Domain) -> dict[str, NoisyChannel]:
     return {sense.name: NoisyChannel.from_domain(domain, sense) for sense in domain.senses}
 
 
-def meet_people(domain: Domain, trust: Trust, people: int, rng: np.random.Generator) -> Iterator[float]:
-    """Yield the return of each person of a stream, after trust has learnt from the person."""
+def meet_people(
+    domain: Domain,
+    trust: Trust,
+    people: int,
+    rng: np.random.Generator,
+    others: Domain | None = None,
+    share: float = 0.0,
+) -> Iterator[float]:
+    """Yield the return of each person of a stream, after trust has learnt from the person.
+
+    Args:
+        others: a share of the people answers as in this domain.
+    """
     crowd, channels = Population(domain).sample(people, rng), make_channels(domain)
     signals = {name: channel.simulate(crowd, rng) for name, channel in channels.items()}
-    model = SimulationModel(domain)
+    model, other_model = SimulationModel(domain), SimulationModel(others or domain)
     for i, person in enumerate(crowd):
         perceived = {name: own[i] for name, own in signals.items()}
         instance = Instance(perceived, {name: person[name] for name in domain.observed})
-        world = model.make_world(person, rng)
+        is_other = share > 0 and rng.random() < share
+        world = (other_model if is_other else model).make_world(person, rng)
         episode = dt_control(Robot(channels, trust, trust.make_planner(), domain), instance, world)
         trust.learn(episode.evidence, episode.steps)
         yield world.return_
