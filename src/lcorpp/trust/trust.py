@@ -34,7 +34,7 @@ class TrustOptions:
     refits: the learnt models are fitted again when the number of people has grown by 1 / `refits`.
     iterations: of EM at each fit; each begins at the estimates of the one before.
     max_loss: plans are for the best observation model whose log posterior is at most this much lower than
-        that of the estimate, question by question; .5 is one standard error, 0 the estimate.
+        that of the estimate, question by question; 2 is two standard errors, 0 the estimate.
     """
 
     share: float = 0.005
@@ -43,7 +43,7 @@ class TrustOptions:
     ask_answers: int = 3
     refits: int = 50
     iterations: int = 2
-    max_loss: float = 0.5
+    max_loss: float = 2.0
 
     def __post_init__(self) -> None:
         limits = {
