@@ -71,7 +71,7 @@ def test_the_observation_model_is_estimated_and_the_next_planner_is_for_it():
         assert len(dialogue.planned) == n + 1
         assert dialogue.planned[-1] is trust.tables
     assert trust.learnt.rows[0, 0] == pytest.approx(0.6, abs=0.05)
-    np.testing.assert_array_equal(trust.tables[0], find_optimistic_rows(trust.learnt, 0.5))
+    np.testing.assert_array_equal(trust.tables[0], find_optimistic_rows(trust.learnt, 2.0))
 
 
 def test_every_kth_person_is_asked_until_there_are_enough_answers():
