@@ -75,7 +75,7 @@ def test_the_observation_model_is_estimated_and_the_next_planner_is_for_it():
 
 
 def test_every_kth_person_is_asked_until_there_are_enough_answers():
-    trust, _ = make_trust(SkyReasoner(sunny=0.999), ask_every=2, ask_answers=3)
+    trust, _ = make_trust(SkyReasoner(sunny=0.999), ask_every=2, ask_answers=3, min_asked=0)
     asked = []
     for _ in range(4):
         robot = Robot({"eyes": FakeClassifier()}, trust, trust.make_planner(), FakeDomain())
@@ -86,6 +86,18 @@ def test_every_kth_person_is_asked_until_there_are_enough_answers():
     assert asked[0] >= 3
     assert asked[2] >= 3
     assert asked[3] < 3
+
+
+def test_people_are_asked_while_too_few_have_given_enough_answers():
+    trust, _ = make_trust(SkyReasoner(sunny=0.999), ask_every=1000, ask_answers=3, min_asked=1.0)
+    asked = []
+    for _ in range(10):
+        world = FakeWorld(*["nod"] * 9)
+        robot = Robot({"eyes": FakeClassifier()}, trust, trust.make_planner(), FakeDomain())
+        episode = dt_control(robot, make_instance(0, "sunny"), world)
+        trust.learn(episode.evidence, episode.steps)
+        asked.append(world.done.count("ask") >= 3)
+    assert [n for n, is_asked in enumerate(asked) if is_asked] == [0, 2, 5]  # 1 < sqrt(2), 2 < sqrt(5)
 
 
 def test_a_policy_that_never_reports_ends_with_the_most_probable_value():
@@ -136,6 +148,7 @@ def test_a_person_without_answers_changes_no_weight():
         ({"share": float("nan")}, "`share` of trust is nan"),
         ({"memory": 0}, "`memory` of trust is 0; expected positive"),
         ({"ask_every": -1}, "`ask_every` of trust is -1; expected at least 0"),
+        ({"min_asked": -1.0}, "`min_asked` of trust is -1.0; expected at least 0"),
         ({"max_loss": -0.1}, "`max_loss` of trust is -0.1; expected at least 0"),
         ({"ask_answers": 0}, "`ask_answers` of trust is 0; expected at least 1"),
         ({"refits": 0}, "`refits` of trust is 0; expected at least 1"),

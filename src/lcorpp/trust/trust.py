@@ -21,7 +21,8 @@ from lcorpp.trust.sources import StatedSources
 from lcorpp.values import Array, Distribution, Label, Likelihood, Step
 
 FIRST_RESTART, RESTART_ITERATIONS = 25, 40
-"""Number of people at the first restart of EM, which is repeated at each doubling; and its iterations."""
+"""Number of people at the first restart of EM, which is repeated when it has grown by a quarter; and its
+iterations."""
 
 
 @dataclass(frozen=True)
@@ -31,6 +32,8 @@ class TrustOptions:
     share: alpha, the probability that another source becomes the best one between two people.
     memory: of the source "recent", in people.
     ask_every: k: every k-th person is asked until there are `ask_answers` answers; 0: none.
+    min_asked: anybody is asked so while fewer than this times sqrt(n) of n people have given that many. A
+        robot to which answers seem useless by chance would hardly ask, and learn slowly that they are not.
     refits: the learnt models are fitted again when the number of people has grown by 1 / `refits`.
     iterations: of EM at each fit; each begins at the estimates of the one before.
     max_loss: plans are for the best observation model whose log posterior is at most this much lower than
@@ -41,6 +44,7 @@ class TrustOptions:
     memory: float = 100.0
     ask_every: int = 20
     ask_answers: int = 3
+    min_asked: float = 3.0
     refits: int = 50
     iterations: int = 2
     max_loss: float = 2.0
@@ -51,6 +55,7 @@ class TrustOptions:
             "memory": (self.memory > 0, "positive"),
             "ask_every": (self.ask_every >= 0, "at least 0"),
             "ask_answers": (self.ask_answers >= 1, "at least 1"),
+            "min_asked": (self.min_asked >= 0, "at least 0"),
             "refits": (self.refits >= 1, "at least 1"),
             "iterations": (self.iterations >= 1, "at least 1"),
             "max_loss": (self.max_loss >= 0, "at least 0"),
@@ -106,6 +111,7 @@ class Trust:
         self.sources = (*self._stated.names, *self._learnt.names)
         self.weights = np.full(len(self.sources), 1 / len(self.sources))
         self.n_people, self._next_fit, self._next_restart = 0, 1, FIRST_RESTART
+        self._n_repeated = 0  # people with `ask_answers` answers
 
     def posterior(self, attribute: str | Sequence[str], evidence: Mapping[str, Label]) -> Distribution:
         """Return the mixture of the sources' predictions (`lcorpp.protocols.Reasoner`).
@@ -122,7 +128,10 @@ class Trust:
     def make_planner(self) -> Planner:
         """Return the planner for the next person, which sometimes asks to learn."""
         options = self.options
-        asks = options.ask_every and self.n_people % options.ask_every == 0
+        asks = options.ask_every and (
+            self.n_people % options.ask_every == 0
+            or self._n_repeated < options.min_asked * self.n_people**0.5
+        )
         wanted = options.ask_answers if asks else 0
         return AskingPlanner(self.planner, self._domain, self._dialogue, wanted)
 
@@ -141,11 +150,12 @@ class Trust:
         self.weights = (1 - share) * weights / weights.sum() + share / len(weights)
         self._learnt.add(context, labels, answers)
         self.n_people += 1
+        self._n_repeated += len(answers) >= self.options.ask_answers
         if self.n_people >= self._next_fit:
             self._next_fit = self.n_people + max(1, self.n_people // self.options.refits)
             self._learnt.fit(self.options.iterations)
             if self.n_people >= self._next_restart:
-                self._next_restart *= 2
+                self._next_restart = self.n_people * 5 // 4
                 self.learnt.restart(RESTART_ITERATIONS)
             self.tables = self.answers.make_tables(find_optimistic_rows(self.learnt, self.options.max_loss))
         self.planner = self._dialogue.make_planner(self.tables)
@@ -183,6 +193,7 @@ class Trust:
             "sources": list(self.sources),
             "weights": self.weights.tolist(),
             "people": self.n_people,
+            "repeated": self._n_repeated,
             "next_fit": self._next_fit,
             "next_restart": self._next_restart,
             "tables": self.tables.tolist(),
@@ -207,7 +218,7 @@ class Trust:
             self._learnt.restore(state["learnt"])
             self.weights = np.array(state["weights"], np.float64).reshape(self.weights.shape)
             self.tables = np.array(state["tables"], np.float64).reshape(self.tables.shape)
-            self.n_people = state["people"]
+            self.n_people, self._n_repeated = state["people"], state["repeated"]
             self._next_fit, self._next_restart = state["next_fit"], state["next_restart"]
             if self.n_people:
                 self.planner = self._dialogue.restore(state["planners"])

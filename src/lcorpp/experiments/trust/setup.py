@@ -37,6 +37,6 @@ def set_up_trust(
     planners: PlannerFactory
     if hearing:
         planners = Replanner(planner, domain.start_beliefs(), domain.planning.solver.precision)
-    else:  # a fixed policy does not explore, so it needs the estimates
-        planners, options = FixedPolicy(planner, domain), replace(options, max_loss=0.0)
+    else:  # a fixed policy does not explore, so it needs the estimates; and it always goes on asking
+        planners, options = FixedPolicy(planner, domain), replace(options, max_loss=0.0, min_asked=0.0)
     return Trust(reasoner, domain, DomainDialogue(domain, planners), planner, options=options, rates=rates)
