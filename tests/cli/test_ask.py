@@ -46,8 +46,9 @@ def test_why_prints_the_parts_of_an_answer(lcorpp, coin):
         "    line 5    q=true with probability 3/4  pr(q=true | p=true) = 3/4.",
         "  world 2, probability 1/4:",
         "  p=true, q=false",
-        "    line 2    p is random, here true   random(p).",
-        "    line 3    q is random, here false  random(q) :- p=true.",
+        "    line 2    p is random, here true                   random(p).",
+        "    line 3    q is random, here false                  random(q) :- p=true.",
+        "    line 5    q=true with probability 3/4, here false  pr(q=true | p=true) = 3/4.",
     ]
 
 

@@ -10,7 +10,12 @@ from .estimation import (
     EstimatedDistribution as EstimatedDistribution,
     ReasoningWarning as ReasoningWarning,
 )
-from .explanation import Explanation as Explanation, FiredRule as FiredRule, explain as explain
+from .explanation import (
+    Explanation as Explanation,
+    FiredRule as FiredRule,
+    explain as explain,
+    find_fired as find_fired,
+)
 from .filtering import Filter as Filter
 from .language.parser import parse_plog as parse_plog, parse_query as parse_query, read_plog as read_plog
 from .language.program import Program as Program, program_text as program_text

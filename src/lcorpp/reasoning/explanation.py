@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from fractions import Fraction
 
 from lcorpp.errors import LcorppError, ProgramError, UndefinedError, check_type
 from lcorpp.reasoning.answers import PossibleWorld, QueryAnswer
@@ -21,11 +22,18 @@ class FiredRule:
     at: its place.
     statement: its text.
     effect: its consequence in the world, such as `a=v`.
+    term, value: the head, in the world; the value "" of a selection without probabilities.
+    conditions: the terms of the body with their values in the world, "" of a term without value.
+    probability: that a pr-atom assigns to the value, else None.
     """
 
     at: Place
     statement: str
     effect: str
+    term: str
+    value: str
+    conditions: tuple[tuple[str, str], ...]
+    probability: Fraction | None = None
 
 
 @dataclass(frozen=True, repr=False)
@@ -76,7 +84,7 @@ def explain(reasoner: Reasoner, query: Query, *, count: int = 3) -> Explanation:
             without.append((condition, reasoner.ask(rest, exact=True)))
         except LcorppError as error:
             without.append((condition, str(error)))
-    fired = [_find_fired(reasoner.build_model(query).ground, world.values) for world in worlds]
+    fired = [find_fired(reasoner, query, world) for world in worlds]
     return Explanation(query, answer, tuple(without), tuple(zip(worlds, fired, strict=True)))
 
 
@@ -88,20 +96,43 @@ def _drop_conditions(query: Query) -> Iterator[tuple[str, Query]]:
             yield str(condition)[:-1], replace(query, **{name: conditions[:i] + conditions[i + 1 :]})
 
 
-def _find_fired(ground: GroundProgram, values: Mapping[str, str]) -> tuple[FiredRule, ...]:
-    """Find the statements whose bodies are true in a world, in program order; facts are omitted."""
+def find_fired(reasoner: Reasoner, query: Query, world: PossibleWorld) -> tuple[FiredRule, ...]:
+    """Find the statements whose bodies are true in a world, in program order; facts are omitted.
+
+    A pr-atom is listed if it assigns the probability of the value in the world, or if no other one does, so
+    that the value has what the pr-atoms of other values leave.
+
+    Args:
+        query: to which the world belongs.
+    """
+    ground, values = reasoner.build_model(resolve_query(reasoner.program, query)).ground, world.values
     outcomes = []
     for name, domain in zip(ground.names, ground.values, strict=True):
         value = values.get(name)
         outcomes.append(len(domain) if value is None else domain.index(value))
     true = [c for c in ground.clauses if all(allowed >> outcomes[t] & 1 for t, allowed, _ in c.body)]
     selected = {c.term for c in true if c.kind is SELECT and c.term not in ground.do}
+    assigned = {c.term for c in true if c.kind is ASSIGN and outcomes[c.term] == c.value}
     fired: dict[tuple[int, str], FiredRule] = {}
     for clause in true:
+        if clause.kind is ASSIGN and clause.term in assigned and outcomes[clause.term] != clause.value:
+            continue
         effect = _format_effect(ground, clause, outcomes, selected)
         if effect:
             statement = ground.source.statements[clause.statement]
-            fired.setdefault((clause.statement, effect), FiredRule(statement.at, str(statement), effect))
+            conditions = {ground.names[t]: values.get(ground.names[t], "") for t, _, _ in clause.body}
+            fired.setdefault(
+                (clause.statement, effect),
+                FiredRule(
+                    statement.at,
+                    str(statement),
+                    effect,
+                    ground.names[clause.term],
+                    "" if clause.kind is SELECT else ground.values[clause.term][clause.value],
+                    tuple(conditions.items()),
+                    clause.number if clause.kind is ASSIGN else None,
+                ),
+            )
     return tuple([fired[key] for key in sorted(fired)])
 
 
@@ -113,8 +144,9 @@ def _format_effect(
     name, values, outcome = ground.names[clause.term], ground.values[clause.term], outcomes[clause.term]
     if clause.kind is DERIVE:
         return f"{name}={values[clause.value]}" if clause.body else None
-    if clause.kind is ASSIGN and clause.term in selected and outcome == clause.value:
-        return f"{name}={values[clause.value]} with probability {clause.number}"
+    if clause.kind is ASSIGN and clause.term in selected and outcome < len(values):
+        other = "" if outcome == clause.value else f", here {values[outcome]}"
+        return f"{name}={values[clause.value]} with probability {clause.number}{other}"
     if clause.kind is SELECT and clause.term in selected and outcome < len(values):
         return f"{name} is random, here {values[outcome]}"
     return None

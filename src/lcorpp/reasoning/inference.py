@@ -152,7 +152,8 @@ class Inference(ABC):
             question = resolve_subject(self.program, [of] if isinstance(of, str) else of)
             return rank_values(question, self.exact(question, evidence, do), count)
         facts, set_to = resolve_evidence(self.program, evidence), resolve_interventions(self.program, do)
-        worlds = self.list_worlds(make_query(self.program, "", facts, set_to), count)
+        query = make_query(self.program, "", {}, set_to)  # the same for all evidence about these terms
+        worlds = self.find_worlds(query, tuple(facts)).most_probable(facts, count)
         if not worlds:
             raise make_no_world_error(self.program, format_conditions(facts, set_to))
         return worlds
