@@ -37,6 +37,7 @@ class SimulationSection:
 
     true_program: the P-log program from which people are drawn.
     feedback_model: (A, S, O) P(o | a, s') of people's answers.
+    hearing: (A, O, O) P(heard | said) of the answers, by `noise`; the identity without `feedback`.
     noisy_channels: sense -> class -> label -> probability: the error rates of a simulated classifier; a sense
         is missing if they are unknown, so that its classification needs signals.
     signals: sense -> the simulation of its signals, e.g. trajectories (people, channels, time points), for
@@ -50,6 +51,7 @@ class SimulationSection:
 
     true_program: Program
     feedback_model: Array
+    hearing: Array
     noisy_channels: Mapping[str, Mapping[str, Mapping[str, float]]] = field(default_factory=dict)
     signals: Mapping[str, Simulate] = field(default_factory=dict)
     world: Callable[[Mapping[str, str], np.random.Generator], World] | None = None
@@ -92,9 +94,11 @@ def read_simulation(
     plugin = None
     if "people" in table:
         plugin = SimulationPlugin(folder / table.text("people"), [sense.name for sense in senses])
+    feedback_model, hearing = _make_feedback_model(table, reasoning, planning)
     section = SimulationSection(
         true_program=program,
-        feedback_model=_make_feedback_model(table, reasoning, planning),
+        feedback_model=feedback_model,
+        hearing=hearing,
         noisy_channels=_make_noisy_channels(table, program, senses),
         signals=plugin.signals if plugin else {},
         world=_read_world(table, folder, plugin),
@@ -117,14 +121,20 @@ def _read_world(
     return OwnWorlds(folder / parts[0], parts[1])
 
 
-def _make_feedback_model(table: TomlTable, reasoning: ReasoningSection, planning: PlanningSection) -> Array:
-    """Return P(o | a, s') (A, S, O): from `feedback` and `noise`, else the planner's observation model."""
+def _make_feedback_model(
+    table: TomlTable, reasoning: ReasoningSection, planning: PlanningSection
+) -> tuple[Array, Array]:
+    """Return P(o | a, s') (A, S, O) and P(heard | said) (A, O, O).
+
+    They follow from `feedback` and `noise`; without, people answer by the planner's observation model.
+    """
     pomdp = planning.pomdp
     noise = table.number("noise", 0, 1, 0)
+    hearing = np.tile(np.eye(len(pomdp.observations)), (len(pomdp.actions), 1, 1))
     if "feedback" not in table:
         if noise:
             raise DomainError(f"{table.location('noise')}: `noise` requires `feedback`")
-        return pomdp.observation.dense
+        return pomdp.observation.dense, hearing
     feedback = _read_feedback(table, reasoning, planning)
     model = pomdp.observation.dense.copy()
     states = planning.state_values.any(axis=1)  # (S,) not the terminal state, which has no shared value
@@ -132,6 +142,8 @@ def _make_feedback_model(table: TomlTable, reasoning: ReasoningSection, planning
         if action in planning.reports:
             continue
         answers = _compute_answer_probabilities(table, noise, feedback[action], pomdp)
+        said = [pomdp.observations.index(answer) for answer in feedback[action]]
+        hearing[a, said] = answers
         model[a, states] = planning.state_values[states] @ answers
         expected = pomdp.observation.dense[a, states].max(axis=0) > 0
         impossible = (model[a, states].max(axis=0) > 0) & ~expected
@@ -141,7 +153,7 @@ def _make_feedback_model(table: TomlTable, reasoning: ReasoningSection, planning
                 f"{table.location('feedback')}: people may answer {observation!r} to {action!r}, but"
                 f" {pomdp.file} gives it probability 0 in every state"
             )
-    return model
+    return model, hearing
 
 
 def _read_feedback(

@@ -63,6 +63,7 @@ class StreamingClassifier:
 
     Attributes:
         inputs: the names of the values of a sample, in order. classes: (K,) the class names.
+        rules: for invalid samples. min_points: as above.
         constant_cost: whether the cost of a sample does not depend on the length of the track.
 
     Raises:
@@ -88,10 +89,10 @@ class StreamingClassifier:
         if window is not None and window < min_points:
             raise DataError(f"window must be at least min_points, {min_points}, not {window}")
         self._motion, state = make_state(pipeline, min_points, window)
-        self._rules = StreamRules(
+        self.rules = StreamRules(
             self._motion.rate, allowed_lateness, max_gap, max_duration, max_speed, max_silence
         )
-        self.inputs = tuple(self._motion.inputs)
+        self.min_points, self.inputs = min_points, tuple(self._motion.inputs)
         self._people: dict[Hashable, TrackedPerson] = {}  # in the order of their last samples
         self._predictor = PeoplePredictor(state, min_points)
         self._clock, self._has_warned = Clock(max_gap), False
@@ -197,7 +198,7 @@ class StreamingClassifier:
         self._update(updated)
         while self._people:  # the longest silent come first
             name, person = next(iter(self._people.items()))
-            if self._clock.elapsed - person.last_seen <= self._rules.max_silence:
+            if self._clock.elapsed - person.last_seen <= self.rules.max_silence:
                 break
             self._drop(name)
         return {name: person.prediction for name, person in updated.items()}
@@ -238,7 +239,7 @@ class StreamingClassifier:
             self._clock.observe(time)
         person = self._people.pop(name, None)
         if person is None:
-            resampler = TrackResampler(self._rules, self.inputs, self._motion.angles)
+            resampler = TrackResampler(self.rules, self.inputs, self._motion.angles)
             person = self._predictor.begin(name, resampler)
         self._people[name] = person
         person.last_seen = self._clock.elapsed
