@@ -1,0 +1,46 @@
+// Why this? The values of the best two actions, and what each answer would change.
+
+import { decimal, element, percent, readable, show } from "./dom.js";
+
+/** Show what a view has to say. describe: returns a belief's most probable value as elements. */
+export function showReasons(view, describe) {
+  if (view === null) {
+    show("why", element("p", { class: "quiet" }, "Once the robot acts, this compares its best two actions, and tells what each answer would change."));
+    return;
+  }
+  if (view.action === null) {
+    show("why", element("p", {}, "There is nothing left to decide."));
+    return;
+  }
+  show("why", compare(view), ...listOutcomes(view, describe));
+}
+
+function compare(view) {
+  const chosen = view.values.find((own) => own.action === view.action);
+  const other = view.values.find((own) => own.action !== view.action);
+  const parts = [element("strong", {}, readable(chosen.action)), ` is worth ${decimal(chosen.value)}`];
+  const gap = other === undefined ? 0 : chosen.value - other.value;
+  if (other !== undefined) {
+    const size = Math.abs(gap) < 0.005 ? " as much" : ` ${decimal(other.value)}, ${decimal(Math.abs(gap))} ${gap > 0 ? "less" : "more"}`;
+    parts.push("; ", element("strong", {}, readable(other.action)), size);
+  }
+  if (gap <= -0.005) parts.push(": the policy is an approximation");
+  const why = view.report === null ? ". An answer may change what it does:" : ". Another question would cost more than it could bring.";
+  return element("p", {}, ...parts, why);
+}
+
+function listOutcomes(view, describe) {
+  if (view.outcomes.length === 0) return [];
+  const rows = view.outcomes.map((outcome) =>
+    element(
+      "tr",
+      {},
+      element("th", { scope: "row" }, readable(outcome.observation)),
+      element("td", { class: "number" }, percent(outcome.probability)),
+      element("td", {}, ...describe(outcome.shared)),
+      element("td", {}, readable(outcome.action)),
+    ),
+  );
+  const head = ["if it hears", "chance", "it believes", "and does"].map((text) => element("th", { scope: "col" }, text));
+  return [element("table", {}, element("thead", {}, element("tr", {}, ...head)), element("tbody", {}, ...rows))];
+}
