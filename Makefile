@@ -48,6 +48,7 @@ lint: $(VENV)/.dev
 
 check-slow: $(VENV)/.dev
 	$(BIN)/python -m pip install --quiet atheris || echo "atheris cannot be installed here: the parser will not be fuzzed"
+	$(BIN)/python -m pip install --quiet playwright || echo "Playwright cannot be installed here: the page will not be played"
 	$(BIN)/python -m pytest -m slow
 	$(MAKE) sanitize
 

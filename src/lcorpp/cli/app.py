@@ -11,6 +11,7 @@ from lcorpp.cli import ask, check, figures, fit, learn, new, run, show, simulate
 from lcorpp.cli.data.commands import app as data_app
 from lcorpp.cli.explanation import explain
 from lcorpp.cli.logs import audit, replay, watch
+from lcorpp.cli.page import export, play
 from lcorpp.log_output import show_log
 
 app = typer.Typer(
@@ -30,6 +31,8 @@ app.command()(solve.solve)
 app.command()(simulate.simulate)
 app.command()(show.show)
 app.command()(learn.learn)
+app.command()(play.play)
+app.command()(export.export)
 app.command()(new.new)
 app.command()(sweep.sweep)
 app.command()(replay.replay)

@@ -145,10 +145,10 @@ def choose_training(
     *,
     tracks: int | None,
     epochs: int | None,
-    device: str,
     features: str | None,
     rate: float | None,
-    seconds: float | None,
+    device: str = "cpu",
+    seconds: float | None = None,
     threshold: str | None = None,
     prevalence: float | None = None,
 ) -> dict[str, Any]:

@@ -1,0 +1,1 @@
+"""The commands of the page: `lcorpp play` and `lcorpp export`."""

@@ -1,0 +1,179 @@
+"""`lcorpp play`: a page on which you are the human."""
+
+from __future__ import annotations
+
+import asyncio
+import socket
+import webbrowser
+from collections.abc import Callable, Mapping
+from contextlib import ExitStack
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from lcorpp.cli import console
+from lcorpp.cli.options import common as options
+from lcorpp.cli.options.page import choose_page_classifiers, set_up
+from lcorpp.cli.options.senses import ClassifiersOption, LearnersOption
+from lcorpp.errors import DomainError, FileError
+
+if TYPE_CHECKING:
+    from lcorpp.domains import Domain, Sense
+    from lcorpp.experiments.decision_log import DecisionLog
+    from lcorpp.experiments.setup import ClassifierOptions
+    from lcorpp.values import Dataset
+    from lcorpp.web.robot import PlayRobot
+
+BATCH = 5
+"""Judged trials between two trainings."""
+
+
+def play(
+    domain: options.DomainArgument = "intention",
+    preset: options.PresetOption = None,
+    port: Annotated[int, typer.Option(min=0, max=65535, help="Port; 0 takes any free one.")] = 8000,
+    open_page: Annotated[bool, typer.Option("--open/--no-open", help="Open the page in the browser.")] = True,
+    batch: Annotated[
+        int, typer.Option(min=1, max=10_000, help="Judged trials between two trainings of the classifier.")
+    ] = BATCH,
+    store: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="Keep the judged trials here, as `lcorpp learn` keeps them."),
+    ] = None,
+    classifier: ClassifiersOption = None,
+    learner: LearnersOption = None,
+    tracks: options.TracksOption = None,
+    epochs: options.EpochsOption = None,
+    features: options.FeaturesOption = None,
+    rate: options.RateOption = None,
+    seed: options.SeedOption = 0,
+    jobs: options.JobsOption = None,
+    log: options.LogOption = None,
+    solver: options.SolverOption = None,
+    precision: options.PrecisionOption = None,
+    time_limit: options.TimeLimitOption = None,
+    no_cache: options.NoCacheOption = False,
+) -> None:
+    """Play with the robot in the browser: you are the human.
+
+    You walk, choose what the robot observes, and answer its questions; the page shows what it learns from
+    your walk, what it infers, and why it asks. Afterwards you judge the report; after a batch of trials the
+    classifier is trained again with your tracks. The page is served to this computer only. Ctrl-C ends it.
+    """
+    from lcorpp.domains import load_domain
+    from lcorpp.experiments.decision_log import DecisionLog
+
+    require_server()
+    loaded = load_domain(domain, preset=preset)
+    chosen = choose_page_classifiers(
+        loaded,
+        classifiers=classifier,
+        learners=learner,
+        tracks=tracks,
+        epochs=epochs,
+        features=features,
+        rate=rate,
+    )
+    options_of_solver = options.choose_solver(loaded.planning.solver, solver, precision, time_limit)
+    with ExitStack() as stack:
+        listening = stack.enter_context(listen(port))
+        decisions = None if log is None else stack.enter_context(DecisionLog(log))
+        robot = set_up(loaded, chosen, options_of_solver, seed=seed, jobs=jobs, no_cache=no_cache)
+        host, own_port = listening.getsockname()
+        address = f"http://{host}:{own_port}/"
+
+        def show_address() -> None:
+            console.out.print(f"{loaded.name} is at {address} for this computer only; Ctrl-C ends it")
+            if open_page:
+                webbrowser.open(address)
+
+        asyncio.run(serve(robot, chosen, listening, show_address, batch, store, seed, decisions))
+
+
+def require_server() -> None:
+    """Raise `DomainError` without the packages of the extra `play`."""
+    try:
+        import starlette  # noqa: F401
+        import uvicorn  # noqa: F401
+        import websockets  # noqa: F401
+    except ImportError as error:
+        raise DomainError(
+            f"the page needs the package {error.name}: pip install 'lcorpp[play]'; or use `lcorpp export`"
+        ) from None
+
+
+def listen(port: int) -> socket.socket:
+    """Return a socket that listens on a port of the loopback.
+
+    Raises:
+        FileError: the port is in use or reserved.
+    """
+    from lcorpp.web.server import HOST
+
+    listening = socket.socket()
+    listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+    try:
+        listening.bind((HOST, port))
+        listening.listen(128)
+    except OSError as error:
+        listening.close()
+        raise FileError(
+            f"--port {port}: cannot be opened: {error.strerror}; expected a free port, 0 takes any"
+        ) from None
+    return listening
+
+
+async def serve(
+    robot: PlayRobot,
+    chosen: dict[str, ClassifierOptions],
+    listening: socket.socket,
+    started: Callable[[], None],
+    batch: int,
+    store: Path | None,
+    seed: int,
+    log: DecisionLog | None,
+) -> None:
+    """Serve the page until Ctrl-C."""
+    from lcorpp.web.learning import BatchLearner, find_learning_sense
+    from lcorpp.web.server import PageServer, make_uvicorn
+    from lcorpp.web.session import Session
+
+    sense = find_learning_sense(robot)
+    if sense is None and store is not None:
+        raise DomainError(f"--store {store}: no classifier of {robot.domain.name} learns from the page")
+    append = None if log is None else lambda line: log.append_lines([line])
+    loop, learner = asyncio.get_running_loop(), None
+    if sense is not None:
+        data = find_initial_data(robot.domain, sense, chosen[sense.name], seed)
+        learner = BatchLearner(robot, sense, data, batch_size=batch, store=store, seed=seed)
+
+    def make_session() -> Session:
+        if learner is None:
+            return Session(lambda: robot, log=append)
+        return Session(lambda: learner.robot, learner.keep, append)
+
+    server = PageServer(make_session)
+
+    def notify(message: Mapping[str, Any]) -> None:
+        loop.call_soon_threadsafe(server.notify, message)
+
+    if learner is not None:
+        learner.notify = notify
+    try:
+        started()
+        await make_uvicorn(server).serve(sockets=[listening])
+    finally:
+        if learner is not None:
+            learner.close()
+            where = f" in {store}" if store else ""
+            console.out.print(f"{learner.n_stored} judged trials are kept{where}")
+
+
+def find_initial_data(domain: Domain, sense: Sense, source: ClassifierOptions, seed: int) -> Dataset:
+    """Return the data that the classifier of a sense was trained on; those of a file are simulated."""
+    from lcorpp.experiments.setup import TrainingOptions
+    from lcorpp.experiments.training_data import make_training_data
+
+    training = source if isinstance(source, TrainingOptions) else TrainingOptions()
+    return make_training_data(domain, sense, training, seed).dataset

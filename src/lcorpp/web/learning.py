@@ -1,0 +1,200 @@
+"""Learning from judged trials: they join the data of Algorithm 1; after a batch the classifier is trained."""
+
+from __future__ import annotations
+
+import signal
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import BrokenExecutor, Executor, Future, ProcessPoolExecutor
+from dataclasses import replace
+from multiprocessing import get_context
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from lcorpp.domains import Sense
+from lcorpp.errors import DataError, LcorppError
+from lcorpp.experiments.robot_parts import ClassifierPart
+from lcorpp.learning import StreamingClassifier, TrainedClassifier, train_and_validate
+from lcorpp.learning.features.resampling import resample
+from lcorpp.learning.store import NewTrack, Store, TrackSchema
+from lcorpp.values import Array, ConfusionMatrix, Dataset
+from lcorpp.web.robot import PlayRobot
+from lcorpp.web.setup import find_track_senses
+from lcorpp.web.trial import JudgedTrial
+
+Sample = tuple[float, ...]
+
+
+def find_learning_sense(robot: PlayRobot) -> Sense | None:
+    """Return the first sense of tracks whose class follows from a person's true value; None without."""
+    for sense in find_track_senses(robot.domain):
+        if sense.name in robot.classifiers and sense.report_labels is not None:
+            return sense
+    return None
+
+
+class BatchLearner:
+    """Keeps judged trials, and trains the classifier of one sense again after a batch (Algorithm 1).
+
+    robot: with the classifier of the last training.
+    notify: takes what the page has to know: {"type": "learning"} and {"type": "learnt", ...}. It is called
+        when a training begins, and at its end from another thread.
+
+    Args:
+        robot: with the classifier of the initial training.
+        sense: that learns. data: its initial data.
+        batch_size: K, number of trials between two trainings.
+        store: a file to which the trials are added, and from which earlier ones are read; None keeps them in
+            memory.
+        executor: runs the training; by default a process of its own.
+
+    Raises:
+        FileError, DataError: as `Store`.
+    """
+
+    def __init__(
+        self,
+        robot: PlayRobot,
+        sense: Sense,
+        data: Dataset,
+        *,
+        batch_size: int,
+        store: Path | None = None,
+        seed: int = 0,
+        executor: Executor | None = None,
+    ) -> None:
+        self.robot, self._sense, self._data = robot, sense, data
+        self._batch_size, self._seed = batch_size, seed
+        self.notify: Callable[[Mapping[str, Any]], None] = lambda _: None
+        self._executor = executor or ProcessPoolExecutor(
+            1, mp_context=get_context("spawn"), initializer=_ignore_sigint
+        )
+        self._cases: list[tuple[Array, str]] = []
+        self._groups: list[str] = []
+        self._n_new, self._training = 0, False
+        self._last: Sequence[Sample] = ()
+        schema = TrackSchema(data.channels, data.interval, sense.classes)  # walks of any length
+        self._store = None if store is None else Store(store, schema)
+        if self._store is not None:
+            snapshot = self._store.snapshot()
+            kept = snapshot.dataset(snapshot.select())
+            self._cases += zip(kept.trajectories, kept.labels, strict=True)
+            self._groups += kept.groups
+
+    @property
+    def n_stored(self) -> int:
+        """Number of kept trials with a track."""
+        return len(self._cases)
+
+    def keep(self, trial: JudgedTrial) -> dict[str, int]:
+        """Keep a judged trial; after a batch the training begins. A trial without a track is left out."""
+        name, domain = self._sense.name, self.robot.domain
+        samples = find_last_track(self.robot.classifiers[name], trial.samples[name])
+        if samples:
+            times, *values = map(np.array, zip(*samples, strict=True))
+            track = resample(times, np.array(values), 1 / self._data.interval)
+            label = domain.class_of(name, trial.truth)
+            if self._store is not None:
+                self._store.append(NewTrack(track, label, "person", context=trial.facts))
+            self._cases.append((track, label))
+            self._groups.append(f"play-{len(self._cases)}")
+            self._last, self._n_new = samples, self._n_new + 1
+            if self._n_new >= self._batch_size and not self._training:
+                self._train()
+        return {"stored": self.n_stored, "batch": self._batch_size}
+
+    def close(self) -> None:
+        """Stop the training and close the store."""
+        self._executor.shutdown(wait=False, cancel_futures=True)
+        for process in list((getattr(self._executor, "_processes", None) or {}).values()):
+            process.terminate()
+        if self._store is not None:
+            self._store.close()
+
+    def _train(self) -> None:
+        self._training, self._n_new = True, 0
+        self.notify({"type": "learning"})
+        data = self._data.append(self._cases, self._groups)
+        estimator = self.robot.classifiers[self._sense.name].estimator
+        future = self._executor.submit(train_again, estimator, data, self._seed)
+        future.add_done_callback(self._finish)
+
+    def _finish(self, future: Future[TrainedClassifier]) -> None:
+        """Use the new classifier, whose rates replace the former ones in the program."""
+        self._training = False
+        error = None if future.cancelled() else future.exception()
+        if future.cancelled() or isinstance(error, BrokenExecutor):  # closed
+            return
+        if error is not None:
+            reason = str(error) if isinstance(error, LcorppError) else f"{type(error).__name__}: {error}"
+            self.notify({"type": "learnt", "error": reason})
+            return
+        name, before, trained = self._sense.name, self.robot, future.result()
+        former = before.classifiers[name]
+        part = ClassifierPart.of("trained on the page", trained, confusion=trained.confusion)
+        parts = replace(before.parts, classifiers={**before.parts.classifiers, name: part})
+        self.robot = PlayRobot(parts, {**before.classifiers, name: trained})
+        self.notify(
+            {
+                "type": "learnt",
+                "sense": name,
+                "classes": list(trained.classes),
+                "before": _list_counts(former.confusion),
+                "after": _list_counts(trained.confusion),
+                "accuracy": [_compute_accuracy(former.confusion), _compute_accuracy(trained.confusion)],
+                "track": compare_on_track(former, trained, self._last),
+            }
+        )
+
+
+def train_again(estimator: Any, data: Dataset, seed: int) -> TrainedClassifier:
+    """Train a clone of the estimator, and cross-validate it."""
+    return train_and_validate(estimator, data, seed=seed)[0]
+
+
+def find_last_track(trained: TrainedClassifier, samples: Sequence[Sample]) -> list[Sample]:
+    """Return the samples of the last unbroken track, if it is long enough to be classified."""
+    streams, tracks, last = StreamingClassifier.from_trained(trained), list[Sample](), 0
+    for sample in samples:
+        prediction = streams.push(sample[0], 0, *sample[1:])
+        if prediction.track != last:
+            tracks, last = [], prediction.track
+        if not tracks or sample[0] > tracks[-1][0]:
+            tracks.append(sample)
+    found = streams.predictions.get(0)
+    return tracks if found is not None and found.probabilities is not None else []
+
+
+def compare_on_track(
+    before: TrainedClassifier, after: TrainedClassifier, samples: Sequence[Sample]
+) -> dict[str, Any] | None:
+    """Return the probabilities (points, K) of two classifiers at the points of a track, with the times."""
+    if not samples:
+        return None
+    rows: dict[str, list[Any]] = {"times": [], "before": [], "after": []}
+    streams = [StreamingClassifier.from_trained(trained) for trained in (before, after)]
+    points = 0
+    for sample in samples:
+        old, new = (stream.push(sample[0], 0, *sample[1:]) for stream in streams)
+        if old.points > points and old.probabilities is not None and new.probabilities is not None:
+            points = old.points
+            rows["times"].append(old.time)
+            rows["before"].append(old.probabilities.tolist())
+            rows["after"].append(new.probabilities.tolist())
+    return rows
+
+
+def _list_counts(confusion: ConfusionMatrix | None) -> list[list[float]]:
+    if confusion is None:
+        raise DataError("the classifier was not validated; expected a confusion matrix")
+    return [list(map(float, row)) for row in confusion.counts]
+
+
+def _compute_accuracy(confusion: ConfusionMatrix | None) -> float:
+    counts = np.array(_list_counts(confusion))
+    return float(np.trace(counts) / counts.sum())
+
+
+def _ignore_sigint() -> None:
+    signal.signal(signal.SIGINT, signal.SIG_IGN)

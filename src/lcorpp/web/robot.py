@@ -1,0 +1,46 @@
+"""The robot of the page: the parts of Algorithm 2, set up once and shared by all sessions."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+
+from lcorpp.decision import Robot
+from lcorpp.domains import Domain
+from lcorpp.experiments.robot_parts import RobotParts
+from lcorpp.learning import TrainedClassifier
+from lcorpp.planning import Planner
+from lcorpp.reasoning import Program
+from lcorpp.web.knowledge import Knowledge
+
+
+@dataclass(frozen=True, eq=False)
+class PlayRobot:
+    """A robot that people play with.
+
+    parts: domain, policy and error rates. classifiers: sense -> its classifier of tracks; the page asks for
+        the labels of the other senses.
+    """
+
+    parts: RobotParts
+    classifiers: Mapping[str, TrainedClassifier]
+
+    @property
+    def domain(self) -> Domain:
+        return self.parts.domain
+
+    @property
+    def program(self) -> Program:
+        return self.parts.program
+
+    @cached_property
+    def knowledge(self) -> Knowledge:
+        """The reasoner of the program."""
+        return Knowledge(self.domain, self.program)
+
+    @cached_property
+    def robot(self) -> Robot:
+        """The parts of Algorithm 2, without classifiers: a session gives the labels."""
+        planner = Planner(self.parts.policy, self.domain.pomdp)
+        return Robot({}, self.knowledge.reasoner, planner, self.domain)

@@ -1,0 +1,140 @@
+"""The server of the page: static files and a WebSocket with a session each, on the loopback only."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+from collections.abc import Callable, Mapping
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+import uvicorn
+from starlette.applications import Starlette
+from starlette.middleware import Middleware
+from starlette.middleware.trustedhost import TrustedHostMiddleware
+from starlette.routing import Mount, WebSocketRoute
+from starlette.staticfiles import StaticFiles
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
+from starlette.websockets import WebSocket, WebSocketDisconnect
+
+from lcorpp.web.requests import RequestError
+from lcorpp.web.session import Session
+from lcorpp.web.setup import find_page_folder
+
+HOST = "127.0.0.1"
+HOSTS = [HOST, "localhost", "[::1]"]
+"""Names under which the page may be asked for; another one is a page that was given this address."""
+MAX_SESSIONS = 200
+"""Open pages at a time."""
+MAX_MESSAGE = 2**20
+"""Bytes of a message; a longer one closes its connection."""
+MAX_PUSHED = 64
+"""Messages that wait for a slow page; later ones that it did not ask for are left out."""
+HEADERS = {
+    "Content-Security-Policy": (
+        "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data:; connect-src 'self';"
+        " base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
+    ),
+    "X-Content-Type-Options": "nosniff",
+    "Referrer-Policy": "no-referrer",
+    "Cross-Origin-Opener-Policy": "same-origin",
+    "Cross-Origin-Resource-Policy": "same-origin",
+    "Cache-Control": "no-store",
+}
+
+
+class PageServer:
+    """Serves the page, and a session for each of its connections.
+
+    waiting: the messages for each open page.
+
+    Args:
+        make_session: called for each connection.
+        folder: of the page's files; by default those of the package.
+    """
+
+    def __init__(self, make_session: Callable[[], Session], folder: Path | None = None) -> None:
+        self._make_session = make_session
+        self.waiting: set[asyncio.Queue[str]] = set()
+        routes = [
+            WebSocketRoute("/session", self._serve_session),
+            Mount("/", StaticFiles(directory=folder or find_page_folder(), html=True)),
+        ]
+        hosts = Middleware(TrustedHostMiddleware, allowed_hosts=HOSTS)
+        self.app = Starlette(routes=routes, middleware=[Middleware(SecurityHeaders), hosts])
+
+    def notify(self, message: Mapping[str, Any]) -> None:
+        """Send a message to all pages, from the thread of the event loop."""
+        text = json.dumps({"id": None, **message})
+        for queue in self.waiting:
+            with suppress(asyncio.QueueFull):
+                queue.put_nowait(text)
+
+    async def _serve_session(self, socket: WebSocket) -> None:
+        if not is_own_origin(socket):
+            await socket.close(1008)  # before `accept`: the answer is 403
+            return
+        await socket.accept()
+        if len(self.waiting) >= MAX_SESSIONS:
+            error = RequestError("unavailable", f"{MAX_SESSIONS} pages are open; expected fewer")
+            await socket.send_json(error.reply())
+            await socket.close(1013)
+            return
+        queue: asyncio.Queue[str] = asyncio.Queue(MAX_PUSHED)
+        self.waiting.add(queue)
+        sender = asyncio.create_task(_send_all(socket, queue))
+        try:
+            session = self._make_session()
+            while True:
+                message = await socket.receive()
+                if message["type"] == "websocket.disconnect":
+                    break
+                text = message.get("text")
+                reply = session.handle(message["bytes"] if text is None else text)
+                await queue.put(json.dumps(reply))
+        finally:
+            self.waiting.discard(queue)
+            sender.cancel()
+
+
+async def _send_all(socket: WebSocket, queue: asyncio.Queue[str]) -> None:
+    """Send the messages of a queue one after the other; those for a closed page are dropped."""
+    is_open = True
+    while True:
+        text = await queue.get()
+        if is_open:
+            try:
+                await socket.send_text(text)
+            except (WebSocketDisconnect, RuntimeError):
+                is_open = False
+
+
+class SecurityHeaders:
+    """Adds `HEADERS` to each response."""
+
+    def __init__(self, app: ASGIApp) -> None:
+        self._app = app
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        async def send_with_headers(message: Message) -> None:
+            if message["type"] == "http.response.start":
+                own = [(name.lower().encode(), value.encode()) for name, value in HEADERS.items()]
+                message = {**message, "headers": [*message.get("headers", []), *own]}
+            await send(message)
+
+        await self._app(scope, receive, send_with_headers)
+
+
+def is_own_origin(socket: WebSocket) -> bool:
+    """Whether a connection comes from the page itself; programs without an origin are no pages."""
+    origin = socket.headers.get("origin")
+    return origin is None or origin == f"http://{socket.headers.get('host')}"
+
+
+def make_uvicorn(server: PageServer) -> uvicorn.Server:
+    """Return the server, which does not listen yet; `serve(sockets=[...])` runs it until Ctrl-C."""
+    config = uvicorn.Config(
+        server.app, log_level="warning", ws_max_size=MAX_MESSAGE, ws_per_message_deflate=False, lifespan="off"
+    )
+    return uvicorn.Server(config)
