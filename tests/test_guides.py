@@ -38,6 +38,7 @@ DOCS = Path(__file__).parents[1] / "docs"
         ("audit.md", 3),
         ("figures.md", 3),
         ("sweeps.md", 2),
+        ("play.md", 2),
     ],
 )
 def test_a_guide_is_true(

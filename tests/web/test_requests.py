@@ -1,0 +1,102 @@
+"""Requests that are refused: each has a typed error with its reason."""
+
+import json
+import random
+
+import pytest
+from hypothesis import HealthCheck, given, settings, strategies as st
+
+from lcorpp.web.requests import FIELDS, MAX_REQUEST, RequestError, parse_request
+
+REFUSED = {
+    "no JSON": ("{", "malformed", "no JSON"),
+    "a list": ("[1]", "malformed", "[1]; expected an object"),
+    "no id": ('{"type": "start"}', "malformed", "id: null; expected a whole number"),
+    "an id of text": ('{"id": "1", "type": "start"}', "malformed", 'id: "1"; expected a whole number'),
+    "no type": ('{"id": 1}', "unknown_type", "type: null; expected one of hello"),
+    "an unknown type": ('{"id": 1, "type": "quit"}', "unknown_type", 'type: "quit"; expected one of hello'),
+    "a missing field": ('{"id": 1, "type": "answer", "said": "pos"}', "invalid", "expected said, draw"),
+    "an unknown field": (
+        '{"id": 1, "type": "start", "now": 1}',
+        "invalid",
+        'the fields "now"; expected none',
+    ),
+    "a draw of 1": ('{"id": 1, "type": "answer", "said": "pos", "draw": 1}', "invalid", "draw: 1; expected"),
+    "a draw of NaN": ('{"id": 1, "type": "answer", "said": "pos", "draw": NaN}', "invalid", "draw: NaN"),
+    "no samples": (
+        '{"id": 1, "type": "samples", "sense": "m", "samples": []}',
+        "invalid",
+        "expected 1 to 64",
+    ),
+    "facts of numbers": (
+        '{"id": 1, "type": "observe", "facts": {"a": 1}, "labels": {}}',
+        "invalid",
+        "facts: 1",
+    ),
+    "a deep request": ("[" * 60_000, "malformed", "no JSON"),
+    "a long request": (" " * (MAX_REQUEST + 1), "too_large", "expected at most 65536"),
+}
+
+
+@pytest.mark.parametrize(("text", "code", "message"), REFUSED.values(), ids=REFUSED)
+def test_refused(text, code, message):
+    with pytest.raises(RequestError) as caught:
+        parse_request(text)
+    assert caught.value.code == code
+    assert message in str(caught.value)
+
+
+JSON = st.recursive(
+    st.none() | st.booleans() | st.floats() | st.integers() | st.text(max_size=20),
+    lambda inner: st.lists(inner, max_size=4) | st.dictionaries(st.text(max_size=8), inner, max_size=4),
+    max_leaves=12,
+)
+
+
+@settings(max_examples=50, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(st.sampled_from(sorted(FIELDS)), st.data())
+def test_any_fields_are_accepted_or_refused_with_a_reason(page, type, data):
+    fields = {name: data.draw(JSON) for name in FIELDS[type]}
+    reply = page.session.handle(json.dumps({"id": 3, "type": type, **fields}))
+    assert reply["id"] == 3
+    assert reply.get("code") in (None, "invalid", "out_of_order")
+
+
+def test_ten_thousand_hostile_messages_leave_the_session_usable(page):
+    rng = random.Random(0)
+    valid = [
+        {"type": "hello"},
+        {"type": "start"},
+        {"type": "observe", "facts": {"time": "morning"}, "labels": {}},
+        {"type": "samples", "sense": "motion", "samples": [[0.5, 1.0, 2.0]]},
+        {"type": "decide"},
+        {"type": "answer", "said": "pos", "draw": 0.5},
+        {"type": "judge", "right": True, "truth": None},
+        {"type": "record"},
+    ]
+    values = [
+        None,
+        True,
+        -1,
+        1e308,
+        "",
+        "x" * 300,
+        [],
+        {},
+        [[1e9, -1e300, 5]],
+        [["a"]],
+        "__proto__",
+        "\ud800",
+    ]
+    for number in range(10_000):
+        message = {"id": number, **rng.choice(valid)}
+        if rng.random() < 0.7:
+            message[rng.choice([*message, "more"])] = rng.choice(values)
+        text = json.dumps(message)
+        if rng.random() < 0.1:
+            text = text[: rng.randrange(len(text))]
+        reply = page.session.handle(text)
+        assert "type" in reply
+        json.dumps(reply)
+    assert page.send("start")["type"] == "started"
+    assert page.answer_all("pos")[-1]["done"]
