@@ -14,8 +14,10 @@ noise.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from csv import DictWriter
+from dataclasses import asdict, dataclass
 from enum import StrEnum
+from io import StringIO
 from itertools import product
 from pathlib import Path
 from time import process_time
@@ -155,6 +157,16 @@ def describe(cells: Sequence[Cell], results: Sequence[Mapping[str, float]], opti
     return "\n".join(lines) + "\n"
 
 
+def write_csv(cells: Sequence[Cell], results: Sequence[Mapping[str, float]], file: Path) -> None:
+    """Write a row for each cell, so that streams of several runs can be pooled."""
+    rows = [asdict(cell) | result for cell, result in zip(cells, results, strict=True)]
+    text = StringIO()
+    writer = DictWriter(text, list(rows[0]))
+    writer.writeheader()
+    writer.writerows(rows)
+    write_atomically(file, text.getvalue().encode())
+
+
 def draw(cells: Sequence[Cell], results: Sequence[Mapping[str, float]], file: Path) -> None:
     """Draw heat maps by knowledge and noise: smallest margin over the best of four, and largest regret."""
     margin = {cell: r["trust"] - max(r[n] for n in BASELINES) for cell, r in zip(cells, results, strict=True)}
@@ -207,6 +219,7 @@ def main(
     if out is not None:
         make_folder(out)
         write_atomically(out / "trust.md", table.encode())
+        write_csv(grid, results, out / "trust.csv")
         draw(grid, results, out / "trust.png")
 
 

@@ -37,7 +37,7 @@ class TrustOptions:
     refits: the learnt models are fitted again when the number of people has grown by 1 / `refits`.
     iterations: of EM at each fit; each begins at the estimates of the one before.
     max_loss: plans are for the best observation model whose log posterior is at most this much lower than
-        that of the estimate, question by question; 2 is two standard errors, 0 the estimate.
+        that of the estimate, question by question; 2 is two standard errors, 0.5 one, 0 the estimate.
     """
 
     share: float = 0.005
