@@ -99,6 +99,9 @@ def check_histories(robot, node, folder, count, seed=0):
     def ask(request, number):
         expected = session.handle(json.dumps({"id": number, **request}))
         found = node(request={"id": number, **request})
+        for reply in () if is_whole else (expected, found):
+            for row in reply.get("outcomes", []):
+                del row["action"]  # a part of a policy may predict another one after an improbable answer
         compare(expected, found, f"{number} {request['type']}")
         if "outcomes" in expected:
             compare_values(expected, found, is_whole=is_whole)
