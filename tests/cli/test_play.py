@@ -42,6 +42,8 @@ def test_a_port_in_use_is_refused(lcorpp):
         (["nowhere"], "nowhere"),
         (["--learner", "none"], "unknown learner 'none'"),
         (["shopping", "--tracks", "40"], "shopping has no sense of tracks that a pointer could give"),
+        (["--store", __file__], "not a store of tracks"),
+        (["shopping", "--store", "new.tracks"], "no classifier of shopping learns from the page"),
         (["--log", "."], ".: cannot be written: Is a directory"),
     ],
 )

@@ -9,12 +9,12 @@ from lcorpp.errors import DataError
 from lcorpp.experiments.setup import TrainingOptions
 from lcorpp.experiments.training_data import make_training_data
 from lcorpp.learning.store import read_store
-from lcorpp.web.learning import BatchLearner, find_last_track, find_learning_sense
+from lcorpp.web.learning import BatchLearner, find_last_track, find_learning_sense, open_store
 from tests.web.conftest import Page
 
 
 class Inline(Executor):
-    """Runs what is submitted at once, or fails as it is told to."""
+    """Executor that runs a task at once in this thread, or ends it with a given error."""
 
     def __init__(self, error=None):
         self._error = error
@@ -36,7 +36,12 @@ def data(intention):
 
 def make_learner(robot, data, executor=None, **options):
     learner = BatchLearner(
-        robot, find_learning_sense(robot), data, batch_size=2, executor=executor or Inline(), **options
+        robot,
+        find_learning_sense(robot.domain, robot.classifiers),
+        data,
+        batch_size=2,
+        executor=executor or Inline(),
+        **options,
     )
     notices = []
     learner.notify = notices.append
@@ -82,17 +87,18 @@ def test_a_trial_without_a_track_teaches_nothing(intention, data):
 
 
 def test_trials_are_kept_in_a_store_and_read_again(intention, data, tmp_path):
-    learner, _ = make_learner(intention, data, store=tmp_path / "played.tracks")
-    play(learner)
-    learner.close()
+    sense = intention.domain.senses[0]
+    with open_store(tmp_path / "played.tracks", sense, data) as store:
+        learner, _ = make_learner(intention, data, store=store)
+        play(learner)
     snapshot = read_store(tmp_path / "played.tracks")
     (track,) = snapshot.select()
     assert track.source == "person"
     (trajectory,) = snapshot.trajectories([track])
     assert trajectory[:, 0] == pytest.approx([1.0, 9.0])  # the first sample of the walk
-    again, _ = make_learner(intention, data, store=tmp_path / "played.tracks")
-    assert again.n_stored == 1
-    again.close()
+    with open_store(tmp_path / "played.tracks", sense, data) as store:
+        again, _ = make_learner(intention, data, store=store)
+        assert again.n_stored == 1
 
 
 def test_a_failed_training_keeps_the_former_classifier(intention, data):
@@ -110,4 +116,4 @@ def test_the_last_unbroken_track_is_kept(intention):
 
 
 def test_no_sense_learns_without_tracks(museum):
-    assert find_learning_sense(museum) is None
+    assert find_learning_sense(museum.domain, museum.classifiers) is None

@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import Any
-
-import numpy as np
 
 from lcorpp.domains import Domain, Sense
 from lcorpp.learning import StreamingClassifier
@@ -24,7 +21,6 @@ def describe_domain(robot: PlayRobot, *, learns: bool) -> dict[str, Any]:
     roles = dict.fromkeys(domain.reasoning.shared, "shared")
     roles |= dict.fromkeys(domain.observed, "fact") | dict.fromkeys(domain.label_attributes, "label")
     questions = [action for action in pomdp.actions if action not in domain.planning.reports]
-    hearing = find_hearing(domain)
     return {
         "name": domain.name,
         "preset": domain.preset,
@@ -48,11 +44,10 @@ def describe_domain(robot: PlayRobot, *, learns: bool) -> dict[str, Any]:
         "actions": [{"name": action, "report": _find_report(domain, action)} for action in pomdp.actions],
         "observations": list(pomdp.observations),
         "answers": {action: list_answers(domain, action) for action in questions},
-        "noise": {action: hearing[action] for action in questions},
-        "noisy": any(row[said] < 1 for rows in hearing.values() for said, row in _index(domain, rows)),
+        "noise": {action: list_hearing(domain, action) for action in questions},
+        "noisy": bool((domain.simulation.hearing.diagonal(axis1=1, axis2=2) < 1).any()),
         "learns": learns,
         "positive": domain.positive,
-        "reward_span": float(np.ptp(pomdp.reward)),
     }
 
 
@@ -64,18 +59,10 @@ def list_answers(domain: Domain, action: str) -> list[str]:
     return [name for name, is_possible in zip(pomdp.observations, possible, strict=True) if is_possible]
 
 
-def find_hearing(domain: Domain) -> dict[str, dict[str, list[float]]]:
-    """Return action -> observation that a person gives -> probability of each observation heard."""
-    pomdp = domain.pomdp
-    return {
-        action: dict(zip(pomdp.observations, rows.tolist(), strict=True))
-        for action, rows in zip(pomdp.actions, domain.simulation.hearing, strict=True)
-        if action not in domain.planning.reports
-    }
-
-
-def _index(domain: Domain, rows: Mapping[str, list[float]]) -> list[tuple[int, list[float]]]:
-    return [(domain.pomdp.observation_index(said), row) for said, row in rows.items()]
+def list_hearing(domain: Domain, action: str) -> dict[str, list[float]]:
+    """Return the observation that a person gives -> the probability of each observation heard."""
+    rows = domain.simulation.hearing[domain.pomdp.action_index(action)].tolist()
+    return dict(zip(domain.pomdp.observations, rows, strict=True))
 
 
 def _find_report(domain: Domain, action: str) -> list[str] | None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import signal
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Container, Mapping, Sequence
 from concurrent.futures import BrokenExecutor, Executor, Future, ProcessPoolExecutor
 from dataclasses import replace
 from multiprocessing import get_context
@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from lcorpp.domains import Sense
+from lcorpp.domains import Domain, Sense
 from lcorpp.errors import DataError, LcorppError
 from lcorpp.experiments.robot_parts import ClassifierPart
 from lcorpp.learning import StreamingClassifier, TrainedClassifier, train_and_validate
@@ -26,12 +26,21 @@ from lcorpp.web.trial import JudgedTrial
 Sample = tuple[float, ...]
 
 
-def find_learning_sense(robot: PlayRobot) -> Sense | None:
-    """Return the first sense of tracks whose class follows from a person's true value; None without."""
-    for sense in find_track_senses(robot.domain):
-        if sense.name in robot.classifiers and sense.report_labels is not None:
+def find_learning_sense(domain: Domain, trained: Container[str]) -> Sense | None:
+    """Return the first sense of tracks whose class follows from a person's true value; None without.
+
+    Args:
+        trained: the senses with a trained classifier.
+    """
+    for sense in find_track_senses(domain):
+        if sense.name in trained and sense.report_labels is not None:
             return sense
     return None
+
+
+def open_store(path: Path, sense: Sense, data: Dataset) -> Store:
+    """Open or create a store of walks of any length; raises as `Store`."""
+    return Store(path, TrackSchema(data.channels, data.interval, sense.classes))
 
 
 class BatchLearner:
@@ -45,12 +54,9 @@ class BatchLearner:
         robot: with the classifier of the initial training.
         sense: that learns. data: its initial data.
         batch_size: K, number of trials between two trainings.
-        store: a file to which the trials are added, and from which earlier ones are read; None keeps them in
+        store: see `open_store`; the trials are added to it, and earlier ones read from it. None keeps them in
             memory.
         executor: runs the training; by default a process of its own.
-
-    Raises:
-        FileError, DataError: as `Store`.
     """
 
     def __init__(
@@ -60,7 +66,7 @@ class BatchLearner:
         data: Dataset,
         *,
         batch_size: int,
-        store: Path | None = None,
+        store: Store | None = None,
         seed: int = 0,
         executor: Executor | None = None,
     ) -> None:
@@ -74,10 +80,9 @@ class BatchLearner:
         self._groups: list[str] = []
         self._n_new, self._training = 0, False
         self._last: Sequence[Sample] = ()
-        schema = TrackSchema(data.channels, data.interval, sense.classes)  # walks of any length
-        self._store = None if store is None else Store(store, schema)
-        if self._store is not None:
-            snapshot = self._store.snapshot()
+        self._store = store
+        if store is not None:
+            snapshot = store.snapshot()
             kept = snapshot.dataset(snapshot.select())
             self._cases += zip(kept.trajectories, kept.labels, strict=True)
             self._groups += kept.groups
@@ -105,12 +110,10 @@ class BatchLearner:
         return {"stored": self.n_stored, "batch": self._batch_size}
 
     def close(self) -> None:
-        """Stop the training and close the store."""
+        """Stop the training."""
         self._executor.shutdown(wait=False, cancel_futures=True)
         for process in list((getattr(self._executor, "_processes", None) or {}).values()):
             process.terminate()
-        if self._store is not None:
-            self._store.close()
 
     def _train(self) -> None:
         self._training, self._n_new = True, 0

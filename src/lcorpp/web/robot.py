@@ -28,10 +28,12 @@ class PlayRobot:
 
     @property
     def domain(self) -> Domain:
+        """The domain."""
         return self.parts.domain
 
     @property
     def program(self) -> Program:
+        """The robot's program with the classifiers' rules."""
         return self.parts.program
 
     @cached_property

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -20,8 +21,8 @@ from lcorpp.errors import (
 )
 from lcorpp.experiments.decision_log import format_decision
 from lcorpp.learning import StreamingClassifier
-from lcorpp.values import Belief, Distribution, Episode, SharedValue, Step
-from lcorpp.web.description import describe_domain, find_hearing
+from lcorpp.values import Belief, Episode, SharedValue, Step
+from lcorpp.web.description import describe_domain, list_hearing
 from lcorpp.web.requests import RequestError, parse_request
 from lcorpp.web.robot import PlayRobot
 from lcorpp.web.trial import JudgedTrial
@@ -105,7 +106,7 @@ class Session:
     def _observe(self, facts: Mapping[str, str], labels: Mapping[str, str]) -> Json:
         self._require(self._episode is None, "the robot decides already; expected `start`")
         classes = self._read_labels(labels)
-        reply = self._infer(facts, classes)
+        reply, _ = self._infer(facts, classes)
         self._facts, self._labels = dict(facts), classes
         return {"type": "posterior", **reply}
 
@@ -122,21 +123,21 @@ class Session:
             classes[name] = class_of[label]
         return classes
 
-    def _infer(self, facts: Mapping[str, str], labels: Mapping[str, str]) -> Json:
-        """Return what follows from facts and labels, with those of the tracks so far."""
+    def _infer(self, facts: Mapping[str, str], labels: Mapping[str, str]) -> tuple[Json, Episode]:
+        """Return what follows from facts and labels, with those of the tracks so far, and the decision."""
         robot, classes = self._robot, {**self._classify(), **labels}
         try:
             evidence, marginal, prior = infer_prior(robot.robot, facts, classes)
             inference = robot.knowledge.infer({name: str(value) for name, value in evidence.items()})
         except (DomainError, UndefinedError) as error:
             raise RequestError("invalid", str(error)) from None
-        self._inferred = classes, evidence, marginal, prior
-        return {
+        reply = {
             "evidence": dict(evidence),
             **inference.content,
             "belief": list_belief(robot.domain, prior),
             "fan": draw_fan(robot.domain, robot.parts.policy, prior),
         }
+        return reply, Episode(classes, evidence, marginal, prior, (), None, {})
 
     def _classify(self) -> dict[str, str]:
         """Return sense -> class of the tracks that are long enough."""
@@ -179,10 +180,8 @@ class Session:
 
     def _decide(self) -> Json:
         self._require(self._episode is None, "the robot decides already; expected `answer` or `start`")
-        reply = self._infer(self._facts, self._labels)
-        classes, evidence, marginal, prior = self._inferred
-        self._episode = Episode(classes, evidence, marginal, prior, (), None, {})
-        return {"type": "decision", **reply, **self._act(prior)}
+        reply, self._episode = self._infer(self._facts, self._labels)
+        return {"type": "decision", **reply, **self._act(self._episode.prior)}
 
     def _act(self, belief: Belief) -> Json:
         """Return the view of a belief; a report is executed at once."""
@@ -204,7 +203,7 @@ class Session:
             raise RequestError("failed", f"no report after {MAX_STEPS} actions")
         robot, domain = self._robot.robot, self._robot.domain
         action = robot.planner.action(self._belief)
-        rows = find_hearing(domain)[action]
+        rows = list_hearing(domain, action)
         if said not in rows:
             raise RequestError("invalid", f"said: {said!r}; {expected_one_of(rows)}")
         heard = domain.pomdp.observations[draw_index(rows[said], draw)]
@@ -234,7 +233,7 @@ class Session:
         kept: Mapping[str, Any] = {"stored": 0, "batch": 0}
         if self._keep is not None:
             assert value is not None
-            kept = self._keep(JudgedTrial(self._facts, self._samples, value, self._finish()))
+            kept = self._keep(JudgedTrial(self._facts, self._samples, value))
         self._is_judged = True
         return {"type": "judged", "learns": self._keep is not None, **kept}
 
@@ -249,11 +248,7 @@ class Session:
     def _finish(self) -> Episode:
         """Return the decision so far."""
         assert self._episode is not None
-        given = self._episode
-        marginal: Distribution | None = given.marginal
-        return Episode(
-            given.labels, given.evidence, marginal, given.prior, tuple(self._steps), self._report, {}
-        )
+        return replace(self._episode, steps=tuple(self._steps), report=self._report)
 
     def _require(self, condition: bool, message: str) -> None:
         if not condition:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from lcorpp.values import Episode, SharedValue
+from lcorpp.values import SharedValue
 
 
 @dataclass(frozen=True, eq=False)
@@ -13,10 +13,9 @@ class JudgedTrial:
     """A trial with its true shared value.
 
     facts: observed attribute -> value. samples: sense -> its samples (time, value, ...), as they arrived.
-    truth: by the person. episode: what the robot decided.
+    truth: by the person.
     """
 
     facts: Mapping[str, str]
     samples: Mapping[str, Sequence[tuple[float, ...]]]
     truth: SharedValue
-    episode: Episode

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from lcorpp.experiments.decision_log import DecisionLog
     from lcorpp.experiments.setup import ClassifierOptions
     from lcorpp.values import Dataset
+    from lcorpp.web.learning import BatchLearner
     from lcorpp.web.robot import PlayRobot
 
 BATCH = 5
@@ -39,7 +40,9 @@ def play(
     ] = BATCH,
     store: Annotated[
         Path | None,
-        typer.Option(metavar="FILE", help="Keep the judged trials here, as `lcorpp learn` keeps them."),
+        typer.Option(
+            metavar="FILE", help="Keep the judged walks in this store, and learn from those that it has."
+        ),
     ] = None,
     classifier: ClassifiersOption = None,
     learner: LearnersOption = None,
@@ -63,6 +66,7 @@ def play(
     """
     from lcorpp.domains import load_domain
     from lcorpp.experiments.decision_log import DecisionLog
+    from lcorpp.web.learning import BatchLearner, find_learning_sense, open_store
 
     require_server()
     loaded = load_domain(domain, preset=preset)
@@ -79,6 +83,13 @@ def play(
     with ExitStack() as stack:
         listening = stack.enter_context(listen(port))
         decisions = None if log is None else stack.enter_context(DecisionLog(log))
+        sense = find_learning_sense(loaded, [name for name, own in chosen.items() if own is not None])
+        if sense is None and store is not None:
+            raise DomainError(f"--store {store}: no classifier of {loaded.name} learns from the page")
+        data = None if sense is None else find_initial_data(loaded, sense, chosen[sense.name], seed)
+        kept = None
+        if store is not None and sense is not None and data is not None:
+            kept = stack.enter_context(open_store(store, sense, data))
         robot = set_up(loaded, chosen, options_of_solver, seed=seed, jobs=jobs, no_cache=no_cache)
         host, own_port = listening.getsockname()
         address = f"http://{host}:{own_port}/"
@@ -88,7 +99,15 @@ def play(
             if open_page:
                 webbrowser.open(address)
 
-        asyncio.run(serve(robot, chosen, listening, show_address, batch, store, seed, decisions))
+        trials = None
+        if sense is not None and data is not None:
+            trials = BatchLearner(robot, sense, data, batch_size=batch, store=kept, seed=seed)
+        try:
+            asyncio.run(serve(robot, trials, listening, show_address, decisions))
+        finally:
+            if trials is not None:
+                where = f" in {store}" if store else ""
+                console.out.print(f"{trials.n_stored} judged trials are kept{where}")
 
 
 def require_server() -> None:
@@ -126,27 +145,17 @@ def listen(port: int) -> socket.socket:
 
 async def serve(
     robot: PlayRobot,
-    chosen: dict[str, ClassifierOptions],
+    learner: BatchLearner | None,
     listening: socket.socket,
     started: Callable[[], None],
-    batch: int,
-    store: Path | None,
-    seed: int,
     log: DecisionLog | None,
 ) -> None:
     """Serve the page until Ctrl-C."""
-    from lcorpp.web.learning import BatchLearner, find_learning_sense
     from lcorpp.web.server import PageServer, make_uvicorn
     from lcorpp.web.session import Session
 
-    sense = find_learning_sense(robot)
-    if sense is None and store is not None:
-        raise DomainError(f"--store {store}: no classifier of {robot.domain.name} learns from the page")
     append = None if log is None else lambda line: log.append_lines([line])
-    loop, learner = asyncio.get_running_loop(), None
-    if sense is not None:
-        data = find_initial_data(robot.domain, sense, chosen[sense.name], seed)
-        learner = BatchLearner(robot, sense, data, batch_size=batch, store=store, seed=seed)
+    loop = asyncio.get_running_loop()
 
     def make_session() -> Session:
         if learner is None:
@@ -166,8 +175,6 @@ async def serve(
     finally:
         if learner is not None:
             learner.close()
-            where = f" in {store}" if store else ""
-            console.out.print(f"{learner.n_stored} judged trials are kept{where}")
 
 
 def find_initial_data(domain: Domain, sense: Sense, source: ClassifierOptions, seed: int) -> Dataset:
