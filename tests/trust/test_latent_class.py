@@ -187,34 +187,3 @@ def test_counts_of_cases_that_are_not_kept_remain(monkeypatch):
     assert small.cases.n <= 9
     assert whole.cases.n > 9
     np.testing.assert_allclose(small.pi, whole.pi, atol=0.08)
-
-
-@pytest.mark.parametrize("seed", range(3))
-def test_another_start_leaves_a_maximum_at_which_the_values_are_exchanged(seed):
-    """The rates are the opposite of the stated ones, at a noise of .4; EM begins where all is exchanged."""
-    rng, opposite = np.random.default_rng(seed), [(0.29, 0.71), (0.76, 0.24)]
-    model = make_model(2)
-    for person in draw_people(rng, 3000, [0.2, 0.7], opposite, 0.4):
-        model.add(*person)
-    model.rates, model.rows = [np.array([[0.9, 0.1], [0.1, 0.9]])], model.answers.add_noise(0.98)
-    model.pi = np.array([[0.8, 0.2], [0.3, 0.7]])
-    model._update_logs()
-    model.fit(20)
-    assert model.rates[0][0, 0] > 0.6
-    model.restart(100)
-    assert model.rates[0][0, 0] < 0.45
-    assert model.rates[0][1, 0] > 0.6
-    assert model.rows[0, 0] == pytest.approx(0.6, abs=0.06)
-    kept = model.rates[0].copy()
-    model.restart(100)  # the same maximum again
-    np.testing.assert_allclose(model.rates[0], kept, atol=0.02)
-
-
-def test_another_start_is_left_if_it_is_less_likely():
-    rng, model = np.random.default_rng(5), make_model(2)
-    for person in draw_people(rng, 500, [0.9, 0.2], RATES, 0.2):
-        model.add(*person)
-    model.fit(200)
-    before = model.rates[0].copy()
-    model.restart(1)
-    np.testing.assert_array_equal(model.rates[0], before)

@@ -71,7 +71,7 @@ def test_the_observation_model_is_estimated_and_the_next_planner_is_for_it():
         assert len(dialogue.planned) == n + 1
         assert dialogue.planned[-1] is trust.tables
     assert trust.learnt.rows[0, 0] == pytest.approx(0.6, abs=0.05)
-    np.testing.assert_array_equal(trust.tables[0], find_optimistic_rows(trust.learnt, 2.0))
+    np.testing.assert_array_equal(trust.tables[0], find_optimistic_rows(trust.learnt, 1.0))
 
 
 def test_every_kth_person_is_asked_until_there_are_enough_answers():
@@ -98,6 +98,22 @@ def test_people_are_asked_while_too_few_have_given_enough_answers():
         trust.learn(episode.evidence, episode.steps)
         asked.append(world.done.count("ask") >= 3)
     assert [n for n, is_asked in enumerate(asked) if is_asked] == [0, 2, 5]  # 1 < sqrt(2), 2 < sqrt(5)
+
+
+def test_people_are_asked_while_other_estimates_are_credible():
+    trust, _ = make_trust(SkyReasoner(sunny=0.999), ask_every=1000, ask_answers=3, min_asked=0.0)
+    trust.learn({"sky": "sunny"}, steps("nod"))
+    asked = []
+    for other in (None, trust.learnt.estimates, None):
+        trust._learnt.alternative.estimates = other
+        world = FakeWorld(*["nod"] * 9)
+        dt_control(
+            Robot({"eyes": FakeClassifier()}, trust, trust.make_planner(), FakeDomain()),
+            make_instance(0, "sunny"),
+            world,
+        )
+        asked.append(world.done.count("ask") >= 3)
+    assert asked == [False, True, False]
 
 
 def test_a_policy_that_never_reports_ends_with_the_most_probable_value():

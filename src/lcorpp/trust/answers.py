@@ -127,6 +127,11 @@ class AnswerModel:
         rows /= rows.sum(axis=1, keepdims=True)
         return self._keep_order(rows, prior), float(NOISE_DEGREES[shared])
 
+    def compute_log_prior(self, noise: float) -> float:
+        """Return the log prior of a noise that all questions share, 0 for the stated model."""
+        scores = self._stated_score - self._stated_score[STATED_DEGREE]
+        return float(scores[np.argmin(np.abs(NOISE_DEGREES - noise))])
+
     def _keep_order(self, rows: Array, prior: Array) -> Array:
         """Return rows between `rows` and `prior` (R, O) in which no two values are exchanged.
 

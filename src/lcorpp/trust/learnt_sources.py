@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from lcorpp.protocols import DomainInterface
+from lcorpp.trust.alternative import Alternative
 from lcorpp.trust.answers import AnswerModel
 from lcorpp.trust.latent_class import LatentClassModel
 from lcorpp.values import Array, Label
@@ -28,7 +29,7 @@ class LearntSources:
     independent: the learnt marginals of the variables, without their correlation; and for each variable the
     knowledge without it, with its learnt marginal instead.
 
-    names: of the sources. learnt, recent: the models.
+    names: of the sources. learnt, recent: the models. alternative: other estimates of the first.
 
     Args:
         stated_rates, memory: as of `LatentClassModel`.
@@ -39,6 +40,7 @@ class LearntSources:
     ) -> None:
         self.learnt = LatentClassModel(answers, stated_rates)
         self.recent = LatentClassModel(answers, stated_rates, memory=memory)
+        self.alternative = Alternative(self.learnt)
         shared = domain.shared
         self._sizes: tuple[int, ...] = ()
         joint: tuple[str, ...] = ()
@@ -87,18 +89,26 @@ class LearntSources:
     def fit(self, iterations: int) -> None:
         """Run EM on both models; the observation model is estimated from all people."""
         self.learnt.fit(iterations)
-        self.recent.prior_rates = self.learnt.rates
+        self.alternative.fit(iterations)
+        self.recent.prior_rates = list(self.learnt.rates)
         self.recent.fit(iterations, self.learnt.rows)
 
     def replace_rates(self, stated_rates: Sequence[Array]) -> bool:
         """Replace the stated rates, see `LatentClassModel.replace_rates`; return whether any differ."""
         changed = [model.replace_rates(stated_rates) for model in (self.learnt, self.recent)]
+        if any(changed):
+            self.alternative.forget()
         return any(changed)
 
     def state(self) -> dict[str, Any]:
         """Return the contexts, in their order, and both models as JSON."""
         contexts = [sorted(context, key=itemgetter(0)) for context in self._contexts]
-        return {"contexts": contexts, "learnt": self.learnt.state(), "recent": self.recent.state()}
+        models = {
+            "learnt": self.learnt.state(),
+            "recent": self.recent.state(),
+            "alternative": self.alternative.state(),
+        }
+        return {"contexts": contexts, **models}
 
     def restore(self, state: Mapping[str, Any]) -> None:
         """Continue from a state, before the first context is added."""
@@ -106,3 +116,4 @@ class LearntSources:
             self.index_context(dict(facts))
         self.learnt.restore(state["learnt"])
         self.recent.restore(state["recent"])
+        self.alternative.restore(state["alternative"])

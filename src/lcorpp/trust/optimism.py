@@ -23,9 +23,10 @@ def find_optimistic_rows(model: LatentClassModel, max_loss: float) -> Array:
     in Applied Mathematics 6, 1985 (upper confidence bounds).
     """
     answers, rows = model.answers, model.rows.copy()
-    logs, counts, weights = model.compute_log_joint(), model.cases.answer_counts, model.cases.weights
+    logs = model.compute_log_joint(model.estimates)
+    counts, weights = model.cases.answer_counts, model.cases.weights
     likelihood = sum_log_likelihood(logs, weights)
-    estimated_logs = answers.find_log_likelihoods(model.rows)
+    estimated_logs = model.estimates.log_answers
     for own, prior in answers.list_questions(model.noise):
         estimated, stated = model.rows[own], answers.stated_rows[own]
         if np.ptp(stated, axis=0).sum() <= np.ptp(estimated, axis=0).sum():

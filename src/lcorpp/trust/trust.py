@@ -20,9 +20,9 @@ from lcorpp.trust.optimism import find_optimistic_rows
 from lcorpp.trust.sources import StatedSources
 from lcorpp.values import Array, Distribution, Label, Likelihood, Step
 
-FIRST_RESTART, RESTART_ITERATIONS = 25, 40
-"""Number of people at the first restart of EM, which is repeated when it has grown by a quarter; and its
-iterations."""
+FIRST_EXCHANGE, EXCHANGE_ITERATIONS = 25, 40
+"""Number of people when two values are first exchanged, which is repeated when it has grown by a quarter; and
+the iterations of EM then."""
 
 
 @dataclass(frozen=True)
@@ -47,7 +47,7 @@ class TrustOptions:
     min_asked: float = 3.0
     refits: int = 50
     iterations: int = 2
-    max_loss: float = 2.0
+    max_loss: float = 1.0
 
     def __post_init__(self) -> None:
         limits = {
@@ -110,7 +110,7 @@ class Trust:
         self._learnt = LearntSources(domain, self.answers, stated_rates, options.memory)
         self.sources = (*self._stated.names, *self._learnt.names)
         self.weights = np.full(len(self.sources), 1 / len(self.sources))
-        self.n_people, self._next_fit, self._next_restart = 0, 1, FIRST_RESTART
+        self.n_people, self._next_fit, self._next_exchange = 0, 1, FIRST_EXCHANGE
         self._n_repeated = 0  # people with `ask_answers` answers
 
     def posterior(self, attribute: str | Sequence[str], evidence: Mapping[str, Label]) -> Distribution:
@@ -131,6 +131,7 @@ class Trust:
         asks = options.ask_every and (
             self.n_people % options.ask_every == 0
             or self._n_repeated < options.min_asked * self.n_people**0.5
+            or self._learnt.alternative.estimates is not None
         )
         wanted = options.ask_answers if asks else 0
         return AskingPlanner(self.planner, self._domain, self._dialogue, wanted)
@@ -154,9 +155,9 @@ class Trust:
         if self.n_people >= self._next_fit:
             self._next_fit = self.n_people + max(1, self.n_people // self.options.refits)
             self._learnt.fit(self.options.iterations)
-            if self.n_people >= self._next_restart:
-                self._next_restart = self.n_people * 5 // 4
-                self.learnt.restart(RESTART_ITERATIONS)
+            if self.n_people >= self._next_exchange:
+                self._next_exchange = self.n_people * 5 // 4
+                self._learnt.alternative.exchange(EXCHANGE_ITERATIONS)
             self.tables = self.answers.make_tables(find_optimistic_rows(self.learnt, self.options.max_loss))
         self.planner = self._dialogue.make_planner(self.tables)
 
@@ -195,7 +196,7 @@ class Trust:
             "people": self.n_people,
             "repeated": self._n_repeated,
             "next_fit": self._next_fit,
-            "next_restart": self._next_restart,
+            "next_exchange": self._next_exchange,
             "tables": self.tables.tolist(),
             "learnt": self._learnt.state(),
             "planners": self._dialogue.state(),
@@ -219,7 +220,7 @@ class Trust:
             self.weights = np.array(state["weights"], np.float64).reshape(self.weights.shape)
             self.tables = np.array(state["tables"], np.float64).reshape(self.tables.shape)
             self.n_people, self._n_repeated = state["people"], state["repeated"]
-            self._next_fit, self._next_restart = state["next_fit"], state["next_restart"]
+            self._next_fit, self._next_exchange = state["next_fit"], state["next_exchange"]
             if self.n_people:
                 self.planner = self._dialogue.restore(state["planners"])
         except (LookupError, TypeError, ValueError, AttributeError) as error:

@@ -1,0 +1,125 @@
+"""Alternative estimates: which are used, and that more answers decide between them."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from lcorpp.trust.alternative import MAX_LEAD, Alternative
+from lcorpp.trust.answers import AnswerModel
+from lcorpp.trust.latent_class import LatentClassModel
+from tests.trust.test_latent_class import RATES, draw_people, make_model
+
+OPPOSITE = np.array([[0.29, 0.71], [0.76, 0.24]])
+"""Rates of a classifier that says the contrary of what is stated."""
+
+
+def believe_the_contrary(model, rng):
+    """Let people without answers, labelled by the opposite rates, and EM make the contrary the estimate."""
+    for context, label, _ in draw_people(rng, 300, [0.2, 0.7], OPPOSITE, 0.4):
+        model.add(context, label, [])
+    model.fit(50)
+    assert model.rates[0][0, 0] > 0.65
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_after_few_answers_the_contrary_is_credible_too_and_more_answers_decide(seed):
+    rng, model = np.random.default_rng(seed), make_model(2)
+    believe_the_contrary(model, rng)
+    for person in draw_people(rng, 40, [0.2, 0.7], OPPOSITE, 0.4, answers=4):
+        model.add(*person)
+    model.fit(50)
+    alternative = Alternative(model)
+    alternative.exchange(100)
+    other = alternative.estimates
+    assert model.noise < other.noise
+    assert (model.rates[0][0, 0] < 0.5) != (other.rates[0][0, 0] < 0.5)
+    assert (model.pi[0, 0] < 0.5) != (other.pi[0, 0] < 0.5)
+    scores = [model.compute_log_posterior(estimates) for estimates in (other, model.estimates)]
+    assert abs(scores[0] - scores[1]) <= MAX_LEAD
+    # more answers refute the estimates in which all is exchanged
+    for person in draw_people(rng, 1500, [0.2, 0.7], OPPOSITE, 0.4):
+        model.add(*person)
+    model.fit(20)
+    alternative.fit(20)
+    assert alternative.estimates is None
+    model.fit(200)  # EM is slow where answers are noisy
+    np.testing.assert_allclose(model.rates[0], OPPOSITE, atol=0.1)  # .03 is a standard error
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_maximum_at_which_the_values_are_exchanged_is_left(seed):
+    """The rates are the opposite of the stated ones, at a noise of .4; EM begins where all is exchanged."""
+    rng, model = np.random.default_rng(seed), make_model(2)
+    for person in draw_people(rng, 3000, [0.2, 0.7], OPPOSITE, 0.4):
+        model.add(*person)
+    model.estimates = replace(
+        model.estimates,
+        rates=(np.array([[0.9, 0.1], [0.1, 0.9]]),),
+        rows=model.answers.add_noise(0.98),
+        pi=np.array([[0.8, 0.2], [0.3, 0.7]]),
+    )
+    model.fit(20)
+    assert model.rates[0][0, 0] > 0.6
+    alternative = Alternative(model)
+    alternative.exchange(100)
+    assert alternative.estimates is None
+    np.testing.assert_allclose(model.rates[0], OPPOSITE, atol=0.1)
+    assert model.rows[0, 0] == pytest.approx(0.6, abs=0.06)
+    kept = model.rates[0]
+    alternative.exchange(100)  # the contrary is not credible any more
+    assert alternative.estimates is None
+    np.testing.assert_allclose(model.rates[0], kept, atol=0.02)
+
+
+def test_estimates_that_are_far_more_probable_stay():
+    rng, model = np.random.default_rng(5), make_model(2)
+    for person in draw_people(rng, 500, [0.9, 0.2], RATES, 0.2):
+        model.add(*person)
+    model.fit(200)
+    before, alternative = model.estimates, Alternative(model)
+    alternative.exchange(1)
+    assert (model.estimates, alternative.estimates) == (before, None)
+
+
+def test_pairs_of_values_are_exchanged_in_turn(monkeypatch):
+    tables = np.array([[[0.8, 0.1, 0.1], [0.1, 0.8, 0.1], [0.1, 0.1, 0.8]]])
+    model = LatentClassModel(AnswerModel.of_tables(tables), [])
+    model.add_context([("place", "hall")])
+    model.add(0, [], [0])
+    model.estimates = replace(model.estimates, pi=np.array([[0.5, 0.3, 0.2]]), rows=tables[0] / 2 + 1 / 6)
+    starts, alternative = [], Alternative(model)
+
+    def iterate(start, iterations):
+        starts.append(start)
+        return model.estimates
+
+    monkeypatch.setattr(model, "iterate", iterate)
+    for _ in range(4):
+        alternative.exchange(5)
+    assert [start.pi[0].tolist() for start in starts] == [
+        [0.3, 0.5, 0.2],
+        [0.2, 0.3, 0.5],
+        [0.5, 0.2, 0.3],
+        [0.3, 0.5, 0.2],
+    ]
+    for start in starts:
+        np.testing.assert_array_equal(start.rows, tables[0])
+
+
+def test_new_contexts_are_added_to_the_alternative():
+    rng, model = np.random.default_rng(1), make_model(2)
+    believe_the_contrary(model, rng)
+    for person in draw_people(rng, 40, [0.2, 0.7], OPPOSITE, 0.4, answers=4):
+        model.add(*person)
+    model.fit(50)
+    alternative = Alternative(model)
+    alternative.exchange(100)
+    model.add_context([("place", "new")])
+    state = alternative.state()
+    alternative.fit(2)
+    assert len(state["estimates"]["pi"]) == len(alternative.estimates.pi) == 3
+    restored = Alternative(model)
+    restored.restore(state)
+    restored.fit(2)
+    assert restored.state() == alternative.state()
