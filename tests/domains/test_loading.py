@@ -178,6 +178,12 @@ WRONG_TOML = [
         r"domain\.toml:20: .*guide\.pomdp:4 has no action 'to_lob'; expected one of point",
     ),
     ('to_lab = "lab"', 'to_lab = "den"', r"goal cannot be 'den' \(.*badges\.plog:5\)"),
+    (
+        "[planning.reports]",
+        "[planning.phrases]\nfly = 'flies'\n[planning.reports]",
+        r"domain\.toml:20: \[planning\.phrases\] fly: .*has no action or observation 'fly'; expected one of",
+    ),
+    ("[planning.reports]", "[planning.phrases]\npoint = 1\n[planning.reports]", r"point: expected a text"),
     ('to_lab = "lab"\n', "", r"\[planning\] reports: no action reports 'lab'"),
     ('store = "shrug"', 'store = "nod"', r"guide\.pomdp:5 has no observation 'nod'"),
     (

@@ -57,6 +57,9 @@ def test_rules_that_fire_are_sentences(page):
     sentences = [rule["sentence"] for rule in reply["fired"]]
     assert "If identity is visitor, location is library with probability 80 %." in sentences
     assert reply["world"]["identity"] == "visitor"
+    reply = page.send("observe", facts={"time": "afternoon", "location": "classroom"}, labels={})
+    (sentence,) = [rule["sentence"] for rule in reply["fired"] if rule["about"] == "location"]
+    assert sentence == "If identity is visitor, location is library with probability 80 %; here it is classroom."
 
 
 def test_the_label_of_a_track_becomes_evidence(page):

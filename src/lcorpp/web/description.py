@@ -43,6 +43,7 @@ def describe_domain(robot: PlayRobot, *, learns: bool) -> dict[str, Any]:
         "values": [list(domain.reasoning.split(value).values()) for value in domain.values],
         "actions": [{"name": action, "report": _find_report(domain, action)} for action in pomdp.actions],
         "observations": list(pomdp.observations),
+        "phrases": dict(domain.planning.phrases),
         "answers": {action: list_answers(domain, action) for action in questions},
         "noise": {action: list_hearing(domain, action) for action in questions},
         "noisy": bool((domain.simulation.hearing.diagonal(axis1=1, axis2=2) < 1).any()),

@@ -89,7 +89,7 @@ class Knowledge:
         world = self.reasoner.most_probable(evidence)[0]
         fired = [
             {
-                "sentence": write_sentence(rule),
+                "sentence": write_sentence(rule, world.values),
                 "about": rule.term.partition("(")[0],
                 "text": rule.statement,
                 "line": rule.at.line,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from math import inf
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -13,7 +13,7 @@ from lcorpp.domains.sections.planner_model import read_planner_model
 from lcorpp.domains.sections.reasoning import ReasoningSection
 from lcorpp.domains.sections.states import check_template, read_states
 from lcorpp.domains.toml import TomlTable
-from lcorpp.errors import DomainError, ModelError
+from lcorpp.errors import DomainError, ModelError, expected_one_of
 from lcorpp.planning import Pomdp, SolverOptions
 from lcorpp.user_code import split_function
 from lcorpp.values import Array, SharedValue, format_value
@@ -39,6 +39,7 @@ class PlanningSection:
     terminal: the indices of the terminal states.
     solver: the solver of the model, and its limits.
     problem: the model with its variables, None if it has none.
+    phrases: action or observation -> plain words for it; a name without words is readable itself.
     """
 
     pomdp: Pomdp
@@ -48,6 +49,7 @@ class PlanningSection:
     terminal: tuple[int, ...]
     solver: SolverOptions
     problem: Factored | None = None
+    phrases: Mapping[str, str] = field(default_factory=dict)
 
     def __repr__(self) -> str:
         return f"PlanningSection({self.pomdp!r}, reports: {', '.join(self.reports)})"
@@ -64,10 +66,23 @@ def read_planning(table: TomlTable, folder: Path, reasoning: ReasoningSection) -
     states = read_states(table, pomdp, problem, reasoning)
     reports = _read_reports(table, pomdp, reasoning)
     solver = _read_solver(table, folder)
+    phrases = _read_phrases(table, pomdp)
     table.reject_unknown_keys()
     return PlanningSection(
-        pomdp, reports, states.initial_states, states.state_values, states.terminal, solver, problem
+        pomdp, reports, states.initial_states, states.state_values, states.terminal, solver, problem, phrases
     )
+
+
+def _read_phrases(table: TomlTable, pomdp: Pomdp) -> dict[str, str]:
+    """Read `phrases`: action or observation -> its words."""
+    section, known = table.section("phrases"), (*pomdp.actions, *pomdp.observations)
+    for name in section:
+        if name not in known:
+            raise DomainError(
+                f"{section.location(name)}: {pomdp.file} has no action or observation {name!r};"
+                f" {expected_one_of(known)}"
+            )
+    return {name: section.text(name) for name in section}
 
 
 def _read_solver(table: TomlTable, folder: Path) -> SolverOptions:

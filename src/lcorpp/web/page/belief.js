@@ -1,6 +1,6 @@
 // The belief: a bead under the fan for two values, in the triangle for three, bars otherwise.
 
-import { element, percent, readable, show, tableOf } from "./dom.js";
+import { element, percent, phrase, readable, show, tableOf } from "./dom.js";
 import { drawFan } from "./fan.js";
 import { drawTriangle } from "./triangle.js";
 import { makeBar } from "./bars.js";
@@ -8,8 +8,8 @@ import { makeKey } from "./marks.js";
 
 const MAX_BARS = 9;
 const CAPTIONS = {
-  2: "Each line is a plan. The robot follows the highest one above its belief, the bead.",
-  3: "A corner is certainty. The colour around the belief, the bead, is what the robot does next.",
+  2: "Each line is a plan. The robot follows the highest one above its belief, the large dot. A number: after so many answers.",
+  3: "A corner is certainty. The colour around the belief, the large dot, is what the robot does next. A number: after so many answers.",
 };
 
 export class BeliefPicture {
@@ -50,7 +50,7 @@ export class BeliefPicture {
 
   makeKeys() {
     const actions = [...new Set(this.fan.map((own) => own.action))];
-    const keys = actions.map((action) => element("li", {}, element("i", { class: this.palette.ofAction(action) }), readable(action)));
+    const keys = actions.map((action) => element("li", {}, element("i", { class: this.palette.ofAction(action) }), phrase(this.domain, action)));
     return element("ul", { class: "keys", "aria-label": "Best action by region" }, ...keys);
   }
 

@@ -1,6 +1,6 @@
 // What the robot does: its actions as a strip of panels, and the answers as large buttons.
 
-import { drawing, element, readable, show } from "./dom.js";
+import { drawing, element, phrase, readable, show } from "./dom.js";
 
 const MAX_KEYS = 9;
 
@@ -39,15 +39,15 @@ export class Dialogue {
 
   showAnswers(action) {
     const buttons = this.domain.answers[action].map((said) => ({
-      text: readable(said),
+      text: phrase(this.domain, said),
       onpress: () => this.onAnswer(said),
     }));
-    showButtons(`${capitalize(readable(action))}: what do you answer?`, buttons);
+    showButtons(`${capitalize(phrase(this.domain, action))}: your answer?`, buttons);
   }
 
   makePanel({ action, report, step }, i) {
     const isNow = i === this.panels.length - 1;
-    const name = report === null ? readable(action) : readable(report);
+    const name = report === null ? phrase(this.domain, action) : readable(report);
     const act = element(
       "p",
       { class: "act" },
@@ -69,9 +69,9 @@ export class Dialogue {
         "dl",
         { class: isMisheard ? "heard misheard" : "heard" },
         element("dt", {}, "you said"),
-        element("dd", {}, readable(said)),
+        element("dd", {}, phrase(this.domain, said)),
         element("dt", {}, "it heard"),
-        element("dd", {}, `${readable(heard)}${isMisheard ? ", wrongly" : ""}`),
+        element("dd", {}, `${phrase(this.domain, heard)}${isMisheard ? ", wrongly" : ""}`),
       ),
       element("p", { class: "then" }, "\u2192 ", ...this.describe(shared)),
     ];

@@ -24,6 +24,11 @@ export function readable(name) {
   return [name].flat().map((part) => part.replaceAll("_", " ")).join(", ");
 }
 
+/** Return an action or an observation in the words of the domain. */
+export function phrase(domain, name) {
+  return domain.phrases[name] ?? readable(name);
+}
+
 /** Return a probability as text with one decimal. */
 export function percent(p) {
   return `${(100 * p).toFixed(1)} %`;

@@ -1,10 +1,10 @@
 // The fan of alpha vectors over two values: each is the value of a plan, a line over the belief; the highest counts.
 
-import { decimal, drawing, readable } from "./dom.js";
+import { decimal, drawing, phrase, readable } from "./dom.js";
 import { makeMark } from "./marks.js";
 
 const [WIDTH, HEIGHT] = [400, 300];
-const [LEFT, RIGHT, TOP, BOTTOM] = [14, 386, 10, 214];
+const [LEFT, RIGHT, TOP, BOTTOM] = [38, 388, 10, 214];
 const [BAND, BAND_HEIGHT] = [222, 24];
 const LINE = 266;
 const MIN_LABEL = 52;
@@ -26,7 +26,7 @@ export function drawFan(fan, beliefs, domain, palette) {
       viewBox: `0 0 ${WIDTH} ${HEIGHT}`,
       class: "fan",
       role: "img",
-      "aria-label": `${fan.length} plans over the belief; best now: ${readable(piece.line.action)}, worth ${decimal(evaluateAt(piece.line, now))}.`,
+      "aria-label": `${fan.length} plans over the belief; best now: ${phrase(domain, piece.line.action)}, worth ${decimal(evaluateAt(piece.line, now))}.`,
     },
     drawing("clipPath", { id: "fan-clip" }, drawing("rect", { x: LEFT, y: TOP, width: RIGHT - LEFT, height: BOTTOM - TOP })),
     ...mergeByAction(pieces).map(({ action, start, end }) =>
@@ -61,7 +61,8 @@ export function drawFan(fan, beliefs, domain, palette) {
       }),
     ),
     drawing("text", { class: "axis", x: LEFT + 5, y: TOP + 15 }, "expected reward of each plan"),
-    ...drawBand(mergeByAction(pieces), toX, palette),
+    ...[low, high].map((value) => drawing("text", { class: "axis end", x: LEFT - 5, y: toY(value) + 5 }, roundOff(value))),
+    ...drawBand(mergeByAction(pieces), toX, domain, palette),
     drawing("line", { class: "base", x1: LEFT, x2: RIGHT, y1: LINE, y2: LINE }),
     ...beliefs.slice(0, -1).map((p, i) => drawBead(toX(p), i)),
     drawing("line", { class: "drop", x1: toX(now), x2: toX(now), y1: toY(evaluateAt(piece.line, now)), y2: LINE }),
@@ -71,15 +72,19 @@ export function drawFan(fan, beliefs, domain, palette) {
   );
 }
 
-function drawBand(regions, toX, palette) {
+function drawBand(regions, toX, domain, palette) {
   return regions.flatMap(({ action, start, end }) => {
     const [x, width] = [toX(start), toX(end) - toX(start)];
     const rect = drawing("rect", { class: `band ${palette.ofAction(action)}`, x, y: BAND, width, height: BAND_HEIGHT });
-    rect.append(drawing("title", {}, readable(action)));
-    const name = readable(action);
+    const name = phrase(domain, action);
+    rect.append(drawing("title", {}, name));
     if (width < Math.max(MIN_LABEL, name.length * LETTER)) return [rect];
     return [rect, drawing("text", { class: "band-name", x: x + width / 2, y: BAND + 17 }, name)];
   });
+}
+
+function roundOff(value) {
+  return value.toFixed(0).replace("-", "\u2212");
 }
 
 function drawBead(x, number) {

@@ -36,7 +36,7 @@ export class Knowledge {
 
   makeSeen(attribute, chosen, isLocked) {
     const sense = this.domain.senses.find((own) => own.attribute === attribute.name);
-    if (sense?.kind === "track") return this.makeGroup(attribute, "from your walk", {}, sense);
+    if (sense?.kind === "track") return this.makeGroup(attribute, "the label", {}, sense);
     const [kind, name] = sense ? ["labels", sense.name] : ["facts", attribute.name];
     const choose = (value) => {
       const isPressed = chosen[kind][name] === value;
@@ -99,7 +99,7 @@ export class Knowledge {
       return element("li", {}, rule.sentence, " ", details);
     });
     return [
-      element("h3", {}, "Rules at work", element("span", {}, `likeliest case (${percent(probability)}): ${named.join(", ")}`)),
+      element("h3", {}, items.length === 1 ? "1 rule at work" : `${items.length} rules at work`, element("span", {}, `likeliest case (${percent(probability)}): ${named.join(", ")}`)),
       items.length === 0
         ? element("p", { class: "quiet" }, "No rule applies.")
         : element("ul", { tabindex: 0, "aria-label": "Rules at work" }, ...items),

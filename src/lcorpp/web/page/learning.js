@@ -29,24 +29,29 @@ export class Learning {
       return;
     }
     const others = this.domain.values.filter((value) => String(value) !== String(report));
-    const buttons = [{ text: "Yes", onpress: () => this.onJudge(true, null) }];
+    const buttons = [{ text: "Yes", onpress: () => this.judge(true, null) }];
     const title = `${readable(report)}: was it right?`;
     if (others.length <= MAX_BUTTONS) {
-      const wrong = others.map((value) => ({ text: `No: ${readable(value)}`, onpress: () => this.onJudge(false, value) }));
+      const wrong = others.map((value) => ({ text: `No: ${readable(value)}`, onpress: () => this.judge(false, value) }));
       showButtons(title, [...buttons, ...wrong]);
       return;
     }
     const choice = element("select", { "aria-label": "True value" }, ...others.map((value, i) => element("option", { value: i }, readable(value))));
-    const wrong = { text: "No, it was:", onpress: () => this.onJudge(false, others[Number(choice.value)]) };
+    const wrong = { text: "No, it was:", onpress: () => this.judge(false, others[Number(choice.value)]) };
     showButtons(title, [...buttons, wrong], choice);
   }
 
-  /** Tell what was kept. path: the walk that was judged. */
+  judge(isRight, truth) {
+    this.judgement = isRight ? "it was right" : `it was wrong, ${readable(truth)} is true`;
+    this.onJudge(isRight, truth);
+  }
+
+  /** Show what was judged and kept. path: the walk that was judged. */
   thank({ stored, batch }, again, path) {
     this.path = path;
     const count = stored === 1 ? "1 walk is kept" : `${stored} walks are kept`;
     if (!this.isTraining) this.status.replaceChildren(`${count}; the classifier trains again after every ${batch}.`);
-    showButtons("Thank you", [again], this.status);
+    showButtons(`You judged: ${this.judgement}`, [again], this.status);
   }
 
   /** Show a message that the engine sent by itself, the comparison at once or behind a button. */

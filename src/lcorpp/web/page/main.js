@@ -3,7 +3,7 @@
 import { readAddress, writeAddress } from "./address.js";
 import { BeliefPicture } from "./belief.js";
 import { Dialogue, pressKey } from "./dialogue.js";
-import { element, percent, readable, show } from "./dom.js";
+import { element, percent, phrase, readable, show } from "./dom.js";
 import { LocalEngine } from "./engine/local.js";
 import { RemoteEngine } from "./engine/remote.js";
 import { Knowledge } from "./knowledge.js";
@@ -16,7 +16,7 @@ import { Walker } from "./walker.js";
 import { WALKS } from "./walks.js";
 import { showReasons } from "./why.js";
 
-const NEXT_TRIAL = "Try another trial: mislead one of the steps.";
+const NEXT_TRIAL = "Try to fool it: walk one way, and answer another.";
 
 class Page {
   constructor(engine) {
@@ -88,11 +88,11 @@ class Page {
     this.dialogue.reset();
     this.learning.hide();
     this.setStep(this.sense === null ? 2 : 1);
-    showReasons(null);
+    showReasons(this.domain, null);
     document.getElementById("copy").disabled = true;
     show("walk-output", "no label yet: walk first");
     show("action-output", "nothing yet");
-    this.hint(this.sense === null ? "Choose what the robot sees, then let it decide." : `Decide for yourself: ${this.listValues()}? Then walk so.`);
+    this.hint(this.sense === null ? `Choose ${this.listFacts()}, then let it decide.` : `Decide for yourself: ${this.listValues()}? Then walk so.`);
     await this.trial.begin(seed ?? crypto.getRandomValues(new Uint32Array(1))[0], facts, labels);
     if (this.sense !== null && Object.hasOwn(WALKS, walk)) this.walker.play(walk, true);
     else if (this.sense !== null && path) this.walker.follow(path);
@@ -104,6 +104,12 @@ class Page {
 
   listValues() {
     return this.domain.values.length <= 4 ? this.domain.values.map(readable).join(" or ") : "what you want";
+  }
+
+  /** Return what the robot sees, for a hint. */
+  listFacts() {
+    const names = this.domain.facts.map((own) => readable(own.name));
+    return names.length === 0 ? "what the robot sees" : `${names.join(", ").replace(/, ([^,]*)$/, " and $1")} in step 2`;
   }
 
   restart() {
@@ -128,7 +134,7 @@ class Page {
     this.strip.reset();
     await this.trial.beginTrack();
     this.walker.play(name, matchMedia("(prefers-reduced-motion: reduce)").matches);
-    this.hint("Watch the path take colour, then choose what the robot sees.");
+    this.hint(`Watch the path take colour, then choose ${this.listFacts()}.`);
   }
 
   move(path) {
@@ -138,7 +144,7 @@ class Page {
 
   /** The person stands. */
   rest() {
-    if (this.trial.phase === "before" && this.walker.path.length > 0) this.hint("Choose what the robot sees, then let it decide.");
+    if (this.trial.phase === "before" && this.walker.path.length > 0) this.hint(`Choose ${this.listFacts()}, then let it decide.`);
     this.remember();
   }
 
@@ -161,7 +167,7 @@ class Page {
     if (probabilities === null) return;
     const meaning = this.sense.labels.find((own) => own.label === label).class;
     const k = this.sense.classes.indexOf(meaning);
-    show("walk-output", element("strong", {}, readable(meaning)), ` ${percent(probabilities[k])}: label \u201c${readable(label)}\u201d`);
+    show("walk-output", "label \u201c", element("strong", {}, readable(label)), `\u201d: ${readable(meaning)}, it is ${percent(probabilities[k])} sure`);
     show("walk-table", this.strip.makeTable());
   }
 
@@ -169,7 +175,7 @@ class Page {
     const { facts, labels, phase, answers } = this.trial;
     const isLocked = phase !== "before" || answers !== null;
     this.knowledge.draw(posterior, { facts, labels }, isLocked);
-    show("belief-output", ...this.belief.describe(posterior.shared));
+    show("belief-output", ...this.belief.describe(posterior.shared), element("span", { class: "quiet" }, ", before any question"));
     if (!isLocked) this.belief.preview(posterior.shared, posterior.fan);
     else this.belief.reset();
     this.refuse("");
@@ -178,9 +184,9 @@ class Page {
   showAct(view, step) {
     this.belief.add(view.shared, view.fan);
     this.dialogue.add(view, step);
-    showReasons(view, (shared) => this.belief.describe(shared));
+    showReasons(this.domain, view, (shared) => this.belief.describe(shared));
     document.getElementById("copy").disabled = false;
-    if (view.action !== null) show("action-output", element("strong", {}, readable(view.action)));
+    if (view.action !== null) show("action-output", element("strong", {}, phrase(this.domain, view.action)));
     if (view.report !== null) this.learning.ask(view.report, this.nextTrial());
     const asking = this.domain.noisy ? "Answer as you like: the robot may mishear you." : "Answer as you like, with a button or its number.";
     const ending = this.domain.learns ? "The robot has made up its mind. Was it right?" : NEXT_TRIAL;
@@ -192,9 +198,9 @@ class Page {
 
   /** Tell what the robot does, for screen readers. */
   announce(view, step) {
-    const heard = step === null ? "" : `You said ${readable(step.said)}, it heard ${readable(step.heard)}. `;
+    const heard = step === null ? "" : `You said ${phrase(this.domain, step.said)}, it heard ${phrase(this.domain, step.heard)}. `;
     const belief = this.domain.values.length <= 4 ? this.domain.values.map((value, k) => `${readable(value)} ${percent(view.shared[k])}`).join(", ") : "";
-    const act = view.report === null ? `The robot does: ${readable(view.action ?? "nothing")}.` : `The robot reports: ${readable(view.report)}.`;
+    const act = view.report === null ? `The robot does: ${view.action === null ? "nothing" : phrase(this.domain, view.action)}.` : `The robot reports: ${readable(view.report)}.`;
     show("live", `${heard}${belief ? `It believes ${belief}. ` : ""}${act}`);
   }
 

@@ -1,6 +1,6 @@
 // The triangle of beliefs over three values: a corner is certainty, a region the beliefs with the same best action.
 
-import { drawing, percent, readable } from "./dom.js";
+import { drawing, percent, phrase, readable } from "./dom.js";
 import { makeMark } from "./marks.js";
 
 const [WIDTH, HEIGHT] = [400, 300];
@@ -23,11 +23,11 @@ export function drawTriangle(fan, beliefs, domain, palette) {
     },
     ...shown.map(({ action, corners }) => {
       const region = drawing("polygon", { class: `band ${palette.ofAction(action)}`, points: toPoints(corners) });
-      region.append(drawing("title", {}, readable(action)));
+      region.append(drawing("title", {}, phrase(domain, action)));
       return region;
     }),
     drawing("polygon", { class: "outline", points: CORNERS.map((corner) => corner.join(",")).join(" ") }),
-    ...nameRegions(shown),
+    ...nameRegions(shown, domain),
     drawing("polyline", { class: "drop", points: places.map((place) => place.join(",")).join(" ") }),
     ...places.slice(0, -1).map(([x, y], i) =>
       drawing(
@@ -55,19 +55,19 @@ function nameCorners(domain) {
 }
 
 /** Name an action once, in its largest region, if there is room. */
-function nameRegions(regions) {
+function nameRegions(regions, domain) {
   const largest = new Map();
   for (const { action, corners } of regions) {
     const places = corners.map(toPixels);
     const area = computeArea(places);
     const width = Math.max(...places.map(([x]) => x)) - Math.min(...places.map(([x]) => x));
-    const hasRoom = width > LETTER * readable(action).length && area > 14 * width;
+    const hasRoom = width > LETTER * phrase(domain, action).length && area > 14 * width;
     if (hasRoom && area > (largest.get(action)?.area ?? 0)) largest.set(action, { area, corners });
   }
   return [...largest].map(([action, { corners }]) => {
     const places = corners.map(toPixels);
     const [x, y] = [0, 1].map((i) => places.reduce((sum, place) => sum + place[i], 0) / places.length);
-    return drawing("text", { class: "band-name", x, y: y + 4 }, readable(action));
+    return drawing("text", { class: "band-name", x, y: y + 4 }, phrase(domain, action));
   });
 }
 
