@@ -35,15 +35,17 @@ def copy_state(trust):
     return json.loads(json.dumps(trust.state()))
 
 
-@pytest.mark.parametrize("n_before", [0, 1, 57, 300])
+@pytest.mark.parametrize("n_before", [0, 1, 25, 57, 300])
 def test_a_restart_goes_on_exactly(n_before, monkeypatch):
-    """Also where rare cases are condensed into counts, and where people are forgotten."""
+    """Also with other credible estimates, with rare cases as counts, and where people are forgotten."""
     monkeypatch.setattr(latent_class, "MAX_CASES", 20)
     rng, whole = np.random.default_rng(3), make_trust(memory=4.0)
     meet(whole, rng, n_before)
     restarted = make_trust(memory=4.0)
     restarted.restore(copy_state(whole))
     assert restarted.n_people == n_before
+    if n_before == 25:
+        assert copy_state(whole)["learnt"]["alternative"]["estimates"] is not None
     other = np.random.default_rng(4)
     meet(whole, np.random.default_rng(4), 150)
     meet(restarted, other, 150)
