@@ -1,6 +1,6 @@
 """LCORPP+trust with wrong knowledge, wrong rates and noisier answers than stated, in the domain `intention`.
 
-    OMP_NUM_THREADS=1 python benchmarks/trust.py [--streams 2] [--people 2000] [--cells N] [--seed 0]
+    OMP_NUM_THREADS=1 python benchmarks/trust/grid.py [--streams 2] [--people 2000] [--cells N] [--seed 0]
         [--jobs 2] [--rates known|misstated] [--no-hearing] [--out FOLDER]
 
 A cell of the grid is the knowledge (right, or wrong in seven ways), the rate of wrong answers, the classifier
@@ -27,7 +27,12 @@ import matplotlib.pyplot as plt
 import numpy as np
 import typer
 from joblib import Parallel, delayed
-from trust_worlds import (
+
+from lcorpp.decision import strategies
+from lcorpp.experiments.trust.setup import set_up_trust
+from lcorpp.files import make_folder, write_atomically
+from lcorpp.reasoning import Reasoner
+from worlds import (
     BASELINES,
     INTENTION_NUMBERS,
     LIBRARY_NUMBERS,
@@ -41,11 +46,6 @@ from trust_worlds import (
     score_exactly,
     solve_precisely,
 )
-
-from lcorpp.decision import strategies
-from lcorpp.experiments.trust.setup import set_up_trust
-from lcorpp.files import make_folder, write_atomically
-from lcorpp.reasoning import Reasoner
 
 KNOWN_RATES = ((0.5, 0.5), (0.6, 0.4), STATED_RATES, (0.9, 0.1))
 """True rates that are also the stated ones."""

@@ -1,7 +1,7 @@
 """The remaining regret of trust if half of the knowledge is wrong and the noise unknown, and its causes.
 
-    OMP_NUM_THREADS=1 python benchmarks/moonshot.py [--streams 48] [--people 2000] [--wrong 6] [--seed 0]
-        [--jobs 2] [--out TABLE.md]
+    OMP_NUM_THREADS=1 python benchmarks/trust/moonshot.py [--streams 48] [--people 2000] [--wrong 6]
+        [--seed 0] [--jobs 2] [--out TABLE.md]
 
 Each stream has its own world: some of the 12 numbers of the robot's knowledge, drawn at random, are replaced
 by others (uniform in .05 to .95 and at least .2 away; all values of a variable keep at least .05), and the
@@ -30,16 +30,6 @@ from typing import Annotated
 import numpy as np
 import typer
 from joblib import Parallel, delayed
-from trust_worlds import (
-    BASELINES,
-    RIGHT,
-    Numbers,
-    World,
-    make_domain,
-    meet_people,
-    score_exactly,
-    solve_precisely,
-)
 
 from lcorpp.decision import strategies
 from lcorpp.domains import Domain
@@ -51,6 +41,16 @@ from lcorpp.protocols import Reasoner as ReasonerProtocol
 from lcorpp.reasoning import Reasoner
 from lcorpp.trust import Trust
 from lcorpp.values import Array
+from worlds import (
+    BASELINES,
+    RIGHT,
+    Numbers,
+    World,
+    make_domain,
+    meet_people,
+    score_exactly,
+    solve_precisely,
+)
 
 NOISE_RANGE = 0.1, 0.3
 MIN_NUMBER, MIN_CHANGE = 0.05, 0.2

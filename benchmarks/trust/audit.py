@@ -1,6 +1,6 @@
 """How often an audit names the wrong numbers, and how often its intervals cover the truth.
 
-    OMP_NUM_THREADS=1 python benchmarks/audit.py [--streams 50] [--noise 0.3] [--identities 20]
+    OMP_NUM_THREADS=1 python benchmarks/trust/audit.py [--streams 50] [--noise 0.3] [--identities 20]
         [--facts sampled] [--seed 0] [--rows NAME] [--out TABLE.md]
 
 People are those of the domain `intention`, and the knowledge of the robot is changed. The planner's model

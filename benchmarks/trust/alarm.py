@@ -1,6 +1,7 @@
 """Alarms on simulated people: how often without a fault, how soon with one, and which attribute they name.
 
-    OMP_NUM_THREADS=1 python benchmarks/alarm.py [--streams 40] [--false-alarms 1000] [--seed 0] [--trust]
+    OMP_NUM_THREADS=1 python benchmarks/trust/alarm.py [--streams 40] [--false-alarms 1000] [--seed 0]
+        [--trust]
 
 The robot has wrong knowledge, or the classifier has other rates than those stated. Its decisions are those of
 LCORPP, or with --trust those of a robot that learns whom to trust. For each noise of people's answers: the

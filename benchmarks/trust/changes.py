@@ -15,8 +15,14 @@ from typing import Annotated
 
 import numpy as np
 import typer
+from grid import invert
 from joblib import Parallel, delayed
-from trust_worlds import (
+
+from lcorpp.decision import strategies
+from lcorpp.domains import Domain
+from lcorpp.experiments.trust.setup import set_up_trust
+from lcorpp.reasoning import Reasoner
+from worlds import (
     INTENTION_NUMBERS,
     LIBRARY_NUMBERS,
     RIGHT,
@@ -28,12 +34,6 @@ from trust_worlds import (
     score_exactly,
     solve_precisely,
 )
-
-from lcorpp.decision import strategies
-from lcorpp.domains import Domain
-from lcorpp.experiments.trust.setup import set_up_trust
-from lcorpp.reasoning import Reasoner
-from trust import invert
 
 NOISE, PEOPLE = 0.3, 2000
 CHANGES = {

@@ -1,6 +1,6 @@
 """How soon an alarm is possible at all: the information of a person about each fault of `alarm.py`.
 
-    OMP_NUM_THREADS=1 python benchmarks/alarm_information.py [--only classifier]
+    OMP_NUM_THREADS=1 python benchmarks/trust/alarm_information.py [--only classifier]
 
 For each fault and noise the divergence D(truth || stated program) of a person's facts, label and answers in
 nats, at the degree of noise that makes it smallest, and log(20) / D: the mean number of people until a test
