@@ -5,7 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from lcorpp.trust.alternative import MAX_LEAD, Alternative
+from lcorpp.trust import latent_class
+from lcorpp.trust.alternative import MAX_LEAD, AlternativeSearch
 from lcorpp.trust.answers import AnswerModel
 from lcorpp.trust.latent_class import LatentClassModel
 from tests.trust.test_latent_class import RATES, draw_people, make_model
@@ -29,9 +30,9 @@ def test_after_few_answers_the_contrary_is_credible_too_and_more_answers_decide(
     for person in draw_people(rng, 40, [0.2, 0.7], OPPOSITE, 0.4, answers=4):
         model.add(*person)
     model.fit(50)
-    alternative = Alternative(model)
-    alternative.exchange(100)
-    other = alternative.estimates
+    search = AlternativeSearch(model)
+    search.search(100)
+    other = model.alternative
     assert model.noise < other.noise
     assert (model.rates[0][0, 0] < 0.5) != (other.rates[0][0, 0] < 0.5)
     assert (model.pi[0, 0] < 0.5) != (other.pi[0, 0] < 0.5)
@@ -41,8 +42,8 @@ def test_after_few_answers_the_contrary_is_credible_too_and_more_answers_decide(
     for person in draw_people(rng, 1500, [0.2, 0.7], OPPOSITE, 0.4):
         model.add(*person)
     model.fit(20)
-    alternative.fit(20)
-    assert alternative.estimates is None
+    search.choose()
+    assert model.alternative is None
     model.fit(200)  # EM is slow where answers are noisy
     np.testing.assert_allclose(model.rates[0], OPPOSITE, atol=0.1)  # .03 is a standard error
 
@@ -61,14 +62,14 @@ def test_a_maximum_at_which_the_values_are_exchanged_is_left(seed):
     )
     model.fit(20)
     assert model.rates[0][0, 0] > 0.6
-    alternative = Alternative(model)
-    alternative.exchange(100)
-    assert alternative.estimates is None
+    search = AlternativeSearch(model)
+    assert search.search(100)
+    assert model.alternative is None
     np.testing.assert_allclose(model.rates[0], OPPOSITE, atol=0.1)
     assert model.rows[0, 0] == pytest.approx(0.6, abs=0.06)
     kept = model.rates[0]
-    alternative.exchange(100)  # the contrary is not credible any more
-    assert alternative.estimates is None
+    assert not search.search(100)  # the values exchanged are not credible any more
+    assert model.alternative is None
     np.testing.assert_allclose(model.rates[0], kept, atol=0.02)
 
 
@@ -77,9 +78,9 @@ def test_estimates_that_are_far_more_probable_stay():
     for person in draw_people(rng, 500, [0.9, 0.2], RATES, 0.2):
         model.add(*person)
     model.fit(200)
-    before, alternative = model.estimates, Alternative(model)
-    alternative.exchange(1)
-    assert (model.estimates, alternative.estimates) == (before, None)
+    before = model.estimates
+    assert not AlternativeSearch(model).search(1)
+    assert (model.estimates, model.alternative) == (before, None)
 
 
 def test_pairs_of_values_are_exchanged_in_turn(monkeypatch):
@@ -88,7 +89,7 @@ def test_pairs_of_values_are_exchanged_in_turn(monkeypatch):
     model.add_context([("place", "hall")])
     model.add(0, [], [0])
     model.estimates = replace(model.estimates, pi=np.array([[0.5, 0.3, 0.2]]), rows=tables[0] / 2 + 1 / 6)
-    starts, alternative = [], Alternative(model)
+    starts, search = [], AlternativeSearch(model)
 
     def iterate(start, iterations):
         starts.append(start)
@@ -96,7 +97,7 @@ def test_pairs_of_values_are_exchanged_in_turn(monkeypatch):
 
     monkeypatch.setattr(model, "iterate", iterate)
     for _ in range(4):
-        alternative.exchange(5)
+        search.search(5)
     assert [start.pi[0].tolist() for start in starts] == [
         [0.3, 0.5, 0.2],
         [0.2, 0.3, 0.5],
@@ -107,19 +108,54 @@ def test_pairs_of_values_are_exchanged_in_turn(monkeypatch):
         np.testing.assert_array_equal(start.rows, tables[0])
 
 
-def test_new_contexts_are_added_to_the_alternative():
+def test_values_that_no_answer_distinguishes_are_not_exchanged():
+    tables = np.array([[[0.8, 0.2], [0.3, 0.7], [0.3, 0.7]]])
+    model = LatentClassModel(AnswerModel.of_tables(tables), [])
+    assert AlternativeSearch(model)._pairs == [(0, 1), (0, 2)]
+
+
+def make_two_credible():
     rng, model = np.random.default_rng(1), make_model(2)
     believe_the_contrary(model, rng)
     for person in draw_people(rng, 40, [0.2, 0.7], OPPOSITE, 0.4, answers=4):
         model.add(*person)
     model.fit(50)
-    alternative = Alternative(model)
-    alternative.exchange(100)
+    AlternativeSearch(model).search(100)
+    assert model.alternative is not None
+    return model
+
+
+def test_new_contexts_and_rates_are_those_of_the_alternative_too():
+    model = make_two_credible()
     model.add_context([("place", "new")])
-    state = alternative.state()
-    alternative.fit(2)
-    assert len(state["estimates"]["pi"]) == len(alternative.estimates.pi) == 3
-    restored = Alternative(model)
-    restored.restore(state)
-    restored.fit(2)
-    assert restored.state() == alternative.state()
+    assert len(model.alternative.pi) == len(model.pi) == 3
+    model.replace_rates([np.array([[0.6, 0.4], [0.5, 0.5]])])
+    np.testing.assert_array_equal(model.alternative.rates[0], [[0.6, 0.4], [0.5, 0.5]])
+    model.fit(2)
+    assert model.alternative.values.sum() == pytest.approx(340)
+
+
+def test_exchange_of_values_is_its_own_inverse():
+    model = make_two_credible()
+    model.estimates = replace(model.estimates, past=model._expect(model.estimates, model.cases.weights))
+    twice = model.estimates.exchange(0, 1).exchange(0, 1)
+    assert twice.state() == model.estimates.state()
+    once = model.estimates.exchange(0, 1).past
+    np.testing.assert_array_equal(once.labels[0], model.estimates.past.labels[0][::-1])
+    np.testing.assert_array_equal(once.answers, model.estimates.past.answers[:, ::-1])
+
+
+@pytest.mark.parametrize("max_cases", [12, 5000])
+def test_an_exchange_that_is_wrong_is_left_where_rare_cases_are_counts_too(max_cases, monkeypatch):
+    """With `MAX_CASES` 12 most people are counts, by estimates in which the values are exchanged."""
+    monkeypatch.setattr(latent_class, "MAX_CASES", max_cases)
+    rng, model = np.random.default_rng(0), make_model(2)
+    wrong = np.array([[0.8, 0.2], [0.3, 0.7]])
+    model.estimates = replace(model.estimates, pi=wrong, rows=model.answers.add_noise(0.98))
+    for person in draw_people(rng, 3000, [0.2, 0.7], OPPOSITE, 0.25):
+        model.add(*person)
+    model.fit(5, model.answers.add_noise(0.98))
+    assert model.rates[0][0, 0] > 0.6
+    assert AlternativeSearch(model).search(100)
+    assert model.alternative is None
+    assert model.rates[0][0, 0] < 0.45 < model.rates[0][1, 0]

@@ -105,7 +105,7 @@ def test_rows_for_planning_count_the_answers_of_cases_that_are_not_kept(monkeypa
         for person in draw_people(np.random.default_rng(2), 30, [0.5], RATES, 0.2, answers=40):
             model.add(*person)
             model.fit(1)
-    assert condensed.past_answers.sum() > 0.8 * 30 * 40
+    assert condensed.estimates.past.answers.sum() > 0.8 * 30 * 40
     for max_loss in (0.5, 2.0):
         rows = find_optimistic_rows(whole, max_loss)
         assert np.abs(rows - whole.rows).min() > 0.005

@@ -45,7 +45,7 @@ def test_a_restart_goes_on_exactly(n_before, monkeypatch):
     restarted.restore(copy_state(whole))
     assert restarted.n_people == n_before
     if n_before == 25:
-        assert copy_state(whole)["learnt"]["alternative"]["estimates"] is not None
+        assert copy_state(whole)["learnt"]["learnt"]["alternative"] is not None
     other = np.random.default_rng(4)
     meet(whole, np.random.default_rng(4), 150)
     meet(restarted, other, 150)
@@ -86,6 +86,10 @@ def test_a_state_that_does_not_fit_is_refused():
     state = copy_state(trust)
     with pytest.raises(DecisionError, match="trust has learnt from 5 people; expected a new one"):
         trust.restore(state)
+    used = make_trust()
+    used.posterior("wish", {"sky": "grey"})
+    with pytest.raises(DecisionError, match="trust has predicted already; expected a new one"):
+        used.restore(state)
     with pytest.raises(DecisionError, match="is of the sources knowledge; expected knowledge, label, no ev"):
         make_trust().restore(state | {"sources": ["knowledge"]})
     for damage in ({"learnt": {}}, {"weights": ["x"] * 6}, {"tables": None, "learnt": None}):

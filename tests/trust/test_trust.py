@@ -105,7 +105,7 @@ def test_people_are_asked_while_other_estimates_are_credible():
     trust.learn({"sky": "sunny"}, steps("nod"))
     asked = []
     for other in (None, trust.learnt.estimates, None):
-        trust._learnt.alternative.estimates = other
+        trust.learnt.alternative = other
         world = FakeWorld(*["nod"] * 9)
         dt_control(
             Robot({"eyes": FakeClassifier()}, trust, trust.make_planner(), FakeDomain()),
@@ -165,6 +165,7 @@ def test_a_person_without_answers_changes_no_weight():
         ({"memory": 0}, "`memory` of trust is 0; expected positive"),
         ({"ask_every": -1}, "`ask_every` of trust is -1; expected at least 0"),
         ({"min_asked": -1.0}, "`min_asked` of trust is -1.0; expected at least 0"),
+        ({"max_asked": -1.0}, "`max_asked` of trust is -1.0; expected at least 0"),
         ({"max_loss": -0.1}, "`max_loss` of trust is -0.1; expected at least 0"),
         ({"ask_answers": 0}, "`ask_answers` of trust is 0; expected at least 1"),
         ({"refits": 0}, "`refits` of trust is 0; expected at least 1"),

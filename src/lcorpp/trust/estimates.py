@@ -1,4 +1,4 @@
-"""Estimates of the parameters of a latent class model."""
+"""Estimates of the parameters of a latent class model, with counts of the people who are not kept."""
 
 from __future__ import annotations
 
@@ -14,11 +14,46 @@ from lcorpp.values import Array
 
 
 @dataclass(frozen=True, eq=False)
+class Counts:
+    """Expected numbers of people of each of V values.
+
+    values: (X, V) in each context. labels: for each sense (V, L) with each label. answers: (D, V) how often
+    they gave each answer.
+    """
+
+    values: Array
+    labels: tuple[Array, ...]
+    answers: Array
+
+    def with_context(self) -> Counts:
+        """Return the counts with one more context, without people."""
+        return replace(self, values=np.vstack([self.values, np.zeros(self.values.shape[1])]))
+
+    def reorder(self, order: Sequence[int]) -> Counts:
+        """Return the counts of the values in another order."""
+        labels = tuple(labels[order] for labels in self.labels)
+        return Counts(self.values[:, order], labels, self.answers[:, order])
+
+    def state(self) -> dict[str, Any]:
+        """Return the counts as JSON."""
+        labels = [labels.tolist() for labels in self.labels]
+        return {"values": self.values.tolist(), "labels": labels, "answers": self.answers.tolist()}
+
+    def restore(self, state: Mapping[str, Any]) -> Counts:
+        """Return the counts of a state of the same numbers of contexts, labels and answers."""
+        own = zip(state["labels"], self.labels, strict=True)
+        labels = tuple(_restore(labels, like) for labels, like in own)
+        values, answers = _restore(state["values"], self.values), _restore(state["answers"], self.answers)
+        return Counts(values, labels, answers)
+
+
+@dataclass(frozen=True, eq=False)
 class Estimates:
     """Parameters of the model of `LatentClassModel`.
 
     pi: (X, V) the distribution of the value in each context. values: (X, V) the expected number of people
     of each value. rates: for each sense (V, L) P(label | value). rows: (R, O) of the observation model.
+    past: counts of the people whose cases are not kept, by the estimates of that time.
     noise: of the answers, see `AnswerModel`.
     """
 
@@ -27,25 +62,35 @@ class Estimates:
     values: Array
     rates: tuple[Array, ...]
     rows: Array
+    past: Counts
     noise: float = 0.0
 
     @classmethod
     def of_start(cls, answers: AnswerModel, rates: Sequence[Array]) -> Estimates:
         """Return estimates without contexts, with the stated observation model."""
-        nobody = np.zeros((0, answers.row_of.shape[1]))
-        return cls(answers, nobody, nobody, tuple(rates), answers.stated_rows)
+        n_values = answers.row_of.shape[1]
+        nobody, no_answers = np.zeros((0, n_values)), np.zeros((answers.n_answers, n_values))
+        past = Counts(nobody, tuple(np.zeros_like(own) for own in rates), no_answers)
+        return cls(answers, nobody, nobody, tuple(rates), answers.stated_rows, past)
 
-    def add_context(self, pi: Array) -> Estimates:
+    def with_context(self, pi: Array) -> Estimates:
         """Return the estimates with one more context, in which the values have the distribution pi (V,)."""
-        nobody = np.zeros_like(pi)
-        return replace(self, pi=np.vstack([self.pi, pi]), values=np.vstack([self.values, nobody]))
+        values = np.vstack([self.values, np.zeros_like(pi)])
+        return replace(self, pi=np.vstack([self.pi, pi]), values=values, past=self.past.with_context())
+
+    def with_rates(self, sense: int, rates: Array) -> Estimates:
+        """Return the estimates with other rates of a sense, without its past labels."""
+        labels = (*self.past.labels[:sense], np.zeros_like(rates), *self.past.labels[sense + 1 :])
+        replaced = (*self.rates[:sense], rates, *self.rates[sense + 1 :])
+        return replace(self, rates=replaced, past=replace(self.past, labels=labels))
 
     def exchange(self, first: int, second: int) -> Estimates:
-        """Return the estimates with two values exchanged in `pi`, `values` and `rates`."""
-        order = np.arange(self.pi.shape[1])
-        order[[first, second]] = second, first
+        """Return the estimates with two values exchanged in all but the observation model."""
+        order = list(range(self.pi.shape[1]))
+        order[first], order[second] = second, first
         rates = tuple(rates[order] for rates in self.rates)
-        return replace(self, pi=self.pi[:, order], values=self.values[:, order], rates=rates)
+        pi, values = self.pi[:, order], self.values[:, order]
+        return replace(self, pi=pi, values=values, rates=rates, past=self.past.reorder(order))
 
     @cached_property
     def log_pi(self) -> Array:
@@ -63,6 +108,12 @@ class Estimates:
         """(D, V), see `AnswerModel.find_log_likelihoods`."""
         return self.answers.find_log_likelihoods(self.rows)
 
+    def compute_past_log_likelihood(self) -> float:
+        """Return the expected log likelihood of the past people, with their values."""
+        past, pairs = self.past, zip(self.past.labels, self.log_rates, strict=True)
+        labels = sum(float((counts * logs).sum()) for counts, logs in pairs)
+        return labels + float((past.values * self.log_pi).sum() + (past.answers * self.log_answers).sum())
+
     def state(self) -> dict[str, Any]:
         """Return the estimates as JSON."""
         return {
@@ -70,14 +121,22 @@ class Estimates:
             "values": self.values.tolist(),
             "rates": [rates.tolist() for rates in self.rates],
             "rows": self.rows.tolist(),
+            "past": self.past.state(),
             "noise": self.noise,
         }
 
     def restore(self, state: Mapping[str, Any]) -> Estimates:
         """Return the estimates of a state that has the same contexts."""
         pi, values, rows = (
-            np.array(state[name], np.float64).reshape(own.shape)
+            _restore(state[name], own)
             for name, own in (("pi", self.pi), ("values", self.values), ("rows", self.rows))
         )
-        rates = tuple(np.array(rates, np.float64) for rates in state["rates"])
-        return Estimates(self.answers, pi, values, rates, rows, float(state["noise"]))
+        rates = tuple(_restore(own, like) for own, like in zip(state["rates"], self.rates, strict=True))
+        past = self.past.restore(state["past"])
+        return Estimates(self.answers, pi, values, rates, rows, past, float(state["noise"]))
+
+
+def _restore(numbers: object, like: Array) -> Array:
+    """Return numbers as an array of the shape of another one."""
+    restored: Array = np.array(numbers, np.float64).reshape(like.shape)
+    return restored

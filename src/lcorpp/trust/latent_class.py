@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -11,7 +12,7 @@ import numpy.typing as npt
 
 from lcorpp.trust.answers import AnswerModel, number_rows
 from lcorpp.trust.cases import NO_LABEL, Cases
-from lcorpp.trust.estimates import Estimates
+from lcorpp.trust.estimates import Counts, Estimates
 from lcorpp.values import Array
 
 CONTEXT_PEOPLE = 5.0
@@ -42,8 +43,8 @@ class LatentClassModel:
     stated. The knowledge has no part in it: as a prior of pi beside a free O, EM would explain answers that
     disagree with it as noise.
 
-    estimates: of pi, C and O, by EM. prior_rates: the prior of C, first the stated rates.
-    past_answers: (D, V) the expected counts of answers in cases that are not kept.
+    estimates: of pi, C and O, by EM. alternative: other credible estimates, see `AlternativeSearch`; None
+    without. prior_rates: the prior of C, first the stated rates.
 
     Args:
         answers: the stated observation model.
@@ -67,10 +68,7 @@ class LatentClassModel:
         self._facts: dict[tuple[str, object], int] = {}
         self._has_fact = np.zeros((0, 0))  # (X, F) 1 for the facts of a context
         self.estimates = Estimates.of_start(answers, self.prior_rates)
-        # expected counts of cases that are not kept, as `past_answers`
-        self._past_values: Array = np.zeros((0, self.n_values))
-        self._past_labels = [np.zeros_like(rates) for rates in self.prior_rates]
-        self.past_answers = np.zeros((answers.n_answers, self.n_values))
+        self.alternative: Estimates | None = None
 
     @property
     def pi(self) -> Array:
@@ -95,17 +93,18 @@ class LatentClassModel:
         has_fact[:-1, : self._has_fact.shape[1]] = self._has_fact
         has_fact[-1, places] = 1
         self._has_fact = has_fact
-        self._past_values = np.vstack([self._past_values, np.zeros(self.n_values)])
-        self.estimates = self.add_contexts(self.estimates)
+        self._change_estimates(self._add_context)
         return len(has_fact) - 1
 
-    def add_contexts(self, estimates: Estimates) -> Estimates:
-        """Return estimates with all contexts; those that they lack follow from their facts."""
-        for context in range(len(estimates.pi), len(self._has_fact)):
-            values = np.zeros((len(self._has_fact), self.n_values))
-            values[:context] = estimates.values
-            estimates = estimates.add_context(self._combine_facts(values)[context])
-        return estimates
+    def _add_context(self, estimates: Estimates) -> Estimates:
+        values = np.vstack([estimates.values, np.zeros(self.n_values)])
+        return estimates.with_context(self._combine_facts(values)[-1])
+
+    def _change_estimates(self, change: Callable[[Estimates], Estimates]) -> None:
+        """Replace the estimates, and the alternative if there is one."""
+        self.estimates = change(self.estimates)
+        if self.alternative is not None:
+            self.alternative = change(self.alternative)
 
     def predict(self, context: int, labels: Sequence[int], prior: Array | None = None) -> Array:
         """Return (V,) P(value | context, labels).
@@ -139,36 +138,41 @@ class LatentClassModel:
             self._condense()
 
     def fit(self, iterations: int, rows: Array | None = None) -> None:
-        """Run EM from the present estimates.
+        """Run EM from the present estimates, and from the alternative.
 
         Args:
             rows: (R, O) of the observation model, if it is not to be estimated.
         """
-        start = self.estimates if rows is None else replace(self.estimates, rows=rows)
-        self.estimates = self.iterate(start, iterations, keep_rows=rows is not None)
+        if rows is not None:
+            self.estimates = replace(self.estimates, rows=rows)
+        self._change_estimates(lambda own: self.iterate(own, iterations, keep_rows=rows is not None))
 
     def iterate(self, estimates: Estimates, iterations: int, *, keep_rows: bool = False) -> Estimates:
         """Return the estimates after iterations of EM; with `keep_rows` those of O stay."""
         for _ in range(iterations):
-            values, labels, answers_of_value = self._expect(estimates, self.cases.weights)
-            pi = _normalise(values + CONTEXT_PEOPLE * self._combine_facts(values))
+            expected = self._expect(estimates, self.cases.weights)
+            pi = _normalise(expected.values + CONTEXT_PEOPLE * self._combine_facts(expected.values))
+            pairs = zip(expected.labels, self._equal_rows, self.prior_rates, strict=True)
             rates = tuple(
-                _normalise(equal_rows @ own + LABEL_PEOPLE * stated)
-                for own, equal_rows, stated in zip(labels, self._equal_rows, self.prior_rates, strict=True)
+                _normalise(equal_rows @ own + LABEL_PEOPLE * stated) for own, equal_rows, stated in pairs
             )
-            rows, noise = estimates.rows, estimates.noise
+            estimates = replace(estimates, pi=pi, values=expected.values, rates=rates)
             if not keep_rows:
-                rows, noise = self.answers.estimate_rows(answers_of_value)
-            estimates = Estimates(self.answers, pi, values, rates, rows, noise)
+                rows, noise = self.answers.estimate_rows(expected.answers)
+                estimates = replace(estimates, rows=rows, noise=noise)
         return estimates
 
     def compute_log_posterior(self, estimates: Estimates) -> float:
-        """Return the log likelihood of the cases, and the log priors of rates and noise up to a constant."""
+        """Return the log likelihood, with the log priors of C and of the noise, up to a constant.
+
+        Of cases that are not kept, the expected log likelihood counts.
+        """
         prior = sum(
             LABEL_PEOPLE * float((stated * log_rates).sum())
             for stated, log_rates in zip(self.prior_rates, estimates.log_rates, strict=True)
         )
         prior += self.answers.compute_log_prior(estimates.noise)
+        prior += estimates.compute_past_log_likelihood()
         return sum_log_likelihood(self.compute_log_joint(estimates), self.cases.weights) + prior
 
     def classify_cases(self, estimates: Estimates) -> Array:
@@ -185,18 +189,16 @@ class LatentClassModel:
             logs += np.where((label != NO_LABEL)[:, None], log_rates.T[label], 0)
         return logs
 
-    def _expect(self, estimates: Estimates, weights: Array) -> tuple[Array, list[Array], Array]:
-        """Return the expected counts of values (X, V), labels (V, L) for each sense, and answers (D, V)."""
-        cases, logs = self.cases, self.compute_log_joint(estimates)
-        logs -= logs.max(axis=1, keepdims=True)
-        people = np.exp(logs, out=logs)
-        people *= (weights / people.sum(axis=1))[:, None]
-        values = _sum_by(cases.contexts, people, len(estimates.pi)) + self._past_values
-        labels = [
-            _sum_by(cases.labels[:, s] + 1, people, past.shape[1] + 1)[1:].T + past
-            for s, past in enumerate(self._past_labels)
-        ]
-        return values, labels, cases.answer_counts.T @ people + self.past_answers
+    def _expect(self, estimates: Estimates, weights: Array) -> Counts:
+        """Return the expected counts of the cases with weights (n,), and of the past people."""
+        cases, past = self.cases, estimates.past
+        people = self.classify_cases(estimates) * weights[:, None]
+        labels = tuple(
+            _sum_by(cases.labels[:, s] + 1, people, own.shape[1] + 1)[1:].T + own
+            for s, own in enumerate(past.labels)
+        )
+        values = _sum_by(cases.contexts, people, len(estimates.pi)) + past.values
+        return Counts(values, labels, cases.answer_counts.T @ people + past.answers)
 
     def replace_rates(self, stated_rates: Sequence[Array]) -> bool:
         """Replace the stated rates; of a sense whose rates differ, forget all labels.
@@ -209,11 +211,8 @@ class LatentClassModel:
         for s in changed:
             self._stated_rates[s] = self.prior_rates[s] = replaced[s]
             self._equal_rows[s] = _find_equal_rows(replaced[s])
-            self._past_labels[s] = np.zeros_like(replaced[s])
             self.cases.forget_labels(s)
-        if changed:
-            rates = tuple(replaced[s] if s in changed else own for s, own in enumerate(self.rates))
-            self.estimates = replace(self.estimates, rates=rates)
+            self._change_estimates(partial(Estimates.with_rates, sense=s, rates=replaced[s]))
         return bool(changed)
 
     def state(self) -> dict[str, Any]:
@@ -222,9 +221,7 @@ class LatentClassModel:
             "cases": self.cases.state(),
             "stated_rates": [rates.tolist() for rates in self._stated_rates],
             "estimates": self.estimates.state(),
-            "past_values": self._past_values.tolist(),
-            "past_labels": [labels.tolist() for labels in self._past_labels],
-            "past_answers": self.past_answers.tolist(),
+            "alternative": None if self.alternative is None else self.alternative.state(),
         }
 
     def restore(self, state: Mapping[str, Any]) -> None:
@@ -233,9 +230,8 @@ class LatentClassModel:
         self._stated_rates = [np.array(rates) for rates in state["stated_rates"]]
         self.prior_rates = list(self._stated_rates)
         self._equal_rows = [_find_equal_rows(rates) for rates in self.prior_rates]
-        self._past_values = np.array(state["past_values"], np.float64).reshape(self.pi.shape)
-        self._past_labels = [np.array(labels) for labels in state["past_labels"]]
-        self.past_answers = np.array(state["past_answers"])
+        alternative = state["alternative"]
+        self.alternative = None if alternative is None else self.estimates.restore(alternative)
         self.estimates = self.estimates.restore(state["estimates"])
 
     def _combine_facts(self, values: Array) -> Array:
@@ -257,7 +253,7 @@ class LatentClassModel:
         rare = np.argsort(weights, kind="stable")[: self.cases.n // 2]
         removed = np.zeros_like(weights)
         removed[rare] = weights[rare]
-        self._past_values, self._past_labels, self.past_answers = self._expect(self.estimates, removed)
+        self._change_estimates(lambda own: replace(own, past=self._expect(own, removed)))
         self.cases.keep(np.flatnonzero(removed == 0))
 
 

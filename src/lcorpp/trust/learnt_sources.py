@@ -8,8 +8,9 @@ from typing import Any
 
 import numpy as np
 
+from lcorpp.errors import DecisionError
 from lcorpp.protocols import DomainInterface
-from lcorpp.trust.alternative import Alternative
+from lcorpp.trust.alternative import AlternativeSearch
 from lcorpp.trust.answers import AnswerModel
 from lcorpp.trust.latent_class import LatentClassModel
 from lcorpp.values import Array, Label
@@ -29,7 +30,7 @@ class LearntSources:
     independent: the learnt marginals of the variables, without their correlation; and for each variable the
     knowledge without it, with its learnt marginal instead.
 
-    names: of the sources. learnt, recent: the models. alternative: other estimates of the first.
+    names: of the sources. learnt, recent: the models; the first may have an alternative.
 
     Args:
         stated_rates, memory: as of `LatentClassModel`.
@@ -40,7 +41,7 @@ class LearntSources:
     ) -> None:
         self.learnt = LatentClassModel(answers, stated_rates)
         self.recent = LatentClassModel(answers, stated_rates, memory=memory)
-        self.alternative = Alternative(self.learnt)
+        self._search = AlternativeSearch(self.learnt)
         shared = domain.shared
         self._sizes: tuple[int, ...] = ()
         joint: tuple[str, ...] = ()
@@ -86,34 +87,46 @@ class LearntSources:
         for model in (self.learnt, self.recent):
             model.add(context, labels, answers)
 
-    def fit(self, iterations: int) -> None:
-        """Run EM on both models; the observation model is estimated from all people."""
+    def fit(self, iterations: int, *, search: int = 0) -> None:
+        """Run EM on both models; the observation model is estimated from all people.
+
+        Args:
+            search: iterations of EM in a search for alternative estimates; 0: no search.
+        """
         self.learnt.fit(iterations)
-        self.alternative.fit(iterations)
+        is_replaced = self._search.choose()
+        if search:
+            is_replaced |= self._search.search(search)
+        if is_replaced:  # the recent people follow, in their own cases
+            self.recent.estimates = self.learnt.estimates
         self.recent.prior_rates = list(self.learnt.rates)
         self.recent.fit(iterations, self.learnt.rows)
 
     def replace_rates(self, stated_rates: Sequence[Array]) -> bool:
         """Replace the stated rates, see `LatentClassModel.replace_rates`; return whether any differ."""
         changed = [model.replace_rates(stated_rates) for model in (self.learnt, self.recent)]
-        if any(changed):
-            self.alternative.forget()
         return any(changed)
 
     def state(self) -> dict[str, Any]:
         """Return the contexts, in their order, and both models as JSON."""
         contexts = [sorted(context, key=itemgetter(0)) for context in self._contexts]
-        models = {
+        return {
+            "contexts": contexts,
             "learnt": self.learnt.state(),
             "recent": self.recent.state(),
-            "alternative": self.alternative.state(),
+            "searches": self._search.n_searches,
         }
-        return {"contexts": contexts, **models}
 
     def restore(self, state: Mapping[str, Any]) -> None:
-        """Continue from a state, before the first context is added."""
+        """Continue from a state, before the first context is added.
+
+        Raises:
+            DecisionError: there are contexts already.
+        """
+        if self._contexts:
+            raise DecisionError("trust has predicted already; expected a new one")
         for facts in state["contexts"]:
             self.index_context(dict(facts))
         self.learnt.restore(state["learnt"])
         self.recent.restore(state["recent"])
-        self.alternative.restore(state["alternative"])
+        self._search.n_searches = int(state["searches"])

@@ -36,7 +36,7 @@ def find_optimistic_rows(model: LatentClassModel, max_loss: float) -> Array:
             mixed[own] = (1 - share) * estimated + share * stated
             change = answers.find_log_likelihoods(mixed) - estimated_logs  # (D, V)
             gain = sum_log_likelihood(logs + counts @ change, weights) - likelihood
-            gain += float((model.past_answers * change).sum())
+            gain += float((model.estimates.past.answers * change).sum())
             possible = prior > 0
             gain += float(prior[possible] @ np.log(mixed[own][possible] / estimated[possible]))
             if gain >= -max_loss:

@@ -20,9 +20,9 @@ from lcorpp.trust.optimism import find_optimistic_rows
 from lcorpp.trust.sources import StatedSources
 from lcorpp.values import Array, Distribution, Label, Likelihood, Step
 
-FIRST_EXCHANGE, EXCHANGE_ITERATIONS = 25, 40
-"""Number of people when two values are first exchanged, which is repeated when it has grown by a quarter; and
-the iterations of EM then."""
+FIRST_SEARCH, SEARCH_ITERATIONS = 25, 40
+"""Number of people at the first search for alternative estimates, which is repeated when it has grown by a
+quarter; and its iterations of EM."""
 
 
 @dataclass(frozen=True)
@@ -31,9 +31,10 @@ class TrustOptions:
 
     share: alpha, the probability that another source becomes the best one between two people.
     memory: of the source "recent", in people.
-    ask_every: k: every k-th person is asked until there are `ask_answers` answers; 0: none.
+    ask_every: k: every k-th person is asked until there are `ask_answers` answers; 0: none at all.
     min_asked: anybody is asked so while fewer than this times sqrt(n) of n people have given that many. A
         robot to which answers seem useless by chance would hardly ask, and learn slowly that they are not.
+    max_asked: the same factor while alternative estimates are credible.
     refits: the learnt models are fitted again when the number of people has grown by 1 / `refits`.
     iterations: of EM at each fit; each begins at the estimates of the one before.
     max_loss: plans are for the best observation model whose log posterior is at most this much lower than
@@ -45,6 +46,7 @@ class TrustOptions:
     ask_every: int = 20
     ask_answers: int = 3
     min_asked: float = 3.0
+    max_asked: float = 10.0
     refits: int = 50
     iterations: int = 2
     max_loss: float = 1.0
@@ -56,6 +58,7 @@ class TrustOptions:
             "ask_every": (self.ask_every >= 0, "at least 0"),
             "ask_answers": (self.ask_answers >= 1, "at least 1"),
             "min_asked": (self.min_asked >= 0, "at least 0"),
+            "max_asked": (self.max_asked >= 0, "at least 0"),
             "refits": (self.refits >= 1, "at least 1"),
             "iterations": (self.iterations >= 1, "at least 1"),
             "max_loss": (self.max_loss >= 0, "at least 0"),
@@ -110,7 +113,7 @@ class Trust:
         self._learnt = LearntSources(domain, self.answers, stated_rates, options.memory)
         self.sources = (*self._stated.names, *self._learnt.names)
         self.weights = np.full(len(self.sources), 1 / len(self.sources))
-        self.n_people, self._next_fit, self._next_exchange = 0, 1, FIRST_EXCHANGE
+        self.n_people, self._next_fit, self._next_search = 0, 1, FIRST_SEARCH
         self._n_repeated = 0  # people with `ask_answers` answers
 
     def posterior(self, attribute: str | Sequence[str], evidence: Mapping[str, Label]) -> Distribution:
@@ -128,10 +131,9 @@ class Trust:
     def make_planner(self) -> Planner:
         """Return the planner for the next person, which sometimes asks to learn."""
         options = self.options
+        least = options.min_asked if self.learnt.alternative is None else options.max_asked
         asks = options.ask_every and (
-            self.n_people % options.ask_every == 0
-            or self._n_repeated < options.min_asked * self.n_people**0.5
-            or self._learnt.alternative.estimates is not None
+            self.n_people % options.ask_every == 0 or self._n_repeated < least * self.n_people**0.5
         )
         wanted = options.ask_answers if asks else 0
         return AskingPlanner(self.planner, self._domain, self._dialogue, wanted)
@@ -154,10 +156,10 @@ class Trust:
         self._n_repeated += len(answers) >= self.options.ask_answers
         if self.n_people >= self._next_fit:
             self._next_fit = self.n_people + max(1, self.n_people // self.options.refits)
-            self._learnt.fit(self.options.iterations)
-            if self.n_people >= self._next_exchange:
-                self._next_exchange = self.n_people * 5 // 4
-                self._learnt.alternative.exchange(EXCHANGE_ITERATIONS)
+            is_due = self.n_people >= self._next_search
+            if is_due:
+                self._next_search = self.n_people * 5 // 4
+            self._learnt.fit(self.options.iterations, search=SEARCH_ITERATIONS if is_due else 0)
             self.tables = self.answers.make_tables(find_optimistic_rows(self.learnt, self.options.max_loss))
         self.planner = self._dialogue.make_planner(self.tables)
 
@@ -196,17 +198,17 @@ class Trust:
             "people": self.n_people,
             "repeated": self._n_repeated,
             "next_fit": self._next_fit,
-            "next_exchange": self._next_exchange,
+            "next_search": self._next_search,
             "tables": self.tables.tolist(),
             "learnt": self._learnt.state(),
             "planners": self._dialogue.state(),
         }
 
     def restore(self, state: Mapping[str, Any]) -> None:
-        """Continue exactly from a state of trust with the same arguments, before the first `learn`.
+        """Continue exactly from a state of trust with the same arguments, before the first person.
 
         Raises:
-            DecisionError: it has learnt already, or the state is damaged or of other sources.
+            DecisionError: it has predicted already, or the state is damaged or of other sources.
         """
         if self.n_people:
             raise DecisionError(f"trust has learnt from {self.n_people} people; expected a new one")
@@ -220,7 +222,7 @@ class Trust:
             self.weights = np.array(state["weights"], np.float64).reshape(self.weights.shape)
             self.tables = np.array(state["tables"], np.float64).reshape(self.tables.shape)
             self.n_people, self._n_repeated = state["people"], state["repeated"]
-            self._next_fit, self._next_exchange = state["next_fit"], state["next_exchange"]
+            self._next_fit, self._next_search = state["next_fit"], state["next_search"]
             if self.n_people:
                 self.planner = self._dialogue.restore(state["planners"])
         except (LookupError, TypeError, ValueError, AttributeError) as error:
