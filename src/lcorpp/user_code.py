@@ -5,7 +5,7 @@ from __future__ import annotations
 import importlib.util
 import sys
 import traceback
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
 from operator import attrgetter
@@ -14,6 +14,9 @@ from types import ModuleType
 from typing import Any
 
 from lcorpp.errors import LcorppError, expected_one_of
+
+PICKLED_CODE = "<dynamic-code>"
+"""The filename of code that cloudpickle (3.1.3 and later) has sent to another process."""
 
 
 @dataclass(frozen=True)
@@ -37,9 +40,10 @@ class UserFile:
         Args:
             otherwise: the result for what another file defines, by default `place`.
         """
+        if not hasattr(function, "__code__"):
+            function = getattr(function, "__init__", None)
         code = getattr(function, "__code__", None)
-        code = code or getattr(getattr(function, "__init__", None), "__code__", None)
-        if code is None or not self._contains(code.co_filename):
+        if code is None or not self._contains(code.co_filename, getattr(function, "__globals__", {})):
             return otherwise or self.place
         return f"{self.place}:{code.co_firstlineno}"
 
@@ -51,11 +55,11 @@ class UserFile:
             what: what failed, e.g. ``trajectory() failed``.
             otherwise: the location if no line of the file failed, by default `place`.
         """
-        if isinstance(failure, SyntaxError) and failure.filename and self._contains(failure.filename):
+        if isinstance(failure, SyntaxError) and failure.filename and self._contains(failure.filename, {}):
             return f"{self.place}:{failure.lineno}: {what}: SyntaxError: {failure.msg}"
-        frames = traceback.extract_tb(failure.__traceback__)
-        line = next((f.lineno for f in reversed(frames) if self._contains(f.filename)), None)
-        location = f"{self.place}:{line}" if line else otherwise or self.place
+        frames = traceback.walk_tb(failure.__traceback__)
+        lines = [n for own, n in frames if self._contains(own.f_code.co_filename, own.f_globals)]
+        location = f"{self.place}:{lines[-1]}" if lines else otherwise or self.place
         return f"{location}: {what}: {type(failure).__name__}: {failure}"
 
     @contextmanager
@@ -70,7 +74,10 @@ class UserFile:
         except (Exception, SystemExit) as failure:
             raise error(self.describe_failure(failure, f"{what} failed")) from failure
 
-    def _contains(self, filename: str) -> bool:
+    def _contains(self, filename: str, namespace: Mapping[str, Any]) -> bool:
+        """Whether code is from this file; a function that was pickled by value keeps its globals alone."""
+        if filename == PICKLED_CODE:
+            filename = namespace.get("__file__") or filename
         return Path(filename).resolve() == Path(self.file)
 
 
