@@ -27,11 +27,12 @@ class AlternativeSearch:
 
     Args:
         model: its `estimates` and `alternative` are replaced.
-        n_searches: so far.
+
+    n_searches: number of searches so far.
     """
 
-    def __init__(self, model: LatentClassModel, n_searches: int = 0) -> None:
-        self._model, self.n_searches = model, n_searches
+    def __init__(self, model: LatentClassModel) -> None:
+        self._model, self.n_searches = model, 0
         rows = model.answers.row_of
         self._pairs = [  # of values that some answer distinguishes
             (a, b) for a, b in combinations(range(model.n_values), 2) if (rows[:, a] != rows[:, b]).any()
