@@ -84,7 +84,7 @@ class AnswerModel:
 
     def add_noise(self, noise: float) -> Array:
         """Return the rows (R, O) with a noise that all questions share."""
-        rows: Array = self._noisy_rows[int(np.argmin(np.abs(NOISE_DEGREES - noise)))]
+        rows: Array = self._noisy_rows[_find_degree(noise)]
         return rows
 
     def list_questions(self, noise: float) -> list[tuple[npt.NDArray[np.bool_], Array]]:
@@ -130,7 +130,7 @@ class AnswerModel:
     def compute_log_prior(self, noise: float) -> float:
         """Return the log prior of a noise that all questions share, 0 for the stated model."""
         scores = self._stated_score - self._stated_score[STATED_DEGREE]
-        return float(scores[np.argmin(np.abs(NOISE_DEGREES - noise))])
+        return float(scores[_find_degree(noise)])
 
     def _keep_order(self, rows: Array, prior: Array) -> Array:
         """Return rows between `rows` and `prior` (R, O) in which no two values are exchanged.
@@ -203,3 +203,8 @@ class AnswerModel:
         expected = self._noisy_rows[STATED_DEGREE] * (SHARED_ANSWERS / max(len(self.stated_rows), 1))
         scores: Array = self._logs @ expected.ravel()
         return scores
+
+
+def _find_degree(noise: float) -> int:
+    """Return the index of the nearest of `NOISE_DEGREES`."""
+    return int(np.argmin(np.abs(NOISE_DEGREES - noise)))

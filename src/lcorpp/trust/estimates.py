@@ -69,9 +69,9 @@ class Estimates:
     def of_start(cls, answers: AnswerModel, rates: Sequence[Array]) -> Estimates:
         """Return estimates without contexts, with the stated observation model."""
         n_values = answers.row_of.shape[1]
-        nobody, no_answers = np.zeros((0, n_values)), np.zeros((answers.n_answers, n_values))
-        past = Counts(nobody, tuple(np.zeros_like(own) for own in rates), no_answers)
-        return cls(answers, nobody, nobody, tuple(rates), answers.stated_rows, past)
+        by_context, by_answer = np.zeros((0, n_values)), np.zeros((answers.n_answers, n_values))
+        past = Counts(by_context, tuple(np.zeros_like(table) for table in rates), by_answer)
+        return cls(answers, by_context, by_context, tuple(rates), answers.stated_rows, past)
 
     def with_context(self, pi: Array) -> Estimates:
         """Return the estimates with one more context, in which the values have the distribution pi (V,)."""

@@ -88,7 +88,7 @@ class LearntSources:
             model.add(context, labels, answers)
 
     def fit(self, iterations: int, *, search: int = 0) -> None:
-        """Run EM on both models; the observation model is estimated from all people.
+        """Run EM on both models and the alternative; O is estimated from all people.
 
         Args:
             search: iterations of EM in a search for alternative estimates; 0: no search.

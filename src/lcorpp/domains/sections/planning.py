@@ -39,7 +39,7 @@ class PlanningSection:
     terminal: the indices of the terminal states.
     solver: the solver of the model, and its limits.
     problem: the model with its variables, None if it has none.
-    phrases: action or observation -> plain words for it; a name without words is readable itself.
+    phrases: action or observation -> its text for people; without one its name is shown.
     """
 
     pomdp: Pomdp
@@ -74,7 +74,7 @@ def read_planning(table: TomlTable, folder: Path, reasoning: ReasoningSection) -
 
 
 def _read_phrases(table: TomlTable, pomdp: Pomdp) -> dict[str, str]:
-    """Read `phrases`: action or observation -> its words."""
+    """Read `phrases`: action or observation -> its text for people."""
     section, known = table.section("phrases"), (*pomdp.actions, *pomdp.observations)
     for name in section:
         if name not in known:

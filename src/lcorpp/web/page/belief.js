@@ -8,8 +8,8 @@ import { makeKey } from "./marks.js";
 
 const MAX_BARS = 9;
 const CAPTIONS = {
-  2: "Each line is a plan. The robot follows the highest one above its belief, the large dot. A number: after so many answers.",
-  3: "A corner is certainty. The colour around the belief, the large dot, is what the robot does next. A number: after so many answers.",
+  2: "Each line is a plan. The robot follows the highest one above its belief, the large dot. Numbered dots: beliefs after that many answers.",
+  3: "A corner is certainty. The colour around the belief, the large dot, is what the robot does next. Numbered dots: beliefs after that many answers.",
 };
 
 export class BeliefPicture {

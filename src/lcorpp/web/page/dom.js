@@ -24,7 +24,7 @@ export function readable(name) {
   return [name].flat().map((part) => part.replaceAll("_", " ")).join(", ");
 }
 
-/** Return an action or an observation in the words of the domain. */
+/** Return the domain's text for an action or observation; by default its name with spaces. */
 export function phrase(domain, name) {
   return domain.phrases[name] ?? readable(name);
 }
