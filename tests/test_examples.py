@@ -25,6 +25,7 @@ def test_example_runs(script):
             "duration      AUC 1.00 LEAK",
             "duration      AUC 0.50",
         ),
+        "07_watch.py": ("a second costs 1: watched 0.36 s", "a second costs 10: watched 0.00 s"),
         "04_your_own_classifier.py": ("accuracy:  0.", "hard evidence", "soft evidence"),
     }
     for word in words[script.name]:

@@ -39,6 +39,8 @@ DOCS = Path(__file__).parents[1] / "docs"
         ("figures.md", 3),
         ("sweeps.md", 2),
         ("play.md", 2),
+        ("camera.md", 3),
+        ("early.md", 4),
     ],
 )
 def test_a_guide_is_true(

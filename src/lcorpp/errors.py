@@ -89,6 +89,18 @@ class NoReportError(DecisionError):
     """A decision in which the policy never reports a value."""
 
 
+class WorldError(LcorppError):
+    """An action that a world has not completed; a robot is then ordered to stop."""
+
+
+class ActionFailedError(WorldError):
+    """An action that was refused, aborted, or not completed within its time-out."""
+
+
+class ConnectionLostError(WorldError):
+    """A connection to a robot that cannot be made, or that was lost."""
+
+
 class WorkerError(LcorppError):
     """Worker processes that end before their work is done, or a cluster that cannot be reached."""
 

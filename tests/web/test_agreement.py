@@ -9,11 +9,12 @@ import pytest
 
 from lcorpp import load_domain
 from lcorpp.experiments.setup import TrainingOptions
+from lcorpp.experiments.track_robot import find_track_senses
 from lcorpp.planning.policy_cache import find_cache_folder
 from lcorpp.web.export import bundle_page
 from lcorpp.web.model import make_model, write_model
 from lcorpp.web.session import Session
-from lcorpp.web.setup import find_page_folder, find_track_senses, set_up_robot
+from lcorpp.web.setup import find_page_folder, set_up_robot
 
 
 def make_requests(domain, rng):

@@ -12,6 +12,7 @@ from lcorpp.cli.data.commands import app as data_app
 from lcorpp.cli.explanation import explain
 from lcorpp.cli.logs import audit, replay, watch
 from lcorpp.cli.page import export, play
+from lcorpp.cli.robot import robot, track
 from lcorpp.log_output import show_log
 
 app = typer.Typer(
@@ -33,6 +34,8 @@ app.command()(show.show)
 app.command()(learn.learn)
 app.command()(play.play)
 app.command()(export.export)
+app.command()(robot.robot)
+app.command()(track.track)
 app.command()(new.new)
 app.command()(sweep.sweep)
 app.command()(replay.replay)

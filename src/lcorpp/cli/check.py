@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 KINDS = (
     "a .plog, .pl, .pomdp, .pomdpx, .policy, .xml or .alpha file, a domain folder or its domain.toml, a"
-    " folder of recorded tracks, a store of tracks"
+    " folder of recorded tracks, a store of tracks, a robot.toml"
 )
 
 PROGRAMS = (".plog", ".pl", ".problog", ".lp", ".plp")
@@ -46,6 +46,8 @@ def check(
     suffix = path.suffix.lower()
     if path.is_dir() and (path / AUTHORS_FILE).exists():
         _check_tracks(path)
+    elif suffix == ".toml" and path.name != "domain.toml":
+        _check_robot(path)
     elif path.is_dir() or path.name == "domain.toml":
         _check_domain(path if path.is_dir() else path.parent)
     elif not path.exists() and str(path) in list_domains():
@@ -77,6 +79,24 @@ def check(
         raise FileError(f"{path}: No such file or directory")
     else:
         raise FileError(f"{path}: unknown kind of file; expected {KINDS}")
+
+
+def _check_robot(path: Path) -> None:
+    from lcorpp.robot.reading import read_robot_config
+
+    config, domain = read_robot_config(path)
+    connection = config.connection
+    where = f" at {connection.url}" if connection.kind == "rosbridge" else ""
+    preset = f", preset {domain.preset}" if domain.preset else ""
+    console.out.print(
+        f"{path}: {domain.name}{preset} by {config.strategy}; {connection.kind} for ROS {connection.version}"
+        f"{where}; people from {' '.join(config.people.topic)}; {len(config.behaviours)} actions: OK"
+    )
+    unknown = [name for name in domain.observed if name not in config.facts]
+    if unknown:
+        console.print_note(f"the robot does not observe {', '.join(unknown)}; the reasoner sums over them")
+    if config.answers.topic is None:
+        console.print_note(f"the robot cannot hear: every observation is {config.answers.silence}")
 
 
 def _check_tracks(path: Path) -> None:

@@ -77,7 +77,14 @@ def _check_part(part: str, value: object) -> None:
         )
 
 
-def dt_control(robot: Robot, instance: Instance, world: World, *, max_steps: int = MAX_STEPS) -> Episode:
+def dt_control(
+    robot: Robot,
+    instance: Instance,
+    world: World,
+    *,
+    max_steps: int = MAX_STEPS,
+    listener: Callable[[Step], None] = lambda _: None,
+) -> Episode:
     """Decide about one person: classify, reason, then act until the report.
 
     Args:
@@ -85,6 +92,7 @@ def dt_control(robot: Robot, instance: Instance, world: World, *, max_steps: int
         instance: what the robot perceives of the person before any action.
         world: executes the actions.
         max_steps: maximum number of actions.
+        listener: called after every step.
 
     Returns:
         The episode, with every intermediate result.
@@ -102,7 +110,9 @@ def dt_control(robot: Robot, instance: Instance, world: World, *, max_steps: int
     classified = perf_counter()
     evidence, marginal, prior = infer_prior(robot, instance.context, labels)
     reasoned = perf_counter()
-    steps, report, plan_seconds = act_until_report(robot, prior, world, max_steps=max_steps)
+    steps, report, plan_seconds = act_until_report(
+        robot, prior, world, max_steps=max_steps, listener=listener
+    )
     seconds = {"classify": classified - began, "reason": reasoned - classified, "plan": plan_seconds}
     episode = Episode(labels, evidence, marginal, prior, steps, report, seconds)
     log_decision(episode)

@@ -15,12 +15,12 @@ import numpy as np
 from lcorpp.domains import Domain, Sense
 from lcorpp.errors import DataError, LcorppError
 from lcorpp.experiments.robot_parts import ClassifierPart
+from lcorpp.experiments.track_robot import find_track_senses
 from lcorpp.learning import StreamingClassifier, TrainedClassifier, train_and_validate
 from lcorpp.learning.features.resampling import resample
 from lcorpp.learning.store import NewTrack, Store, TrackSchema
 from lcorpp.values import Array, ConfusionMatrix, Dataset
 from lcorpp.web.robot import PlayRobot
-from lcorpp.web.setup import find_track_senses
 from lcorpp.web.trial import JudgedTrial
 
 Sample = tuple[float, ...]

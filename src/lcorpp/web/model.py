@@ -18,6 +18,7 @@ from lcorpp.experiments.classifier_training import make_untrained
 from lcorpp.experiments.decision_log import FORMAT as LOG_FORMAT, VERSION as LOG_VERSION
 from lcorpp.experiments.robot_parts import describe_strategy
 from lcorpp.experiments.setup import ClassifierOptions, StoredOptions
+from lcorpp.experiments.track_robot import LEARNER, POSITION
 from lcorpp.learning import (
     ChannelStandardizer,
     LstmClassifier,
@@ -33,7 +34,6 @@ from lcorpp.values import Array
 from lcorpp.web.description import describe_domain
 from lcorpp.web.reachable import prune_policy
 from lcorpp.web.robot import PlayRobot
-from lcorpp.web.setup import LEARNER, POSITION
 
 FORMAT, VERSION = "lcorpp page", 1
 MAX_EVIDENCES = 20_000

@@ -1,70 +1,29 @@
-"""Setup of a robot for the page: classifiers of tracks, knowledge and policy."""
+"""Setup of a robot for the page."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from importlib.resources import files
 from pathlib import Path
+from typing import Any
 
-from lcorpp.domains import Domain, Sense
-from lcorpp.experiments.robot_parts import RobotParts
-from lcorpp.experiments.sense_setup import describe_classifiers, set_up_senses
-from lcorpp.experiments.setup import (
-    HARD_LABELS,
-    ClassifierOptions,
-    ProgressDisplay,
-    have_own_rates,
-    no_progress,
-    solve_domain,
-)
-from lcorpp.learning import StreamingClassifier
+from lcorpp.domains import Domain
+from lcorpp.experiments.setup import ClassifierOptions
+from lcorpp.experiments.track_robot import set_up_track_robot
 from lcorpp.planning import SolverOptions
 from lcorpp.web.robot import PlayRobot
 
-LEARNER = "lstm-fast"
-"""The learner of senses of tracks, unless another one is chosen; the exported page can run it."""
-POSITION = ("x", "y")
-"""The inputs of a track that a pointer can give."""
-
-
-def find_track_senses(domain: Domain) -> list[Sense]:
-    """Return the senses whose signals are tracks of positions; the page asks for the labels of the others."""
-    return [
-        sense
-        for sense in domain.senses
-        if sense.channels in ((), POSITION) and (sense.name in domain.simulation.signals or sense.data)
-    ]
-
 
 def set_up_robot(
-    domain: Domain,
-    classifiers: Mapping[str, ClassifierOptions],
-    solver: SolverOptions,
-    *,
-    cache: Path | None = None,
-    progress: ProgressDisplay = no_progress,
-    seed: int = 0,
-    jobs: int = 1,
+    domain: Domain, classifiers: Mapping[str, ClassifierOptions], solver: SolverOptions, **options: Any
 ) -> PlayRobot:
     """Train or load the classifiers, and solve the POMDP.
 
     Args:
         classifiers: sense -> how to get its classifier, None if the page asks for its labels.
-
-    Raises:
-        DataError: a classifier is not one of tracks; or as `set_up_senses`.
-        ModelError, DomainError: as `solve_domain`.
+        options: of `set_up_track_robot`, which also names the errors.
     """
-    senses = set_up_senses(domain, domain.senses, classifiers, HARD_LABELS, progress, seed=seed, jobs=jobs)
-    trained = {name: setup.trained for name, setup in senses.items() if setup.trained is not None}
-    for classifier in trained.values():
-        StreamingClassifier.from_trained(classifier)  # raises an error before the POMDP is solved
-    known_as = describe_classifiers(senses)
-    with progress("solving the POMDP") as advance:
-        solution = solve_domain(
-            domain, solver, any_prior=have_own_rates(known_as), cache=cache, advance=advance
-        )
-    return PlayRobot(RobotParts(domain, solution.policy, known_as, solver=solver), trained)
+    return PlayRobot(*set_up_track_robot(domain, classifiers, solver, **options))
 
 
 def find_page_folder() -> Path:

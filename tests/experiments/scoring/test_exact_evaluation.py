@@ -10,7 +10,7 @@ from lcorpp import planning
 from lcorpp.decision import STRATEGIES, Robot
 from lcorpp.domains import load_domain
 from lcorpp.errors import DomainError
-from lcorpp.experiments.scoring import decision_graph, episode_totals
+from lcorpp.experiments.scoring import decision_graph, episode_model, episode_totals
 from lcorpp.experiments.scoring.exact_evaluation import compute_joint_distribution, evaluate_exactly
 from lcorpp.experiments.scoring.experiment import Experiment
 from lcorpp.experiments.scoring.metrics import Scores
@@ -96,6 +96,17 @@ def test_totals_of_the_further_actions_equal_the_sums_step_by_step(preset, monke
         np.testing.assert_allclose(scores.counts, other.counts, atol=1e-9)
         assert scores.cost.estimate == pytest.approx(other.cost.estimate, abs=1e-7)
         assert scores.cost_sd == pytest.approx(other.cost_sd, abs=1e-6)
+        assert scores.return_.estimate == pytest.approx(other.return_.estimate, abs=1e-7)
+
+
+def test_scores_with_sparse_matrices_are_the_same(monkeypatch):
+    """Those of large domains are sparse."""
+    monkeypatch.setattr(episode_model, "DENSE_PAIRS", 1)
+    monkeypatch.setattr(episode_totals, "MAX_SIZE", 0)
+    domain, robot, channels = parts("paper")
+    for scores in evaluate_exactly(domain, robot, channels, STRATEGIES):
+        other = exactly("paper")[scores.strategy]
+        np.testing.assert_allclose(scores.counts, other.counts, atol=1e-9)
         assert scores.return_.estimate == pytest.approx(other.return_.estimate, abs=1e-7)
 
 

@@ -28,7 +28,7 @@ def choose_page_classifiers(
     """
     from lcorpp.experiments.classifier_training import make_untrained
     from lcorpp.experiments.setup import READ_AS_IT_IS, TrainingOptions
-    from lcorpp.web.setup import LEARNER, find_track_senses
+    from lcorpp.experiments.track_robot import LEARNER, find_track_senses
 
     tracked = {sense.name for sense in find_track_senses(domain)}
     if not tracked:

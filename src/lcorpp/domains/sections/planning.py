@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from math import inf
@@ -13,7 +14,7 @@ from lcorpp.domains.sections.planner_model import read_planner_model
 from lcorpp.domains.sections.reasoning import ReasoningSection
 from lcorpp.domains.sections.states import check_template, read_states
 from lcorpp.domains.toml import TomlTable
-from lcorpp.errors import DomainError, ModelError, expected_one_of
+from lcorpp.errors import DomainError, FileError, ModelError, expected_one_of
 from lcorpp.planning import Pomdp, SolverOptions
 from lcorpp.user_code import split_function
 from lcorpp.values import Array, SharedValue, format_value
@@ -26,6 +27,9 @@ MIN_LIMIT = 1e-9
 
 MAX_PRECISION = 1e300
 """Maximum of a solver's precision; every finite gap is smaller."""
+
+SENTENCE = re.compile(r"[A-Za-z']+( [A-Za-z']+)*")
+"""Words with one space between them."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -40,6 +44,8 @@ class PlanningSection:
     solver: the solver of the model, and its limits.
     problem: the model with its variables, None if it has none.
     phrases: action or observation -> its text for people; without one its name is shown.
+    utterances: observation -> the sentences by which people give it, for a recogniser, in lower case.
+    recogniser: the file of what `lcorpp observe` learnt of the recogniser, for this model; None without.
     """
 
     pomdp: Pomdp
@@ -50,6 +56,8 @@ class PlanningSection:
     solver: SolverOptions
     problem: Factored | None = None
     phrases: Mapping[str, str] = field(default_factory=dict)
+    utterances: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    recogniser: Path | None = None
 
     def __repr__(self) -> str:
         return f"PlanningSection({self.pomdp!r}, reports: {', '.join(self.reports)})"
@@ -66,10 +74,20 @@ def read_planning(table: TomlTable, folder: Path, reasoning: ReasoningSection) -
     states = read_states(table, pomdp, problem, reasoning)
     reports = _read_reports(table, pomdp, reasoning)
     solver = _read_solver(table, folder)
-    phrases = _read_phrases(table, pomdp)
+    phrases, utterances = _read_phrases(table, pomdp), _read_utterances(table, pomdp)
+    recogniser = _read_recogniser(table, folder)
     table.reject_unknown_keys()
     return PlanningSection(
-        pomdp, reports, states.initial_states, states.state_values, states.terminal, solver, problem, phrases
+        pomdp=pomdp,
+        reports=reports,
+        initial_states=states.initial_states,
+        state_values=states.state_values,
+        terminal=states.terminal,
+        solver=solver,
+        problem=problem,
+        phrases=phrases,
+        utterances=utterances,
+        recogniser=recogniser,
     )
 
 
@@ -83,6 +101,41 @@ def _read_phrases(table: TomlTable, pomdp: Pomdp) -> dict[str, str]:
                 f" {expected_one_of(known)}"
             )
     return {name: section.text(name) for name in section}
+
+
+def _read_utterances(table: TomlTable, pomdp: Pomdp) -> dict[str, tuple[str, ...]]:
+    """Read `utterances`: observation -> sentences, each with its words in lower case."""
+    section = table.section("utterances")
+    utterances: dict[str, tuple[str, ...]] = {}
+    observation_of: dict[str, str] = {}
+    for observation in section:
+        location = section.location(observation)
+        check_declared(location, observation, pomdp, "observations")
+        sentences = tuple(sentence.lower() for sentence in section.names(observation))
+        for sentence in sentences:
+            if not SENTENCE.fullmatch(sentence):
+                raise DomainError(
+                    f"{location}: {sentence!r} is no sentence; expected words of letters and apostrophes with"
+                    " one space between them"
+                )
+            if sentence in observation_of:
+                raise DomainError(
+                    f"{location}: {sentence!r} is a sentence of {observation_of[sentence]!r} already;"
+                    " expected each sentence once"
+                )
+            observation_of[sentence] = observation
+        utterances[observation] = sentences
+    return utterances
+
+
+def _read_recogniser(table: TomlTable, folder: Path) -> Path | None:
+    """Read `recogniser`, a file in the folder."""
+    if "recogniser" not in table:
+        return None
+    path = folder / table.text("recogniser")
+    if not path.is_file():
+        raise FileError(f"{table.location('recogniser')}: there is no file {path}")
+    return path
 
 
 def _read_solver(table: TomlTable, folder: Path) -> SolverOptions:

@@ -131,7 +131,8 @@ def sum_episodes(
         moments = _add_cost(moments, -model.reward[actions])
         for a in sorted(set(actions[~ends].tolist())):
             rows = np.flatnonzero(actions == a)
-            after = moments[rows] @ model.transition[a]
+            part = moments[rows]  # (n, 3, J); a sparse matrix takes two dimensions
+            after = (part.reshape(-1, part.shape[2]) @ model.transition[a]).reshape(part.shape)
             possible, probabilities = model.feedback[a]
             n, o = np.nonzero(after[:, 0] @ probabilities.T >= MIN_PROBABILITY)
             sources.append(rows[n])

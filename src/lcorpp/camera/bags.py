@@ -1,0 +1,156 @@
+"""Images and intrinsics in recordings of ROS 1 and 2, by rosbags."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import numpy.typing as npt
+
+from lcorpp.arguments import check_arguments
+from lcorpp.camera.floor import Intrinsics
+from lcorpp.camera.frames import Frame, check_alike, convert_pixels
+from lcorpp.errors import DataError, FileError, LcorppError, expected_one_of
+
+if TYPE_CHECKING:
+    from rosbags.highlevel import AnyReader
+    from rosbags.interfaces import Connection
+
+IMAGE, CAMERA_INFO = "sensor_msgs/msg/Image", "sensor_msgs/msg/CameraInfo"
+
+ENCODINGS: dict[str, tuple[str, int, tuple[int, ...]]] = {
+    "bgr8": ("u1", 3, (0, 1, 2)),
+    "rgb8": ("u1", 3, (2, 1, 0)),
+    "bgra8": ("u1", 4, (0, 1, 2)),
+    "rgba8": ("u1", 4, (2, 1, 0)),
+    "mono8": ("u1", 1, (0,)),
+    "8UC1": ("u1", 1, (0,)),
+    "16UC1": ("u2", 1, (0,)),
+    "32FC1": ("f4", 1, (0,)),
+}
+"""Encoding -> type of a number, numbers of a pixel, and places of blue, green, red (or the only one)."""
+
+NANOSECOND = 1e-9
+
+
+class Bag:
+    """The images of one topic in a bag: a ROS 1 file (.bag) or a ROS 2 folder (with metadata.yaml).
+
+    Times are those of the headers, or of the recording where these are 0. Depths are 16UC1 in millimetres or
+    32FC1 in metres (REP 118).
+
+    Args:
+        topic: of the images; None takes the only one.
+
+    Attributes:
+        topic: of the images. intrinsics: from the CameraInfo beside the topic, or the only one; None if the
+            bag has none.
+
+    Raises:
+        FileError: the path does not exist.
+        DataError: the bag is damaged, has no such topic, its camera is not calibrated, or rosbags is not
+            installed.
+    """
+
+    @check_arguments
+    def __init__(self, path: str | Path, *, topic: str | None = None) -> None:
+        self._path = Path(path)
+        if not self._path.exists():
+            raise FileError(f"{path}: cannot be read: no such file or folder")
+        with self._open() as reader:
+            images = {c.topic: c for c in reader.connections if c.msgtype == IMAGE}
+            self.topic = _choose(images, topic, self._path)
+            self._count = sum(c.msgcount for c in reader.connections if c.topic == self.topic)
+            self.intrinsics = self._read_intrinsics(reader)
+
+    def __len__(self) -> int:
+        return self._count
+
+    def __iter__(self) -> Iterator[Frame]:
+        first: Frame | None = None
+        last = -np.inf
+        with self._open() as reader:
+            chosen = [c for c in reader.connections if c.topic == self.topic]
+            for number, (connection, stamp, data) in enumerate(reader.messages(chosen), start=1):
+                place = f"{self._path}: {self.topic}: message {number}"
+                message: Any = reader.deserialize(data, connection.msgtype)
+                frame = Frame(_read_time(message, stamp), _read_pixels(message, place), place)
+                first = first or frame
+                check_alike(frame, first)
+                if frame.time <= last:
+                    raise DataError(
+                        f"{place}: time {frame.time:.9f} s after {last:.9f} s; expected one that rises"
+                    )
+                last = frame.time
+                yield frame
+
+    @contextmanager
+    def _open(self) -> Iterator[AnyReader]:
+        try:
+            from rosbags.highlevel import AnyReader
+            from rosbags.typesys import Stores, get_typestore
+        except ImportError:
+            raise DataError("rosbags is not installed; pip install 'lcorpp[bags]'") from None
+        try:
+            with AnyReader([self._path], default_typestore=get_typestore(Stores.LATEST)) as reader:
+                yield reader
+        except (LcorppError, MemoryError):
+            raise
+        except (
+            Exception
+        ) as error:  # the readers of damaged bags fail in any way: struct, sqlite3, yaml, zstd, ...
+            reason = f"{type(error).__name__}: {error}"[:300]
+            raise DataError(f"{self._path}: cannot be read as a bag: {reason}") from error
+
+    def _read_intrinsics(self, reader: AnyReader) -> Intrinsics | None:
+        """Return the intrinsics of the camera of the images."""
+        cameras: dict[str, Connection] = {c.topic: c for c in reader.connections if c.msgtype == CAMERA_INFO}
+        beside = f"{self.topic.rpartition('/')[0]}/camera_info"
+        topic = beside if beside in cameras else next(iter(cameras)) if len(cameras) == 1 else None
+        for connection, _, data in reader.messages([cameras[topic]]) if topic else ():
+            message: Any = reader.deserialize(data, connection.msgtype)
+            k = np.asarray(message.K if hasattr(message, "K") else message.k, dtype=np.float64)
+            if k.size != 9 or not (k[[0, 4]] > 0).all():
+                raise DataError(f"{self._path}: {topic}: the camera is not calibrated: K is {k.tolist()}")
+            return Intrinsics(*k[[0, 4, 2, 5]].tolist())
+        return None
+
+
+def _choose(topics: dict[str, Connection], topic: str | None, path: Path) -> str:
+    """Return the name of the topic with images."""
+    if topic is not None and topic in topics:
+        return topic
+    if topic is None and len(topics) == 1:
+        return next(iter(topics))
+    if not topics:
+        raise DataError(f"{path}: has no images; expected a topic of {IMAGE}")
+    fault = f"has {len(topics)} topics with images" if topic is None else f"has no images in {topic!r}"
+    raise DataError(f"{path}: {fault}; {expected_one_of(sorted(topics))}")
+
+
+def _read_time(message: Any, recorded: int) -> float:
+    """Return the time of a message in seconds."""
+    stamp = message.header.stamp
+    time = int(stamp.sec) + int(stamp.nanosec) * NANOSECOND
+    return time if time > 0 else recorded * NANOSECOND
+
+
+def _read_pixels(message: Any, place: str) -> npt.NDArray[Any]:
+    """Return the image of a message as `Frame` has it."""
+    if message.encoding not in ENCODINGS:
+        raise DataError(f"{place}: encoding {message.encoding!r}; {expected_one_of(list(ENCODINGS))}")
+    kind, channels, order = ENCODINGS[message.encoding]
+    dtype = np.dtype(kind).newbyteorder(">" if message.is_bigendian else "<")
+    height, width, step = int(message.height), int(message.width), int(message.step)
+    data = np.asarray(message.data, dtype=np.uint8)
+    row = width * channels * dtype.itemsize
+    if not height or not width or step < row or data.size < height * step:
+        raise DataError(
+            f"{place}: {data.size} bytes for {width} x {height} pixels, {step} a row; expected {row} or more"
+        )
+    rows = np.ascontiguousarray(data[: height * step].reshape(height, step)[:, :row])
+    pixels = rows.view(dtype).reshape(height, width, channels)[..., list(order)]
+    return convert_pixels(pixels.astype(dtype.newbyteorder("="), copy=False), place)

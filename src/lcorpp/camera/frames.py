@@ -1,0 +1,221 @@
+"""Images with time stamps, and the folders of images and videos that they are read from."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from math import isfinite
+from pathlib import Path
+from typing import Any, Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+from lcorpp.arguments import check_arguments
+from lcorpp.camera.opencv import import_cv2
+from lcorpp.errors import DataError, FileError, expected_one_of
+from lcorpp.files import read_bytes
+
+IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".pgm", ".ppm")
+"""Endings of the names of images in a folder."""
+
+MILLIMETRE = np.float32(1e-3)
+
+MISSING_SHARE, MISSING_FRAMES = 0.01, 2
+"""A video may end so much before the number of frames that it states: some containers state an estimate."""
+
+
+@dataclass(frozen=True, eq=False)
+class Frame:
+    """An image with its time.
+
+    time: seconds. place: the file, and the frame in it, for messages.
+    image: (height, width, 3) uint8 blue, green, red; or (height, width) float32, depths in metres, NaN where
+        unknown.
+    """
+
+    time: float
+    image: npt.NDArray[Any]
+    place: str
+
+    @property
+    def is_depth(self) -> bool:
+        """Whether the image has depths."""
+        return self.image.ndim == 2
+
+
+class FrameSource(Protocol):
+    """A source of frames in the order of time. Iterating reads it from its beginning."""
+
+    def __len__(self) -> int:
+        """Return the number of frames; of a video as the file states it."""
+
+    def __iter__(self) -> Iterator[Frame]:
+        """Yield the frames. Raises DataError or FileError with the place of what cannot be read."""
+
+
+class ImageFolder:
+    """Images of one size in a folder, in the order of time.
+
+    8-bit images are colour or grey, 16-bit images with one channel are depths in millimetres, 0 unknown.
+
+    Args:
+        rate: images a second, in the order of the names; None takes the names as times in seconds, e.g.
+            1305031102.175304.png.
+
+    Raises:
+        FileError: the folder is missing or has no images.
+        DataError: a name is no time, two names are the same time, or the rate is not positive.
+    """
+
+    @check_arguments
+    def __init__(self, folder: str | Path, *, rate: float | None = None) -> None:
+        folder = Path(folder)
+        if not folder.is_dir():
+            raise FileError(f"{folder}: is no folder")
+        files = sorted(file for file in folder.iterdir() if file.suffix.lower() in IMAGE_SUFFIXES)
+        if not files:
+            raise FileError(f"{folder}: has no images; {expected_one_of(IMAGE_SUFFIXES)}")
+        if rate is not None:
+            check_rate(rate)
+            self._files = [(index / rate, file) for index, file in enumerate(files)]
+            return
+        self._files = sorted((_parse_time(file), file) for file in files)
+        for (time, file), (again, other) in zip(self._files, self._files[1:], strict=False):
+            if time == again:
+                raise DataError(f"{other}: the same time as {file.name}; expected one image at {time:.15g} s")
+
+    def __len__(self) -> int:
+        return len(self._files)
+
+    def __iter__(self) -> Iterator[Frame]:
+        cv2, first = import_cv2(), None
+        for time, file in self._files:
+            data = np.frombuffer(read_bytes(file), dtype=np.uint8)
+            try:
+                pixels = cv2.imdecode(data, cv2.IMREAD_UNCHANGED) if len(data) else None
+            except cv2.error as error:
+                raise DataError(f"{file}: cannot be read as an image: {error.err}") from None
+            if pixels is None:
+                raise DataError(f"{file}: cannot be read as an image; it is damaged, or has another format")
+            frame = Frame(time, convert_pixels(pixels, str(file)), str(file))
+            first = first or frame
+            check_alike(frame, first)
+            yield frame
+
+
+class Video:
+    """The frames of a video file.
+
+    Args:
+        rate: frames a second; None takes the file's.
+
+    Raises:
+        FileError: the file is missing.
+        DataError: it is no video that OpenCV reads, or has no valid rate.
+    """
+
+    @check_arguments
+    def __init__(self, file: str | Path, *, rate: float | None = None) -> None:
+        self._file, cv2 = Path(file), import_cv2()
+        if not self._file.is_file():
+            raise FileError(f"{file}: cannot be read: no such file")
+        capture = self._open()
+        self._count = int(max(0, min(capture.get(cv2.CAP_PROP_FRAME_COUNT), 1e9)))
+        stated = capture.get(cv2.CAP_PROP_FPS)
+        capture.release()
+        if rate is None and not (isfinite(stated) and 0 < stated <= 1000):
+            raise DataError(f"{file}: states {stated:g} frames a second; expected a rate, e.g. --rate 10")
+        self.rate = check_rate(stated if rate is None else rate)
+
+    def __len__(self) -> int:
+        return self._count
+
+    def __iter__(self) -> Iterator[Frame]:
+        capture, index, first = self._open(), 0, None
+        try:
+            while True:
+                read, pixels = capture.read()
+                if not read:
+                    break
+                place = f"{self._file}: frame {index + 1}"
+                frame = Frame(index / self.rate, convert_pixels(pixels, place), place)
+                first = first or frame
+                check_alike(frame, first)
+                yield frame
+                index += 1
+        finally:
+            capture.release()
+        if index < self._count - max(MISSING_FRAMES, MISSING_SHARE * self._count) or not index:
+            raise DataError(
+                f"{self._file}: frame {index + 1} of {self._count} cannot be read: the file is cut or"
+                f" damaged; expected a whole video, or its part before {index / self.rate:.6g} s"
+            )
+
+    def _open(self) -> Any:
+        cv2 = import_cv2()
+        level = cv2.utils.logging.getLogLevel()
+        cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)  # OpenCV prints what it tries
+        try:
+            capture = cv2.VideoCapture(str(self._file), cv2.CAP_FFMPEG)
+        finally:
+            cv2.utils.logging.setLogLevel(level)
+        if not capture.isOpened():
+            raise DataError(f"{self._file}: cannot be read as a video; it is damaged, or has another format")
+        return capture
+
+
+def convert_pixels(pixels: npt.NDArray[Any], place: str) -> npt.NDArray[Any]:
+    """Return an image as `Frame` has it, from the pixels of a file.
+
+    pixels: (height, width) or (height, width, 1, 3 or 4), uint8; or uint16 with one channel, millimetres;
+        or float32 with one channel, metres.
+
+    Raises:
+        DataError: pixels of another kind.
+    """
+    if pixels.ndim == 3 and pixels.shape[2] == 1:
+        pixels = pixels[..., 0]
+    if pixels.dtype == np.uint8 and pixels.ndim == 2:
+        return np.repeat(pixels[..., None], 3, axis=2)
+    if pixels.dtype == np.uint8 and pixels.shape[2] in (3, 4):
+        return np.ascontiguousarray(pixels[..., :3])
+    if pixels.ndim == 2 and pixels.dtype == np.uint16:
+        depths = pixels * MILLIMETRE
+        depths[pixels == 0] = np.nan
+        return depths
+    if pixels.ndim == 2 and pixels.dtype == np.float32:
+        return np.where(pixels > 0, pixels, np.float32(np.nan))
+    raise DataError(
+        f"{place}: an image of shape {pixels.shape}, {pixels.dtype}; expected 8 bits in colour or grey, or"
+        " depths of 16 bits in millimetres or of 32 bits in metres"
+    )
+
+
+def check_alike(frame: Frame, first: Frame) -> None:
+    """Raise a DataError if a frame is of another kind or size than the first one, or not later."""
+    if frame.image.shape != first.image.shape:
+        sizes = [
+            f"{f.image.shape[1]} x {f.image.shape[0]} {'depths' if f.is_depth else 'pixels'}"
+            for f in (frame, first)
+        ]
+        raise DataError(f"{frame.place}: has {sizes[0]}; expected {sizes[1]}, as {first.place}")
+
+
+def check_rate(rate: float) -> float:
+    """Return a rate in 1/s. Raises DataError if it is not a number above 0, up to 1000."""
+    if not 0 < rate <= 1000:
+        raise DataError(f"the rate is {rate:g} images a second; expected a number above 0, up to 1000")
+    return rate
+
+
+def _parse_time(file: Path) -> float:
+    try:
+        time = float(file.stem)
+    except ValueError:
+        time = np.nan
+    if not isfinite(time):
+        raise DataError(
+            f"{file}: the name is no time; expected seconds, e.g. 12.4{file.suffix}, or a rate (--rate)"
+        )
+    return time

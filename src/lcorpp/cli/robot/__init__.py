@@ -1,0 +1,1 @@
+"""Commands of a robot, and of what it sees and hears."""

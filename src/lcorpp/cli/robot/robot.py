@@ -1,0 +1,113 @@
+"""`lcorpp robot`: decide about people on a robot that runs ROS."""
+
+from __future__ import annotations
+
+from contextlib import ExitStack
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from lcorpp.cli import console
+from lcorpp.cli.options import common as options
+
+if TYPE_CHECKING:
+    from lcorpp.domains import Domain
+    from lcorpp.experiments.setup import ClassifierOptions
+    from lcorpp.robot.config import RobotConfig
+    from lcorpp.robot.loop import Decision
+    from lcorpp.values import Step
+
+CONFIG = Path("robot.toml")
+
+
+def robot(
+    config: Annotated[
+        Path, typer.Option(metavar="FILE", help="Topics, actions, frames and time-outs of the robot.")
+    ] = CONFIG,
+    decisions: Annotated[
+        int | None, typer.Option(min=1, help="End after so many decisions; by default at Ctrl-C.")
+    ] = None,
+    log: options.LogOption = None,
+    seed: options.SeedOption = 0,
+    jobs: options.JobsOption = None,
+    no_cache: options.NoCacheOption = False,
+) -> None:
+    """Run a robot: track people, decide whom to attend to, ask, and report.
+
+    `lcorpp check robot.toml` checks the configuration without a robot. After a failed action, a lost
+    connection or Ctrl-C the robot is ordered to stop.
+    """
+    from lcorpp.experiments.decision_log import DecisionLog
+    from lcorpp.experiments.strategies.baselines import find_strategies
+    from lcorpp.experiments.strategies.trust import check_dialogue
+    from lcorpp.experiments.track_robot import set_up_track_robot
+    from lcorpp.planning.policy_cache import find_cache_folder
+    from lcorpp.robot.connecting import connect
+    from lcorpp.robot.loop import RobotLoop
+    from lcorpp.robot.reading import read_robot_config
+
+    read, domain = read_robot_config(config)
+    (strategy,) = find_strategies([read.strategy], [sense.name for sense in domain.senses])
+    check_dialogue(domain, [strategy])
+    with ExitStack() as stack:
+        kept = None if log is None else stack.enter_context(DecisionLog(log))
+        connection = connect(read.connection)
+        stack.callback(connection.close)
+        parts, classifiers = set_up_track_robot(
+            domain,
+            choose_robot_classifiers(read, domain),
+            domain.planning.solver,
+            cache=None if no_cache else find_cache_folder(),
+            progress=console.show_progress,
+            seed=seed,
+            jobs=console.count_processes(jobs),
+        )
+        loop = RobotLoop(read, parts, classifiers, strategy, connection, show_step=_print_step)
+        console.out.print(
+            f"{domain.name} by {strategy.name} on {read.connection.kind} (ROS {connection.version});"
+            " Ctrl-C ends it"
+        )
+        count = 0
+        try:
+            for decision in loop.run(decisions):
+                count += 1
+                _print_decision(decision)
+                if kept is not None and decision.episode is not None:
+                    kept.append(parts, strategy, decision.facts, decision.episode, person=decision.n_learnt)
+        except KeyboardInterrupt:
+            where = "" if log is None else f"; they are in {log}"
+            raise KeyboardInterrupt(
+                f"interrupted after {count} decisions{where}; the robot was ordered to stop"
+            ) from None
+
+
+def choose_robot_classifiers(config: RobotConfig, domain: Domain) -> dict[str, ClassifierOptions]:
+    """Return sense -> its stored classifier, or the default learner on simulated tracks, or None."""
+    from lcorpp.experiments.setup import StoredOptions, TrainingOptions
+    from lcorpp.experiments.track_robot import LEARNER, find_track_senses
+
+    tracked = {sense.name for sense in find_track_senses(domain)}
+    chosen: dict[str, ClassifierOptions] = {
+        sense.name: TrainingOptions(LEARNER) if sense.name in tracked else None for sense in domain.senses
+    }
+    return chosen | {name: StoredOptions(file) for name, file in config.classifiers.items()}
+
+
+def _print_step(person: str, step: Step) -> None:
+    what = "the decision" if step.observation is None else f"observes {step.observation}"
+    console.out.print(f"  person {person}: {step.action}, {what}")
+
+
+def _print_decision(decision: Decision) -> None:
+    from lcorpp.values import format_value
+
+    for failure in decision.failures:
+        console.warn(str(failure))
+    if decision.episode is not None:
+        report = decision.episode.report
+        console.out.print(
+            f"person {decision.person}: {'no report' if report is None else format_value(report)}"
+        )
+    if decision.error is not None:
+        console.warn(f"person {decision.person}: {decision.error}")

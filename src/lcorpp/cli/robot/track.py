@@ -1,0 +1,174 @@
+"""`lcorpp track`: people seen by a camera, as tracks."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from itertools import chain
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from lcorpp.cli import console, output_files
+from lcorpp.errors import DataError, FileError, expected_one_of
+
+if TYPE_CHECKING:
+    from lcorpp.camera import Frame, FrameSource, Intrinsics, Locator, Sample
+
+SUFFIXES = (".csv", ".parquet", ".pq")
+"""Formats of tracks."""
+
+CLOCK_TOLERANCE = 1e-6
+"""Seconds by which a time may exceed --from and --to: rounding of the clock."""
+
+
+def track(
+    source: Annotated[
+        Path,
+        typer.Argument(
+            metavar="SOURCE",
+            help="A folder of images, a video, or a bag: a ROS 1 .bag file or a ROS 2 folder.",
+        ),
+    ],
+    output: Annotated[
+        Path, typer.Option("-o", "--output", metavar="FILE", help="Write the tracks: .csv or .parquet.")
+    ],
+    homography: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE",
+            help="For colour: three rows of three numbers that map pixels to metres on the floor.",
+        ),
+    ] = None,
+    detector: Annotated[
+        str,
+        typer.Option(metavar="NAME", help="For colour: background, hog, or your function as FILE.py:NAME."),
+    ] = "background",
+    intrinsics: Annotated[
+        tuple[float, float, float, float] | None,
+        typer.Option(
+            metavar="FX FY CX CY",
+            help="For depth: focal lengths and principal point in pixels; a bag has them.",
+        ),
+    ] = None,
+    topic: Annotated[
+        str | None, typer.Option(metavar="NAME", help="The topic of a bag, if several have images.")
+    ] = None,
+    rate: Annotated[
+        float | None,
+        typer.Option(
+            metavar="HZ",
+            help="Images a second; by default a video's own, and a folder's names are times in seconds.",
+        ),
+    ] = None,
+    start: Annotated[
+        float | None, typer.Option("--from", metavar="S", help="Leave out what is before, in seconds.")
+    ] = None,
+    end: Annotated[
+        float | None, typer.Option("--to", metavar="S", help="Leave out what is after, in seconds.")
+    ] = None,
+) -> None:
+    """Track the people whom a camera sees, and write their tracks.
+
+    Colour images need a homography, depth images the intrinsics. Positions are in metres: those of the
+    homography, or x forward and y to the left of a depth camera, on the floor below it. Times are those of
+    the source; --from and --to count from its first image. Ctrl-C writes the tracks so far.
+    """
+    if output.suffix.lower() not in SUFFIXES:
+        raise FileError(f"{output}: not the name of a recording; {expected_one_of(SUFFIXES)} at its end")
+    output_files.check_writable(output)
+    if start is not None and end is not None and not start < end:
+        raise DataError(f"--from {start:g} --to {end:g}: expected the first to be less")
+    frames, own_intrinsics = _open(source, topic, rate)
+    given = None
+    if intrinsics is not None:
+        from lcorpp.camera import Intrinsics
+
+        given = Intrinsics(*intrinsics)
+    cut = _cut(frames, start, end)
+    first = next(cut, None)
+    if first is None:
+        raise DataError(f"{source}: has no images between --from and --to")
+    locator = _make_locator(first, homography, detector, given or own_intrinsics)
+    samples: list[Sample] = []
+    count, interrupted = 0, False
+    from lcorpp.camera import track_people
+
+    try:
+        with console.show_progress(f"tracking people in {source.name}", len(frames)) as advance:
+            for _, new in track_people(chain([first], cut), locator):
+                samples += new
+                count += 1
+                advance(count, max(len(frames), count))
+    except KeyboardInterrupt:
+        interrupted = True
+    written = _write(samples, source, output)
+    if interrupted:
+        raise KeyboardInterrupt(f"interrupted after {count} images; {written}")
+    console.out.print(f"{written}, in {count} images")
+
+
+def _open(source: Path, topic: str | None, rate: float | None) -> tuple[FrameSource, Intrinsics | None]:
+    """Return the frames of a source, and the intrinsics that it states."""
+    from lcorpp.camera import Bag, ImageFolder, Video
+
+    if source.suffix.lower() == ".bag" or (source / "metadata.yaml").exists():
+        if rate is not None:
+            raise DataError("--rate is for folders and videos; the messages of a bag have times")
+        bag = Bag(source, topic=topic)
+        return bag, bag.intrinsics
+    if topic is not None:
+        raise DataError(
+            f"--topic is for bags; {source} is a {'folder of images' if source.is_dir() else 'video'}"
+        )
+    return (ImageFolder if source.is_dir() else Video)(source, rate=rate), None
+
+
+def _cut(frames: FrameSource, start: float | None, end: float | None) -> Iterator[Frame]:
+    """Yield the frames from `start` to `end`, in seconds after the first one."""
+    began = None
+    for frame in frames:
+        began = frame.time if began is None else began
+        if end is not None and frame.time - began > end + CLOCK_TOLERANCE:
+            return
+        if start is None or frame.time - began >= start - CLOCK_TOLERANCE:
+            yield frame
+
+
+def _make_locator(
+    first: Frame, homography: Path | None, detector: str, intrinsics: Intrinsics | None
+) -> Locator:
+    """Return the locator for images like the first one."""
+    from lcorpp.camera import DepthLocator, GroundCamera, ImageLocator, make_detector, read_homography
+
+    if first.is_depth:
+        if homography is not None:
+            raise DataError(f"{first.place}: has depths; --homography is for colour images")
+        if intrinsics is None:
+            raise DataError(f"{first.place}: has depths, whose camera is unknown; expected --intrinsics")
+        return DepthLocator(intrinsics)
+    if homography is None:
+        raise DataError(f"{first.place}: is a colour image; expected --homography, from pixels to metres")
+    size = (first.image.shape[1], first.image.shape[0])
+    try:
+        camera = GroundCamera(read_homography(homography), size)
+    except DataError as error:
+        raise DataError(f"{homography}: {error}") from error
+    return ImageLocator(make_detector(detector, camera), camera)
+
+
+def _write(samples: list[Sample], source: Path, output: Path) -> str:
+    """Write the tracks of two samples and more; return what was written."""
+    import numpy as np
+
+    from lcorpp.learning import Recording, Track, write_recording
+
+    tracks = []
+    for person in sorted({sample[1] for sample in samples}):
+        times, _, x, y = np.array([sample for sample in samples if sample[1] == person]).T
+        if len(times) > 1:
+            tracks.append(Track(str(person), times, {"x": x, "y": y}))
+    if not tracks:
+        return f"no people were tracked, and {output} is not written"
+    write_recording(Recording(tuple(tracks), source=str(source)), output)
+    return f"wrote {output}: {len(tracks)} tracks, {sum(map(len, tracks))} samples"

@@ -1,0 +1,132 @@
+"""Read the behaviour of an action from `robot.toml`: a skill with its time-outs."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+from lcorpp.domains.toml import TomlTable
+from lcorpp.errors import DomainError, expected_one_of
+from lcorpp.worlds.ros.connection import name_type
+from lcorpp.worlds.ros.ros_world import Behaviour
+from lcorpp.worlds.ros.skills import (
+    NAVIGATION,
+    SPEECH_MESSAGES,
+    CallAction,
+    CallService,
+    Drive,
+    Navigate,
+    Say,
+    Skill,
+    Turn,
+)
+
+MAX_SECONDS, MAX_DISTANCE, MAX_SPEED, MAX_RATE = 3600.0, 100.0, 3.0, 6.3
+"""Limits of durations in s, distances in m, speeds in m/s and turn rates in rad/s."""
+
+
+def read_behaviour(table: TomlTable, observations: Sequence[str]) -> Behaviour:
+    """Read a table such as ``{ skill = "say", topic = "/say", type = "std_msgs/String", text = "Hello" }``.
+
+    Args:
+        observations: of the POMDP.
+
+    Raises:
+        DomainError: a key or value is wrong.
+    """
+    name = table.text("skill")
+    if name not in READERS:
+        raise DomainError(f"{table.location('skill')}: {name!r}; {expected_one_of(READERS)}")
+    skill, default = READERS[name](table), Behaviour(None)
+    failure = table.text("failure") if "failure" in table else None
+    if failure is not None and failure not in observations:
+        raise DomainError(f"{table.location('failure')}: {failure!r}; {expected_one_of(observations)}")
+    behaviour = Behaviour(
+        skill,
+        table.number("timeout", 0.1, MAX_SECONDS, default.timeout),
+        table.number("listen", 0, MAX_SECONDS, default.listen),
+        failure,
+    )
+    table.reject_unknown_keys()
+    return behaviour
+
+
+def _read_navigate(table: TomlTable) -> Skill:
+    target = table.text("to", "person")
+    if target not in ("person", "home"):
+        raise DomainError(f"{table.location('to')}: {target!r}; expected one of person, home")
+    kind = _read_kind(table, NAVIGATION, "action")
+    if target == "home":
+        return Navigate(table.text("name"), kind, home=True)
+    return Navigate(
+        table.text("name"),
+        kind,
+        table.number("distance", 0, MAX_DISTANCE, Navigate.distance),
+        table.number("min_distance", 0, MAX_DISTANCE, Navigate.min_distance),
+    )
+
+
+def _read_turn(table: TomlTable) -> Skill:
+    return Turn(table.number("speed", 0.01, MAX_RATE, Turn.speed))
+
+
+def _read_drive(table: TomlTable) -> Skill:
+    return Drive(
+        table.number("linear", -MAX_SPEED, MAX_SPEED, 0.0),
+        table.number("angular", -MAX_RATE, MAX_RATE, 0.0),
+        table.number("seconds", 0, MAX_SECONDS),
+    )
+
+
+def _read_say(table: TomlTable) -> Skill:
+    seconds = table.number("seconds", 0, MAX_SECONDS) if "seconds" in table else None
+    kind = _read_kind(table, SPEECH_MESSAGES, "msg")
+    return Say(table.text("text"), table.text("topic"), kind, seconds)
+
+
+def _read_action(table: TomlTable) -> Skill:
+    return CallAction(table.text("name"), table.text("type"), _read_message(table, "goal"))
+
+
+def _read_service(table: TomlTable) -> Skill:
+    return CallService(table.text("name"), table.text("type"), _read_message(table, "request"))
+
+
+def _read_nothing(table: TomlTable) -> None:
+    """A robot that only listens."""
+
+
+READERS: Mapping[str, Callable[[TomlTable], Skill | None]] = {
+    "navigate": _read_navigate,
+    "turn": _read_turn,
+    "drive": _read_drive,
+    "say": _read_say,
+    "action": _read_action,
+    "service": _read_service,
+    "listen": _read_nothing,
+}
+"""Name of a skill -> its reader."""
+
+
+def _read_kind(table: TomlTable, kinds: Mapping[str, Any], folder: str) -> str:
+    kind = name_type(table.text("type"), 1, folder)
+    if kind not in kinds:
+        raise DomainError(f"{table.location('type')}: {table.text('type')!r}; {expected_one_of(kinds)}")
+    return kind
+
+
+def _read_message(table: TomlTable, key: str) -> dict[str, Any]:
+    """Read a message: a table of numbers, texts, lists and tables."""
+    if key not in table:
+        return {}
+    value = table.value(key)
+    if not isinstance(value, dict):
+        raise DomainError(f"{table.location(key)}: {value!r}; expected a table of the fields")
+    try:
+        content: dict[str, Any] = json.loads(json.dumps(value, allow_nan=False))
+    except (TypeError, ValueError) as error:  # TOML has dates, infinite numbers and NaN
+        raise DomainError(
+            f"{table.location(key)}: {error}; expected numbers, texts, lists and tables"
+        ) from None
+    return content

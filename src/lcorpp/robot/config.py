@@ -1,0 +1,91 @@
+"""Configuration of a robot: the content of `robot.toml` as values."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from lcorpp.robot.facts import Fact
+from lcorpp.values import SharedValue
+from lcorpp.worlds.ros.belief_messages import BeliefTopics
+from lcorpp.worlds.ros.people_messages import Pose
+from lcorpp.worlds.ros.perception import Frames
+from lcorpp.worlds.ros.ros_world import Behaviour
+
+Topic = tuple[str, str]
+"""Name of a topic and type of its messages."""
+
+CONNECTIONS = ("rosbridge", "rospy", "rclpy")
+
+
+@dataclass(frozen=True)
+class ConnectionConfig:
+    """How to connect to ROS.
+
+    kind: one of `CONNECTIONS`. version: of ROS. url: of the rosbridge server.
+    timeout: seconds to connect. max_outage: seconds to wait for a lost connection before the robot gives up.
+    """
+
+    kind: str = "rosbridge"
+    version: int = 2
+    url: str = "ws://localhost:9090"
+    timeout: float = 5.0
+    max_outage: float = 30.0
+
+
+@dataclass(frozen=True)
+class PeopleConfig:
+    """People as the robot tracks them.
+
+    topic: of the tracker. decide_after: seconds of a track before the robot decides.
+    max_silence: seconds without a sample after which a person has left.
+    """
+
+    topic: Topic
+    decide_after: float = 10.0
+    max_silence: float = 3.0
+
+
+@dataclass(frozen=True)
+class AnswersConfig:
+    """Answers of people.
+
+    topic: of the speech recogniser; None if the robot cannot hear.
+    silence: the observation without an answer. utterances: observation -> sentences.
+    """
+
+    topic: Topic | None = None
+    silence: str = "none"
+    utterances: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, eq=False)
+class RobotConfig:
+    """Content of a `robot.toml`, checked against its domain by `read_robot_config`.
+
+    file: for messages. domain, preset, strategy: their names. classifiers: sense -> file.
+    value: the shared value that means engagement, e.g. "interested".
+    max_actions: for one person; then the decision fails, e.g. because the person says nothing.
+    pose: topic of the localisation, or the pose of a robot that stays.
+    behaviours: action -> how to execute it. after: what the robot does after each decision, None for nothing.
+    beliefs: the topics of the belief, None to publish none.
+    """
+
+    file: Path
+    domain: str
+    preset: str | None
+    strategy: str
+    classifiers: Mapping[str, Path]
+    value: SharedValue
+    max_actions: int
+    connection: ConnectionConfig
+    frames: Frames
+    pose: Topic | Pose
+    cmd_vel: str
+    people: PeopleConfig
+    answers: AnswersConfig
+    facts: Mapping[str, Fact]
+    behaviours: Mapping[str, Behaviour]
+    after: Behaviour | None
+    beliefs: BeliefTopics | None

@@ -1,0 +1,231 @@
+"""The loop of a robot: track people, attend to one, decide by Algorithm 2, and go on with the next."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, replace
+from time import monotonic, sleep
+from typing import Protocol
+
+from lcorpp.decision import Robot, Strategy
+from lcorpp.decision.dt_control import dt_control, infer_prior
+from lcorpp.decision.strategies import Session
+from lcorpp.errors import ConnectionLostError, LcorppError, WorldError
+from lcorpp.experiments.robot_parts import RobotParts
+from lcorpp.learning import TrainedClassifier
+from lcorpp.robot.config import RobotConfig
+from lcorpp.robot.tracking import PeopleTracks, TrackingThread
+from lcorpp.values import Distribution, Episode, Instance, Step
+from lcorpp.worlds.ros.connection import RosConnection
+from lcorpp.worlds.ros.perception import Perception
+from lcorpp.worlds.ros.ros_world import Listener, RosWorld, TopicListener
+from lcorpp.worlds.ros.skills import Body
+
+LOG = logging.getLogger("lcorpp.robot")
+
+PERIOD = 0.1
+"""Seconds between two looks at the people while nobody can be attended to."""
+MAX_FAILURES = 5
+"""Decisions in a row with a failed action after which the robot gives up: something is wrong with it."""
+
+
+@dataclass(frozen=True, eq=False)
+class Decision:
+    """The decision about a person.
+
+    person: the tracker's id. facts: observed attribute -> value.
+    episode: None if the decision failed. error: why it failed, None if it did not.
+    failures: of actions whose failure was an observation.
+    n_learnt: number of people that the strategy had learnt from before.
+    """
+
+    person: str
+    facts: Mapping[str, str]
+    episode: Episode | None
+    error: LcorppError | None = None
+    failures: tuple[WorldError, ...] = ()
+    n_learnt: int = 0
+
+
+class PersonChooser(Protocol):
+    """Chooses whom the robot attends to."""
+
+    def __call__(self, beliefs: Mapping[str, Distribution], /) -> str | None:
+        """Return one of the people, given the marginal of the shared variables of each; None for nobody."""
+
+
+class RobotLoop:
+    """A robot among people.
+
+    Args:
+        config: of the robot. parts: domain, policy and error rates. classifiers: sense -> its classifier.
+        strategy: by which it decides. connection: to the robot.
+        choose: whom it attends to; None attends to whom the value that means engagement is most probable for.
+        show_step: takes the person and each step of a decision.
+
+    Raises:
+        WorldError: no pose of the robot comes. ConnectionLostError: there is no connection.
+    """
+
+    def __init__(
+        self,
+        config: RobotConfig,
+        parts: RobotParts,
+        classifiers: Mapping[str, TrainedClassifier],
+        strategy: Strategy,
+        connection: RosConnection,
+        *,
+        choose: PersonChooser | None = None,
+        show_step: Callable[[str, Step], None] = lambda person, step: None,
+    ) -> None:
+        self._config, self._parts, self._strategy, self._connection = config, parts, strategy, connection
+        self._choose, self._show_step = choose or self._choose_most_probable, show_step
+        timeout = config.connection.timeout
+        self._perception = Perception(
+            connection, config.people.topic, config.pose, config.frames, timeout=timeout
+        )
+        self._tracks = PeopleTracks(classifiers, max_silence=config.people.max_silence)
+        self._full = replace(parts.robot, classifiers={})
+        self._session: Session | None = None
+        if strategy.start is not None:
+            self._session = strategy.start(self._full, parts.rates)
+        for fact in config.facts.values():
+            fact.start(connection)
+        self._listener = self._make_listener()
+        self._decided = dict[str, Decision]()
+
+    def run(self, max_decisions: int | None = None) -> Iterator[Decision]:
+        """Decide about one person after another; yield each decision.
+
+        Args:
+            max_decisions: ends after so many; None never does.
+
+        Raises:
+            ConnectionLostError: the connection is lost, and does not come back in time.
+            WorldError: the decisions fail again and again, or messages have another type.
+        """
+        thread = TrackingThread(self._perception, self._tracks)
+        count = failures = 0
+        try:
+            while max_decisions is None or count < max_decisions:
+                thread.check()
+                self._await_connection()
+                person = self._find_person()
+                if person is None:
+                    sleep(PERIOD)
+                    continue
+                decision = self._decide(person)
+                self._decided[person] = decision
+                count += 1
+                failures = failures + 1 if isinstance(decision.error, WorldError) else 0
+                yield decision
+                if failures == MAX_FAILURES:
+                    raise WorldError(
+                        f"{failures} decisions in a row have failed; the last one: {decision.error}"
+                    )
+        finally:
+            thread.end()
+
+    def _make_listener(self) -> Listener | None:
+        answers = self._config.answers
+        if answers.topic is None:
+            return None
+        topic, kind = answers.topic
+        observations = self._parts.domain.pomdp.observations
+        subscription = self._connection.subscribe(topic, kind)
+        return TopicListener(subscription, kind, observations, answers.utterances)
+
+    def _await_connection(self) -> None:
+        """Wait until a lost connection is back.
+
+        Raises:
+            ConnectionLostError: it does not come back in time.
+        """
+        end = monotonic() + self._config.connection.max_outage
+        while True:
+            try:
+                self._connection.check()
+                return
+            except ConnectionLostError as error:
+                if monotonic() > end:
+                    outage = self._config.connection.max_outage
+                    raise ConnectionLostError(f"{error}; it was not back within {outage:g} s") from None
+            sleep(PERIOD)
+
+    def _find_person(self) -> str | None:
+        """Return the person to attend to; None if there is nobody."""
+        present = self._tracks.list_people()
+        self._decided = {person: d for person, d in self._decided.items() if person in present}
+        beliefs = {}
+        for person, seconds in present.items():
+            if seconds >= self._config.people.decide_after and person not in self._decided:
+                try:
+                    robot = self._make_robot(person)
+                    labels = robot.classify(Instance(self._tracks.signals(person), {}))
+                    _, marginal, prior = infer_prior(robot, self._read_facts(), labels)
+                except LcorppError as error:
+                    self._decided[person] = Decision(person, {}, None, error)
+                    LOG.warning("%s: %s", person, error)
+                    continue
+                beliefs[person] = self._parts.domain.marginal(prior) if marginal is None else marginal
+                self._publish_belief(person, beliefs[person])
+        return self._choose(beliefs) if beliefs else None
+
+    def _choose_most_probable(self, beliefs: Mapping[str, Distribution]) -> str:
+        return max(beliefs, key=lambda person: beliefs[person][self._config.value])
+
+    def _make_robot(self, person: str) -> Robot:
+        full = replace(self._full, classifiers=self._tracks.classifiers(person))
+        return self._strategy.robot(full) if self._session is None else self._session.robot(full)
+
+    def _read_facts(self) -> dict[str, str]:
+        facts = {name: fact.read() for name, fact in self._config.facts.items()}
+        return {name: value for name, value in facts.items() if value is not None}
+
+    def _decide(self, person: str) -> Decision:
+        """Decide about a person; a failure is part of the result."""
+        config, domain = self._config, self._parts.domain
+        body = Body(self._connection, self._perception, person, config.cmd_vel)
+        world = RosWorld(body, config.behaviours, self._listener, silence=config.answers.silence)
+        facts: dict[str, str] = {}
+
+        def take(step: Step) -> None:
+            self._publish_belief(person, domain.marginal(step.belief), step.action)
+            self._show_step(person, step)
+
+        n_learnt = 0 if self._session is None else self._session.n_people
+        try:
+            facts = self._read_facts()
+            instance = Instance(self._tracks.signals(person), facts)
+            episode = dt_control(
+                self._make_robot(person), instance, world, max_steps=config.max_actions, listener=take
+            )
+            if self._session is not None:
+                self._session.learn(episode)
+        except LcorppError as failure:
+            world.stop()
+            return Decision(person, facts, None, failure, tuple(world.failures), n_learnt)
+        except BaseException:
+            world.stop()
+            raise
+        error = self._finish(body, episode)
+        return Decision(person, facts, episode, error, tuple(world.failures), n_learnt)
+
+    def _finish(self, body: Body, episode: Episode) -> LcorppError | None:
+        """Publish the intent, and do what follows a decision; return its failure, None if there is none."""
+        beliefs, after = self._config.beliefs, self._config.after
+        try:
+            if beliefs is not None and episode.report == self._config.value:
+                marginal = self._parts.domain.marginal(episode.steps[-1].belief)
+                answered = bool(episode.answers)
+                beliefs.publish_intent(self._connection, body.person, marginal, has_answered=answered)
+            if after is not None:
+                RosWorld(body, {"after": after}).report("after")
+        except WorldError as error:
+            return error
+        return None
+
+    def _publish_belief(self, person: str, marginal: Distribution, action: str | None = None) -> None:
+        if self._config.beliefs is not None:
+            self._config.beliefs.publish(self._connection, person, marginal, action)

@@ -1,0 +1,277 @@
+"""Read `robot.toml` and check it against its domain, before anything moves."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from math import pi
+from pathlib import Path
+
+from lcorpp.domains import Domain, load_domain
+from lcorpp.domains.toml import TomlTable, read_toml
+from lcorpp.errors import DomainError, LcorppError, expected_one_of
+from lcorpp.experiments.strategies.baselines import find_strategies
+from lcorpp.robot.behaviours import read_behaviour
+from lcorpp.robot.config import (
+    CONNECTIONS,
+    AnswersConfig,
+    ConnectionConfig,
+    PeopleConfig,
+    RobotConfig,
+    Topic,
+)
+from lcorpp.robot.facts import ClockFact, Fact, FixedFact, TopicFact
+from lcorpp.values import SharedValue
+from lcorpp.worlds.ros.belief_messages import BeliefTopics
+from lcorpp.worlds.ros.connection import name_type
+from lcorpp.worlds.ros.people_messages import PEOPLE, POSES, TEXTS, Pose
+from lcorpp.worlds.ros.perception import Frames
+from lcorpp.worlds.ros.ros_world import Behaviour
+
+MAX_SECONDS = 3600.0
+"""Maximum of time-outs and durations."""
+
+MIN_SILENCE = 1.0
+"""Minimum of `max_silence`: shorter gaps are those of a tracker."""
+
+MAX_ACTIONS = 20
+"""Default of `max_actions`."""
+
+
+def read_robot_config(file: Path) -> tuple[RobotConfig, Domain]:
+    """Read a `robot.toml` and its domain.
+
+    A relative folder of a domain, or file of a classifier, is relative to the file.
+
+    Raises:
+        FileError, ParseError: a file cannot be read or is not TOML.
+        DomainError: a value is wrong or does not fit the domain; the message names line and key.
+    """
+    table = read_toml(file)
+    name = table.text("domain", "intention")
+    folder = file.parent / name
+    preset = table.text("preset") if "preset" in table else None
+    domain = load_domain(folder if (folder / "domain.toml").is_file() else name, preset=preset)
+    strategy, value = _read_strategy(table, domain), _read_value(table, domain)
+    max_actions = table.count("max_actions", 1, MAX_ACTIONS)
+    classifiers = _read_classifiers(table.section("classifiers"), domain, file.parent)
+    connection = _read_connection(table.section("connection"))
+    robot = table.section("robot")
+    people_table = table.section("people", required=True)
+    frames = Frames(
+        robot.text("fixed_frame", Frames.fixed),
+        robot.text("frame", Frames.robot),
+        people_table.number("training_heading", -2 * pi, 2 * pi, Frames.training_heading),
+    )
+    pose = _read_pose(robot)
+    cmd_vel = robot.text("cmd_vel", "/cmd_vel")
+    robot.reject_unknown_keys()
+    people = _read_people(people_table)
+    answers = _read_answers(table.section("answers"), domain)
+    facts = _read_facts(table.section("facts"), domain)
+    behaviours = _read_behaviours(table.section("actions", required=True), domain, answers)
+    after = read_behaviour(table.section("after"), domain.pomdp.observations) if "after" in table else None
+    beliefs = _read_beliefs(table.section("beliefs"), value) if "beliefs" in table else None
+    table.reject_unknown_keys()
+    return (
+        RobotConfig(
+            file,
+            domain.name,
+            domain.preset,
+            strategy,
+            classifiers,
+            value,
+            max_actions,
+            connection,
+            frames,
+            pose,
+            cmd_vel,
+            people,
+            answers,
+            facts,
+            behaviours,
+            after,
+            beliefs,
+        ),
+        domain,
+    )
+
+
+def read_topic(table: TomlTable, kinds: Collection[str]) -> Topic:
+    """Read `topic` and `type`; the type is one of `kinds`, written as in ROS 1 or 2.
+
+    Raises:
+        DomainError: a key is missing, or the type is unknown.
+    """
+    topic, kind = table.text("topic"), name_type(table.text("type"), 1, "msg")
+    if kind not in kinds:
+        raise DomainError(f"{table.location('type')}: {table.text('type')!r}; {expected_one_of(kinds)}")
+    return topic, kind
+
+
+def _read_strategy(table: TomlTable, domain: Domain) -> str:
+    name = table.text("strategy", "LCORPP")
+    try:
+        (found,) = find_strategies([name], [sense.name for sense in domain.senses])
+    except (LcorppError, ValueError) as error:
+        raise DomainError(f"{table.location('strategy')}: {error}") from None
+    return found.name if found.own is None else name
+
+
+def _read_classifiers(table: TomlTable, domain: Domain, folder: Path) -> dict[str, Path]:
+    files = {}
+    for name in table:
+        try:
+            domain.find_sense(name)
+        except DomainError:
+            known = [sense.name for sense in domain.senses]
+            raise DomainError(f"{table.location(name)}: no sense; {expected_one_of(known)}") from None
+        files[name] = folder / table.text(name)
+    return files
+
+
+def _read_connection(table: TomlTable) -> ConnectionConfig:
+    default = ConnectionConfig()
+    kind = table.text("kind", default.kind)
+    if kind not in CONNECTIONS:
+        raise DomainError(f"{table.location('kind')}: {kind!r}; {expected_one_of(CONNECTIONS)}")
+    own = {"rospy": 1, "rclpy": 2}.get(kind)
+    version = table.count("version", 1, own or default.version)
+    if version > 2 or (own is not None and version != own):
+        expected = f"{own} for {kind}" if own else "1 or 2"
+        raise DomainError(f"{table.location('version')}: ROS {version}; expected {expected}")
+    url = table.text("url", default.url)
+    if not url.startswith(("ws://", "wss://")):
+        raise DomainError(f"{table.location('url')}: {url!r}; expected ws://HOST:PORT")
+    config = ConnectionConfig(
+        kind,
+        version,
+        url,
+        table.number("timeout", 0.1, MAX_SECONDS, default.timeout),
+        table.number("max_outage", 0, MAX_SECONDS, default.max_outage),
+    )
+    table.reject_unknown_keys()
+    return config
+
+
+def _read_pose(robot: TomlTable) -> Topic | Pose:
+    """Read `pose`: three numbers, or a table with topic and type."""
+    value = robot.value("pose") if "pose" in robot else [0.0, 0.0, 0.0]
+    if isinstance(value, dict):
+        table = robot.section("pose")
+        topic = read_topic(table, POSES)
+        table.reject_unknown_keys()
+        return topic
+    if not isinstance(value, list) or len(value) != 3 or not all(type(v) in (int, float) for v in value):
+        raise DomainError(
+            f"{robot.location('pose')}: {value!r}; expected [x, y, heading] in metres and radians, or"
+            " { topic = ..., type = ... } of the localisation"
+        )
+    return Pose(*map(float, value))
+
+
+def _read_people(table: TomlTable) -> PeopleConfig:
+    default = PeopleConfig(("", ""))
+    config = PeopleConfig(
+        read_topic(table, PEOPLE),
+        table.number("decide_after", 0.1, MAX_SECONDS, default.decide_after),
+        table.number("max_silence", MIN_SILENCE, MAX_SECONDS, default.max_silence),
+    )
+    table.reject_unknown_keys()
+    return config
+
+
+def _read_answers(table: TomlTable, domain: Domain) -> AnswersConfig:
+    observations = domain.pomdp.observations
+    silence = table.text("silence", "none")
+    if silence not in observations:
+        raise DomainError(f"{table.location('silence')}: {silence!r}; {expected_one_of(observations)}")
+    topic = read_topic(table, TEXTS) if "topic" in table else None
+    utterances = dict(domain.planning.utterances)
+    if "utterances" in table:
+        section = table.section("utterances")
+        for name in section:
+            if name not in observations:
+                raise DomainError(f"{section.location(name)}: {expected_one_of(observations)}")
+            utterances[name] = section.names(name)
+    table.reject_unknown_keys()
+    return AnswersConfig(topic, silence, utterances)
+
+
+def _read_facts(table: TomlTable, domain: Domain) -> dict[str, Fact]:
+    facts: dict[str, Fact] = {}
+    for name in table:
+        allowed = domain.reasoning.observed_values.get(name)
+        if allowed is None:
+            raise DomainError(f"{table.location(name)}: not observed; {expected_one_of(domain.observed)}")
+        if table.is_text(name):
+            facts[name] = FixedFact(table.text(name))
+        else:
+            part = table.section(name)
+            if "topic" in part:
+                facts[name] = TopicFact(part.text("topic"), tuple(allowed))
+                part.reject_unknown_keys()
+            else:
+                facts[name] = ClockFact({value: part.number(value, 0, 24) for value in part})
+        for value in facts[name].values:
+            if value not in allowed:
+                raise DomainError(f"{table.location(name)}: {value!r}; {expected_one_of(allowed)}")
+    return facts
+
+
+def _read_behaviours(table: TomlTable, domain: Domain, answers: AnswersConfig) -> dict[str, Behaviour]:
+    """Read `actions`: each action of the POMDP that is no report needs one."""
+    pomdp, behaviours = domain.pomdp, dict[str, Behaviour]()
+    for name in table:
+        if name not in pomdp.actions:
+            raise DomainError(
+                f"{table.location(name)}: {pomdp.file} has no such action; {expected_one_of(pomdp.actions)}"
+            )
+        behaviours[name] = read_behaviour(table.section(name), pomdp.observations)
+    for action in pomdp.actions:
+        if domain.reported_value(action) is None and action not in behaviours:
+            raise DomainError(f"{table.location(action)}: missing; expected how to execute it")
+    _check_possible(table, domain, behaviours, answers)
+    return behaviours
+
+
+def _check_possible(
+    table: TomlTable, domain: Domain, behaviours: Mapping[str, Behaviour], answers: AnswersConfig
+) -> None:
+    """Check that silence and failures are possible observations in the planner's model."""
+    pomdp = domain.pomdp
+    live = [s for s in range(len(pomdp.states)) if s not in domain.planning.terminal]
+    for action, behaviour in behaviours.items():
+        if domain.reported_value(action) is not None:
+            continue
+        rows = pomdp.observation.dense[pomdp.actions.index(action)][live]
+        for what, name in (("silence", answers.silence), ("a failure", behaviour.failure)):
+            if name is not None and not rows[:, pomdp.observations.index(name)].any():
+                raise DomainError(
+                    f"{table.location(action)}: {what} gives the observation {name!r}, which is impossible"
+                    f" after {action} in {pomdp.file}; expected a model in which it has a positive"
+                    " probability, e.g. one of `lcorpp observe`"
+                )
+
+
+def _read_value(table: TomlTable, domain: Domain) -> SharedValue:
+    """Read `value`, by default the domain's positive class."""
+    names = {str(value): value for value in domain.values}
+    value = table.text("value", domain.positive or next(iter(names)))
+    if value not in names:
+        raise DomainError(f"{table.location('value')}: {value!r}; {expected_one_of(names)}")
+    return names[value]
+
+
+def _read_beliefs(table: TomlTable, value: SharedValue) -> BeliefTopics:
+    """Read `beliefs`: the topics to which the belief is published."""
+    topics = {key: table.text(key) if key in table else None for key in ("intent", "engagement", "state")}
+    engagement = topics["engagement"]
+    if engagement is not None and "{person}" not in engagement:
+        raise DomainError(
+            f"{table.location('engagement')}: {engagement!r}; expected a topic with {{person}},"
+            " e.g. /humans/persons/{person}/engagement_status"
+        )
+    low = table.number("min_engaging", 0, 1, BeliefTopics.min_engaging)
+    high = table.number("min_engaged", low, 1, max(low, BeliefTopics.min_engaged))
+    table.reject_unknown_keys()
+    return BeliefTopics(value, **topics, min_engaging=low, min_engaged=high)

@@ -1,0 +1,192 @@
+"""Messages of people trackers, localisation and speech, as numbers and texts.
+
+Each reader takes a message of one type as a dictionary; ROS 1 and 2 differ in the names of a stamp's fields
+only. A message that lacks a field is a typed error, since then the type in the configuration is wrong.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from math import atan2, cos, isfinite, pi, sin
+from typing import Any
+
+from lcorpp.errors import WorldError
+from lcorpp.worlds.ros.connection import Message
+
+
+@dataclass(frozen=True)
+class Detection:
+    """A person in a message of a tracker.
+
+    id: the tracker's. frame: of the position. time: stamp in seconds, None without one. x, y: metres.
+    """
+
+    id: str
+    frame: str
+    time: float | None
+    x: float
+    y: float
+
+
+@dataclass(frozen=True)
+class Pose:
+    """Position in metres and heading in radians, counterclockwise from the x axis, of a frame.
+
+    Raises:
+        WorldError: a number is not finite.
+    """
+
+    x: float
+    y: float
+    heading: float
+
+    def __post_init__(self) -> None:
+        if not all(map(isfinite, (self.x, self.y, self.heading))):
+            raise WorldError(f"the pose {self.x} {self.y} {self.heading}; expected finite numbers")
+
+    def relate(self, x: float, y: float, heading: float = 0.0) -> tuple[float, float]:
+        """Return a point of the frame in the coordinates of this pose, in which it faces `heading`.
+
+        With heading 0, x is ahead and y to the left (ROS REP 103).
+        """
+        turn = heading - self.heading
+        dx, dy = x - self.x, y - self.y
+        return cos(turn) * dx - sin(turn) * dy, sin(turn) * dx + cos(turn) * dy
+
+    def place(self, x: float, y: float) -> tuple[float, float]:
+        """Return a point that is x metres ahead and y to the left in the coordinates of the frame."""
+        ahead, left = cos(self.heading), sin(self.heading)
+        return self.x + ahead * x - left * y, self.y + left * x + ahead * y
+
+    def face(self, x: float, y: float) -> float:
+        """Return the angle in (-pi, pi] by which to turn to a point of the frame."""
+        turn = atan2(y - self.y, x - self.x) - self.heading
+        return pi - (pi - turn) % (2 * pi)
+
+    def quaternion(self) -> dict[str, float]:
+        """Return the heading as geometry_msgs/Quaternion."""
+        return {"x": 0.0, "y": 0.0, "z": sin(self.heading / 2), "w": cos(self.heading / 2)}
+
+
+def _read_people(message: Message) -> Iterator[Detection]:
+    frame, time = _read_header(message)
+    for person in message["people"]:
+        yield _detect(person["name"], frame, time, person["position"])
+
+
+def _read_tracked_persons(message: Message) -> Iterator[Detection]:
+    frame, time = _read_header(message)
+    for track in message["tracks"]:
+        if not track.get("is_occluded", False):
+            yield _detect(track["track_id"], frame, time, track["pose"]["pose"]["position"])
+
+
+def _read_markers(message: Message) -> Iterator[Detection]:
+    for marker in message["markers"]:
+        if marker.get("action", 0) == 0:  # others delete markers
+            yield _detect(marker["id"], *_read_header(marker), marker["pose"]["position"])
+
+
+def _read_detections(message: Message) -> Iterator[Detection]:
+    frame, time = _read_header(message)
+    for detection in message["detections"]:
+        yield _detect(detection["id"], frame, time, detection["bbox"]["center"]["position"])
+
+
+def _read_transforms(message: Message) -> Iterator[Detection]:
+    for transform in message["transforms"]:
+        name = transform["child_frame_id"]
+        if name.startswith("person_"):  # ROS4HRI, REP 155
+            id_ = name.removeprefix("person_")
+            yield _detect(id_, *_read_header(transform), transform["transform"]["translation"])
+
+
+PEOPLE: Mapping[str, Callable[[Message], Iterator[Detection]]] = {
+    "people_msgs/People": _read_people,
+    "spencer_tracking_msgs/TrackedPersons": _read_tracked_persons,
+    "visualization_msgs/MarkerArray": _read_markers,
+    "vision_msgs/Detection3DArray": _read_detections,
+    "tf2_msgs/TFMessage": _read_transforms,
+}
+"""Type of a tracker's messages -> their reader."""
+
+POSES: Mapping[str, tuple[str, ...]] = {
+    "nav_msgs/Odometry": ("pose", "pose"),
+    "geometry_msgs/PoseWithCovarianceStamped": ("pose", "pose"),
+    "geometry_msgs/PoseStamped": ("pose",),
+}
+"""Type of the messages of a localisation -> the fields that lead to the pose."""
+
+TEXTS: Mapping[str, str] = {
+    "std_msgs/String": "data",
+    "hri_msgs/LiveSpeech": "final",
+}
+"""Type of a speech recogniser's messages -> the field of the text."""
+
+
+def read_people(kind: str, message: Message) -> list[Detection]:
+    """Return the people in a tracker's message.
+
+    Args:
+        kind: a key of `PEOPLE`.
+
+    Raises:
+        WorldError: the message is of another type.
+    """
+    try:
+        return list(PEOPLE[kind](message))
+    except (KeyError, TypeError, ValueError, AttributeError) as error:
+        raise WorldError(f"a message that is no {kind}: {type(error).__name__}: {error}") from None
+
+
+def read_pose(kind: str, message: Message) -> Pose:
+    """Return the pose in a message of the localisation.
+
+    Args:
+        kind: a key of `POSES`.
+
+    Raises:
+        WorldError: the message is of another type.
+    """
+    try:
+        pose: Any = message
+        for field in POSES[kind]:
+            pose = pose[field]
+        position, q = pose["position"], pose["orientation"]
+        sine = 2 * (q["w"] * q["z"] + q["x"] * q["y"])
+        cosine = 1 - 2 * (q["y"] ** 2 + q["z"] ** 2)
+        return Pose(float(position["x"]), float(position["y"]), atan2(sine, cosine))
+    except (KeyError, TypeError, ValueError) as error:
+        raise WorldError(f"a message that is no {kind}: {type(error).__name__}: {error}") from None
+
+
+def read_text(kind: str, message: Message) -> str:
+    """Return the text in a speech recogniser's message.
+
+    Args:
+        kind: a key of `TEXTS`.
+
+    Raises:
+        WorldError: the message is of another type.
+    """
+    text = message.get(TEXTS[kind])
+    if not isinstance(text, str):
+        raise WorldError(f"a message that is no {kind}: it has no text {TEXTS[kind]!r}")
+    return text
+
+
+def read_stamp(stamp: Message) -> float | None:
+    """Return the seconds of a stamp of ROS 1 or 2; None for an empty one."""
+    seconds, part = ("secs", "nsecs") if "secs" in stamp else ("sec", "nanosec")
+    time = float(stamp[seconds]) + 1e-9 * float(stamp[part])
+    return time or None
+
+
+def _read_header(message: Message) -> tuple[str, float | None]:
+    header = message["header"]
+    return str(header["frame_id"]).lstrip("/"), read_stamp(header["stamp"])
+
+
+def _detect(id_: object, frame: str, time: float | None, position: Message) -> Detection:
+    return Detection(str(id_), frame, time, float(position["x"]), float(position["y"]))

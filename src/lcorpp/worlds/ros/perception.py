@@ -1,0 +1,140 @@
+"""What the robot perceives: positions of people, and its own pose."""
+
+from __future__ import annotations
+
+import threading
+from dataclasses import dataclass
+from math import pi
+from time import time
+
+from lcorpp.errors import WorldError
+from lcorpp.worlds.ros.connection import RosConnection, Subscription
+from lcorpp.worlds.ros.people_messages import Detection, Pose, read_people, read_pose
+
+Sample = tuple[float, str, float, float]
+"""Seconds, person, x and y in metres: a sample for `lcorpp.learning.StreamingClassifier`."""
+
+MAX_AGE = 3.0
+"""Seconds after which the position of a person who is no longer detected is unknown."""
+
+
+@dataclass(frozen=True)
+class Frames:
+    """Frames of reference.
+
+    fixed: a frame that does not move, e.g. "map". robot: that of the robot's body, x ahead, e.g. "base_link".
+    training_heading: radians; the robot's heading in the frame of the tracks that the classifier was trained
+        on: pi / 2 for simulated people, 0 for recordings that were read with the robot's pose.
+    """
+
+    fixed: str = "map"
+    robot: str = "base_link"
+    training_heading: float = pi / 2
+
+
+class Perception:
+    """Positions of people and the robot's pose, from the latest messages.
+
+    One thread calls `update`, any other may call `locate` and `pose`. The samples for the classifier are in
+    the frame of the robot's first pose, `home`, so that people do not seem to move when the robot does.
+
+    Args:
+        connection: of the robot.
+        people: topic and type of the tracker's messages, see `PEOPLE`.
+        pose: topic and type of the localisation's messages, see `POSES`; or the pose of a robot that stays.
+        timeout: seconds to wait for the first pose.
+
+    Raises:
+        WorldError: no pose comes. ConnectionLostError: there is no connection.
+    """
+
+    def __init__(
+        self,
+        connection: RosConnection,
+        people: tuple[str, str],
+        pose: tuple[str, str] | Pose,
+        frames: Frames,
+        *,
+        timeout: float = 5.0,
+    ) -> None:
+        self.frames, self._people_kind = frames, people[1]
+        self._lock = threading.Lock()
+        self._positions = dict[str, tuple[float, float, float]]()  # in the fixed frame, and when it was seen
+        self._poses: Subscription | None = None
+        self._pose_kind = ""
+        if isinstance(pose, Pose):
+            self._pose = pose
+        else:
+            topic, self._pose_kind = pose
+            self._poses = connection.subscribe(topic, self._pose_kind, max_messages=1)
+            message = self._poses.wait(timeout)
+            if message is None:
+                raise WorldError(
+                    f"{topic}: no {self._pose_kind} within {timeout:g} s; is the robot localised?"
+                )
+            self._pose = read_pose(self._pose_kind, message)
+        self.home = self._pose
+        self._people = connection.subscribe(*people)
+
+    @property
+    def is_localised(self) -> bool:
+        """Whether messages update the pose."""
+        return self._poses is not None
+
+    @property
+    def pose(self) -> Pose:
+        """The robot's pose in the fixed frame."""
+        self._update_pose()
+        with self._lock:
+            return self._pose
+
+    def locate(self, person: str) -> tuple[float, float] | None:
+        """Return the position of a person in the fixed frame; None if the person is no longer detected."""
+        with self._lock:
+            x, y, seen = self._positions.get(person, (0.0, 0.0, -MAX_AGE))
+        return (x, y) if time() - seen < MAX_AGE else None
+
+    def list_people(self) -> dict[str, tuple[float, float]]:
+        """Return the people who are detected, with their positions in the fixed frame."""
+        with self._lock:
+            now = time()
+            self._positions = {n: p for n, p in self._positions.items() if now - p[2] < MAX_AGE}
+            return {name: (x, y) for name, (x, y, _) in self._positions.items()}
+
+    def update(self, timeout: float) -> list[Sample]:
+        """Return the samples of new messages; wait for one at most `timeout` seconds.
+
+        Raises:
+            WorldError: a message has another type or frame. ConnectionLostError: there is no connection.
+        """
+        first = self._people.wait(timeout)
+        if first is None:
+            return []
+        self._update_pose()
+        samples, heading = list[Sample](), self.frames.training_heading
+        for message in (first, *self._people.take()):
+            for detection in read_people(self._people_kind, message):
+                x, y = self._locate_detection(detection)
+                now = time()
+                with self._lock:
+                    self._positions[detection.id] = x, y, now
+                samples.append((detection.time or now, detection.id, *self.home.relate(x, y, heading)))
+        return samples
+
+    def _locate_detection(self, detection: Detection) -> tuple[float, float]:
+        """Return the position of a detection in the fixed frame."""
+        if detection.frame == self.frames.fixed:
+            return detection.x, detection.y
+        if detection.frame == self.frames.robot:
+            return self._pose.place(detection.x, detection.y)
+        raise WorldError(
+            f"people are in the frame {detection.frame!r}; expected {self.frames.fixed!r} or"
+            f" {self.frames.robot!r} (robot.toml: [robot] fixed_frame and frame)"
+        )
+
+    def _update_pose(self) -> None:
+        if self._poses is not None:
+            for message in self._poses.take():
+                pose = read_pose(self._pose_kind, message)
+                with self._lock:
+                    self._pose = pose

@@ -1,0 +1,265 @@
+"""Connection to ROS 1 or 2 through a rosbridge server, by its JSON protocol over a WebSocket."""
+
+from __future__ import annotations
+
+import itertools
+import json
+import threading
+from collections.abc import Callable
+from contextlib import ExitStack, suppress
+from time import monotonic
+from typing import Any
+
+from websockets.exceptions import ConnectionClosed, InvalidHandshake, InvalidURI
+from websockets.sync.client import ClientConnection, connect
+
+from lcorpp.errors import ActionFailedError, ConnectionLostError, WorldError
+from lcorpp.worlds.ros.connection import MAX_MESSAGES, Message, Reply, Subscription, name_type
+from lcorpp.worlds.ros.topic_actions import cancel_topic_goals, run_topic_action
+
+PING_INTERVAL, PING_TIMEOUT = 2.0, 3.0
+"""Seconds between two pings, and until a connection without pongs counts as lost, e.g. a cut cable."""
+MIN_RETRY, MAX_RETRY = 0.1, 2.0
+"""Seconds between two attempts to connect again; the pause doubles after each."""
+MIN_CALLS, MAX_CALLS, CALL_INTERVAL = 8, 40, 0.25
+"""Calls of the function after a reconnection, and seconds between them: a new server loses what is published
+before it has found the receivers of a topic, which takes seconds."""
+MAX_SIZE = 2**24
+"""Bytes of a message."""
+MAX_NOTES = 20
+"""Error messages of the server that are kept."""
+
+SUCCEEDED, CANCELLED = 4, 5
+"""Status of a goal, from action_msgs/msg/GoalStatus."""
+
+
+class RosbridgeConnection:
+    """A connection through rosbridge (`lcorpp.worlds.ros.connection.RosConnection`).
+
+    A thread receives messages. If the connection is lost, requests that wait for a reply fail; the thread
+    connects again, announces and subscribes as before. Then what `call_after_reconnect` has set is called
+    several times, and only then the connection counts as made.
+    A slow reader loses the oldest messages of a topic, here and in the server (`queue_length`).
+
+    notes: the latest error messages of the server that belong to no request.
+
+    Args:
+        url: e.g. "ws://localhost:9090". version: of ROS, 1 or 2. timeout: seconds for the first connection.
+
+    Raises:
+        ConnectionLostError: there is no server at `url` within `timeout` seconds.
+
+    Source: the rosbridge v2.0 protocol specification, with its actions of ROS 2; actions of ROS 1 are topics.
+    """
+
+    def __init__(self, url: str, *, version: int = 2, timeout: float = 5.0) -> None:
+        self.url, self.version, self.notes = url, version, list[str]()
+        self._lock = threading.RLock()
+        self._ids = itertools.count(1)
+        self._replies = dict[str, Reply]()
+        self._subscriptions = dict[str, tuple[Message, list[Subscription]]]()
+        self._advertised = dict[str, Message]()
+        self._after_reconnect: Callable[[], bool] | None = None
+        self._is_closed, self._is_settled = threading.Event(), True
+        self._socket: ClientConnection | None = self._connect(timeout)
+        self._thread = threading.Thread(target=self._receive, name="rosbridge", daemon=True)
+        self._thread.start()
+
+    def __repr__(self) -> str:
+        state = "connected" if self._socket is not None else "not connected"
+        return f"RosbridgeConnection({self.url!r}, ROS {self.version}, {state})"
+
+    def check(self) -> None:
+        """As `RosConnection.check`."""
+        if self._socket is None or not self._is_settled:
+            raise ConnectionLostError(f"{self.url}: the connection was lost")
+
+    def call_after_reconnect(self, function: Callable[[], bool]) -> None:
+        """As `RosConnection.call_after_reconnect`."""
+        self._after_reconnect = function
+
+    def advertise(self, topic: str, kind: str) -> None:
+        """As `RosConnection.advertise`."""
+        with self._lock:
+            if topic not in self._advertised:
+                type_name = name_type(kind, self.version, "msg")
+                self._advertised[topic] = {"op": "advertise", "topic": topic, "type": type_name}
+                self._send(self._advertised[topic])
+
+    def publish(self, topic: str, kind: str, message: Message) -> None:
+        """As `RosConnection.publish`."""
+        self.advertise(topic, kind)
+        self._send({"op": "publish", "topic": topic, "msg": message})
+
+    def subscribe(self, topic: str, kind: str, *, max_messages: int = MAX_MESSAGES) -> Subscription:
+        """As `RosConnection.subscribe`."""
+        subscription = Subscription(max_messages=max_messages, check=self.check, end=self._end_subscription)
+        with self._lock:
+            if topic not in self._subscriptions:
+                type_name = name_type(kind, self.version, "msg")
+                request = {"op": "subscribe", "topic": topic, "type": type_name, "queue_length": max_messages}
+                self._subscriptions[topic] = request, []
+                self._send(request)
+            self._subscriptions[topic][1].append(subscription)
+        return subscription
+
+    def call_service(self, service: str, kind: str, request: Message, *, timeout: float) -> Message:
+        """As `RosConnection.call_service`."""
+        type_name = name_type(kind, self.version, "srv")
+        call = {"op": "call_service", "service": service, "type": type_name, "args": request}
+        reply = self._request(call, service, timeout)
+        if reply is None:
+            raise ActionFailedError(f"the service {service} has not responded within {timeout:g} s")
+        if not reply.get("result"):
+            raise ActionFailedError(
+                f"the service {service} failed: {reply.get('values') or 'no reason given'}"
+            )
+        values = reply.get("values")
+        return values if isinstance(values, dict) else {}
+
+    def run_action(self, name: str, kind: str, goal: Message, *, timeout: float) -> Message:
+        """As `RosConnection.run_action`."""
+        if self.version == 1:
+            return run_topic_action(self, name, kind, goal, timeout=timeout)
+        kind = name_type(kind, self.version, "action")
+        send = {
+            "op": "send_action_goal",
+            "action": name,
+            "action_type": kind,
+            "args": goal,
+            "feedback": False,
+        }
+        reply = self._request(send, name, timeout)
+        if reply is None:
+            self.cancel_goals(name)
+            raise ActionFailedError(f"{name} has no result within {timeout:g} s; it was cancelled")
+        values = reply.get("values")
+        if reply.get("status") != SUCCEEDED or not reply.get("result"):
+            how = "was cancelled by others" if reply.get("status") == CANCELLED else "was refused or aborted"
+            reason = f": {values}" if isinstance(values, str) else ""
+            raise ActionFailedError(f"the goal of {name} {how}{reason}")
+        return values if isinstance(values, dict) else {}
+
+    def cancel_goals(self, name: str, *, timeout: float = 0.0) -> bool:
+        """As `RosConnection.cancel_goals`."""
+        if self.version == 1:
+            return cancel_topic_goals(self, name)
+        service, kind = f"{name}/_action/cancel_goal", "action_msgs/srv/CancelGoal"
+        call = {"op": "call_service", "service": service, "type": kind, "args": {}}
+        return self._request(call, service, timeout) is not None  # an empty goal id and stamp mean all goals
+
+    def close(self) -> None:
+        """As `RosConnection.close`."""
+        self._is_closed.set()
+        socket = self._socket
+        if socket is not None:
+            socket.close()
+        self._thread.join(2 * PING_TIMEOUT)
+
+    def _end_subscription(self, subscription: Subscription) -> None:
+        with self._lock:
+            for _, subscriptions in self._subscriptions.values():
+                if subscription in subscriptions:
+                    subscriptions.remove(subscription)
+
+    def _request(self, message: dict[str, Any], what: str, timeout: float) -> dict[str, Any] | None:
+        """Send a message and return the reply to it; None if it does not come in time."""
+        end = monotonic() + timeout
+        key, reply = f"lcorpp:{next(self._ids)}", Reply()
+        self._replies[key] = reply
+        try:
+            self._send(message | {"id": key})
+            return reply.wait(what, end - monotonic())
+        finally:
+            self._replies.pop(key, None)
+
+    def _send(self, message: Message) -> None:
+        with self._lock:
+            socket = self._socket
+            if socket is None:
+                raise ConnectionLostError(f"{self.url}: the connection was lost")
+            try:
+                socket.send(json.dumps(message))
+            except (ConnectionClosed, OSError) as error:
+                raise ConnectionLostError(f"{self.url}: the connection was lost: {error}") from None
+
+    def _connect(self, timeout: float) -> ClientConnection:
+        try:
+            opening = connect(
+                self.url,
+                open_timeout=timeout,
+                ping_interval=PING_INTERVAL,
+                ping_timeout=PING_TIMEOUT,
+                close_timeout=1.0,
+                max_size=MAX_SIZE,
+                compression=None,  # on a robot's own network it costs time and saves none
+                proxy=None,
+            )
+            return ExitStack().enter_context(opening)  # `close` and the receiving thread leave it
+        except (OSError, InvalidHandshake, InvalidURI, EOFError) as error:
+            reason = str(error) or type(error).__name__
+            raise ConnectionLostError(f"{self.url}: no rosbridge server can be reached: {reason}") from None
+
+    def _receive(self) -> None:
+        """Receive messages until `close`; connect again after each loss."""
+        while not self._is_closed.is_set():
+            socket = self._socket
+            assert socket is not None
+            with suppress(ConnectionClosed, OSError):
+                for text in socket:
+                    self._take(text)
+            with suppress(OSError):
+                socket.close()
+            self._socket, self._is_settled = None, False
+            for reply in list(self._replies.values()):
+                reply.lose()
+            self._reconnect()
+
+    def _reconnect(self) -> None:
+        pause = MIN_RETRY
+        while not self._is_closed.wait(pause):
+            pause = min(2 * pause, MAX_RETRY)
+            try:
+                socket = self._connect(PING_TIMEOUT)
+                with self._lock:
+                    self._socket = socket
+                    requests = [request for request, _ in self._subscriptions.values()]
+                    for message in (*self._advertised.values(), *requests):
+                        self._send(message)
+                if self._after_reconnect is None:
+                    self._is_settled = True
+                else:
+                    arguments = (self._after_reconnect,)
+                    threading.Thread(target=self._settle, args=arguments, daemon=True).start()
+                return
+            except WorldError:
+                self._socket = None
+
+    def _settle(self, function: Callable[[], bool]) -> None:
+        """Call the function after a reconnection until it succeeds, and often enough to be received."""
+        with suppress(WorldError):
+            for number in range(1, MAX_CALLS + 1):
+                if function() and number >= MIN_CALLS:
+                    break
+                self._is_closed.wait(CALL_INTERVAL)
+            self._is_settled = True
+
+    def _take(self, text: str | bytes) -> None:
+        """Pass a message on; what is no message of the protocol is left out."""
+        try:
+            message = json.loads(text)
+        except ValueError:
+            return
+        if not isinstance(message, dict):
+            return
+        kind, key = message.get("op"), message.get("id")
+        if kind == "publish" and isinstance(message.get("msg"), dict):
+            for subscription in self._subscriptions.get(str(message.get("topic")), ({}, []))[1]:
+                subscription.put(message["msg"])
+        elif kind in ("service_response", "action_result") and key in self._replies:
+            self._replies[key].set(message)
+        elif kind == "status" and message.get("level") == "error":
+            if key in self._replies:
+                self._replies[key].set({"result": False, "values": message.get("msg")})
+            else:
+                self.notes = [*self.notes[1 - MAX_NOTES :], str(message.get("msg"))]

@@ -1,0 +1,78 @@
+"""`lcorpp robot` and `lcorpp check robot.toml`: a whole run against the stand-in, and what they refuse."""
+
+import json
+
+import pytest
+
+from lcorpp.learning import save_classifier
+from tests.robot.conftest import folder, parts  # noqa: F401
+from tests.worlds.ros.stand_in import StandIn, robot_toml
+
+CLASSIFIER = '[classifiers]\nmotion = "motion.npz"'
+
+
+@pytest.fixture
+def config(folder, parts):  # noqa: F811
+    """Write a robot.toml and return it."""
+    save_classifier(parts[1]["motion"], folder / "motion.npz")
+
+    def write(url="ws://127.0.0.1:9", **changes):
+        file = folder / "robot.toml"
+        file.write_text(robot_toml(url, classifiers=CLASSIFIER, **changes))
+        return file
+
+    return write
+
+
+def test_a_run_decides_and_writes_a_log_that_can_be_replayed(lcorpp, config, tmp_path):
+    robot = StandIn()
+    log = tmp_path / "robot.jsonl"
+    ended = lcorpp("robot", "--config", config(robot.url), "--decisions", 1, "--log", log)
+    robot.close()
+    assert (ended.code, ended.err) == (0, "")
+    assert "intention by LCORPP on rosbridge (ROS 2)" in ended.out
+    assert "person 7: interested" in ended.out
+    (line,) = log.read_text().splitlines()
+    assert json.loads(line)["report"] == "interested"
+    assert lcorpp("replay", log).code == 0
+
+
+def test_no_robot_is_one_message_before_the_training(lcorpp, config, monkeypatch):
+    monkeypatch.setattr("lcorpp.experiments.track_robot.set_up_track_robot", None)  # is not called
+    ended = lcorpp("robot", "--config", config())
+    assert ended.code == 2
+    assert ended.err.startswith("lcorpp: ws://127.0.0.1:9: no rosbridge server can be reached")
+    assert ended.err.count("\n") == 1
+
+
+def test_a_configuration_is_checked_without_a_robot(lcorpp, config):
+    ended = lcorpp("check", config())
+    assert ended.code == 0
+    assert "robot.toml: intention by LCORPP; rosbridge for ROS 2 at ws://127.0.0.1:9;" in ended.out
+    assert "3 actions: OK" in ended.out
+
+
+def test_check_names_what_the_robot_does_not_perceive(lcorpp, config):
+    ended = lcorpp("check", config(facts="", answers="", utterances=""))
+    assert "note: the robot does not observe time, location" in ended.out
+    assert "note: the robot cannot hear: every observation is none" in ended.out
+
+
+def test_check_locates_a_mistake(lcorpp, config):
+    ended = lcorpp("check", config(turn='[actions.turn]\nskill = "spin"'))
+    assert ended.code == 2
+    assert "[actions.turn] skill: 'spin'; expected one of navigate, turn" in ended.err
+
+
+def test_trust_in_a_model_that_it_cannot_follow_is_refused(lcorpp, config, folder):  # noqa: F811
+    file = folder / "heard" / "interaction.pomdp"
+    text = file.read_text()
+    begin, end = text.index("O: turn"), text.index("O: report_interested")
+    rows = text[begin:end].replace("0.9 0.1 0.0", "0.8 0.1 0.1").replace("0.1 0.9 0.0", "0.1 0.8 0.1")
+    try:
+        file.write_text(text[:begin] + rows + text[end:])
+        ended = lcorpp("robot", "--config", config(domain='domain = "heard"\nstrategy = "LCORPP+trust"'))
+    finally:
+        file.write_text(text)
+    assert ended.code == 2
+    assert "after 'turn' and 'none' the planner's own variables may have several values" in ended.err

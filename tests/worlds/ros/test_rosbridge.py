@@ -1,0 +1,178 @@
+"""The rosbridge client against the server of the examples, with faults: cuts, silence, malformed messages."""
+
+import threading
+import time
+
+import pytest
+
+from lcorpp.errors import ActionFailedError, ConnectionLostError
+from lcorpp.worlds.ros.rosbridge import RosbridgeConnection
+from tests.worlds.ros.stand_in import StandIn, bridge
+
+WAIT = 10.0
+"""Seconds to wait for what should come at once, also on a busy machine."""
+
+
+@pytest.fixture
+def server():
+    made = bridge.BridgeServer()
+    yield made
+    made.close()
+
+
+@pytest.fixture
+def connection(server):
+    made = RosbridgeConnection(server.url, timeout=WAIT)
+    yield made
+    made.close()
+
+
+def wait_until(condition, describe=lambda: "it did not come true", timeout=WAIT):
+    end = time.monotonic() + timeout
+    while not condition():
+        assert time.monotonic() < end, describe()
+        time.sleep(0.01)
+
+
+def is_connected(connection):
+    try:
+        connection.check()
+    except ConnectionLostError:
+        return False
+    return True
+
+
+def test_messages_arrive_in_order(server, connection):
+    received = connection.subscribe("/numbers", "std_msgs/Int32")
+    wait_until(lambda: server.is_subscribed("/numbers"))
+    for number in range(50):
+        server.publish("/numbers", {"data": number})
+    assert [received.wait(WAIT)["data"] for _ in range(50)] == list(range(50))
+    assert received.dropped == 0
+
+
+def test_a_slow_reader_gets_the_newest_messages(server, connection):
+    received = connection.subscribe("/numbers", "std_msgs/Int32", max_messages=8)
+    last = connection.subscribe("/last", "std_msgs/Int32")
+    wait_until(lambda: server.is_subscribed("/last"))
+    for number in range(1000):
+        server.publish("/numbers", {"data": number})
+    server.publish("/last", {})
+    last.wait(WAIT)
+    assert [message["data"] for message in received.take()] == list(range(992, 1000))
+    assert received.dropped == 992
+    assert server.received[0]["queue_length"] == 8  # the server drops, too
+
+
+def test_types_are_named_as_the_version_of_ros_names_them(server):
+    for version, name in ((1, "std_msgs/String"), (2, "std_msgs/msg/String")):
+        connection = RosbridgeConnection(server.url, version=version, timeout=WAIT)
+        connection.publish("/say", "std_msgs/String", {"data": "hello"})
+        wait_until(lambda: server.received and server.received[-1]["op"] == "publish")
+        assert server.received[-2] == {"op": "advertise", "topic": "/say", "type": name}
+        connection.close()
+        server.received.clear()
+
+
+def test_a_service_responds_fails_or_is_silent(server, connection):
+    server.serve_service("/double", lambda request: {"data": 2 * request["data"]})
+    assert connection.call_service("/double", "x/Y", {"data": 4}, timeout=WAIT) == {"data": 8}
+    with pytest.raises(ActionFailedError, match=r"the service /nobody has not responded within 0.1 s"):
+        connection.call_service("/nobody", "x/Y", {}, timeout=0.1)
+
+
+def test_a_goal_succeeds_is_aborted_or_is_cancelled_in_time(server, connection):
+    outcomes = {"reach": (bridge.SUCCEEDED, {"n": 3}), "abort": (bridge.ABORTED, {})}
+    cancelled = threading.Event()
+
+    def run(goal):
+        if goal.content["do"] == "hang":
+            cancelled_in_time = goal.is_cancelled.wait(WAIT)
+            cancelled.set() if cancelled_in_time else None
+            return bridge.CANCELLED, {}
+        return outcomes[goal.content["do"]]
+
+    server.serve_action("/go", run)
+    assert connection.run_action("/go", "x/Go", {"do": "reach"}, timeout=WAIT) == {"n": 3}
+    with pytest.raises(ActionFailedError, match="the goal of /go was refused or aborted"):
+        connection.run_action("/go", "x/Go", {"do": "abort"}, timeout=WAIT)
+    with pytest.raises(ActionFailedError, match=r"/go has no result within 0.2 s; it was cancelled"):
+        connection.run_action("/go", "x/Go", {"do": "hang"}, timeout=0.2)
+    assert cancelled.wait(WAIT)
+
+
+def test_a_goal_ends_at_once_if_the_connection_is_cut(server, connection):
+    server.serve_action("/go", lambda goal: (goal.is_cancelled.wait(WAIT), (bridge.CANCELLED, {}))[1])
+    threading.Timer(0.2, server.cut).start()
+    began = time.monotonic()
+    with pytest.raises(ConnectionLostError, match="the connection was lost during /go"):
+        connection.run_action("/go", "x/Go", {}, timeout=60.0)
+    assert time.monotonic() - began < WAIT
+
+
+def test_a_lost_connection_is_made_again_with_its_subscriptions_and_a_stop(server, connection):
+    called = threading.Event()
+    connection.call_after_reconnect(lambda: called.set() is None)
+    received = connection.subscribe("/numbers", "std_msgs/Int32")
+    connection.advertise("/say", "std_msgs/String")
+    wait_until(lambda: server.is_subscribed("/numbers"))
+    server.cut()
+    assert called.wait(WAIT)
+    wait_until(lambda: [m["op"] for m in server.received].count("subscribe") == 2)
+    wait_until(lambda: server.is_subscribed("/numbers"))
+    server.publish("/numbers", {"data": 1})
+    assert received.wait(WAIT) == {"data": 1}
+    assert [m["op"] for m in server.received].count("advertise") == 2
+    wait_until(lambda: is_connected(connection))  # once the function was called several times
+
+
+def test_without_a_server_every_request_is_an_error(server, connection):
+    received = connection.subscribe("/numbers", "std_msgs/Int32")
+    server.close()
+    wait_until(lambda: not is_connected(connection))
+    with pytest.raises(ConnectionLostError, match="the connection was lost"):
+        connection.publish("/say", "std_msgs/String", {"data": ""})
+    with pytest.raises(ConnectionLostError, match="the connection was lost"):
+        received.wait(0.1)
+    with pytest.raises(ConnectionLostError):
+        connection.run_action("/go", "x/Go", {}, timeout=WAIT)
+
+
+def test_no_server_is_an_error_that_names_the_address(server):
+    server.close()
+    with pytest.raises(ConnectionLostError, match=rf"{server.url}: no rosbridge server can be reached"):
+        RosbridgeConnection(server.url, timeout=1.0)
+    with pytest.raises(ConnectionLostError, match="http://nowhere"):
+        RosbridgeConnection("http://nowhere", timeout=1.0)
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["", "{", "[]", "1", '{"op": 1}', '{"op": "publish"}', '{"op": "publish", "topic": "/a", "msg": 3}'],
+)
+def test_malformed_messages_are_left_out(server, connection, text):
+    received = connection.subscribe("/a", "std_msgs/Int32")
+    wait_until(lambda: server.is_subscribed("/a"))
+    for client in server.connections:
+        client.send(text)
+    server.publish("/a", {"data": 1})
+    assert received.wait(WAIT) == {"data": 1}
+
+
+def test_errors_of_the_server_are_kept(server, connection):
+    connection.subscribe("/a", "std_msgs/Int32")
+    wait_until(lambda: server.connections and server.is_subscribed("/a"))
+    for client in server.connections:
+        client.send('{"op": "status", "level": "error", "msg": "unknown type"}')
+    wait_until(lambda: connection.notes == ["unknown type"])
+
+
+def test_many_goals_leave_nothing_behind():
+    robot = StandIn()
+    connection = RosbridgeConnection(robot.url, timeout=WAIT)
+    pose = {"pose": {"pose": {"position": {"x": 0.0, "y": 0.0}}}}
+    for _ in range(50):
+        connection.run_action("/navigate_to_pose", "nav2_msgs/NavigateToPose", pose, timeout=WAIT)
+    assert not connection._replies
+    connection.close()
+    robot.close()

@@ -1,0 +1,134 @@
+"""One contract for all worlds: an action gives an observation of the model or a typed error, and ends."""
+
+import threading
+
+import numpy as np
+import pytest
+
+from lcorpp import ConsoleWorld, load_domain
+from lcorpp.errors import LcorppError
+from lcorpp.planning.policy_cache import find_cache_folder
+from lcorpp.simulation import SimulationModel
+from lcorpp.web.session import Session
+from lcorpp.web.setup import set_up_robot
+from lcorpp.worlds.ros.people_messages import Pose
+from lcorpp.worlds.ros.perception import Frames, Perception
+from lcorpp.worlds.ros.ros_world import Behaviour, RosWorld, TopicListener
+from lcorpp.worlds.ros.rosbridge import RosbridgeConnection
+from lcorpp.worlds.ros.skills import Body, Navigate, Say, Turn
+from tests.worlds.ros.stand_in import StandIn
+
+DOMAIN = load_domain("intention")
+ACTIONS = ("move_forward", "greet", "turn")
+MAX_WAIT = 30.0
+"""Seconds after which a world counts as hanging; every time-out below is at most two."""
+
+
+def simulated():
+    yield SimulationModel(DOMAIN).make_world({"intention": "interested"}, np.random.default_rng(0))
+
+
+def console():
+    lines = iter(["p", "neg", "xx", "none"] * 9)
+    yield ConsoleWorld(DOMAIN.pomdp.observations, ask=lambda _: next(lines), show=lambda _: None)
+
+
+class PageWorld:
+    """The page as a world: its session asks, and a person answers."""
+
+    def __init__(self):
+        robot = set_up_robot(DOMAIN, {}, DOMAIN.planning.solver, cache=find_cache_folder())
+        self._session = Session(lambda: robot)
+        self._session.handle('{"type": "start", "id": 1}')
+        self._reply = self._session.handle('{"type": "decide", "id": 2}')
+
+    def act(self, action):
+        if action != self._reply.get("action"):  # the page asks by its own policy
+            raise LcorppError(f"the page does not ask {action}")
+        self._reply = self._session.handle('{"type": "answer", "id": 3, "said": "pos", "draw": 0.1}')
+        if self._reply["type"] == "error":
+            raise LcorppError(self._reply["message"])
+        return self._reply["heard"]
+
+    def report(self, action):
+        pass
+
+
+def page():
+    yield PageWorld()
+
+
+def make_ros_world(robot, *, silence="none", failure=None):
+    connection = RosbridgeConnection(robot.url, timeout=2.0)
+    perception = Perception(connection, ("/people", "people_msgs/People"), Pose(0, 0, 1.57), Frames())
+    while not perception.update(1.0):
+        pass
+    behaviours = {
+        "move_forward": Behaviour(
+            Navigate("/navigate_to_pose", "nav2_msgs/NavigateToPose"), 1.0, 0.8, failure
+        ),
+        "greet": Behaviour(Say("Hello!", "/say", "std_msgs/String", 0.1), 1.0, 0.8),
+        "turn": Behaviour(Turn(), 2.0, 0.2),
+    }
+    heard = connection.subscribe("/speech", "std_msgs/String")
+    listener = TopicListener(heard, "std_msgs/String", DOMAIN.pomdp.observations, {"pos": ["Yes, please!"]})
+    body = Body(connection, perception, "7")
+    return RosWorld(body, behaviours, listener, silence=silence), connection
+
+
+def ros(**options):
+    robot = StandIn(**options)
+    world, connection = make_ros_world(robot)
+    yield world
+    connection.close()
+    robot.close()
+
+
+def silent_ros():
+    yield from ros(answer=None)
+
+
+def failing_ros():
+    yield from ros(navigation="abort")
+
+
+def hanging_ros():
+    yield from ros(navigation="hang")
+
+
+WORLDS = (simulated, console, page, ros, silent_ros, failing_ros, hanging_ros)
+
+
+@pytest.fixture(params=WORLDS, ids=lambda make: make.__name__)
+def world(request):
+    made = request.param()
+    yield next(made)
+    assert next(made, None) is None
+
+
+def call(function, *arguments):
+    """Return the result of a call, or its typed error; fail if it does not end."""
+    outcome = []
+
+    def run():
+        try:
+            outcome.append(function(*arguments))
+        except LcorppError as error:
+            outcome.append(error)
+
+    thread = threading.Thread(target=run, daemon=True)
+    thread.start()
+    thread.join(MAX_WAIT)
+    assert outcome, f"{function} hangs, or raises an error of another kind"
+    return outcome[0]
+
+
+def test_each_action_ends_in_an_observation_or_a_typed_error(world):
+    for action in ACTIONS:
+        result = call(world.act, action)
+        assert isinstance(result, LcorppError) or result in DOMAIN.pomdp.observations
+
+
+def test_a_report_ends_a_decision(world):
+    result = call(world.report, "report_interested")
+    assert result is None
