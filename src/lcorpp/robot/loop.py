@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable, Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from time import monotonic, sleep
-from typing import Protocol
 
 from lcorpp.decision import Robot, Strategy
 from lcorpp.decision.dt_control import dt_control, infer_prior
@@ -14,6 +14,7 @@ from lcorpp.decision.strategies import Session
 from lcorpp.errors import ConnectionLostError, LcorppError, WorldError
 from lcorpp.experiments.robot_parts import RobotParts
 from lcorpp.learning import TrainedClassifier
+from lcorpp.robot.attending import Attention
 from lcorpp.robot.config import RobotConfig
 from lcorpp.robot.tracking import PeopleTracks, TrackingThread
 from lcorpp.values import Distribution, Episode, Instance, Step
@@ -48,20 +49,12 @@ class Decision:
     n_learnt: int = 0
 
 
-class PersonChooser(Protocol):
-    """Chooses whom the robot attends to."""
-
-    def __call__(self, beliefs: Mapping[str, Distribution], /) -> str | None:
-        """Return one of the people, given the marginal of the shared variables of each; None for nobody."""
-
-
 class RobotLoop:
     """A robot among people.
 
     Args:
         config: of the robot. parts: domain, policy and error rates. classifiers: sense -> its classifier.
         strategy: by which it decides. connection: to the robot.
-        choose: whom it attends to; None attends to whom the value that means engagement is most probable for.
         show_step: takes the person and each step of a decision.
 
     Raises:
@@ -76,11 +69,10 @@ class RobotLoop:
         strategy: Strategy,
         connection: RosConnection,
         *,
-        choose: PersonChooser | None = None,
         show_step: Callable[[str, Step], None] = lambda person, step: None,
     ) -> None:
         self._config, self._parts, self._strategy, self._connection = config, parts, strategy, connection
-        self._choose, self._show_step = choose or self._choose_most_probable, show_step
+        self._show_step, self._attention = show_step, Attention(parts.domain, config.value)
         timeout = config.connection.timeout
         self._perception = Perception(
             connection, config.people.topic, config.pose, config.frames, timeout=timeout
@@ -93,7 +85,7 @@ class RobotLoop:
         for fact in config.facts.values():
             fact.start(connection)
         self._listener = self._make_listener()
-        self._decided = dict[str, Decision]()
+        self._decided = set[str]()
 
     def run(self, max_decisions: int | None = None) -> Iterator[Decision]:
         """Decide about one person after another; yield each decision.
@@ -115,8 +107,9 @@ class RobotLoop:
                 if person is None:
                     sleep(PERIOD)
                     continue
+                self._attention.attend(person)
+                self._decided.add(person)
                 decision = self._decide(person)
-                self._decided[person] = decision
                 count += 1
                 failures = failures + 1 if isinstance(decision.error, WorldError) else 0
                 yield decision
@@ -155,25 +148,29 @@ class RobotLoop:
 
     def _find_person(self) -> str | None:
         """Return the person to attend to; None if there is nobody."""
-        present = self._tracks.list_people()
-        self._decided = {person: d for person, d in self._decided.items() if person in present}
-        beliefs = {}
+        present, facts = self._tracks.list_people(), self._read_facts()
+        self._decided &= present.keys()
+        self._attention.note_absence(present)
+        waited_from = self._config.people.decide_after
+        beliefs = dict[str, Distribution]()
         for person, seconds in present.items():
-            if seconds >= self._config.people.decide_after and person not in self._decided:
-                try:
-                    robot = self._make_robot(person)
-                    labels = robot.classify(Instance(self._tracks.signals(person), {}))
-                    _, marginal, prior = infer_prior(robot, self._read_facts(), labels)
-                except LcorppError as error:
-                    self._decided[person] = Decision(person, {}, None, error)
-                    LOG.warning("%s: %s", person, error)
-                    continue
-                beliefs[person] = self._parts.domain.marginal(prior) if marginal is None else marginal
+            if seconds < waited_from or person in self._decided:
+                continue
+            robot = self._make_robot(person)
+            labels = robot.classify(Instance(self._tracks.signals(person), {}))
+            try:
+                _, _, prior = infer_prior(robot, facts, labels)
+            except LcorppError as error:  # e.g. impossible evidence
+                LOG.warning("%s: %s", person, error)
+                self._decided.add(person)
+                continue
+            self._attention.update(person, robot, prior, seconds - waited_from)
+            beliefs[person] = self._parts.domain.marginal(prior)
+        chosen = self._attention.choose()
+        with suppress(ConnectionLostError):  # the loop waits for it
+            for person in sorted(beliefs, key=lambda person: person == chosen):  # the chosen one last
                 self._publish_belief(person, beliefs[person])
-        return self._choose(beliefs) if beliefs else None
-
-    def _choose_most_probable(self, beliefs: Mapping[str, Distribution]) -> str:
-        return max(beliefs, key=lambda person: beliefs[person][self._config.value])
+        return chosen
 
     def _make_robot(self, person: str) -> Robot:
         full = replace(self._full, classifiers=self._tracks.classifiers(person))

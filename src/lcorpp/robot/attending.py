@@ -1,0 +1,135 @@
+"""Whom the robot attends to: forecasts of decisions about people, and what it learns of their patience."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from lcorpp.decision import Robot
+from lcorpp.decision.attention import Candidate, ServedShare, choose_candidate, find_delay
+from lcorpp.decision.patience import Patience
+from lcorpp.domains import Domain
+from lcorpp.planning import Planner
+from lcorpp.planning.belief import observation_probabilities
+from lcorpp.values import Belief, SharedValue
+
+MIN_MASS = 1e-3
+"""Probability below which a history of answers is left out of a forecast."""
+DIGITS = 2
+"""Digits to which beliefs are rounded before a decision is forecast."""
+KIND = ""
+"""The kind of all people: a tracker does not see who is in a hurry."""
+
+
+@dataclass(frozen=True)
+class Forecast:
+    """What a decision is expected to yield. value: P(engaged, and reported so). seconds: its duration."""
+
+    value: float
+    seconds: float
+
+
+def forecast_decision(domain: Domain, planner: Planner, prior: Belief, engaged: SharedValue) -> Forecast:
+    """Sum over the histories of answers, as the planner's model has them; costs are seconds.
+
+    Args:
+        prior: (S,) belief before the first action. engaged: the shared value that means engagement.
+    """
+    pomdp, value, seconds = domain.pomdp, 0.0, 0.0
+    waiting = [(prior, 1.0)]
+    while waiting:
+        belief, mass = waiting.pop()
+        action = planner.action(belief)
+        reported = domain.reported_value(action)
+        if reported is not None:
+            value += mass * domain.marginal(belief)[engaged] * (reported == engaged)
+            continue
+        a = pomdp.action_index(action)
+        seconds -= mass * float(belief @ pomdp.reward[a])
+        probabilities = observation_probabilities(pomdp, belief, a).tolist()
+        for observation, probability in zip(pomdp.observations, probabilities, strict=True):
+            if mass * probability > MIN_MASS:
+                waiting.append((planner.update(belief, action, observation), mass * probability))
+    return Forecast(value, max(0.0, seconds))
+
+
+@dataclass
+class WaitingPerson:
+    """A person to whom the robot may attend. forecast: of the decision. waited: seconds so far."""
+
+    probability: float
+    forecast: Forecast
+    waited: float
+
+
+class Attention:
+    """Chooses the person to attend to by an index, and learns how long people stay.
+
+    Args:
+        domain: of the decisions. engaged: the shared value that means engagement.
+
+    Source: `lcorpp.decision.attention` has the index.
+    """
+
+    def __init__(self, domain: Domain, engaged: SharedValue) -> None:
+        self._domain, self._engaged = domain, engaged
+        self._patience, self._served = Patience(), ServedShare()
+        self._waiting = dict[str, WaitingPerson]()
+        self._forecasts = dict[bytes, Forecast]()
+        self._planner: object = None
+
+    def update(self, person: str, robot: Robot, prior: Belief, waited: float) -> None:
+        """Take the belief about a person who waits.
+
+        Args:
+            robot: for this person. prior: (S,) belief. waited: seconds so far.
+        """
+        probability = float(self._domain.marginal(prior)[self._engaged])
+        self._waiting[person] = WaitingPerson(probability, self._forecast(robot, prior, probability), waited)
+
+    def note_absence(self, present: Mapping[str, float]) -> None:
+        """Learn from the people who waited, and are no longer present."""
+        for person in [name for name in self._waiting if name not in present]:
+            self._end(person, left=True)
+
+    def choose(self) -> str | None:
+        """Return the person to attend to; None if nobody waits, or nobody is worth it.
+
+        People about whom the policy reports at once come first: that takes no time.
+        """
+        for person, waiting in self._waiting.items():
+            if waiting.forecast.seconds == 0:
+                return person
+        candidates = [self._make_candidate(person) for person in self._waiting]
+        chosen = choose_candidate(candidates, share=self._served.share)
+        return None if chosen is None else str(chosen)
+
+    def attend(self, person: str) -> None:
+        """Note that the robot attends to a person now."""
+        self._end(person, left=False)
+
+    def _end(self, person: str, *, left: bool) -> None:
+        waiting = self._waiting.pop(person)
+        self._patience.observe(KIND, waiting.waited, left=left, weight=waiting.probability)
+        self._served.record(waiting.forecast.value, attended=not left)
+
+    def _make_candidate(self, person: str) -> Candidate:
+        waiting, forecasts = self._waiting[person], [each.forecast for each in self._waiting.values()]
+        ahead = find_delay([Candidate("", 0, each.value, each.seconds, 0) for each in forecasts])
+        hazard = self._patience.hazard(KIND, waiting.waited, ahead)
+        forecast = waiting.forecast
+        return Candidate(person, waiting.probability, forecast.value, forecast.seconds, hazard)
+
+    def _forecast(self, robot: Robot, prior: Belief, probability: float) -> Forecast:
+        planner = robot.planner
+        if not isinstance(planner, Planner):  # an own one may have state
+            return Forecast(probability, 1.0)
+        if planner is not self._planner:
+            self._planner, self._forecasts = planner, {}
+        rounded = np.round(prior, DIGITS)
+        key = rounded.tobytes()
+        if key not in self._forecasts:
+            self._forecasts[key] = forecast_decision(self._domain, planner, prior, self._engaged)
+        return self._forecasts[key]

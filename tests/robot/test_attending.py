@@ -1,0 +1,71 @@
+"""Forecasts of decisions against the exact evaluation, and the choice among people who wait."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from lcorpp import Distribution
+from lcorpp.decision import Robot
+from lcorpp.planning import Planner, evaluate
+from lcorpp.robot import attending
+from lcorpp.robot.attending import Attention, forecast_decision
+
+
+@pytest.fixture(scope="module")
+def robot(parts):
+    full = parts[0].robot
+    return Robot({}, full.reasoner, full.planner, full.domain)
+
+
+def prior(robot, p):
+    return robot.domain.prior(Distribution(robot.domain.values, np.array([p, 1 - p])))
+
+
+@pytest.mark.parametrize("p", [0.1, 0.3, 0.5, 0.7, 0.9])
+def test_the_forecast_agrees_with_the_return(robot, p, monkeypatch):
+    """return = 80 P(right) - 80 P(wrong) - seconds without discount."""
+    monkeypatch.setattr(attending, "MIN_MASS", 1e-7)
+    forecast = forecast_decision(robot.domain, robot.planner, prior(robot, p), "interested")
+    other = forecast_decision(robot.domain, robot.planner, prior(robot, p), "not_interested")
+    right = forecast.value + other.value
+    undiscounted = 80 * (2 * right - 1) - forecast.seconds
+    patient = replace(robot.domain.pomdp, discount=0.99999)
+    policy = replace(robot.planner.policy, fingerprint=patient.fingerprint)
+    exact = evaluate(patient, policy, prior(robot, p)).interval.estimate
+    assert undiscounted == pytest.approx(exact, abs=0.05)
+    assert 0 <= forecast.value <= p + 1e-9
+
+
+def test_the_more_probable_of_two_people_comes_first(parts, robot):
+    attention = Attention(parts[0].domain, "interested")
+    attention.update("a", robot, prior(robot, 0.3), 1.0)
+    attention.update("b", robot, prior(robot, 0.6), 1.0)
+    assert attention.choose() == "b"
+    attention.attend("b")
+    assert attention.choose() == "a"
+    attention.note_absence({"b": 3.0})
+    assert attention.choose() is None
+
+
+def test_people_about_whom_the_robot_need_not_ask_come_first(parts, robot):
+    attention = Attention(parts[0].domain, "interested")
+    attention.update("a", robot, prior(robot, 0.6), 1.0)
+    attention.update("b", robot, prior(robot, 0.001), 1.0)
+    assert attention.choose() == "b"
+
+
+def test_another_planner_is_taken_as_it_is(parts, robot):
+    class Own:
+        start = robot.planner.start
+
+        def action(self, belief):
+            raise AssertionError("an own planner may have state")
+
+        update = action
+
+    own = Robot({}, robot.reasoner, Own(), robot.domain)
+    attention = Attention(parts[0].domain, "interested")
+    attention.update("a", own, prior(robot, 0.6), 1.0)
+    assert attention.choose() == "a"
+    assert isinstance(robot.planner, Planner)
