@@ -97,6 +97,10 @@ class ActionFailedError(WorldError):
     """An action that was refused, aborted, or not completed within its time-out."""
 
 
+class PersonLeftError(WorldError):
+    """A person who left before the decision about them was made."""
+
+
 class ConnectionLostError(WorldError):
     """A connection to a robot that cannot be made, or that was lost."""
 

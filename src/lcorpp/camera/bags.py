@@ -58,9 +58,7 @@ class Bag:
     @check_arguments
     def __init__(self, path: str | Path, *, topic: str | None = None) -> None:
         self._path = Path(path)
-        if not self._path.exists():
-            raise FileError(f"{path}: cannot be read: no such file or folder")
-        with self._open() as reader:
+        with open_bag(self._path) as reader:
             images = {c.topic: c for c in reader.connections if c.msgtype == IMAGE}
             self.topic = _choose(images, topic, self._path)
             self._count = sum(c.msgcount for c in reader.connections if c.topic == self.topic)
@@ -72,7 +70,7 @@ class Bag:
     def __iter__(self) -> Iterator[Frame]:
         first: Frame | None = None
         last = -np.inf
-        with self._open() as reader:
+        with open_bag(self._path) as reader:
             chosen = [c for c in reader.connections if c.topic == self.topic]
             for number, (connection, stamp, data) in enumerate(reader.messages(chosen), start=1):
                 place = f"{self._path}: {self.topic}: message {number}"
@@ -87,24 +85,6 @@ class Bag:
                 last = frame.time
                 yield frame
 
-    @contextmanager
-    def _open(self) -> Iterator[AnyReader]:
-        try:
-            from rosbags.highlevel import AnyReader
-            from rosbags.typesys import Stores, get_typestore
-        except ImportError:
-            raise DataError("rosbags is not installed; pip install 'lcorpp[bags]'") from None
-        try:
-            with AnyReader([self._path], default_typestore=get_typestore(Stores.LATEST)) as reader:
-                yield reader
-        except (LcorppError, MemoryError):
-            raise
-        except (
-            Exception
-        ) as error:  # the readers of damaged bags fail in any way: struct, sqlite3, yaml, zstd, ...
-            reason = f"{type(error).__name__}: {error}"[:300]
-            raise DataError(f"{self._path}: cannot be read as a bag: {reason}") from error
-
     def _read_intrinsics(self, reader: AnyReader) -> Intrinsics | None:
         """Return the intrinsics of the camera of the images."""
         cameras: dict[str, Connection] = {c.topic: c for c in reader.connections if c.msgtype == CAMERA_INFO}
@@ -117,6 +97,31 @@ class Bag:
                 raise DataError(f"{self._path}: {topic}: the camera is not calibrated: K is {k.tolist()}")
             return Intrinsics(*k[[0, 4, 2, 5]].tolist())
         return None
+
+
+@contextmanager
+def open_bag(path: Path) -> Iterator[AnyReader]:
+    """Return a reader of a bag: a ROS 1 file (.bag) or a ROS 2 folder (with metadata.yaml).
+
+    Raises:
+        FileError: the path does not exist.
+        DataError: the bag is damaged, also in a part that is read later, or rosbags is not installed.
+    """
+    if not path.exists():
+        raise FileError(f"{path}: cannot be read: no such file or folder")
+    try:
+        from rosbags.highlevel import AnyReader
+        from rosbags.typesys import Stores, get_typestore
+    except ImportError:
+        raise DataError("rosbags is not installed; pip install 'lcorpp[bags]'") from None
+    try:
+        with AnyReader([path], default_typestore=get_typestore(Stores.LATEST)) as reader:
+            yield reader
+    except (LcorppError, MemoryError):
+        raise
+    except Exception as error:  # readers of damaged bags fail in any way: struct, sqlite3, yaml, zstd, ...
+        reason = f"{type(error).__name__}: {error}"[:300]
+        raise DataError(f"{path}: cannot be read as a bag: {reason}") from error
 
 
 def _choose(topics: dict[str, Connection], topic: str | None, path: Path) -> str:

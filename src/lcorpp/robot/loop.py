@@ -11,7 +11,7 @@ from time import monotonic, sleep
 from lcorpp.decision import Robot, Strategy
 from lcorpp.decision.dt_control import dt_control, infer_prior
 from lcorpp.decision.strategies import Session
-from lcorpp.errors import ConnectionLostError, LcorppError, WorldError
+from lcorpp.errors import ConnectionLostError, LcorppError, PersonLeftError, WorldError
 from lcorpp.experiments.robot_parts import RobotParts
 from lcorpp.learning import TrainedClassifier
 from lcorpp.robot.attending import Attention
@@ -111,7 +111,8 @@ class RobotLoop:
                 self._decided.add(person)
                 decision = self._decide(person)
                 count += 1
-                failures = failures + 1 if isinstance(decision.error, WorldError) else 0
+                if not isinstance(decision.error, PersonLeftError):
+                    failures = failures + 1 if isinstance(decision.error, WorldError) else 0
                 yield decision
                 if failures == MAX_FAILURES:
                     raise WorldError(

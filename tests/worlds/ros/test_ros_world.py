@@ -9,7 +9,7 @@ from math import pi
 import numpy as np
 import pytest
 
-from lcorpp.errors import ActionFailedError, ConnectionLostError, DecisionError, WorldError
+from lcorpp.errors import ActionFailedError, ConnectionLostError, DecisionError, PersonLeftError, WorldError
 from lcorpp.values import Distribution
 from lcorpp.worlds.ros.belief_messages import BeliefTopics
 from lcorpp.worlds.ros.people_messages import Pose
@@ -175,7 +175,7 @@ def test_unknown_actions_and_people_who_left_are_errors():
     with Robot({"move": Behaviour(NAVIGATE)}, people={}) as robot:
         with pytest.raises(DecisionError, match="the robot has no action 'jump'; expected one of move"):
             robot.world.act("jump")
-        with pytest.raises(ActionFailedError, match="the person 7 is no longer detected"):
+        with pytest.raises(PersonLeftError, match="the person 7 is no longer detected"):
             robot.world.act("move")
 
 

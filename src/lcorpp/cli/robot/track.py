@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -52,7 +52,7 @@ def track(
         ),
     ] = None,
     topic: Annotated[
-        str | None, typer.Option(metavar="NAME", help="The topic of a bag, if several have images.")
+        str | None, typer.Option(metavar="NAME", help="The topic of a bag: of a people tracker or of images.")
     ] = None,
     rate: Annotated[
         float | None,
@@ -70,6 +70,8 @@ def track(
 ) -> None:
     """Track the people whom a camera sees, and write their tracks.
 
+    A bag with the messages of a people tracker (see docs/robot.md) is read as tracks without its images.
+
     Colour images need a homography, depth images the intrinsics. Positions are in metres: those of the
     homography, or x forward and y to the left of a depth camera, on the floor below it. Times are those of
     the source; --from and --to count from its first image. Ctrl-C writes the tracks so far.
@@ -79,6 +81,11 @@ def track(
     output_files.check_writable(output)
     if start is not None and end is not None and not start < end:
         raise DataError(f"--from {start:g} --to {end:g}: expected the first to be less")
+    if _is_bag(source) and _has_people(source, topic):
+        from lcorpp.worlds.ros.people_bag import read_people_bag
+
+        console.out.print(_write(read_people_bag(source, topic), source, output))
+        return
     frames, own_intrinsics = _open(source, topic, rate)
     given = None
     if intrinsics is not None:
@@ -112,7 +119,7 @@ def _open(source: Path, topic: str | None, rate: float | None) -> tuple[FrameSou
     """Return the frames of a source, and the intrinsics that it states."""
     from lcorpp.camera import Bag, ImageFolder, Video
 
-    if source.suffix.lower() == ".bag" or (source / "metadata.yaml").exists():
+    if _is_bag(source):
         if rate is not None:
             raise DataError("--rate is for folders and videos; the messages of a bag have times")
         bag = Bag(source, topic=topic)
@@ -122,6 +129,18 @@ def _open(source: Path, topic: str | None, rate: float | None) -> tuple[FrameSou
             f"--topic is for bags; {source} is a {'folder of images' if source.is_dir() else 'video'}"
         )
     return (ImageFolder if source.is_dir() else Video)(source, rate=rate), None
+
+
+def _is_bag(source: Path) -> bool:
+    return source.suffix.lower() == ".bag" or (source / "metadata.yaml").exists()
+
+
+def _has_people(source: Path, topic: str | None) -> bool:
+    """Return whether the topic of a bag is that of a people tracker, not of a camera."""
+    from lcorpp.worlds.ros.people_bag import TRANSFORMS, list_people_topics
+
+    topics = list_people_topics(source)
+    return topic in topics if topic is not None else any(kind != TRANSFORMS for kind in topics.values())
 
 
 def _cut(frames: FrameSource, start: float | None, end: float | None) -> Iterator[Frame]:
@@ -157,7 +176,7 @@ def _make_locator(
     return ImageLocator(make_detector(detector, camera), camera)
 
 
-def _write(samples: list[Sample], source: Path, output: Path) -> str:
+def _write(samples: Sequence[tuple[float, int | str, float, float]], source: Path, output: Path) -> str:
     """Write the tracks of two samples and more; return what was written."""
     import numpy as np
 
@@ -165,7 +184,9 @@ def _write(samples: list[Sample], source: Path, output: Path) -> str:
 
     tracks = []
     for person in sorted({sample[1] for sample in samples}):
-        times, _, x, y = np.array([sample for sample in samples if sample[1] == person]).T
+        own = {time: (x, y) for time, name, x, y in samples if name == person}  # a time once
+        times = np.array(sorted(own))
+        x, y = np.array([own[time] for time in times]).T
         if len(times) > 1:
             tracks.append(Track(str(person), times, {"x": x, "y": y}))
     if not tracks:

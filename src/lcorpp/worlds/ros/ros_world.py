@@ -127,9 +127,11 @@ class RosWorld:
         Raises:
             DecisionError: the action is unknown.
             ActionFailedError: it failed, and its behaviour has no observation for that.
+            PersonLeftError: the person is no longer detected, so nothing is done.
             ConnectionLostError: the connection is lost.
         """
         behaviour = self._find_behaviour(action)
+        self._body.locate_person()
         failed = self._execute(action, behaviour)
         if failed is not None:
             return failed

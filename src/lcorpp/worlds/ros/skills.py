@@ -12,7 +12,7 @@ from math import atan2, hypot
 from time import monotonic, sleep
 from typing import Protocol
 
-from lcorpp.errors import ActionFailedError
+from lcorpp.errors import ActionFailedError, PersonLeftError
 from lcorpp.worlds.ros.connection import Message, RosConnection
 from lcorpp.worlds.ros.people_messages import Pose
 from lcorpp.worlds.ros.perception import Perception
@@ -44,11 +44,11 @@ class Body:
         """Return the person's position in the fixed frame.
 
         Raises:
-            ActionFailedError: the person is no longer detected.
+            PersonLeftError: the person is no longer detected.
         """
         position = self.perception.locate(self.person)
         if position is None:
-            raise ActionFailedError(f"the person {self.person} is no longer detected")
+            raise PersonLeftError(f"the person {self.person} is no longer detected")
         return position
 
     def drive(self, linear: float, angular: float) -> None:
@@ -65,6 +65,7 @@ class Skill(Protocol):
 
         Raises:
             ActionFailedError: it is refused, fails, or does not end within `timeout` seconds.
+            PersonLeftError: it needs the person, who left.
             ConnectionLostError: the connection is lost.
         """
 

@@ -1,0 +1,60 @@
+"""People in recordings of ROS 1 and 2, as samples."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from pathlib import Path
+
+from lcorpp.camera.bags import open_bag
+from lcorpp.errors import DataError, WorldError, expected_one_of
+from lcorpp.worlds.ros.connection import name_type
+from lcorpp.worlds.ros.people_messages import PEOPLE, read_people
+from lcorpp.worlds.ros.perception import Sample
+
+TRANSFORMS = "tf2_msgs/TFMessage"
+"""A type that nearly every bag has; it counts as people only if its topic is given."""
+NANOSECOND = 1e-9
+
+
+def list_people_topics(path: Path) -> dict[str, str]:
+    """Return the topics of a bag that may have people, with the types of their messages, see `PEOPLE`.
+
+    Raises:
+        FileError, DataError: as `open_bag`.
+    """
+    with open_bag(path) as reader:
+        topics = {c.topic: name_type(c.msgtype, 1, "msg") for c in reader.connections}
+    return {topic: kind for topic, kind in topics.items() if kind in PEOPLE}
+
+
+def read_people_bag(path: Path, topic: str | None = None) -> list[Sample]:
+    """Return the samples (seconds, person, x, y) of a bag, in the order of the messages and in their frame.
+
+    Times are those of the headers, or of the recording where these are 0.
+
+    Args:
+        topic: of a people tracker; None takes the only one.
+
+    Raises:
+        FileError, DataError: as `open_bag`; or there is no such topic.
+    """
+    topics = list_people_topics(path)
+    if topic is None:
+        trackers = [name for name, kind in topics.items() if kind != TRANSFORMS]
+        if len(trackers) != 1:
+            expected = expected_one_of(sorted(topics)) if topics else "expected a topic of a people tracker"
+            raise DataError(f"{path}: has {len(trackers)} topics with people; {expected}")
+        topic = trackers[0]
+    if topic not in topics:
+        raise DataError(f"{path}: has no people in {topic!r}; {expected_one_of(sorted(topics))}")
+    samples = list[Sample]()
+    with open_bag(path) as reader:
+        chosen = [c for c in reader.connections if c.topic == topic]
+        for number, (connection, stamp, data) in enumerate(reader.messages(chosen), start=1):
+            message = asdict(reader.deserialize(data, connection.msgtype))  # type: ignore[call-overload]
+            try:
+                people = read_people(topics[topic], message)
+            except WorldError as error:
+                raise DataError(f"{path}: {topic}: message {number}: {error}") from None
+            samples += [(d.time or stamp * NANOSECOND, d.id, d.x, d.y) for d in people]
+    return samples
