@@ -91,6 +91,15 @@ MISTAKES = [
         "'x/People'; expected one of people_msgs/People",
     ),
     ({"answers": '[answers]\ntopic = "/s"\ntype = "x/S"'}, "'x/S'; expected one of std_msgs/String"),
+    ({"answers": "[answers]\nmicrophone = 1"}, "microphone: expected true or false, not 1"),
+    (
+        {"answers": '[answers]\ntopic = "/s"\ntype = "std_msgs/String"\nmicrophone = true'},
+        "expected a microphone or a topic, not both",
+    ),
+    (
+        {"turn": '[actions.turn]\nskill = "speak"\ntext = "Hi"\nvoice = "bell"'},
+        "voice: the voice 'bell': expected",
+    ),
     ({"answers": '[answers]\nsilence = "nothing"'}, "silence: 'nothing'; expected one of pos, neg, none"),
     (
         {"utterances": '[answers.utterances]\nmaybe = ["well"]'},

@@ -95,7 +95,7 @@ def _check_robot(path: Path) -> None:
     unknown = [name for name in domain.observed if name not in config.facts]
     if unknown:
         console.print_note(f"the robot does not observe {', '.join(unknown)}; the reasoner sums over them")
-    if config.answers.topic is None:
+    if config.answers.topic is None and not config.answers.microphone:
         console.print_note(f"the robot cannot hear: every observation is {config.answers.silence}")
 
 

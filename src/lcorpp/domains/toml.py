@@ -59,6 +59,10 @@ class TomlTable:
         expected = f"a whole number of at least {min_value}"
         return int(self._get(key, default, lambda v: type(v) is int and v >= min_value, expected))
 
+    def flag(self, key: str, default: bool) -> bool:
+        """A truth value."""
+        return bool(self._get(key, default, lambda v: isinstance(v, bool), "true or false"))
+
     def value(self, key: str) -> Any:
         """A value of any type."""
         return self._get(key)

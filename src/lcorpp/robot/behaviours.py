@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from lcorpp.domains.toml import TomlTable
-from lcorpp.errors import DomainError, expected_one_of
+from lcorpp.errors import DomainError, LcorppError, expected_one_of
 from lcorpp.worlds.ros.connection import name_type
 from lcorpp.worlds.ros.ros_world import Behaviour
 from lcorpp.worlds.ros.skills import (
@@ -19,8 +19,10 @@ from lcorpp.worlds.ros.skills import (
     Navigate,
     Say,
     Skill,
+    Speak,
     Turn,
 )
+from lcorpp.worlds.speech import parse_voice
 
 MAX_SECONDS, MAX_DISTANCE, MAX_SPEED, MAX_RATE = 3600.0, 100.0, 3.0, 6.3
 """Limits of durations in s, distances in m, speeds in m/s and turn rates in rad/s."""
@@ -85,6 +87,13 @@ def _read_say(table: TomlTable) -> Skill:
     return Say(table.text("text"), table.text("topic"), kind, seconds)
 
 
+def _read_speak(table: TomlTable) -> Skill:
+    try:
+        return Speak(table.text("text"), parse_voice(table.text("voice")))
+    except LcorppError as error:
+        raise DomainError(f"{table.location('voice')}: {error}") from None
+
+
 def _read_action(table: TomlTable) -> Skill:
     return CallAction(table.text("name"), table.text("type"), _read_message(table, "goal"))
 
@@ -102,6 +111,7 @@ READERS: Mapping[str, Callable[[TomlTable], Skill | None]] = {
     "turn": _read_turn,
     "drive": _read_drive,
     "say": _read_say,
+    "speak": _read_speak,
     "action": _read_action,
     "service": _read_service,
     "listen": _read_nothing,

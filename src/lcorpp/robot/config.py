@@ -51,11 +51,12 @@ class PeopleConfig:
 class AnswersConfig:
     """Answers of people.
 
-    topic: of the speech recogniser; None if the robot cannot hear.
+    topic: of a speech recogniser, or None. microphone: whether the robot's own recogniser listens instead.
     silence: the observation without an answer. utterances: observation -> sentences.
     """
 
     topic: Topic | None = None
+    microphone: bool = False
     silence: str = "none"
     utterances: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
 

@@ -16,11 +16,12 @@ from lcorpp.experiments.robot_parts import RobotParts
 from lcorpp.learning import TrainedClassifier
 from lcorpp.robot.attending import Attention
 from lcorpp.robot.config import RobotConfig
+from lcorpp.robot.hearing import make_listener
 from lcorpp.robot.tracking import PeopleTracks, TrackingThread
 from lcorpp.values import Distribution, Episode, Instance, Step
 from lcorpp.worlds.ros.connection import RosConnection
 from lcorpp.worlds.ros.perception import Perception
-from lcorpp.worlds.ros.ros_world import Listener, RosWorld, TopicListener
+from lcorpp.worlds.ros.ros_world import RosWorld
 from lcorpp.worlds.ros.skills import Body
 
 LOG = logging.getLogger("lcorpp.robot")
@@ -84,7 +85,7 @@ class RobotLoop:
             self._session = strategy.start(self._full, parts.rates)
         for fact in config.facts.values():
             fact.start(connection)
-        self._listener = self._make_listener()
+        self._listener = make_listener(config.answers, parts.domain, connection)
         self._decided = set[str]()
 
     def run(self, max_decisions: int | None = None) -> Iterator[Decision]:
@@ -120,15 +121,6 @@ class RobotLoop:
                     )
         finally:
             thread.end()
-
-    def _make_listener(self) -> Listener | None:
-        answers = self._config.answers
-        if answers.topic is None:
-            return None
-        topic, kind = answers.topic
-        observations = self._parts.domain.pomdp.observations
-        subscription = self._connection.subscribe(topic, kind)
-        return TopicListener(subscription, kind, observations, answers.utterances)
 
     def _await_connection(self) -> None:
         """Wait until a lost connection is back.

@@ -186,6 +186,9 @@ def _read_answers(table: TomlTable, domain: Domain) -> AnswersConfig:
     if silence not in observations:
         raise DomainError(f"{table.location('silence')}: {silence!r}; {expected_one_of(observations)}")
     topic = read_topic(table, TEXTS) if "topic" in table else None
+    microphone = table.flag("microphone", False)
+    if microphone and topic is not None:
+        raise DomainError(f"{table.location('microphone')}: expected a microphone or a topic, not both")
     utterances = dict(domain.planning.utterances)
     if "utterances" in table:
         section = table.section("utterances")
@@ -194,7 +197,7 @@ def _read_answers(table: TomlTable, domain: Domain) -> AnswersConfig:
                 raise DomainError(f"{section.location(name)}: {expected_one_of(observations)}")
             utterances[name] = section.names(name)
     table.reject_unknown_keys()
-    return AnswersConfig(topic, silence, utterances)
+    return AnswersConfig(topic, microphone, silence, utterances)
 
 
 def _read_facts(table: TomlTable, domain: Domain) -> dict[str, Fact]:

@@ -16,6 +16,7 @@ from lcorpp.errors import ActionFailedError, PersonLeftError
 from lcorpp.worlds.ros.connection import Message, RosConnection
 from lcorpp.worlds.ros.people_messages import Pose
 from lcorpp.worlds.ros.perception import Perception
+from lcorpp.worlds.speech import Voice
 
 TWIST = "geometry_msgs/Twist"
 STOPPED: Message = {"linear": {"x": 0.0, "y": 0.0, "z": 0.0}, "angular": {"x": 0.0, "y": 0.0, "z": 0.0}}
@@ -187,6 +188,18 @@ class Say:
         message = {name: self.text if value == "{text}" else value for name, value in fields}
         body.connection.publish(self.topic, self.kind, message)
         sleep(min(timeout, SPEECH_RATE * len(self.text) if self.seconds is None else self.seconds))
+
+
+@dataclass(frozen=True)
+class Speak:
+    """Speak a sentence by a voice on this computer, and wait until it is spoken."""
+
+    text: str
+    voice: Voice
+
+    def run(self, body: Body, timeout: float) -> None:
+        """As `Skill.run`; the voice has its own time-out."""
+        self.voice.say(self.text)
 
 
 @dataclass(frozen=True)
