@@ -41,6 +41,7 @@ DOCS = Path(__file__).parents[1] / "docs"
         ("play.md", 2),
         ("camera.md", 3),
         ("early.md", 4),
+        ("speech.md", 0),
     ],
 )
 def test_a_guide_is_true(

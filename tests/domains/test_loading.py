@@ -183,6 +183,26 @@ WRONG_TOML = [
         "[planning.phrases]\nfly = 'flies'\n[planning.reports]",
         r"domain\.toml:20: \[planning\.phrases\] fly: .*has no action or observation 'fly'; expected one of",
     ),
+    (
+        "[planning.reports]",
+        "[planning.utterances]\nfly = ['go']\n[planning.reports]",
+        r"\[planning\.utterances\] fly: .* has no observation 'fly'; expected one of",
+    ),
+    (
+        "[planning.reports]",
+        "[planning.utterances]\nyes = ['go  on']\n[planning.reports]",
+        r"'go  on' is no sentence; expected words of letters and apostrophes with one space",
+    ),
+    (
+        "[planning.reports]",
+        "[planning.utterances]\nyes = ['go', 'Go']\n[planning.reports]",
+        r"'go' is a sentence of 'yes' already; expected each sentence once",
+    ),
+    (
+        "[planning.reports]",
+        "[planning.utterances]\nyes = 'go'\n[planning.reports]",
+        r"yes: expected a list of names",
+    ),
     ("[planning.reports]", "[planning.phrases]\npoint = 1\n[planning.reports]", r"point: expected a text"),
     ('to_lab = "lab"\n', "", r"\[planning\] reports: no action reports 'lab'"),
     ('store = "shrug"', 'store = "nod"', r"guide\.pomdp:5 has no observation 'nod'"),

@@ -1,5 +1,6 @@
 """One contract for all worlds: an action gives an observation of the model or a typed error, and ends."""
 
+import sys
 import threading
 
 import numpy as np
@@ -8,7 +9,7 @@ import pytest
 from lcorpp import ConsoleWorld, load_domain
 from lcorpp.errors import LcorppError
 from lcorpp.planning.policy_cache import find_cache_folder
-from lcorpp.simulation import SimulationModel
+from lcorpp.simulation import Population, SimulationModel
 from lcorpp.web.session import Session
 from lcorpp.web.setup import set_up_robot
 from lcorpp.worlds.ros.people_messages import Pose
@@ -16,7 +17,7 @@ from lcorpp.worlds.ros.perception import Frames, Perception
 from lcorpp.worlds.ros.ros_world import Behaviour, RosWorld, TopicListener
 from lcorpp.worlds.ros.rosbridge import RosbridgeConnection
 from lcorpp.worlds.ros.skills import Body, Navigate, Say, Turn
-from tests.worlds.ros.stand_in import StandIn
+from tests.worlds.ros.stand_in import EXAMPLES, StandIn
 
 DOMAIN = load_domain("intention")
 ACTIONS = ("move_forward", "greet", "turn")
@@ -96,7 +97,49 @@ def hanging_ros():
     yield from ros(navigation="hang")
 
 
-WORLDS = (simulated, console, page, ros, silent_ros, failing_ros, hanging_ros)
+def corridor():
+    """ir-sim: the robot of the examples, ten times as fast as time."""
+    pytest.importorskip("irsim", reason="needs ir-sim")
+    sys.path.insert(0, str(EXAMPLES))
+    from corridor import Corridor
+    from simulate import SimulatedRobot
+    from walkers import draw_visitors
+
+    domain, rng = load_domain("intention", preset="heard"), np.random.default_rng(3)
+    visitors = draw_visitors(Population(domain), rng, seconds=600, per_minute=20)
+    made = Corridor(visitors, domain, max_people=3, step=0.1, real_time_factor=10.0)
+    robot, ends = SimulatedRobot(made, 0), threading.Event()
+
+    def run():
+        while not ends.is_set():
+            robot.step()
+
+    thread = threading.Thread(target=run, daemon=True)
+    thread.start()
+    connection = RosbridgeConnection(robot.server.url, timeout=5.0)
+    pose = ("/odom", "nav_msgs/Odometry")
+    perception = Perception(connection, ("/people", "people_msgs/People"), pose, Frames("odom"), timeout=30.0)
+    while not perception.update(1.0):
+        pass
+    heard = connection.subscribe("/speech", "std_msgs/String")
+    utterances = domain.planning.utterances
+    listener = TopicListener(heard, "std_msgs/String", domain.pomdp.observations, utterances)
+    behaviours = {
+        "move_forward": Behaviour(
+            Navigate("/navigate_to_pose", "nav2_msgs/NavigateToPose"), 2.0, 0.2, failure="none"
+        ),
+        "greet": Behaviour(Say("Hello!", "/say", "std_msgs/String", 0.1), 1.0, 0.8),
+        "turn": Behaviour(Turn(), 2.0, 0.2),
+    }
+    person = next(iter(perception.list_people()))
+    yield RosWorld(Body(connection, perception, person), behaviours, listener)
+    ends.set()
+    thread.join()
+    connection.close()
+    robot.server.close()
+
+
+WORLDS = (simulated, console, page, ros, silent_ros, failing_ros, hanging_ros, corridor)
 
 
 @pytest.fixture(params=WORLDS, ids=lambda make: make.__name__)

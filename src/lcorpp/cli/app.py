@@ -13,6 +13,7 @@ from lcorpp.cli.explanation import explain
 from lcorpp.cli.logs import audit, replay, watch
 from lcorpp.cli.page import export, play
 from lcorpp.cli.robot import robot, track
+from lcorpp.cli.speech import listen, observe
 from lcorpp.log_output import show_log
 
 app = typer.Typer(
@@ -36,6 +37,8 @@ app.command()(play.play)
 app.command()(export.export)
 app.command()(robot.robot)
 app.command()(track.track)
+app.command()(listen.listen)
+app.command()(observe.observe)
 app.command()(new.new)
 app.command()(sweep.sweep)
 app.command()(replay.replay)

@@ -1,0 +1,1 @@
+"""Commands of speech: listen to an answer, measure the observation model."""

@@ -1,0 +1,1 @@
+"""Measurements of the observation model of speech."""

@@ -1,0 +1,51 @@
+"""The preset heard: a measured observation model with silence, and its sentences."""
+
+import json
+
+import numpy as np
+import pytest
+
+from lcorpp.domains import load_domain
+from lcorpp.worlds.speech import FEATURES, Recogniser, read_confidence
+
+PRESETS = ("paper", "authors", "medium", "low", "heard")
+
+
+@pytest.fixture(scope="module")
+def heard():
+    return load_domain("intention", preset="heard")
+
+
+def test_silence_is_possible_after_each_action_in_each_state(heard):
+    pomdp = heard.pomdp
+    assert (pomdp.observation.dense[:, :, pomdp.observation_index("none")] > 0).all()
+
+
+def test_all_but_the_observations_is_as_stated(heard):
+    stated = load_domain("intention").pomdp
+    for name in ("states", "actions", "discount"):
+        assert getattr(heard.pomdp, name) == getattr(stated, name)
+    np.testing.assert_array_equal(heard.pomdp.transition.dense, stated.transition.dense)
+    np.testing.assert_array_equal(heard.pomdp.reward, stated.reward)
+
+
+def test_people_answer_by_the_measured_model(heard):
+    np.testing.assert_array_equal(heard.simulation.feedback_model, heard.pomdp.observation.dense)
+
+
+def test_the_recogniser_makes_the_observations_of_the_model(heard):
+    confidence = read_confidence(heard.planning.recogniser, FEATURES)
+    made = {name for rows in confidence.bins.values() for name, _ in rows}
+    assert {*made, "none"} == set(heard.pomdp.observations)
+    text = heard.planning.recogniser.read_text()
+    assert "synthetic voices" in json.loads(text)["origin"]
+    assert "/" not in json.loads(text)["origin"]  # no path of a machine
+
+
+def test_the_sentences_are_many_and_in_the_dictionary():
+    for preset in PRESETS:
+        utterances = load_domain("intention", preset=preset).planning.utterances
+        assert len(utterances["pos"]) >= 25
+        assert len(utterances["neg"]) >= 20
+    pytest.importorskip("pocketsphinx", reason="pocketsphinx is not installed")
+    Recogniser(utterances)
