@@ -1,12 +1,16 @@
 """`lcorpp robot` and `lcorpp check robot.toml`: a whole run against the stand-in, and what they refuse."""
 
 import json
+import signal
+import subprocess
+import sys
 
 import pytest
 
 from lcorpp.learning import save_classifier
 from tests.robot.conftest import folder, parts  # noqa: F401
 from tests.worlds.ros.stand_in import StandIn, robot_toml
+from tests.worlds.ros.test_rosbridge import wait_until
 
 CLASSIFIER = '[classifiers]\nmotion = "motion.npz"'
 
@@ -35,6 +39,26 @@ def test_a_run_decides_and_writes_a_log_that_can_be_replayed(lcorpp, config, tmp
     (line,) = log.read_text().splitlines()
     assert json.loads(line)["report"] == "interested"
     assert lcorpp("replay", log).code == 0
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_an_interrupt_stops_the_robot(config, number):
+    robot = StandIn(navigation="hang")
+    navigate = (
+        'skill = "navigate"\nname = "/navigate_to_pose"\ntype = "nav2_msgs/NavigateToPose"\ntimeout = 60'
+    )
+    names = {"move": "move_forward", "greet": "greet", "turn": "turn"}
+    file = config(robot.url, **{key: f"[actions.{name}]\n{navigate}" for key, name in names.items()})
+    program = "from lcorpp.cli.main import main; main()"
+    command = [sys.executable, "-c", program, "robot", "--config", str(file)]
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    wait_until(lambda: robot.goals, timeout=60.0)
+    process.send_signal(number)
+    _, error = process.communicate(timeout=60)
+    assert process.returncode == 130
+    assert error == "lcorpp: interrupted after 0 decisions; the robot was ordered to stop\n"
+    wait_until(lambda: robot.stops and robot.cancels)
+    robot.close()
 
 
 def test_no_robot_is_one_message_before_the_training(lcorpp, config, monkeypatch):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import signal
 from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -68,6 +69,8 @@ def robot(
             f"{domain.name} by {strategy.name} on {read.connection.kind} (ROS {connection.version});"
             " Ctrl-C ends it"
         )
+        before = signal.signal(signal.SIGTERM, signal.default_int_handler)  # ends as Ctrl-C does
+        stack.callback(signal.signal, signal.SIGTERM, before)
         count = 0
         try:
             for decision in loop.run(decisions):
