@@ -42,6 +42,7 @@ DOCS = Path(__file__).parents[1] / "docs"
         ("camera.md", 3),
         ("early.md", 4),
         ("speech.md", 0),
+        ("several-people.md", 2),
     ],
 )
 def test_a_guide_is_true(

@@ -8,6 +8,8 @@ from __future__ import annotations
 import json
 import socket
 import threading
+import time
+from collections import deque
 from collections.abc import Callable
 from contextlib import suppress
 from typing import Any
@@ -16,6 +18,9 @@ from websockets.exceptions import ConnectionClosed
 from websockets.sync.server import Server, ServerConnection, serve
 
 Message = dict[str, Any]
+
+MAX_RECEIVED = 10_000
+"""Messages of clients that are kept."""
 
 SUCCEEDED, CANCELLED, ABORTED = 4, 5, 6
 """Status of a goal, from action_msgs/msg/GoalStatus."""
@@ -32,7 +37,8 @@ class BridgeServer:
     """A server on the loopback; each client has a thread.
 
     Attributes:
-        url: of the server. connections: the open ones. received: all messages of clients, oldest first.
+        url: of the server. connections: the open ones. received: the latest messages of clients.
+        accept_delay: seconds until a goal is accepted; what cancels goals before does not reach it.
 
     Args:
         port: 0 takes a free one.
@@ -45,8 +51,9 @@ class BridgeServer:
         self._subscribers: dict[str, set[ServerConnection]] = {}
         self._goals: dict[str, list[Goal]] = {}
         self._lock = threading.Lock()
+        self.accept_delay = 0.0
         self.connections: set[ServerConnection] = set()
-        self.received: list[Message] = []
+        self.received: deque[Message] = deque(maxlen=MAX_RECEIVED)
         self._server: Server = serve(self._serve, "127.0.0.1", port, compression=None)
         self.port = self._server.socket.getsockname()[1]
         self.url = f"ws://127.0.0.1:{self.port}"
@@ -126,6 +133,7 @@ class BridgeServer:
 
     def _run_goal(self, connection: ServerConnection, message: Message) -> None:
         name, goal = message["action"], Goal(message["args"])
+        time.sleep(self.accept_delay)
         with self._lock:
             self._goals.setdefault(name, []).append(goal)
         status, result = self._actions[name](goal)

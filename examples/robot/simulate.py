@@ -121,7 +121,10 @@ def main() -> None:
     corridor = Corridor(
         visitors, domain, max_people=arguments.people, step=0.1, real_time_factor=1.0, seed=arguments.seed
     )
-    robot = SimulatedRobot(corridor, arguments.port)
+    try:
+        robot = SimulatedRobot(corridor, arguments.port)
+    except OSError as error:
+        sys.exit(f"--port {arguments.port}: {error.strerror}; expected a free port")
     print(f"the robot is at {robot.server.url}; Ctrl-C ends it", flush=True)
     try:
         while corridor.time < arguments.seconds:

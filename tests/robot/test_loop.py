@@ -49,7 +49,7 @@ def test_a_whole_decision(folder, parts):
         wait_until(lambda: published(stand_in, "/intents"))
         assert beliefs(stand_in)[-1]["action"] == "report_interested"
         assert beliefs(stand_in)[0]["action"] is None
-        assert published(stand_in, "/humans/persons/7/engagement_status")[-1] == {"level": 3}
+        assert published(stand_in, "/humans/persons/p7/engagement_status")[-1] == {"level": 3}
 
 
 def test_all_people_are_decided_about_once(folder, parts):
@@ -133,3 +133,12 @@ def test_a_fact_of_a_topic(folder, parts):
         stand_in.server.publish("/place", {"data": "library"})
         (decision,) = loop.run(1)
         assert decision.facts == {"location": "library"}
+
+
+def test_a_text_that_is_no_value_of_a_fact_makes_it_unknown(folder, parts):
+    changes = {"facts": '[facts]\nlocation = {{ topic = "/place" }}'}
+    with run_loop(folder, parts, changes) as (stand_in, loop):
+        wait_until(lambda: stand_in.server.is_subscribed("/place"))
+        stand_in.server.publish("/place", {"data": "kitchen"})
+        (decision,) = loop.run(1)
+        assert decision.facts == {}

@@ -7,7 +7,7 @@ from lcorpp.robot.facts import ClockFact, FixedFact
 from lcorpp.robot.reading import read_robot_config
 from lcorpp.worlds.ros.people_messages import Pose
 from lcorpp.worlds.ros.skills import CallAction, CallService, Drive, Navigate, Say, Turn
-from tests.worlds.ros.stand_in import robot_toml
+from tests.worlds.ros.stand_in import EXAMPLES, robot_toml
 
 URL = "ws://127.0.0.1:9"
 
@@ -41,8 +41,8 @@ def test_every_skill(folder):
             "/a", "x/A", {"order": 3}
         ),
         'skill = "service"\nname = "/s"\ntype = "x/S"': CallService("/s", "x/S", {}),
-        'skill = "navigate"\nname = "/n"\ntype = "move_base_msgs/MoveBase"\nto = "home"': Navigate(
-            "/n", "move_base_msgs/MoveBase", home=True
+        'skill = "navigate"\nname = "/n"\ntype = "nav2_msgs/NavigateToPose"\nto = "home"': Navigate(
+            "/n", "nav2_msgs/NavigateToPose", home=True
         ),
         'skill = "listen"\nlisten = 2.0': None,
     }
@@ -91,6 +91,19 @@ MISTAKES = [
         "'x/People'; expected one of people_msgs/People",
     ),
     ({"answers": '[answers]\ntopic = "/s"\ntype = "x/S"'}, "'x/S'; expected one of std_msgs/String"),
+    ({"people": '[people]\ntopic = "/p"\ntype = "People"'}, "type: the type 'People'; expected PACKAGE/NAME"),
+    (
+        {"turn": '[actions.turn]\nskill = "service"\nname = "/s"\ntype = "Say"'},
+        "the type 'Say'; expected PACK",
+    ),
+    ({"facts": "[facts]\ntime = {{}}"}, "time: expected different hours from 0 to 24"),
+    ({"facts": "[facts]\ntime = {{ morning = 6, evening = 6 }}"}, "time: expected different hours"),
+    ({"robot": "[robot]\npose = [1" + 400 * "0" + ", 0, 0]"}, "pose: int too large to convert to float"),
+    ({"connection": '[connection]\nurl = "ws://a:99999"'}, "url: 'ws://a:99999'; expected ws://HOST:PORT"),
+    (
+        {"connection": "[connection]\nversion = 1"},
+        "type: nav2_msgs/NavigateToPose is of ROS 2; the connection",
+    ),
     ({"answers": "[answers]\nmicrophone = 1"}, "microphone: expected true or false, not 1"),
     (
         {"answers": '[answers]\ntopic = "/s"\ntype = "std_msgs/String"\nmicrophone = true'},
@@ -148,6 +161,13 @@ def test_silence_must_be_possible_in_the_model(folder):
         DomainError, match=r"silence gives the observation 'none', which is impossible after mov"
     ):
         read(folder, domain='domain = "intention"')
+
+
+@pytest.mark.parametrize("name", ["robot.toml", "robot_ros1.toml"])
+def test_the_examples_are_right(name):
+    config, domain = read_robot_config(EXAMPLES / name)
+    assert domain.preset == "heard"
+    assert set(config.behaviours) == {"move_forward", "greet", "turn"}
 
 
 def test_a_file_that_is_missing_or_no_toml(tmp_path):

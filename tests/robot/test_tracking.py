@@ -1,5 +1,7 @@
 """People's tracks and the classifiers' outputs for them."""
 
+import time
+
 import numpy as np
 import pytest
 
@@ -37,6 +39,29 @@ def test_people_who_leave_are_forgotten_and_come_back_as_new_ones(tracks):
     assert tracks.classify("7", "motion") is None
     tracks.add(walk("7", 5.5, 1.0))
     assert tracks.list_people()["7"] == pytest.approx(0.9)
+
+
+def test_a_clock_that_goes_back_starts_anew(tracks):
+    tracks.add(walk("7", 1e9, 2.0))
+    tracks.add(walk("8", 100.0, 2.0))
+    assert tracks.list_people()["8"] == pytest.approx(1.9)
+    tracks.add([(1.8e9, "8", 0.0, 5.0)])  # one stamp of another clock
+    tracks.add(walk("8", 102.0, 1.0))
+    assert tracks.list_people()["8"] == pytest.approx(0.9)
+
+
+def test_an_id_that_returns_after_a_gap_is_a_new_track(tracks):
+    tracks.add(walk("7", 0.0, 3.0))
+    tracks.add(walk("7", 3600.0, 1.0))
+    assert tracks.list_people() == pytest.approx({"7": 0.9})
+    assert tracks.signals("7")["motion"].shape[1] == 10
+
+
+def test_people_leave_without_samples_of_others(tracks, monkeypatch):
+    tracks.add(walk("7", 0.0, 3.0))
+    now = time.monotonic()
+    monkeypatch.setattr("lcorpp.robot.tracking.monotonic", lambda: now + 10)
+    assert tracks.list_people() == {}
 
 
 def test_people_do_not_affect_each_other(parts):

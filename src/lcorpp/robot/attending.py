@@ -15,7 +15,7 @@ from lcorpp.planning import Planner
 from lcorpp.planning.belief import observation_probabilities
 from lcorpp.values import Belief, SharedValue
 
-MIN_MASS = 1e-3
+MIN_MASS = 1e-4
 """Probability below which a history of answers is left out of a forecast."""
 DIGITS = 2
 """Digits to which beliefs are rounded before a decision is forecast."""
@@ -93,6 +93,10 @@ class Attention:
         """Learn from the people who waited, and are no longer present."""
         for person in [name for name in self._waiting if name not in present]:
             self._end(person, left=True)
+
+    def forget(self, person: str) -> None:
+        """Leave out a person about whom the robot cannot decide."""
+        self._waiting.pop(person, None)
 
     def choose(self) -> str | None:
         """Return the person to attend to; None if nobody waits, or nobody is worth it.

@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from lcorpp.domains.toml import TomlTable
-from lcorpp.errors import DomainError, LcorppError, expected_one_of
+from lcorpp.errors import DomainError, LcorppError, WorldError, expected_one_of
 from lcorpp.worlds.ros.connection import name_type
 from lcorpp.worlds.ros.ros_world import Behaviour
 from lcorpp.worlds.ros.skills import (
@@ -95,11 +95,11 @@ def _read_speak(table: TomlTable) -> Skill:
 
 
 def _read_action(table: TomlTable) -> Skill:
-    return CallAction(table.text("name"), table.text("type"), _read_message(table, "goal"))
+    return CallAction(table.text("name"), read_type(table, "action"), _read_message(table, "goal"))
 
 
 def _read_service(table: TomlTable) -> Skill:
-    return CallService(table.text("name"), table.text("type"), _read_message(table, "request"))
+    return CallService(table.text("name"), read_type(table, "srv"), _read_message(table, "request"))
 
 
 def _read_nothing(table: TomlTable) -> None:
@@ -119,8 +119,20 @@ READERS: Mapping[str, Callable[[TomlTable], Skill | None]] = {
 """Name of a skill -> its reader."""
 
 
+def read_type(table: TomlTable, folder: str) -> str:
+    """Read `type` as ROS 1 writes it. folder: "msg", "srv" or "action".
+
+    Raises:
+        DomainError: it is missing, or no name of a type.
+    """
+    try:
+        return name_type(table.text("type"), 1, folder)
+    except WorldError as error:
+        raise DomainError(f"{table.location('type')}: {error}") from None
+
+
 def _read_kind(table: TomlTable, kinds: Mapping[str, Any], folder: str) -> str:
-    kind = name_type(table.text("type"), 1, folder)
+    kind = read_type(table, folder)
     if kind not in kinds:
         raise DomainError(f"{table.location('type')}: {table.text('type')!r}; {expected_one_of(kinds)}")
     return kind

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from datetime import datetime
 from typing import Protocol
 
-from lcorpp.errors import WorldError, expected_one_of
+from lcorpp.errors import expected_one_of
 from lcorpp.worlds.ros.connection import RosConnection, Subscription
+
+LOG = logging.getLogger("lcorpp.robot")
 
 TEXT = "std_msgs/String"
 
@@ -96,14 +99,10 @@ class TopicFact:
         self._subscription = connection.subscribe(self.topic, TEXT, max_messages=1)
 
     def read(self) -> str | None:
-        """As `Fact.read`.
-
-        Raises:
-            WorldError: the text is no value of the attribute.
-        """
+        """As `Fact.read`; a text that is no value of the attribute makes it unknown, with a warning."""
         for message in self._subscription.take() if self._subscription else []:
             text = str(message.get("data"))
-            if text not in self.allowed:
-                raise WorldError(f"{self.topic}: {text!r}; {expected_one_of(self.allowed)}")
-            self._value = text
+            self._value = text if text in self.allowed else None
+            if self._value is None:
+                LOG.warning("%s: %r; %s", self.topic, text, expected_one_of(self.allowed))
         return self._value

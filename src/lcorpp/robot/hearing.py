@@ -16,8 +16,8 @@ from lcorpp.worlds.speech import (
     read_confidence,
 )
 
-MIN_SECONDS = 0.1
-"""Shorter listening is none."""
+MIN_SECONDS, MAX_SECONDS = 0.1, 30.0
+"""Shorter listening is none; longer listening ends after so many seconds."""
 
 
 class MicrophoneListener:
@@ -49,7 +49,9 @@ class MicrophoneListener:
         Raises:
             ActionFailedError: the microphone is missing or fails.
         """
-        return self._listener.listen(seconds).observation if seconds >= MIN_SECONDS else None
+        if seconds < MIN_SECONDS:
+            return None
+        return self._listener.listen(min(seconds, MAX_SECONDS)).observation
 
 
 def make_listener(config: AnswersConfig, domain: Domain, connection: RosConnection) -> Listener | None:

@@ -21,13 +21,15 @@ from lcorpp.robot.tracking import PeopleTracks, TrackingThread
 from lcorpp.values import Distribution, Episode, Instance, Step
 from lcorpp.worlds.ros.connection import RosConnection
 from lcorpp.worlds.ros.perception import Perception
-from lcorpp.worlds.ros.ros_world import RosWorld
+from lcorpp.worlds.ros.ros_world import RosWorld, StopOrders
 from lcorpp.worlds.ros.skills import Body
 
 LOG = logging.getLogger("lcorpp.robot")
 
 PERIOD = 0.1
 """Seconds between two looks at the people while nobody can be attended to."""
+SILENCE = 10.0
+"""Seconds without any message of the people tracker after which the robot warns."""
 MAX_FAILURES = 5
 """Decisions in a row with a failed action after which the robot gives up: something is wrong with it."""
 
@@ -86,7 +88,7 @@ class RobotLoop:
         for fact in config.facts.values():
             fact.start(connection)
         self._listener = make_listener(config.answers, parts.domain, connection)
-        self._decided = set[str]()
+        self._decided, self._has_warned = set[str](), False
 
     def run(self, max_decisions: int | None = None) -> Iterator[Decision]:
         """Decide about one person after another; yield each decision.
@@ -99,28 +101,41 @@ class RobotLoop:
             WorldError: the decisions fail again and again, or messages have another type.
         """
         thread = TrackingThread(self._perception, self._tracks)
-        count = failures = 0
+        count, failures, began = 0, 0, monotonic()
         try:
             while max_decisions is None or count < max_decisions:
                 thread.check()
                 self._await_connection()
                 person = self._find_person()
                 if person is None:
+                    self._warn_of_silence(monotonic() - began)
                     sleep(PERIOD)
                     continue
                 self._attention.attend(person)
                 self._decided.add(person)
                 decision = self._decide(person)
                 count += 1
-                if not isinstance(decision.error, PersonLeftError):
-                    failures = failures + 1 if isinstance(decision.error, WorldError) else 0
-                yield decision
+                yield decision  # before what follows it, so that an interrupt does not lose it
+                error = self._finish(person) or decision.error
+                if not isinstance(error, PersonLeftError):
+                    failures = failures + 1 if isinstance(error, WorldError) else 0
                 if failures == MAX_FAILURES:
-                    raise WorldError(
-                        f"{failures} decisions in a row have failed; the last one: {decision.error}"
-                    )
+                    raise WorldError(f"{failures} decisions in a row have failed; the last one: {error}")
         finally:
             thread.end()
+
+    def stop(self) -> str:
+        """Order the robot to stop; return a sentence about it."""
+        skills = [behaviour.skill for behaviour in self._config.behaviours.values()]
+        skills += [self._config.after.skill] if self._config.after is not None else []
+        return StopOrders.of(self._config.cmd_vel, skills).send_soon(self._connection)
+
+    def _warn_of_silence(self, seconds: float) -> None:
+        """Warn once if no people were ever detected: maybe the topic has another name."""
+        if seconds > SILENCE and not self._has_warned and not self._perception.has_messages:
+            self._has_warned = True
+            topic, kind = self._config.people.topic
+            LOG.warning("%s: no %s for %g s; is this the topic of the people tracker?", topic, kind, SILENCE)
 
     def _await_connection(self) -> None:
         """Wait until a lost connection is back.
@@ -156,6 +171,7 @@ class RobotLoop:
             except LcorppError as error:  # e.g. impossible evidence
                 LOG.warning("%s: %s", person, error)
                 self._decided.add(person)
+                self._attention.forget(person)
                 continue
             self._attention.update(person, robot, prior, seconds - waited_from)
             beliefs[person] = self._parts.domain.marginal(prior)
@@ -176,8 +192,9 @@ class RobotLoop:
     def _decide(self, person: str) -> Decision:
         """Decide about a person; a failure is part of the result."""
         config, domain = self._config, self._parts.domain
-        body = Body(self._connection, self._perception, person, config.cmd_vel)
-        world = RosWorld(body, config.behaviours, self._listener, silence=config.answers.silence)
+        world = RosWorld(
+            self._make_body(person), config.behaviours, self._listener, silence=config.answers.silence
+        )
         facts: dict[str, str] = {}
 
         def take(step: Step) -> None:
@@ -199,22 +216,34 @@ class RobotLoop:
         except BaseException:
             world.stop()
             raise
-        error = self._finish(body, episode)
+        error = self._publish_intent(person, episode)
         return Decision(person, facts, episode, error, tuple(world.failures), n_learnt)
 
-    def _finish(self, body: Body, episode: Episode) -> LcorppError | None:
-        """Publish the intent, and do what follows a decision; return its failure, None if there is none."""
-        beliefs, after = self._config.beliefs, self._config.after
+    def _publish_intent(self, person: str, episode: Episode) -> WorldError | None:
+        """Publish that the person wants to engage, if so reported; return why it failed, if it did."""
+        beliefs = self._config.beliefs
+        if beliefs is None or episode.report != self._config.value:
+            return None
+        marginal, answered = self._parts.domain.marginal(episode.steps[-1].belief), bool(episode.answers)
         try:
-            if beliefs is not None and episode.report == self._config.value:
-                marginal = self._parts.domain.marginal(episode.steps[-1].belief)
-                answered = bool(episode.answers)
-                beliefs.publish_intent(self._connection, body.person, marginal, has_answered=answered)
-            if after is not None:
-                RosWorld(body, {"after": after}).report("after")
+            beliefs.publish_intent(self._connection, person, marginal, has_answered=answered)
         except WorldError as error:
             return error
         return None
+
+    def _finish(self, person: str) -> WorldError | None:
+        """Do what follows a decision; return why it failed, None if it did not."""
+        if self._config.after is None:
+            return None
+        try:
+            RosWorld(self._make_body(person), {"after": self._config.after}).report("after")
+        except WorldError as error:
+            LOG.warning("%s", error)
+            return error
+        return None
+
+    def _make_body(self, person: str) -> Body:
+        return Body(self._connection, self._perception, person, self._config.cmd_vel)
 
     def _publish_belief(self, person: str, marginal: Distribution, action: str | None = None) -> None:
         if self._config.beliefs is not None:

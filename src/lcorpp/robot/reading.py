@@ -5,12 +5,14 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping
 from math import pi
 from pathlib import Path
+from urllib.parse import urlsplit
 
 from lcorpp.domains import Domain, load_domain
 from lcorpp.domains.toml import TomlTable, read_toml
-from lcorpp.errors import DomainError, LcorppError, expected_one_of
+from lcorpp.errors import DomainError, LcorppError, WorldError, expected_one_of
 from lcorpp.experiments.strategies.baselines import find_strategies
-from lcorpp.robot.behaviours import read_behaviour
+from lcorpp.experiments.strategies.trust import check_dialogue
+from lcorpp.robot.behaviours import read_behaviour, read_type
 from lcorpp.robot.config import (
     CONNECTIONS,
     AnswersConfig,
@@ -22,10 +24,10 @@ from lcorpp.robot.config import (
 from lcorpp.robot.facts import ClockFact, Fact, FixedFact, TopicFact
 from lcorpp.values import SharedValue
 from lcorpp.worlds.ros.belief_messages import BeliefTopics
-from lcorpp.worlds.ros.connection import name_type
 from lcorpp.worlds.ros.people_messages import PEOPLE, POSES, TEXTS, Pose
 from lcorpp.worlds.ros.perception import Frames
 from lcorpp.worlds.ros.ros_world import Behaviour
+from lcorpp.worlds.ros.skills import MOVE_BASE, Navigate
 
 MAX_SECONDS = 3600.0
 """Maximum of time-outs and durations."""
@@ -70,6 +72,8 @@ def read_robot_config(file: Path) -> tuple[RobotConfig, Domain]:
     facts = _read_facts(table.section("facts"), domain)
     behaviours = _read_behaviours(table.section("actions", required=True), domain, answers)
     after = read_behaviour(table.section("after"), domain.pomdp.observations) if "after" in table else None
+    for where, behaviour in (*behaviours.items(), ("after", after)):
+        _check_version(table, where, behaviour, connection)
     beliefs = _read_beliefs(table.section("beliefs"), value) if "beliefs" in table else None
     table.reject_unknown_keys()
     return (
@@ -102,7 +106,7 @@ def read_topic(table: TomlTable, kinds: Collection[str]) -> Topic:
     Raises:
         DomainError: a key is missing, or the type is unknown.
     """
-    topic, kind = table.text("topic"), name_type(table.text("type"), 1, "msg")
+    topic, kind = table.text("topic"), read_type(table, "msg")
     if kind not in kinds:
         raise DomainError(f"{table.location('type')}: {table.text('type')!r}; {expected_one_of(kinds)}")
     return topic, kind
@@ -114,6 +118,10 @@ def _read_strategy(table: TomlTable, domain: Domain) -> str:
         (found,) = find_strategies([name], [sense.name for sense in domain.senses])
     except (LcorppError, ValueError) as error:
         raise DomainError(f"{table.location('strategy')}: {error}") from None
+    try:
+        check_dialogue(domain, [found])
+    except DomainError as error:
+        raise DomainError(f"{table.location('strategy')}: {name}: {error}") from None
     return found.name if found.own is None else name
 
 
@@ -140,7 +148,7 @@ def _read_connection(table: TomlTable) -> ConnectionConfig:
         expected = f"{own} for {kind}" if own else "1 or 2"
         raise DomainError(f"{table.location('version')}: ROS {version}; expected {expected}")
     url = table.text("url", default.url)
-    if not url.startswith(("ws://", "wss://")):
+    if not _is_address(url):
         raise DomainError(f"{table.location('url')}: {url!r}; expected ws://HOST:PORT")
     config = ConnectionConfig(
         kind,
@@ -151,6 +159,14 @@ def _read_connection(table: TomlTable) -> ConnectionConfig:
     )
     table.reject_unknown_keys()
     return config
+
+
+def _is_address(url: str) -> bool:
+    try:
+        parts = urlsplit(url)
+        return parts.scheme in ("ws", "wss") and bool(parts.hostname) and (parts.port or 1) > 0
+    except ValueError:  # e.g. a port above 65535
+        return False
 
 
 def _read_pose(robot: TomlTable) -> Topic | Pose:
@@ -166,7 +182,10 @@ def _read_pose(robot: TomlTable) -> Topic | Pose:
             f"{robot.location('pose')}: {value!r}; expected [x, y, heading] in metres and radians, or"
             " { topic = ..., type = ... } of the localisation"
         )
-    return Pose(*map(float, value))
+    try:
+        return Pose(*map(float, value))
+    except (OverflowError, WorldError) as error:
+        raise DomainError(f"{robot.location('pose')}: {error}") from None
 
 
 def _read_people(table: TomlTable) -> PeopleConfig:
@@ -214,7 +233,10 @@ def _read_facts(table: TomlTable, domain: Domain) -> dict[str, Fact]:
                 facts[name] = TopicFact(part.text("topic"), tuple(allowed))
                 part.reject_unknown_keys()
             else:
-                facts[name] = ClockFact({value: part.number(value, 0, 24) for value in part})
+                hours = {value: part.number(value, 0, 24) for value in part}
+                if len(set(hours.values())) < max(1, len(hours)):
+                    raise DomainError(f"{table.location(name)}: expected different hours from 0 to 24")
+                facts[name] = ClockFact(hours)
         for value in facts[name].values:
             if value not in allowed:
                 raise DomainError(f"{table.location(name)}: {value!r}; {expected_one_of(allowed)}")
@@ -237,6 +259,22 @@ def _read_behaviours(table: TomlTable, domain: Domain, answers: AnswersConfig) -
     return behaviours
 
 
+def _check_version(
+    table: TomlTable, where: str, behaviour: Behaviour | None, connection: ConnectionConfig
+) -> None:
+    """Check that the type of a navigation is one of the connection's version of ROS."""
+    if behaviour is None or not isinstance(behaviour.skill, Navigate):
+        return
+    kind = behaviour.skill.kind
+    version = 1 if kind == MOVE_BASE else 2
+    if version != connection.version:
+        keys = ("after", "type") if where == "after" else ("actions", where, "type")
+        raise DomainError(
+            f"{table.location(*keys)}: {kind} is of ROS {version}; the connection is to ROS"
+            f" {connection.version}"
+        )
+
+
 def _check_possible(
     table: TomlTable, domain: Domain, behaviours: Mapping[str, Behaviour], answers: AnswersConfig
 ) -> None:
@@ -252,7 +290,7 @@ def _check_possible(
                 raise DomainError(
                     f"{table.location(action)}: {what} gives the observation {name!r}, which is impossible"
                     f" after {action} in {pomdp.file}; expected a model in which it has a positive"
-                    " probability, e.g. one of `lcorpp observe`"
+                    ' probability, e.g. preset = "heard" of the intention domain, or one of `lcorpp observe`'
                 )
 
 

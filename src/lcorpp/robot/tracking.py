@@ -5,11 +5,12 @@ from __future__ import annotations
 import threading
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from time import monotonic
 from typing import Any
 
 import numpy as np
 
-from lcorpp.errors import ConnectionLostError, DataError, LcorppError
+from lcorpp.errors import ConnectionLostError, DataError, LcorppError, WorldError
 from lcorpp.learning import StreamingClassifier, TrainedClassifier
 from lcorpp.values import Array, EvidenceKind, Label
 from lcorpp.worlds.ros.perception import Perception, Sample
@@ -22,10 +23,15 @@ MAX_SAMPLES = 3000
 
 @dataclass
 class Track:
-    """A person's samples so far. first, last: time of the first and the last one in seconds."""
+    """A person's samples so far.
+
+    first, last: time of the first and the last one in seconds. received: when the last one came, on the
+    clock of this computer.
+    """
 
     first: float
     last: float
+    received: float
     samples: list[tuple[float, float, float]] = field(default_factory=list)
 
     @property
@@ -67,23 +73,33 @@ class PeopleTracks:
         Raises:
             DataError: as `StreamingClassifier.push_many`.
         """
+        now = monotonic()
         with self._lock:
             for streams in self._streams.values():
                 streams.push_many(samples)
             for time, person, x, y in samples:
-                self._clock = max(self._clock, time)
-                track = self._tracks.setdefault(person, Track(time, time))
-                track.last = max(track.last, time)
+                # a clock that goes back, e.g. of a simulator that was reset, starts anew
+                self._clock = time if time < self._clock - self._max_silence else max(self._clock, time)
+                track = self._tracks.get(person)
+                if track is None or abs(time - track.last) > self._max_silence:
+                    track = self._tracks[person] = Track(time, time, now)
+                track.last, track.received = max(track.last, time), now
                 track.samples.append((time, x, y))
                 del track.samples[:-MAX_SAMPLES]
-            left = [n for n, t in self._tracks.items() if self._clock - t.last > self._max_silence]
-            for person in left:
-                del self._tracks[person]
+            self._remove_absent(now)
 
     def list_people(self) -> dict[str, float]:
         """Return the people who are present, with the seconds of their tracks."""
         with self._lock:
+            self._remove_absent(monotonic())
             return {person: track.seconds for person, track in self._tracks.items()}
+
+    def _remove_absent(self, now: float) -> None:
+        """Remove people without samples for too long, by the stamps of others or by this computer's clock."""
+        limit = self._max_silence
+        for person, track in list(self._tracks.items()):
+            if self._clock - track.last > limit or now - track.received > limit:
+                del self._tracks[person]
 
     def signals(self, person: str) -> dict[str, Array]:
         """Return sense -> the positions (2, samples) of a person so far."""
@@ -156,4 +172,7 @@ class TrackingThread:
                 self._ends.wait(PERIOD)  # the connection is made again; the loop of decisions notices, too
             except LcorppError as error:
                 self._error = error
+                return
+            except Exception as error:  # e.g. of an own classifier; the loop of decisions reports it
+                self._error = WorldError(f"tracking people: {type(error).__name__}: {error}")
                 return

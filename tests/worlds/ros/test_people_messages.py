@@ -1,5 +1,6 @@
 """Messages of trackers and localisations as numbers; frames by known answers and laws."""
 
+import json
 from math import atan2, cos, hypot, pi, sin
 
 import pytest
@@ -60,6 +61,18 @@ def test_a_message_of_another_type_is_an_error_that_names_the_expected_one(kind)
     for message in ({}, {"data": "x"}, {"header": 3}, {"people": [{}]}, {"markers": [1]}):
         with pytest.raises(WorldError, match=f"a message that is no {kind}"):
             read_people(kind, message)
+
+
+@pytest.mark.parametrize("kind", PEOPLE)
+def test_people_without_a_position_or_an_id_are_left_out(kind):
+    for number in (None, float("nan"), float("inf")):
+        text = json.dumps(EXAMPLES[kind]).replace('"x": 1.0', f'"x": {json.dumps(number)}')
+        assert read_people(kind, json.loads(text)) == []
+    text = json.dumps(EXAMPLES["people_msgs/People"]).replace('"name": "7"', '"name": ""')
+    assert read_people("people_msgs/People", json.loads(text)) == []
+    huge = json.dumps(EXAMPLES[kind]).replace('"x": 1.0', '"x": 1' + 400 * "0")
+    with pytest.raises(WorldError, match=f"a message that is no {kind}: OverflowError"):
+        read_people(kind, json.loads(huge))
 
 
 def test_a_stamp_of_zero_is_none():

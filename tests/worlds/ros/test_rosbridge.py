@@ -101,6 +101,48 @@ def test_a_goal_succeeds_is_aborted_or_is_cancelled_in_time(server, connection):
     assert cancelled.wait(WAIT)
 
 
+def test_a_goal_that_is_accepted_after_its_time_out_is_cancelled(server, connection):
+    ended = threading.Event()
+
+    def run(goal):
+        if goal.is_cancelled.wait(WAIT):
+            ended.set()
+        return bridge.CANCELLED, {}
+
+    server.serve_action("/go", run)
+    server.accept_delay = 0.4
+    with pytest.raises(ActionFailedError, match=r"no result within 0.2 s; it was cancelled"):
+        connection.run_action("/go", "x/Go", {}, timeout=0.2)
+    assert ended.wait(WAIT)
+
+
+def test_a_refused_cancellation_is_not_confirmed(server, connection):
+    assert connection.cancel_goals("/go", timeout=WAIT)  # no goals: nothing is left
+    replies = iter(
+        ['"result": false, "values": "no service"', '"result": true, "values": {"return_code": 1}']
+    )
+
+    def answer(client, message):
+        client.send(f'{{"op": "service_response", "id": "{message["id"]}", {next(replies)}}}')
+
+    server._answer = answer
+    assert not connection.cancel_goals("/go", timeout=WAIT)
+    assert not connection.cancel_goals("/go", timeout=WAIT)
+
+
+MALFORMED = ("[" * 100_000, '{"op": "action_result", "id": [1]}', '{"op": "service_response", "id": {}}')
+
+
+@pytest.mark.parametrize("text", MALFORMED, ids=["deep", "list", "table"])
+def test_hostile_messages_do_not_end_the_reception(server, connection, text):
+    received = connection.subscribe("/a", "std_msgs/Int32")
+    wait_until(lambda: server.is_subscribed("/a"))
+    for client in server.connections:
+        client.send(text)
+    server.publish("/a", {"data": 1})
+    assert received.wait(WAIT) == {"data": 1}
+
+
 def test_a_goal_ends_at_once_if_the_connection_is_cut(server, connection):
     server.serve_action("/go", lambda goal: (goal.is_cancelled.wait(WAIT), (bridge.CANCELLED, {}))[1])
     threading.Timer(0.2, server.cut).start()

@@ -69,8 +69,8 @@ def robot(
             f"{domain.name} by {strategy.name} on {read.connection.kind} (ROS {connection.version});"
             " Ctrl-C ends it"
         )
-        before = signal.signal(signal.SIGTERM, signal.default_int_handler)  # ends as Ctrl-C does
-        stack.callback(signal.signal, signal.SIGTERM, before)
+        for number in (signal.SIGTERM, signal.SIGHUP):  # the end of a service or of a terminal: as Ctrl-C
+            stack.callback(signal.signal, number, signal.signal(number, signal.default_int_handler))
         count = 0
         try:
             for decision in loop.run(decisions):
@@ -79,9 +79,10 @@ def robot(
                 if kept is not None and decision.episode is not None:
                     kept.append(parts, strategy, decision.facts, decision.episode, person=decision.n_learnt)
         except KeyboardInterrupt:
+            signal.signal(signal.SIGINT, signal.SIG_IGN)  # a second one must not prevent the stop
             where = "" if log is None else f"; they are in {log}"
             raise KeyboardInterrupt(
-                f"interrupted after {count} decisions{where}; the robot was ordered to stop"
+                f"interrupted after {count} decision{'s' * (count != 1)}{where}; {loop.stop()}"
             ) from None
 
 

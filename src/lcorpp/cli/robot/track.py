@@ -137,10 +137,15 @@ def _is_bag(source: Path) -> bool:
 
 def _has_people(source: Path, topic: str | None) -> bool:
     """Return whether the topic of a bag is that of a people tracker, not of a camera."""
-    from lcorpp.worlds.ros.people_bag import TRANSFORMS, list_people_topics
+    from lcorpp.worlds.ros.people_bag import TRANSFORMS, list_topics
+    from lcorpp.worlds.ros.people_messages import PEOPLE
 
-    topics = list_people_topics(source)
-    return topic in topics if topic is not None else any(kind != TRANSFORMS for kind in topics.values())
+    topics = list_topics(source)
+    if topic is not None and topic not in topics:
+        known = [f"{name} ({kind})" for name, kind in sorted(topics.items())]
+        raise DataError(f"{source}: has no topic {topic!r}; {expected_one_of(known)}")
+    kinds = set(topics.values()) - {TRANSFORMS} if topic is None else {topics[topic]}
+    return bool(kinds & PEOPLE.keys())
 
 
 def _cut(frames: FrameSource, start: float | None, end: float | None) -> Iterator[Frame]:

@@ -6,6 +6,7 @@ Source: REP 155 (ROS for Human-Robot Interaction), hri_msgs/EngagementLevel, hri
 from __future__ import annotations
 
 import json
+import re
 from dataclasses import dataclass
 
 from lcorpp.values import Distribution, SharedValue, format_value
@@ -27,7 +28,8 @@ class BeliefTopics:
     """The topics to which the belief is published, each may be None.
 
     intent: of Intent, once the robot reports `value`.
-    engagement: of EngagementLevel, a pattern with {person}: the bands of the probability of `value`.
+    engagement: of EngagementLevel, a pattern with {person}, see `name_person`: the band of the probability
+        of `value`.
     state: of JSON as std_msgs/String: person, probability of each shared value, action.
     value: the shared value that means engagement, e.g. "interested".
     min_engaging, min_engaged: the lower ends of the bands "engaging" and "engaged".
@@ -56,7 +58,7 @@ class BeliefTopics:
             level = (DISENGAGED, ENGAGING, ENGAGED)[
                 (probability >= self.min_engaging) + (probability >= self.min_engaged)
             ]
-            topic = self.engagement.replace("{person}", person)
+            topic = self.engagement.replace("{person}", name_person(person))
             connection.publish(topic, ENGAGEMENT, {"level": level})
         if self.state is not None:
             content = {
@@ -84,3 +86,9 @@ class BeliefTopics:
                 "confidence": float(marginal[self.value]),
             }
             connection.publish(self.intent, INTENT, message)
+
+
+def name_person(id_: str) -> str:
+    """Return an id as a part of the name of a topic: letters, digits and underscores, a letter first."""
+    name = re.sub(r"\W", "_", id_, flags=re.ASCII)
+    return name if name[:1].isalpha() else f"p{name}"

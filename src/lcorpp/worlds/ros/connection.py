@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import re
 import threading
 from collections import deque
 from collections.abc import Callable, Mapping
 from time import monotonic, sleep
 from typing import Any, Protocol, Self
 
-from lcorpp.errors import ConnectionLostError
+from lcorpp.errors import ConnectionLostError, WorldError
 
 Message = Mapping[str, Any]
 """A ROS message: field -> number, text, list or message."""
@@ -178,6 +179,11 @@ def name_type(kind: str, version: int, folder: str) -> str:
 
     Args:
         kind: "package/Name" or "package/folder/Name". folder: "msg", "srv" or "action".
+
+    Raises:
+        WorldError: `kind` has another form.
     """
+    if not re.fullmatch(r"\w+(/\w+)?/\w+", kind, re.ASCII):
+        raise WorldError(f"the type {kind!r}; expected PACKAGE/NAME, e.g. std_msgs/String")
     package, *_, name = kind.split("/")
     return f"{package}/{name}" if version == 1 else f"{package}/{folder}/{name}"

@@ -16,15 +16,23 @@ TRANSFORMS = "tf2_msgs/TFMessage"
 NANOSECOND = 1e-9
 
 
+def list_topics(path: Path) -> dict[str, str]:
+    """Return the topics of a bag with the types of their messages, as ROS 1 writes them.
+
+    Raises:
+        FileError, DataError: as `open_bag`.
+    """
+    with open_bag(path) as reader:
+        return {c.topic: name_type(c.msgtype, 1, "msg") for c in reader.connections}
+
+
 def list_people_topics(path: Path) -> dict[str, str]:
     """Return the topics of a bag that may have people, with the types of their messages, see `PEOPLE`.
 
     Raises:
         FileError, DataError: as `open_bag`.
     """
-    with open_bag(path) as reader:
-        topics = {c.topic: name_type(c.msgtype, 1, "msg") for c in reader.connections}
-    return {topic: kind for topic, kind in topics.items() if kind in PEOPLE}
+    return {topic: kind for topic, kind in list_topics(path).items() if kind in PEOPLE}
 
 
 def read_people_bag(path: Path, topic: str | None = None) -> list[Sample]:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
-from math import atan2, cos, isfinite, pi, sin
+from math import atan2, cos, isfinite, nan, pi, sin
 from typing import Any
 
 from lcorpp.errors import WorldError
@@ -27,6 +27,11 @@ class Detection:
     time: float | None
     x: float
     y: float
+
+    @property
+    def is_valid(self) -> bool:
+        """Whether its numbers are finite and it has an id; some trackers send NaN for a person they lost."""
+        return bool(self.id) and all(map(isfinite, (self.x, self.y, self.time or 0.0)))
 
 
 @dataclass(frozen=True)
@@ -131,12 +136,14 @@ def read_people(kind: str, message: Message) -> list[Detection]:
     Args:
         kind: a key of `PEOPLE`.
 
+    People without an id, or whose numbers are not finite, are left out.
+
     Raises:
         WorldError: the message is of another type.
     """
     try:
-        return list(PEOPLE[kind](message))
-    except (KeyError, TypeError, ValueError, AttributeError) as error:
+        return [person for person in PEOPLE[kind](message) if person.is_valid]
+    except (KeyError, TypeError, ValueError, AttributeError, OverflowError) as error:
         raise WorldError(f"a message that is no {kind}: {type(error).__name__}: {error}") from None
 
 
@@ -157,7 +164,7 @@ def read_pose(kind: str, message: Message) -> Pose:
         sine = 2 * (q["w"] * q["z"] + q["x"] * q["y"])
         cosine = 1 - 2 * (q["y"] ** 2 + q["z"] ** 2)
         return Pose(float(position["x"]), float(position["y"]), atan2(sine, cosine))
-    except (KeyError, TypeError, ValueError) as error:
+    except (KeyError, TypeError, ValueError, OverflowError) as error:
         raise WorldError(f"a message that is no {kind}: {type(error).__name__}: {error}") from None
 
 
@@ -189,4 +196,5 @@ def _read_header(message: Message) -> tuple[str, float | None]:
 
 
 def _detect(id_: object, frame: str, time: float | None, position: Message) -> Detection:
-    return Detection(str(id_), frame, time, float(position["x"]), float(position["y"]))
+    x, y = (nan if position[name] is None else float(position[name]) for name in ("x", "y"))
+    return Detection(str(id_), frame, time, x, y)  # None: rosbridge has no NaN

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import threading
 from dataclasses import dataclass
-from math import pi
-from time import time
+from math import inf, pi
+from time import monotonic, time
 
 from lcorpp.errors import WorldError
 from lcorpp.worlds.ros.connection import RosConnection, Subscription
@@ -37,6 +37,8 @@ class Perception:
 
     One thread calls `update`, any other may call `locate` and `pose`. The samples for the classifier are in
     the frame of the robot's first pose, `home`, so that people do not seem to move when the robot does.
+
+    has_messages: whether the tracker has sent any message.
 
     Args:
         connection: of the robot.
@@ -74,7 +76,7 @@ class Perception:
                 )
             self._pose = read_pose(self._pose_kind, message)
         self.home = self._pose
-        self._people = connection.subscribe(*people)
+        self._people, self.has_messages = connection.subscribe(*people), False
 
     @property
     def is_localised(self) -> bool:
@@ -91,13 +93,13 @@ class Perception:
     def locate(self, person: str) -> tuple[float, float] | None:
         """Return the position of a person in the fixed frame; None if the person is no longer detected."""
         with self._lock:
-            x, y, seen = self._positions.get(person, (0.0, 0.0, -MAX_AGE))
-        return (x, y) if time() - seen < MAX_AGE else None
+            x, y, seen = self._positions.get(person, (0.0, 0.0, -inf))
+        return (x, y) if monotonic() - seen < MAX_AGE else None
 
     def list_people(self) -> dict[str, tuple[float, float]]:
         """Return the people who are detected, with their positions in the fixed frame."""
         with self._lock:
-            now = time()
+            now = monotonic()
             self._positions = {n: p for n, p in self._positions.items() if now - p[2] < MAX_AGE}
             return {name: (x, y) for name, (x, y, _) in self._positions.items()}
 
@@ -110,15 +112,16 @@ class Perception:
         first = self._people.wait(timeout)
         if first is None:
             return []
+        self.has_messages = True
         self._update_pose()
+        self.list_people()  # forgets those who left
         samples, heading = list[Sample](), self.frames.training_heading
         for message in (first, *self._people.take()):
             for detection in read_people(self._people_kind, message):
                 x, y = self._locate_detection(detection)
-                now = time()
                 with self._lock:
-                    self._positions[detection.id] = x, y, now
-                samples.append((detection.time or now, detection.id, *self.home.relate(x, y, heading)))
+                    self._positions[detection.id] = x, y, monotonic()
+                samples.append((detection.time or time(), detection.id, *self.home.relate(x, y, heading)))
         return samples
 
     def _locate_detection(self, detection: Detection) -> tuple[float, float]:
@@ -134,7 +137,6 @@ class Perception:
 
     def _update_pose(self) -> None:
         if self._poses is not None:
-            for message in self._poses.take():
-                pose = read_pose(self._pose_kind, message)
-                with self._lock:
-                    self._pose = pose
+            with self._lock:
+                for message in self._poses.take():
+                    self._pose = read_pose(self._pose_kind, message)

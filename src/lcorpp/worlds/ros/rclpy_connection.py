@@ -19,6 +19,10 @@ SERVER_TIMEOUT = 3.0
 
 SUCCEEDED, CANCELLED = 4, 5
 """Status of a goal, from action_msgs/msg/GoalStatus."""
+NOTHING_LEFT = (0, 2, 3)
+"""Return codes of action_msgs/srv/CancelGoal after which no goal goes on: none, unknown goal, goal ended."""
+DISCOVERY = 0.3
+"""Seconds to find the service that cancels goals."""
 
 
 class RclpyConnection:
@@ -68,7 +72,11 @@ class RclpyConnection:
         """As `RosConnection.advertise`."""
         if topic not in self._publishers:
             self.check()
-            self._publishers[topic] = self._node.create_publisher(find_type(kind, "msg"), topic, QUEUE_SIZE)
+            try:
+                made = self._node.create_publisher(find_type(kind, "msg"), topic, QUEUE_SIZE)
+            except ValueError as error:  # rclpy's errors of names
+                raise WorldError(f"the topic {topic!r}: {error}") from None
+            self._publishers[topic] = made
 
     def publish(self, topic: str, kind: str, message: Message) -> None:
         """As `RosConnection.publish`."""
@@ -116,12 +124,17 @@ class RclpyConnection:
         client = self._find_client(name, lambda: self._make_client(self._node, found, name))
         if not client.wait_for_server(min(timeout, SERVER_TIMEOUT)):
             raise ActionFailedError(f"there is no action server {name}")
-        handle = _wait(client.send_goal_async(make_message(found.Goal, goal)), end)
-        if handle is not None and not handle.accepted:
-            raise ActionFailedError(f"the goal of {name} was refused")
-        result = None if handle is None else _wait(handle.get_result_async(), end)
+        self._find_cancel_client(name)  # it needs some time to find the server
+        sent, result = client.send_goal_async(make_message(found.Goal, goal)), None
+        try:
+            handle = _wait(sent, end)
+            if handle is not None and not handle.accepted:
+                raise ActionFailedError(f"the goal of {name} was refused")
+            result = None if handle is None else _wait(handle.get_result_async(), end)
+        finally:
+            if result is None:  # also if it is accepted later
+                sent.add_done_callback(_cancel_accepted)
         if result is None:
-            self.cancel_goals(name)
             raise ActionFailedError(f"{name} has no result within {timeout:g} s; it was cancelled")
         if result.status != SUCCEEDED:
             how = "was cancelled by others" if result.status == CANCELLED else "was aborted"
@@ -131,10 +144,16 @@ class RclpyConnection:
 
     def cancel_goals(self, name: str, *, timeout: float = 0.0) -> bool:
         """As `RosConnection.cancel_goals`."""
+        client = self._find_cancel_client(name)
+        if not client.wait_for_service(DISCOVERY):
+            return False
+        request = find_type("action_msgs/CancelGoal", "srv").Request()  # empty goal id and stamp: all goals
+        response = _wait(client.call_async(request), monotonic() + timeout)
+        return response is not None and response.return_code in NOTHING_LEFT
+
+    def _find_cancel_client(self, name: str) -> Any:
         found, service = find_type("action_msgs/CancelGoal", "srv"), f"{name}/_action/cancel_goal"
-        client = self._find_client(service, lambda: self._node.create_client(found, service))
-        response = client.call_async(found.Request())  # an empty goal id and stamp mean all goals
-        return _wait(response, monotonic() + timeout) is not None
+        return self._find_client(service, lambda: self._node.create_client(found, service))
 
     def close(self) -> None:
         """As `RosConnection.close`."""
@@ -148,6 +167,12 @@ class RclpyConnection:
         if name not in self._clients:
             self._clients[name] = make()
         return self._clients[name]
+
+
+def _cancel_accepted(sent: Any) -> None:
+    """Cancel a goal of a future of rclpy if the server has accepted it."""
+    if sent.exception() is None and sent.result().accepted:
+        sent.result().cancel_goal_async()
 
 
 def _wait(future: Any, end: float) -> Any:

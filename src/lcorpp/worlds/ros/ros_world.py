@@ -12,7 +12,7 @@ from typing import Protocol
 from lcorpp.errors import ActionFailedError, ConnectionLostError, DecisionError, WorldError, expected_one_of
 from lcorpp.worlds.ros.connection import RosConnection, Subscription
 from lcorpp.worlds.ros.people_messages import read_text
-from lcorpp.worlds.ros.skills import STOPPED, TWIST, Body, CallAction, Navigate, Say, Skill
+from lcorpp.worlds.ros.skills import STOPPED, TWIST, Body, CallAction, Navigate, Say, Skill, Speak
 
 LOG = logging.getLogger("lcorpp.robot")
 """At INFO one line an action, at WARNING one line a failure that became an observation."""
@@ -74,7 +74,12 @@ class StopOrders:
             ConnectionLostError: there is no connection.
         """
         connection.publish(self.cmd_vel, TWIST, STOPPED)
-        confirmed = [connection.cancel_goals(name, timeout=timeout) for name in self.servers]
+        confirmed = []
+        for name in self.servers:
+            try:
+                confirmed.append(connection.cancel_goals(name, timeout=timeout))
+            except ActionFailedError:  # the others are still cancelled
+                confirmed.append(False)
         return all(confirmed)
 
     def send_soon(self, connection: RosConnection) -> str:
@@ -82,7 +87,9 @@ class StopOrders:
         try:
             self.send(connection)
         except ConnectionLostError:
-            return "the order to stop is sent as soon as the connection is back"
+            return (
+                "without a connection no order to stop was sent; it is the first once the connection is back"
+            )
         return "the robot was ordered to stop"
 
 
@@ -176,7 +183,7 @@ class RosWorld:
             LOG.warning("%s; observation %s", error, behaviour.failure)
             return behaviour.failure
         LOG.info("%s: done after %.1f s", action, monotonic() - began)
-        if isinstance(skill, Say) and self._listener is not None:
+        if isinstance(skill, Say | Speak) and self._listener is not None:
             self._listener.clear()  # the robot's own voice is no answer
         return None
 
@@ -240,4 +247,4 @@ class TopicListener:
 
 def normalise_text(text: str) -> str:
     """Return a sentence in lower case without punctuation."""
-    return " ".join(re.findall(r"[\w']+", text.lower()))
+    return " ".join(re.findall(r"[\w']+", text.lower().replace("\u2019", "'")))

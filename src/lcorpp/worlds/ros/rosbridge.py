@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import itertools
 import json
+import logging
 import threading
-from collections.abc import Callable
-from contextlib import ExitStack, suppress
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager, suppress
 from time import monotonic
 from typing import Any
 
@@ -17,13 +18,18 @@ from lcorpp.errors import ActionFailedError, ConnectionLostError, WorldError
 from lcorpp.worlds.ros.connection import MAX_MESSAGES, Message, Reply, Subscription, name_type
 from lcorpp.worlds.ros.topic_actions import cancel_topic_goals, run_topic_action
 
+LOG = logging.getLogger("lcorpp.robot")
+"""At WARNING one line an error message of the server that belongs to no request."""
+
 PING_INTERVAL, PING_TIMEOUT = 2.0, 3.0
 """Seconds between two pings, and until a connection without pongs counts as lost, e.g. a cut cable."""
 MIN_RETRY, MAX_RETRY = 0.1, 2.0
 """Seconds between two attempts to connect again; the pause doubles after each."""
-MIN_CALLS, MAX_CALLS, CALL_INTERVAL = 8, 40, 0.25
-"""Calls of the function after a reconnection, and seconds between them: a new server loses what is published
-before it has found the receivers of a topic, which takes seconds."""
+MIN_CALLS, CALL_INTERVAL, MAX_SETTLING = 8, 0.25, 10.0
+"""Calls of the function after a reconnection, seconds between them and at most: a new server loses what is
+published before it has found the receivers of a topic, which takes seconds."""
+LATE_GOAL = 0.75
+"""Seconds after a cancellation within which a goal that was just sent may still be accepted."""
 MAX_SIZE = 2**24
 """Bytes of a message."""
 MAX_NOTES = 20
@@ -31,6 +37,8 @@ MAX_NOTES = 20
 
 SUCCEEDED, CANCELLED = 4, 5
 """Status of a goal, from action_msgs/msg/GoalStatus."""
+NOTHING_LEFT = (0, 2, 3)
+"""Return codes of action_msgs/srv/CancelGoal after which no goal goes on: none, unknown goal, goal ended."""
 
 
 class RosbridgeConnection:
@@ -129,9 +137,16 @@ class RosbridgeConnection:
             "args": goal,
             "feedback": False,
         }
-        reply = self._request(send, name, timeout)
+        with self._expect_reply() as (key, waiting):
+            self._send(send | {"id": key})
+            is_over = False
+            try:
+                reply = waiting.wait(name, timeout)
+                is_over = reply is not None
+            finally:
+                if not is_over:
+                    self._cancel_late_goal(name, waiting)
         if reply is None:
-            self.cancel_goals(name)
             raise ActionFailedError(f"{name} has no result within {timeout:g} s; it was cancelled")
         values = reply.get("values")
         if reply.get("status") != SUCCEEDED or not reply.get("result"):
@@ -146,7 +161,20 @@ class RosbridgeConnection:
             return cancel_topic_goals(self, name)
         service, kind = f"{name}/_action/cancel_goal", "action_msgs/srv/CancelGoal"
         call = {"op": "call_service", "service": service, "type": kind, "args": {}}
-        return self._request(call, service, timeout) is not None  # an empty goal id and stamp mean all goals
+        reply = self._request(call, service, timeout)  # an empty goal id and stamp mean all goals
+        values = reply.get("values") if reply is not None and reply.get("result") else None
+        return isinstance(values, dict) and values.get("return_code") in NOTHING_LEFT
+
+    def _cancel_late_goal(self, name: str, waiting: Reply) -> None:
+        """Cancel a goal until it has ended: the server may accept it after the first cancellation.
+
+        A goal passes through a thread of the rosbridge server, so that a cancellation may overtake it.
+        """
+        with suppress(WorldError):
+            for _ in range(round(LATE_GOAL / CALL_INTERVAL)):
+                self.cancel_goals(name)
+                if waiting.wait(name, CALL_INTERVAL) is not None:
+                    return
 
     def close(self) -> None:
         """As `RosConnection.close`."""
@@ -162,16 +190,22 @@ class RosbridgeConnection:
                 if subscription in subscriptions:
                     subscriptions.remove(subscription)
 
-    def _request(self, message: dict[str, Any], what: str, timeout: float) -> dict[str, Any] | None:
-        """Send a message and return the reply to it; None if it does not come in time."""
-        end = monotonic() + timeout
+    @contextmanager
+    def _expect_reply(self) -> Iterator[tuple[str, Reply]]:
+        """Return the id of a request and the reply to it."""
         key, reply = f"lcorpp:{next(self._ids)}", Reply()
         self._replies[key] = reply
         try:
-            self._send(message | {"id": key})
-            return reply.wait(what, end - monotonic())
+            yield key, reply
         finally:
             self._replies.pop(key, None)
+
+    def _request(self, message: dict[str, Any], what: str, timeout: float) -> dict[str, Any] | None:
+        """Send a message and return the reply to it; None if it does not come in time."""
+        end = monotonic() + timeout
+        with self._expect_reply() as (key, reply):
+            self._send(message | {"id": key})
+            return reply.wait(what, end - monotonic())
 
     def _send(self, message: Message) -> None:
         with self._lock:
@@ -196,7 +230,7 @@ class RosbridgeConnection:
                 proxy=None,
             )
             return ExitStack().enter_context(opening)  # `close` and the receiving thread leave it
-        except (OSError, InvalidHandshake, InvalidURI, EOFError) as error:
+        except (OSError, InvalidHandshake, InvalidURI, EOFError, ValueError) as error:
             reason = str(error) or type(error).__name__
             raise ConnectionLostError(f"{self.url}: no rosbridge server can be reached: {reason}") from None
 
@@ -207,7 +241,10 @@ class RosbridgeConnection:
             assert socket is not None
             with suppress(ConnectionClosed, OSError):
                 for text in socket:
-                    self._take(text)
+                    try:
+                        self._take(text)
+                    except Exception as error:  # a message of a faulty server must not end the thread
+                        self._note(f"a message that cannot be read: {type(error).__name__}: {error}")
             with suppress(OSError):
                 socket.close()
             self._socket, self._is_settled = None, False
@@ -229,20 +266,27 @@ class RosbridgeConnection:
                 if self._after_reconnect is None:
                     self._is_settled = True
                 else:
-                    arguments = (self._after_reconnect,)
+                    arguments = (self._after_reconnect, socket)
                     threading.Thread(target=self._settle, args=arguments, daemon=True).start()
                 return
             except WorldError:
+                if self._socket is not None:
+                    self._socket.close()
                 self._socket = None
 
-    def _settle(self, function: Callable[[], bool]) -> None:
+    def _settle(self, function: Callable[[], bool], socket: ClientConnection) -> None:
         """Call the function after a reconnection until it succeeds, and often enough to be received."""
+        end, number = monotonic() + MAX_SETTLING, 0
         with suppress(WorldError):
-            for number in range(1, MAX_CALLS + 1):
-                if function() and number >= MIN_CALLS:
-                    break
+            while self._socket is socket:
+                number += 1
+                is_confirmed = function()
+                if number >= MIN_CALLS and (is_confirmed or monotonic() > end):
+                    if not is_confirmed:
+                        self._note("no confirmation that all goals are cancelled after the reconnection")
+                    self._is_settled = True
+                    return
                 self._is_closed.wait(CALL_INTERVAL)
-            self._is_settled = True
 
     def _take(self, text: str | bytes) -> None:
         """Pass a message on; what is no message of the protocol is left out."""
@@ -256,10 +300,16 @@ class RosbridgeConnection:
         if kind == "publish" and isinstance(message.get("msg"), dict):
             for subscription in self._subscriptions.get(str(message.get("topic")), ({}, []))[1]:
                 subscription.put(message["msg"])
-        elif kind in ("service_response", "action_result") and key in self._replies:
-            self._replies[key].set(message)
+            return
+        reply = self._replies.get(key) if isinstance(key, str) else None
+        if kind in ("service_response", "action_result") and reply is not None:
+            reply.set(message)
         elif kind == "status" and message.get("level") == "error":
-            if key in self._replies:
-                self._replies[key].set({"result": False, "values": message.get("msg")})
+            if reply is not None:
+                reply.set({"result": False, "values": message.get("msg")})
             else:
-                self.notes = [*self.notes[1 - MAX_NOTES :], str(message.get("msg"))]
+                self._note(str(message.get("msg")))
+
+    def _note(self, text: str) -> None:
+        self.notes = [*self.notes[1 - MAX_NOTES :], text]
+        LOG.warning("%s: %s", self.url, text)

@@ -71,9 +71,12 @@ class Skill(Protocol):
         """
 
 
+MOVE_BASE = "move_base_msgs/MoveBase"
+"""The navigation action of ROS 1."""
+
 NAVIGATION: Mapping[str, str] = {
     "nav2_msgs/NavigateToPose": "pose",
-    "move_base_msgs/MoveBase": "target_pose",
+    MOVE_BASE: "target_pose",
 }
 """Type of a navigation action -> the field of the goal that contains the pose."""
 

@@ -7,7 +7,9 @@ from __future__ import annotations
 
 import itertools
 import os
+from collections.abc import Iterable
 from time import monotonic, time
+from typing import Any
 
 from lcorpp.errors import ActionFailedError
 from lcorpp.worlds.ros.connection import Message, RosConnection, Subscription, name_type
@@ -46,9 +48,13 @@ def run_topic_action(
         key = f"lcorpp-{os.getpid()}-{next(_numbers)}-{time():.3f}"
         message = {"goal_id": {"stamp": {"secs": 0, "nsecs": 0}, "id": key}, "goal": goal}
         connection.publish(f"{name}/goal", f"{kind}ActionGoal", message)
-        status, result = _wait_for_end(key, states, results, end)
+        status = None
+        try:
+            status, result = _wait_for_end(key, states, results, end)
+        finally:
+            if status is None:  # by its id, which the server remembers if it has not received the goal yet
+                cancel_topic_goals(connection, name, key)
     if status is None:
-        cancel_topic_goals(connection, name)
         raise ActionFailedError(f"{name} has no result within {timeout:g} s; it was cancelled")
     if status["status"] == SUCCEEDED:
         return result
@@ -68,21 +74,31 @@ def _wait_for_end(
     last_status, deadline = None, end
     while (left := deadline - monotonic()) > 0:
         result = results.wait(min(left, POLL))
-        if result is not None and result["status"]["goal_id"]["id"] == key:
-            return result["status"], result.get("result", {})
+        if result is not None and (status := _find_status([result.get("status")], key)) is not None:
+            return status, result.get("result", {})
         for message in states.take():
-            for status in message["status_list"]:
-                if status["goal_id"]["id"] == key and status["status"] in FINAL and last_status is None:
-                    last_status, deadline = status, min(end, monotonic() + RESULT_TIMEOUT)
+            status = _find_status(message.get("status_list", ()), key)
+            if status is not None and status["status"] in FINAL and last_status is None:
+                last_status, deadline = status, min(end, monotonic() + RESULT_TIMEOUT)
     return last_status, {}
 
 
-def cancel_topic_goals(connection: RosConnection, name: str) -> bool:
-    """Request the cancellation of all goals of an action server of ROS 1: an empty id means all.
+def _find_status(statuses: Iterable[Any], key: str) -> Message | None:
+    """Return the status of a goal; what is no actionlib_msgs/GoalStatus is left out."""
+    for status in statuses:
+        is_status = isinstance(status, dict) and isinstance(status.get("goal_id"), dict)
+        if is_status and "status" in status and status["goal_id"].get("id") == key:
+            found: Message = status
+            return found
+    return None
+
+
+def cancel_topic_goals(connection: RosConnection, name: str, key: str = "") -> bool:
+    """Request the cancellation of a goal of an action server of ROS 1; an empty id means all goals.
 
     Returns:
         True: the request was sent.
     """
-    empty = {"stamp": {"secs": 0, "nsecs": 0}, "id": ""}
+    empty = {"stamp": {"secs": 0, "nsecs": 0}, "id": key}
     connection.publish(f"{name}/cancel", "actionlib_msgs/GoalID", empty)
     return True
