@@ -22,7 +22,7 @@ def call(*arguments):
 def test_a_recording_is_heard(tmp_path, capsys):
     pytest.importorskip("pocketsphinx", reason="pocketsphinx is not installed")
     run(["flite", "-voice", "slt", "-t", "yes please", "-o", str(tmp_path / "yes.wav")], check=True)
-    call("listen", "intention", "--file", tmp_path / "yes.wav")
+    call("listen", "intention", "--preset", "heard", "--file", tmp_path / "yes.wav")
     lines = capsys.readouterr().out.splitlines()
     assert lines[0].split() == ["observation", "pos"]
     assert lines[1].split(maxsplit=1) == ["heard", "yes please"]
@@ -31,9 +31,9 @@ def test_a_recording_is_heard(tmp_path, capsys):
 def test_errors_of_listen(tmp_path, monkeypatch):
     (tmp_path / "bad.wav").write_bytes(b"RIFF")
     with pytest.raises(DataError, match=r"bad\.wav: no wave file of PCM"):
-        call("listen", "--file", tmp_path / "bad.wav")
+        call("listen", "--preset", "heard", "--file", tmp_path / "bad.wav")
     with pytest.raises(FileError, match=r"none\.wav: cannot be read"):
-        call("listen", "--file", tmp_path / "none.wav")
+        call("listen", "--preset", "heard", "--file", tmp_path / "none.wav")
     with pytest.raises(DomainError, match=r"museum: \[planning.utterances\] is missing"):
         call("listen", "museum", "--file", tmp_path / "bad.wav")
     with pytest.raises(DataError, match=r"bad\.wav: no confidence of a recogniser"):
@@ -41,9 +41,9 @@ def test_errors_of_listen(tmp_path, monkeypatch):
     monkeypatch.setitem(__import__("sys").modules, "pocketsphinx", None)
     (tmp_path / "empty.wav").write_bytes(b"")
     with pytest.raises(DataError):
-        call("listen", "--file", tmp_path / "empty.wav")
+        call("listen", "--preset", "heard", "--file", tmp_path / "empty.wav")
     with pytest.raises(ActionFailedError, match=r"pip install 'lcorpp\[speech\]'"):
-        call("listen")
+        call("listen", "--preset", "heard")
 
 
 @pytest.mark.parametrize(

@@ -122,8 +122,7 @@ def heard_domain(folder):
     for name in ("knowledge.plog", "people.py", "walking.py"):
         (folder / name).write_text((source / name).read_text())
     text = (source / "domain.toml").read_text()
-    lines = text[: text.index("[presets")].splitlines(keepends=True)
-    (folder / "domain.toml").write_text("".join(line for line in lines if not line.startswith("recogniser")))
+    (folder / "domain.toml").write_text(text[: text.index("[presets")])
     model = (source / "interaction.pomdp").read_text()
     begin, end = model.index("O: move_forward"), model.index("O: turn")
     rows = model[begin:end].replace("0.9 0.1 0.0", "0.8 0.1 0.1").replace("0.1 0.9 0.0", "0.1 0.8 0.1")

@@ -230,3 +230,41 @@ def test_twenty_action_servers_that_are_gone_end_in_time(robot, bridge):
     for _ in range(N_FAULTS):
         assert measure(world, ActionFailedError, 1.0) < 1.0
     connection.close()
+
+
+RCLPY_FAULTS = """
+import time
+from lcorpp.errors import WorldError
+from lcorpp.worlds.ros.people_messages import Pose
+from lcorpp.worlds.ros.perception import Frames, Perception
+from lcorpp.worlds.ros.rclpy_connection import RclpyConnection
+from lcorpp.worlds.ros.ros_world import Behaviour, RosWorld
+from lcorpp.worlds.ros.skills import Body, CallAction
+
+connection = RclpyConnection()
+perception = Perception(connection, ("/people", "visualization_msgs/MarkerArray"), Pose(0, 0, 0), Frames())
+while not perception.update(1.0):
+    pass
+hang = Behaviour(CallAction("/move", "test_msgs/Fibonacci", {"order": 2}), timeout=1.0)
+world = RosWorld(Body(connection, perception, "2"), {"move": hang})
+for _ in range(20):
+    perception.update(1.0)
+    began = time.monotonic()
+    try:
+        world.act("move")
+    except WorldError as error:
+        print(f"{time.monotonic() - began:.3f} {error}", flush=True)
+connection.close()
+"""
+
+
+def test_twenty_goals_by_rclpy_end_in_time_with_a_stop(ros2, robot):
+    ended = subprocess.run(
+        [str(ros2.python), "-c", RCLPY_FAULTS], env=ros2.env, capture_output=True, text=True, timeout=300
+    )
+    lines = ended.stdout.splitlines()
+    assert len(lines) == N_FAULTS, ended.stderr
+    assert all("no result within 1 s" in line and "was ordered to stop" in line for line in lines)
+    assert all(float(line.split()[0]) < 2.0 for line in lines)
+    wait_until(lambda: robot.count("cancel") >= N_FAULTS, timeout=30.0)
+    assert robot.count("twist", angular=0.0) == N_FAULTS

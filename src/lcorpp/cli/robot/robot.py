@@ -34,7 +34,7 @@ def robot(
     jobs: options.JobsOption = None,
     no_cache: options.NoCacheOption = False,
 ) -> None:
-    """Run a robot: track people, decide whom to attend to, ask, and report.
+    """Decide about the people around a robot that runs ROS.
 
     `lcorpp check robot.toml` checks the configuration without a robot. After a failed action, a lost
     connection or Ctrl-C the robot is ordered to stop.

@@ -31,7 +31,7 @@ def listen(
         ),
     ] = None,
 ) -> None:
-    """Recognise an answer, and print the observation that it is for the planner."""
+    """Recognise an answer, and print its observation."""
     from lcorpp.domains import load_domain
     from lcorpp.errors import DomainError
     from lcorpp.worlds.speech import (
@@ -47,7 +47,7 @@ def listen(
     learnt = confidence or loaded.planning.recogniser
     if not loaded.planning.utterances or learnt is None:
         missing = "--confidence" if loaded.planning.utterances else "[planning.utterances]"
-        raise DomainError(f"{loaded.name}: {missing} is missing; `lcorpp observe` measures the recogniser")
+        raise DomainError(f"{loaded.name}: {missing} is missing, or a preset that has it; `lcorpp observe` measures one")
     known = read_confidence(learnt, FEATURES).keep(loaded.pomdp.observations)
     source = Microphone() if file is None else WaveSource.of_file(file)
     listener = Listener(Recogniser(loaded.planning.utterances), known, source)

@@ -52,7 +52,7 @@ def observe(
     seed: options.SeedOption = 0,
     out: options.OutOption = None,
 ) -> None:
-    """Measure what is heard of what is said, and write the observation model.
+    """Measure the observation model of a recogniser of speech.
 
     Writes to --out, by default out/observe: the model (heard.pomdp), what was learnt of the recogniser
     (heard.json), tables and a figure. After Ctrl-C the same command continues.
