@@ -106,7 +106,7 @@ def test_a_connection_that_does_not_come_back_ends_the_loop(folder, parts):
             stand_in.close()
 
         threading.Thread(target=kill, daemon=True).start()
-        with pytest.raises(ConnectionLostError, match="it was not back within 3 s"):
+        with pytest.raises(ConnectionLostError, match="it was not back within 2 s"):
             list(loop.run())
 
 

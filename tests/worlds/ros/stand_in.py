@@ -138,7 +138,7 @@ def robot_toml(url, **changes):
 
 BASE = {
     "domain": 'domain = "heard"',
-    "connection": '[connection]\nurl = "{url}"\ntimeout = 2.0\nmax_outage = 3.0',
+    "connection": '[connection]\nurl = "{url}"\ntimeout = 2.0\nmax_outage = 2.0',
     "robot": '[robot]\npose = {{ topic = "/pose", type = "geometry_msgs/PoseStamped" }}',
     "people": '[people]\ntopic = "/people"\ntype = "people_msgs/People"\ndecide_after = 1.0',
     "answers": '[answers]\ntopic = "/speech"\ntype = "std_msgs/String"',

@@ -47,7 +47,9 @@ def listen(
     learnt = confidence or loaded.planning.recogniser
     if not loaded.planning.utterances or learnt is None:
         missing = "--confidence" if loaded.planning.utterances else "[planning.utterances]"
-        raise DomainError(f"{loaded.name}: {missing} is missing, or a preset that has it; `lcorpp observe` measures one")
+        raise DomainError(
+            f"{loaded.name}: {missing} is missing, or a preset that has it; `lcorpp observe` measures one"
+        )
     known = read_confidence(learnt, FEATURES).keep(loaded.pomdp.observations)
     source = Microphone() if file is None else WaveSource.of_file(file)
     listener = Listener(Recogniser(loaded.planning.utterances), known, source)
