@@ -152,6 +152,7 @@ def make_world(connection, timeout):
     perception = Perception(connection, people, Pose(0, 0, 0), Frames())
     while not perception.update(1.0):
         pass
+    perception.locate = lambda person: (3.0, 0.4)  # nothing updates it, and the robot may be gone
     hang = Behaviour(CallAction("/move", FIBONACCI, {"order": 2}), timeout=timeout)
     return RosWorld(Body(connection, perception, "2"), {"move": hang})
 
@@ -264,7 +265,8 @@ def test_twenty_goals_by_rclpy_end_in_time_with_a_stop(ros2, robot):
     )
     lines = ended.stdout.splitlines()
     assert len(lines) == N_FAULTS, ended.stderr
-    assert all("no result within 1 s" in line and "was ordered to stop" in line for line in lines)
+    expected = "no result within 1 s", "was ordered to stop"
+    assert [line for line in lines if not all(words in line for words in expected)] == []
     assert all(float(line.split()[0]) < 2.0 for line in lines)
     wait_until(lambda: robot.count("cancel") >= N_FAULTS, timeout=30.0)
     assert robot.count("twist", angular=0.0) == N_FAULTS

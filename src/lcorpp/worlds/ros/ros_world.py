@@ -18,6 +18,8 @@ LOG = logging.getLogger("lcorpp.robot")
 """At INFO one line an action, at WARNING one line a failure that became an observation."""
 
 
+BRIEFLY = 0.3
+"""Seconds to wait for the confirmation of a stop, so that it does not cancel the next goal instead."""
 CONFIRMATION = 1.0
 """Seconds to wait until an action server confirms a cancellation, before the orders are repeated."""
 
@@ -85,7 +87,7 @@ class StopOrders:
     def send_soon(self, connection: RosConnection) -> str:
         """Order the robot to stop, now or (by `RosWorld`) after reconnecting; return a sentence about it."""
         try:
-            self.send(connection)
+            self.send(connection, timeout=BRIEFLY)
         except ConnectionLostError:
             return (
                 "without a connection no order to stop was sent; it is the first once the connection is back"

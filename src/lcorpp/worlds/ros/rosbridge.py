@@ -28,7 +28,7 @@ MIN_RETRY, MAX_RETRY = 0.1, 2.0
 MIN_CALLS, CALL_INTERVAL, MAX_SETTLING = 8, 0.25, 10.0
 """Calls of the function after a reconnection, seconds between them and at most: a new server loses what is
 published before it has found the receivers of a topic, which takes seconds."""
-LATE_GOAL = 0.75
+LATE_GOAL = 0.5
 """Seconds after a cancellation within which a goal that was just sent may still be accepted."""
 MAX_SIZE = 2**24
 """Bytes of a message."""
