@@ -183,7 +183,7 @@ class AttentiveRobot:
         worthwhile = [each for each in found if each.value > 0]
         if not worthwhile:
             return []
-        delay = find_delay(worthwhile)
+        delay = find_delay([each.seconds for each in worthwhile])
         return [replace(each, hazard=self._estimate_hazard(each.person, delay)) for each in worthwhile]
 
     def _estimate_hazard(self, person: int, ahead: float) -> float:

@@ -131,7 +131,7 @@ class Learners:
         self.share.record(person.candidate.value, attended=True)
 
     def add_hazards(self, candidates: list[Candidate], people: list[Person], now: float) -> list[Candidate]:
-        delay, hazard = find_delay(candidates), self.patience.hazard
+        delay, hazard = find_delay([each.seconds for each in candidates]), self.patience.hazard
         return [
             replace(each, hazard=hazard(people[each.person].kind, now - people[each.person].arrival, delay))
             for each in candidates

@@ -36,7 +36,7 @@ NOISES = "clean,white:20,babble:20"
 
 
 def print_recall(title: str, observed: Observed, cases: HeardCases) -> None:
-    """Print the recall of what is said, by noise, as rows of a table."""
+    """Print the recall of each answer, and of no answer, by noise, as rows of a table."""
     print(f"\n{title}\n\n| said | {' | '.join(cases.noises)} |\n|---|{'---|' * len(cases.noises)}")
     for kind in cases.kinds:
         cells = [cases.interval(kind, noise, find_answer_bins(observed, kind)) for noise in cases.noises]

@@ -74,7 +74,9 @@ class BridgeServer:
     def publish(self, topic: str, message: Message) -> None:
         """Send a message to the clients that have subscribed."""
         text = json.dumps({"op": "publish", "topic": topic, "msg": message})
-        for connection in list(self._subscribers.get(topic, ())):
+        with self._lock:
+            connections = list(self._subscribers.get(topic, ()))
+        for connection in connections:
             with suppress(ConnectionClosed, OSError):
                 connection.send(text)
 
@@ -106,15 +108,17 @@ class BridgeServer:
             pass
         finally:
             self.connections.discard(connection)
-            for subscribers in self._subscribers.values():
-                subscribers.discard(connection)
+            with self._lock:
+                for subscribers in self._subscribers.values():
+                    subscribers.discard(connection)
 
     def _take(self, connection: ServerConnection, message: Message) -> None:
         kind = message.get("op")
         if kind == "publish" and message["topic"] in self._topics:
             self._topics[message["topic"]](message["msg"])
         elif kind == "subscribe":
-            self._subscribers.setdefault(message["topic"], set()).add(connection)
+            with self._lock:
+                self._subscribers.setdefault(message["topic"], set()).add(connection)
         elif kind == "call_service":
             self._answer(connection, message)
         elif kind == "send_action_goal" and message["action"] in self._actions:

@@ -9,6 +9,12 @@ from lcorpp.planning.policy_cache import find_cache_folder
 from tests.worlds.ros.stand_in import heard_domain
 
 
+@pytest.fixture(autouse=True)
+def max_age(monkeypatch):
+    """People stay detected, however busy the machine is that sends their positions."""
+    monkeypatch.setattr("lcorpp.worlds.ros.perception.MAX_AGE", 600.0)
+
+
 @pytest.fixture(scope="session")
 def folder(tmp_path_factory):
     """A folder with the domain "heard", in which silence is possible."""

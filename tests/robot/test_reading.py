@@ -3,9 +3,10 @@
 import pytest
 
 from lcorpp.errors import DomainError, FileError, ParseError
+from lcorpp.robot.config import AFTER
 from lcorpp.robot.facts import ClockFact, FixedFact
 from lcorpp.robot.reading import read_robot_config
-from lcorpp.worlds.ros.people_messages import Pose
+from lcorpp.worlds.ros.pose import Pose
 from lcorpp.worlds.ros.skills import CallAction, CallService, Drive, Navigate, Say, Turn
 from tests.worlds.ros.stand_in import EXAMPLES, robot_toml
 
@@ -55,7 +56,7 @@ def test_a_fixed_pose_and_what_follows_a_decision(folder):
     after = '[after]\nskill = "navigate"\nname = "/n"\ntype = "nav2_msgs/NavigateToPose"\nto = "home"'
     config, _ = read(folder, robot="[robot]\npose = [1, 2.5, 0]", after=after)
     assert config.pose == Pose(1.0, 2.5, 0.0)
-    assert config.after.skill.home
+    assert config.behaviours[AFTER].skill.home
 
 
 def test_the_time_of_day():
@@ -167,7 +168,7 @@ def test_silence_must_be_possible_in_the_model(folder):
 def test_the_examples_are_right(name):
     config, domain = read_robot_config(EXAMPLES / name)
     assert domain.preset == "heard"
-    assert set(config.behaviours) == {"move_forward", "greet", "turn"}
+    assert set(config.behaviours) == {"move_forward", "greet", "turn", AFTER}
 
 
 def test_a_file_that_is_missing_or_no_toml(tmp_path):

@@ -12,8 +12,8 @@ from lcorpp.planning.policy_cache import find_cache_folder
 from lcorpp.simulation import Population, SimulationModel
 from lcorpp.web.session import Session
 from lcorpp.web.setup import set_up_robot
-from lcorpp.worlds.ros.people_messages import Pose
 from lcorpp.worlds.ros.perception import Frames, Perception
+from lcorpp.worlds.ros.pose import Pose
 from lcorpp.worlds.ros.ros_world import Behaviour, RosWorld, TopicListener
 from lcorpp.worlds.ros.rosbridge import RosbridgeConnection
 from lcorpp.worlds.ros.skills import Body, Navigate, Say, Turn

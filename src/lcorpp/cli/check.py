@@ -82,15 +82,17 @@ def check(
 
 
 def _check_robot(path: Path) -> None:
+    from lcorpp.robot.config import AFTER
     from lcorpp.robot.reading import read_robot_config
 
     config, domain = read_robot_config(path)
     connection = config.connection
+    actions = config.behaviours.keys() - {AFTER}
     where = f" at {connection.url}" if connection.kind == "rosbridge" else ""
     preset = f", preset {domain.preset}" if domain.preset else ""
     console.out.print(
         f"{path}: {domain.name}{preset} by {config.strategy}; {connection.kind} for ROS {connection.version}"
-        f"{where}; people from {' '.join(config.people.topic)}; {len(config.behaviours)} actions: OK"
+        f"{where}; people from {' '.join(config.people.topic)}; {len(actions)} actions: OK"
     )
     unknown = [name for name in domain.observed if name not in config.facts]
     if unknown:

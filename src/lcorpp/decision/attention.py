@@ -82,7 +82,7 @@ def choose_candidate(candidates: Sequence[Candidate], *, share: float) -> Hashab
     worthwhile = [each for each in candidates if each.value > 0]
     if not worthwhile:
         return None
-    delay = find_delay(worthwhile)
+    delay = find_delay([each.seconds for each in worthwhile])
     return max(worthwhile, key=lambda each: compute_index(each, share, delay)).person
 
 
@@ -96,9 +96,9 @@ def compute_index(candidate: Candidate, share: float, delay: float) -> float:
     return per_second * (1 - share**EXPONENT * exp(-candidate.hazard * delay))
 
 
-def find_delay(candidates: Sequence[Candidate]) -> float:
-    """Return d, the mean duration of the decisions about some people, in seconds."""
-    return sum(max(each.seconds, MIN_SECONDS) for each in candidates) / len(candidates)
+def find_delay(seconds: Sequence[float]) -> float:
+    """Return d, the mean of the durations of the decisions to choose from, in seconds."""
+    return sum(max(each, MIN_SECONDS) for each in seconds) / len(seconds)
 
 
 class ServedShare:

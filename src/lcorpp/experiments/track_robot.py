@@ -11,7 +11,6 @@ from lcorpp.experiments.sense_setup import describe_classifiers, set_up_senses
 from lcorpp.experiments.setup import (
     HARD_LABELS,
     ClassifierOptions,
-    EvidenceOptions,
     ProgressDisplay,
     have_own_rates,
     no_progress,
@@ -40,7 +39,6 @@ def set_up_track_robot(
     classifiers: Mapping[str, ClassifierOptions],
     solver: SolverOptions,
     *,
-    evidence: EvidenceOptions = HARD_LABELS,
     cache: Path | None = None,
     progress: ProgressDisplay = no_progress,
     seed: int = 0,
@@ -50,7 +48,6 @@ def set_up_track_robot(
 
     Args:
         classifiers: sense -> how to get its classifier, None for a sense without one.
-        evidence: of the classifiers.
 
     Returns:
         Domain, policy and error rates; and sense -> its classifier of tracks.
@@ -59,7 +56,7 @@ def set_up_track_robot(
         DataError: a classifier is not one of tracks; or as `set_up_senses`.
         ModelError, DomainError: as `solve_domain`.
     """
-    senses = set_up_senses(domain, domain.senses, classifiers, evidence, progress, seed=seed, jobs=jobs)
+    senses = set_up_senses(domain, domain.senses, classifiers, HARD_LABELS, progress, seed=seed, jobs=jobs)
     trained = {name: setup.trained for name, setup in senses.items() if setup.trained is not None}
     for classifier in trained.values():
         StreamingClassifier.from_trained(classifier)  # raises an error before the POMDP is solved

@@ -15,10 +15,10 @@ from lcorpp.planning import Planner
 from lcorpp.planning.belief import observation_probabilities
 from lcorpp.values import Belief, SharedValue
 
-MIN_MASS = 1e-4
+MIN_MASS = 1e-5
 """Probability below which a history of answers is left out of a forecast."""
 DIGITS = 2
-"""Digits to which beliefs are rounded before a decision is forecast."""
+"""Digits of the beliefs that share a forecast."""
 KIND = ""
 """The kind of all people: a tracker does not see who is in a hurry."""
 
@@ -106,7 +106,19 @@ class Attention:
         for person, waiting in self._waiting.items():
             if waiting.forecast.seconds == 0:
                 return person
-        candidates = [self._make_candidate(person) for person in self._waiting]
+        if not self._waiting:
+            return None
+        ahead = find_delay([waiting.forecast.seconds for waiting in self._waiting.values()])
+        candidates = [
+            Candidate(
+                person,
+                waiting.probability,
+                waiting.forecast.value,
+                waiting.forecast.seconds,
+                self._patience.hazard(KIND, waiting.waited, ahead),
+            )
+            for person, waiting in self._waiting.items()
+        ]
         chosen = choose_candidate(candidates, share=self._served.share)
         return None if chosen is None else str(chosen)
 
@@ -119,21 +131,13 @@ class Attention:
         self._patience.observe(KIND, waiting.waited, left=left, weight=waiting.probability)
         self._served.record(waiting.forecast.value, attended=not left)
 
-    def _make_candidate(self, person: str) -> Candidate:
-        waiting, forecasts = self._waiting[person], [each.forecast for each in self._waiting.values()]
-        ahead = find_delay([Candidate("", 0, each.value, each.seconds, 0) for each in forecasts])
-        hazard = self._patience.hazard(KIND, waiting.waited, ahead)
-        forecast = waiting.forecast
-        return Candidate(person, waiting.probability, forecast.value, forecast.seconds, hazard)
-
     def _forecast(self, robot: Robot, prior: Belief, probability: float) -> Forecast:
         planner = robot.planner
         if not isinstance(planner, Planner):  # an own one may have state
             return Forecast(probability, 1.0)
         if planner is not self._planner:
             self._planner, self._forecasts = planner, {}
-        rounded = np.round(prior, DIGITS)
-        key = rounded.tobytes()
+        key = np.round(prior, DIGITS).tobytes()
         if key not in self._forecasts:
             self._forecasts[key] = forecast_decision(self._domain, planner, prior, self._engaged)
         return self._forecasts[key]

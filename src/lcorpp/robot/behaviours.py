@@ -1,4 +1,4 @@
-"""Read the behaviour of an action from `robot.toml`: a skill with its time-outs."""
+"""Read the behaviours of actions from `robot.toml`: skills with their time-outs."""
 
 from __future__ import annotations
 
@@ -6,11 +6,14 @@ import json
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
+from lcorpp.domains import Domain
 from lcorpp.domains.toml import TomlTable
 from lcorpp.errors import DomainError, LcorppError, WorldError, expected_one_of
+from lcorpp.robot.config import AFTER
 from lcorpp.worlds.ros.connection import name_type
 from lcorpp.worlds.ros.ros_world import Behaviour
 from lcorpp.worlds.ros.skills import (
+    MOVE_BASE,
     NAVIGATION,
     SPEECH_MESSAGES,
     CallAction,
@@ -28,11 +31,55 @@ MAX_SECONDS, MAX_DISTANCE, MAX_SPEED, MAX_RATE = 3600.0, 100.0, 3.0, 6.3
 """Limits of durations in s, distances in m, speeds in m/s and turn rates in rad/s."""
 
 
-def read_behaviour(table: TomlTable, observations: Sequence[str]) -> Behaviour:
+def read_behaviours(root: TomlTable, domain: Domain, silence: str, version: int) -> dict[str, Behaviour]:
+    """Read `actions` and `after`: each action of the POMDP that is no report needs a behaviour.
+
+    Args:
+        root: of the file. silence: the observation without an answer. version: of ROS.
+
+    Raises:
+        DomainError: a key or value is wrong, an action is missing, or an observation is impossible.
+    """
+    table, pomdp, behaviours = root.section("actions", required=True), domain.pomdp, dict[str, Behaviour]()
+    for name in table:
+        if name not in pomdp.actions:
+            raise DomainError(
+                f"{table.location(name)}: {pomdp.file} has no such action; {expected_one_of(pomdp.actions)}"
+            )
+        behaviours[name] = read_behaviour(table.section(name), pomdp.observations, version)
+    for action in pomdp.actions:
+        if domain.reported_value(action) is None and action not in behaviours:
+            raise DomainError(f"{table.location(action)}: missing; expected how to execute it")
+    _check_possible(table, domain, behaviours, silence)
+    if "after" in root:
+        behaviours[AFTER] = read_behaviour(root.section("after"), pomdp.observations, version)
+    return behaviours
+
+
+def _check_possible(
+    table: TomlTable, domain: Domain, behaviours: Mapping[str, Behaviour], silence: str
+) -> None:
+    """Check that silence and failures are possible observations in the planner's model."""
+    pomdp = domain.pomdp
+    live = [s for s in range(len(pomdp.states)) if s not in domain.planning.terminal]
+    for action, behaviour in behaviours.items():
+        if domain.reported_value(action) is not None:
+            continue
+        rows = pomdp.observation.dense[pomdp.actions.index(action)][live]
+        for what, name in (("silence", silence), ("a failure", behaviour.failure)):
+            if name is not None and not rows[:, pomdp.observations.index(name)].any():
+                raise DomainError(
+                    f"{table.location(action)}: {what} gives the observation {name!r}, which is impossible"
+                    f" after {action} in {pomdp.file}; expected a model in which it has a positive"
+                    ' probability, e.g. preset = "heard" of the intention domain, or one of `lcorpp observe`'
+                )
+
+
+def read_behaviour(table: TomlTable, observations: Sequence[str], version: int) -> Behaviour:
     """Read a table such as ``{ skill = "say", topic = "/say", type = "std_msgs/String", text = "Hello" }``.
 
     Args:
-        observations: of the POMDP.
+        observations: of the POMDP. version: of ROS.
 
     Raises:
         DomainError: a key or value is wrong.
@@ -41,6 +88,10 @@ def read_behaviour(table: TomlTable, observations: Sequence[str]) -> Behaviour:
     if name not in READERS:
         raise DomainError(f"{table.location('skill')}: {name!r}; {expected_one_of(READERS)}")
     skill, default = READERS[name](table), Behaviour(None)
+    if isinstance(skill, Navigate) and version != (own := 1 if skill.kind == MOVE_BASE else 2):
+        raise DomainError(
+            f"{table.location('type')}: {skill.kind} is of ROS {own}; the connection is to ROS {version}"
+        )
     failure = table.text("failure") if "failure" in table else None
     if failure is not None and failure not in observations:
         raise DomainError(f"{table.location('failure')}: {failure!r}; {expected_one_of(observations)}")

@@ -9,12 +9,15 @@ from pathlib import Path
 from lcorpp.robot.facts import Fact
 from lcorpp.values import SharedValue
 from lcorpp.worlds.ros.belief_messages import BeliefTopics
-from lcorpp.worlds.ros.people_messages import Pose
 from lcorpp.worlds.ros.perception import Frames
+from lcorpp.worlds.ros.pose import Pose
 from lcorpp.worlds.ros.ros_world import Behaviour
 
 Topic = tuple[str, str]
 """Name of a topic and type of its messages."""
+
+AFTER = "[after]"
+"""What follows a decision, among the behaviours; no action of a POMDP has brackets in its name."""
 
 CONNECTIONS = ("rosbridge", "rospy", "rclpy")
 
@@ -69,7 +72,7 @@ class RobotConfig:
     value: the shared value that means engagement, e.g. "interested".
     max_actions: for one person; then the decision fails, e.g. because the person says nothing.
     pose: topic of the localisation, or the pose of a robot that stays.
-    behaviours: action -> how to execute it. after: what the robot does after each decision, None for nothing.
+    behaviours: action -> how to execute it; `AFTER` -> what the robot does after each decision, if anything.
     beliefs: the topics of the belief, None to publish none.
     """
 
@@ -88,5 +91,4 @@ class RobotConfig:
     answers: AnswersConfig
     facts: Mapping[str, Fact]
     behaviours: Mapping[str, Behaviour]
-    after: Behaviour | None
     beliefs: BeliefTopics | None

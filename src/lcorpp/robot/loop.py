@@ -15,13 +15,13 @@ from lcorpp.errors import ConnectionLostError, LcorppError, PersonLeftError, Wor
 from lcorpp.experiments.robot_parts import RobotParts
 from lcorpp.learning import TrainedClassifier
 from lcorpp.robot.attending import Attention
-from lcorpp.robot.config import RobotConfig
+from lcorpp.robot.config import AFTER, RobotConfig
 from lcorpp.robot.hearing import make_listener
 from lcorpp.robot.tracking import PeopleTracks, TrackingThread
 from lcorpp.values import Distribution, Episode, Instance, Step
 from lcorpp.worlds.ros.connection import RosConnection
 from lcorpp.worlds.ros.perception import Perception
-from lcorpp.worlds.ros.ros_world import RosWorld, StopOrders
+from lcorpp.worlds.ros.ros_world import RosWorld
 from lcorpp.worlds.ros.skills import Body
 
 LOG = logging.getLogger("lcorpp.robot")
@@ -126,9 +126,7 @@ class RobotLoop:
 
     def stop(self) -> str:
         """Order the robot to stop; return a sentence about it."""
-        skills = [behaviour.skill for behaviour in self._config.behaviours.values()]
-        skills += [self._config.after.skill] if self._config.after is not None else []
-        return StopOrders.of(self._config.cmd_vel, skills).send_soon(self._connection)
+        return self._make_world("").stop()
 
     def _warn_of_silence(self, seconds: float) -> None:
         """Warn once if no people were ever detected: maybe the topic has another name."""
@@ -191,10 +189,7 @@ class RobotLoop:
 
     def _decide(self, person: str) -> Decision:
         """Decide about a person; a failure is part of the result."""
-        config, domain = self._config, self._parts.domain
-        world = RosWorld(
-            self._make_body(person), config.behaviours, self._listener, silence=config.answers.silence
-        )
+        domain, world = self._parts.domain, self._make_world(person)
         facts: dict[str, str] = {}
 
         def take(step: Step) -> None:
@@ -205,9 +200,8 @@ class RobotLoop:
         try:
             facts = self._read_facts()
             instance = Instance(self._tracks.signals(person), facts)
-            episode = dt_control(
-                self._make_robot(person), instance, world, max_steps=config.max_actions, listener=take
-            )
+            robot, max_steps = self._make_robot(person), self._config.max_actions
+            episode = dt_control(robot, instance, world, max_steps=max_steps, listener=take)
             if self._session is not None:
                 self._session.learn(episode)
         except LcorppError as failure:
@@ -233,17 +227,17 @@ class RobotLoop:
 
     def _finish(self, person: str) -> WorldError | None:
         """Do what follows a decision; return why it failed, None if it did not."""
-        if self._config.after is None:
-            return None
         try:
-            RosWorld(self._make_body(person), {"after": self._config.after}).report("after")
+            self._make_world(person).report(AFTER)
         except WorldError as error:
             LOG.warning("%s", error)
             return error
         return None
 
-    def _make_body(self, person: str) -> Body:
-        return Body(self._connection, self._perception, person, self._config.cmd_vel)
+    def _make_world(self, person: str) -> RosWorld:
+        config = self._config
+        body = Body(self._connection, self._perception, person, config.cmd_vel)
+        return RosWorld(body, config.behaviours, self._listener, silence=config.answers.silence)
 
     def _publish_belief(self, person: str, marginal: Distribution, action: str | None = None) -> None:
         if self._config.beliefs is not None:

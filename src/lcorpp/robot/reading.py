@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection
 from math import pi
 from pathlib import Path
 from urllib.parse import urlsplit
@@ -12,7 +12,7 @@ from lcorpp.domains.toml import TomlTable, read_toml
 from lcorpp.errors import DomainError, LcorppError, WorldError, expected_one_of
 from lcorpp.experiments.strategies.baselines import find_strategies
 from lcorpp.experiments.strategies.trust import check_dialogue
-from lcorpp.robot.behaviours import read_behaviour, read_type
+from lcorpp.robot.behaviours import read_behaviours, read_type
 from lcorpp.robot.config import (
     CONNECTIONS,
     AnswersConfig,
@@ -24,10 +24,9 @@ from lcorpp.robot.config import (
 from lcorpp.robot.facts import ClockFact, Fact, FixedFact, TopicFact
 from lcorpp.values import SharedValue
 from lcorpp.worlds.ros.belief_messages import BeliefTopics
-from lcorpp.worlds.ros.people_messages import PEOPLE, POSES, TEXTS, Pose
 from lcorpp.worlds.ros.perception import Frames
-from lcorpp.worlds.ros.ros_world import Behaviour
-from lcorpp.worlds.ros.skills import MOVE_BASE, Navigate
+from lcorpp.worlds.ros.pose import Pose
+from lcorpp.worlds.ros.sensor_messages import PEOPLE, POSES, TEXTS
 
 MAX_SECONDS = 3600.0
 """Maximum of time-outs and durations."""
@@ -70,31 +69,27 @@ def read_robot_config(file: Path) -> tuple[RobotConfig, Domain]:
     people = _read_people(people_table)
     answers = _read_answers(table.section("answers"), domain)
     facts = _read_facts(table.section("facts"), domain)
-    behaviours = _read_behaviours(table.section("actions", required=True), domain, answers)
-    after = read_behaviour(table.section("after"), domain.pomdp.observations) if "after" in table else None
-    for where, behaviour in (*behaviours.items(), ("after", after)):
-        _check_version(table, where, behaviour, connection)
+    behaviours = read_behaviours(table, domain, answers.silence, connection.version)
     beliefs = _read_beliefs(table.section("beliefs"), value) if "beliefs" in table else None
     table.reject_unknown_keys()
     return (
         RobotConfig(
-            file,
-            domain.name,
-            domain.preset,
-            strategy,
-            classifiers,
-            value,
-            max_actions,
-            connection,
-            frames,
-            pose,
-            cmd_vel,
-            people,
-            answers,
-            facts,
-            behaviours,
-            after,
-            beliefs,
+            file=file,
+            domain=domain.name,
+            preset=domain.preset,
+            strategy=strategy,
+            classifiers=classifiers,
+            value=value,
+            max_actions=max_actions,
+            connection=connection,
+            frames=frames,
+            pose=pose,
+            cmd_vel=cmd_vel,
+            people=people,
+            answers=answers,
+            facts=facts,
+            behaviours=behaviours,
+            beliefs=beliefs,
         ),
         domain,
     )
@@ -241,57 +236,6 @@ def _read_facts(table: TomlTable, domain: Domain) -> dict[str, Fact]:
             if value not in allowed:
                 raise DomainError(f"{table.location(name)}: {value!r}; {expected_one_of(allowed)}")
     return facts
-
-
-def _read_behaviours(table: TomlTable, domain: Domain, answers: AnswersConfig) -> dict[str, Behaviour]:
-    """Read `actions`: each action of the POMDP that is no report needs one."""
-    pomdp, behaviours = domain.pomdp, dict[str, Behaviour]()
-    for name in table:
-        if name not in pomdp.actions:
-            raise DomainError(
-                f"{table.location(name)}: {pomdp.file} has no such action; {expected_one_of(pomdp.actions)}"
-            )
-        behaviours[name] = read_behaviour(table.section(name), pomdp.observations)
-    for action in pomdp.actions:
-        if domain.reported_value(action) is None and action not in behaviours:
-            raise DomainError(f"{table.location(action)}: missing; expected how to execute it")
-    _check_possible(table, domain, behaviours, answers)
-    return behaviours
-
-
-def _check_version(
-    table: TomlTable, where: str, behaviour: Behaviour | None, connection: ConnectionConfig
-) -> None:
-    """Check that the type of a navigation is one of the connection's version of ROS."""
-    if behaviour is None or not isinstance(behaviour.skill, Navigate):
-        return
-    kind = behaviour.skill.kind
-    version = 1 if kind == MOVE_BASE else 2
-    if version != connection.version:
-        keys = ("after", "type") if where == "after" else ("actions", where, "type")
-        raise DomainError(
-            f"{table.location(*keys)}: {kind} is of ROS {version}; the connection is to ROS"
-            f" {connection.version}"
-        )
-
-
-def _check_possible(
-    table: TomlTable, domain: Domain, behaviours: Mapping[str, Behaviour], answers: AnswersConfig
-) -> None:
-    """Check that silence and failures are possible observations in the planner's model."""
-    pomdp = domain.pomdp
-    live = [s for s in range(len(pomdp.states)) if s not in domain.planning.terminal]
-    for action, behaviour in behaviours.items():
-        if domain.reported_value(action) is not None:
-            continue
-        rows = pomdp.observation.dense[pomdp.actions.index(action)][live]
-        for what, name in (("silence", answers.silence), ("a failure", behaviour.failure)):
-            if name is not None and not rows[:, pomdp.observations.index(name)].any():
-                raise DomainError(
-                    f"{table.location(action)}: {what} gives the observation {name!r}, which is impossible"
-                    f" after {action} in {pomdp.file}; expected a model in which it has a positive"
-                    ' probability, e.g. preset = "heard" of the intention domain, or one of `lcorpp observe`'
-                )
 
 
 def _read_value(table: TomlTable, domain: Domain) -> SharedValue:

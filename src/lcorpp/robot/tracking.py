@@ -12,7 +12,7 @@ import numpy as np
 
 from lcorpp.errors import ConnectionLostError, DataError, LcorppError, WorldError
 from lcorpp.learning import StreamingClassifier, TrainedClassifier
-from lcorpp.values import Array, EvidenceKind, Label
+from lcorpp.values import Array, Label
 from lcorpp.worlds.ros.perception import Perception, Sample
 
 PERIOD = 0.2
@@ -47,14 +47,13 @@ class PeopleTracks:
     thread.
 
     Args:
-        classifiers: sense -> its classifier of tracks. evidence: sense -> its kind, by default a label.
+        classifiers: sense -> its classifier of tracks; it gives labels.
         max_silence: seconds without a sample after which a person has left.
     """
 
     def __init__(
         self,
         classifiers: Mapping[str, TrainedClassifier],
-        evidence: Mapping[str, EvidenceKind] | None = None,
         *,
         max_silence: float = 3.0,
     ) -> None:
@@ -62,7 +61,7 @@ class PeopleTracks:
             name: StreamingClassifier.from_trained(trained, max_silence=max_silence)
             for name, trained in classifiers.items()
         }
-        self._evidence, self._max_silence = dict(evidence or {}), max_silence
+        self._max_silence = max_silence
         self._tracks = dict[str, Track]()
         self._lock = threading.Lock()
         self._clock = -np.inf
@@ -117,8 +116,7 @@ class PeopleTracks:
                 classifier = self._streams[sense].classifier(person)
             except DataError:
                 return None
-        kind = self._evidence.get(sense, EvidenceKind())
-        return classifier.as_evidence(kind).classify(np.zeros(1))
+        return classifier.classify(np.zeros(1))
 
     def classifiers(self, person: str) -> dict[str, PersonClassifier]:
         """Return sense -> the classifier of a person, for the decision loop."""

@@ -12,32 +12,32 @@ PRESETS = ("paper", "authors", "medium", "low", "heard")
 
 
 @pytest.fixture(scope="module")
-def heard():
+def domain():
     return load_domain("intention", preset="heard")
 
 
-def test_silence_is_possible_after_each_action_in_each_state(heard):
-    pomdp = heard.pomdp
+def test_silence_is_possible_after_each_action_in_each_state(domain):
+    pomdp = domain.pomdp
     assert (pomdp.observation.dense[:, :, pomdp.observation_index("none")] > 0).all()
 
 
-def test_all_but_the_observations_is_as_stated(heard):
+def test_all_but_the_observations_is_as_stated(domain):
     stated = load_domain("intention").pomdp
     for name in ("states", "actions", "discount"):
-        assert getattr(heard.pomdp, name) == getattr(stated, name)
-    np.testing.assert_array_equal(heard.pomdp.transition.dense, stated.transition.dense)
-    np.testing.assert_array_equal(heard.pomdp.reward, stated.reward)
+        assert getattr(domain.pomdp, name) == getattr(stated, name)
+    np.testing.assert_array_equal(domain.pomdp.transition.dense, stated.transition.dense)
+    np.testing.assert_array_equal(domain.pomdp.reward, stated.reward)
 
 
-def test_people_answer_by_the_measured_model(heard):
-    np.testing.assert_array_equal(heard.simulation.feedback_model, heard.pomdp.observation.dense)
+def test_people_answer_by_the_measured_model(domain):
+    np.testing.assert_array_equal(domain.simulation.feedback_model, domain.pomdp.observation.dense)
 
 
-def test_the_recogniser_makes_the_observations_of_the_model(heard):
-    confidence = read_confidence(heard.planning.recogniser, FEATURES)
+def test_the_recogniser_makes_the_observations_of_the_model(domain):
+    confidence = read_confidence(domain.planning.recogniser, FEATURES)
     made = {name for rows in confidence.bins.values() for name, _ in rows}
-    assert {*made, "none"} == set(heard.pomdp.observations)
-    text = heard.planning.recogniser.read_text()
+    assert {*made, "none"} == set(domain.pomdp.observations)
+    text = domain.planning.recogniser.read_text()
     assert "synthetic voices" in json.loads(text)["origin"]
     assert "/" not in json.loads(text)["origin"]  # no path of a machine
 

@@ -66,6 +66,36 @@ class Node:
         self.process.stdout.close()
 
 
+def fault_program(module, name, skill):
+    """Return a program that runs a skill 20 times by a native connection, and prints seconds and errors.
+
+    The skill has a second. The connection is the class NAMEConnection of a module of `lcorpp.worlds.ros`.
+    """
+    return f"""
+import time
+from lcorpp.errors import WorldError
+from lcorpp.worlds.ros.{module} import {name}Connection
+from lcorpp.worlds.ros.perception import Frames, Perception
+from lcorpp.worlds.ros.pose import Pose
+from lcorpp.worlds.ros.ros_world import Behaviour, RosWorld
+from lcorpp.worlds.ros.skills import Body, CallAction, Navigate
+
+connection = {name}Connection()
+perception = Perception(connection, ("/people", "visualization_msgs/MarkerArray"), Pose(0, 0, 0), Frames())
+while not perception.update(1.0):
+    pass
+world = RosWorld(Body(connection, perception, "2"), {{"move": Behaviour({skill}, timeout=1.0)}})
+for _ in range(20):
+    perception.update(1.0)
+    began = time.monotonic()
+    try:
+        world.act("move")
+    except WorldError as error:
+        print(f"{{time.monotonic() - began:.3f}} {{error}}", flush=True)
+connection.close()
+"""
+
+
 def free_port():
     with socket.socket() as made:
         made.bind(("127.0.0.1", 0))

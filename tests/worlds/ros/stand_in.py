@@ -140,15 +140,16 @@ BASE = {
     "domain": 'domain = "heard"',
     "connection": '[connection]\nurl = "{url}"\ntimeout = 2.0\nmax_outage = 2.0',
     "robot": '[robot]\npose = {{ topic = "/pose", type = "geometry_msgs/PoseStamped" }}',
-    "people": '[people]\ntopic = "/people"\ntype = "people_msgs/People"\ndecide_after = 1.0',
+    "people": '[people]\ntopic = "/people"\ntype = "people_msgs/People"\ndecide_after = 1.0\n'
+    "max_silence = 60.0",
     "answers": '[answers]\ntopic = "/speech"\ntype = "std_msgs/String"',
     "utterances": '[answers.utterances]\npos = ["yes please"]\nneg = ["no thank you"]',
     "facts": '[facts]\nlocation = "classroom"\ntime = {{ morning = 6, afternoon = 12, evening = 18 }}',
     "move": '[actions.move_forward]\nskill = "navigate"\nname = "/navigate_to_pose"\n'
-    'type = "nav2_msgs/action/NavigateToPose"\ntimeout = 2.0\nlisten = 1.0',
+    'type = "nav2_msgs/action/NavigateToPose"\ntimeout = 2.0\nlisten = 5.0',
     "greet": '[actions.greet]\nskill = "say"\ntopic = "/say"\ntype = "std_msgs/String"\ntext = "Hello!"\n'
-    "seconds = 0.1\nlisten = 1.0",
-    "turn": '[actions.turn]\nskill = "turn"\ntimeout = 3.0\nlisten = 1.0',
+    "seconds = 0.1\nlisten = 5.0",
+    "turn": '[actions.turn]\nskill = "turn"\ntimeout = 3.0\nlisten = 5.0',
     "beliefs": '[beliefs]\nstate = "/belief"\nintent = "/intents"\n'
     'engagement = "/humans/persons/{{person}}/engagement_status"',
 }

@@ -9,7 +9,7 @@ import pytest
 
 from lcorpp.learning import save_classifier
 from tests.robot.conftest import folder, parts  # noqa: F401
-from tests.worlds.ros.processes import HERE, Node, free_port, require_ros1, wait_for_port
+from tests.worlds.ros.processes import HERE, Node, fault_program, free_port, require_ros1, wait_for_port
 from tests.worlds.ros.stand_in import robot_toml
 
 pytestmark = pytest.mark.slow
@@ -77,30 +77,7 @@ def test_a_decision_by_rospy(env, robot, folder, parts):  # noqa: F811
     assert robot.count("goal") >= 1
 
 
-FAULTS = """
-import time
-from lcorpp.errors import ActionFailedError, WorldError
-from lcorpp.worlds.ros.people_messages import Pose
-from lcorpp.worlds.ros.perception import Frames, Perception
-from lcorpp.worlds.ros.ros_world import Behaviour, RosWorld
-from lcorpp.worlds.ros.rospy_connection import RospyConnection
-from lcorpp.worlds.ros.skills import Body, Navigate
-
-connection = RospyConnection()
-perception = Perception(connection, ("/people", "visualization_msgs/MarkerArray"), Pose(0, 0, 0), Frames())
-while not perception.update(1.0):
-    pass
-navigate = Behaviour(Navigate("/move_base", "move_base_msgs/MoveBase"), timeout=1.0)
-world = RosWorld(Body(connection, perception, "2"), {"move": navigate})
-for _ in range(20):
-    perception.update(1.0)
-    began = time.monotonic()
-    try:
-        world.act("move")
-    except WorldError as error:
-        print(f"{time.monotonic() - began:.3f} {error}", flush=True)
-connection.close()
-"""
+FAULTS = fault_program("rospy_connection", "Rospy", 'Navigate("/move_base", "move_base_msgs/MoveBase")')
 
 
 @pytest.mark.parametrize(

@@ -10,13 +10,13 @@ import pytest
 
 from lcorpp.errors import ActionFailedError, ConnectionLostError
 from lcorpp.learning import save_classifier
-from lcorpp.worlds.ros.people_messages import Pose
 from lcorpp.worlds.ros.perception import Frames, Perception
+from lcorpp.worlds.ros.pose import Pose
 from lcorpp.worlds.ros.ros_world import Behaviour, RosWorld
 from lcorpp.worlds.ros.rosbridge import RosbridgeConnection
 from lcorpp.worlds.ros.skills import Body, CallAction
 from tests.robot.conftest import folder, parts  # noqa: F401
-from tests.worlds.ros.processes import HERE, Node, Ros2, free_port
+from tests.worlds.ros.processes import HERE, Node, Ros2, fault_program, free_port
 from tests.worlds.ros.stand_in import robot_toml
 from tests.worlds.ros.test_rosbridge import is_connected, wait_until
 
@@ -233,35 +233,12 @@ def test_twenty_action_servers_that_are_gone_end_in_time(robot, bridge):
     connection.close()
 
 
-RCLPY_FAULTS = """
-import time
-from lcorpp.errors import WorldError
-from lcorpp.worlds.ros.people_messages import Pose
-from lcorpp.worlds.ros.perception import Frames, Perception
-from lcorpp.worlds.ros.rclpy_connection import RclpyConnection
-from lcorpp.worlds.ros.ros_world import Behaviour, RosWorld
-from lcorpp.worlds.ros.skills import Body, CallAction
-
-connection = RclpyConnection()
-perception = Perception(connection, ("/people", "visualization_msgs/MarkerArray"), Pose(0, 0, 0), Frames())
-while not perception.update(1.0):
-    pass
-hang = Behaviour(CallAction("/move", "test_msgs/Fibonacci", {"order": 2}), timeout=1.0)
-world = RosWorld(Body(connection, perception, "2"), {"move": hang})
-for _ in range(20):
-    perception.update(1.0)
-    began = time.monotonic()
-    try:
-        world.act("move")
-    except WorldError as error:
-        print(f"{time.monotonic() - began:.3f} {error}", flush=True)
-connection.close()
-"""
-
-
 def test_twenty_goals_by_rclpy_end_in_time_with_a_stop(ros2, robot):
+    program = fault_program(
+        "rclpy_connection", "Rclpy", 'CallAction("/move", "test_msgs/Fibonacci", {"order": 2})'
+    )
     ended = subprocess.run(
-        [str(ros2.python), "-c", RCLPY_FAULTS], env=ros2.env, capture_output=True, text=True, timeout=300
+        [str(ros2.python), "-c", program], env=ros2.env, capture_output=True, text=True, timeout=300
     )
     lines = ended.stdout.splitlines()
     assert len(lines) == N_FAULTS, ended.stderr

@@ -12,8 +12,8 @@ import pytest
 from lcorpp.errors import ActionFailedError, ConnectionLostError, DecisionError, PersonLeftError, WorldError
 from lcorpp.values import Distribution
 from lcorpp.worlds.ros.belief_messages import BeliefTopics
-from lcorpp.worlds.ros.people_messages import Pose
 from lcorpp.worlds.ros.perception import Frames, Perception
+from lcorpp.worlds.ros.pose import Pose
 from lcorpp.worlds.ros.ros_world import Behaviour, RosWorld, TopicListener, normalise_text
 from lcorpp.worlds.ros.rosbridge import RosbridgeConnection
 from lcorpp.worlds.ros.skills import Body, CallAction, CallService, Drive, Navigate, Say, Turn

@@ -130,19 +130,6 @@ def test_a_refused_cancellation_is_not_confirmed(server, connection):
     assert not connection.cancel_goals("/go", timeout=WAIT)
 
 
-MALFORMED = ("[" * 100_000, '{"op": "action_result", "id": [1]}', '{"op": "service_response", "id": {}}')
-
-
-@pytest.mark.parametrize("text", MALFORMED, ids=["deep", "list", "table"])
-def test_hostile_messages_do_not_end_the_reception(server, connection, text):
-    received = connection.subscribe("/a", "std_msgs/Int32")
-    wait_until(lambda: server.is_subscribed("/a"))
-    for client in server.connections:
-        client.send(text)
-    server.publish("/a", {"data": 1})
-    assert received.wait(WAIT) == {"data": 1}
-
-
 def test_a_goal_ends_at_once_if_the_connection_is_cut(server, connection):
     server.serve_action("/go", lambda goal: (goal.is_cancelled.wait(WAIT), (bridge.CANCELLED, {}))[1])
     threading.Timer(0.2, server.cut).start()
@@ -190,7 +177,19 @@ def test_no_server_is_an_error_that_names_the_address(server):
 
 @pytest.mark.parametrize(
     "text",
-    ["", "{", "[]", "1", '{"op": 1}', '{"op": "publish"}', '{"op": "publish", "topic": "/a", "msg": 3}'],
+    [
+        "",
+        "{",
+        "[]",
+        "1",
+        "[" * 100_000,
+        '{"op": 1}',
+        '{"op": "publish"}',
+        '{"op": "publish", "topic": "/a", "msg": 3}',
+        '{"op": "action_result", "id": [1]}',
+        '{"op": "service_response", "id": {}}',
+    ],
+    ids=str.__len__,
 )
 def test_malformed_messages_are_left_out(server, connection, text):
     received = connection.subscribe("/a", "std_msgs/Int32")
@@ -215,6 +214,6 @@ def test_many_goals_leave_nothing_behind():
     pose = {"pose": {"pose": {"position": {"x": 0.0, "y": 0.0}}}}
     for _ in range(50):
         connection.run_action("/navigate_to_pose", "nav2_msgs/NavigateToPose", pose, timeout=WAIT)
-    assert not connection._replies
+    assert len(connection._replies) == 0
     connection.close()
     robot.close()

@@ -138,7 +138,7 @@ def _is_bag(source: Path) -> bool:
 def _has_people(source: Path, topic: str | None) -> bool:
     """Return whether the topic of a bag is that of a people tracker, not of a camera."""
     from lcorpp.worlds.ros.people_bag import TRANSFORMS, list_topics
-    from lcorpp.worlds.ros.people_messages import PEOPLE
+    from lcorpp.worlds.ros.sensor_messages import PEOPLE
 
     topics = list_topics(source)
     if topic is not None and topic not in topics:

@@ -9,7 +9,7 @@ from collections.abc import Callable, Mapping
 from time import monotonic, sleep
 from typing import Any, Protocol, Self
 
-from lcorpp.errors import ConnectionLostError, WorldError
+from lcorpp.errors import WorldError
 
 Message = Mapping[str, Any]
 """A ROS message: field -> number, text, list or message."""
@@ -20,6 +20,10 @@ MAX_MESSAGES = 64
 MAX_WAIT = 0.2
 """Seconds between two checks of the connection while a thread waits for a message."""
 
+SUCCEEDED, CANCELLED = 4, 5
+"""Status of a goal, from action_msgs/msg/GoalStatus."""
+NOTHING_LEFT = (0, 2, 3)
+"""Return codes of action_msgs/srv/CancelGoal after which no goal goes on: none, unknown goal, goal ended."""
 
 MAX_DISCOVERY = 0.5
 """Seconds within which publisher and receivers of a topic find each other."""
@@ -132,36 +136,6 @@ class Subscription:
                     return None
                 self._changed.wait(min(left, MAX_WAIT))
             return self._messages.popleft()
-
-
-class Reply:
-    """The reply to a request, which another thread receives."""
-
-    def __init__(self) -> None:
-        self._event, self._content = threading.Event(), dict[str, Any]()
-        self._is_lost = False
-
-    def set(self, content: Mapping[str, Any]) -> None:
-        """Set the reply."""
-        self._content = dict(content)
-        self._event.set()
-
-    def lose(self) -> None:
-        """Note that the connection was lost, so that no reply will come."""
-        self._is_lost = True
-        self._event.set()
-
-    def wait(self, what: str, timeout: float) -> dict[str, Any] | None:
-        """Return the reply; None if it does not come within `timeout` seconds.
-
-        Raises:
-            ConnectionLostError: the connection was lost; the message names `what` was requested.
-        """
-        if not self._event.wait(max(0.0, timeout)):
-            return None
-        if self._is_lost:
-            raise ConnectionLostError(f"the connection was lost during {what}")
-        return self._content
 
 
 def wait_for_receiver(count: Callable[[], int]) -> None:

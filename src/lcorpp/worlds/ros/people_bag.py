@@ -8,8 +8,8 @@ from pathlib import Path
 from lcorpp.camera.bags import open_bag
 from lcorpp.errors import DataError, WorldError, expected_one_of
 from lcorpp.worlds.ros.connection import name_type
-from lcorpp.worlds.ros.people_messages import PEOPLE, read_people
 from lcorpp.worlds.ros.perception import Sample
+from lcorpp.worlds.ros.sensor_messages import PEOPLE, read_people
 
 TRANSFORMS = "tf2_msgs/TFMessage"
 """A type that nearly every bag has; it counts as people only if its topic is given."""

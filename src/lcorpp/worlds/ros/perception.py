@@ -9,7 +9,8 @@ from time import monotonic, time
 
 from lcorpp.errors import WorldError
 from lcorpp.worlds.ros.connection import RosConnection, Subscription
-from lcorpp.worlds.ros.people_messages import Detection, Pose, read_people, read_pose
+from lcorpp.worlds.ros.pose import Pose
+from lcorpp.worlds.ros.sensor_messages import Detection, read_people, read_pose
 
 Sample = tuple[float, str, float, float]
 """Seconds, person, x and y in metres: a sample for `lcorpp.learning.StreamingClassifier`."""

@@ -10,17 +10,21 @@ from time import monotonic
 from typing import Any
 
 from lcorpp.errors import ActionFailedError, ConnectionLostError, WorldError
-from lcorpp.worlds.ros.connection import MAX_MESSAGES, Message, Subscription, wait_for_receiver
+from lcorpp.worlds.ros.connection import (
+    CANCELLED,
+    MAX_MESSAGES,
+    NOTHING_LEFT,
+    SUCCEEDED,
+    Message,
+    Subscription,
+    wait_for_receiver,
+)
 
 QUEUE_SIZE = 10
 """Depth of the queues of topics."""
 SERVER_TIMEOUT = 3.0
 """Seconds within which a server of an action or service is discovered."""
 
-SUCCEEDED, CANCELLED = 4, 5
-"""Status of a goal, from action_msgs/msg/GoalStatus."""
-NOTHING_LEFT = (0, 2, 3)
-"""Return codes of action_msgs/srv/CancelGoal after which no goal goes on: none, unknown goal, goal ended."""
 DISCOVERY = 0.3
 """Seconds to find the service that cancels goals."""
 

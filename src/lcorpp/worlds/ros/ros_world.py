@@ -11,8 +11,8 @@ from typing import Protocol
 
 from lcorpp.errors import ActionFailedError, ConnectionLostError, DecisionError, WorldError, expected_one_of
 from lcorpp.worlds.ros.connection import RosConnection, Subscription
-from lcorpp.worlds.ros.people_messages import read_text
-from lcorpp.worlds.ros.skills import STOPPED, TWIST, Body, CallAction, Navigate, Say, Skill, Speak
+from lcorpp.worlds.ros.sensor_messages import read_text
+from lcorpp.worlds.ros.skills import TWIST, Body, CallAction, Navigate, Say, Skill, Speak, make_twist
 
 LOG = logging.getLogger("lcorpp.robot")
 """At INFO one line an action, at WARNING one line a failure that became an observation."""
@@ -75,7 +75,7 @@ class StopOrders:
         Raises:
             ConnectionLostError: there is no connection.
         """
-        connection.publish(self.cmd_vel, TWIST, STOPPED)
+        connection.publish(self.cmd_vel, TWIST, make_twist(0.0, 0.0))
         confirmed = []
         for name in self.servers:
             try:
@@ -158,9 +158,9 @@ class RosWorld:
         if action in self._behaviours:
             self._execute(action, self._behaviours[action])
 
-    def stop(self) -> None:
-        """Order the robot to stop, now or as soon as the connection is back."""
-        self._orders.send_soon(self._body.connection)
+    def stop(self) -> str:
+        """Order the robot to stop, now or as soon as the connection is back; return a sentence about it."""
+        return self._orders.send_soon(self._body.connection)
 
     def _find_behaviour(self, action: str) -> Behaviour:
         found = self._behaviours.get(action)

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import itertools
 import json
 import logging
 import threading
-from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager, suppress
+from collections.abc import Callable
+from contextlib import ExitStack, suppress
 from time import monotonic
 from typing import Any
 
@@ -15,7 +14,16 @@ from websockets.exceptions import ConnectionClosed, InvalidHandshake, InvalidURI
 from websockets.sync.client import ClientConnection, connect
 
 from lcorpp.errors import ActionFailedError, ConnectionLostError, WorldError
-from lcorpp.worlds.ros.connection import MAX_MESSAGES, Message, Reply, Subscription, name_type
+from lcorpp.worlds.ros.connection import (
+    CANCELLED,
+    MAX_MESSAGES,
+    NOTHING_LEFT,
+    SUCCEEDED,
+    Message,
+    Subscription,
+    name_type,
+)
+from lcorpp.worlds.ros.replies import Replies, Reply
 from lcorpp.worlds.ros.topic_actions import cancel_topic_goals, run_topic_action
 
 LOG = logging.getLogger("lcorpp.robot")
@@ -34,11 +42,6 @@ MAX_SIZE = 2**24
 """Bytes of a message."""
 MAX_NOTES = 20
 """Error messages of the server that are kept."""
-
-SUCCEEDED, CANCELLED = 4, 5
-"""Status of a goal, from action_msgs/msg/GoalStatus."""
-NOTHING_LEFT = (0, 2, 3)
-"""Return codes of action_msgs/srv/CancelGoal after which no goal goes on: none, unknown goal, goal ended."""
 
 
 class RosbridgeConnection:
@@ -63,8 +66,7 @@ class RosbridgeConnection:
     def __init__(self, url: str, *, version: int = 2, timeout: float = 5.0) -> None:
         self.url, self.version, self.notes = url, version, list[str]()
         self._lock = threading.RLock()
-        self._ids = itertools.count(1)
-        self._replies = dict[str, Reply]()
+        self._replies = Replies()
         self._subscriptions = dict[str, tuple[Message, list[Subscription]]]()
         self._advertised = dict[str, Message]()
         self._after_reconnect: Callable[[], bool] | None = None
@@ -137,7 +139,7 @@ class RosbridgeConnection:
             "args": goal,
             "feedback": False,
         }
-        with self._expect_reply() as (key, waiting):
+        with self._replies.expect() as (key, waiting):
             self._send(send | {"id": key})
             is_over = False
             try:
@@ -190,20 +192,10 @@ class RosbridgeConnection:
                 if subscription in subscriptions:
                     subscriptions.remove(subscription)
 
-    @contextmanager
-    def _expect_reply(self) -> Iterator[tuple[str, Reply]]:
-        """Return the id of a request and the reply to it."""
-        key, reply = f"lcorpp:{next(self._ids)}", Reply()
-        self._replies[key] = reply
-        try:
-            yield key, reply
-        finally:
-            self._replies.pop(key, None)
-
     def _request(self, message: dict[str, Any], what: str, timeout: float) -> dict[str, Any] | None:
         """Send a message and return the reply to it; None if it does not come in time."""
         end = monotonic() + timeout
-        with self._expect_reply() as (key, reply):
+        with self._replies.expect() as (key, reply):
             self._send(message | {"id": key})
             return reply.wait(what, end - monotonic())
 
@@ -248,8 +240,7 @@ class RosbridgeConnection:
             with suppress(OSError):
                 socket.close()
             self._socket, self._is_settled = None, False
-            for reply in list(self._replies.values()):
-                reply.lose()
+            self._replies.lose()
             self._reconnect()
 
     def _reconnect(self) -> None:
@@ -300,14 +291,11 @@ class RosbridgeConnection:
         if kind == "publish" and isinstance(message.get("msg"), dict):
             for subscription in self._subscriptions.get(str(message.get("topic")), ({}, []))[1]:
                 subscription.put(message["msg"])
-            return
-        reply = self._replies.get(key) if isinstance(key, str) else None
-        if kind in ("service_response", "action_result") and reply is not None:
-            reply.set(message)
+        elif kind in ("service_response", "action_result"):
+            self._replies.set(key, message)
         elif kind == "status" and message.get("level") == "error":
-            if reply is not None:
-                reply.set({"result": False, "values": message.get("msg")})
-            else:
+            is_expected = self._replies.set(key, {"result": False, "values": message.get("msg")})
+            if not is_expected:
                 self._note(str(message.get("msg")))
 
     def _note(self, text: str) -> None:

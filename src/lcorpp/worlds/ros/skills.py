@@ -14,19 +14,22 @@ from typing import Protocol
 
 from lcorpp.errors import ActionFailedError, PersonLeftError
 from lcorpp.worlds.ros.connection import Message, RosConnection
-from lcorpp.worlds.ros.people_messages import Pose
 from lcorpp.worlds.ros.perception import Perception
+from lcorpp.worlds.ros.pose import Pose
 from lcorpp.worlds.speech import Voice
 
 TWIST = "geometry_msgs/Twist"
-STOPPED: Message = {"linear": {"x": 0.0, "y": 0.0, "z": 0.0}, "angular": {"x": 0.0, "y": 0.0, "z": 0.0}}
-"""A Twist of zeros."""
 PERIOD = 0.1
 """Seconds between two Twists: drivers of robots stop if none comes for about half a second."""
 ANGLE_TOLERANCE = 0.1
 """Radians within which the robot faces a person."""
 SLOWDOWN = 1.5
 """Turn rate in 1/s per radian that is left, near the end of a turn."""
+
+
+def make_twist(linear: float, angular: float) -> Message:
+    """Return a geometry_msgs/Twist; linear in m/s ahead, angular in rad/s to the left."""
+    return {"linear": {"x": linear, "y": 0.0, "z": 0.0}, "angular": {"x": 0.0, "y": 0.0, "z": angular}}
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,9 +56,8 @@ class Body:
         return position
 
     def drive(self, linear: float, angular: float) -> None:
-        """Send a Twist; linear in m/s ahead, angular in rad/s to the left."""
-        twist = {"linear": {"x": linear, "y": 0.0, "z": 0.0}, "angular": {"x": 0.0, "y": 0.0, "z": angular}}
-        self.connection.publish(self.cmd_vel, TWIST, twist)
+        """Send a Twist, see `make_twist`."""
+        self.connection.publish(self.cmd_vel, TWIST, make_twist(linear, angular))
 
 
 class Skill(Protocol):

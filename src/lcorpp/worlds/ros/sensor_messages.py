@@ -8,11 +8,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
-from math import atan2, cos, isfinite, nan, pi, sin
+from math import atan2, isfinite, nan
 from typing import Any
 
 from lcorpp.errors import WorldError
 from lcorpp.worlds.ros.connection import Message
+from lcorpp.worlds.ros.pose import Pose
 
 
 @dataclass(frozen=True)
@@ -32,46 +33,6 @@ class Detection:
     def is_valid(self) -> bool:
         """Whether its numbers are finite and it has an id; some trackers send NaN for a person they lost."""
         return bool(self.id) and all(map(isfinite, (self.x, self.y, self.time or 0.0)))
-
-
-@dataclass(frozen=True)
-class Pose:
-    """Position in metres and heading in radians, counterclockwise from the x axis, of a frame.
-
-    Raises:
-        WorldError: a number is not finite.
-    """
-
-    x: float
-    y: float
-    heading: float
-
-    def __post_init__(self) -> None:
-        if not all(map(isfinite, (self.x, self.y, self.heading))):
-            raise WorldError(f"the pose {self.x} {self.y} {self.heading}; expected finite numbers")
-
-    def relate(self, x: float, y: float, heading: float = 0.0) -> tuple[float, float]:
-        """Return a point of the frame in the coordinates of this pose, in which it faces `heading`.
-
-        With heading 0, x is ahead and y to the left (ROS REP 103).
-        """
-        turn = heading - self.heading
-        dx, dy = x - self.x, y - self.y
-        return cos(turn) * dx - sin(turn) * dy, sin(turn) * dx + cos(turn) * dy
-
-    def place(self, x: float, y: float) -> tuple[float, float]:
-        """Return a point that is x metres ahead and y to the left in the coordinates of the frame."""
-        ahead, left = cos(self.heading), sin(self.heading)
-        return self.x + ahead * x - left * y, self.y + left * x + ahead * y
-
-    def face(self, x: float, y: float) -> float:
-        """Return the angle in (-pi, pi] by which to turn to a point of the frame."""
-        turn = atan2(y - self.y, x - self.x) - self.heading
-        return pi - (pi - turn) % (2 * pi)
-
-    def quaternion(self) -> dict[str, float]:
-        """Return the heading as geometry_msgs/Quaternion."""
-        return {"x": 0.0, "y": 0.0, "z": sin(self.heading / 2), "w": cos(self.heading / 2)}
 
 
 def _read_people(message: Message) -> Iterator[Detection]:

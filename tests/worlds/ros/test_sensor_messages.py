@@ -7,11 +7,11 @@ import pytest
 from hypothesis import given, strategies as st
 
 from lcorpp.errors import WorldError
-from lcorpp.worlds.ros.people_messages import (
+from lcorpp.worlds.ros.pose import Pose
+from lcorpp.worlds.ros.sensor_messages import (
     PEOPLE,
     POSES,
     Detection,
-    Pose,
     read_people,
     read_pose,
     read_stamp,

@@ -1,0 +1,8 @@
+"""People stay detected, however busy the machine is that sends their positions."""
+
+import pytest
+
+
+@pytest.fixture(autouse=True)
+def max_age(monkeypatch):
+    monkeypatch.setattr("lcorpp.worlds.ros.perception.MAX_AGE", 600.0)
