@@ -31,7 +31,6 @@ node = rclpy.create_node("robot")
 group = ReentrantCallbackGroup()
 people = node.create_publisher(MarkerArray, "/people", 10)
 speech = node.create_publisher(String, "/speech", 10)
-echo = node.create_publisher(String, "/echo", 10)
 begin = time.time()
 
 
@@ -109,7 +108,6 @@ server = ActionServer(
 )
 node.create_subscription(Twist, "/cmd_vel", move, 10)
 node.create_subscription(String, "/say", hear, 10)
-node.create_subscription(String, "/ping", echo.publish, 10)
 node.create_subscription(String, "/belief", lambda m: emit(event="belief", **json.loads(m.data)), 10)
 node.create_service(SetBool, "/set", set_bool)
 node.create_timer(0.1, publish_people)
