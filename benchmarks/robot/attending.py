@@ -104,6 +104,7 @@ class AttentiveRobot:
             self._corridor.step()
             self._watch()
             self.present += len(self._corridor.people)
+            self._learners.served.record_presence(len(self._corridor.people), STEP)
             next(behaviour)
         return Counter(each.end for each in self._corridor.outcomes if each.visitor.is_interested)
 

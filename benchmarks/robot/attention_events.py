@@ -78,14 +78,17 @@ def simulate(
 ) -> Array:
     """Return the number of people served who come in each hour (hours,)."""
     served, waiting, coming, now = np.zeros(hours), list[Person](), list(reversed(people)), 0.0
+    before = 0.0
 
     def advance(time: float, attended: int) -> None:
         """Let people come and leave until a time."""
-        nonlocal waiting
+        nonlocal waiting, before
         while True:
             moment = min(time, coming[-1].arrival if coming else np.inf)
             if learners is not None:
                 learners.record_departures([each for each in waiting if each.arrival + each.stay <= moment])
+                learners.share.record_presence(len(waiting) + attended, moment - before)
+            before = moment
             waiting = [each for each in waiting if each.arrival + each.stay > moment]
             if moment == time:
                 return

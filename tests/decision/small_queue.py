@@ -110,26 +110,9 @@ class SmallQueue:
         return policy
 
     def find_share(self, policy: Policy) -> float:
-        """Return q: the share of the people who come in, by value, who are attended to before they leave."""
-        attended = left = 0.0
-        for state, probability in self._find_stationary(policy).items():
-            attended += probability * sum(
-                rate * value for rate, _, value in self.list_transitions(state, policy)
-            )
-            left += probability * sum(
-                state[0][kind] * self.hazards[kind] * self.values[kind] for kind in self.kinds
-            )
-        return attended / (attended + left)
-
-    def _find_stationary(self, policy: Policy) -> dict[State, float]:
-        index = {state: i for i, state in enumerate(self.states)}
-        flow = np.zeros((len(index), len(index)))
-        for state, i in index.items():
-            for rate, after, _ in self.list_transitions(state, policy):
-                flow[index[after], i] += rate
-                flow[i, i] -= rate
-        flow[0] = 1.0
-        return dict(zip(index, np.linalg.solve(flow, np.eye(len(index))[0]).tolist(), strict=True))
+        """Return q: the share of the people who come, by value, to whom the robot attends."""
+        came = sum(rate * value for rate, value in zip(self.arrivals, self.values, strict=True))
+        return self.evaluate(policy)[0] / came
 
 
 def change(n: tuple[int, ...], kind: int, by: int) -> tuple[int, ...]:

@@ -15,9 +15,9 @@ BOB = Candidate("Bob", 0.8, 0.8, 10.0, 1 / 5)
 
 
 def test_the_index_by_hand():
-    """Ann: .9 / 10 (1 - .512 e^-.1); Bob: .8 / 10 (1 - .512 e^-2): Bob leaves sooner, so he comes first."""
-    assert compute_index(ANN, 0.8, 10.0) == pytest.approx(0.09 * (1 - 0.512 * exp(-0.1)))
-    assert compute_index(BOB, 0.8, 10.0) == pytest.approx(0.08 * (1 - 0.512 * exp(-2.0)))
+    """Ann: .9 / 10 (1 - .64 e^-.1); Bob: .8 / 10 (1 - .64 e^-2): Bob leaves sooner, so he comes first."""
+    assert compute_index(ANN, 0.8, 10.0) == pytest.approx(0.09 * (1 - 0.64 * exp(-0.1)))
+    assert compute_index(BOB, 0.8, 10.0) == pytest.approx(0.08 * (1 - 0.64 * exp(-2.0)))
     assert choose_candidate([ANN, BOB], share=0.8) == "Bob"
 
 
@@ -51,7 +51,7 @@ def test_the_small_queue_is_right():
     load = 0.8
     blocked = load**3 * (1 - load) / (1 - load**4)
     assert queue.evaluate(policy)[0] == pytest.approx(0.2 * (1 - blocked))
-    assert queue.find_share(policy) == pytest.approx(1.0)
+    assert queue.find_share(policy) == pytest.approx(1 - blocked)
 
 
 @pytest.mark.parametrize("equal_hazards", [True, False])
@@ -94,6 +94,34 @@ def test_the_share_is_learnt():
         served.record(-1.0, attended=False)
     assert served.share == pytest.approx(2 / 3, abs=0.01)
     assert repr(served) == "<ServedShare: 0.67>"
+
+
+def test_people_who_find_no_room_lower_the_share():
+    """An M/M/1/3 queue of load .8: the share of the arrivals that find it full is known (Erlang)."""
+    served, rng, present = ServedShare(), np.random.default_rng(0), 0
+    for _ in range(40_000):  # arrivals at .02 per second, services at .025
+        rate = 0.02 * (present < 3) + 0.025 * (present > 0)
+        seconds = rng.exponential(1 / rate)
+        served.record_presence(present, seconds / 100)  # within the memory
+        present += 1 if rng.uniform() < 0.02 * (present < 3) / rate else -1
+    blocked = 0.8**3 * (1 - 0.8) / (1 - 0.8**4)
+    assert served.share == pytest.approx(0.5 * (1 - blocked), abs=0.02)
+
+
+def test_rare_numbers_of_people_do_not_count_as_full():
+    served = ServedShare()
+    for _ in range(100):
+        served.record_presence(2, 5.0)
+        served.record_presence(5, 5.0)
+        served.record_presence(9, 0.05)  # e.g. false detections
+    assert served.share == pytest.approx(0.25, abs=0.01)
+
+
+def test_a_constant_number_of_people_says_nothing():
+    served = ServedShare()
+    for _ in range(10):
+        served.record_presence(2, 60.0)
+    assert served.share == 0.5
 
 
 @pytest.mark.parametrize(

@@ -70,3 +70,12 @@ def test_another_planner_is_taken_as_it_is(parts, robot):
     attention.update("a", own, prior(robot, 0.6), 1.0)
     assert attention.choose() == "a"
     assert isinstance(robot.planner, Planner)
+
+
+def test_the_presence_of_people_is_learnt(parts):
+    """Three people for half of the time, and never more: half of those who come find no room."""
+    attention = Attention(parts[0].domain, "interested")
+    for second in range(0, 100, 2):
+        attention.note_presence(3, second)
+        attention.note_presence(2, second + 1)
+    assert attention.served.share == pytest.approx(0.25, abs=0.01)

@@ -3,10 +3,10 @@
 To attend to person i takes D seconds and yields the value V, e.g. the probability that an interested person
 is served. A person who is postponed stays with probability exp(-h d), h being their hazard of leaving and d
 the mean duration of the decisions to choose from. What that is worth depends on the load: let q be the
-share of the people, weighted by value, to whom the robot attends before they leave. Per second that the
-robot spends on i, what is lost if i is postponed is
+share of the people who come, weighted by value, to whom the robot attends; the others leave before, or find
+no room. Per second that the robot spends on i, what is lost if i is postponed is
 
-    index_i = V_i / D_i * (1 - w exp(-h_i d)),   w = q^3.
+    index_i = V_i / D_i * (1 - w exp(-h_i d)),   w = q^2.
 
 In overload q -> 0, and the index is the value per second, which is optimal there (Atar, Giat and Shimkin,
 The c mu / theta rule for many-server queues with abandonment, Operations Research 58, 2010). With q -> 1 a
@@ -18,6 +18,7 @@ docs/several-people.md compares exponents.
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Hashable, Sequence
 from dataclasses import dataclass
 from math import exp, inf
@@ -26,12 +27,16 @@ from lcorpp.errors import DecisionError
 
 MIN_SECONDS = 1.0
 """Shorter decisions count as this long: the robot turns to a person before it reports."""
-EXPONENT = 3
+EXPONENT = 2
 """Of q in the weight of postponed value."""
 PRIOR_SHARE, PRIOR_WEIGHT = 0.5, 10.0
 """The estimate of q before any observation, and the value of people that it counts as."""
 MEMORY = 300.0
 """Number of people after whom an observation has lost two thirds of its weight: the load changes."""
+PRESENCE_MEMORY = 3600.0
+"""The same for the number of people present, in seconds."""
+MIN_FULL_SHARE = 0.01
+"""Share of the time; larger numbers of people that are rarer may be errors of the tracker."""
 
 
 @dataclass(frozen=True)
@@ -102,10 +107,17 @@ def find_delay(seconds: Sequence[float]) -> float:
 
 
 class ServedShare:
-    """Online estimate of q: the share of people, by value, to whom the robot attends before they leave."""
+    """Online estimate of q: the share of people, by value, to whom the robot attends.
+
+    The robot does not see the people who find no room. By PASTA (Wolff, Poisson arrivals see time averages,
+    Operations Research 30, 1982) they are as large a share of those who come as the share of the time in
+    which the place is full, i.e. in which the largest number of people is present that ever is. In a place
+    without a limit that number is rare, and so is the share small.
+    """
 
     def __init__(self) -> None:
         self._attended, self._all = PRIOR_SHARE * PRIOR_WEIGHT, PRIOR_WEIGHT
+        self._seconds = defaultdict[int, float](float)
 
     def __repr__(self) -> str:
         return f"<ServedShare: {self.share:.2f}>"
@@ -113,7 +125,7 @@ class ServedShare:
     @property
     def share(self) -> float:
         """The estimate."""
-        return self._attended / self._all
+        return self._attended / self._all * (1 - self._full_share)
 
     def record(self, value: float, *, attended: bool) -> None:
         """Record that the robot attends to a person, or that a person left before.
@@ -124,3 +136,20 @@ class ServedShare:
         keep, value = exp(-1 / MEMORY), max(value, 0.0)
         self._attended = keep * self._attended + (value if attended else 0.0)
         self._all = keep * self._all + value
+
+    def record_presence(self, count: int, seconds: float) -> None:
+        """Record for how long some number of people were present, including the one attended to."""
+        keep = exp(-seconds / PRESENCE_MEMORY)
+        for number in self._seconds:
+            self._seconds[number] *= keep
+        self._seconds[count] += PRESENCE_MEMORY * (1 - keep)
+
+    @property
+    def _full_share(self) -> float:
+        """Share of the time in which the place was full; 0 while the number of people never changed."""
+        total, at_least = sum(self._seconds.values()), 0.0
+        for number in sorted(self._seconds, reverse=True)[:-1]:
+            at_least += self._seconds[number]
+            if at_least >= MIN_FULL_SHARE * total:
+                return at_least / total
+        return 0.0

@@ -70,15 +70,30 @@ class Attention:
     Args:
         domain: of the decisions. engaged: the shared value that means engagement.
 
+    Attributes:
+        served: estimate of the share of people to whom the robot attends.
+
     Source: `lcorpp.decision.attention` has the index.
     """
 
     def __init__(self, domain: Domain, engaged: SharedValue) -> None:
         self._domain, self._engaged = domain, engaged
-        self._patience, self._served = Patience(), ServedShare()
+        self._patience, self.served = Patience(), ServedShare()
         self._waiting = dict[str, WaitingPerson]()
         self._forecasts = dict[bytes, Forecast]()
         self._planner: object = None
+        self._presence: tuple[int, float] | None = None
+
+    def note_presence(self, count: int, now: float) -> None:
+        """Learn how full the place is.
+
+        Args:
+            count: number of people present, of any kind. now: time in seconds.
+        """
+        if self._presence is not None:
+            before, since = self._presence
+            self.served.record_presence(before, now - since)
+        self._presence = count, now
 
     def update(self, person: str, robot: Robot, prior: Belief, waited: float) -> None:
         """Take the belief about a person who waits.
@@ -119,7 +134,7 @@ class Attention:
             )
             for person, waiting in self._waiting.items()
         ]
-        chosen = choose_candidate(candidates, share=self._served.share)
+        chosen = choose_candidate(candidates, share=self.served.share)
         return None if chosen is None else str(chosen)
 
     def attend(self, person: str) -> None:
@@ -129,7 +144,7 @@ class Attention:
     def _end(self, person: str, *, left: bool) -> None:
         waiting = self._waiting.pop(person)
         self._patience.observe(KIND, waiting.waited, left=left, weight=waiting.probability)
-        self._served.record(waiting.forecast.value, attended=not left)
+        self.served.record(waiting.forecast.value, attended=not left)
 
     def _forecast(self, robot: Robot, prior: Belief, probability: float) -> Forecast:
         planner = robot.planner

@@ -156,6 +156,7 @@ class RobotLoop:
         """Return the person to attend to; None if there is nobody."""
         present, facts = self._tracks.list_people(), self._read_facts()
         self._decided &= present.keys()
+        self._attention.note_presence(len(present), monotonic())
         self._attention.note_absence(present)
         waited_from = self._config.people.decide_after
         beliefs = dict[str, Distribution]()
@@ -194,6 +195,7 @@ class RobotLoop:
 
         def take(step: Step) -> None:
             self._publish_belief(person, domain.marginal(step.belief), step.action)
+            self._attention.note_presence(len(self._tracks.list_people()), monotonic())
             self._show_step(person, step)
 
         n_learnt = 0 if self._session is None else self._session.n_people
