@@ -42,10 +42,14 @@ def solve(
     check: Annotated[
         bool, typer.Option("--check", help="Check the bounds by an independent evaluation of the policy.")
     ] = False,
+    check_time: Annotated[
+        float | None, typer.Option(help="Limit of --check in seconds; by default as long as the search.")
+    ] = None,
 ) -> None:
     """Solve a POMDP and write the policy, with bounds on its value.
 
-    Ctrl-C writes the best policy so far. The exit code is 1 if --check refutes the bounds.
+    Ctrl-C writes the best policy so far; during --check it ends the check with what is established until
+    then. The exit code is 1 if --check refutes the bounds.
     """
     from lcorpp import planning
     from lcorpp.planning.solvers import load_solver
@@ -78,8 +82,8 @@ def solve(
     if check:
         from lcorpp.planning import certificate
 
-        with console.show_progress("checking the bounds", kept=f"the policy is in {out}"):
-            checked = certificate(solution)
+        with console.show_delayed_progress("checking the bounds") as advance:
+            checked = certificate(solution, time_limit=check_time, callback=advance)
         typer.echo(checked.text)
         if checked.verdict == "refuted":
             raise typer.Exit(1)

@@ -72,6 +72,20 @@ def test_sparse_and_dense_products_choose_the_same(monkeypatch):
     assert np.array_equal(BatchPolicy(policy).best(SparseBeliefs.of(beliefs)).values, found[0].values)
 
 
+def test_many_almost_equal_vectors(monkeypatch):
+    """Forty vectors that differ by rounding: one by one and by a sparse product."""
+    rng = np.random.default_rng(6)
+    beliefs = rng.dirichlet(np.ones(6), size=50)
+    vectors = rng.normal(size=6) * (1 + 1e-15 * rng.integers(0, 3, (40, 1)))
+    policy = Policy((AlphaVectors(np.arange(6), vectors, np.arange(40) % 3),), *NAMES)
+    found = []
+    for limit in (0, 40):
+        monkeypatch.setattr(module, "MAX_NEAR", limit)
+        found.append(BatchPolicy(policy).best(SparseBeliefs.of(beliefs)))
+    assert found[0].values == pytest.approx(found[1].values, rel=1e-15)
+    assert found[0].values == pytest.approx((beliefs @ vectors.T).max(axis=1), rel=1e-14)
+
+
 def test_the_first_of_equal_vectors_counts():
     policy = Policy.of(tiger, [[1.0, 3.0], [2.0, 2.0], [3.0, 1.0]], [2, 1, 0])
     assert BatchPolicy(policy).values_and_actions(np.array([[0.5, 0.5]]))[1].tolist() == [2]

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -95,3 +96,10 @@ def test_another_start_has_its_own_claims():
 def test_the_tolerance_is_positive():
     with pytest.raises(ModelError, match="the tolerance must be positive, not 0"):
         certificate(claim(tiger, back_up(tiger, 1), 0.0, 1.0), tolerance=0)
+
+
+def test_a_limit_is_part_of_the_check():
+    policy = back_up(lcorpp, 8)
+    found = certificate(claim(lcorpp, policy, policy.value(lcorpp.start) - 5, 1000.0), memory_limit=1.0)
+    assert found.evaluation.stopped == "memory limit"
+    assert re.search(r"memory limit after .* s, the beliefs cover 0% of the discounted future", found.text)

@@ -1,11 +1,15 @@
 from __future__ import annotations
 
+import itertools
+import signal
+
 import numpy as np
 import pytest
 from hypothesis import given, settings, strategies as st
 
 from lcorpp.errors import ModelError, PolicyError
 from lcorpp.planning import Policy, Pomdp, parse_pomdp
+from lcorpp.planning.evaluation import budget
 from lcorpp.planning.evaluation.mdp import mdp_value_bounds
 from lcorpp.planning.evaluation.policy_evaluation import evaluate
 from tests.planning.models import LCORPP, TIGER, pomdps
@@ -131,6 +135,70 @@ def test_a_long_path_is_expanded_completely():
     exact = (np.arange(S) % 7) @ 0.999 ** np.arange(S) + 0.999**S * ((S - 1) % 7) / 0.001
     assert (found.exact, found.complete, found.beliefs) == (True, True, S)
     assert found.interval.estimate == pytest.approx(exact)
+
+
+@pytest.fixture
+def clock(monkeypatch):
+    """A clock that advances by a second each time that somebody reads it."""
+    times = itertools.count()
+    monkeypatch.setattr(budget, "monotonic", lambda: float(next(times)))
+
+
+def test_the_bounds_hold_at_any_time_limit(clock):
+    """Also where the end of the time cuts trials off: their rest counts with its bounds."""
+    doors = Policy.of(tiger, [[7.0, 7.0], [-70.0, 30.0], [30.0, -70.0]], [0, 1, 2])
+    exact = evaluate(tiger, doors, precision=1e-7).interval.estimate
+    numbers = {"precision": 1e-9, "max_nodes": 1, "trials": 100, "confidence": 0.9999}
+    cut_off = 0
+    for seconds in range(1, 40):
+        found = evaluate(tiger, doors, **numbers, time_limit=seconds)
+        assert found.lower <= exact <= found.upper
+        assert found.interval.low <= exact <= found.interval.high
+        assert 0 <= found.coverage < 1
+        cut_off += found.stopped == "time limit" and found.trials > 0
+    assert cut_off > 5
+
+
+def test_enough_time_changes_nothing(clock):
+    policy = back_up(lcorpp, 8)
+    free, limited = (
+        evaluate(lcorpp, policy, precision=1e-9, max_nodes=3, trials=100, time_limit=seconds)
+        for seconds in (np.inf, 1e9)
+    )
+    assert limited.interval == free.interval
+    assert (limited.trials, limited.stopped) == (100, "")
+
+
+def test_the_memory_limit_ends_the_expansion():
+    policy = back_up(lcorpp, 8)
+    found = evaluate(lcorpp, policy, precision=1e-9, memory_limit=1.0, trials=0)
+    assert (found.beliefs, found.complete, found.stopped) == (0, False, "memory limit")
+    with pytest.raises(ModelError, match="memory_limit 0 must be positive"):
+        evaluate(lcorpp, policy, memory_limit=0)
+
+
+def test_ctrl_c_returns_what_is_established():
+    calls = []
+
+    def interrupt(share, text):
+        calls.append(text)
+        signal.raise_signal(signal.SIGINT)
+
+    policy = back_up(lcorpp, 8)
+    exact = evaluate(lcorpp, policy, precision=1e-7)
+    found = evaluate(lcorpp, policy, precision=1e-9, trials=100, callback=interrupt)
+    assert (found.stopped, len(calls)) == ("interrupted", 1)
+    assert found.lower <= exact.interval.estimate <= found.upper
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+
+
+def test_a_second_ctrl_c_raises():
+    def interrupt(share, text):
+        signal.raise_signal(signal.SIGINT)
+        signal.raise_signal(signal.SIGINT)
+
+    with pytest.raises(KeyboardInterrupt):
+        evaluate(lcorpp, back_up(lcorpp, 8), precision=1e-9, callback=interrupt)
 
 
 @pytest.mark.parametrize(

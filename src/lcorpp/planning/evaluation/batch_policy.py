@@ -23,6 +23,9 @@ SPARSE_RATIO = 8
 ROUNDING = 1e-12
 """Bound on the rounding error of a product, relative to the largest vector entry."""
 
+MAX_NEAR = 16
+"""Up to so many vectors close to the maximum at a belief are summed again one by one."""
+
 
 class BestVectors(NamedTuple):
     """The best vectors at n beliefs.
@@ -147,28 +150,49 @@ def _best_of_table(table: Array, beliefs: SparseBeliefs) -> tuple[Array, Indices
     The rounding of a matrix product depends on the whole batch. Vectors close to the maximum are therefore
     summed again in the order of the states; the first of equals is returned.
     """
-    sizes, totals = beliefs.sizes, beliefs.totals()
     products = _multiply(beliefs, table)
-    margin = ROUNDING * float(np.abs(table).max()) * totals
-    near = np.flatnonzero(products >= (products.max(axis=1) - margin)[:, None])
-    row, vector = np.divmod(near, table.shape[1])
-    at = ragged_indices(beliefs.begins[row], sizes[row])
-    terms = table[beliefs.states[at], np.repeat(vector, sizes[row])] * beliefs.weights[at]
-    value = segment_sum(np.repeat(np.arange(len(row)), sizes[row]), terms, len(row))
+    margin = ROUNDING * float(np.abs(table).max()) * beliefs.totals()
+    row, vector = np.divmod(
+        np.flatnonzero(products >= (products.max(axis=1) - margin)[:, None]), table.shape[1]
+    )
+    values, vectors = np.empty(len(beliefs)), np.empty(len(beliefs), dtype=np.intp)
+    has_many = np.bincount(row, minlength=len(beliefs)) > MAX_NEAR
+    if has_many.any():
+        many, is_few = np.flatnonzero(has_many), ~has_many[row]
+        values[many], vectors[many] = _best_of_all(table, beliefs.take(many))
+        row, vector = row[is_few], vector[is_few]
+    sizes = beliefs.sizes[row]
+    at = ragged_indices(beliefs.begins[row], sizes)
+    terms = table[beliefs.states[at], np.repeat(vector, sizes)] * beliefs.weights[at]
+    value = segment_sum(np.repeat(np.arange(len(row)), sizes), terms, len(row))
     # by belief, then by descending value, then by vector
     order = np.lexsort((vector, -value, row))
-    first = order[np.searchsorted(row, np.arange(len(beliefs)))]
-    return value[first], vector[first]
+    few, begins = np.unique(row, return_index=True)
+    values[few], vectors[few] = value[order[begins]], vector[order[begins]]
+    return values, vectors
+
+
+def _best_of_all(table: Array, beliefs: SparseBeliefs) -> tuple[Array, Indices]:
+    """Sum all vectors in the order of the states; arguments and result as `_best_of_table`."""
+    products = _multiply_sparse(beliefs, table)
+    vectors = products.argmax(axis=1)
+    return products[np.arange(len(beliefs)), vectors], vectors
 
 
 def _multiply(beliefs: SparseBeliefs, table: Array) -> Array:
     """Return (k, K) the value of each vector at each belief, up to rounding."""
     shape = (len(beliefs), len(table))
     if SPARSE_RATIO * len(beliefs.states) < shape[0] * shape[1]:
-        from scipy.sparse import csr_array
-
-        rows: Any = csr_array((beliefs.weights, beliefs.states, beliefs.begins), shape=shape)
-        return np.asarray(rows @ table, dtype=np.float64)
+        return _multiply_sparse(beliefs, table)
     dense: npt.NDArray[np.float64] = np.zeros(shape)
     dense[beliefs.owners, beliefs.states] = beliefs.weights
     return dense @ table
+
+
+def _multiply_sparse(beliefs: SparseBeliefs, table: Array) -> Array:
+    """Return (k, K) the value of each vector at each belief, added in the order of the states."""
+    from scipy.sparse import csr_array
+
+    shape = (len(beliefs), len(table))
+    rows: Any = csr_array((beliefs.weights, beliefs.states, beliefs.begins), shape=shape)
+    return np.asarray(rows @ table, dtype=np.float64)

@@ -22,6 +22,9 @@ UNKNOWN = -1
 INITIAL_NODES, INITIAL_ENTRIES = 64, 256
 """Lengths of the arrays of an empty graph; they grow with the graph."""
 
+BYTES_PER_KEY = 200
+"""Of a node in the dictionary of the beliefs."""
+
 
 class Children(NamedTuple):
     """All children of some nodes, by node and then by observation.
@@ -102,8 +105,12 @@ class BeliefGraph:
 
     @property
     def memory_size(self) -> int:
-        """The number of array entries that the beliefs and children take in memory."""
-        return int(self._begins[self._count]) + self._count * self._children.shape[1]
+        """Bytes of the arrays and of the table of nodes."""
+        arrays = (
+            self._begins, self._states, self._weights, self._children,
+            self._actions, self._vector_indices, self._values, self._absorbing,
+        )  # fmt: skip
+        return sum(array.nbytes for array in arrays) + BYTES_PER_KEY * self._count
 
     def add(self, beliefs: SparseBeliefs) -> Indices:
         """Return the nodes (k,) of beliefs, which need not be normalised; new beliefs become nodes."""

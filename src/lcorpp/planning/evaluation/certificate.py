@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal
 
@@ -18,6 +19,12 @@ from lcorpp.planning.solution import Solution
 TOLERANCE = 1e-6
 """Default tolerance of a claim, relative to the largest claimed value, which counts as at least 1."""
 
+MIN_SECONDS = 2.0
+"""Default of the time limit after a short search."""
+
+MEMORY_LIMIT = 1e9
+"""Default of the memory limit, in bytes."""
+
 Verdict = Literal["confirmed", "refuted", "open"]
 
 
@@ -31,7 +38,7 @@ class Certificate:
     vector_value: value of the policy's best vector at the start belief.
     tolerance: of the claim, in reward units.
     evaluation: of the policy, from the model alone.
-    verdict: "confirmed", "refuted", or "open" if there were too few trials to decide.
+    verdict: "confirmed", "refuted", or "open" if the evaluation is not precise enough to decide.
     reason: of the verdict, in words.
     certain: whether the verdict is certain; otherwise it has the confidence of the evaluation's interval.
     """
@@ -53,6 +60,8 @@ class Certificate:
     def _parts(self) -> list[tuple[str, str]]:
         evaluation = self.evaluation
         bounds = f"{evaluation.lower:.8g} to {evaluation.upper:.8g}"
+        which = "all reachable beliefs" if evaluation.complete else "reachable beliefs"
+        check = f"exact evaluation on {which} ({evaluation.beliefs}): value {bounds}"
         if evaluation.trials:
             interval = evaluation.interval
             check = (
@@ -60,9 +69,11 @@ class Certificate:
                 f" {100 * interval.confidence:g}% interval {interval.low:.8g} to {interval.high:.8g},"
                 f" certainly {bounds}"
             )
-        else:
-            which = "all reachable beliefs" if evaluation.complete else "reachable beliefs"
-            check = f"exact evaluation on {which} ({evaluation.beliefs}): value {bounds}"
+        if evaluation.stopped:
+            check += (
+                f"; {evaluation.stopped} after {evaluation.seconds:.1f} s, the beliefs cover"
+                f" {evaluation.coverage:.0%} of the discounted future"
+            )
         return [
             ("claim", f"policy's value at least {self.lower:.8g}, optimal value at most {self.upper:.8g}"),
             ("check", check),
@@ -85,6 +96,9 @@ def certificate(
     trials: int = 200,
     confidence: float = 0.99,
     seed: int = 0,
+    time_limit: float | None = None,
+    memory_limit: float = MEMORY_LIMIT,
+    callback: Callable[[float, str], None] | None = None,
 ) -> Certificate:
     """Check the claims of a solution by evaluating its policy.
 
@@ -98,7 +112,10 @@ def certificate(
         start: (S,) belief of the claims, which are then the values of vectors and upper bound there; the
             solution's own start and claims when None.
         tolerance: in reward units; 1e-6 times the claimed values when None.
-        max_nodes, trials, confidence, seed: as for `evaluate`.
+        max_nodes, trials, confidence, seed, callback: as for `evaluate`.
+        time_limit: seconds of wall-clock time; as long as the search took, but at least `MIN_SECONDS`, when
+            None. memory_limit: bytes. At a limit or after Ctrl-C, the verdict is that of what is established
+            until then, and may be "open".
 
     Raises:
         ModelError: `start` is not a distribution over the states, or an argument is out of range.
@@ -126,6 +143,9 @@ def certificate(
         trials=trials,
         confidence=confidence,
         seed=seed,
+        time_limit=max(MIN_SECONDS, solution.seconds) if time_limit is None else time_limit,
+        memory_limit=memory_limit,
+        callback=callback,
     )
     verdict, certain, reason = _decide(lower - tolerance, upper + tolerance, evaluation)
     if verdict == "refuted" and vector_value >= lower - tolerance > evaluation.interval.estimate:

@@ -2,15 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import numpy as np
 
 from lcorpp.planning.evaluation.belief_graph import BeliefGraph
+from lcorpp.planning.evaluation.budget import Budget
 from lcorpp.values import Array, Indices
 
-MAX_GRAPH_SIZE = 2**26
-"""The maximal number of numbers in the belief graph."""
+MAX_SLICE_PRODUCTS = 2**28
+"""Products of vectors and next beliefs, after which a slice of beliefs ends: some tenths of a second."""
+
+EXPANSION_SHARE = 0.4
+"""Share of the time limit for the expansion; the rest is for the trials."""
 
 MIN_BATCH = 256
 """Beliefs are expanded in batches of at most this many, plus a quarter of those that are known."""
@@ -21,11 +27,14 @@ MAX_PATH_WIDTH = 2
 MAX_PUSHES = 50
 """The maximal number of pushes before more beliefs are expanded."""
 
-MAX_FACTORISED = 20_000
-"""The maximal number of nodes for a sparse LU factorisation, whose fill-in may be large."""
+MAX_FACTORISED = 5_000
+"""The maximal number of nodes for a sparse LU factorisation: its fill-in takes at most 300 MB."""
 
-GMRES_TOLERANCE = 1e-12
-"""Relative residual at which GMRES stops."""
+GMRES_TOLERANCE, MAX_RESTARTS = 1e-12, 10
+"""Relative residual at which GMRES stops, and the maximal number of its cycles of 40 steps."""
+
+SOLUTION_SHARE = 0.6
+"""Share of the time limit after which no other cycle begins."""
 
 
 class DiscountedOccupancy:
@@ -35,15 +44,17 @@ class DiscountedOccupancy:
     over nodes of residual times value. The residual is the visits that are not pushed to the children yet; at
     its nodes only bounds on the value are known.
 
-    graph: of the beliefs.
+    graph: of the beliefs. budget: at its limits the expansion ends.
     visits, residual: (n,) by node; `residual` may contain rounding errors of either sign.
 
     Source: the dual of policy evaluation (Puterman, 1994, section 6.9), with pushes as in Andersen, Chung and
     Lang, Local graph partitioning using PageRank vectors, 2006.
     """
 
-    def __init__(self, graph: BeliefGraph, root: int, low: Array, high: Array) -> None:
-        self.graph = graph
+    def __init__(
+        self, graph: BeliefGraph, root: int, low: Array, high: Array, budget: Budget | None = None
+    ) -> None:
+        self.graph, self._budget = graph, Budget() if budget is None else budget
         self._root, self._state_bounds = root, (low, high)
         self.visits, self.residual = np.zeros(0), np.zeros(0)
         self._expanded = np.zeros(0, dtype=bool)
@@ -64,19 +75,34 @@ class DiscountedOccupancy:
         """Whether all reachable beliefs are expanded."""
         return bool(self._expanded.all())
 
-    def expand(self, precision: float, max_nodes: int) -> None:
-        """Expand beliefs until the bounds differ by less than `precision` or the graph is too large."""
+    @property
+    def coverage(self) -> float:
+        """The share of the discounted future, a step t counting gamma**t, in which beliefs are expanded."""
+        return 1.0 - float(np.maximum(self.residual[~self._expanded], 0.0).sum())
+
+    @property
+    def memory_size(self) -> int:
+        """Bytes of the graph and the edges; arrays are copied when they grow or are sorted."""
+        edges = sum(column.nbytes for column in self._edges)
+        return 2 * self.graph.memory_size + 4 * edges
+
+    def expand(self, precision: float, max_nodes: int, show: Callable[[], None] = lambda: None) -> None:
+        """Expand beliefs until the bounds differ by less than `precision` or a limit is reached.
+
+        Args:
+            show: called after each expansion.
+        """
         while True:
             for _ in range(MAX_PUSHES):
                 inside, outside = self._gaps()
-                if inside <= 0.1 * max(outside, precision):
+                if inside <= 0.1 * max(outside, precision) or self._is_spent():
                     break
                 self._push()
             if self._gaps()[1] <= 0.9 * precision:
                 self._solve(precision)
-            full = len(self.graph) >= max_nodes or self.graph.memory_size >= MAX_GRAPH_SIZE
-            if full or self._gaps()[1] <= 0.9 * precision:
+            if len(self.graph) >= max_nodes or self._gaps()[1] <= 0.9 * precision or self._is_spent():
                 break
+            show()
             gaps = self.residual * (self._high - self._low)
             self._expand_nodes(np.where(self._expanded, 0.0, gaps), max_nodes)
         self._solve(precision)
@@ -103,6 +129,9 @@ class DiscountedOccupancy:
         backups = self._rewards + self._push_matrix.T @ values
         return np.where(self._expanded, self.visits * (values - backups), 0.0)
 
+    def _is_spent(self) -> bool:
+        return self._budget.is_spent(self.memory_size, share=EXPANSION_SHARE)
+
     def _gaps(self) -> tuple[float, float]:
         """Return the gap between the bounds due to the residual at expanded nodes, and at other nodes."""
         gaps = self.residual * (self._high - self._low)
@@ -118,18 +147,30 @@ class DiscountedOccupancy:
         nodes = np.sort(order[: min(count, max_nodes, limit)])
         edges = [self._edges]
         while True:
-            before = len(self.graph)
-            parent, _, probability, child = self.graph.expand(nodes)
-            edges.append((parent, child, probability))
-            self._expanded[nodes] = True
+            before, count = len(self.graph), 0
+            for part in self._slice(nodes):
+                parent, _, probability, child = self.graph.expand(part)
+                edges.append((parent, child, probability))
+                self._expanded[part] = True
+                count += len(part)
+                if self._is_spent():
+                    break
             self._append_new_nodes()
             # a narrow path is expanded further; wider sets of beliefs are ranked first
-            nodes, limit = np.flatnonzero(~self._expanded[before:]) + before, limit - len(nodes)
-            if not 0 < len(nodes) <= min(MAX_PATH_WIDTH, limit) or len(self.graph) >= max_nodes:
+            nodes, limit = np.flatnonzero(~self._expanded[before:]) + before, limit - count
+            full = len(self.graph) >= max_nodes or self._is_spent()
+            if full or not 0 < len(nodes) <= min(MAX_PATH_WIDTH, limit):
                 break
         parents, children, probabilities = (np.concatenate(column) for column in zip(*edges, strict=True))
         self._edges = parents, children, probabilities
         self._update_matrix()
+
+    def _slice(self, nodes: Indices) -> list[Indices]:
+        """Split nodes so that each part takes little time."""
+        pomdp, policy = self.graph.pomdp, self.graph.policy
+        entries = max(1, self.graph.beliefs.begins[-1] // len(self.graph))
+        step = max(1, int(MAX_SLICE_PRODUCTS // (len(policy) * entries * len(pomdp.observations))))
+        return [nodes[begin : begin + step] for begin in range(0, len(nodes), step)]
 
     def _append_new_nodes(self) -> None:
         """Extend all arrays to the new nodes of the graph."""
@@ -169,21 +210,24 @@ class DiscountedOccupancy:
         expanded = np.flatnonzero(self._expanded)
         begin = np.zeros(len(self._expanded))
         begin[self._root] = 1.0
-        for solve in (solve_gmres, solve_lu)[: 1 if len(expanded) > MAX_FACTORISED else 2]:
+        solvers = (partial(solve_gmres, budget=self._budget), solve_lu)
+        for solve in solvers[: 1 if len(expanded) > MAX_FACTORISED else 2]:
             before = self.visits, self.residual, self._gaps()[0]
             if before[2] <= 0.05 * precision:
                 return
             self.visits = np.zeros(len(begin))
-            self.visits[expanded] = solve(self._push_matrix[expanded][:, expanded], begin[expanded])
+            matrix = self._push_matrix[expanded][:, expanded]
+            self.visits[expanded] = solve(matrix, begin[expanded])
             self.residual = begin - self.visits + self._push_matrix @ self.visits
             if not abs(self._gaps()[0]) <= before[2]:
                 self.visits, self.residual, _ = before
 
 
-def solve_gmres(matrix: Any, begin: Array) -> Array:
+def solve_gmres(matrix: Any, begin: Array, budget: Budget | None = None) -> Array:
     """Return (n,) an approximate solution of x = begin + matrix x by GMRES, preconditioned by a sweep.
 
-    A Gauss-Seidel sweep in the order of the nodes solves an acyclic graph exactly.
+    A Gauss-Seidel sweep in the order of the nodes solves an acyclic graph exactly. The iteration ends when
+    the budget is spent.
 
     Args:
         matrix: (n, n) sparse, with column sums below 1. begin: (n,).
@@ -197,7 +241,13 @@ def solve_gmres(matrix: Any, begin: Array) -> Array:
     equations = (eye_array(n) - matrix).tocsc()
     forward = splu(tril(equations, format="csc"), permc_spec="NATURAL", diag_pivot_thresh=0.0)
     sweep = LinearOperator((n, n), forward.solve, dtype=np.float64)
-    solution, _ = gmres(equations, begin, M=sweep, rtol=GMRES_TOLERANCE, restart=40, maxiter=10)
+    solution: Any = np.zeros(n)
+    for _ in range(MAX_RESTARTS):
+        solution, is_open = gmres(
+            equations, begin, solution, M=sweep, rtol=GMRES_TOLERANCE, restart=40, maxiter=1
+        )
+        if not is_open or (budget is not None and budget.is_spent(share=SOLUTION_SHARE)):
+            break
     return np.asarray(solution, dtype=np.float64)
 
 

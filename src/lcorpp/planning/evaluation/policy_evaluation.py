@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from numbers import Real
-from time import monotonic
 
 import numpy as np
 import numpy.typing as npt
@@ -14,7 +14,8 @@ from lcorpp.notebook import html_table
 from lcorpp.planning.arguments import check_type
 from lcorpp.planning.belief import check_belief
 from lcorpp.planning.evaluation.belief_graph import BeliefGraph
-from lcorpp.planning.evaluation.control_variates import estimate_value
+from lcorpp.planning.evaluation.budget import Budget
+from lcorpp.planning.evaluation.control_variates import MeanEstimate, estimate_value
 from lcorpp.planning.evaluation.mdp import mdp_value_bounds
 from lcorpp.planning.evaluation.occupancy import DiscountedOccupancy
 from lcorpp.planning.evaluation.sparse_beliefs import SparseBeliefs
@@ -57,9 +58,11 @@ class Evaluation:
     exact: whether the bounds are as close as requested, apart from rounding.
     complete: whether all reachable beliefs were computed.
     beliefs: how many were computed.
+    coverage: the share of the discounted future in which they are: step t counts gamma**t.
     interval: estimate of the value with a confidence interval; if there were no trials, the middle of the
         bounds and the bounds themselves, with confidence 1.
-    trials: how many were simulated. seconds: wall-clock time.
+    trials: how many were simulated; those that the end of the time cut off count with bounds on their rest.
+    seconds: wall-clock time. stopped: "time limit", "memory limit" or "interrupted" if that ended it, or "".
     shortfall: the largest loss against the vectors, among the computed beliefs.
     """
 
@@ -68,14 +71,16 @@ class Evaluation:
     exact: bool
     complete: bool
     beliefs: int
+    coverage: float
     interval: Interval
     trials: int
     seconds: float
+    stopped: str
     shortfall: Shortfall
 
     def summary(self) -> str:
         """Return the result in one line of text."""
-        beliefs = f"{self.beliefs} beliefs" + ("" if self.complete else ", not all")
+        beliefs = f"{self.beliefs} beliefs" + ("" if self.complete else f", not all; {self.coverage:.0%}")
         bounds, interval = f"{self.lower:.6g} to {self.upper:.6g} ({beliefs})", self.interval
         if not self.trials:
             return f"value {bounds}"
@@ -109,6 +114,9 @@ def evaluate(
     trials: int = 1_000,
     confidence: float = 0.95,
     seed: int = 0,
+    time_limit: float = np.inf,
+    memory_limit: float = np.inf,
+    callback: Callable[[float, str], None] | None = None,
 ) -> Evaluation:
     """Evaluate a policy from a belief.
 
@@ -130,14 +138,19 @@ def evaluate(
         trials: number of trials if the bounds remain further apart; 0 for none.
         confidence: of the trials' interval, between 0 and 1.
         seed: of the trials, an integer from 0.
+        time_limit: seconds of wall-clock time. memory_limit: bytes of the evaluation's own arrays. At a
+            limit, or after Ctrl-C, the result is what is established until then.
+        callback: called with the share of the time limit, or of the beliefs without one, and a text.
 
     Raises:
         ModelError: `start` is not a distribution over the states, or an argument is out of range.
         PolicyError: the policy is for another model.
+        KeyboardInterrupt: a second Ctrl-C.
         ObservationError: rounding has removed the hidden state from a trial's belief; the message names it.
     """
     check_same_model(pomdp, policy)
     numbers = {"precision": precision, "max_nodes": max_nodes, "trials": trials, "confidence": confidence}
+    numbers |= {"time_limit": time_limit, "memory_limit": memory_limit}
     for name, number in numbers.items():
         check_type(name, number, Real)
     if not precision > 0 or not 0 < confidence < 1 or max_nodes < 1 or trials < 0 or 0 < trials < 4:
@@ -145,46 +158,78 @@ def evaluate(
             f"precision {precision} must be positive, confidence {confidence} between 0 and 1, max_nodes"
             f" {max_nodes} from 1 and trials {trials} 0 or from 4"
         )
+    if not (time_limit > 0 and memory_limit > 0):
+        raise ModelError(f"time_limit {time_limit} and memory_limit {memory_limit} must be positive")
     belief = check_belief(pomdp, pomdp.start if start is None else start)
-    began = monotonic()
-    low, high = mdp_value_bounds(pomdp)
-    largest = float(max(np.abs(low).max(), np.abs(high).max()))
-    slack = BELIEF_ROUNDING * largest / (1 - pomdp.discount)
-    graph = BeliefGraph(pomdp, policy)
-    occupancy = DiscountedOccupancy(graph, int(graph.add(SparseBeliefs.of(belief[None]))[0]), low, high)
-    occupancy.expand(precision / 2, max_nodes)
+    budget = Budget(time_limit, memory_limit)
+    with budget.catch_interrupt():
+        state_bounds = mdp_value_bounds(pomdp)
+        largest = float(max(np.abs(bound).max() for bound in state_bounds))
+        slack = BELIEF_ROUNDING * largest / (1 - pomdp.discount)
+        graph = BeliefGraph(pomdp, policy)
+        root = int(graph.add(SparseBeliefs.of(belief[None]))[0])
+        occupancy = DiscountedOccupancy(graph, root, *state_bounds, budget)
+
+        def show() -> None:
+            if callback is not None:
+                share = min(1.0, max(budget.seconds / time_limit, len(graph) / max_nodes))
+                callback(share, f"{len(graph)} beliefs, {occupancy.coverage:.0%}")
+
+        occupancy.expand(precision / 2, max_nodes, show)
+        found = _summarise(occupancy, precision, slack)
+        if trials and not found.exact and not found.complete:
+            roots = np.flatnonzero(occupancy.residual > 0)
+            weights = occupancy.residual[roots]
+            remainder = estimate_value(
+                graph,
+                roots,
+                weights,
+                trials=trials,
+                confidence=confidence,
+                seed=seed,
+                state_bounds=state_bounds,
+                budget=budget,
+                show=None if callback is None else lambda n: callback(n / trials, f"{n} of {trials} trials"),
+            )
+            if remainder is not None:
+                found = _add_trials(
+                    found, occupancy.expected_reward(), float(weights.sum()), remainder, slack
+                )
+        return replace(found, seconds=budget.seconds, stopped=budget.reason)
+
+
+def _summarise(occupancy: DiscountedOccupancy, precision: float, slack: float) -> Evaluation:
+    """Return what the expanded beliefs show."""
     lower, upper = occupancy.bounds()
     exact = upper - lower <= precision
     lower, upper = lower - slack, upper + slack
-    evaluation = Evaluation(
+    return Evaluation(
         lower=lower,
         upper=upper,
         exact=exact,
         complete=occupancy.complete,
         beliefs=occupancy.expanded,
+        coverage=occupancy.coverage,
         interval=Interval((lower + upper) / 2, lower, upper, confidence=1.0),
         trials=0,
-        seconds=monotonic() - began,
+        seconds=0.0,
+        stopped="",
         shortfall=_find_largest_shortfall(occupancy),
     )
-    if exact or occupancy.complete or not trials:
-        return evaluation
-    roots = np.flatnonzero(occupancy.residual > 0)
-    weights = occupancy.residual[roots]
-    remainder = estimate_value(graph, roots, weights, trials=trials, confidence=confidence, seed=seed)
-    value = occupancy.expected_reward() + float(weights.sum()) * remainder.mean
-    half_width = float(weights.sum()) * remainder.half_width + slack
-    return replace(
-        evaluation,
-        interval=Interval(
-            estimate=min(max(value, lower), upper),
-            low=max(lower, value - half_width),
-            high=min(upper, value + half_width),
-            confidence=confidence,
-        ),
-        trials=trials,
-        seconds=monotonic() - began,
+
+
+def _add_trials(
+    found: Evaluation, reward: float, weight: float, remainder: MeanEstimate, slack: float
+) -> Evaluation:
+    """Add the estimate of what lies beyond the expanded beliefs, whose total residual is `weight`."""
+    lower, upper = found.lower, found.upper
+    interval = Interval(
+        estimate=min(max(reward + weight * remainder.mean, lower), upper),
+        low=max(lower, reward + weight * remainder.low - slack),
+        high=min(upper, reward + weight * remainder.high + slack),
+        confidence=remainder.confidence,
     )
+    return replace(found, interval=interval, trials=remainder.trials)
 
 
 def _find_largest_shortfall(occupancy: DiscountedOccupancy) -> Shortfall:

@@ -19,8 +19,8 @@ from lcorpp.values import Array, Indices
 MAX_BLOCK_TRIALS = 2**15
 """The maximal number of trials of a block: their state fits into a core's cache."""
 
-MAX_GRAPH_SIZE = 2**25
-"""The belief graph is cleared, except for the current beliefs, when it contains this many numbers."""
+MAX_GRAPH_SIZE = 2**28
+"""The belief graph is cleared, except for the current beliefs, when it takes this many bytes."""
 
 
 class RolloutStep(NamedTuple):
@@ -58,7 +58,7 @@ class BatchRollout:
             for table in (pomdp.transition, pomdp.observation)
         )
         self._graph = BeliefGraph(pomdp, policy)
-        block = MAX_GRAPH_SIZE // (len(pomdp.states) + len(pomdp.observations))
+        block = MAX_GRAPH_SIZE // (8 * (len(pomdp.states) + len(pomdp.observations)))
         self._block = min(max(block, 256), MAX_BLOCK_TRIALS)
 
     def blocks(self, trials: int) -> Iterator[slice]:

@@ -1,0 +1,74 @@
+"""Limits of time and memory, at which a computation ends with what it has."""
+
+from __future__ import annotations
+
+import signal
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from math import inf
+from time import monotonic
+from types import FrameType
+
+
+class Budget:
+    """What a computation may use. Its steps ask `is_spent` and end early.
+
+    Args:
+        seconds: of wall-clock time from now. size: bytes of the computation's own arrays.
+
+    Attributes:
+        reason: "time limit", "memory limit" or "interrupted" once a limit was reached, before "".
+    """
+
+    def __init__(self, seconds: float = inf, size: float = inf) -> None:
+        self._began, self._seconds, self._size = monotonic(), seconds, size
+        self._is_interrupted = False
+        self.reason = ""
+
+    def __repr__(self) -> str:
+        return f"<Budget: {self.reason or f'{self.seconds:.3g} of {self._seconds:.3g} s'}>"
+
+    @property
+    def is_limited(self) -> bool:
+        """Whether the time has a limit."""
+        return self._seconds < inf
+
+    @property
+    def seconds(self) -> float:
+        """Since the start."""
+        return monotonic() - self._began
+
+    def is_spent(self, size: float = 0.0, *, share: float = 1.0) -> bool:
+        """Return whether a limit is reached, and set the reason.
+
+        Args:
+            size: bytes in use.
+            share: of the time that this part of the computation may have used at most; it sets no reason.
+        """
+        limits = {
+            "interrupted": self._is_interrupted,
+            "memory limit": size > self._size,
+            "time limit": self.seconds >= self._seconds,
+        }
+        reached = next((name for name, is_reached in limits.items() if is_reached), "")
+        self.reason = reached or self.reason
+        return bool(reached) or self.seconds >= share * self._seconds
+
+    @contextmanager
+    def catch_interrupt(self) -> Iterator[None]:
+        """Let the first Ctrl-C spend the budget; a second one raises KeyboardInterrupt."""
+        if threading.current_thread() is not threading.main_thread():  # only the main thread sets handlers
+            yield
+            return
+
+        def interrupt(number: int, frame: FrameType | None) -> None:
+            if self._is_interrupted:
+                raise KeyboardInterrupt
+            self._is_interrupted = True
+
+        before = signal.signal(signal.SIGINT, interrupt)
+        try:
+            yield
+        finally:
+            signal.signal(signal.SIGINT, before)
