@@ -72,6 +72,19 @@ def test_rewards_become_expected_rewards():
     assert parse_pomdp(HEAD + BODY + "R: * : * : * : u 2\nR: x : * : * : * 3").reward[:, 0].tolist() == [3, 1]
 
 
+def test_a_star_needs_no_space_after_it():
+    """As for pomdp-solve, whose scanner reads a star as a token."""
+    glued = HEAD + "T:*uniform\nT:x:a:*0.5\nO:*:*uniform\nR:*:*:*:*-1\nR:x:*:*:*2\n"
+    spaced = (
+        HEAD + "T: * uniform\nT: x : a : * 0.5\nO: * : * uniform\nR: * : * : * : * -1\nR: x : * : * : * 2\n"
+    )
+    assert parse_pomdp(glued).fingerprint == parse_pomdp(spaced).fingerprint
+    with pytest.raises(
+        ParseError, match=r"7:6: transition matrix of 2 rows needs 4 numbers, found 0 and then '.'"
+    ):
+        parse_pomdp(HEAD + "O: * uniform\nT: * **\n")
+
+
 def test_costs_are_negated_once():
     text = (HEAD + BODY).replace("reward", "cost") + "R: x : * : * : * 4"
     reward = parse_pomdp(text).reward

@@ -25,7 +25,7 @@ Offsets = npt.NDArray[np.int64]
 """Offsets in the text."""
 
 _SKIP = r"\s*+(?:#[^\r\n]*+\s*+)*+"  # white space and comments; a comment needs no space before it
-_WORD = r"[^\s:#]++"
+_WORD = r"(?:\*|[^\s:#*][^\s:#]*+)"  # a star is a word of its own, also without a space after it
 _FIRST = re.compile(_SKIP)
 _TOKEN = re.compile(rf"(:|{_WORD}){_SKIP}")
 _KEYWORDS = "|".join(
