@@ -64,6 +64,14 @@ def test_solve_reports_a_refuted_bound(lcorpp, tiger, tmp_path, monkeypatch):
     assert (tmp_path / "a.policy").exists()
 
 
+def test_a_time_for_the_check_implies_it(lcorpp, tiger, tmp_path):
+    ended = lcorpp("solve", tiger, "-o", tmp_path / "a.policy", "--check-time", 60)
+    assert (ended.code, ended.err) == (0, "")
+    assert "verdict: confirmed" in ended.out
+    refused(lcorpp("solve", tiger, "-o", tmp_path / "b.policy", "--check-time", -1), "--check-time")
+    assert not (tmp_path / "b.policy").exists()
+
+
 def test_solve_knows_its_solvers(lcorpp, tiger, tmp_path):
     ended = lcorpp("solve", tiger, "-o", tmp_path / "a.policy", "--solver", "pbvi")
     refused(ended, "unknown solver 'pbvi'; expected one of sarsop, exact, perseus, qmdp, fib")

@@ -43,7 +43,8 @@ def solve(
         bool, typer.Option("--check", help="Check the bounds by an independent evaluation of the policy.")
     ] = False,
     check_time: Annotated[
-        float | None, typer.Option(help="Limit of --check in seconds; by default as long as the search.")
+        float | None,
+        typer.Option(min=0.1, help="Check, for at most so many seconds; by default as long as the search."),
     ] = None,
 ) -> None:
     """Solve a POMDP and write the policy, with bounds on its value.
@@ -79,7 +80,7 @@ def solve(
 
         save_figure(draw_bounds(solution.history, title=problem.name), plot)
         typer.echo(f"drew the bounds in {plot}")
-    if check:
+    if check or check_time is not None:
         from lcorpp.planning import certificate
 
         with console.show_delayed_progress("checking the bounds") as advance:
