@@ -1,11 +1,25 @@
-"""Worker processes that leave Ctrl-C to their parent process."""
+"""Handlers of Ctrl-C for the duration of a block; worker processes leave it to their parent process."""
 
 from __future__ import annotations
 
 import signal
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from types import FrameType
+
+
+@contextmanager
+def handle_sigint(handler: Callable[[int, FrameType | None], object] | signal.Handlers) -> Iterator[None]:
+    """Set the handler of SIGINT for the block; do nothing outside the main thread, which alone may set it."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = signal.signal(signal.SIGINT, handler)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
 
 
 @contextmanager
@@ -16,27 +30,15 @@ def ignore_sigint() -> Iterator[None]:
     start is lost. (A blocked signal would not be lost, but the
     resource trackers of multiprocessing and loky unblock it.)
     """
-    if threading.current_thread() is not threading.main_thread():  # only the main thread sets handlers
+    with handle_sigint(signal.SIG_IGN):
         yield
-        return
-    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGINT, before)
 
 
 @contextmanager
 def delay_sigint() -> Iterator[None]:
     """Raise the KeyboardInterrupt of a Ctrl-C at the end of the block, so that the block is done or not."""
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
     arrived = list[int]()
-    before = signal.signal(signal.SIGINT, lambda number, _: arrived.append(number))
-    try:
+    with handle_sigint(lambda number, _: arrived.append(number)):
         yield
-    finally:
-        signal.signal(signal.SIGINT, before)
     if arrived:
         raise KeyboardInterrupt

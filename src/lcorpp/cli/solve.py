@@ -44,13 +44,15 @@ def solve(
     ] = False,
     check_time: Annotated[
         float | None,
-        typer.Option(min=0.1, help="Check, for at most so many seconds; by default as long as the search."),
+        typer.Option(
+            min=0.1, help="Maximal seconds of --check, which it implies; by default those of the search."
+        ),
     ] = None,
 ) -> None:
     """Solve a POMDP and write the policy, with bounds on its value.
 
-    Ctrl-C writes the best policy so far; during --check it ends the check with what is established until
-    then. The exit code is 1 if --check refutes the bounds.
+    Ctrl-C writes the best policy so far; during --check it ends the check, which prints its result so far.
+    The exit code is 1 if --check refutes the bounds.
     """
     from lcorpp import planning
     from lcorpp.planning.solvers import load_solver

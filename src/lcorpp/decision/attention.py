@@ -36,7 +36,7 @@ MEMORY = 300.0
 PRESENCE_MEMORY = 3600.0
 """The same for the number of people present, in seconds."""
 MIN_FULL_SHARE = 0.01
-"""Share of the time; larger numbers of people that are rarer may be errors of the tracker."""
+"""Minimal share of the time at or above the largest number of people: rarer ones may be tracking errors."""
 
 
 @dataclass(frozen=True)
@@ -109,10 +109,9 @@ def find_delay(seconds: Sequence[float]) -> float:
 class ServedShare:
     """Online estimate of q: the share of people, by value, to whom the robot attends.
 
-    The robot does not see the people who find no room. By PASTA (Wolff, Poisson arrivals see time averages,
-    Operations Research 30, 1982) they are as large a share of those who come as the share of the time in
-    which the place is full, i.e. in which the largest number of people is present that ever is. In a place
-    without a limit that number is rare, and so is the share small.
+    People who find no room are not observed. By PASTA (Wolff, Poisson arrivals see time averages, Operations
+    Research 30, 1982) their share of the arrivals equals the share of the time in which the place is full,
+    i.e. the maximal number of people is present. In a place without a limit that share is small.
     """
 
     def __init__(self) -> None:
@@ -138,7 +137,7 @@ class ServedShare:
         self._all = keep * self._all + value
 
     def record_presence(self, count: int, seconds: float) -> None:
-        """Record for how long some number of people were present, including the one attended to."""
+        """Record the number of people present, including the one attended to, for some seconds."""
         keep = exp(-seconds / PRESENCE_MEMORY)
         for number in self._seconds:
             self._seconds[number] *= keep

@@ -139,13 +139,13 @@ def test_a_long_path_is_expanded_completely():
 
 @pytest.fixture
 def clock(monkeypatch):
-    """A clock that advances by a second each time that somebody reads it."""
+    """Clock that advances by one second at each reading."""
     times = itertools.count()
     monkeypatch.setattr(budget, "monotonic", lambda: float(next(times)))
 
 
 def test_the_bounds_hold_at_any_time_limit(clock):
-    """Also where the end of the time cuts trials off: their rest counts with its bounds."""
+    """Truncated trials contribute bounds on their remaining reward."""
     doors = Policy.of(tiger, [[7.0, 7.0], [-70.0, 30.0], [30.0, -70.0]], [0, 1, 2])
     exact = evaluate(tiger, doors, precision=1e-7).interval.estimate
     numbers = {"precision": 1e-9, "max_nodes": 1, "trials": 100, "confidence": 0.9999}
@@ -186,7 +186,7 @@ def test_ctrl_c_returns_what_is_established():
 
     policy = back_up(lcorpp, 8)
     exact = evaluate(lcorpp, policy, precision=1e-7)
-    found = evaluate(lcorpp, policy, precision=1e-9, trials=100, callback=interrupt)
+    found = evaluate(lcorpp, policy, precision=1e-9, trials=100, interruptible=True, callback=interrupt)
     assert (found.stopped, len(calls)) == ("interrupted", 1)
     assert found.lower <= exact.interval.estimate <= found.upper
     assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
@@ -195,6 +195,14 @@ def test_ctrl_c_returns_what_is_established():
 def test_a_second_ctrl_c_raises():
     def interrupt(share, text):
         signal.raise_signal(signal.SIGINT)
+        signal.raise_signal(signal.SIGINT)
+
+    with pytest.raises(KeyboardInterrupt):
+        evaluate(lcorpp, back_up(lcorpp, 8), precision=1e-9, interruptible=True, callback=interrupt)
+
+
+def test_by_default_ctrl_c_raises_so_that_callers_see_it():
+    def interrupt(share, text):
         signal.raise_signal(signal.SIGINT)
 
     with pytest.raises(KeyboardInterrupt):

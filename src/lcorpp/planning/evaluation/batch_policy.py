@@ -24,7 +24,7 @@ ROUNDING = 1e-12
 """Bound on the rounding error of a product, relative to the largest vector entry."""
 
 MAX_NEAR = 16
-"""Up to so many vectors close to the maximum at a belief are summed again one by one."""
+"""Maximal number of near-maximal vectors of a belief whose values are recomputed one by one."""
 
 
 class BestVectors(NamedTuple):
@@ -173,7 +173,7 @@ def _best_of_table(table: Array, beliefs: SparseBeliefs) -> tuple[Array, Indices
 
 
 def _best_of_all(table: Array, beliefs: SparseBeliefs) -> tuple[Array, Indices]:
-    """Sum all vectors in the order of the states; arguments and result as `_best_of_table`."""
+    """As `_best_of_table`, by a sparse product, which adds the values in the order of the states."""
     products = _multiply_sparse(beliefs, table)
     vectors = products.argmax(axis=1)
     return products[np.arange(len(beliefs)), vectors], vectors

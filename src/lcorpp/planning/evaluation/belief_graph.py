@@ -23,7 +23,7 @@ INITIAL_NODES, INITIAL_ENTRIES = 64, 256
 """Lengths of the arrays of an empty graph; they grow with the graph."""
 
 BYTES_PER_KEY = 200
-"""Of a node in the dictionary of the beliefs."""
+"""Memory of one entry of the dictionary of beliefs."""
 
 
 class Children(NamedTuple):
@@ -111,6 +111,12 @@ class BeliefGraph:
             self._actions, self._vector_indices, self._values, self._absorbing,
         )  # fmt: skip
         return sum(array.nbytes for array in arrays) + BYTES_PER_KEY * self._count
+
+    @property
+    def expansion_products(self) -> int:
+        """Estimated number of products of a vector entry and a belief entry to expand one node."""
+        entries = max(1, int(self._begins[self._count]) // max(1, self._count))
+        return len(self.policy) * entries * self._children.shape[1]
 
     def add(self, beliefs: SparseBeliefs) -> Indices:
         """Return the nodes (k,) of beliefs, which need not be normalised; new beliefs become nodes."""

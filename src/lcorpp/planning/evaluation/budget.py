@@ -1,24 +1,24 @@
-"""Limits of time and memory, at which a computation ends with what it has."""
+"""Limits of time and memory; a computation that reaches one returns its result so far."""
 
 from __future__ import annotations
 
-import signal
-import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from math import inf
 from time import monotonic
 from types import FrameType
 
+from lcorpp.workers import handle_sigint
+
 
 class Budget:
-    """What a computation may use. Its steps ask `is_spent` and end early.
+    """Time and memory of a computation, which checks `is_spent` between its steps.
 
     Args:
         seconds: of wall-clock time from now. size: bytes of the computation's own arrays.
 
     Attributes:
-        reason: "time limit", "memory limit" or "interrupted" once a limit was reached, before "".
+        reason: "time limit", "memory limit" or "interrupted"; "" while no limit was reached.
     """
 
     def __init__(self, seconds: float = inf, size: float = inf) -> None:
@@ -58,17 +58,11 @@ class Budget:
     @contextmanager
     def catch_interrupt(self) -> Iterator[None]:
         """Let the first Ctrl-C spend the budget; a second one raises KeyboardInterrupt."""
-        if threading.current_thread() is not threading.main_thread():  # only the main thread sets handlers
-            yield
-            return
 
         def interrupt(number: int, frame: FrameType | None) -> None:
             if self._is_interrupted:
                 raise KeyboardInterrupt
             self._is_interrupted = True
 
-        before = signal.signal(signal.SIGINT, interrupt)
-        try:
+        with handle_sigint(interrupt):
             yield
-        finally:
-            signal.signal(signal.SIGINT, before)

@@ -20,7 +20,7 @@ TOLERANCE = 1e-6
 """Default tolerance of a claim, relative to the largest claimed value, which counts as at least 1."""
 
 MIN_SECONDS = 2.0
-"""Default of the time limit after a short search."""
+"""Minimal default of the time limit, in seconds."""
 
 MEMORY_LIMIT = 1e9
 """Default of the memory limit, in bytes."""
@@ -113,9 +113,9 @@ def certificate(
             solution's own start and claims when None.
         tolerance: in reward units; 1e-6 times the claimed values when None.
         max_nodes, trials, confidence, seed, callback: as for `evaluate`.
-        time_limit: seconds of wall-clock time; as long as the search took, but at least `MIN_SECONDS`, when
-            None. memory_limit: bytes. At a limit or after Ctrl-C, the verdict is that of what is established
-            until then, and may be "open".
+        time_limit: seconds of wall-clock time; when None, those of the search, at least `MIN_SECONDS`.
+        memory_limit: bytes. At a limit or at Ctrl-C, the result so far determines the verdict, which may be
+            "open".
 
     Raises:
         ModelError: `start` is not a distribution over the states, or an argument is out of range.
@@ -145,6 +145,7 @@ def certificate(
         seed=seed,
         time_limit=max(MIN_SECONDS, solution.seconds) if time_limit is None else time_limit,
         memory_limit=memory_limit,
+        interruptible=True,
         callback=callback,
     )
     verdict, certain, reason = _decide(lower - tolerance, upper + tolerance, evaluation)

@@ -17,14 +17,13 @@ MAX_GRAPH_SIZE = 2**27
 """The trials' belief graph is cleared when it takes this many bytes; one step may add about as many."""
 
 MAX_BLOCK_TRIALS, MIN_BLOCK_TRIALS = 2**10, 2**4
-"""Limits of the number of trials that are simulated in step."""
+"""Maximal and minimal number of trials in a block, which are simulated in step."""
 
 MAX_STEP_PRODUCTS = 2**25
-"""Under a time limit, a step of a block takes at most about so many products of vectors and next beliefs."""
-
+"""Maximal number of products of vector and belief entries in one step of a block under a time limit."""
 
 MIN_TRIALS = 4
-"""Of an estimate: there are three regressors."""
+"""Minimal number of trials of an estimate: the regression has three coefficients."""
 
 
 class MeanEstimate(NamedTuple):
@@ -57,8 +56,8 @@ def estimate_value(
     that value plus the sum of its expected changes along the trial. Both have a known mean for any vectors,
     and regression removes the variance that they explain: all of it, if the vectors are exact.
 
-    Trials that still run when the budget is spent are not left out, which would prefer short ones: the rest
-    of their reward is between the bounds at their last belief, and the interval covers both.
+    A trial that the budget truncates contributes both bounds on its remaining reward, and the interval covers
+    both. Leaving it out would bias the estimate towards short trials.
 
     Args:
         graph: of the policy; it is not changed.
@@ -88,11 +87,11 @@ def estimate_value(
     mean_initial = float(weights @ _vector_values(graph, roots) / weights.sum())
     regressors = np.stack([np.ones(n), initial - mean_initial, corrected], axis=1)
     quantile = float(stdtrit(n - regressors.shape[1], (1 + confidence) / 2))
-    means, half_widths = zip(*(_regress(rewards, regressors) for rewards in (low, high)), strict=True)
+    means, errors = zip(*(_regress(rewards, regressors) for rewards in (low, high)), strict=True)
     return MeanEstimate(
         mean=(means[0] + means[1]) / 2,
-        low=means[0] - quantile * half_widths[0],
-        high=means[1] + quantile * half_widths[1],
+        low=means[0] - quantile * errors[0],
+        high=means[1] + quantile * errors[1],
         confidence=confidence,
         trials=n,
     )
@@ -138,8 +137,7 @@ class _BeliefRollout:
         size = 8 * len(self._pomdp.states) * mean_row_size(self._pomdp.observation)
         limit = MAX_GRAPH_SIZE // size
         if budget.is_limited:
-            entries = max(1, int(graph.beliefs.begins[-1]) // len(graph))
-            limit = min(limit, MAX_STEP_PRODUCTS // (len(graph.policy) * entries * graph.children.shape[1]))
+            limit = min(limit, MAX_STEP_PRODUCTS // graph.expansion_products)
         self._block = min(max(limit, MIN_BLOCK_TRIALS), MAX_BLOCK_TRIALS)
 
     def blocks(self, trials: int) -> Iterator[_Block]:
@@ -171,7 +169,7 @@ class _BeliefRollout:
                 full, self._graph = self._graph, self._graph.empty_copy()
                 nodes = self._graph.import_nodes(full, nodes)
         high = low.copy()
-        if len(trials):  # cut off: the expected changes lead from the root's value to that of the last belief
+        if len(trials):  # truncated: the control variate has mean 0 only if it is stopped at the last belief
             corrected[trials] -= _vector_values(self._graph, nodes)
             beliefs = self._graph.beliefs.take(nodes)
             for rewards, bound in zip((low, high), self._state_bounds, strict=True):

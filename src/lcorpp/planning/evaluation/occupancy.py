@@ -13,10 +13,10 @@ from lcorpp.planning.evaluation.budget import Budget
 from lcorpp.values import Array, Indices
 
 MAX_SLICE_PRODUCTS = 2**28
-"""Products of vectors and next beliefs, after which a slice of beliefs ends: some tenths of a second."""
+"""Maximal number of products of vector and belief entries between two checks of the limits."""
 
 EXPANSION_SHARE = 0.4
-"""Share of the time limit for the expansion; the rest is for the trials."""
+"""Share of the time limit that the expansion may use; the trials use the rest."""
 
 MIN_BATCH = 256
 """Beliefs are expanded in batches of at most this many, plus a quarter of those that are known."""
@@ -31,10 +31,10 @@ MAX_FACTORISED = 5_000
 """The maximal number of nodes for a sparse LU factorisation: its fill-in takes at most 300 MB."""
 
 GMRES_TOLERANCE, MAX_RESTARTS = 1e-12, 10
-"""Relative residual at which GMRES stops, and the maximal number of its cycles of 40 steps."""
+"""Relative residual at which GMRES stops; maximal number of its cycles of 40 steps."""
 
 SOLUTION_SHARE = 0.6
-"""Share of the time limit after which no other cycle begins."""
+"""Share of the time limit after which GMRES starts no further cycle."""
 
 
 class DiscountedOccupancy:
@@ -77,7 +77,7 @@ class DiscountedOccupancy:
 
     @property
     def coverage(self) -> float:
-        """The share of the discounted future, a step t counting gamma**t, in which beliefs are expanded."""
+        """Share of the discounted future, in [0, 1], before the policy leaves the expanded beliefs."""
         return 1.0 - float(np.maximum(self.residual[~self._expanded], 0.0).sum())
 
     @property
@@ -166,10 +166,8 @@ class DiscountedOccupancy:
         self._update_matrix()
 
     def _slice(self, nodes: Indices) -> list[Indices]:
-        """Split nodes so that each part takes little time."""
-        pomdp, policy = self.graph.pomdp, self.graph.policy
-        entries = max(1, self.graph.beliefs.begins[-1] // len(self.graph))
-        step = max(1, int(MAX_SLICE_PRODUCTS // (len(policy) * entries * len(pomdp.observations))))
+        """Split nodes (k,) into slices of at most `MAX_SLICE_PRODUCTS`, but at least one node."""
+        step = max(1, MAX_SLICE_PRODUCTS // self.graph.expansion_products)
         return [nodes[begin : begin + step] for begin in range(0, len(nodes), step)]
 
     def _append_new_nodes(self) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import nullcontext
 from dataclasses import dataclass, replace
 from numbers import Real
 
@@ -58,11 +59,12 @@ class Evaluation:
     exact: whether the bounds are as close as requested, apart from rounding.
     complete: whether all reachable beliefs were computed.
     beliefs: how many were computed.
-    coverage: the share of the discounted future in which they are: step t counts gamma**t.
+    coverage: share of the discounted future, in [0, 1], before the policy leaves the computed beliefs.
     interval: estimate of the value with a confidence interval; if there were no trials, the middle of the
         bounds and the bounds themselves, with confidence 1.
-    trials: how many were simulated; those that the end of the time cut off count with bounds on their rest.
-    seconds: wall-clock time. stopped: "time limit", "memory limit" or "interrupted" if that ended it, or "".
+    trials: how many were simulated; truncated ones contribute bounds on their remaining reward.
+    seconds: wall-clock time. stopped: the limit that was reached, "time limit", "memory limit" or
+        "interrupted"; "" if none.
     shortfall: the largest loss against the vectors, among the computed beliefs.
     """
 
@@ -116,6 +118,7 @@ def evaluate(
     seed: int = 0,
     time_limit: float = np.inf,
     memory_limit: float = np.inf,
+    interruptible: bool = False,
     callback: Callable[[float, str], None] | None = None,
 ) -> Evaluation:
     """Evaluate a policy from a belief.
@@ -139,13 +142,14 @@ def evaluate(
         confidence: of the trials' interval, between 0 and 1.
         seed: of the trials, an integer from 0.
         time_limit: seconds of wall-clock time. memory_limit: bytes of the evaluation's own arrays. At a
-            limit, or after Ctrl-C, the result is what is established until then.
-        callback: called with the share of the time limit, or of the beliefs without one, and a text.
+            limit, the evaluation returns its result so far.
+        interruptible: whether it does so at the first Ctrl-C, too, instead of raising KeyboardInterrupt.
+        callback: takes the completed share, in [0, 1], and a text.
 
     Raises:
         ModelError: `start` is not a distribution over the states, or an argument is out of range.
         PolicyError: the policy is for another model.
-        KeyboardInterrupt: a second Ctrl-C.
+        KeyboardInterrupt: Ctrl-C; the second one if `interruptible`.
         ObservationError: rounding has removed the hidden state from a trial's belief; the message names it.
     """
     check_same_model(pomdp, policy)
@@ -162,7 +166,7 @@ def evaluate(
         raise ModelError(f"time_limit {time_limit} and memory_limit {memory_limit} must be positive")
     belief = check_belief(pomdp, pomdp.start if start is None else start)
     budget = Budget(time_limit, memory_limit)
-    with budget.catch_interrupt():
+    with budget.catch_interrupt() if interruptible else nullcontext():
         state_bounds = mdp_value_bounds(pomdp)
         largest = float(max(np.abs(bound).max() for bound in state_bounds))
         slack = BELIEF_ROUNDING * largest / (1 - pomdp.discount)
