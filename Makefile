@@ -78,6 +78,7 @@ format: $(VENV)/.dev
 # The type stubs of the C++ kernels, from the signatures of the bindings.
 stubs: $(VENV)/.dev
 	$(BIN)/python -m nanobind.stubgen -q -m lcorpp.planning._native -o src/lcorpp/planning/_native.pyi
+	$(BIN)/python -m nanobind.stubgen -q -m lcorpp.planning.formats.pomdp._scanner -o src/lcorpp/planning/formats/pomdp/_scanner.pyi
 	$(BIN)/python -m nanobind.stubgen -q -m lcorpp.learning.lstm._kernels -o src/lcorpp/learning/lstm/_kernels.pyi
 
 $(VENV)/.python:

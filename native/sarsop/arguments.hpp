@@ -7,37 +7,19 @@
 
 #include <algorithm>
 #include <cmath>
-#include <initializer_list>
 #include <stdexcept>
 #include <type_traits>
 #include <utility>
 #include <vector>
 
+#include "arrays.hpp"
 #include "model.hpp"
 #include "tree.hpp"
 
 namespace lcorpp {
 
-namespace nb = nanobind;
-
 template <typename T, int N>
 using InputArray = nb::ndarray<const T, nb::ndim<N>, nb::c_contig, nb::device::cpu>;
-template <typename T>
-using OutputArray = nb::ndarray<nb::numpy, T>;
-
-template <typename T>
-OutputArray<T> make_array(std::vector<T> values, std::initializer_list<std::size_t> shape) {
-    auto* memory = new std::vector<T>(std::move(values));
-    nb::capsule owner(memory, [](void* pointer) noexcept { delete static_cast<std::vector<T>*>(pointer); });
-    return OutputArray<T>(memory->data(), shape, owner);
-}
-
-template <typename T>
-OutputArray<T> make_array(std::vector<T> values) {
-    const std::size_t size = values.size();
-    return make_array(std::move(values), {size});
-}
-
 template <typename A>
 auto copy(const A& array) {
     using T = std::remove_const_t<typename A::Scalar>;

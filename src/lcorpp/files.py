@@ -14,11 +14,14 @@ from typing import TYPE_CHECKING, BinaryIO, TextIO
 from lcorpp.errors import FileError
 
 if TYPE_CHECKING:
+    import mmap
     from pathlib import Path
 
 FIGURE_SUFFIXES = (".png", ".svg", ".pdf")
 """Supported formats of figures."""
 
+
+_BLOCK_BYTES = 2**20
 
 _pipes: ContextVar[tuple[ExitStack, dict[str, str]] | None] = ContextVar("pipes", default=None)
 
@@ -43,11 +46,35 @@ def read_text(path: str | Path) -> str:
     Raises:
         FileError: the file is missing, unreadable, a folder or not text.
     """
-    data = read_bytes(path)
+    return _decode(path, read_bytes(path))
+
+
+def map_text(path: str | Path) -> bytes | mmap.mmap:
+    """Return the text of a file in UTF-8, possibly with a byte order mark.
+
+    The content of a regular file is mapped into memory: the system reads the parts that are used and may drop
+    them again, so a large file needs little memory. Encodings as in `open_text`.
+
+    Raises:
+        FileError: the file is missing, unreadable, a folder or not text.
+    """
+    import mmap
+
     try:
-        return data.decode(_detect_encoding(data))
+        with open(_copy_pipe(path), "rb") as file:
+            encoding = _detect_encoding(file.peek(2))
+            mappable = stat.S_ISREG(os.fstat(file.fileno()).st_mode) and file.peek(1)
+            if encoding == "utf-16" or not mappable:
+                return _decode(path, file.read()).encode()
+            decoder = codecs.getincrementaldecoder("utf-8")()
+            while block := file.read(_BLOCK_BYTES):
+                decoder.decode(block)
+            decoder.decode(b"", final=True)
+            return mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
     except UnicodeDecodeError:
-        raise _locate_bad_byte(path, io.BytesIO(data)) from None
+        raise locate_bad_byte(path) from None
+    except (OSError, ValueError) as error:
+        raise FileError(f"{_make_printable(path)}: cannot be read: {_describe_reason(error)}") from None
 
 
 def read_bytes(path: str | Path) -> bytes:
@@ -206,6 +233,13 @@ def _copy_pipe(path: str | Path) -> str | Path:
             shutil.copyfileobj(pipe, copy)
         copies[str(path)] = copy.name
     return copies[str(path)]
+
+
+def _decode(path: str | Path, data: bytes) -> str:
+    try:
+        return data.decode(_detect_encoding(data))
+    except UnicodeDecodeError:
+        raise _locate_bad_byte(path, io.BytesIO(data)) from None
 
 
 def _detect_encoding(start: bytes) -> str:

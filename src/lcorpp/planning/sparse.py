@@ -117,15 +117,27 @@ class SparseTables:
     ) -> SparseTables:
         """Return the table of entries (n,); `row` is a R + r, and the last of duplicate entries counts."""
         rows = np.asarray(row, dtype=np.int64)
-        columns = np.asarray(column, dtype=np.int64)
-        values = np.asarray(value, dtype=np.float64)
-        key = rows * shape[2] + columns
-        order = np.argsort(key, kind="stable")
-        last = np.append(key[order][1:] != key[order][:-1], True) if len(key) else np.zeros(0, dtype=bool)
-        order = order[last]
-        order = order[values[order] != 0]
-        begins = np.searchsorted(rows[order], np.arange(shape[0] * shape[1] + 1))
-        return cls(shape, begins, columns[order].astype(np.int32), values[order])
+        columns, values = np.asarray(column, dtype=np.int64), np.asarray(value, dtype=np.float64)
+        return cls.of_parts(shape, [sort_entries(rows, columns, values, shape[0] * shape[1], shape[2])])
+
+    @classmethod
+    def of_parts(
+        cls, shape: tuple[int, int, int], parts: list[tuple[Int64Array, npt.NDArray[np.integer], Array]]
+    ) -> SparseTables:
+        """Return the table of consecutive rows in parts; the list is emptied.
+
+        Args:
+            parts: for each part the end of each row in it (n,), and columns and values of its entries.
+        """
+        sizes = [len(columns) for _, columns, _ in parts]
+        offsets = np.cumsum([0, *sizes[:-1]])
+        begins = np.concatenate([[0], *(ends + at for (ends, _, _), at in zip(parts, offsets, strict=True))])
+        columns, values = np.empty(sum(sizes), dtype=np.int32), np.empty(sum(sizes))
+        for at in reversed(offsets.tolist()):  # each part is released when it has been copied
+            _, part_columns, part_values = parts.pop()
+            columns[at : at + len(part_columns)] = part_columns
+            values[at : at + len(part_values)] = part_values
+        return cls(shape, *(_freeze(array) for array in (begins, columns, values)))
 
     def __repr__(self) -> str:
         return f"<SparseTables {' x '.join(map(str, self.shape))}, {len(self.values)} entries>"
@@ -222,8 +234,12 @@ class SparseTables:
 
     def row_sums(self) -> Array:
         """Return (A, R) the sum of each row."""
-        sums = np.bincount(self.rows, self.values, minlength=len(self.begins) - 1)
-        return np.asarray(sums, dtype=np.float64).reshape(self.shape[:2])
+        A, R, _ = self.shape
+        sums = np.empty((A, R))
+        for a in range(A):  # the row of each entry needs as much memory as the values
+            rows = np.repeat(np.arange(R), np.diff(self.begins[a * R : (a + 1) * R + 1]))
+            sums[a] = np.bincount(rows, self.values[self.action_slice(a)], minlength=R)
+        return sums
 
     def scale_rows(self, factors: Array) -> SparseTables:
         """Return the table with each row multiplied by its factor (A, R)."""
@@ -249,6 +265,25 @@ def joint_matrix(
     pairs, row = np.unique(keys, return_inverse=True)
     entries = T.values[t_entry] * Z.values[z_entry], (row, T.columns[t_entry])
     return csr_array(entries, shape=(len(pairs), S)), *np.divmod(pairs, S)
+
+
+def sort_entries(
+    rows: Int64Array, columns: npt.NDArray[np.integer], values: Array, n_rows: int, n_columns: int
+) -> tuple[Int64Array, npt.NDArray[np.integer], Array]:
+    """Sort the entries (n,) of some rows; the last of duplicate entries counts, zeros are dropped.
+
+    Returns:
+        The end of each row (n_rows,), and columns and values of the entries.
+    """
+    key = rows * n_columns + columns
+    if not (np.diff(key) > 0).all():
+        order = np.argsort(key, kind="stable")
+        order = order[np.append(np.diff(key[order]) != 0, True)]
+        rows, columns, values = rows[order], columns[order], values[order]
+    if not values.all():
+        kept = values != 0
+        rows, columns, values = rows[kept], columns[kept], values[kept]
+    return np.searchsorted(rows, np.arange(n_rows), side="right"), columns, values
 
 
 def ragged_indices(begins: npt.NDArray[np.integer], sizes: npt.NDArray[np.integer]) -> Int64Array:

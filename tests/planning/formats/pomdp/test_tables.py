@@ -10,7 +10,11 @@ import pytest
 from hypothesis import given, settings, strategies as st
 
 from lcorpp.planning import SparseTables
-from lcorpp.planning.formats.pomdp import rewards as pomdp_rewards, tokens as pomdp_tokens
+from lcorpp.planning.formats.pomdp import (
+    rewards as pomdp_rewards,
+    scanner as pomdp_scanner,
+    tables as pomdp_tables,
+)
 from lcorpp.planning.formats.pomdp.preamble import read_preamble
 from lcorpp.planning.formats.pomdp.rewards import expected_rewards
 from lcorpp.planning.formats.pomdp.statements import Statements
@@ -74,7 +78,8 @@ def dense_tables(given: list[Statement]) -> tuple[dict[str, np.ndarray], dict[st
 
 def read_all(given: list[Statement]) -> Statements:
     text = head(S, A, O) + "start: " + " ".join(map(str, START)) + "\n"
-    tokens = Tokens(text + "".join(statement.text() + "\n" for statement in given), "<text>")
+    text += "".join(statement.text() + "\n" for statement in given)
+    tokens = Tokens(text.encode(), "<text>")
     read = Statements(tokens, read_preamble(tokens))
     read.read()
     return read
@@ -84,11 +89,13 @@ def read_all(given: list[Statement]) -> Statements:
 @given(given=st.lists(statements("TTOO"), max_size=14))
 @settings(max_examples=60)
 def test_tables_are_what_the_statements_write(batch_size, given):
-    with patch.object(pomdp_tokens, "MAX_BATCH", batch_size):
+    """With statements in small batches, and rows in small parts."""
+    with patch.object(pomdp_scanner, "MAX_NUMBERS", batch_size):
         read = read_all(given)
     tables, rows = dense_tables(given)
     for keyword, table in (("T", read.transition), ("O", read.observation)):
-        rows_read, offsets = table.rows()
+        with patch.object(pomdp_tables, "PART_ROWS", batch_size):
+            rows_read, offsets = table.take_rows()
         assert (rows_read.dense == tables[keyword]).all()
         assert ((offsets >= 0) == rows[keyword]).all()
 
@@ -121,7 +128,7 @@ def test_the_offset_of_a_row_is_that_of_the_last_statement_about_it(given, data)
     read = read_all(given)
     text = read.tokens.text
     keyword = data.draw(st.sampled_from("TO"))
-    _, offsets = (read.transition if keyword == "T" else read.observation).rows()
+    _, offsets = (read.transition if keyword == "T" else read.observation).take_rows()
     for a in range(A):
         for s in range(S):
             matching = [
@@ -133,4 +140,4 @@ def test_the_offset_of_a_row_is_that_of_the_last_statement_about_it(given, data)
             if not matching:
                 assert offsets[a, s] == -1
             else:
-                assert text[: offsets[a, s]].count("\n") == 6 + matching[-1]
+                assert text[: offsets[a, s]].count(b"\n") == 6 + matching[-1]

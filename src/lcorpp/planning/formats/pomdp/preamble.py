@@ -98,7 +98,7 @@ def _read_item(tokens: Tokens, preamble: Preamble, keyword: str) -> None:
     tokens.take()
     preamble.offsets[keyword] = [tokens.offset]
     if keyword == "discount":
-        preamble.discount = float(tokens.numbers(1, "discount")[0][0, 0])
+        preamble.discount = tokens.number("discount")
         if not 0 < preamble.discount < 1:
             raise tokens.error(discount_message(preamble.discount), preamble.offsets[keyword][0])
     elif keyword == "values":
@@ -165,7 +165,7 @@ def _read_start(tokens: Tokens, preamble: Preamble) -> None:
         preamble.declared_start = _make_uniform_start(S, range(S))
     elif is_number(tokens.peek()) and (S == 1 or not _is_single_count(tokens)):
         first = tokens.offset
-        start = tokens.probabilities(S, "the start belief")[0][0]
+        start = tokens.probabilities(S, "the start belief").dense()[0]
         total = start.sum()
         if abs(total - 1) > ROW_TOLERANCE:
             raise tokens.error(f"the start belief sums to {total:.10g}, not 1", first)

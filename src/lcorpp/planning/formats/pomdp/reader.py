@@ -6,12 +6,13 @@ published files: a bare list of initial states, and a stray colon before the num
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
 
 from lcorpp.errors import ModelError
-from lcorpp.files import read_text
+from lcorpp.files import map_text
 from lcorpp.planning.formats.numbers import ROW_TOLERANCE
 from lcorpp.planning.formats.pomdp.preamble import Preamble, read_preamble
 from lcorpp.planning.formats.pomdp.rewards import expected_rewards
@@ -20,6 +21,8 @@ from lcorpp.planning.formats.pomdp.tables import TableStatements
 from lcorpp.planning.formats.pomdp.tokens import Tokens
 from lcorpp.planning.pomdp import SUM_TOLERANCE, Pomdp
 from lcorpp.planning.sparse import SparseTables
+
+_XML = re.compile(rb"(?:\xef\xbb\xbf)?\s*<")
 
 
 def read_pomdp(path: str | Path) -> Pomdp:
@@ -31,13 +34,13 @@ def read_pomdp(path: str | Path) -> Pomdp:
         ModelError: the model is too large.
     """
     is_xml = Path(path).suffix.lower() == ".pomdpx"
-    text = "" if is_xml else read_text(path)
+    text = b"" if is_xml else map_text(path)
     # PomdpX files are published under either suffix, and no .pomdp file starts with "<"
-    if is_xml or text.lstrip("\ufeff \t\r\n").startswith("<"):
+    if is_xml or _XML.match(text):
         from lcorpp.planning.formats.pomdpx.reader import read_pomdpx  # imports the XML parser
 
         return read_pomdpx(path)
-    return parse_pomdp(text, file=str(path))
+    return _read_tokens(Tokens(text, str(path)))
 
 
 def parse_pomdp(text: str, *, file: str = "<text>") -> Pomdp:
@@ -51,7 +54,10 @@ def parse_pomdp(text: str, *, file: str = "<text>") -> Pomdp:
         ParseError: the text is malformed.
         ModelError: the model is too large.
     """
-    tokens = Tokens(text, file)
+    return _read_tokens(Tokens(text.encode("utf-8", "surrogatepass"), file))
+
+
+def _read_tokens(tokens: Tokens) -> Pomdp:
     try:
         preamble = read_preamble(tokens)
         statements = Statements(tokens, preamble)
@@ -71,16 +77,16 @@ def parse_pomdp(text: str, *, file: str = "<text>") -> Pomdp:
             0.0 + reward if preamble.sign > 0 else 0.0 - reward,
             preamble.discount,
             preamble.start,
-            file,
+            tokens.file,
         )
     except ModelError as error:
-        raise ModelError(f"{file}: {error}") from None
+        raise ModelError(f"{tokens.file}: {error}") from None
 
 
 def _normalize_rows(tokens: Tokens, preamble: Preamble, table: TableStatements) -> SparseTables:
     """Check that each row is present and sums to 1; return the rows without the file's rounding errors."""
     actions, states = preamble.names["actions"], preamble.names["states"]
-    rows, offsets = table.rows()
+    rows, offsets = table.take_rows()
     unset = offsets < 0
     if unset.any():
         a = int(unset.any(axis=1).argmax())

@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from lcorpp.errors import ModelError
 from lcorpp.planning.formats.pomdp.preamble import ALL
-from lcorpp.planning.formats.pomdp.tables import Entries, find_last_occurrences
+from lcorpp.planning.formats.pomdp.tables import Columns, find_last_occurrences
 from lcorpp.planning.sparse import SparseTables, ragged_indices
 from lcorpp.values import Array, Indices
 
@@ -28,7 +28,7 @@ _Flags = npt.NDArray[np.bool_]
 _Cases = Iterator[tuple[Indices, Indices | None, Indices | None, Array]]
 
 
-def expected_rewards(transition: SparseTables, observation: SparseTables, statements: Entries) -> Array:
+def expected_rewards(transition: SparseTables, observation: SparseTables, statements: Columns) -> Array:
     """Return (A, S) the sum over s', o of P(s' | s, a) P(o | a, s') R(a, s, s', o).
 
     Later statements override earlier ones. Only cases with nonzero T and Z are expanded, and only for those
@@ -42,7 +42,7 @@ def expected_rewards(transition: SparseTables, observation: SparseTables, statem
         ModelError: there are too many cases.
     """
     A, S, _ = transition.shape
-    indices, values, _ = statements.arrays()
+    indices, values = statements.arrays()
     total = np.zeros(A * S)
     rewards = _Rewards(indices, values, (A, S, S, observation.shape[2]))
     by_next, by_observation = rewards.find_rows_depending_on(2), rewards.find_rows_depending_on(3)

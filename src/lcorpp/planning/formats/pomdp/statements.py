@@ -1,15 +1,18 @@
-"""Read the statements T, O and R of a .pomdp file: plain entries in batches, all others one at a time."""
+"""Read the statements T, O and R of a .pomdp file: plain ones in batches, all others one at a time."""
 
 from __future__ import annotations
 
-from sys import float_info
-
 import numpy as np
 
-from lcorpp.planning.formats.numbers import ROW_TOLERANCE, is_count, is_number
+from lcorpp.planning.formats.numbers import is_count, is_number
 from lcorpp.planning.formats.pomdp.preamble import ALL, Preamble
-from lcorpp.planning.formats.pomdp.tables import Entries, StoredRows, TableStatements
-from lcorpp.planning.formats.pomdp.tokens import TABLE_KEYWORDS, Offsets, Tokens
+from lcorpp.planning.formats.pomdp.scanner import Scanner
+from lcorpp.planning.formats.pomdp.tables import (
+    StoredRows,
+    TableStatements,
+    make_reward_columns,
+)
+from lcorpp.planning.formats.pomdp.tokens import TABLE_KEYWORDS, NumberRows, Offsets, Tokens
 
 _ROW_KEYWORDS = ("identity", "uniform", "reset")
 
@@ -18,7 +21,7 @@ class Statements:
     """Reads all tables.
 
     transition, observation: the statements of T and O. rewards: those of R, by action, state, next state and
-        observation, each of which may be `ALL`.
+        observation, each of which may be `ALL`. A later statement overrides earlier ones.
     """
 
     def __init__(self, tokens: Tokens, preamble: Preamble) -> None:
@@ -26,18 +29,9 @@ class Statements:
         A, S, observations = preamble.counts
         self.transition = TableStatements("transition", (A, S, S))
         self.observation = TableStatements("observation", (A, S, observations))
-        self.rewards = Entries(4)
+        self.rewards = make_reward_columns()
         self._shared_rows: dict[tuple[str, str], StoredRows] = {}
-        indices = preamble.indices
-        # `*` as the column sets a whole row, so that is no plain entry
-        next_states, observed = (
-            {k: i for k, i in indices[c].items() if i != ALL} for c in ("states", "observations")
-        )
-        self._plain_indices = {
-            "T": (indices["actions"], indices["states"], next_states),
-            "O": (indices["actions"], indices["states"], observed),
-            "R": (indices["actions"], indices["states"], indices["states"], indices["observations"]),
-        }
+        self._scanner = Scanner(preamble.indices, S, observations)
 
     def read(self) -> None:
         """Read up to the end of the text. Raises ParseError."""
@@ -48,7 +42,11 @@ class Statements:
             keyword = tokens.peek()
             if keyword not in TABLE_KEYWORDS:
                 raise tokens.error(f"{keyword!r} must come before the first T, O or R")
-            if self._read_plain_entries(keyword):
+            plain = tokens.plain_statements(self._scanner)
+            if plain is not None:
+                self.transition.add_plain(plain[0])
+                self.observation.add_plain(plain[1])
+                self.rewards.add(*plain[2][:2])
                 continue
             tokens.take()
             tokens.take()
@@ -59,16 +57,6 @@ class Statements:
                 self._read_rows(self.transition, action, "states")
             else:
                 self._read_rows(self.observation, action, "observations")
-
-    def _read_plain_entries(self, keyword: str) -> bool:
-        """Read a batch of plain entries of one table; return False if the next statement is none."""
-        low, high = (-float_info.max, float_info.max) if keyword == "R" else (0.0, 1 + ROW_TOLERANCE)
-        batch = self.tokens.plain_entries(self._plain_indices[keyword], low, high)
-        if batch is None:
-            return False
-        entries = {"T": self.transition.entries, "O": self.observation.entries, "R": self.rewards}
-        entries[keyword].add(*batch)
-        return True
 
     def _take_reference_colon(self, kind: str) -> bool:
         """Take a colon, also a stray one before numbers; return whether a reference follows it."""
@@ -100,11 +88,11 @@ class Statements:
         column = preamble.read_reference(tokens, columns)
         self._skip_colon()
         offset = tokens.offset
-        value = float(tokens.probabilities(1, f"{table.title} entry")[0][0, 0])
+        value = float(tokens.probabilities(1, f"{table.title} entry").dense()[0, 0])
         if column == ALL:
             table.set_rows(action, state, self._store_constant_row(table, value), offset)
         else:
-            table.entries.add([action, state, column], value, offset)
+            table.add_entry((action, state, column), value, offset)
 
     def _read_body(
         self, table: TableStatements, columns: str, *, matrix: bool
@@ -115,8 +103,9 @@ class Statements:
         what = f"{table.title} matrix of {S} rows" if matrix else f"{table.title} row"
         offset, word = tokens.offset, tokens.peek()
         if word not in _ROW_KEYWORDS:
-            values, offsets = tokens.probabilities(N, what, S if matrix else 1)
-            return (table.store(values), offsets) if matrix else (table.store(values[0]), offset)
+            numbers = tokens.probabilities(N, what, S if matrix else 1)
+            rows = table.store(numbers.begins, numbers.columns, numbers.values)
+            return (rows, numbers.offsets) if matrix else (rows.row(0), offset)
         fits = {"uniform": True, "reset": columns == "states", "identity": N == S and (matrix or S == 1)}
         if not fits[word]:
             raise tokens.error(f"{word!r} is not allowed for this {what}")
@@ -124,7 +113,7 @@ class Statements:
         if word == "uniform" or N == 1:
             return self._store_constant_row(table, 1.0 / N), offset
         if (table.title, word) not in self._shared_rows:
-            rows = table.store_identity() if word == "identity" else table.store(self.preamble.start)
+            rows = table.store_identity() if word == "identity" else table.store_row(self.preamble.start)
             self._shared_rows[table.title, word] = rows
         return self._shared_rows[table.title, word], offset
 
@@ -132,7 +121,7 @@ class Statements:
         """Return a row of equal numbers, stored once."""
         key = (table.title, repr(value))
         if key not in self._shared_rows:
-            self._shared_rows[key] = table.store(np.full(table.shape[2], value))
+            self._shared_rows[key] = table.store_row(np.full(table.shape[2], value))
         return self._shared_rows[key]
 
     # --- R ---
@@ -146,24 +135,23 @@ class Statements:
         tokens.take()
         state = preamble.read_reference(tokens, "states")
         if not self._take_reference_colon("states"):
-            self._read_reward_rows(action, state, np.arange(S), f"reward matrix of {S} rows")
+            self._add_rewards(
+                (action, state), tokens.numbers(preamble.counts[2], f"reward matrix of {S} rows", S)
+            )
             return
         next_state = preamble.read_reference(tokens, "states")
         if not self._take_reference_colon("observations"):
-            self._read_reward_rows(action, state, np.array([next_state]), "reward row")
+            self._add_rewards((action, state, next_state), tokens.numbers(preamble.counts[2], "reward row"))
             return
         observation = preamble.read_reference(tokens, "observations")
         self._skip_colon()
-        offset = tokens.offset
-        value = tokens.numbers(1, "reward")[0]
-        self.rewards.add([action, state, next_state, observation], value, offset)
+        self.rewards.add([action, state, next_state, observation], tokens.number("reward"))
 
-    def _read_reward_rows(self, action: int, state: int, next_states: np.ndarray, what: str) -> None:
-        count = self.preamble.counts[2]
-        offset = self.tokens.offset
-        values, _ = self.tokens.numbers(count, what, len(next_states))
-        indices = np.empty((*values.shape, 4), dtype=np.int64)
-        indices[..., :2] = action, state
-        indices[..., 2] = next_states[:, None]
-        indices[..., 3] = np.arange(count)
-        self.rewards.add(indices, values, np.full(values.size, offset))
+    def _add_rewards(self, scope: tuple[int, ...], numbers: NumberRows) -> None:
+        """Add a row or a matrix: zero in its whole scope, then the nonzero numbers."""
+        self.rewards.add([*scope, *[ALL] * (4 - len(scope))], 0.0)
+        indices = np.empty((len(numbers.values), 4), dtype=np.int32)
+        indices[:, 2] = np.repeat(np.arange(len(numbers.offsets)), np.diff(numbers.begins))
+        indices[:, : len(scope)] = scope
+        indices[:, 3] = numbers.columns
+        self.rewards.add(indices, numbers.values)

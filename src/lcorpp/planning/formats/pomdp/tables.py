@@ -7,181 +7,235 @@ one is kept; each row takes the last whole-row statement that covers it, and the
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from lcorpp.errors import ModelError
 from lcorpp.planning.formats.pomdp.preamble import ALL
+from lcorpp.planning.formats.pomdp.scanner import PlainTable
 from lcorpp.planning.formats.pomdp.tokens import Offsets
-from lcorpp.planning.sparse import MAX_BYTES, SparseTables, ragged_indices
+from lcorpp.planning.sparse import MAX_BYTES, SparseTables, ragged_indices, sort_entries
 from lcorpp.values import Array, Indices
 
 MAX_NUMBERS = MAX_BYTES // 32
 """Maximum number of numbers of a table; row, column, value and order of each need memory at once."""
 
+PART_ROWS = 2**17
+"""Rows of a table are built in parts of about this size."""
 
-class Entries:
-    """Statements with one number each, in the order of the text.
 
-    axes: number of indices of a statement; an index may be `ALL`.
+class Columns:
+    """Arrays of equal lengths that grow.
+
+    Args:
+        widths: the number of entries in a row of each array; 0 for one dimension.
+        kinds: the type of each array.
     """
 
-    def __init__(self, axes: int) -> None:
-        self._axes = axes
-        self._chunks: list[tuple[Indices, Array, Offsets]] = []
+    def __init__(self, widths: tuple[int, ...], kinds: tuple[type, ...]) -> None:
+        self._shapes = [(-1, width) if width else (-1,) for width in widths]
+        self._kinds = kinds
+        self._chunks: list[list[npt.NDArray[Any]]] = [[] for _ in kinds]
 
-    def add(self, indices: npt.ArrayLike, values: npt.ArrayLike, offsets: npt.ArrayLike) -> None:
-        """Append indices (n, axes), values (n,) and their offsets in the text (n,)."""
-        self._chunks.append(
-            (
-                np.asarray(indices, dtype=np.int64).reshape(-1, self._axes),
-                np.asarray(values, dtype=np.float64).reshape(-1),
-                np.asarray(offsets, dtype=np.int64).reshape(-1),
-            )
-        )
+    def add(self, *arrays: npt.ArrayLike) -> None:
+        """Append one array or number to each array."""
+        columns = zip(self._chunks, arrays, self._kinds, self._shapes, strict=True)
+        for chunks, array, kind, shape in columns:
+            chunks.append(np.asarray(array, dtype=kind).reshape(shape))
 
     def clear(self) -> None:
-        """Remove all: a later statement replaces them."""
-        self._chunks.clear()
+        """Remove all rows."""
+        for chunks in self._chunks:
+            chunks.clear()
 
-    def arrays(self) -> tuple[Indices, Array, Offsets]:
-        """Return the indices (n, axes), values (n,) and offsets (n,) of all statements."""
-        if not self._chunks:
-            return np.zeros((0, self._axes), dtype=np.int64), np.zeros(0), np.zeros(0, dtype=np.int64)
-        if len(self._chunks) > 1:
-            parts = zip(*self._chunks, strict=True)
-            self._chunks = [tuple(np.concatenate(part) for part in parts)]  # type: ignore[list-item]
-        return self._chunks[0]
+    def arrays(self) -> list[npt.NDArray[Any]]:
+        """Return the arrays."""
+        for chunks, kind, shape in zip(self._chunks, self._kinds, self._shapes, strict=True):
+            empty: npt.NDArray[Any] = np.zeros(0, dtype=kind).reshape(0, *shape[1:])
+            if len(chunks) != 1:  # one array after the other, so that the chunks are not all there twice
+                chunks[:] = [np.concatenate([empty, *chunks])]
+        return [chunks[0] for chunks in self._chunks]
+
+
+def make_reward_columns() -> Columns:
+    """Return the columns of R statements: indices by action, state, next state and observation; values."""
+    return Columns((4, 0), (np.int32, np.float64))
 
 
 class StoredRows(NamedTuple):
     """Range of a table's stored numbers that form a row; for a matrix, arrays (S,) of ranges."""
 
-    begin: int | Indices
-    length: int | Indices
+    begin: Any
+    length: Any
+
+    def row(self, index: int) -> StoredRows:
+        """Return one row of several."""
+        return StoredRows(int(self.begin[index]), int(self.length[index]))
 
 
 class TableStatements:
     """The statements of T or O so far.
 
-    title: name for messages. shape: (A, S, N). entries: numbers given one at a time.
+    title: name for messages. shape: (A, S, N).
     """
 
     def __init__(self, title: str, shape: tuple[int, int, int]) -> None:
         self.title, self.shape = title, shape
-        self.entries = Entries(3)
-        # rows and offsets by action and state, in the order of the text
-        self._statements: dict[tuple[int, int], tuple[StoredRows, int | Offsets]] = {}
-        self._columns: list[npt.NDArray[np.int32]] = []
-        self._values: list[Array] = []
+        # indices, values and offsets of single numbers
+        self._entries = Columns((3, 0, 0), (np.int32, np.float64, np.int64))
+        # action and state, begin, length and offset of rows of one action and state
+        self._rows = Columns((2, 0, 0, 0), (np.int32, np.int64, np.int64, np.int64))
+        # rows and offsets by action and state, one of which is `ALL`, in the order of the text
+        self._shared_rows: dict[tuple[int, int], tuple[StoredRows, int | Offsets]] = {}
+        # columns and values of the numbers of rows
+        self._numbers = Columns((0, 0), (np.int32, np.float64))
         self._stored = 0
 
-    def store(self, numbers: Array) -> StoredRows:
-        """Store the nonzero numbers of a row (N,) or a matrix (S, N); raise a ModelError if too many."""
-        nonzero = np.nonzero(numbers)
-        begin = self._store(nonzero[-1].astype(np.int32), numbers[nonzero])
-        if numbers.ndim == 1:
-            return StoredRows(begin, len(nonzero[0]))
-        ends = np.searchsorted(nonzero[0], np.arange(len(numbers) + 1))
-        return StoredRows(begin + ends[:-1], np.diff(ends))
+    def store(self, begins: Indices, columns: npt.NDArray[np.int32], values: Array) -> StoredRows:
+        """Store rows of numbers in compressed form; raise a ModelError if there are too many."""
+        begin = self._stored
+        self._stored += len(columns)
+        self._check_size(self._stored)
+        self._numbers.add(columns, values)
+        return StoredRows(begin + begins[:-1], np.diff(begins))
+
+    def store_row(self, numbers: Array) -> StoredRows:
+        """Store the nonzero numbers of a row (N,)."""
+        nonzero = np.flatnonzero(numbers)
+        rows = self.store(np.array([0, len(nonzero)]), nonzero.astype(np.int32), numbers[nonzero])
+        return rows.row(0)
 
     def store_identity(self) -> StoredRows:
         """Store the rows of an identity matrix."""
         S = self.shape[1]
-        begin = self._store(np.arange(S, dtype=np.int32), np.ones(S))
-        return StoredRows(begin + np.arange(S), np.ones(S, dtype=np.int64))
+        return self.store(np.arange(S + 1), np.arange(S, dtype=np.int32), np.ones(S))
 
-    def _store(self, columns: npt.NDArray[np.int32], values: Array) -> int:
-        begin = self._stored
-        self._stored += len(columns)
-        self._check_size(self._stored)
-        self._columns.append(columns)
-        self._values.append(values)
-        return begin
+    def add_entry(self, indices: tuple[int, int, int], value: float, offset: int) -> None:
+        """Set one number; the action and the state may be `ALL`."""
+        self._entries.add(indices, value, offset)
+
+    def add_plain(self, table: PlainTable) -> None:
+        """Set the numbers and rows of plain statements."""
+        self._entries.add(table.entry_indices, table.entry_values, table.entry_offsets)
+        rows = self.store(table.row_begins, table.row_columns, table.row_values)
+        shared = (table.row_indices == ALL).any(axis=1)
+        for i in np.flatnonzero(shared).tolist():
+            action, state = table.row_indices[i].tolist()
+            self.set_rows(action, state, rows.row(i), int(table.row_offsets[i]))
+        self._rows.add(*(part[~shared] for part in (table.row_indices, *rows, table.row_offsets)))
 
     def set_rows(self, action: int, state: int, rows: StoredRows, offsets: int | Offsets) -> None:
         """Set whole rows for an action and a state, either of which may be `ALL`.
 
         A matrix has the state `ALL` and an offset for each row.
         """
+        if ALL not in (action, state):
+            self._rows.add((action, state), *rows, offsets)
+            return
         if action == state == ALL:  # overrides everything before it
-            self._statements.clear()
-            self.entries.clear()
-        self._statements.pop((action, state), None)  # so that the new one goes to the end
-        self._statements[action, state] = rows, offsets
+            self._shared_rows.clear()
+            self._rows.clear()
+            self._entries.clear()
+        self._shared_rows.pop((action, state), None)  # so that the new one goes to the end
+        self._shared_rows[action, state] = rows, offsets
 
-    def rows(self) -> tuple[SparseTables, Offsets]:
-        """Return the table, and for each row (A, S) the offset of the last statement about it, or -1."""
+    def take_rows(self) -> tuple[SparseTables, Offsets]:
+        """Return the table, and for each row (A, S) the offset of the last statement about it, or -1.
+
+        The statements are forgotten, since they may need more memory than the table.
+        """
+        A, S, _ = self.shape
+        begins, lengths, offsets = self._find_last_rows()
+        stored = self._numbers.arrays()
+        limit = MAX_NUMBERS - int(lengths.sum())
+        self._check_size(MAX_NUMBERS - limit)
+        parts, step = [], max(1, PART_ROWS // S)
+        for first in range(
+            0, A, step
+        ):  # some actions at a time: the temporary arrays are larger than the table
+            part = slice(first * S, min(first + step, A) * S)
+            row, column, value = self._find_overriding_entries(first, offsets[part], limit)
+            limit -= len(row)
+            index = ragged_indices(begins[part], lengths[part])
+            rows = np.repeat(np.arange(len(offsets[part])), lengths[part])
+            columns, values = (numbers[index] for numbers in stored)
+            if len(row):
+                row, column = np.concatenate([rows, row]), np.concatenate([columns, column])
+                value = np.concatenate([values, value])
+                parts.append(sort_entries(row, column, value, len(offsets[part]), self.shape[2]))
+            else:
+                parts.append((np.cumsum(lengths[part]), columns, values))
+        self._forget()
+        return SparseTables.of_parts(self.shape, parts), offsets.reshape(A, S)
+
+    def _find_last_rows(self) -> tuple[Indices, Indices, Offsets]:
+        """Return begin, length and offset (A S,) of the last statement that sets each whole row; -1: none."""
         A, S, _ = self.shape
         begins, lengths, offsets = np.zeros((3, A, S), dtype=np.int64)
         offsets[:] = -1
-        for (a, s), (stored, at) in self._statements.items():
+        for (a, s), (stored, at) in self._shared_rows.items():
             scope = (slice(None) if a == ALL else a, slice(None) if s == ALL else s)
             begins[scope], lengths[scope] = stored
             offsets[scope] = at
-        total = int(lengths.sum())
-        self._check_size(total)
-        row, column, value, entry_offsets = self._find_overriding_entries(offsets, MAX_NUMBERS - total)
-        index = ragged_indices(begins.reshape(-1), lengths.reshape(-1))
-        columns = np.concatenate(self._columns or [np.zeros(0, dtype=np.int32)])[index]
-        values = np.concatenate(self._values or [np.zeros(0)])[index]
-        offsets.reshape(-1)[row] = entry_offsets  # numpy keeps the last of several
-        if not len(row):
-            ends = np.concatenate([[0], np.cumsum(lengths)])
-            return SparseTables(self.shape, ends, columns, values), offsets
-        rows = np.repeat(np.arange(A * S), lengths.reshape(-1))
-        return SparseTables.of_entries(
-            self.shape,
-            np.concatenate([rows, row]),
-            np.concatenate([columns, column]),
-            np.concatenate([values, value]),
-        ), offsets
+        scopes, begin, length, at = self._rows.arrays()
+        row = scopes[:, 0].astype(np.int64) * S + scopes[:, 1]
+        later = np.flatnonzero(at > offsets.reshape(-1)[row])
+        flat = [part.reshape(-1) for part in (begins, lengths, offsets)]
+        for part, values in zip(flat, (begin, length, at), strict=True):
+            part[row[later]] = values[later]  # numpy keeps the last of several
+        return flat[0], flat[1], flat[2]
 
     def _find_overriding_entries(
-        self, offsets: Offsets, limit: int
-    ) -> tuple[Indices, Indices, Array, Offsets]:
-        """Return row, column, value and offset of each number after the last whole-row statement of its row.
+        self, first: int, offsets: Offsets, limit: int
+    ) -> tuple[Indices, npt.NDArray[np.int32], Array]:
+        """Return row, column and value of each number after the last whole-row statement of its row.
 
         Args:
-            offsets: (A, S) of these statements. limit: maximum number of numbers.
+            first: the first of some actions; rows are counted from its first one.
+            offsets: (n,) of the whole-row statements of these actions; the numbers' offsets replace them.
+            limit: maximum number of numbers.
         """
-        A, S, _ = self.shape
-        indices, values, at = self.entries.arrays()
-        selected = self._select_entries(offsets)
-        action, state, _ = indices[selected].T
-        copies = np.where(action == ALL, A, 1) * np.where(state == ALL, S, 1)
-        total = int(copies.sum())
-        if total > limit:
-            self._check_size(total + MAX_NUMBERS - limit)
-        step = np.arange(total) - np.repeat(np.cumsum(copies) - copies, copies)
-        selected = np.repeat(selected, copies)
-        action, state, column = indices[selected].T
-        # copies of an entry are in the order of actions, then states
-        states = np.where(state == ALL, S, 1)
-        row = np.where(action == ALL, step // states, action) * S
-        row += np.where(state == ALL, step % states, state)
-        later = np.flatnonzero(at[selected] > offsets.reshape(-1)[row])
-        selected = selected[later]
-        return row[later], column[later], values[selected], at[selected]
-
-    def _select_entries(self, offsets: Offsets) -> npt.NDArray[np.intp]:
-        """Return the indices (n,) of the entries to expand, without overridden entries of ``*``."""
         _, S, N = self.shape
-        indices, _, at = self.entries.arrays()
-        action, state, column = indices.T
-        if not ((action == ALL) | (state == ALL)).any():
-            return np.arange(len(at))
-        # the smallest offset among the rows of each scope; `ALL`, -1, is the last row or column
-        late = np.flatnonzero(at > np.pad(offsets, (0, 1), mode="minimum")[action, state])
-        key = ((action[late] + 1) * (S + 1) + state[late] + 1) * N + column[late]
-        return late[find_last_occurrences(key)]
+        A = len(offsets) // S
+        indices, values, at = self._entries.arrays()
+        action, state = indices[:, 0], indices[:, 1]
+        source = np.flatnonzero((action == ALL) | ((action >= first) & (action < first + A)))
+        action, state = action[source].astype(np.int64), state[source].astype(np.int64)
+        action[action != ALL] -= first
+        shared = (action == ALL) | (state == ALL)
+        if shared.any():
+            # the smallest offset among the rows of each scope; `ALL`, -1, is the last row or column
+            earliest = np.pad(offsets.reshape(A, S), (0, 1), mode="minimum")
+            late = np.flatnonzero(shared & (at[source] > earliest[action, state]))
+            key = ((action[late] + 1) * (S + 1) + state[late] + 1) * N + indices[source[late], 2]
+            chosen = np.sort(np.concatenate([np.flatnonzero(~shared), late[find_last_occurrences(key)]]))
+            source, action, state = source[chosen], action[chosen], state[chosen]
+            copies = np.where(action == ALL, A, 1) * np.where(state == ALL, S, 1)
+            if (total := int(copies.sum())) > limit:
+                self._check_size(total + MAX_NUMBERS - limit)
+            # copies of an entry are in the order of actions, then states
+            step = ragged_indices(np.zeros_like(copies), copies)
+            source, action, state = (np.repeat(part, copies) for part in (source, action, state))
+            states = np.where(state == ALL, S, 1)
+            action = np.where(action == ALL, step // states, action)
+            state = np.where(state == ALL, step % states, state)
+        row = action * S + state
+        later = at[source] > offsets[row]
+        row, source = row[later], source[later]
+        offsets[row] = at[source]  # numpy keeps the last of several
+        return row, indices[source, 2], values[source]
+
+    def _forget(self) -> None:
+        for columns in (self._entries, self._rows, self._numbers):
+            columns.clear()
+        self._shared_rows.clear()
 
     def _check_size(self, numbers: int) -> None:
         if numbers > MAX_NUMBERS:
             raise ModelError(
-                f"the statements of the {self.title} table {self.shape} give {numbers} numbers,"
+                f"the statements of the {self.title} table {self.shape} give at least {numbers} numbers,"
                 f" {12 * numbers / 2**30:.1f} GiB; at most {MAX_NUMBERS} are read"
             )
 

@@ -2,70 +2,82 @@
 
 from __future__ import annotations
 
+import mmap
 import re
-from collections.abc import Mapping, Sequence
-from functools import lru_cache
 from itertools import islice
-from math import inf
+from math import isfinite
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from lcorpp.errors import ParseError
-from lcorpp.planning.formats.numbers import NUMBER, ROW_TOLERANCE, is_number
+from lcorpp.planning.formats.numbers import ROW_TOLERANCE, is_number
+from lcorpp.planning.formats.pomdp.patterns import SKIP, WORD
+from lcorpp.planning.formats.pomdp.scanner import PlainTable, Scanner, Text, scan_rows
 from lcorpp.values import Array
 
 PREAMBLE_KEYWORDS = ("discount", "values", "states", "actions", "observations")
 TABLE_KEYWORDS = ("T", "O", "R")
 
-MIN_BATCH, MAX_BATCH = 4, 8192
-"""How many plain entries are matched at once."""
+RELEASED_BYTES = 2**24
+"""The pages of a mapped text are released in parts of this size, once they have been read."""
 
 Offsets = npt.NDArray[np.int64]
-"""Offsets in the text."""
+"""Offsets in the text, in bytes."""
 
-_SKIP = r"\s*+(?:#[^\r\n]*+\s*+)*+"  # white space and comments; a comment needs no space before it
-_WORD = r"(?:\*|[^\s:#*][^\s:#]*+)"  # a star is a word of its own, also without a space after it
-_FIRST = re.compile(_SKIP)
-_TOKEN = re.compile(rf"(:|{_WORD}){_SKIP}")
-_KEYWORDS = "|".join(
-    (*PREAMBLE_KEYWORDS, *TABLE_KEYWORDS, rf"start(?:(?![^\s:#]){_SKIP}(?:include|exclude))?")
-)
-_STATEMENT = re.compile(rf"(?:{_KEYWORDS}){_SKIP}:")
-_COMMENT = re.compile(r"#[^\r\n]*+")
-_LINE_END = re.compile(r"\r\n|\r|\n")
+_BYTE_ORDER_MARK = "\ufeff".encode()
+_FIRST = re.compile(rb"(?:%s)?%s" % (_BYTE_ORDER_MARK, SKIP))
+_TOKEN = re.compile(rb"(:|%s)%s" % (WORD, SKIP))
+_KEYWORDS = "|".join((*PREAMBLE_KEYWORDS, *TABLE_KEYWORDS)).encode()
+_STATEMENT = re.compile(rb"(?:%s|start(?:(?![^\s:#])%s(?:include|exclude))?)%s:" % (_KEYWORDS, SKIP, SKIP))
+_LINE_END = re.compile(rb"\r\n|\r|\n")
 
 
-def _make_entry_pattern(keyword: str, names: int) -> re.Pattern[str]:
-    """Pattern of an entry, ``T: a : s : s' 0.5``, optionally with a stray colon before its number."""
-    references = rf":{_SKIP}({_WORD}){_SKIP}" * names
-    return re.compile(rf"{keyword}{_SKIP}{references}(?::{_SKIP})?({NUMBER})(?![^\s:#]){_SKIP}")
+class NumberRows(NamedTuple):
+    """Rows of numbers without the zeros.
 
+    width: of a row. offsets: (rows,) of the first number of each row.
+    begins: (rows + 1,) index of the first entry of each row. columns, values: (entries,).
+    """
 
-_ENTRIES = {keyword: _make_entry_pattern(keyword, names) for keyword, names in (("T", 3), ("O", 3), ("R", 4))}
+    width: int
+    offsets: Offsets
+    begins: npt.NDArray[np.int64]
+    columns: npt.NDArray[np.int32]
+    values: Array
 
-
-@lru_cache(maxsize=64)
-def _make_numbers_pattern(count: int) -> re.Pattern[str]:
-    return re.compile(rf"(?:{NUMBER}(?![^\s:#]){_SKIP}){{{count}}}+")
+    def dense(self) -> Array:
+        """Return the numbers (rows, count)."""
+        table = np.zeros((len(self.offsets), self.width))
+        table[np.repeat(np.arange(len(table)), np.diff(self.begins)), self.columns] = self.values
+        return table
 
 
 class Tokens:
     """A cursor over the tokens of one text: colons and words, without comments.
 
-    text: the whole text. offset: of the next token; the length of the text after the last one.
+    text: the whole text in UTF-8, in memory or mapped.
+    offset: of the next token, in bytes; the length of the text after the last one.
     """
 
-    def __init__(self, text: str, file: str) -> None:
+    def __init__(self, text: Text, file: str) -> None:
         self.file, self.text = file, text
         self._ahead: list[tuple[str, int]] = []  # tokens from `offset` on, each with the next one's offset
         first = _FIRST.match(text)
         self.offset = self._first = first.end() if first else 0
-        self._batch = MIN_BATCH  # doubles while entries are plain, so that few words are matched in vain
+        self._released = 0
 
     def _move_to(self, offset: int) -> None:
         self.offset = offset
         self._ahead.clear()
+
+    def _release_read_pages(self) -> None:
+        """Release the memory of the text before the next token; the system reads it again for a message."""
+        begin, size = self._released, (self.offset - self._released) // RELEASED_BYTES * RELEASED_BYTES
+        if size and isinstance(self.text, mmap.mmap) and hasattr(mmap, "MADV_DONTNEED"):
+            self.text.madvise(mmap.MADV_DONTNEED, begin, size)
+            self._released += size
 
     def peek(self, ahead: int = 0) -> str:
         """Return a token ahead, "" after the last one."""
@@ -74,7 +86,7 @@ class Tokens:
             match = _TOKEN.match(self.text, known[-1][1] if known else self.offset)
             if match is None:
                 return ""
-            known.append((match[1], match.end()))
+            known.append((_decode(match[1]), match.end()))
         return known[ahead][0]
 
     def take(self) -> str:
@@ -96,14 +108,16 @@ class Tokens:
 
     def error(self, message: str, offset: int | None = None) -> ParseError:
         """Return a ParseError at an offset; by default that of the next token, or the end of the text."""
-        place = min(self.offset if offset is None else offset, len(self.text.rstrip()))
-        line, start = 1, 0
+        place = self.offset if offset is None else offset
+        if place == len(self.text):  # the end of the file is behind its last character
+            while place and self.text[place - 1 : place].isspace():
+                place -= 1
+        line, start = 1, len(_BYTE_ORDER_MARK) if self.text[:3] == _BYTE_ORDER_MARK else 0
         for match in _LINE_END.finditer(self.text, 0, place):
             line, start = line + 1, match.end()
         end = _LINE_END.search(self.text, start)
-        return ParseError(
-            self.file, line, place - start + 1, message, self.text[start : end.start() if end else None]
-        )
+        text = _decode(self.text[start : end.start() if end else len(self.text)])
+        return ParseError(self.file, line, len(_decode(self.text[start:place])) + 1, message, text)
 
     def describe_next(self) -> str:
         """Return the next token, for a message."""
@@ -119,37 +133,34 @@ class Tokens:
     def _find_token(self, start: int, count: int) -> tuple[str, int]:
         """Return the token that is `count` tokens after the one at an offset, and its own offset."""
         match = next(islice(_TOKEN.finditer(self.text, start), count, None))
-        return match[1], match.start()
+        return _decode(match[1]), match.start()
 
-    # --- numbers ---
+    # --- statements and numbers ---
 
-    def numbers(self, count: int, what: str, rows: int = 1) -> tuple[Array, Offsets]:
-        """Read rows * count numbers; `what` describes them in messages.
+    def plain_statements(self, scanner: Scanner) -> tuple[PlainTable, PlainTable, PlainTable] | None:
+        """Read the plain statements of T, O and R that follow, at most a batch; None if there are none."""
+        end, *tables = scanner.scan(self.text, self.offset)
+        if end == self.offset:
+            return None
+        self._move_to(end)
+        self._release_read_pages()
+        T, Z, R = tables
+        return T, Z, R
 
-        Returns:
-            (rows, count) the numbers, and (rows,) the offset of the first number of each row.
-        """
-        first = self.offset
-        if 2 * rows * count - 1 > len(self.text) - first:  # too short a text; do not allocate the array
+    def numbers(self, count: int, what: str, rows: int = 1) -> NumberRows:
+        """Read rows of `count` numbers; `what` describes them in messages."""
+        found = None
+        if 2 * rows * count - 1 <= len(self.text) - self.offset:  # a shorter text has too few
+            found = scan_rows(self.text, self.offset, rows, count)
+        if found is None:
             raise self._make_missing_numbers_error(rows * count, what)
-        pattern = _make_numbers_pattern(count)
-        values = np.empty((rows, count))
-        offsets = np.empty(rows, dtype=np.int64)
-        at, finite = first, True
-        for row in range(rows):
-            match = pattern.match(self.text, at)
-            if match is None:
-                raise self._make_missing_numbers_error(rows * count, what)
-            words = match[0] if "#" not in match[0] else _COMMENT.sub(" ", match[0])
-            numbers = list(map(float, words.split()))
-            finite = finite and inf not in numbers and -inf not in numbers
-            values[row] = numbers
-            offsets[row], at = at, match.end()
-        if not finite:
-            word, at = self._find_token(first, int(np.argmin(np.isfinite(values))))
-            raise self.error(f"{word} is too large for a number", at)
-        self._move_to(at)
-        return values, offsets
+        end, *arrays = found
+        self._move_to(end)
+        return NumberRows(count, *arrays)
+
+    def number(self, what: str) -> float:
+        """Read one number."""
+        return float(self.numbers(1, what).dense()[0, 0])
 
     def _make_missing_numbers_error(self, count: int, what: str) -> ParseError:
         """Return the error if fewer than `count` numbers follow."""
@@ -160,53 +171,24 @@ class Tokens:
                 return self.error(f"{what} needs {needed}, found {index} before the end of the file")
             if not is_number(word):
                 return self.error(f"{what} needs {needed}, found {index} and then {word!r}")
+            if not isfinite(float(word)):
+                return self.error(f"{word} is too large for a number")
             self.take()
         raise AssertionError(f"{what}: no number is missing")
 
-    def probabilities(self, count: int, what: str, rows: int = 1) -> tuple[Array, Offsets]:
+    def probabilities(self, count: int, what: str, rows: int = 1) -> NumberRows:
         """`numbers`, each checked to be between 0 and 1."""
-        first = self.offset
-        values, offsets = self.numbers(count, what, rows)
-        if values.min() < 0:
-            word, at = self._find_token(first, int(values.argmin()))
+        numbers = self.numbers(count, what, rows)
+        values = numbers.values
+        if not len(values) or 0 <= values.min() <= values.max() <= 1 + ROW_TOLERANCE:
+            return numbers
+        entry = int(values.argmin() if values.min() < 0 else values.argmax())
+        row = int(np.searchsorted(numbers.begins, entry, side="right")) - 1
+        word, at = self._find_token(int(numbers.offsets[row]), int(numbers.columns[entry]))
+        if values[entry] < 0:
             raise self.error(f"negative probability {word} in {what}", at)
-        if values.max() > 1 + ROW_TOLERANCE:
-            word, at = self._find_token(first, int(values.argmax()))
-            raise self.error(f"{word} is no probability in {what}", at)
-        return values, offsets
+        raise self.error(f"{word} is no probability in {what}", at)
 
-    def plain_entries(
-        self, indices: Sequence[Mapping[str, int]], low: float, high: float
-    ) -> tuple[npt.NDArray[np.int64], Array, Offsets] | None:
-        """Read the plain entries of one table that follow, at most a batch; None if there is none.
 
-        A plain entry has only known names and a number from `low` to `high`. All other statements are left
-        to the caller, who reads them one at a time and reports errors.
-
-        Args:
-            indices: for each reference of an entry: name -> index.
-
-        Returns:
-            (n, references) indices, (n,) numbers and (n,) offsets of the numbers.
-        """
-        pattern = _ENTRIES[self.peek()]
-        matches: list[re.Match[str]] = []
-        at = self.offset
-        while len(matches) < self._batch and (match := pattern.match(self.text, at)) is not None:
-            matches.append(match)
-            at = match.end()
-        n = len(matches)
-        if not n:
-            return None
-        words = list(zip(*(match.groups() for match in matches), strict=True))
-        columns = [list(map(index.get, column)) for index, column in zip(indices, words, strict=False)]
-        n = min([n, *(column.index(None) for column in columns if None in column)])
-        values = list(map(float, words[-1][:n])) if n else []
-        if values and not low <= min(values) <= max(values) <= high:
-            n = next(i for i, value in enumerate(values) if not low <= value <= high)
-        self._batch = min(2 * self._batch, MAX_BATCH) if n == self._batch else MIN_BATCH
-        if not n:
-            return None
-        self._move_to(matches[n - 1].end())
-        offsets = [match.start(len(indices) + 1) for match in matches[:n]]
-        return np.array([column[:n] for column in columns]).T, np.array(values[:n]), np.array(offsets)
+def _decode(text: bytes) -> str:
+    return text.decode("utf-8", "surrogatepass")
