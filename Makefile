@@ -13,7 +13,7 @@ export OMP_NUM_THREADS := 1
 export OPENBLAS_NUM_THREADS := 1
 
 # The C++ kernels are built when the package is installed; their objects are kept in build/ for the next time.
-NATIVE := pyproject.toml CMakeLists.txt $(wildcard native/* native/*/*)
+NATIVE := pyproject.toml CMakeLists.txt $(wildcard native/* native/*/* native/*/*/*)
 
 # The demo trains its classifier once and loads it the next time; `make clean` forgets it.
 TRAINED := $(wildcard out/demo/classifier.npz)

@@ -125,7 +125,8 @@ void VectorSet::keep(const std::vector<char>& kept) {
 }
 
 void VectorSet::grow() {
-    const std::size_t capacity = std::max(kRun, 2 * capacity_);
+    // A multiple of the run; half as much again limits the memory that is not used.
+    const std::size_t capacity = (capacity_ + capacity_ / 2 + kRun) / kRun * kRun;
     std::vector<double> table(states_ * capacity, 0.0);
     for (std::size_t s = 0; s < states_; ++s) {
         std::copy_n(table_.data() + s * capacity_, count(), table.data() + s * capacity);

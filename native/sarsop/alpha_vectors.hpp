@@ -21,6 +21,10 @@ class VectorSet {
 
     std::size_t count() const { return stamps_.size(); }
     std::size_t states() const { return states_; }
+
+    // Memory of all vectors in bytes.
+    std::size_t memory_size() const { return table_.capacity() * sizeof(double); }
+
     Index action(std::size_t row) const { return actions_[row]; }
     Stamp stamp(std::size_t row) const { return stamps_[row]; }
     double at(std::size_t row, std::size_t state) const { return table_[state * capacity_ + row]; }

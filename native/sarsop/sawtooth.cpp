@@ -73,18 +73,32 @@ double Sawtooth::bound(const Index* states, const double* weights, std::size_t n
             if (point.excess * mass >= lowest) continue;  // phi is at most the mass
             const double threshold = lowest / point.excess;
             double phi = std::numeric_limits<double>::infinity();
-            const Entry* entry = entries_.data() + point.begin;
-            const Entry* end = entries_.data() + point.end;
-            for (; entry != end; ++entry) {
-                const double ratio = dense_[as_size(entry->state)] * entry->inverse_weight;
+            std::size_t entry = point.begin;
+            for (; entry != point.end; ++entry) {
+                const double ratio = dense_[as_size(states_[entry])] * inverse_weights_[entry];
                 if (ratio <= threshold) break;
                 if (ratio < phi) phi = ratio;
             }
-            if (entry == end) lowest = phi * point.excess;
+            if (entry == point.end) lowest = phi * point.excess;
         }
     }
     for (std::size_t i = 0; i < n; ++i) dense_[as_size(states[i])] = 0.0;
     return std::min(informed_value(states, weights, n), plane + lowest);
+}
+
+// Sort the entries of a point, the rarest states first: they exclude a point soonest.
+void Sawtooth::sort_entries(const Point& point) {
+    const auto& counts = point_counts_[as_size(point.group)];
+    sorted_.clear();
+    for (std::size_t i = point.begin; i < point.end; ++i) sorted_.emplace_back(states_[i], inverse_weights_[i]);
+    std::sort(sorted_.begin(), sorted_.end(), [&](const auto& a, const auto& b) {
+        const Index count_a = counts[position(point.group, a.first)], count_b = counts[position(point.group, b.first)];
+        return count_a != count_b ? count_a < count_b : a.second < b.second;
+    });
+    for (std::size_t i = 0; i < sorted_.size(); ++i) {
+        states_[point.begin + i] = sorted_[i].first;
+        inverse_weights_[point.begin + i] = sorted_[i].second;
+    }
 }
 
 Stamp Sawtooth::add(const Weights& belief, Index group, double value) {
@@ -100,16 +114,13 @@ Stamp Sawtooth::add(const Weights& belief, Index group, double value) {
         }
         return -1;
     }
-    Point point{next_stamp_++, value, 0.0, entries_.size(), entries_.size() + belief.size(), group, false};
-    for (std::size_t i = 0; i < belief.size(); ++i) entries_.push_back({belief.state[i], 1.0 / std::max(belief.weight[i], kMinProbability)});
-    auto& counts = point_counts_[as_size(group)];
-    for (const Index s : belief.state) ++counts[position(group, s)];
-    // Sort the rarest states first: they exclude a point soonest.
-    std::sort(entries_.begin() + static_cast<std::ptrdiff_t>(point.begin), entries_.end(),
-              [&](const Entry& a, const Entry& b) {
-                  const Index count_a = counts[position(group, a.state)], count_b = counts[position(group, b.state)];
-                  return count_a != count_b ? count_a < count_b : a.inverse_weight < b.inverse_weight;
-              });
+    Point point{next_stamp_++, value, 0.0, states_.size(), states_.size() + belief.size(), group, false};
+    for (std::size_t i = 0; i < belief.size(); ++i) {
+        states_.push_back(belief.state[i]);
+        inverse_weights_.push_back(1.0 / std::max(belief.weight[i], kMinProbability));
+        ++point_counts_[as_size(group)][position(group, belief.state[i])];
+    }
+    sort_entries(point);
     point.excess = excess(point);
     points_.push_back(point);
     index_point(points_.size() - 1);
@@ -129,26 +140,26 @@ void Sawtooth::remove(Stamp stamp) {
 
 void Sawtooth::compact() {
     if (3 * removed_ <= count_ + kCompactionMargin) return;
-    std::vector<Entry> entries;
-    std::size_t kept = 0;
+    std::size_t kept = 0, written = 0;
     for (auto& group : points_by_state_) {
         for (auto& numbers : group) numbers.clear();
     }
     for (auto& counts : point_counts_) std::fill(counts.begin(), counts.end(), 0);
     for (Point& point : points_) {
         if (point.removed) continue;
-        const std::size_t begin = entries.size();
-        entries.insert(entries.end(), entries_.begin() + static_cast<std::ptrdiff_t>(point.begin),
-                       entries_.begin() + static_cast<std::ptrdiff_t>(point.end));
-        point.begin = begin;
-        point.end = entries.size();
-        for (std::size_t i = begin; i < entries.size(); ++i) {
-            ++point_counts_[as_size(point.group)][position(point.group, entries[i].state)];
+        const std::size_t begin = written;
+        for (std::size_t i = point.begin; i < point.end; ++i, ++written) {
+            states_[written] = states_[i];
+            inverse_weights_[written] = inverse_weights_[i];
+            ++point_counts_[as_size(point.group)][position(point.group, states_[i])];
         }
+        point.begin = begin;
+        point.end = written;
         points_[kept++] = point;
     }
     points_.resize(kept);
-    entries_.swap(entries);
+    states_.resize(written);
+    inverse_weights_.resize(written);
     for (std::size_t i = 0; i < kept; ++i) index_point(i);
     removed_ = 0;
 }
@@ -156,14 +167,14 @@ void Sawtooth::compact() {
 double Sawtooth::excess(const Point& point) const {
     double plane = 0.0;
     for (std::size_t i = point.begin; i < point.end; ++i) {
-        plane += corners_[as_size(entries_[i].state)] / entries_[i].inverse_weight;
+        plane += corners_[as_size(states_[i])] / inverse_weights_[i];
     }
     return std::min(0.0, point.value - plane);
 }
 
 void Sawtooth::index_point(std::size_t number) {
     const Point& point = points_[number];
-    const Index state = entries_[point.begin].state;  // the rarest
+    const Index state = states_[point.begin];  // the rarest
     points_by_state_[as_size(point.group)][position(point.group, state)].push_back(static_cast<Index>(number));
 }
 

@@ -2,6 +2,7 @@
 // Source: Hauskrecht, JAIR 2000, section 4.4; Smith and Simmons, UAI 2005, section 4.2.
 #pragma once
 
+#include <utility>
 #include <vector>
 
 #include "model.hpp"
@@ -21,6 +22,12 @@ class Sawtooth {
 
     Stamp next_stamp() const { return next_stamp_; }
     std::size_t count() const { return count_; }
+    std::size_t entry_count() const { return states_.size(); }
+
+    // Memory of all points in bytes.
+    std::size_t memory_size() const {
+        return points_.capacity() * (sizeof(Point) + sizeof(Index)) + states_.capacity() * (sizeof(Index) + sizeof(double));
+    }
 
     // The fast informed bound alone, at n states with weights.
     double informed_value(const Index* states, const double* weights, std::size_t n) const;
@@ -43,8 +50,8 @@ class Sawtooth {
             states.clear();
             inverses.clear();
             for (std::size_t i = point.begin; i < point.end; ++i) {
-                states.push_back(entries_[i].state);
-                inverses.push_back(entries_[i].inverse_weight);
+                states.push_back(states_[i]);
+                inverses.push_back(inverse_weights_[i]);
             }
             f(states, inverses, point.value, point.group);
         }
@@ -66,12 +73,8 @@ class Sawtooth {
         Index group;
         bool removed;
     };
-    struct Entry {
-        Index state;
-        double inverse_weight;  // 1 / p(s)
-    };
-
     double excess(const Point& point) const;
+    void sort_entries(const Point& point);
     void index_point(std::size_t number);
     std::size_t position(Index group, Index state) const;
 
@@ -80,12 +83,14 @@ class Sawtooth {
     std::vector<double> informed_;  // (S, A)
     std::vector<double> corners_;   // (S)
     std::vector<Point> points_;  // by rising stamp
-    std::vector<Entry> entries_;
+    std::vector<Index> states_;            // (entries) of all points
+    std::vector<double> inverse_weights_;  // (entries) 1 / p(s)
     // Points by group and position of the rarest state of their support: only points whose rarest state has weight
     // can count at a belief.
     std::vector<std::vector<std::vector<Index>>> points_by_state_;
     std::vector<std::vector<Index>> point_counts_;  // by group and position: number of points with that state
     std::vector<double> dense_;                     // (S) reusable memory, zero between calls
+    std::vector<std::pair<Index, double>> sorted_;  // reusable memory
     Stamp next_stamp_ = 0;
     std::size_t count_ = 0, removed_ = 0;
 };

@@ -165,10 +165,10 @@ Index Tree::find_or_add_node(Weights belief) {
     return number;
 }
 
-// The children of a node and an action; the reference is valid until the next call.
+// The children of a node and an action; the reference is valid until the next call. The next beliefs are computed at each
+// visit: they take many times the memory of all else, and reading them takes as long.
 const Outcomes& Tree::expand(Node& node, Index action) {
     Branch& branch = node.branches[as_size(action)];
-    if (branch.outcomes) return *branch.outcomes;
     const Outcomes& outcomes = successors_.compute_outcomes(node.belief, action);
     if (!branch.expanded) {
         branch.expanded = true;
@@ -177,10 +177,6 @@ const Outcomes& Tree::expand(Node& node, Index action) {
             branch.children[c].observation = outcomes.observation[c];
             branch.children[c].probability = outcomes.probability[c];
             branch.children[c].group = model.block[as_size(outcomes.states(c)[0])];
-        }
-        if (outcomes.state.size() <= cache_budget_) {
-            cache_budget_ -= outcomes.state.size();
-            branch.outcomes = std::make_unique<Outcomes>(outcomes);
         }
     }
     return outcomes;

@@ -5,7 +5,6 @@
 #include <cstdint>
 #include <deque>
 #include <limits>
-#include <memory>
 #include <unordered_map>
 #include <vector>
 
@@ -15,9 +14,6 @@
 #include "sawtooth.hpp"
 
 namespace lcorpp {
-
-// Largest number of cached entries of outcomes, 12 bytes each; further ones are recomputed at each visit.
-constexpr std::size_t kMaxCachedOutcomes = std::size_t{1} << 25;
 
 // Smallest improvement of a bound, relative to Tree::max_abs_value; smaller ones are rounding errors.
 constexpr double kMinGain = 1e-11;
@@ -45,7 +41,6 @@ struct Branch {
     double lower = -kInfinity, upper = kInfinity;
     Stamp vectors_version = 0, points_version = 0;  // the bounds include all vectors and points with earlier stamps
     std::vector<Child> children;
-    std::unique_ptr<Outcomes> outcomes;  // cached up to kMaxCachedOutcomes: most visits need them
 };
 
 struct Node {
@@ -127,7 +122,6 @@ class Tree {
 
     Successors successors_;
     Stamp next_vector_ = 0;
-    std::size_t cache_budget_ = kMaxCachedOutcomes;  // how many more entries of outcomes may be cached
     std::unordered_multimap<std::uint64_t, Index> node_index_;  // by hash of the belief
     std::vector<Index> all_states_;
     std::vector<std::size_t> sizes_after_pruning_;  // by group: number of vectors after the last pruning

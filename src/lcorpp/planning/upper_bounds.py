@@ -51,8 +51,10 @@ class SawtoothBound:
 
     def __post_init__(self) -> None:
         for field in fields(self):
-            array = np.array(getattr(self, field.name))
-            array.setflags(write=False)
+            array = np.asarray(getattr(self, field.name))
+            if array.flags.writeable:  # the points of a large model are in memory only once
+                array = array.copy()
+                array.setflags(write=False)
             object.__setattr__(self, field.name, array)
 
     def __repr__(self) -> str:

@@ -165,6 +165,17 @@ class Kernels(Protocol):
         """ValuePredictor(corners): (S,) the initial upper bound at the beliefs that know the state."""
 
     @property
+    def find_reachable_blocks(self) -> Callable[[Any, npt.NDArray[np.int64], Int32Array], Int32Array]:
+        """(model, begins, states) -> (S,) the block of each state that the starts reach, -1 for others.
+
+        It is the finest partition such that every action and observation lead from a belief within a block,
+        or within the support of a start, to one within a block. Start k has the states from begins[k] to
+        before begins[k + 1]; those over several blocks count as one, because they share their vectors.
+
+        Source: Hopcroft and Karp, "A linear algorithm for testing equivalence of finite automata", 1971.
+        """
+
+    @property
     def blind_policies(self) -> Callable[[Any, float, float], Array]:
         """(model, tolerance, seconds) -> (A, S) lower bounds on the value of repeating one action forever."""
 

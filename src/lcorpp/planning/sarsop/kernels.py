@@ -7,6 +7,7 @@ from functools import cache
 
 from lcorpp.planning.pomdp import Pomdp
 from lcorpp.planning.sarsop.kernel_protocols import Kernels, Model
+from lcorpp.planning.sparse import SparseTables
 
 
 class SlowKernelsWarning(UserWarning):
@@ -33,21 +34,22 @@ def load_kernels(*, numpy: bool = False) -> Kernels:
     return numpy_kernels
 
 
-def build_model(kernels: Kernels, pomdp: Pomdp) -> Model:
-    """Convert a problem for the kernels.
+def build_model(kernels: Kernels, pomdp: Pomdp, observation: SparseTables | None = None) -> Model:
+    """Convert a problem for the kernels, with another table of observations (A, S, O') if one is given.
 
     Rows whose sum differs from 1 by rounding are scaled: over an infinite horizon even 1e-9 would make the
     bounds cross.
     """
+    observation = pomdp.observation if observation is None else observation
     tables = []
-    for table in (pomdp.transition, pomdp.observation):
+    for table in (pomdp.transition, observation):
         sums = table.row_sums()
         rows = table if (sums == 1).all() else table.scale_rows(1 / sums)
         tables += [rows.begins, rows.columns, rows.values]
     return kernels.Model(
         len(pomdp.actions),
         len(pomdp.states),
-        len(pomdp.observations),
+        observation.shape[2],
         *tables,
         pomdp.reward,
         pomdp.discount,

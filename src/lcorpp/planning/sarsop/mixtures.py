@@ -32,7 +32,7 @@ MIN_GAP_SHARE = 0.3
 """A gap below this share of the widest one waits: most such gaps close together with a wider one."""
 
 MIN_DISTANCE = 1e-7
-"""A vertex that is nearer to a start differs from it by rounding."""
+"""A mixture that is nearer to a start differs from it by rounding."""
 
 MIN_SLOPE = 1e-9
 """A facet whose normal has a smaller last component is vertical: a side of the hull."""
@@ -72,10 +72,11 @@ class MixtureStarts:
         vectors = self._project_vectors()
         if not len(vectors):
             return False
-        vertices, planes = find_vertices(vectors), find_envelope(self._weights, self._find_upper_bounds())
+        planes = find_envelope(self._weights, self._find_upper_bounds())
+        vertices = np.array([self._separate(vertex) for vertex in find_vertices(vectors)])
         values = vertices @ planes.T
         gaps = values.max(axis=1) - (vertices @ vectors.T).max(axis=1)
-        gaps[np.abs(vertices[:, None] - self._weights).max(axis=2).min(axis=1) < MIN_DISTANCE] = 0
+        gaps[[self._is_start(vertex) for vertex in vertices]] = 0
         min_gap, facets = max(self._search.precision, MIN_GAP_SHARE * gaps.max()), values.argmax(axis=1)
         chosen = dict[int, int]()  # facet of the envelope -> vertex: the others below it are near
         for i in np.argsort(-gaps, kind="stable").tolist():
@@ -85,6 +86,21 @@ class MixtureStarts:
         if chosen:
             self._add(vertices[list(chosen.values())])
         return bool(chosen)
+
+    def _separate(self, vertex: Array) -> Array:
+        """Return a vertex (V,), or if it is a start, the first mixture on the way to it that is none.
+
+        The bounds have met at a start, but if its belief lies within one block and other mixtures do not, the
+        vectors of their group may be far below the upper bound everywhere around it.
+        """
+        step = (np.full(len(vertex), 1 / len(vertex)) - vertex) / 2
+        separate = vertex
+        while self._is_start(separate) and np.abs(step).max() > MIN_DISTANCE:
+            separate, step = vertex + step, step / 2
+        return separate
+
+    def _is_start(self, weights: Array) -> bool:
+        return bool(np.abs(weights - self._weights).max(axis=1).min() < MIN_DISTANCE)
 
     def tighten(self, policy: Policy) -> Policy:
         """Return a policy of the search with the convex envelope in its upper bound."""

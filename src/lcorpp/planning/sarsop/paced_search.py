@@ -30,7 +30,7 @@ class PacedSearch:
 
     def __init__(self, pomdp: Pomdp, starts: Array, precision: float) -> None:
         self.pomdp = pomdp
-        bounds = BoundedTree(pomdp, precision=precision, seconds=inf)
+        bounds = BoundedTree(pomdp, list(starts), precision=precision, seconds=inf)
         self._search = BoundedSearch(bounds, starts, precision=precision, began=0.0, time_limit=inf)
         self._share = pomdp.discount**LOOK_AHEAD
         self.improvement, self._lower_bounds, self._next_check = inf, np.full(len(starts), -inf), len(starts)

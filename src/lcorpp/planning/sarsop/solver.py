@@ -81,9 +81,11 @@ def solve(
         check_type("previous", previous, Solution)
         if previous.policy.fingerprint != pomdp.fingerprint:
             raise PolicyError("the previous solution is for another model")
+    mixed = None if mixed is None else check_beliefs(pomdp, mixed, "mixed")
     began = monotonic()
     bounds = BoundedTree(
         pomdp,
+        [*starts, *([] if mixed is None else [mixed.mean(axis=0)])],
         precision=precision,
         seconds=INITIAL_SHARE * time_limit,
         kernels=kernels,
@@ -98,7 +100,7 @@ def solve(
     reason = run()
     if mixed is None:
         return search.make_solution(reason)
-    mixtures = MixtureStarts(search, check_beliefs(pomdp, mixed, "mixed"))
+    mixtures = MixtureStarts(search, mixed)
     limit = search.work + MIXTURE_WORK * time_limit
     while reason == CONVERGED:
         reason = run()

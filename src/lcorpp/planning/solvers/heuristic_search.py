@@ -75,7 +75,7 @@ class OnlinePlanner(ModelPlanner):
         check_solver_arguments(pomdp, None, precision, preparation)
         self.pomdp, self.seconds, self.precision = pomdp, seconds, precision
         self.trials = None if trials is None else check_count("trials", trials, 1)
-        self._bounds = BoundedTree(pomdp, precision=precision, seconds=preparation / 3)
+        self._bounds = BoundedTree(pomdp, [pomdp.start], precision=precision, seconds=preparation / 3)
 
     def __repr__(self) -> str:
         tree = self._bounds.tree
@@ -100,6 +100,7 @@ class OnlinePlanner(ModelPlanner):
         began, belief = monotonic(), check_belief(self.pomdp, belief)
         if self._bounds.tree.node_count > MAX_NODES:
             self._bounds.reset()
+        self._bounds.include(belief)
         search = BoundedSearch(
             self._bounds, [belief], precision=self.precision, began=began, time_limit=self.seconds
         )

@@ -73,7 +73,7 @@ def solve_perseus(
     check_count("beliefs", beliefs, 1)
     check_count("seed", seed, 0)
     began = monotonic()
-    bounds = BoundedTree(pomdp, precision=precision, seconds=INITIAL_SHARE * time_limit)
+    bounds = BoundedTree(pomdp, list(starts), precision=precision, seconds=INITIAL_SHARE * time_limit)
     search = BoundedSearch(bounds, starts, precision=precision, began=began, time_limit=time_limit)
     backups = _PointBasedBackups(search, beliefs, np.random.default_rng(seed))
     return search.make_solution(search.run(backups.step, callback))

@@ -12,13 +12,23 @@ sawtooth         upper bound                       search_state  all nodes with 
 Functions on a search state:
 refresh  update a node's bounds    backup  improve both bounds at a belief    pruning  drop useless vectors
 
-bounds (initial bounds) and tree (what a search calls) complete the kernels.
+bounds (initial bounds), reachable_blocks (a finer partition) and tree (what a search calls) complete the
+kernels.
 """
 
 from __future__ import annotations
 
 from lcorpp.planning.sarsop.numpy_kernels.bounds import blind_policies, fast_informed_bound, mdp_bound
 from lcorpp.planning.sarsop.numpy_kernels.model import Model
+from lcorpp.planning.sarsop.numpy_kernels.reachable_blocks import find_reachable_blocks
 from lcorpp.planning.sarsop.numpy_kernels.tree import Tree, ValuePredictor
 
-__all__ = ["Model", "Tree", "ValuePredictor", "blind_policies", "fast_informed_bound", "mdp_bound"]
+__all__ = [
+    "Model",
+    "Tree",
+    "ValuePredictor",
+    "blind_policies",
+    "fast_informed_bound",
+    "find_reachable_blocks",
+    "mdp_bound",
+]

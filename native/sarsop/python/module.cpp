@@ -14,6 +14,7 @@
 #include "bounds.hpp"
 #include "model.hpp"
 #include "path_sampling.hpp"
+#include "reachable_blocks.hpp"
 #include "tree.hpp"
 
 using namespace lcorpp;
@@ -52,6 +53,8 @@ auto export_points(const Sawtooth& sawtooth) {
     std::vector<std::int64_t> begins{0};
     std::vector<Index> states;
     std::vector<double> weights, values;
+    states.reserve(sawtooth.entry_count());  // without the memory that growing takes
+    weights.reserve(sawtooth.entry_count());
     sawtooth.for_each_point([&](const auto& support, const auto& inverses, double value, Index) {
         std::vector<std::pair<Index, double>> entries;
         for (std::size_t i = 0; i < support.size(); ++i) entries.emplace_back(support[i], 1.0 / inverses[i]);
@@ -102,6 +105,24 @@ void bind_model(nb::module_& m) {
             "transition_columns"_a.noconvert(), "transition_values"_a, "observation_begins"_a.noconvert(),
             "observation_columns"_a.noconvert(), "observation_values"_a, "reward"_a, "discount"_a)
         .def("export_blocks", [](const Model& model) { return make_array(model.block); });
+    m.def(
+        "find_reachable_blocks",
+        [](const Model& model, InputArray<std::int64_t, 1> begins, InputArray<Index, 1> states) {
+            const std::size_t entries = states.size(), count = begins.size() - 1;
+            require(begins.size() > 1 && begins.data()[0] == 0 && begins.data()[count] == static_cast<std::int64_t>(entries),
+                    "the arrays of the starts do not fit together");
+            std::vector<std::vector<Index>> starts(count);
+            for (std::size_t k = 0; k < count; ++k) {
+                require(begins.data()[k] < begins.data()[k + 1] && begins.data()[k + 1] <= static_cast<std::int64_t>(entries),
+                        "a start has no states");
+                starts[k].assign(states.data() + begins.data()[k], states.data() + begins.data()[k + 1]);
+            }
+            for (std::size_t i = 0; i < entries; ++i) {
+                require(states.data()[i] >= 0 && states.data()[i] < model.states, "a state of a start is out of range");
+            }
+            return make_array(find_reachable_blocks(model, starts));
+        },
+        "model"_a, "begins"_a.noconvert(), "states"_a.noconvert());
 }
 
 void bind_bounds(nb::module_& m) {
@@ -228,6 +249,7 @@ void bind_tree(nb::module_& m) {
                 const VectorSet& set = get_set(tree, group);
                 std::vector<double> table;
                 std::vector<Index> actions;
+                table.reserve(set.count() * set.states());
                 for (std::size_t row = 0; row < set.count(); ++row) {
                     actions.push_back(set.action(row));
                     for (std::size_t s = 0; s < set.states(); ++s) table.push_back(set.at(row, s));
