@@ -11,6 +11,7 @@ void VectorDependencies::record(Stamp vector, std::vector<Stamp> depends_on) {
                      depends_on.end());
     std::sort(depends_on.begin(), depends_on.end());
     depends_on.erase(std::unique(depends_on.begin(), depends_on.end()), depends_on.end());
+    add_memory(depends_on);
     depends_on_[vector] = std::move(depends_on);
 }
 
@@ -27,7 +28,9 @@ void VectorDependencies::record_pruned_vectors(const VectorSet& set, Index group
             replaced_by_[set.stamp(row)] = set.stamp(as_size(dominating));
         } else {
             PrunedVector pruned{group, set.action(row), {}};
+            pruned.values.reserve(set.states());
             for (std::size_t s = 0; s < set.states(); ++s) pruned.values.push_back(set.at(row, s));
+            add_memory(pruned);
             pruned_.emplace(set.stamp(row), std::move(pruned));
         }
     }
@@ -73,6 +76,9 @@ void VectorDependencies::forget_unneeded(const std::vector<VectorSet>& sets) {
     depends_on_.swap(depends_on);
     pruned_.swap(pruned);
     replaced_by_.clear();
+    memory_size_ = 0;
+    for (const auto& [stamp, stamps] : depends_on_) add_memory(stamps);
+    for (const auto& [stamp, vector] : pruned_) add_memory(vector);
 }
 
 std::vector<const PrunedVector*> VectorDependencies::find_needed_vectors(const std::vector<VectorSet>& sets) {

@@ -37,6 +37,9 @@ class VectorDependencies {
     // Forget all vectors that the vectors in the sets do not depend on.
     void forget_unneeded(const std::vector<VectorSet>& sets);
 
+    // Memory of all pruned vectors and dependencies in bytes.
+    std::size_t memory_size() const { return memory_size_; }
+
     // The pruned vectors that the vectors in the sets depend on, by rising stamps.
     std::vector<const PrunedVector*> find_needed_vectors(const std::vector<VectorSet>& sets);
 
@@ -44,10 +47,17 @@ class VectorDependencies {
     // Stands for all imported vectors: each depends on it, and it depends on each.
     static constexpr Stamp kImported = std::numeric_limits<Stamp>::max();
 
+    // Memory of an entry of a map beside its numbers, about.
+    static constexpr std::size_t kEntrySize = 64;
+
     Stamp find_replacement(Stamp stamp) const;
     std::vector<Stamp> find_needed_stamps(const std::vector<VectorSet>& sets);
 
+    void add_memory(const std::vector<Stamp>& stamps) { memory_size_ += kEntrySize + stamps.size() * sizeof(Stamp); }
+    void add_memory(const PrunedVector& vector) { memory_size_ += kEntrySize + vector.values.size() * sizeof(double); }
+
     Stamp blind_;
+    std::size_t memory_size_ = 0;
     std::unordered_map<Stamp, std::vector<Stamp>> depends_on_;
     std::unordered_map<Stamp, Stamp> replaced_by_;
     std::unordered_map<Stamp, PrunedVector> pruned_;

@@ -139,7 +139,23 @@ void Sawtooth::remove(Stamp stamp) {
 }
 
 void Sawtooth::compact() {
-    if (3 * removed_ <= count_ + kCompactionMargin) return;
+    if (3 * removed_ > count_ + kCompactionMargin) release_removed();
+}
+
+void Sawtooth::drop_older_half() {
+    std::size_t dropped = 0;
+    const std::size_t half = count_ / 2;
+    for (std::size_t i = 0; dropped < half; ++i) {
+        if (points_[i].removed) continue;
+        remove(points_[i].stamp);
+        ++dropped;
+    }
+    release_removed();
+    states_.shrink_to_fit();
+    inverse_weights_.shrink_to_fit();
+}
+
+void Sawtooth::release_removed() {
     std::size_t kept = 0, written = 0;
     for (auto& group : points_by_state_) {
         for (auto& numbers : group) numbers.clear();

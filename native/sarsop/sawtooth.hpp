@@ -65,6 +65,9 @@ class Sawtooth {
     // Release the memory of removed points if there are many.
     void compact();
 
+    // Remove the older half of the points: those that no backup has lowered for the longest time.
+    void drop_older_half();
+
   private:
     struct Point {
         Stamp stamp;
@@ -73,6 +76,7 @@ class Sawtooth {
         Index group;
         bool removed;
     };
+    void release_removed();
     double excess(const Point& point) const;
     void sort_entries(const Point& point);
     void index_point(std::size_t number);

@@ -116,6 +116,22 @@ std::size_t Tree::vector_count() const {
     return count;
 }
 
+std::size_t Tree::bound_memory() const {
+    std::size_t size = dependencies.memory_size() + sawtooth.memory_size();
+    for (const VectorSet& set : sets) size += set.memory_size();
+    return size;
+}
+
+void Tree::forget_nodes() {
+    for (const auto& [hash, number] : node_index_) {
+        const Stamp stamp = nodes[as_size(number)].point_stamp;
+        if (stamp >= 0) known_points_[hash] = stamp;
+    }
+    nodes.clear();
+    node_index_.clear();
+    node_memory_ = 0;
+}
+
 Index Tree::find_group(const Weights& belief) const {
     const Index block = model.block[as_size(belief.state[0])];
     for (const Index s : belief.state) {
@@ -160,6 +176,11 @@ Index Tree::find_or_add_node(Weights belief) {
         sawtooth.bound(node.belief.state.data(), node.belief.weight.data(), node.belief.size(), node.group, 0);
     node.sawtooth_version = sawtooth.next_stamp();
     node.upper = std::min(node.informed_value, node.sawtooth_value);
+    if (const auto known = known_points_.find(hash); known != known_points_.end()) {
+        node.point_stamp = known->second;  // so that the next point here replaces it
+        known_points_.erase(known);
+    }
+    node_memory_ += sizeof(Node) + node.belief.size() * (sizeof(Index) + sizeof(double)) + node.branches.size() * sizeof(Branch);
     nodes.push_back(std::move(node));
     node_index_.emplace(hash, number);
     return number;
@@ -173,6 +194,7 @@ const Outcomes& Tree::expand(Node& node, Index action) {
     if (!branch.expanded) {
         branch.expanded = true;
         branch.children.resize(outcomes.count());
+        node_memory_ += outcomes.count() * sizeof(Child);
         for (std::size_t c = 0; c < outcomes.count(); ++c) {
             branch.children[c].observation = outcomes.observation[c];
             branch.children[c].probability = outcomes.probability[c];

@@ -94,6 +94,17 @@ class Tree {
     void prune(const std::vector<Index>& roots, double radius, double max_ratio, double growth);
 
     std::size_t vector_count() const;
+
+    // Memory in bytes: of the nodes, and of the vectors and points.
+    std::size_t node_memory() const { return node_memory_; }
+    std::size_t bound_memory() const;
+
+    // Remove all nodes, but keep the vectors and points.
+    void forget_nodes();
+
+    // Remove the older half of the points.
+    void drop_older_points() { sawtooth.drop_older_half(); }
+
     const std::vector<Index>& group_states(Index group) const {
         return as_size(group) < model.members.size() ? model.members[as_size(group)]
                                                                       : all_states_;
@@ -123,6 +134,8 @@ class Tree {
     Successors successors_;
     Stamp next_vector_ = 0;
     std::unordered_multimap<std::uint64_t, Index> node_index_;  // by hash of the belief
+    std::unordered_map<std::uint64_t, Stamp> known_points_;     // by hash of the belief of a removed node
+    std::size_t node_memory_ = 0;
     std::vector<Index> all_states_;
     std::vector<std::size_t> sizes_after_pruning_;  // by group: number of vectors after the last pruning
     std::vector<Index> positions_;                  // reusable memory

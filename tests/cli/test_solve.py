@@ -72,6 +72,18 @@ def test_a_time_for_the_check_implies_it(lcorpp, tiger, tmp_path):
     assert not (tmp_path / "b.policy").exists()
 
 
+def test_the_memory_has_a_limit(lcorpp, tmp_path):
+    model, out = shared_model("hallway.pomdp"), tmp_path / "a.policy"
+    ended = lcorpp("solve", model, "-o", out, "--memory-limit", 1, "--time-limit", 600)
+    assert (ended.code, ended.err) == (0, "")
+    assert "memory limit after" in ended.out
+    refused(lcorpp("solve", model, "-o", out, "--memory-limit", 0), "--memory-limit")
+    refused(
+        lcorpp("solve", model, "-o", out, "--memory-limit", 9, "--solver", "qmdp"),
+        "--memory-limit is an option of sarsop, not of qmdp",
+    )
+
+
 def test_solve_knows_its_solvers(lcorpp, tiger, tmp_path):
     ended = lcorpp("solve", tiger, "-o", tmp_path / "a.policy", "--solver", "pbvi")
     refused(ended, "unknown solver 'pbvi'; expected one of sarsop, exact, perseus, qmdp, fib")

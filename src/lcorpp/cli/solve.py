@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -32,6 +33,14 @@ def solve(
         float, typer.Option(help="Stop at this gap between the bounds, in reward units.")
     ] = 5e-4,
     time_limit: Annotated[float, typer.Option(help="Stop after this many seconds.")] = 60.0,
+    memory_limit: Annotated[
+        float | None,
+        typer.Option(
+            min=1,
+            metavar="MB",
+            help="Maximal memory of sarsop for problem, search and policy. [default: 1000]",
+        ),
+    ] = None,
     name: Annotated[
         str,
         typer.Option("--solver", metavar="NAME", help=f"The solver: {options.SOLVERS}."),
@@ -59,6 +68,10 @@ def solve(
 
     planning.SolverOptions(name, precision, time_limit)  # checks them before the work
     search = load_solver(name)
+    if memory_limit is not None:
+        if name != "sarsop":
+            raise typer.BadParameter(f"--memory-limit is an option of sarsop, not of {name}")
+        search = partial(search, memory_limit=1e6 * memory_limit)
     pomdp = planning.read_pomdp(problem)
     write = model_files.make_policy_writer(out)
     if plot is not None:

@@ -66,6 +66,13 @@ def check_limits(precision: float, time_limit: float) -> None:
         raise ModelError(f"the time limit is {time_limit}; expected a positive number")
 
 
+def check_memory_limit(size: float) -> None:
+    """Reject a memory limit that is not positive."""
+    check_type("memory limit", size, Real)
+    if not size > 0:
+        raise ModelError(f"the memory limit is {size}; expected a positive number of bytes")
+
+
 def check_count(name: str, number: object, minimum: int) -> int:
     """Return an argument that is an integer of at least `minimum`; a ModelError names any other."""
     if isinstance(number, bool) or not isinstance(number, int | np.integer) or number < minimum:

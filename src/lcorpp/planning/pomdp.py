@@ -117,6 +117,11 @@ class Pomdp:
                 f"{field} row for {self.actions[a]!r}, {self.states[s]!r} sums to {sums[a, s]:.10g}, not 1"
             )
 
+    @property
+    def memory_size(self) -> int:
+        """Memory of the tables in bytes."""
+        return self.transition.memory_size + self.observation.memory_size + self.reward.nbytes
+
     @cached_property
     def _indices(self) -> Mapping[str, Mapping[str, int]]:
         kinds = {"state": self.states, "action": self.actions, "observation": self.observations}

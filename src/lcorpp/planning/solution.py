@@ -42,7 +42,7 @@ class Solution:
     policy: its expected discounted reward from the start belief is at least `lower`.
     lower, upper: bounds on the optimal value at the start belief; of several, at the one with the widest gap.
     seconds: wall-clock time.
-    reason: why the search stopped: "precision reached", "time limit", "interrupted".
+    reason: why the search stopped: "precision reached", "time limit", "memory limit", "interrupted".
     history: (seconds, lower, upper, vectors) before the first trial and after each trial that moved a bound.
     beliefs: number of nodes of the belief tree.
     trials: number of sampled paths (trials) of SARSOP, of backups or steps of other solvers.

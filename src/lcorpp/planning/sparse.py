@@ -151,6 +151,11 @@ class SparseTables:
     def __array__(self, dtype: Any = None, copy: bool | None = None) -> npt.NDArray[Any]:
         return np.array(self.dense, dtype=dtype) if copy else np.asarray(self.dense, dtype=dtype)
 
+    @property
+    def memory_size(self) -> int:
+        """Memory in bytes."""
+        return self.begins.nbytes + self.columns.nbytes + self.values.nbytes
+
     @cached_property
     def dense(self) -> Array:
         """(A, R, N) the dense table, computed on first use.

@@ -65,6 +65,8 @@ CALLS = st.lists(
                 "values",
                 "sample",
                 "prune",
+                "forget",
+                "drop",
                 "vectors",
                 "points",
             )
@@ -97,6 +99,11 @@ def call(tree: Any, predictor: Any, pomdp: Pomdp, name: str, number: int) -> Any
         return tree.sample(predictor, node, 0.1, 8, SECONDS, below)
     if name == "prune":
         return tree.prune([0, node], 1e-3, 2.0, 0.0)
+    if name == "forget":
+        tree.forget_nodes()
+        return tree.find_or_add_node(pomdp.start)
+    if name == "drop":
+        return tree.drop_older_points()
     if name == "vectors":  # dominated vectors, enough for pruning
         group = int(rng.integers(tree.group_count))
         states, vectors, _ = tree.vectors(group)

@@ -28,6 +28,9 @@ PRUNING_RATIO = 3.0
 PRUNING_GROWTH = 1.3
 """Vectors are pruned if there are this many times those after the last pruning."""
 
+MAX_KEPT_SHARE = 0.75
+"""The largest share of the memory limit that a search has in use when it goes on."""
+
 CROSSING_TOLERANCE = 1e-9
 """Largest difference by which rounding may make the bounds cross, relative to the largest value."""
 
@@ -72,6 +75,12 @@ class BoundedTree:
         self.max_abs_value = max(1.0, float(np.abs(self._blind).max()), float(np.abs(self.informed).max()))
         self.predictor = self._kernels.ValuePredictor(self.informed.max(axis=0))
         self.tree = self._make_tree(previous)
+
+    @property
+    def memory_size(self) -> int:
+        """Memory in bytes: of the problem, for Python and the kernels, of the beliefs, and of the vectors and
+        points, which a policy has a second time."""
+        return 2 * self.pomdp.memory_size + self.tree.node_memory + 2 * self.tree.bound_memory
 
     def reset(self) -> None:
         """Forget all beliefs, but keep the vectors and points."""
@@ -254,6 +263,26 @@ class BoundedSearch:
     def prune(self, roots: list[int]) -> None:
         """Drop vectors that are useless at the beliefs that the roots reach."""
         self.bounds.tree.prune(roots, PRUNING_RADIUS, PRUNING_RATIO, PRUNING_GROWTH)
+
+    def limit_memory(self, limit: float) -> bool:
+        """Forget all beliefs but the starts if the memory exceeds a limit in bytes, and prune.
+
+        The points that no backup has lowered for long are dropped, too, if that is not enough; those of the
+        starts are new, so the bounds there remain. Return whether the search cannot go on for all that.
+        """
+        bounds = self.bounds
+        if bounds.memory_size <= limit:
+            return False
+        aims = [self.roots.index(root) for root in self._aims]
+        beliefs = [bounds.tree.belief(root) for root in self.roots]
+        bounds.tree.prune(self.roots, PRUNING_RADIUS, 1.0, 0.0)  # only the best vectors remain
+        bounds.add_points(self.roots)
+        bounds.tree.forget_nodes()
+        self.roots = [bounds.tree.find_or_add_node(belief) for belief in beliefs]
+        self._aims = [self.roots[number] for number in aims]
+        if bounds.memory_size > MAX_KEPT_SHARE * limit:
+            bounds.tree.drop_older_points()
+        return bounds.memory_size > MAX_KEPT_SHARE * limit
 
     def make_solution(self, reason: str) -> Solution:
         """Return the result after the search stopped for a reason."""

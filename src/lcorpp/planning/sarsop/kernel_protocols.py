@@ -64,8 +64,22 @@ class Tree(Protocol):
         """The number of points of the upper bound."""
 
     @property
+    def node_memory(self) -> int:
+        """Memory of the beliefs and of what is stored about them, in bytes."""
+
+    @property
+    def bound_memory(self) -> int:
+        """Memory of the alpha vectors and points, in bytes."""
+
+    @property
     def group_count(self) -> int:
         """The number of groups."""
+
+    def forget_nodes(self) -> None:
+        """Remove all nodes, but keep the vectors and points."""
+
+    def drop_older_points(self) -> None:
+        """Remove the older half of the points: those that no backup has lowered for the longest time."""
 
     def find_or_add_node(self, belief: Belief) -> int:
         """Return the node of a belief (S,), created if necessary."""

@@ -57,10 +57,8 @@ class MixtureStarts:
         starts = np.array([search.bounds.tree.belief(root) for root in search.roots])
         weights = starts @ np.linalg.pinv(mixed)
         are_mixtures = np.abs(weights @ mixed - starts).max(axis=1) <= MIXTURE_TOLERANCE
-        # starts that are mixtures: their nodes, and the weights (n, V)
-        self._roots = [
-            root for root, is_mixture in zip(search.roots, are_mixtures, strict=True) if is_mixture
-        ]
+        # starts that are mixtures: their numbers among all starts, and the weights (n, V)
+        self._numbers: list[int] = np.flatnonzero(are_mixtures).tolist()
         self._weights: Array = weights[are_mixtures]
         self._add(np.eye(len(mixed)))
 
@@ -112,12 +110,12 @@ class MixtureStarts:
 
     def _add(self, weights: Array) -> None:
         self._search.add_starts(weights @ self._mixed)
-        self._roots += self._search.roots[len(self._search.roots) - len(weights) :]
+        self._numbers += range(len(self._search.roots) - len(weights), len(self._search.roots))
         self._weights = np.vstack([self._weights, weights])
 
     def _find_upper_bounds(self) -> Array:
         tree = self._search.bounds.tree
-        return np.array([tree.upper_bound(root) for root in self._roots])
+        return np.array([tree.upper_bound(self._search.roots[number]) for number in self._numbers])
 
     def _project_vectors(self) -> Array:
         """Return (K, V) the values of the vectors at the mixed beliefs."""

@@ -13,7 +13,12 @@ from time import monotonic
 import numpy.typing as npt
 
 from lcorpp.errors import PolicyError
-from lcorpp.planning.arguments import check_beliefs, check_solver_arguments, check_type
+from lcorpp.planning.arguments import (
+    check_beliefs,
+    check_memory_limit,
+    check_solver_arguments,
+    check_type,
+)
 from lcorpp.planning.pomdp import Pomdp
 from lcorpp.planning.sarsop.bounded_search import BoundedSearch, BoundedTree, SampleFunction
 from lcorpp.planning.sarsop.kernel_protocols import Kernels
@@ -32,6 +37,9 @@ MIXTURE_WORK = 2.5e5
 """Work for mixtures for each second of the time limit, in the unit of `BoundedSearch`: about a hundredth of a
 second. Unlike a time, it gives the same policy each time."""
 
+MEMORY_LIMIT = 1e9
+"""Default of the memory limit, in bytes."""
+
 INITIAL_SHARE = 0.1
 """Share of the time limit for each of the initial bounds."""
 
@@ -42,6 +50,7 @@ def solve(
     *,
     precision: float = 5e-4,
     time_limit: float = 60.0,
+    memory_limit: float = MEMORY_LIMIT,
     callback: Callable[[Progress], None] | None = None,
     previous: Solution | None = None,
     mixed: npt.ArrayLike | None = None,
@@ -57,6 +66,8 @@ def solve(
         start: (S,) belief for which the policy is optimised, or (N, S) several; the model's own when None.
         precision: stop when upper - lower is at most this, in reward units, at every start belief.
         time_limit: wall-clock seconds.
+        memory_limit: bytes of the problem, the search and the policy. At the limit the search drops what it
+            can and goes on with its vectors and points; it ends if these alone are too many.
         callback: called after each sampled path of beliefs.
         previous: a solution of the same model for other starts. Its vectors and points are valid for all
             beliefs, so the search continues from them and stops at once if its gap is small enough.
@@ -77,6 +88,7 @@ def solve(
     Source: Kurniawati, Hsu and Lee, RSS 2008, Algorithm 1.
     """
     starts = check_solver_arguments(pomdp, start, precision, time_limit, callback)
+    check_memory_limit(memory_limit)
     if previous is not None:
         check_type("previous", previous, Solution)
         if previous.policy.fingerprint != pomdp.fingerprint:
@@ -94,8 +106,12 @@ def solve(
     search = BoundedSearch(bounds, starts, precision=precision, began=began, time_limit=time_limit)
     share = pomdp.discount**LOOK_AHEAD
 
+    def step() -> str | None:
+        search.sample(share, MAX_DEPTH, sample)
+        return "memory limit" if search.limit_memory(memory_limit) else None
+
     def run() -> str:
-        return search.run(lambda: search.sample(share, MAX_DEPTH, sample), callback)
+        return search.run(step, callback)
 
     reason = run()
     if mixed is None:

@@ -42,6 +42,12 @@ class VectorDependencies:
         self._replaced_by: dict[int, int] = {}
         self._pruned: dict[int, PrunedVector] = {}
 
+    @property
+    def memory_size(self) -> int:
+        """Memory of the pruned vectors and dependencies in bytes."""
+        pruned = sum(vector.values.nbytes for vector in self._pruned.values())
+        return pruned + 8 * sum(map(len, self._depends_on.values()))
+
     def record(self, vector: int, depends_on: Sequence[int]) -> None:
         """Record a new vector and the vectors it depends on."""
         self._depends_on[vector] = sorted({stamp for stamp in depends_on if stamp >= self._blind})

@@ -155,6 +155,11 @@ class Sawtooth:
         self._informed = np.ascontiguousarray(informed.T)
         self._groups: dict[int, Points] = {}
 
+    @property
+    def memory_size(self) -> int:
+        """Memory of the points in bytes."""
+        return sum(points.positions.nbytes + points.weights.nbytes for points in self._groups.values())
+
     def compute_informed_values(self, beliefs: BeliefBatch) -> Array:
         """Return (m, A) the upper bounds on the Q values at m beliefs, by the fast informed bound."""
         return np.asarray(beliefs.weights @ self._informed[beliefs.states])
@@ -189,8 +194,22 @@ class Sawtooth:
     def compact(self) -> None:
         """Release the memory of removed points if there are many."""
         if 3 * self._removed > self.count + COMPACTION_MARGIN:
-            self._groups = {group: points.compact() for group, points in self._groups.items()}
-            self._removed = 0
+            self._release_removed()
+
+    def drop_older_half(self) -> None:
+        """Remove the older half of the points: those that no backup has lowered for the longest time."""
+        stamps = [
+            (int(points.stamps[number]), group)
+            for group, points in self._groups.items()
+            for number in points.alive.tolist()
+        ]
+        for stamp, group in sorted(stamps)[: self.count // 2]:
+            self.remove(group, stamp)
+        self._release_removed()
+
+    def _release_removed(self) -> None:
+        self._groups = {group: points.compact() for group, points in self._groups.items()}
+        self._removed = 0
 
     def export_points(self) -> tuple[Array, *PointArrays]:
         """Return the corners (S,) and the points by rising stamp."""

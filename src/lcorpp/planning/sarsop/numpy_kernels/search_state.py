@@ -19,6 +19,9 @@ BELIEF_RESOLUTION = 1e10
 MAX_CACHED_OUTCOMES = 1 << 25
 """Largest number of cached weights of outcomes; further ones are recomputed at each visit."""
 
+CHILD_SIZE = 64
+"""Memory of a child of a node in bytes: eight numbers."""
+
 MIN_GAIN = 1e-11
 """Smallest improvement of a bound, relative to `max_abs_value`; smaller ones are rounding errors."""
 
@@ -49,6 +52,7 @@ class SearchState:
         self.sizes_after_pruning = [vectors.count for vectors in self.sets]
         self.cache_budget = MAX_CACHED_OUTCOMES
         self._node_index: dict[tuple[bytes, bytes], int] = {}
+        self._known_points: dict[tuple[bytes, bytes], int] = {}  # stamps, by the belief of a removed node
 
     def find_or_add_node(self, belief: BeliefBatch) -> int:
         """Return the node of one belief, created if necessary."""
@@ -56,9 +60,26 @@ class SearchState:
         inside = weights > 0
         key = belief.states[inside].tobytes(), weights[inside].tobytes()
         if key not in self._node_index:
-            self.nodes.append(self._make_node(belief))
+            node = self._make_node(belief)
+            node.point_stamp = self._known_points.pop(key, -1)  # the next point here replaces it
+            self.nodes.append(node)
             self._node_index[key] = len(self.nodes) - 1
         return self._node_index[key]
+
+    def forget_nodes(self) -> None:
+        """Remove all nodes, but keep the vectors and points."""
+        stamps = {key: self.nodes[number].point_stamp for key, number in self._node_index.items()}
+        self._known_points |= {key: stamp for key, stamp in stamps.items() if stamp >= 0}
+        self.nodes.clear()
+        self._node_index.clear()
+        self.cache_budget = MAX_CACHED_OUTCOMES
+
+    @property
+    def node_memory(self) -> int:
+        """Memory of the nodes in bytes, without the objects of Python."""
+        beliefs = sum(node.belief.weights.nbytes + node.belief.states.nbytes for node in self.nodes)
+        children = sum(len(branch.lower) for node in self.nodes for branch in node.branches.values())
+        return beliefs + CHILD_SIZE * children + 8 * (MAX_CACHED_OUTCOMES - self.cache_budget)
 
     def dense_belief(self, node: int) -> Belief:
         """Return (S,) the belief of a node."""

@@ -54,8 +54,24 @@ class Tree:
         return self._state.sawtooth.count
 
     @property
+    def node_memory(self) -> int:
+        return self._state.node_memory
+
+    @property
+    def bound_memory(self) -> int:
+        state = self._state
+        vectors = sum(vectors.table.nbytes for vectors in state.sets)
+        return vectors + state.dependencies.memory_size + state.sawtooth.memory_size
+
+    @property
     def group_count(self) -> int:
         return len(self._state.sets)
+
+    def forget_nodes(self) -> None:
+        self._state.forget_nodes()
+
+    def drop_older_points(self) -> None:
+        self._state.sawtooth.drop_older_half()
 
     def find_or_add_node(self, belief: Belief) -> int:
         return self._state.find_or_add_node(self._state.model.make_belief(belief))
