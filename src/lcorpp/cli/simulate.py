@@ -48,7 +48,7 @@ def simulate(
 
     pomdp, problem = read_model(model)
     tested = model_files.read_policy(policy, pomdp, problem)
-    max_steps = steps or math.ceil(math.log(NEGLIGIBLE) / math.log(pomdp.discount))
+    max_steps = steps or _find_max_steps(pomdp)
     result = simulate_policy(pomdp, tested, trials=trials, steps=max_steps, seed=seed, traces=trace)
     value = evaluate(pomdp, tested, max_nodes=MAX_NODES, trials=0)
     for number, episode in enumerate(result.traces, start=1):
@@ -69,6 +69,15 @@ def simulate(
         typer.echo(f"  {result.unfinished} episodes were cut off; {change}")
     speed = result.steps / max(result.seconds, 1e-9)
     typer.echo(f"  {result.steps} steps in {result.seconds:.2f} s: {speed:.3g} steps per second")
+
+
+def _find_max_steps(pomdp: Pomdp) -> int:
+    """Return the number of steps after which further rewards are negligible."""
+    if pomdp.discount < 1:
+        return math.ceil(math.log(NEGLIGIBLE) / math.log(pomdp.discount))
+    from lcorpp.planning.undiscounted import DiscountedForm
+
+    return DiscountedForm.of(pomdp).find_max_steps(NEGLIGIBLE)
 
 
 def _compare(result: SimulationResult, value: Evaluation) -> str | None:

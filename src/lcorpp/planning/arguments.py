@@ -66,6 +66,15 @@ def check_limits(precision: float, time_limit: float) -> None:
         raise ModelError(f"the time limit is {time_limit}; expected a positive number")
 
 
+def check_discounted(pomdp: Pomdp) -> None:
+    """Reject a problem with discount 1, where only discounts below 1 make sense."""
+    if pomdp.discount == 1:
+        raise ModelError(
+            "expected a discount below 1, not 1; with 1, use sarsop, perseus, exact, qmdp or fib if"
+            " every policy ends, or a finite horizon"
+        )
+
+
 def check_memory_limit(size: float) -> None:
     """Reject a memory limit that is not positive."""
     check_type("memory limit", size, Real)

@@ -116,7 +116,8 @@ class Policy:
         cls, pomdp: Pomdp, vector_sets: Iterable[AlphaVectors], upper_bound: UpperBound | None = None
     ) -> Policy:
         """Return the policy for `pomdp` with the given vector sets."""
-        floor = float(pomdp.reward.min()) / (1 - pomdp.discount)
+        # with discount 1 only a policy for all states has no need of a floor
+        floor = float(pomdp.reward.min()) / (1 - pomdp.discount) if pomdp.discount < 1 else -np.inf
         names = pomdp.states, pomdp.actions
         return cls(tuple(vector_sets), *names, pomdp.fingerprint, pomdp.file, floor, upper_bound)
 

@@ -22,6 +22,9 @@ SUM_TOLERANCE = 1e-9
 MAX_VALUE = 1e150
 """The maximal value of a policy: squares and differences of larger values overflow."""
 
+MAX_DISCOUNT = 1 - 1e-9
+"""Rewards of problems with discount 1 are limited as with this discount."""
+
 
 @dataclass(frozen=True, eq=False)
 class Pomdp:
@@ -32,7 +35,8 @@ class Pomdp:
     observation: (A, S, O) P(o | a, s') for the next state s'
                  both are given as arrays, A scipy.sparse matrices or `SparseTables`, and stored as these
     reward:      (A, S) expected immediate reward of action a in state s
-    discount:    0 < discount < 1
+    discount:    0 < discount <= 1; with 1, every policy must end, see `lcorpp.planning.undiscounted`, or the
+                 horizon be finite
     start:       (S,) the initial belief
     file:        name of the source file, for messages; "" if there is none
 
@@ -70,10 +74,10 @@ class Pomdp:
             if not np.isfinite(table.values if isinstance(table, SparseTables) else table).all():
                 raise ModelError(f"{field} contains a number that is not finite")
         object.__setattr__(self, "discount", float(self.discount))
-        if not 0 < self.discount < 1:
+        if not 0 < self.discount <= 1:
             raise ModelError(discount_message(self.discount))
         largest = float(np.abs(self.reward).max())
-        if largest > MAX_VALUE * (1 - self.discount):
+        if largest > MAX_VALUE * (1 - min(self.discount, MAX_DISCOUNT)):
             raise ModelError(
                 f"a reward of {largest:.3g} at discount {self.discount:g} adds up to more than {MAX_VALUE:g}"
             )
@@ -162,13 +166,8 @@ class Pomdp:
 
 
 def discount_message(discount: float) -> str:
-    """Return the error message for a discount outside (0, 1)."""
-    if discount == 1:
-        return (
-            "discount 1 is refused: without a proper goal or a finite horizon the value may be"
-            " infinite; use a discount below 1, e.g. 0.999"
-        )
-    return f"discount {discount:.10g} is not between 0 and 1, both excluded"
+    """Return the error message for a discount outside (0, 1]."""
+    return f"discount {discount:.10g} is not above 0 and at most 1"
 
 
 def _check_names(kind: str, names: tuple[str, ...]) -> None:

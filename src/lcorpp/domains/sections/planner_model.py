@@ -30,9 +30,19 @@ def read_planner_model(
         The flat model, and its variables if it has them.
 
     Raises:
-        DomainError: the function fails, or returns something else.
+        DomainError: the function fails, or returns something else; or the discount is 1.
         FileError, ParseError, ModelError: the file is wrong, or the flat model too large.
     """
+    pomdp, problem = _read_model(table, folder, reasoning)
+    if pomdp.discount == 1:
+        raise DomainError(
+            f"{table.location('model')}: the discount of {pomdp.file} is 1; expected one below 1: a dialogue"
+            " may go on forever"
+        )
+    return pomdp, problem
+
+
+def _read_model(table: TomlTable, folder: Path, reasoning: ReasoningSection) -> tuple[Pomdp, Factored | None]:
     name = table.text("model")
     parts = split_function(name)
     if parts is None and name.endswith(".py"):

@@ -22,7 +22,9 @@ from lcorpp.values import ConfusionMatrix
 
 
 def with_discount(domain: Domain, discount: float) -> Domain:
-    """Return the domain with another discount of the POMDP."""
+    """Return the domain with another discount of the POMDP, below 1."""
+    if discount == 1:
+        raise DomainError("expected a discount below 1: a dialogue may go on forever")
     return replace(domain, planning=replace(domain.planning, pomdp=replace(domain.pomdp, discount=discount)))
 
 

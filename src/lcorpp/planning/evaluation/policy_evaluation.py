@@ -22,6 +22,7 @@ from lcorpp.planning.evaluation.occupancy import DiscountedOccupancy
 from lcorpp.planning.evaluation.sparse_beliefs import SparseBeliefs
 from lcorpp.planning.policy import Policy, check_same_model
 from lcorpp.planning.pomdp import Pomdp
+from lcorpp.planning.undiscounted import DiscountedForm
 from lcorpp.values import Belief, Interval
 
 BELIEF_ROUNDING = 2.0**-39
@@ -165,6 +166,24 @@ def evaluate(
     if not (time_limit > 0 and memory_limit > 0):
         raise ModelError(f"time_limit {time_limit} and memory_limit {memory_limit} must be positive")
     belief = check_belief(pomdp, pomdp.start if start is None else start)
+    if pomdp.discount == 1:
+        form = DiscountedForm.of(pomdp)
+        scale = float(form.scale(belief[None])[0])
+        found = evaluate(
+            form.pomdp,
+            form.convert_policy(policy),
+            form.convert_beliefs(belief[None])[0],
+            precision=precision / scale,
+            max_nodes=max_nodes,
+            trials=trials,
+            confidence=confidence,
+            seed=seed,
+            time_limit=time_limit,
+            memory_limit=memory_limit,
+            interruptible=interruptible,
+            callback=callback,
+        )
+        return _restore(found, form, scale)
     budget = Budget(time_limit, memory_limit)
     with budget.catch_interrupt() if interruptible else nullcontext():
         state_bounds = mdp_value_bounds(pomdp)
@@ -200,6 +219,27 @@ def evaluate(
                     found, occupancy.expected_reward(), float(weights.sum()), remainder, slack
                 )
         return replace(found, seconds=budget.seconds, stopped=budget.reason)
+
+
+def _restore(found: Evaluation, form: DiscountedForm, scale: float) -> Evaluation:
+    """Return the evaluation of a discounted form as that of the problem with discount 1."""
+    interval, loss = found.interval, found.shortfall
+    belief = form.restore_belief(loss.belief)
+    local = float(form.scale(belief[None])[0])
+    return replace(
+        found,
+        lower=scale * found.lower,
+        upper=scale * found.upper,
+        interval=Interval(
+            scale * interval.estimate, scale * interval.low, scale * interval.high, interval.confidence
+        ),
+        shortfall=replace(
+            loss,
+            belief=belief,
+            vector_value=local * loss.vector_value,
+            backup_value=local * loss.backup_value,
+        ),
+    )
 
 
 def _summarise(occupancy: DiscountedOccupancy, precision: float, slack: float) -> Evaluation:

@@ -16,6 +16,7 @@ from lcorpp.planning.evaluation.rollout import BatchRollout
 from lcorpp.planning.evaluation.sparse_beliefs import SparseBeliefs
 from lcorpp.planning.policy import Policy, check_same_model
 from lcorpp.planning.pomdp import Pomdp
+from lcorpp.planning.undiscounted import DiscountedForm
 from lcorpp.values import Array, Indices, Interval
 
 
@@ -148,7 +149,8 @@ def simulate(
         traces: how many trials are returned step by step.
 
     Raises:
-        ModelError: `start` is not a distribution over the states, or an argument is out of range.
+        ModelError: `start` is not a distribution over the states, or an argument is out of range; or the
+            discount is 1 and some policy may never end.
         PolicyError: the policy is for another model.
         ObservationError: rounding has removed the hidden state from a belief; the message names it.
     """
@@ -173,7 +175,9 @@ def simulate(
             weight *= pomdp.discount
             if step.number == steps - 1:
                 unfinished += int(np.count_nonzero(~step.ended))
-    ahead = unfinished / trials * pomdp.discount**steps / (1 - pomdp.discount)
+    # the largest expected (discounted) number of further steps
+    future = DiscountedForm.of(pomdp).weights.max() if pomdp.discount == 1 else 1 / (1 - pomdp.discount)
+    ahead = unfinished / trials * pomdp.discount**steps * float(future)
     low, high = min(float(reward_of_row.min()), 0.0), max(float(reward_of_row.max()), 0.0)
     return SimulationResult(
         returns=returns,

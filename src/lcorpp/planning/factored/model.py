@@ -64,7 +64,7 @@ class Factored:
                 raise ModelError(f"{variable.name!r} is not a state variable: it cannot be 'observed'")
         scope = build_scope(self.states, self.actions, self.observations)
         object.__setattr__(self, "scope", scope)
-        if not 0 < self.discount < 1:
+        if not 0 < self.discount <= 1:
             raise ModelError(discount_message(self.discount))
         before = [variable.name for variable in self.states]
         after = [name + AFTER for name in before]

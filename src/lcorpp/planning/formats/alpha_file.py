@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from lcorpp.errors import PolicyError
-from lcorpp.files import read_text, write_atomically
+from lcorpp.files import open_atomically, read_text
 from lcorpp.planning.formats.numbers import find_invalid_number, is_count, parse_numbers
 from lcorpp.planning.policy import Policy
 from lcorpp.planning.pomdp import Pomdp
@@ -40,7 +40,8 @@ def write_alphas(policy: Policy, path: str | Path) -> None:
         PolicyError: the policy has several vector sets (`AlphaVectors`), each over a part of the states, and
             would become too large as vectors over all states.
     """
-    write_atomically(path, "".join(f"{action}\n{line}\n\n" for action, line in format_vectors(policy)))
+    with open_atomically(path) as file:  # vector by vector: the text may take more memory than the policy
+        file.writelines(f"{action}\n{line}\n\n".encode() for action, line in format_vectors(policy))
 
 
 def format_vectors(policy: Policy) -> Iterator[tuple[int, str]]:
@@ -61,7 +62,7 @@ def format_vectors(policy: Policy) -> Iterator[tuple[int, str]]:
     floor = repr(policy.floor)
     for part in policy.vector_sets:
         states = part.states.tolist()
-        for action, vector in zip(part.actions.tolist(), part.vectors.tolist(), strict=True):
+        for action, vector in zip(part.actions.tolist(), map(np.ndarray.tolist, part.vectors), strict=True):
             if len(states) == len(policy.state_names):
                 yield action, " ".join(map(repr, vector))
                 continue

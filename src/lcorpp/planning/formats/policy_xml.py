@@ -10,7 +10,7 @@ lists the states of each set.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from html import escape
 from pathlib import Path
 
@@ -18,7 +18,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lcorpp.errors import PolicyError
-from lcorpp.files import read_bytes, write_atomically
+from lcorpp.files import open_atomically, read_bytes
 from lcorpp.planning.formats.alpha_file import MAX_BYTES, estimate_bytes, format_vectors
 from lcorpp.planning.formats.numbers import find_invalid_number, is_count, parse_numbers
 from lcorpp.planning.formats.xml import XmlReader
@@ -44,35 +44,37 @@ def write_policy(policy: Policy, path: str | Path) -> None:
     Raises:
         FileError: the file cannot be written.
     """
+    with open_atomically(path) as file:  # line by line: the whole text may take more memory than the policy
+        file.writelines((line + "\n").encode("ascii", "xmlcharrefreplace") for line in _format_lines(policy))
+
+
+def _format_lines(policy: Policy) -> Iterator[str]:
     # XML has no control characters, not even escaped
     model = "".join(c if c.isprintable() else "?" for c in Path(policy.model or "unknown.pomdp").name)
-    lines = [
-        '<?xml version="1.0" encoding="ISO-8859-1"?>',
-        f'<Policy version="0.1" type="value" model="{escape(model)}">',
-    ]
+    yield '<?xml version="1.0" encoding="ISO-8859-1"?>'
+    yield f'<Policy version="0.1" type="value" model="{escape(model)}">'
     if not policy.covers_all_states and estimate_bytes(policy) > MAX_BYTES:
         state_sets = " ".join(_format_ranges(part.states) for part in policy.vector_sets)
-        lines.append(f"<!-- lcorpp pieces {state_sets} -->")
+        yield f"<!-- lcorpp pieces {state_sets} -->"
         length, count = max(len(part.states) for part in policy.vector_sets), len(policy.vector_sets)
         vectors: Iterable[tuple[int, int, str]] = (
             (number, action, " ".join(map(repr, vector)))
             for number, part in enumerate(policy.vector_sets)
-            for action, vector in zip(part.actions.tolist(), part.vectors.tolist(), strict=True)
+            for action, vector in zip(
+                part.actions.tolist(), map(np.ndarray.tolist, part.vectors), strict=True
+            )
         )
     else:
         length, count = len(policy.state_names), 1
         vectors = ((0, action, numbers) for action, numbers in format_vectors(policy))
-    lines.append(f'<AlphaVector vectorLength="{length}" numObsValue="{count}" numVectors="{len(policy)}">')
-    # APPL writes a space after the last number of a vector; some readers drop what follows it
-    lines += [
-        f'<Vector action="{action}" obsValue="{number}">{numbers} </Vector>'
-        for number, action, numbers in vectors
-    ]
-    lines.append("</AlphaVector>")
+    yield f'<AlphaVector vectorLength="{length}" numObsValue="{count}" numVectors="{len(policy)}">'
+    for number, action, numbers in vectors:
+        # APPL writes a space after the last number of a vector; some readers drop what follows it
+        yield f'<Vector action="{action}" obsValue="{number}">{numbers} </Vector>'
+    yield "</AlphaVector>"
     if policy.fingerprint:
-        lines.append(f"<!-- lcorpp model sha256 {policy.fingerprint} -->")
-    lines.append("</Policy>")
-    write_atomically(path, ("\n".join(lines) + "\n").encode("ascii", "xmlcharrefreplace"))
+        yield f"<!-- lcorpp model sha256 {policy.fingerprint} -->"
+    yield "</Policy>"
 
 
 def _format_ranges(states: Indices) -> str:

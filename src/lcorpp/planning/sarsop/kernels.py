@@ -5,6 +5,7 @@ from __future__ import annotations
 import warnings
 from functools import cache
 
+from lcorpp.planning.arguments import check_discounted
 from lcorpp.planning.pomdp import Pomdp
 from lcorpp.planning.sarsop.kernel_protocols import Kernels, Model
 from lcorpp.planning.sparse import SparseTables
@@ -37,9 +38,13 @@ def load_kernels(*, numpy: bool = False) -> Kernels:
 def build_model(kernels: Kernels, pomdp: Pomdp, observation: SparseTables | None = None) -> Model:
     """Convert a problem for the kernels, with another table of observations (A, S, O') if one is given.
 
+    Raises:
+        ModelError: the discount is 1.
+
     Rows whose sum differs from 1 by rounding are scaled: over an infinite horizon even 1e-9 would make the
     bounds cross.
     """
+    check_discounted(pomdp)
     observation = pomdp.observation if observation is None else observation
     tables = []
     for table in (pomdp.transition, observation):

@@ -24,6 +24,7 @@ from lcorpp.planning.sarsop.bounded_search import BoundedSearch, BoundedTree, Sa
 from lcorpp.planning.sarsop.kernel_protocols import Kernels
 from lcorpp.planning.sarsop.mixtures import MixtureStarts
 from lcorpp.planning.solution import CONVERGED, Progress, Solution
+from lcorpp.planning.undiscounted import accept_undiscounted
 
 LOOK_AHEAD = 10
 """A path aims at the gap discounted by this many steps. Under a slow discount, a wider aim is reached only
@@ -44,6 +45,7 @@ INITIAL_SHARE = 0.1
 """Share of the time limit for each of the initial bounds."""
 
 
+@accept_undiscounted
 def solve(
     pomdp: Pomdp,
     start: npt.ArrayLike | None = None,

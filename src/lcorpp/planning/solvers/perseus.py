@@ -16,6 +16,7 @@ from lcorpp.planning.belief import observation_probabilities, update
 from lcorpp.planning.pomdp import Pomdp
 from lcorpp.planning.sarsop.bounded_search import BoundedSearch, BoundedTree
 from lcorpp.planning.solution import Progress, Solution
+from lcorpp.planning.undiscounted import accept_undiscounted
 from lcorpp.values import Array
 
 INITIAL_SHARE = 0.1
@@ -31,6 +32,7 @@ MAX_IDLE = 2000
 """Collection ends after this many consecutive steps without a new belief."""
 
 
+@accept_undiscounted
 def solve_perseus(
     pomdp: Pomdp,
     start: npt.ArrayLike | None = None,

@@ -32,6 +32,7 @@ from lcorpp.planning.pomdp import Pomdp
 from lcorpp.planning.sarsop.kernels import build_model, load_kernels
 from lcorpp.planning.solution import BoundsRecord, Progress, Solution
 from lcorpp.planning.sparse import joint_matrix
+from lcorpp.planning.undiscounted import accept_undiscounted
 from lcorpp.planning.upper_bounds import PiecewiseLinearBound
 from lcorpp.values import Array
 
@@ -42,6 +43,7 @@ NODE_GROWTH = 4
 """Each further evaluation starts again with this many times the beliefs."""
 
 
+@accept_undiscounted
 def solve_qmdp(
     pomdp: Pomdp,
     start: npt.ArrayLike | None = None,
@@ -82,6 +84,7 @@ def solve_qmdp(
     return _solve_table(pomdp, table, starts, precision, began, began + time_limit, callback)
 
 
+@accept_undiscounted
 def solve_fib(
     pomdp: Pomdp,
     start: npt.ArrayLike | None = None,

@@ -99,7 +99,7 @@ def _read_item(tokens: Tokens, preamble: Preamble, keyword: str) -> None:
     preamble.offsets[keyword] = [tokens.offset]
     if keyword == "discount":
         preamble.discount = tokens.number("discount")
-        if not 0 < preamble.discount < 1:
+        if not 0 < preamble.discount <= 1:
             raise tokens.error(discount_message(preamble.discount), preamble.offsets[keyword][0])
     elif keyword == "values":
         if tokens.peek() not in ("reward", "cost"):

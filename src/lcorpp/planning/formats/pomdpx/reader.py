@@ -85,7 +85,7 @@ class _ProblemReader:
         document, declarations = self.document, self.declarations
         element = document.only_child(document.root, "Discount")
         discount = document.number(element)
-        if not 0 < discount < 1:
+        if not 0 < discount <= 1:
             raise document.error(element, discount_message(discount), 0)
         for part in self.parts:
             if part.name == "Horizon" and document.word(part).lower() not in _INFINITE_HORIZON:

@@ -24,6 +24,7 @@ from lcorpp.planning.solvers.exact.dynamic_programming import DenseModel
 from lcorpp.planning.solvers.exact.incremental_pruning import back_up, max_prunings
 from lcorpp.planning.solvers.exact.point_based import Plans, improve
 from lcorpp.planning.solvers.exact.pruning import excess, prune
+from lcorpp.planning.undiscounted import accept_undiscounted
 from lcorpp.planning.upper_bounds import PiecewiseLinearBound
 from lcorpp.values import Array
 
@@ -40,6 +41,7 @@ MIN_GAIN_SHARE = 0.01
 """Point-based improvement stops if a round gains no more than this share of the rise in the last step."""
 
 
+@accept_undiscounted
 def solve_exact(
     pomdp: Pomdp,
     start: npt.ArrayLike | None = None,
