@@ -4,7 +4,8 @@
 
 `pomdpsol` (https://github.com/AdaCompNUS/sarsop) is included if it is on the PATH. Each solver runs in a
 process of its own for each model. Times are CPU times of that process without reading the model: APPL prints
-them, those of lcorpp are measured at each change of a bound.
+them, those of lcorpp are measured at each change of a bound. Memory is the peak of the whole process; that of
+lcorpp includes Python and numpy, some 35 MB, and the policy.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ from collections.abc import Sequence
 from datetime import date
 from math import exp, log
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 from rich.console import Console
@@ -33,7 +34,7 @@ MARKS = (1.0, 10.0)
 PRECISION = 1e-3
 
 LCORPP_SCRIPT = """
-import json, sys, time
+import json, resource, sys, time
 from lcorpp.planning import read_pomdp, solve
 pomdp = read_pomdp(sys.argv[1])
 solve(read_pomdp(sys.argv[2]), precision=1.0)  # load all lazily imported modules
@@ -46,7 +47,8 @@ def note(now):
 solution = solve(pomdp, precision=float(sys.argv[3]), time_limit=100 * float(sys.argv[4]), callback=note)
 history.append((time.process_time() - began, solution.lower, solution.upper))
 sizes = [len(pomdp.states), len(pomdp.actions), len(pomdp.observations)]
-print(json.dumps({"sizes": sizes, "history": history}))
+memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+print(json.dumps({"sizes": sizes, "history": history, "memory": memory}))
 """
 
 _APPL_ROW = re.compile(
@@ -72,6 +74,7 @@ def main(
         console.print("pomdpsol is not on the PATH: measuring lcorpp only")
     found: dict[str, dict[str, History]] = {}
     sizes: dict[str, Sequence[int]] = {}
+    memory: dict[str, list[float]] = {}
     for model in models:
         console.print(f"{model.name} ...")
         own = _run_lcorpp(model, seconds)
@@ -79,17 +82,19 @@ def main(
             console.print(f"{model.name}: lcorpp rejects it")
             continue
         sizes[model.name], found[model.name] = own["sizes"], {"lcorpp": own["history"]}
+        memory[model.name] = [own["memory"]]
         if appl:
-            found[model.name]["APPL"] = _run_appl(appl, model, appl_seconds)
+            found[model.name]["APPL"], peak = _run_appl(appl, model, appl_seconds)
+            memory[model.name].append(peak)
     if not found:
         raise SystemExit("no model was measured")
     make_folder(out.parent)
-    write_atomically(out, _table(found, sizes, seconds, appl_seconds))
+    write_atomically(out, _table(found, sizes, memory, seconds, appl_seconds))
     _plot(found, out.with_suffix(".png"))
     console.print(f"wrote {out} and {out.with_suffix('.png')}")
 
 
-def _run_lcorpp(model: Path, seconds: float) -> dict[str, History] | None:
+def _run_lcorpp(model: Path, seconds: float) -> dict[str, Any] | None:
     warm = Path(__file__).parents[1] / "src/lcorpp/domains/intention/authors.pomdp"
     command = [sys.executable, "-c", LCORPP_SCRIPT, str(model), str(warm), str(PRECISION), str(seconds)]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
@@ -99,24 +104,18 @@ def _run_lcorpp(model: Path, seconds: float) -> dict[str, History] | None:
     return json.loads(done.stdout)
 
 
-def _run_appl(command: str, model: Path, seconds: float) -> History:
-    """Parse what APPL prints. Empty if it rejects the model."""
-    done = subprocess.run(
-        [
-            command,
-            str(model),
-            "--timeout",
-            str(seconds),
-            "--precision",
-            str(PRECISION),
-            "--output",
-            os.devnull,
-        ],
-        capture_output=True,
-        text=True,
-        check=False,
+def _run_appl(command: str, model: Path, seconds: float) -> tuple[History, float]:
+    """Parse what APPL prints, empty if it rejects the model; and its peak memory in KiB."""
+    options = ["--timeout", str(seconds), "--precision", str(PRECISION), "--output", os.devnull]
+    running = subprocess.Popen(
+        [command, str(model), *options], stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True
     )
-    return [(float(t), float(low), float(high)) for t, low, high in _APPL_ROW.findall(done.stdout)]
+    assert running.stdout is not None
+    printed = running.stdout.read()
+    _, _, usage = os.wait4(running.pid, 0)
+    return [
+        (float(t), float(low), float(high)) for t, low, high in _APPL_ROW.findall(printed)
+    ], usage.ru_maxrss
 
 
 def _bounds_at(history: History, seconds: float) -> tuple[float, float] | None:
@@ -131,7 +130,11 @@ def _time_of_gap(history: History, gap: float) -> float | None:
 
 
 def _table(
-    found: dict[str, dict[str, History]], sizes: dict[str, Sequence[int]], seconds: float, appl_seconds: float
+    found: dict[str, dict[str, History]],
+    sizes: dict[str, Sequence[int]],
+    memory: dict[str, list[float]],
+    seconds: float,
+    appl_seconds: float,
 ) -> str:
     lines = [
         "# SARSOP: gap over CPU time",
@@ -142,8 +145,9 @@ def _table(
         " lower bound at the start.",
         "",
         "| model | states, actions, observations | gap at 1 s: lcorpp | APPL | gap at 10 s: lcorpp | APPL"
-        " | last bounds: lcorpp | APPL | APPL's last gap after: lcorpp | APPL | ratio |",
-        "|---|---|---|---|---|---|---|---|---|---|---|",
+        " | last bounds: lcorpp | APPL | APPL's last gap after: lcorpp | APPL | ratio"
+        " | peak memory: lcorpp | APPL |",
+        "|---|---|---|---|---|---|---|---|---|---|---|---|---|",
     ]
     ratios = []
     for model, histories in found.items():
@@ -161,6 +165,7 @@ def _table(
             cells += [_time(mine), _time(other), f"{ratio:.1f}" if ratio else "-"]
         else:
             cells += ["-", "-", "-"]
+        cells += [f"{size / 1024:.0f} MB" for size in memory[model]] + ["-"] * (2 - len(memory[model]))
         lines.append("| " + " | ".join(cells) + " |")
     if ratios:
         mean = exp(sum(map(log, ratios)) / len(ratios))

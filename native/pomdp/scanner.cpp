@@ -32,17 +32,35 @@ bool ends_word(std::string_view text, std::size_t at) {
     return at == text.size() || is_space(text[at]) || text[at] == ':' || text[at] == '#';
 }
 
-// The end of the word at an offset, the offset itself if there is none. A star is a word of its own.
+// The end of the word at an offset, the offset itself if there is none. A star is a word of its own. (A number before a
+// keyword is no plain reference: the word is unknown, and the reader splits it.)
 std::size_t find_word_end(std::string_view text, std::size_t at) {
     if (at < text.size() && text[at] == '*') return at + 1;
     while (!ends_word(text, at)) ++at;
     return at;
 }
 
-// The number at an offset, which must end there as a word; returns the offset of the next token, npos if it is no number.
+bool starts_with(std::string_view text, std::size_t at, std::string_view word) { return text.substr(at, word.size()) == word; }
+
+// Whether a keyword follows, before which a number ends without a space: a row, or a statement with its colon.
+bool is_keyword(std::string_view text, std::size_t at) {
+    for (const std::string_view word : {"identity", "uniform", "reset"}) {
+        if (starts_with(text, at, word) && ends_word(text, at + word.size())) return true;
+    }
+    for (const std::string_view word : {"T", "O", "R", "discount", "values", "states", "actions", "observations", "start"}) {
+        if (!starts_with(text, at, word)) continue;
+        std::size_t next = at + word.size();
+        while (next < text.size() && is_space(text[next])) ++next;
+        if (next < text.size() && text[next] == ':') return true;
+    }
+    return false;
+}
+
+// The number at an offset, which must end there as a word, or before a keyword; returns the offset of the next token, npos if it is no number.
 std::size_t take_number(std::string_view text, std::size_t at, double& value) {
     const std::size_t end = parse_number(text, at, value);
-    return end == kNotFound || !ends_word(text, end) || !std::isfinite(value) ? kNotFound : skip(text, end);
+    if (end == kNotFound || !std::isfinite(value) || !(ends_word(text, end) || is_keyword(text, end))) return kNotFound;
+    return skip(text, end);
 }
 
 class Scanner {

@@ -15,7 +15,7 @@ from lcorpp.notebook import html_table, join_some
 from lcorpp.planning.arguments import check_type
 from lcorpp.planning.pomdp import Pomdp
 from lcorpp.planning.sparse import MAX_BYTES
-from lcorpp.values import Array, Belief, Indices, freeze
+from lcorpp.values import Array, Belief, Indices, share_frozen
 
 MAX_CHUNK_NUMBERS = 1_000_000
 """Values of vectors that are kept in memory while the actions at many beliefs are found."""
@@ -38,7 +38,7 @@ class AlphaVectors:
     actions: Indices
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "vectors", freeze(self.vectors))
+        object.__setattr__(self, "vectors", share_frozen(self.vectors))
         for field in ("states", "actions"):
             array = np.array(getattr(self, field), dtype=np.intp)
             array.setflags(write=False)

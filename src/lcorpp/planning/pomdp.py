@@ -9,12 +9,11 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-import numpy.typing as npt
 
 from lcorpp.errors import ModelError, expected_one_of
 from lcorpp.notebook import html_table, join_some
 from lcorpp.planning.sparse import SparseTables
-from lcorpp.values import Array, Belief, freeze
+from lcorpp.values import Array, Belief, share_frozen
 
 SUM_TOLERANCE = 1e-9
 """Tolerance of a row's sum: far above the rounding error of a sum of thousands of doubles."""
@@ -65,7 +64,7 @@ class Pomdp:
                 raise ModelError(f"{field} has shape {rows.shape}, not {shape}")
             object.__setattr__(self, field, rows)
         for field, sizes in (("reward", (A, S)), ("start", (S,))):
-            array = _freeze(getattr(self, field))
+            array = share_frozen(getattr(self, field))
             if array.shape != sizes:
                 raise ModelError(f"{field} has shape {array.shape}, not {sizes}")
             object.__setattr__(self, field, array)
@@ -176,15 +175,3 @@ def _check_names(kind: str, names: tuple[str, ...]) -> None:
     name, count = Counter(names).most_common(1)[0]
     if count > 1:
         raise ModelError(f"{kind} have the name {name!r} twice")
-
-
-def _freeze(array: npt.ArrayLike) -> Array:
-    """Return the array itself if it is read-only, otherwise a frozen copy."""
-    if (
-        isinstance(array, np.ndarray)
-        and array.dtype == np.float64
-        and array.flags.owndata
-        and not array.flags.writeable
-    ):
-        return array
-    return freeze(array)

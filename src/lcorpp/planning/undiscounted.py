@@ -26,7 +26,6 @@ from typing import Any, TypeVar
 
 import numpy as np
 import numpy.typing as npt
-from scipy.sparse import csr_array
 
 from lcorpp.errors import ModelError
 from lcorpp.planning.arguments import check_beliefs
@@ -237,6 +236,8 @@ def _find_weights(pomdp: Pomdp, ended: _Flags) -> Array:
 
     If a sweep raises no weight by more than d < 1, the weights divided by 1 - d satisfy the inequality.
     """
+    from scipy.sparse import csr_array  # it takes memory and time to import
+
     A, S = pomdp.reward.shape
     T = pomdp.transition
     matrix = csr_array((T.values, T.columns, T.begins), shape=(A * S, S))

@@ -9,6 +9,7 @@ from lcorpp.values.arrays import (
     Interval as Interval,
     check_rows as check_rows,
     freeze as freeze,
+    share_frozen as share_frozen,
     wrap_angle as wrap_angle,
 )
 from lcorpp.values.confusion import (

@@ -54,6 +54,18 @@ def freeze(array: npt.ArrayLike) -> Array:
     return copy
 
 
+def share_frozen(array: npt.ArrayLike) -> Array:
+    """Return `array` itself if it is float64, read-only and owns its memory, otherwise a read-only copy."""
+    if (
+        isinstance(array, np.ndarray)
+        and array.dtype == np.float64
+        and array.flags.owndata
+        and not array.flags.writeable
+    ):
+        return array
+    return freeze(array)
+
+
 @dataclass(frozen=True)
 class Interval:
     """A point estimate and its confidence interval.

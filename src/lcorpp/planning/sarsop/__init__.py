@@ -3,6 +3,8 @@
 solver            Algorithm 1: sample, back up and prune until the bounds meet
 path_sampling     Algorithm 2: sample one path; users can replace it
 bounded_search    loop, limits and result, shared with Perseus and the online planner
+bounded_tree      beliefs and bounds of a search
+reachable_blocks  smaller blocks for large models
 kernel_protocols  the contract of the kernels
 kernels           selection of the kernels: C++ (native/sarsop) or numpy (numpy_kernels)
 """

@@ -1,19 +1,12 @@
-"""Search with bounds: the tree, the loop and the result that SARSOP, Perseus and the online planner share."""
+"""Search with bounds: the loop and the result that SARSOP, Perseus and the online planner share."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable
 from time import monotonic
 
-import numpy as np
-
-from lcorpp.planning.policy import AlphaVectors, Policy
-from lcorpp.planning.pomdp import Pomdp
-from lcorpp.planning.sarsop.kernel_protocols import Kernels, Model, Tree
-from lcorpp.planning.sarsop.kernels import build_model, load_kernels
-from lcorpp.planning.sarsop.reachable_blocks import ReachableBlocks
+from lcorpp.planning.sarsop.bounded_tree import BoundedTree
 from lcorpp.planning.solution import BoundsRecord, Progress, Solution
-from lcorpp.planning.upper_bounds import SawtoothBound
 from lcorpp.values import Belief
 
 WORK_PER_TRIAL = 1000
@@ -36,123 +29,6 @@ CROSSING_TOLERANCE = 1e-9
 
 SampleFunction = Callable[..., int]
 """Has the parameters and the result of `lcorpp.planning.sarsop.path_sampling.sample`."""
-
-
-class BoundedTree:
-    """A belief tree of a problem with a lower and an upper bound, for one or more searches.
-
-    Args:
-        starts: beliefs (S,) from which all searches start, or whose mixtures they start from.
-        precision: of the searches, in reward units.
-        seconds: wall-clock time limit of each of the three initial bounds.
-        kernels: the best installed ones when None.
-        previous: a policy for the same model whose vectors and points are imported.
-
-    tree: the nodes and bounds. predictor: of the values of nodes. informed: (A, S) the fast informed bound.
-    max_abs_value: the largest absolute initial bound, at least 1: the unit of rounding errors.
-    """
-
-    def __init__(
-        self,
-        pomdp: Pomdp,
-        starts: Sequence[Belief],
-        *,
-        precision: float,
-        seconds: float,
-        kernels: Kernels | None = None,
-        previous: Policy | None = None,
-    ) -> None:
-        self.pomdp = pomdp
-        self._kernels = kernels or load_kernels()
-        self._model, self._blocks = self._build_model(starts)
-        self._blind = self._kernels.blind_policies(self._model, 1e-3 * precision, seconds)
-        upper = previous.upper_bound if previous else None
-        if isinstance(upper, SawtoothBound):
-            self.informed = upper.informed
-        else:
-            mdp = self._kernels.mdp_bound(self._model, 1e-3 * precision, seconds)
-            self.informed = self._kernels.fast_informed_bound(self._model, mdp, 1e-2 * precision, seconds)
-        self.max_abs_value = max(1.0, float(np.abs(self._blind).max()), float(np.abs(self.informed).max()))
-        self.predictor = self._kernels.ValuePredictor(self.informed.max(axis=0))
-        self.tree = self._make_tree(previous)
-
-    @property
-    def memory_size(self) -> int:
-        """Memory in bytes: of the problem, for Python and the kernels, of the beliefs, and of the vectors and
-        points, which a policy has a second time."""
-        return 2 * self.pomdp.memory_size + self.tree.node_memory + 2 * self.tree.bound_memory
-
-    def reset(self) -> None:
-        """Forget all beliefs, but keep the vectors and points."""
-        self.tree = self._make_tree(self.make_policy())
-
-    def include(self, start: Belief) -> None:
-        """Allow searches from another start (S,), which may forget all beliefs."""
-        if self._blocks is not None and not self._blocks.cover(start):
-            policy = self.make_policy()
-            self._model, self._blocks = self._build_model([start])
-            self.tree = self._make_tree(policy)
-
-    def add_points(self, nodes: Iterable[int]) -> None:
-        """Add the upper bounds of nodes, often below the interpolation of the points, to the points."""
-        for node in nodes:
-            belief = self.tree.belief(node)
-            states = np.flatnonzero(belief).astype(np.int32)
-            value = np.array([self.tree.upper_bound(node)])
-            self.tree.add_points(np.array([0, len(states)]), states, belief[states], value)
-
-    def make_policy(self) -> Policy:
-        """Return the policy of the alpha vectors, with its upper bound."""
-        tree, sets = self.tree, []
-        for group in range(tree.group_count):
-            states, vectors, actions = tree.vectors(group)
-            # without the vectors that these depend on, the policy could earn less than its vectors promise
-            pruned, pruned_actions = tree.dependencies(group)
-            table, actions = np.concatenate([vectors, pruned]), np.concatenate([actions, pruned_actions])
-            if not len(actions):
-                continue
-            parts = [states.astype(np.intp)]
-            if (
-                self._blocks is not None and group == tree.group_count - 1
-            ):  # elsewhere the vectors are invalid
-                parts = self._blocks.find_spread_sets(self._model)
-            for part in parts:
-                values = table if len(part) == len(states) else table[:, part]
-                sets.append(AlphaVectors(part, values, actions.astype(np.intp)))
-        points = tree.points()
-        for array in points:
-            array.setflags(write=False)
-        return Policy.of_sets(self.pomdp, sets, SawtoothBound(self.informed, *points))
-
-    def _build_model(self, starts: Sequence[Belief]) -> tuple[Model, ReachableBlocks | None]:
-        """Return the problem for the kernels, and the blocks of its states if they depend on the starts."""
-        model = build_model(self._kernels, self.pomdp)
-        blocks = ReachableBlocks.find(self._kernels, model, starts)
-        if blocks is None:
-            return model, None
-        del model  # a large model is in memory only once
-        return build_model(self._kernels, self.pomdp, blocks.refine(self.pomdp.observation)), blocks
-
-    def _make_tree(self, previous: Policy | None) -> Tree:
-        """Return a tree without nodes, with the vectors and points of an earlier policy.
-
-        A group takes the vectors over sets that contain its states. A group without vectors is never used:
-        the model has a single block, and its beliefs are in that.
-        """
-        tree = self._kernels.Tree(self._model, self.informed, self._blind)
-        if previous is None:
-            return tree
-        groups = [(group, *tree.vectors(group)[::2]) for group in range(tree.group_count)]
-        position = np.empty(len(self.pomdp.states), dtype=np.intp)
-        for vectors in previous.vector_sets:
-            position[:] = -1
-            position[vectors.states] = np.arange(len(vectors.states))
-            for group, states, actions in groups:
-                if len(actions) and position[states[0]] >= 0 and (columns := position[states]).min() >= 0:
-                    tree.add_vectors(group, vectors.vectors[:, columns], vectors.actions.astype(np.int32))
-        if isinstance(previous.upper_bound, SawtoothBound):
-            tree.add_points(*previous.upper_bound.points())
-        return tree
 
 
 class BoundedSearch:
@@ -291,7 +167,10 @@ class BoundedSearch:
         self._update_record()
         self.bounds.add_points(self.roots)
         return self.record.make_solution(
-            self.bounds.make_policy(), reason, beliefs=self.bounds.tree.node_count, trials=self.trials
+            self.bounds.make_policy(),
+            reason,
+            beliefs=self.bounds.tree.node_count,
+            trials=self.trials,
         )
 
     def _aim(self, roots: list[int]) -> None:

@@ -8,7 +8,8 @@ import numpy as np
 
 from lcorpp.planning.policy import Policy
 from lcorpp.planning.pomdp import Pomdp
-from lcorpp.planning.sarsop.bounded_search import BoundedSearch, BoundedTree
+from lcorpp.planning.sarsop.bounded_search import BoundedSearch
+from lcorpp.planning.sarsop.bounded_tree import BoundedTree
 from lcorpp.planning.sarsop.solver import LOOK_AHEAD, MAX_DEPTH
 from lcorpp.values import Array
 

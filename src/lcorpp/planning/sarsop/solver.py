@@ -20,7 +20,8 @@ from lcorpp.planning.arguments import (
     check_type,
 )
 from lcorpp.planning.pomdp import Pomdp
-from lcorpp.planning.sarsop.bounded_search import BoundedSearch, BoundedTree, SampleFunction
+from lcorpp.planning.sarsop.bounded_search import BoundedSearch, SampleFunction
+from lcorpp.planning.sarsop.bounded_tree import BoundedTree
 from lcorpp.planning.sarsop.kernel_protocols import Kernels
 from lcorpp.planning.sarsop.mixtures import MixtureStarts
 from lcorpp.planning.solution import CONVERGED, Progress, Solution

@@ -13,7 +13,8 @@ from lcorpp.planning.arguments import check_count, check_solver_arguments
 from lcorpp.planning.belief import check_belief
 from lcorpp.planning.planner import ModelPlanner
 from lcorpp.planning.pomdp import Pomdp
-from lcorpp.planning.sarsop.bounded_search import BoundedSearch, BoundedTree
+from lcorpp.planning.sarsop.bounded_search import BoundedSearch
+from lcorpp.planning.sarsop.bounded_tree import BoundedTree
 from lcorpp.values import Belief
 
 TARGET_SHARE = 0.5

@@ -14,7 +14,8 @@ import numpy.typing as npt
 from lcorpp.planning.arguments import check_count, check_solver_arguments
 from lcorpp.planning.belief import observation_probabilities, update
 from lcorpp.planning.pomdp import Pomdp
-from lcorpp.planning.sarsop.bounded_search import BoundedSearch, BoundedTree
+from lcorpp.planning.sarsop.bounded_search import BoundedSearch
+from lcorpp.planning.sarsop.bounded_tree import BoundedTree
 from lcorpp.planning.solution import Progress, Solution
 from lcorpp.planning.undiscounted import accept_undiscounted
 from lcorpp.values import Array

@@ -60,6 +60,21 @@ def test_entries_rows_matrices_and_overrides():
     assert pomdp.observation.dense.tolist() == [[[0.25, 0.75], [0.5, 0.5]], [[0.25, 0.75], [0.1, 0.9]]]
 
 
+def test_numbers_end_before_a_keyword():
+    """As in pomdp-solve, which needs no space there; names may start with digits all the same."""
+    glued = (
+        "discount:0.5values:reward states:2actions:1observations:2start:0.25 0.75T:0:0uniform T:0:1:0 "
+        "0.5T:0:1:1 0.5O:0identity R:0:0:*:*1R:0:1:*:*2"
+    )
+    pomdp = parse_pomdp(glued)
+    assert pomdp.transition.dense.tolist() == [[[0.5, 0.5], [0.5, 0.5]]]
+    assert pomdp.observation.dense.tolist() == [[[1, 0], [0, 1]]]
+    assert (pomdp.discount, pomdp.start.tolist(), pomdp.reward.tolist()) == (0.5, [0.25, 0.75], [[1, 2]])
+    named = "discount: 0.5 values: reward states: 0T 1R actions: 3uniformly observations: 2 "
+    named += "T: 3uniformly : 0T : 1R 1 T: 3uniformly : 1R : 0T 1 O: * uniform R: 3uniformly : 0T: * : * 4"
+    assert parse_pomdp(named).transition.dense.tolist() == [[[0, 1], [1, 0]]]
+
+
 def test_rewards_become_expected_rewards():
     text = HEAD + "T: x\n0.25 0.75\n0 1\nT: y identity\nO: *\n0.5 0.5\n0.1 0.9\n"
     text += (

@@ -20,7 +20,8 @@ needs_compiled = pytest.mark.skipif(
 )
 INDICES = ({"*": -1, "go": 0, "é": 1}, {"*": -1, "0": 0, "1": 1, "a-b": 1}, {"*": -1, "0": 0, "1": 1, "2": 2})
 WORDS = "T O R T: O: R: : * go é 0 1 2 a-b no # .5 1. -0 +1e0 1e-3 1e400 0.3x uniform 2.5e 1.00005"
-PIECES = st.sampled_from([*WORDS.split(" "), " ", "\n", "\r", "\t", "# : 1 T\n", "R: go"])
+GLUED = "0.5T: 1uniform 0O 1R : 0.25reset 1values:"
+PIECES = st.sampled_from([*WORDS.split(" "), *GLUED.split(" "), " ", "\n", "\r", "\t", "# : 1 T\n", "R: go"])
 ENTRIES = st.sampled_from(
     [
         "T: go : 0 : 1 0.5\n",

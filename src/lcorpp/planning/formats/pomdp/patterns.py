@@ -7,8 +7,20 @@ from lcorpp.planning.formats import numbers
 SKIP = rb"\s*+(?:#[^\r\n]*+\s*+)*+"
 """White space and comments; a comment needs no space before it."""
 
-WORD = rb"(?:\*|[^\s:#*][^\s:#]*+)"
+_ROW = rb"(?:identity|uniform|reset)(?![^\s:#])"
+_PREAMBLE = rb"(?:discount|values|states|actions|observations|start)\s*+:"
+_TABLE = rb"[TOR]\s*+:"
+
+# As for pomdp-solve, a number ends before a keyword, but names may start with digits here: 3R is one.
+_NUMBER = numbers.NUMBER.encode()
+_BEFORE_KEYWORD = rb"[0-9]++(?=%s|%s)|[0-9]*+\.[0-9]*+(?=%s)" % (
+    _ROW,
+    _PREAMBLE,
+    rb"|".join((_ROW, _PREAMBLE, _TABLE)),
+)
+
+WORD = rb"(?:\*|%s|[^\s:#*][^\s:#]*+)" % _BEFORE_KEYWORD
 """A name, a number or a star, which needs no space after it."""
 
-NUMBER = numbers.NUMBER.encode() + rb"(?![^\s:#])"
-"""A word that is a number."""
+NUMBER = rb"%s(?:(?![^\s:#])|(?=%s))" % (_NUMBER, rb"|".join((_ROW, _PREAMBLE, _TABLE)))
+"""A word that is a number, or a number that ends before a keyword."""
