@@ -69,6 +69,7 @@ MODELS ?= $(wildcard src/lcorpp/domains/*/*.pomdp ../shared/pomdp/*.pomdp ../sha
 bench: $(VENV)-bench/.peers
 	$(VENV)-bench/bin/python benchmarks/plog.py
 	$(VENV)-bench/bin/python benchmarks/sarsop.py $(MODELS)
+	$(VENV)-bench/bin/python benchmarks/large_models.py
 	$(VENV)-bench/bin/python benchmarks/learner.py
 
 format: $(VENV)/.dev

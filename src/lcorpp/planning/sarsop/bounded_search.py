@@ -113,8 +113,8 @@ class BoundedSearch:
         except KeyboardInterrupt:
             return "interrupted"
 
-    def sample(self, share: float, max_depth: int, function: SampleFunction | None = None) -> None:
-        """Sample one path from the root with the widest gap and prune.
+    def sample(self, share: float, max_depth: int, function: SampleFunction | None = None) -> int:
+        """Sample one path from the root with the widest gap and prune; return the number of its nodes.
 
         Every second path follows the lower instead of the upper bound.
 
@@ -127,14 +127,12 @@ class BoundedSearch:
         target = max(share * self.gap, 0.5 * self.precision)  # a smaller gap is never needed
         use_lower_bound = self.trials % 2 == 1
         arguments = self.bounds.predictor, self.widest, target, max_depth, self.seconds_left, use_lower_bound
-        if function is None:
-            tree.sample(*arguments)
-        else:
-            function(tree, *arguments)
+        nodes = tree.sample(*arguments) if function is None else function(tree, *arguments)
         self.prune(self.roots)
         self.trials += 1
         vectors = tree.vector_count
         self.work += WORK_PER_TRIAL + vectors * (len(self.bounds.pomdp.states) + vectors // 20)
+        return nodes
 
     def prune(self, roots: list[int]) -> None:
         """Drop vectors that are useless at the beliefs that the roots reach."""

@@ -10,7 +10,7 @@ from lcorpp.planning.policy import Policy
 from lcorpp.planning.pomdp import Pomdp
 from lcorpp.planning.sarsop.bounded_search import BoundedSearch
 from lcorpp.planning.sarsop.bounded_tree import BoundedTree
-from lcorpp.planning.sarsop.solver import LOOK_AHEAD, MAX_DEPTH
+from lcorpp.planning.sarsop.look_ahead import LookAhead
 from lcorpp.values import Array
 
 
@@ -33,7 +33,7 @@ class PacedSearch:
         self.pomdp = pomdp
         bounds = BoundedTree(pomdp, list(starts), precision=precision, seconds=inf)
         self._search = BoundedSearch(bounds, starts, precision=precision, began=0.0, time_limit=inf)
-        self._share = pomdp.discount**LOOK_AHEAD
+        self._paths = LookAhead(self._search)
         self.improvement, self._lower_bounds, self._next_check = inf, np.full(len(starts), -inf), len(starts)
 
     @property
@@ -70,7 +70,7 @@ class PacedSearch:
         def step() -> str | None:
             if self.work >= limit or self.trials >= trials:
                 return "limit"
-            self._search.sample(self._share, MAX_DEPTH)
+            self._paths.sample()
             if self.trials == self._next_check:
                 self._measure_improvement()
             return None

@@ -23,17 +23,10 @@ from lcorpp.planning.pomdp import Pomdp
 from lcorpp.planning.sarsop.bounded_search import BoundedSearch, SampleFunction
 from lcorpp.planning.sarsop.bounded_tree import BoundedTree
 from lcorpp.planning.sarsop.kernel_protocols import Kernels
+from lcorpp.planning.sarsop.look_ahead import LookAhead
 from lcorpp.planning.sarsop.mixtures import MixtureStarts
 from lcorpp.planning.solution import CONVERGED, Progress, Solution
 from lcorpp.planning.undiscounted import accept_undiscounted
-
-LOOK_AHEAD = 10
-"""A path aims at the gap discounted by this many steps. Under a slow discount, a wider aim is reached only
-far below the root, and the path gains little from all its steps."""
-
-MAX_DEPTH = 1000
-"""Largest number of nodes on a path. The bounds are valid for any value; later paths reach what one
-misses."""
 
 MIXTURE_WORK = 2.5e5
 """Work for mixtures for each second of the time limit, in the unit of `BoundedSearch`: about a hundredth of a
@@ -107,10 +100,10 @@ def solve(
         previous=previous.policy if previous else None,
     )
     search = BoundedSearch(bounds, starts, precision=precision, began=began, time_limit=time_limit)
-    share = pomdp.discount**LOOK_AHEAD
+    paths = LookAhead(search, sample)
 
     def step() -> str | None:
-        search.sample(share, MAX_DEPTH, sample)
+        paths.sample()
         return "memory limit" if search.limit_memory(memory_limit) else None
 
     def run() -> str:
