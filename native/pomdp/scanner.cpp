@@ -81,15 +81,16 @@ class Scanner {
   private:
     // The last word of a reference and its index: words often repeat.
     struct Known {
+        const Names* names = nullptr;
         std::string_view word;
         std::int32_t index = 0;
     };
 
     bool find(std::size_t reference, const Names& names, std::string_view word, std::int32_t& index) {
         Known& known = known_[reference];
-        if (word != known.word) {
-            if (!names.find(word, known.index)) return false;
-            known.word = word;
+        if (known.names != &names || known.word != word) {
+            if (!names.find(word, index)) return false;
+            known = {&names, word, index};
         }
         index = known.index;
         return true;

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 
-from lcorpp.errors import ModelError
+from lcorpp.errors import ModelError, PolicyError
 from lcorpp.planning import Pomdp, evaluate, parse_pomdp, simulate, solve
 from lcorpp.planning.evaluation.certificate import certificate
 from lcorpp.planning.solvers import SOLVER_NAMES, load_solver
@@ -113,6 +113,43 @@ def test_several_starts_mixtures_and_an_earlier_solution():
     solve(pomdp, precision=1e-4, callback=lambda now: seen.append((now.lower, now.upper)))
     best = solve(pomdp, precision=1e-4)
     assert seen[-1] == pytest.approx((best.lower, best.upper), abs=1e-6)
+
+
+def test_the_precision_is_that_of_the_values():
+    """b.w is large, and so is the scale between the two problems."""
+    pomdp = add_end(parse_pomdp(TIGER), 0.02)
+    found = solve(pomdp)
+    assert found.reason == "precision reached"
+    assert found.upper - found.lower <= 5e-4 + 1e-9
+    ended = np.array([0.001, 0, 0.999])
+    mixed = solve(pomdp, ended, mixed=np.eye(3)[:2], precision=0.05)
+    assert mixed.reason == "precision reached"
+    assert max(mixed.gap(np.array([p, 1 - p, 0])) for p in np.linspace(0, 1, 21)) <= 0.05 + 1e-6
+
+
+def test_wrong_arguments_are_refused_as_with_other_discounts():
+    pomdp = corridor(3)
+    other = solve(replace(pomdp, reward=2 * pomdp.reward))
+    with pytest.raises(PolicyError, match="the previous solution is for another model"):
+        solve(pomdp, previous=other)
+    with pytest.raises(PolicyError, match="the previous solution is for another model"):
+        solve(pomdp, previous=solve(corridor(2)))
+    for options, message in (
+        ({"precision": "x"}, "precision must be a number"),
+        ({"precision": None}, "precision must be a number"),
+        ({"callback": 3}, "callback must be a function"),
+        ({"time_limit": -1}, "the time limit is -1"),
+        ({"previous": 3}, "previous must be a Solution"),
+    ):
+        with pytest.raises(ModelError, match=message):
+            solve(pomdp, **options)
+
+
+@pytest.mark.parametrize("solver", SOLVER_NAMES)
+def test_nothing_earned_anywhere_is_worth_nothing(solver):
+    pomdp = add_end(parse_pomdp(TIGER))
+    found = load_solver(solver)(replace(pomdp, reward=0 * pomdp.reward))
+    assert (found.lower, found.upper) == pytest.approx((0, 0), abs=1e-6)
 
 
 @given(pomdp=pomdps())

@@ -21,14 +21,15 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import wraps
-from math import ceil, e, log
+from inspect import signature
+from math import ceil, e, inf, log
 from typing import Any, TypeVar
 
 import numpy as np
 import numpy.typing as npt
 
-from lcorpp.errors import ModelError
-from lcorpp.planning.arguments import check_beliefs
+from lcorpp.errors import ModelError, PolicyError
+from lcorpp.planning.arguments import check_beliefs, check_solver_arguments
 from lcorpp.planning.policy import AlphaVectors, Policy, UpperBound
 from lcorpp.planning.pomdp import Pomdp
 from lcorpp.planning.solution import Progress, Solution
@@ -140,8 +141,11 @@ class DiscountedForm:
             states = np.union1d(part.states[alive], np.flatnonzero(self.ended))
             vectors = np.zeros((len(part.actions), len(states)))
             vectors[:, ~self.ended[states]] = (part.vectors * self.weights[part.states])[:, alive]
-            if alive.any() or len(policy.vector_sets) == 1:
+            if alive.any():
                 sets.append(AlphaVectors(states, vectors, part.actions))
+        if not sets:
+            ended = np.flatnonzero(self.ended)
+            sets.append(AlphaVectors(ended, np.zeros((1, len(ended))), np.zeros(1, dtype=np.intp)))
         upper = policy.upper_bound
         bound = None if upper is None else WeightedBound(upper, self.weights)
         floor = min(0.0, policy.floor) * float(self.weights.max())
@@ -181,20 +185,27 @@ class DiscountedForm:
 def accept_undiscounted(solver: _Solver) -> _Solver:
     """Decorate a solver for discounts below 1: it solves problems with discount 1 as discounted ones."""
 
+    default: float = signature(solver).parameters["precision"].default
+
     @wraps(solver)
     def solve(pomdp: Pomdp, start: npt.ArrayLike | None = None, **options: Any) -> Solution:
         if not isinstance(pomdp, Pomdp) or pomdp.discount < 1:
             return solver(pomdp, start, **options)
+        precision, time_limit = options.get("precision", default), options.get("time_limit", inf)
+        callback = options.get("callback")
+        starts = check_solver_arguments(pomdp, start, precision, time_limit, callback)
         form = DiscountedForm.of(pomdp)
-        starts = check_beliefs(pomdp, pomdp.start if start is None else start, "start")
-        scale = float(form.scale(starts).max())
-        if "precision" in options:
-            options["precision"] = options["precision"] / scale
-        if (callback := options.get("callback")) is not None:
-            options["callback"] = lambda now: callback(_scale_progress(now, scale))
+        beliefs = starts
         if options.get("mixed") is not None:
-            options["mixed"] = form.convert_beliefs(check_beliefs(pomdp, options["mixed"], "mixed"))
+            mixed = check_beliefs(pomdp, options["mixed"], "mixed")
+            options["mixed"], beliefs = form.convert_beliefs(mixed), np.concatenate([starts, mixed])
+        scale = float(form.scale(beliefs).max())
+        options["precision"] = precision / scale
+        if callback is not None:
+            options["callback"] = lambda now: callback(_scale_progress(now, scale))
         if isinstance(previous := options.get("previous"), Solution):
+            if previous.policy.fingerprint != pomdp.fingerprint:
+                raise PolicyError("the previous solution is for another model")
             options["previous"] = replace(previous, policy=form.convert_policy(previous.policy))
         return form.restore_solution(solver(form.pomdp, form.convert_beliefs(starts), **options))
 

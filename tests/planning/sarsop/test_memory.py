@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from itertools import pairwise
+from signal import SIGINT, raise_signal
+from time import monotonic
 
 import numpy as np
 import pytest
@@ -10,6 +12,8 @@ import pytest
 from lcorpp.errors import ModelError
 from lcorpp.planning import Progress, parse_pomdp, read_pomdp, solve
 from lcorpp.planning.evaluation.certificate import certificate
+from lcorpp.planning.sarsop.bounded_search import BoundedSearch
+from lcorpp.planning.sarsop.bounded_tree import BoundedTree
 from tests.planning.models import TIGER, shared_model
 from tests.planning.sarsop.kernels import BOTH, make_tree, random_model, search
 
@@ -86,6 +90,30 @@ def test_it_goes_on_several_times_on_a_published_model():
     assert found.reason == "interrupted"
     assert -8 < found.lower < found.upper < 0
     assert certificate(found, time_limit=60).verdict == "confirmed"
+
+
+def test_ctrl_c_while_beliefs_are_dropped_loses_nothing():
+    pomdp = read_pomdp(shared_model("hallway.pomdp"))
+    bounds = BoundedTree(pomdp, [pomdp.start], precision=1e-3, seconds=10)
+    search = BoundedSearch(bounds, [pomdp.start], precision=1e-3, began=monotonic(), time_limit=600)
+    for _ in range(20):
+        search.sample(0.9, 100)
+    forget = bounds.tree.forget_nodes
+
+    class Interrupted:
+        def __getattr__(self, name):
+            return getattr(tree, name)
+
+        def forget_nodes(self):
+            forget()
+            raise_signal(SIGINT)
+
+    tree, bounds.tree = bounds.tree, Interrupted()
+    with pytest.raises(KeyboardInterrupt):
+        search.limit_memory(1.0)
+    found = search.make_solution("interrupted")
+    assert found.lower < found.upper
+    assert certificate(found, time_limit=20).verdict != "refuted"
 
 
 @pytest.mark.parametrize(

@@ -8,6 +8,7 @@ from time import monotonic
 from lcorpp.planning.sarsop.bounded_tree import BoundedTree
 from lcorpp.planning.solution import BoundsRecord, Progress, Solution
 from lcorpp.values import Belief
+from lcorpp.workers import delay_sigint
 
 WORK_PER_TRIAL = 1000
 """Work of a trial beside that for the vectors; a trial of few vectors takes some 50 microseconds."""
@@ -151,9 +152,10 @@ class BoundedSearch:
         beliefs = [bounds.tree.belief(root) for root in self.roots]
         bounds.tree.prune(self.roots, PRUNING_RADIUS, 1.0, 0.0)  # only the best vectors remain
         bounds.add_points(self.roots)
-        bounds.tree.forget_nodes()
-        self.roots = [bounds.tree.find_or_add_node(belief) for belief in beliefs]
-        self._aims = [self.roots[number] for number in aims]
+        with delay_sigint():  # the result needs the nodes of the starts
+            bounds.tree.forget_nodes()
+            self.roots = [bounds.tree.find_or_add_node(belief) for belief in beliefs]
+            self._aims = [self.roots[number] for number in aims]
         if bounds.memory_size > MAX_KEPT_SHARE * limit:
             bounds.tree.drop_older_points()
         return bounds.memory_size > MAX_KEPT_SHARE * limit

@@ -60,6 +60,18 @@ def test_entries_rows_matrices_and_overrides():
     assert pomdp.observation.dense.tolist() == [[[0.25, 0.75], [0.5, 0.5]], [[0.25, 0.75], [0.1, 0.9]]]
 
 
+def test_states_and_observations_may_share_names():
+    text = "discount: 0.9\nvalues: reward\nstates: left right\nactions: a\nobservations: right left\n"
+    for name in ("left", "right"):
+        text += f"T: a : {name} : {name} 1.0\nO: a : {name} : {name} 1.0\n"
+    assert parse_pomdp(text).observation.dense.tolist() == [[[0, 1], [1, 0]]]
+    with pytest.raises(ParseError, match="number 2 is not among the 1 observations"):
+        parse_pomdp(
+            "discount: 0.9\nvalues: reward\nstates: 3\nactions: 1\nobservations: 1\n"
+            "T: 0 : 0 : 2 1.0\nO: 0 : 0 : 2 1.0\n"
+        )
+
+
 def test_numbers_end_before_a_keyword():
     """As in pomdp-solve, which needs no space there; names may start with digits all the same."""
     glued = (

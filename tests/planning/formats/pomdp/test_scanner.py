@@ -18,7 +18,7 @@ except ImportError:
 needs_compiled = pytest.mark.skipif(
     _scanner is None, reason="the compiled scanner is missing: no C++ compiler"
 )
-INDICES = ({"*": -1, "go": 0, "é": 1}, {"*": -1, "0": 0, "1": 1, "a-b": 1}, {"*": -1, "0": 0, "1": 1, "2": 2})
+INDICES = ({"*": -1, "go": 0, "é": 1}, {"*": -1, "0": 0, "1": 1, "a-b": 1}, {"*": -1, "0": 2, "1": 0, "2": 1})
 WORDS = "T O R T: O: R: : * go é 0 1 2 a-b no # .5 1. -0 +1e0 1e-3 1e400 0.3x uniform 2.5e 1.00005"
 GLUED = "0.5T: 1uniform 0O 1R : 0.25reset 1values:"
 PIECES = st.sampled_from([*WORDS.split(" "), *GLUED.split(" "), " ", "\n", "\r", "\t", "# : 1 T\n", "R: go"])

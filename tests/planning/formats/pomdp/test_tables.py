@@ -100,6 +100,21 @@ def test_tables_are_what_the_statements_write(batch_size, given):
         assert ((offsets >= 0) == rows[keyword]).all()
 
 
+@pytest.mark.parametrize("batch_size", [1, 2, 3, 10**6])
+def test_entries_after_a_row_for_all_override_it(batch_size):
+    half = np.full(3, 1 / 3)
+    given = [
+        Statement("T", (0, 0), np.eye(3)[0]),
+        Statement("T", (None, None), half),
+        Statement("T", (0, 0, 0), np.array(0.25)),
+        Statement("T", (1, 2), np.eye(3)[1]),
+    ]
+    with patch.object(pomdp_scanner, "MAX_NUMBERS", batch_size):
+        rows, _ = read_all(given).transition.take_rows()
+    assert rows[0, 0].tolist() == [0.25, 1 / 3, 1 / 3]
+    assert rows[1].tolist() == [half.tolist(), half.tolist(), [0, 1, 0]]
+
+
 @st.composite
 def distributions(draw: st.DrawFn, N: int) -> np.ndarray:
     weights = draw(

@@ -118,12 +118,13 @@ class TableStatements:
 
     def add_plain(self, table: PlainTable) -> None:
         """Set the numbers and rows of plain statements."""
-        self._entries.add(table.entry_indices, table.entry_values, table.entry_offsets)
         rows = self.store(table.row_begins, table.row_columns, table.row_values)
         shared = (table.row_indices == ALL).any(axis=1)
         for i in np.flatnonzero(shared).tolist():
             action, state = table.row_indices[i].tolist()
             self.set_rows(action, state, rows.row(i), int(table.row_offsets[i]))
+        # after `set_rows`, which may clear what is earlier in the text; offsets decide what overrides what
+        self._entries.add(table.entry_indices, table.entry_values, table.entry_offsets)
         self._rows.add(*(part[~shared] for part in (table.row_indices, *rows, table.row_offsets)))
 
     def set_rows(self, action: int, state: int, rows: StoredRows, offsets: int | Offsets) -> None:
