@@ -82,6 +82,7 @@ void VectorDependencies::forget_unneeded(const std::vector<VectorSet>& sets) {
 }
 
 std::vector<const PrunedVector*> VectorDependencies::find_needed_vectors(const std::vector<VectorSet>& sets) {
+    if (pruned_.empty()) return {};
     std::vector<Stamp> stamps = find_needed_stamps(sets);
     std::sort(stamps.begin(), stamps.end());
     std::vector<const PrunedVector*> needed;

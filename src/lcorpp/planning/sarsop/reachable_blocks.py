@@ -54,8 +54,11 @@ class ReachableBlocks:
         The kernels separate states of one block if no action leads to one of them.
         """
         known = model.export_blocks()
-        sets = [np.flatnonzero(self.block == b) for b in range(int(self.block.max()) + 1)]
-        return [states for states in [self.spread, *sets] if len(states) and np.ptp(known[states])]
+        reached = np.flatnonzero(self.block >= 0)
+        pairs = np.unique(np.stack([self.block[reached], known[reached]], axis=1), axis=0)
+        separated = np.flatnonzero(np.bincount(pairs[:, 0]) > 1).tolist()
+        sets = [np.flatnonzero(self.block == block) for block in separated]
+        return [self.spread, *sets] if len(self.spread) else sets
 
     def refine(self, observation: SparseTables) -> SparseTables:
         """Return the table (A, S, O') of observations that also show the block of the next state."""

@@ -150,15 +150,11 @@ class TableStatements:
         A, S, _ = self.shape
         begins, lengths, offsets = self._find_last_rows()
         stored = self._numbers.arrays()
-        limit = MAX_NUMBERS - int(lengths.sum())
-        self._check_size(MAX_NUMBERS - limit)
+        selected = self._select_entries(offsets, int(lengths.sum()))
         parts, step = [], max(1, PART_ROWS // S)
-        for first in range(
-            0, A, step
-        ):  # some actions at a time: the temporary arrays are larger than the table
+        for first in range(0, A, step):  # in parts: the temporary arrays are larger than the table
             part = slice(first * S, min(first + step, A) * S)
-            row, column, value = self._find_overriding_entries(first, offsets[part], limit)
-            limit -= len(row)
+            row, column, value = self._find_overriding_entries(first, offsets[part], selected)
             index = ragged_indices(begins[part], lengths[part])
             rows = np.repeat(np.arange(len(offsets[part])), lengths[part])
             columns, values = (numbers[index] for numbers in stored)
@@ -188,34 +184,51 @@ class TableStatements:
             part[row[later]] = values[later]  # numpy keeps the last of several
         return flat[0], flat[1], flat[2]
 
+    def _select_entries(self, offsets: Offsets, stored: int) -> Indices:
+        """Return the indices of the entries to expand, increasing, without overridden entries of `ALL`.
+
+        Args:
+            offsets: (A S,) of the whole-row statements. stored: how many numbers these have.
+
+        Raises:
+            ModelError: there are too many numbers.
+        """
+        A, S, N = self.shape
+        indices, _, at = self._entries.arrays()
+        shared = np.flatnonzero((indices[:, 0] == ALL) | (indices[:, 1] == ALL))
+        single = len(indices) - len(shared)
+        # an entry of `ALL` is overridden if all its rows were set later, or if it is repeated later
+        action, state, column = indices[shared].astype(np.int64).T
+        earliest = np.pad(offsets.reshape(A, S), (0, 1), mode="minimum")  # `ALL`, -1: the last row or column
+        late = np.flatnonzero(at[shared] > earliest[action, state])
+        key = ((action[late] + 1) * (S + 1) + state[late] + 1) * N + column[late]
+        late = late[find_last_occurrences(key)]
+        copies = np.where(action[late] == ALL, A, 1) * np.where(state[late] == ALL, S, 1)
+        self._check_size(stored + single + int(copies.sum()))
+        kept = np.ones(len(indices), dtype=bool)
+        kept[shared] = False
+        kept[shared[late]] = True
+        return np.flatnonzero(kept)
+
     def _find_overriding_entries(
-        self, first: int, offsets: Offsets, limit: int
+        self, first: int, offsets: Offsets, selected: Indices
     ) -> tuple[Indices, npt.NDArray[np.int32], Array]:
         """Return row, column and value of each number after the last whole-row statement of its row.
 
         Args:
             first: the first of some actions; rows are counted from its first one.
             offsets: (n,) of the whole-row statements of these actions; the numbers' offsets replace them.
-            limit: maximum number of numbers.
+            selected: the indices of all entries to expand.
         """
-        _, S, N = self.shape
+        S = self.shape[1]
         A = len(offsets) // S
         indices, values, at = self._entries.arrays()
-        action, state = indices[:, 0], indices[:, 1]
-        source = np.flatnonzero((action == ALL) | ((action >= first) & (action < first + A)))
-        action, state = action[source].astype(np.int64), state[source].astype(np.int64)
+        action = indices[selected, 0]
+        source = selected[(action == ALL) | ((action >= first) & (action < first + A))]
+        action, state = indices[source, 0].astype(np.int64), indices[source, 1].astype(np.int64)
         action[action != ALL] -= first
-        shared = (action == ALL) | (state == ALL)
-        if shared.any():
-            # the smallest offset among the rows of each scope; `ALL`, -1, is the last row or column
-            earliest = np.pad(offsets.reshape(A, S), (0, 1), mode="minimum")
-            late = np.flatnonzero(shared & (at[source] > earliest[action, state]))
-            key = ((action[late] + 1) * (S + 1) + state[late] + 1) * N + indices[source[late], 2]
-            chosen = np.sort(np.concatenate([np.flatnonzero(~shared), late[find_last_occurrences(key)]]))
-            source, action, state = source[chosen], action[chosen], state[chosen]
+        if ((action == ALL) | (state == ALL)).any():
             copies = np.where(action == ALL, A, 1) * np.where(state == ALL, S, 1)
-            if (total := int(copies.sum())) > limit:
-                self._check_size(total + MAX_NUMBERS - limit)
             # copies of an entry are in the order of actions, then states
             step = ragged_indices(np.zeros_like(copies), copies)
             source, action, state = (np.repeat(part, copies) for part in (source, action, state))
@@ -236,7 +249,7 @@ class TableStatements:
     def _check_size(self, numbers: int) -> None:
         if numbers > MAX_NUMBERS:
             raise ModelError(
-                f"the statements of the {self.title} table {self.shape} give at least {numbers} numbers,"
+                f"the statements of the {self.title} table {self.shape} give {numbers} numbers,"
                 f" {12 * numbers / 2**30:.1f} GiB; at most {MAX_NUMBERS} are read"
             )
 

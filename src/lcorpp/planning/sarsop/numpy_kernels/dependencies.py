@@ -83,6 +83,8 @@ class VectorDependencies:
 
     def find_needed_vectors(self, sets: Sequence[VectorSet]) -> list[PrunedVector]:
         """Return the pruned vectors that the vectors in the sets depend on, by rising stamps."""
+        if not self._pruned:
+            return []
         return [
             self._pruned[stamp] for stamp in sorted(self._find_needed_stamps(sets)) if stamp in self._pruned
         ]
