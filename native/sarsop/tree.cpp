@@ -122,7 +122,7 @@ std::size_t Tree::bound_memory() const {
     return size;
 }
 
-void Tree::forget_nodes() {
+void Tree::clear_nodes() {
     for (const auto& [hash, number] : node_index_) {
         const Stamp stamp = nodes[as_size(number)].point_stamp;
         if (stamp >= 0) known_points_[hash] = stamp;

@@ -100,7 +100,7 @@ class Tree {
     std::size_t bound_memory() const;
 
     // Remove all nodes, but keep the vectors and points.
-    void forget_nodes();
+    void clear_nodes();
 
     // Remove the older half of the points.
     void drop_older_points() { sawtooth.drop_older_half(); }

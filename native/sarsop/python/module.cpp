@@ -181,7 +181,7 @@ void bind_tree(nb::module_& m) {
         .def_prop_ro("vector_count", &Tree::vector_count)
         .def_prop_ro("node_memory", &Tree::node_memory)
         .def_prop_ro("bound_memory", &Tree::bound_memory)
-        .def("forget_nodes", &Tree::forget_nodes)
+        .def("clear_nodes", &Tree::clear_nodes)
         .def("drop_older_points", &Tree::drop_older_points)
         .def_prop_ro("point_count", [](const Tree& tree) { return tree.sawtooth.count(); })
         .def_prop_ro("group_count", [](const Tree& tree) { return tree.sets.size(); })

@@ -14,6 +14,9 @@ from lcorpp.planning.belief import check_belief
 from lcorpp.planning.pomdp import Pomdp
 from lcorpp.values import Array
 
+MEMORY_LIMIT = 1e9
+"""Default memory limit of a search, and of the check of its result, in bytes."""
+
 
 def check_type(name: str, value: object, *kinds: type) -> None:
     """Raise a ModelError that names an argument unless it has one of some types."""

@@ -28,7 +28,7 @@ from typing import Any, TypeVar
 import numpy as np
 import numpy.typing as npt
 
-from lcorpp.errors import ModelError, PolicyError
+from lcorpp.errors import ModelError
 from lcorpp.planning.arguments import check_beliefs, check_solver_arguments
 from lcorpp.planning.policy import AlphaVectors, Policy, UpperBound
 from lcorpp.planning.pomdp import Pomdp
@@ -40,6 +40,7 @@ MAX_STEPS = 1e5
 """Maximal expected number of steps; the discount of the other problem is 1 minus its inverse."""
 
 MAX_SWEEPS = 10**6
+"""Maximal number of sweeps of the value iteration for the weights."""
 
 _Flags = npt.NDArray[np.bool_]
 _Solver = TypeVar("_Solver", bound=Callable[..., Solution])
@@ -177,7 +178,8 @@ class DiscountedForm:
     def find_max_steps(self, probability: float) -> int:
         """Return a number of steps that every policy exceeds with at most this probability.
 
-        After e max w steps, a policy goes on with a probability of at most 1 / e (Markov's inequality).
+        The probability that a policy has not ended after e max w steps is at most 1 / e, by Markov's
+        inequality.
         """
         return ceil(log(1 / probability)) * ceil(e * float(self.weights.max()))
 
@@ -203,9 +205,8 @@ def accept_undiscounted(solver: _Solver) -> _Solver:
         options["precision"] = precision / scale
         if callback is not None:
             options["callback"] = lambda now: callback(_scale_progress(now, scale))
-        if isinstance(previous := options.get("previous"), Solution):
-            if previous.policy.fingerprint != pomdp.fingerprint:
-                raise PolicyError("the previous solution is for another model")
+        previous = options.get("previous")
+        if isinstance(previous, Solution) and previous.policy.fingerprint == pomdp.fingerprint:
             options["previous"] = replace(previous, policy=form.convert_policy(previous.policy))
         return form.restore_solution(solver(form.pomdp, form.convert_beliefs(starts), **options))
 
@@ -275,10 +276,9 @@ def _end_with_the_rest(table: SparseTables, values: Array, ended: _Flags) -> Spa
     rest = 1 - np.bincount(table.rows, values, A * S)
     end = np.full(A * S, int(ended.argmax()))
     rows, columns = np.concatenate([table.rows, np.arange(A * S)]), np.concatenate([table.columns, end])
-    kept = np.concatenate([values > 0, rest > 0])
-    return SparseTables.of_entries(
-        table.shape, rows[kept], columns[kept], np.concatenate([values, rest])[kept]
-    )
+    values = np.concatenate([values, rest])
+    kept = values > 0
+    return SparseTables.of_entries(table.shape, rows[kept], columns[kept], values[kept])
 
 
 def _show_the_end(table: SparseTables, ended: _Flags) -> SparseTables:
@@ -289,13 +289,10 @@ def _show_the_end(table: SparseTables, ended: _Flags) -> SparseTables:
     A, S, O = table.shape  # noqa: E741
     last = np.flatnonzero(np.tile(ended, A))
     kept = ~ended[table.rows % S]
-    rows, columns = (
-        np.concatenate([table.rows[kept], last]),
-        np.concatenate([table.columns[kept], np.full(len(last), O)]),
-    )
-    return SparseTables.of_entries(
-        (A, S, O + 1), rows, columns, np.concatenate([table.values[kept], np.ones(len(last))])
-    )
+    rows = np.concatenate([table.rows[kept], last])
+    columns = np.concatenate([table.columns[kept], np.full(len(last), O)])
+    values = np.concatenate([table.values[kept], np.ones(len(last))])
+    return SparseTables.of_entries((A, S, O + 1), rows, columns, values)
 
 
 def _find_new_name(name: str, names: tuple[str, ...]) -> str:

@@ -28,7 +28,7 @@ def test_bounds_remain_without_the_beliefs(kernels):
     tree.backup(root)  # its point is the newest
     lower, upper = tree.lower_bound(root), tree.upper_bound(root)
     assert tree.node_memory > 0
-    tree.forget_nodes()
+    tree.clear_nodes()
     assert (tree.node_count, tree.node_memory) == (0, 0)
     assert tree.vector_count >= vectors
     assert tree.bound_memory >= bound_memory > 0
@@ -37,7 +37,7 @@ def test_bounds_remain_without_the_beliefs(kernels):
     assert tree.upper_bound(root) >= upper - 1e-12
     for _ in range(6):  # points at the same beliefs are replaced, not added
         search(tree, predictor, root, 6)
-        tree.forget_nodes()
+        tree.clear_nodes()
         root = tree.find_or_add_node(pomdp.start)
     beliefs = np.split(tree.points()[3], tree.points()[1][1:-1])
     assert len({belief.tobytes() for belief in beliefs}) == tree.point_count >= points
@@ -98,14 +98,14 @@ def test_ctrl_c_while_beliefs_are_dropped_loses_nothing():
     search = BoundedSearch(bounds, [pomdp.start], precision=1e-3, began=monotonic(), time_limit=600)
     for _ in range(20):
         search.sample(0.9, 100)
-    forget = bounds.tree.forget_nodes
+    clear = bounds.tree.clear_nodes
 
     class Interrupted:
         def __getattr__(self, name):
             return getattr(tree, name)
 
-        def forget_nodes(self):
-            forget()
+        def clear_nodes(self):
+            clear()
             raise_signal(SIGINT)
 
     tree, bounds.tree = bounds.tree, Interrupted()

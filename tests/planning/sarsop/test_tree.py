@@ -65,7 +65,7 @@ CALLS = st.lists(
                 "values",
                 "sample",
                 "prune",
-                "forget",
+                "clear",
                 "drop",
                 "vectors",
                 "points",
@@ -99,8 +99,8 @@ def call(tree: Any, predictor: Any, pomdp: Pomdp, name: str, number: int) -> Any
         return tree.sample(predictor, node, 0.1, 8, SECONDS, below)
     if name == "prune":
         return tree.prune([0, node], 1e-3, 2.0, 0.0)
-    if name == "forget":
-        tree.forget_nodes()
+    if name == "clear":
+        tree.clear_nodes()
         return tree.find_or_add_node(pomdp.start)
     if name == "drop":
         return tree.drop_older_points()

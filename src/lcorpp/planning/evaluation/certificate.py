@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from lcorpp.errors import ModelError
 from lcorpp.notebook import html_table
-from lcorpp.planning.arguments import check_type
+from lcorpp.planning.arguments import MEMORY_LIMIT, check_type
 from lcorpp.planning.belief import check_belief, format_belief
 from lcorpp.planning.evaluation.policy_evaluation import Evaluation, evaluate
 from lcorpp.planning.solution import Solution
@@ -21,9 +21,6 @@ TOLERANCE = 1e-6
 
 MIN_SECONDS = 2.0
 """Minimal default of the time limit, in seconds."""
-
-MEMORY_LIMIT = 1e9
-"""Default of the memory limit, in bytes."""
 
 Verdict = Literal["confirmed", "refuted", "open"]
 

@@ -23,7 +23,7 @@ PRUNING_GROWTH = 1.3
 """Vectors are pruned if there are this many times those after the last pruning."""
 
 MAX_KEPT_SHARE = 0.75
-"""The largest share of the memory limit that a search has in use when it goes on."""
+"""Maximal share of the memory limit that is in use after nodes and points have been removed."""
 
 CROSSING_TOLERANCE = 1e-9
 """Largest difference by which rounding may make the bounds cross, relative to the largest value."""
@@ -140,10 +140,13 @@ class BoundedSearch:
         self.bounds.tree.prune(roots, PRUNING_RADIUS, PRUNING_RATIO, PRUNING_GROWTH)
 
     def limit_memory(self, limit: float) -> bool:
-        """Forget all beliefs but the starts if the memory exceeds a limit in bytes, and prune.
+        """Prune, and remove all nodes but the roots, if the memory exceeds a limit in bytes.
 
-        The points that no backup has lowered for long are dropped, too, if that is not enough; those of the
-        starts are new, so the bounds there remain. Return whether the search cannot go on for all that.
+        If the memory is still above `MAX_KEPT_SHARE` of the limit, the older half of the points is removed;
+        the points of the roots are new, so the bounds there do not change.
+
+        Returns:
+            Whether the memory is above this share even then, so that the search must end.
         """
         bounds = self.bounds
         if bounds.memory_size <= limit:
@@ -153,7 +156,7 @@ class BoundedSearch:
         bounds.tree.prune(self.roots, PRUNING_RADIUS, 1.0, 0.0)  # only the best vectors remain
         bounds.add_points(self.roots)
         with delay_sigint():  # the result needs the nodes of the starts
-            bounds.tree.forget_nodes()
+            bounds.tree.clear_nodes()
             self.roots = [bounds.tree.find_or_add_node(belief) for belief in beliefs]
             self._aims = [self.roots[number] for number in aims]
         if bounds.memory_size > MAX_KEPT_SHARE * limit:

@@ -55,16 +55,14 @@ class BoundedTree:
 
     @property
     def memory_size(self) -> int:
-        """Memory in bytes: of the problem, for Python and the kernels, of the beliefs, and of the vectors and
-        points, which a policy has a second time."""
+        """Bytes of the problem and of the nodes, vectors and points.
+
+        The problem is in memory twice, for Python and for the kernels; a policy copies vectors and points.
+        """
         return 2 * self.pomdp.memory_size + self.tree.node_memory + 2 * self.tree.bound_memory
 
-    def reset(self) -> None:
-        """Forget all beliefs, but keep the vectors and points."""
-        self.tree = self._make_tree(self.make_policy())
-
     def include(self, start: Belief) -> None:
-        """Allow searches from another start (S,), which may forget all beliefs."""
+        """Allow searches from another start (S,), which may remove all nodes."""
         if self._blocks is not None and not self._blocks.cover(start):
             policy = self.make_policy()
             self._model, self._blocks = self._build_model([start])
@@ -90,10 +88,8 @@ class BoundedTree:
             if not len(actions):
                 continue
             table.setflags(write=False)  # so that the policy takes it without a copy
-            parts = [states.astype(np.intp)]
-            if (
-                self._blocks is not None and group == tree.group_count - 1
-            ):  # elsewhere the vectors are invalid
+            parts, is_last = [states.astype(np.intp)], group == tree.group_count - 1
+            if self._blocks is not None and is_last:  # valid only for beliefs that the starts reach
                 parts = self._blocks.find_spread_sets(self._model)
             for part in parts:
                 values = table if len(part) == len(states) else table[:, part]

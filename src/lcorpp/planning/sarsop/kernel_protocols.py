@@ -75,7 +75,7 @@ class Tree(Protocol):
     def group_count(self) -> int:
         """The number of groups."""
 
-    def forget_nodes(self) -> None:
+    def clear_nodes(self) -> None:
         """Remove all nodes, but keep the vectors and points."""
 
     def drop_older_points(self) -> None:

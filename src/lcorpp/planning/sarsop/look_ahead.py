@@ -1,10 +1,9 @@
 """How far ahead a search aims, chosen by what it has gained.
 
 A path aims at a gap at its root of discount**k times the present one, for a look-ahead of k steps: under a
-slow discount, a wider aim is reached only far below the root, where most steps gain little. In mazes, where
-rewards are far away and observations separate places slowly, long paths narrow the gap several times faster
-than short ones; in other problems they cost more than they gain. So both are tried all the time, the better
-one more often.
+slow discount, a wider aim is reached only far below the root, where most steps gain little. In some mazes
+(pentagon, cit), long paths narrow the gap several times faster than short ones; in other problems (network)
+short ones do. So both are tried all the time, the better one more often.
 """
 
 from __future__ import annotations
@@ -20,7 +19,7 @@ MIN_WORK_SHARE = 0.2
 """Smallest share of the recent work of each of them."""
 
 DECAY = 0.9
-"""Gains and work of earlier paths count this much less with every two paths."""
+"""Factor of earlier gains and work after every two paths."""
 
 MAX_DOUBLINGS = 6
 """How often the look-ahead is doubled while two paths change nothing."""

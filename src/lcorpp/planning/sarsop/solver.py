@@ -14,6 +14,7 @@ import numpy.typing as npt
 
 from lcorpp.errors import PolicyError
 from lcorpp.planning.arguments import (
+    MEMORY_LIMIT,
     check_beliefs,
     check_memory_limit,
     check_solver_arguments,
@@ -31,9 +32,6 @@ from lcorpp.planning.undiscounted import accept_undiscounted
 MIXTURE_WORK = 2.5e5
 """Work for mixtures for each second of the time limit, in the unit of `BoundedSearch`: about a hundredth of a
 second. Unlike a time, it gives the same policy each time."""
-
-MEMORY_LIMIT = 1e9
-"""Default of the memory limit, in bytes."""
 
 INITIAL_SHARE = 0.1
 """Share of the time limit for each of the initial bounds."""
@@ -62,8 +60,8 @@ def solve(
         start: (S,) belief for which the policy is optimised, or (N, S) several; the model's own when None.
         precision: stop when upper - lower is at most this, in reward units, at every start belief.
         time_limit: wall-clock seconds.
-        memory_limit: bytes of the problem, the search and the policy. At the limit the search drops what it
-            can and goes on with its vectors and points; it ends if these alone are too many.
+        memory_limit: maximal size of problem, search and policy, in bytes. At the limit the search removes
+            nodes and older points and continues; it ends if vectors and points alone are too large.
         callback: called after each sampled path of beliefs.
         previous: a solution of the same model for other starts. Its vectors and points are valid for all
             beliefs, so the search continues from them and stops at once if its gap is small enough.

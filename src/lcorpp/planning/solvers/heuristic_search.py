@@ -100,7 +100,7 @@ class OnlinePlanner(ModelPlanner):
         """
         began, belief = monotonic(), check_belief(self.pomdp, belief)
         if self._bounds.tree.node_count > MAX_NODES:
-            self._bounds.reset()
+            self._bounds.tree.clear_nodes()
         self._bounds.include(belief)
         search = BoundedSearch(
             self._bounds, [belief], precision=self.precision, began=began, time_limit=self.seconds

@@ -11,7 +11,7 @@ from time import monotonic
 import numpy.typing as npt
 
 from lcorpp.errors import ModelError, PolicyError
-from lcorpp.planning.arguments import check_discounted, check_solver_arguments, check_type
+from lcorpp.planning.arguments import check_discounted, check_solver_arguments
 from lcorpp.planning.policy import Policy, check_same_model
 from lcorpp.planning.pomdp import Pomdp
 from lcorpp.planning.solution import CONVERGED, BoundsRecord, Progress, Solution
@@ -56,9 +56,8 @@ class OwnSolver:
             ModelError: an argument is wrong; or the function fails, returns no policy for `pomdp`, or
                 claims a value that no policy has.
         """
-        check_type("pomdp", pomdp, Pomdp)
-        check_discounted(pomdp)
         starts = check_solver_arguments(pomdp, start, precision, time_limit, callback)
+        check_discounted(pomdp)
         began = monotonic()
         result = self.function(pomdp, starts, precision=precision, time_limit=time_limit, callback=callback)
         if not isinstance(result, Solution | Policy):

@@ -66,14 +66,13 @@ def scan_statements(
             offset, numbers = match.end(), numbers + 1
             continue
         match = _ROW.match(text, offset)
-        count = n_states if keyword == b"T" else n_observations
-        indices = (
-            [index.get(word) for index, word in zip(kinds[keyword], match.groups()[1:], strict=False)]
-            if match
-            else []
-        )
-        if match is None or None in indices:
+        if match is None:
             break
+        words = match.groups()[1:]
+        indices = [index.get(word) for index, word in zip(kinds[keyword], words, strict=False)]
+        if None in indices:
+            break
+        count = n_states if keyword == b"T" else n_observations
         row = _scan_row(text, match.end(), count)
         if row is None or not all(0 <= value <= max_probability for value in row[1]):
             break

@@ -7,11 +7,7 @@ import numpy as np
 from lcorpp.planning.formats.numbers import is_count, is_number
 from lcorpp.planning.formats.pomdp.preamble import ALL, Preamble
 from lcorpp.planning.formats.pomdp.scanner import Scanner
-from lcorpp.planning.formats.pomdp.tables import (
-    StoredRows,
-    TableStatements,
-    make_reward_columns,
-)
+from lcorpp.planning.formats.pomdp.tables import StoredRows, TableStatements, make_reward_columns
 from lcorpp.planning.formats.pomdp.tokens import TABLE_KEYWORDS, NumberRows, Offsets, Tokens
 
 _ROW_KEYWORDS = ("identity", "uniform", "reset")

@@ -145,7 +145,7 @@ class TableStatements:
     def take_rows(self) -> tuple[SparseTables, Offsets]:
         """Return the table, and for each row (A, S) the offset of the last statement about it, or -1.
 
-        The statements are forgotten, since they may need more memory than the table.
+        It removes the statements, since they may need more memory than the table.
         """
         A, S, _ = self.shape
         begins, lengths, offsets = self._find_last_rows()
@@ -164,7 +164,7 @@ class TableStatements:
                 parts.append(sort_entries(row, column, value, len(offsets[part]), self.shape[2]))
             else:
                 parts.append((np.cumsum(lengths[part]), columns, values))
-        self._forget()
+        self._clear()
         return SparseTables.of_parts(self.shape, parts), offsets.reshape(A, S)
 
     def _find_last_rows(self) -> tuple[Indices, Indices, Offsets]:
@@ -241,7 +241,7 @@ class TableStatements:
         offsets[row] = at[source]  # numpy keeps the last of several
         return row, indices[source, 2], values[source]
 
-    def _forget(self) -> None:
+    def _clear(self) -> None:
         for columns in (self._entries, self._rows, self._numbers):
             columns.clear()
         self._shared_rows.clear()

@@ -48,7 +48,7 @@ class NumberRows(NamedTuple):
     values: Array
 
     def dense(self) -> Array:
-        """Return the numbers (rows, count)."""
+        """Return the numbers (rows, width)."""
         table = np.zeros((len(self.offsets), self.width))
         table[np.repeat(np.arange(len(table)), np.diff(self.begins)), self.columns] = self.values
         return table
@@ -139,12 +139,11 @@ class Tokens:
 
     def plain_statements(self, scanner: Scanner) -> tuple[PlainTable, PlainTable, PlainTable] | None:
         """Read the plain statements of T, O and R that follow, at most a batch; None if there are none."""
-        end, *tables = scanner.scan(self.text, self.offset)
+        end, T, Z, R = scanner.scan(self.text, self.offset)
         if end == self.offset:
             return None
         self._move_to(end)
         self._release_read_pages()
-        T, Z, R = tables
         return T, Z, R
 
     def numbers(self, count: int, what: str, rows: int = 1) -> NumberRows:

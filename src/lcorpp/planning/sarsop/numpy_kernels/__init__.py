@@ -1,7 +1,7 @@
 """Numpy kernels of SARSOP: the same algorithms as `lcorpp.planning._native` in C++, written to be read and
 changed.
 
-Both have the classes and functions of `kernel_protocols.Kernels`, cache the same numbers and make the same
+Both have the classes and functions of `kernel_protocols.Kernels`, compute the same numbers and make the same
 decisions; tests compare them call by call. These kernels serve if there was no compiler at installation.
 
 Values, each used by those below it:

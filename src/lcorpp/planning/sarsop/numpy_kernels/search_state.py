@@ -66,7 +66,7 @@ class SearchState:
             self._node_index[key] = len(self.nodes) - 1
         return self._node_index[key]
 
-    def forget_nodes(self) -> None:
+    def clear_nodes(self) -> None:
         """Remove all nodes, but keep the vectors and points."""
         stamps = {key: self.nodes[number].point_stamp for key, number in self._node_index.items()}
         self._known_points |= {key: stamp for key, stamp in stamps.items() if stamp >= 0}

@@ -67,8 +67,8 @@ class Tree:
     def group_count(self) -> int:
         return len(self._state.sets)
 
-    def forget_nodes(self) -> None:
-        self._state.forget_nodes()
+    def clear_nodes(self) -> None:
+        self._state.clear_nodes()
 
     def drop_older_points(self) -> None:
         self._state.sawtooth.drop_older_half()
