@@ -28,8 +28,8 @@ void Tree::backup(Index number) {
     }
     update_best_vector(node);
     if (node.branches[as_size(action)].lower > node.lower_value + kMinGain * max_abs_value) {
-        std::vector<Stamp> depends_on;
-        const std::vector<double> vector = make_vector(node, action, depends_on);
+        std::vector<Edge> edges;
+        const std::vector<double> vector = make_vector(node, action, edges);
         // The value of the vector here, not the look-ahead value: their rounding errors differ.
         const bool is_block = as_size(node.group) < model.members.size();
         double value = 0.0;
@@ -40,7 +40,7 @@ void Tree::backup(Index number) {
         if (value > node.lower_value) {
             node.best_vector = next_vector_;
             node.lower_value = value;
-            dependencies.record(next_vector_, std::move(depends_on));
+            dependencies.record(next_vector_, std::move(edges));
             sets[as_size(node.group)].add(vector, action, next_vector_++);
         }
     }
@@ -56,14 +56,10 @@ void Tree::backup(Index number) {
 // R(a) + gamma sum over o of T Z (the best vector at the child of a and o), over the states of the node's group. For an
 // observation that is impossible at this belief any vector is valid; the best vector after the action alone is used,
 // because it serves the neighbouring beliefs.
-std::vector<double> Tree::make_vector(Node& node, Index action, std::vector<Stamp>& depends_on) {
-    const Branch& branch = node.branches[as_size(action)];
-    const SparseTables& T = model.transition;
-    const SparseTables& Z = model.observation;
+std::vector<double> Tree::make_vector(Node& node, Index action, std::vector<Edge>& edges) {
     std::vector<Index> row(as_size(model.observations), -1);
-    for (std::size_t c = 0; c < branch.children.size(); ++c) {
-        const Child& child = branch.children[c];
-        depends_on.push_back(child.best_vector);
+    for (const Child& child : node.branches[as_size(action)].children) {
+        edges.push_back({child.observation, child.group, child.best_vector});
         row[as_size(child.observation)] = sets[as_size(child.group)].find(child.best_vector);
     }
     std::vector<Index> default_rows(model.members.size(), -1);
@@ -78,32 +74,18 @@ std::vector<double> Tree::make_vector(Node& node, Index action, std::vector<Stam
             part.weight.push_back(predicted.weight[i]);
         }
         const VectorSet& set = sets[as_size(block)];
-        result = part.size() ? find_best_vector(block, part.state.data(), part.weight.data(), part.size(), 0).row : set.central();
-        depends_on.push_back(set.stamp(as_size(result)));
-        return result;
+        return result = part.size() ? find_best_vector(block, part.state.data(), part.weight.data(), part.size(), 0).row : set.central();
     };
-    std::fill(next_values_.begin(), next_values_.end(), kInfinity);
-    const std::vector<Index>& states = group_states(node.group);
-    std::vector<double> vector(states.size());
-    for (std::size_t i = 0; i < states.size(); ++i) {
-        double sum = 0.0;
-        for (std::size_t j = T.begin(action, states[i]); j < T.end(action, states[i]); ++j) {
-            const auto next = as_size(T.column[j]);
-            double& next_value = next_values_[next];
-            if (next_value == kInfinity) {
-                const VectorSet& set = sets[as_size(model.block[next])];
-                next_value = 0.0;
-                for (std::size_t k = Z.begin(action, T.column[j]); k < Z.end(action, T.column[j]); ++k) {
-                    Index chosen = row[as_size(Z.column[k])];
-                    if (chosen < 0) chosen = default_row(model.block[next]);
-                    next_value += Z.value[k] * set.at(as_size(chosen), as_size(model.local[next]));
-                }
-            }
-            sum += T.value[j] * next_value;
+    return combine(node.group, action, [&](Index observation, Index next) {
+        const Index block = model.block[as_size(next)];
+        const VectorSet& set = sets[as_size(block)];
+        Index& chosen = row[as_size(observation)];
+        if (chosen < 0) {
+            chosen = default_row(block);
+            edges.push_back({observation, block, set.stamp(as_size(chosen))});
         }
-        vector[i] = model.reward_of(action, states[i]) + model.discount * sum;
-    }
-    return vector;
+        return set.at(as_size(chosen), as_size(model.local[as_size(next)]));
+    });
 }
 
 }  // namespace lcorpp

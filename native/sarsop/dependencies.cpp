@@ -6,18 +6,21 @@
 
 namespace lcorpp {
 
-void VectorDependencies::record(Stamp vector, std::vector<Stamp> depends_on) {
-    depends_on.erase(std::remove_if(depends_on.begin(), depends_on.end(), [&](Stamp stamp) { return stamp < blind_; }),
-                     depends_on.end());
-    std::sort(depends_on.begin(), depends_on.end());
-    depends_on.erase(std::unique(depends_on.begin(), depends_on.end()), depends_on.end());
-    add_memory(depends_on);
-    depends_on_[vector] = std::move(depends_on);
+void VectorDependencies::record(Stamp vector, std::vector<Edge> edges) {
+    edges.shrink_to_fit();
+    add_memory(edges);
+    edges_[vector] = std::move(edges);
 }
 
 void VectorDependencies::record_imported_vector(Stamp vector) {
-    depends_on_[kImported].push_back(vector);
-    depends_on_[vector] = {kImported};
+    edges_[kImported].push_back({-1, -1, vector});
+    edges_[vector] = {{-1, -1, kImported}};
+}
+
+void VectorDependencies::record_pruned_vector(PrunedVector pruned, std::vector<Edge> edges) {
+    record(pruned.stamp, std::move(edges));
+    add_memory(pruned);
+    pruned_.emplace(pruned.stamp, std::move(pruned));
 }
 
 void VectorDependencies::record_pruned_vectors(const VectorSet& set, Index group, const std::vector<char>& kept, double slack) {
@@ -27,7 +30,7 @@ void VectorDependencies::record_pruned_vectors(const VectorSet& set, Index group
         if (dominating >= 0) {
             replaced_by_[set.stamp(row)] = set.stamp(as_size(dominating));
         } else {
-            PrunedVector pruned{group, set.action(row), {}};
+            PrunedVector pruned{set.stamp(row), group, set.action(row), {}};
             pruned.values.reserve(set.states());
             for (std::size_t s = 0; s < set.states(); ++s) pruned.values.push_back(set.at(row, s));
             add_memory(pruned);
@@ -55,41 +58,44 @@ std::vector<Stamp> VectorDependencies::find_needed_stamps(const std::vector<Vect
         for (std::size_t row = 0; row < set.count(); ++row) visit(set.stamp(row));
     }
     for (std::size_t i = 0; i < queue.size(); ++i) {
-        const auto entry = depends_on_.find(queue[i]);
-        if (entry == depends_on_.end()) continue;
-        for (Stamp& stamp : entry->second) {
-            stamp = find_replacement(stamp);
-            visit(stamp);
+        const auto entry = edges_.find(queue[i]);
+        if (entry == edges_.end()) continue;
+        for (Edge& edge : entry->second) {
+            edge.vector = find_replacement(edge.vector);
+            visit(edge.vector);
         }
     }
     return queue;
 }
 
-void VectorDependencies::forget_unneeded(const std::vector<VectorSet>& sets) {
-    const std::vector<Stamp> needed = find_needed_stamps(sets);  // after it, no dependency is on a replaced vector
-    decltype(depends_on_) depends_on;
+void VectorDependencies::remove_unneeded(const std::vector<VectorSet>& sets) {
+    const std::vector<Stamp> needed = find_needed_stamps(sets);  // after it, no edge leads to a replaced vector
+    decltype(edges_) edges;
     decltype(pruned_) pruned;
     for (const Stamp stamp : needed) {
-        if (const auto entry = depends_on_.find(stamp); entry != depends_on_.end()) depends_on.insert(depends_on_.extract(entry));
+        if (const auto entry = edges_.find(stamp); entry != edges_.end()) edges.insert(edges_.extract(entry));
         if (const auto entry = pruned_.find(stamp); entry != pruned_.end()) pruned.insert(pruned_.extract(entry));
     }
-    depends_on_.swap(depends_on);
+    edges_.swap(edges);
     pruned_.swap(pruned);
     replaced_by_.clear();
     memory_size_ = 0;
-    for (const auto& [stamp, stamps] : depends_on_) add_memory(stamps);
+    for (const auto& [stamp, list] : edges_) add_memory(list);
     for (const auto& [stamp, vector] : pruned_) add_memory(vector);
 }
 
-std::vector<const PrunedVector*> VectorDependencies::find_needed_vectors(const std::vector<VectorSet>& sets) {
-    if (pruned_.empty()) return {};
-    std::vector<Stamp> stamps = find_needed_stamps(sets);
-    std::sort(stamps.begin(), stamps.end());
-    std::vector<const PrunedVector*> needed;
-    for (const Stamp stamp : stamps) {
-        if (const auto entry = pruned_.find(stamp); entry != pruned_.end()) needed.push_back(&entry->second);
-    }
-    return needed;
+void VectorDependencies::clear() {
+    edges_.clear();
+    pruned_.clear();
+    replaced_by_.clear();
+    memory_size_ = 0;
+}
+
+std::vector<const PrunedVector*> VectorDependencies::pruned() const {
+    std::vector<const PrunedVector*> vectors;
+    for (const auto& [stamp, vector] : pruned_) vectors.push_back(&vector);
+    std::sort(vectors.begin(), vectors.end(), [](const auto* a, const auto* b) { return a->stamp < b->stamp; });
+    return vectors;
 }
 
 }  // namespace lcorpp

@@ -9,8 +9,15 @@
 
 namespace lcorpp {
 
+// After an observation, the plan of a vector continues with a vector of the group of the next belief.
+struct Edge {
+    Index observation, group;
+    Stamp vector;
+};
+
 // A pruned vector that others still depend on, over the states of a group. The search does not use it.
 struct PrunedVector {
+    Stamp stamp;
     Index group;
     Index action;
     std::vector<double> values;
@@ -25,23 +32,35 @@ class VectorDependencies {
     // never pruned.
     explicit VectorDependencies(Stamp blind) : blind_(blind) {}
 
-    // Record a new vector and the vectors it depends on.
-    void record(Stamp vector, std::vector<Stamp> depends_on);
+    // Record a new vector and the vectors it depends on, one for each observation that its states may lead to.
+    void record(Stamp vector, std::vector<Edge> edges);
 
     // Record a vector that was imported from another search: it may depend on any other imported vector.
     void record_imported_vector(Stamp vector);
 
-    // Record the rows whose entry in `kept` is 0, before the set drops them. Losses up to `slack` are rounding errors.
+    // Record the rows whose entry in `kept` is 0, before the set drops them; `remove_unneeded` must follow. Losses up to `slack` are rounding errors.
     void record_pruned_vectors(const VectorSet& set, Index group, const std::vector<char>& kept, double slack);
 
-    // Forget all vectors that the vectors in the sets do not depend on.
-    void forget_unneeded(const std::vector<VectorSet>& sets);
+    // Record a pruned vector, with its edges.
+    void record_pruned_vector(PrunedVector pruned, std::vector<Edge> edges);
+
+    // Remove all vectors that the vectors in the sets do not depend on.
+    void remove_unneeded(const std::vector<VectorSet>& sets);
+
+    // Remove all vectors.
+    void clear();
+
+    // Whether vectors were imported from another search.
+    bool has_imported() const { return edges_.count(kImported) > 0; }
+
+    // The edges of a vector that is neither blind nor imported.
+    const std::vector<Edge>& edges(Stamp vector) const { return edges_.at(vector); }
 
     // Memory of all pruned vectors and dependencies in bytes.
     std::size_t memory_size() const { return memory_size_; }
 
-    // The pruned vectors that the vectors in the sets depend on, by rising stamps.
-    std::vector<const PrunedVector*> find_needed_vectors(const std::vector<VectorSet>& sets);
+    // The pruned vectors by rising stamps.
+    std::vector<const PrunedVector*> pruned() const;
 
   private:
     // Stands for all imported vectors: each depends on it, and it depends on each.
@@ -53,12 +72,12 @@ class VectorDependencies {
     Stamp find_replacement(Stamp stamp) const;
     std::vector<Stamp> find_needed_stamps(const std::vector<VectorSet>& sets);
 
-    void add_memory(const std::vector<Stamp>& stamps) { memory_size_ += kEntrySize + stamps.size() * sizeof(Stamp); }
+    void add_memory(const std::vector<Edge>& edges) { memory_size_ += kEntrySize + edges.size() * sizeof(Edge); }
     void add_memory(const PrunedVector& vector) { memory_size_ += kEntrySize + vector.values.size() * sizeof(double); }
 
     Stamp blind_;
     std::size_t memory_size_ = 0;
-    std::unordered_map<Stamp, std::vector<Stamp>> depends_on_;
+    std::unordered_map<Stamp, std::vector<Edge>> edges_;
     std::unordered_map<Stamp, Stamp> replaced_by_;
     std::unordered_map<Stamp, PrunedVector> pruned_;
 };

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include "tree.hpp"
 
@@ -59,7 +60,7 @@ void Tree::prune(const std::vector<Index>& roots, double radius, double max_rati
         if (!by_group[g].empty()) prune_set(static_cast<Index>(g), by_group[g], radius, max_ratio);
         sizes_after_pruning_[g] = sets[g].count();
     }
-    dependencies.forget_unneeded(sets);
+    dependencies.remove_unneeded(sets);
 }
 
 // A vector survives at belief b if the best vector there does not dominate it within a radius around b, that is if
@@ -70,44 +71,45 @@ void Tree::prune_set(Index group, const std::vector<Index>& nodes_of_group, doub
     VectorSet& set = sets[as_size(group)];
     const std::size_t count = set.count();
     std::vector<double> min_radius(count, kInfinity);  // by row: the smallest radius with which a vector survives
-    std::vector<Index> winners;                        // rows that are best at a node
-    std::vector<Index> winner_number(count, -1);       // by row: its place in `winners`
+    std::vector<std::pair<Index, Index>> winners;      // by node: the row that is best there, and the node
     for (const Index i : nodes_of_group) {
         Node& node = nodes[as_size(i)];
         update_best_vector(node);
-        const Index row = set.find(node.best_vector);
-        if (winner_number[as_size(row)] < 0) {
-            winner_number[as_size(row)] = static_cast<Index>(winners.size());
-            winners.push_back(row);
-        }
+        winners.emplace_back(set.find(node.best_vector), i);
     }
-    std::vector<std::vector<double>> distances(winners.size());
     const bool is_block = as_size(group) < model.members.size();
     const std::size_t step = std::max<std::size_t>(1, nodes_of_group.size() / kMaxSampledBeliefs);
+    std::vector<std::pair<Index, Index>> sampled;
+    for (std::size_t i = 0; i < winners.size(); i += step) sampled.push_back(winners[i]);
+    std::sort(sampled.begin(), sampled.end());  // so that the distances from each row are computed once
     std::vector<Index> positions;
-    std::vector<double> values;
-    for (std::size_t i = 0; i < nodes_of_group.size(); i += step) {
-        const Node& node = nodes[as_size(nodes_of_group[i])];
+    std::vector<double> distance, values;
+    Index measured = -1;
+    for (const auto& [winner, number] : sampled) {
+        const Node& node = nodes[as_size(number)];
         positions = node.belief.state;
         if (is_block) {
             for (Index& position : positions) position = model.local[as_size(position)];
         }
         set.values(positions.data(), node.belief.weight.data(), positions.size(), values);
-        const auto winner = as_size(set.find(node.best_vector));
-        auto& distance = distances[as_size(winner_number[winner])];
-        if (distance.empty()) set.distances(winner, distance);
+        if (winner != measured) set.distances(as_size(winner), distance);
+        measured = winner;
         for (std::size_t row = 0; row < count; ++row) {
             // A duplicate has distance 0: it is dropped unless it is itself a winner.
-            const double loss = values[winner] - values[row];
+            const double loss = values[as_size(winner)] - values[row];
             if (distance[row] > 0 && loss < min_radius[row] * distance[row]) min_radius[row] = loss / distance[row];
         }
     }
-    for (const Index row : winners) min_radius[as_size(row)] = -1.0;
+    std::size_t winner_count = 0;
+    for (const auto& [winner, number] : winners) {
+        winner_count += min_radius[as_size(winner)] != -1.0;
+        min_radius[as_size(winner)] = -1.0;
+    }
     // Blind policies depend on themselves and always stay.
     for (std::size_t row = 0; row < count; ++row) {
         if (set.stamp(row) < model.actions) min_radius[row] = -1.0;
     }
-    const double limit = std::min(max_ratio * static_cast<double>(winners.size()), static_cast<double>(count));
+    const double limit = std::min(max_ratio * static_cast<double>(winner_count), static_cast<double>(count));
     const auto max_kept = static_cast<std::size_t>(limit);
     std::vector<double> sorted = min_radius;
     if (max_kept < count) {

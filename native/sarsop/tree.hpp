@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "alpha_vectors.hpp"
+#include "clock.hpp"
 #include "dependencies.hpp"
 #include "model.hpp"
 #include "sawtooth.hpp"
@@ -59,6 +60,8 @@ struct Node {
 };
 
 class Tree {
+    friend class Controller;  // see compression.cpp
+
   public:
     // informed: (A, S) the fast informed bound: upper bounds on the Q values. blind: (A, S) lower bounds on the values of
     // the blind policies, each of which repeats one action forever. Both in row-major order.
@@ -93,6 +96,13 @@ class Tree {
     // see pruning.cpp. A set is pruned only if it has grown enough since its last pruning.
     void prune(const std::vector<Index>& roots, double radius, double max_ratio, double growth);
 
+    // Replace the vectors by those of a finite-state controller with fewer plans, if no lower bound at the roots becomes
+    // worse; see compression.cpp. At most about `max_evaluations` vectors are computed. Returns whether it did.
+    bool compress(const std::vector<Index>& roots, double max_evaluations, Clock& clock);
+
+    // The number of vectors that were ever made.
+    Stamp made_count() const { return next_vector_; }
+
     std::size_t vector_count() const;
 
     // Memory in bytes: of the nodes, and of the vectors and points.
@@ -124,8 +134,11 @@ class Tree {
     void update_best_vector(Node& node);
     static Index find_best_lower_action(const Node& node);
     static Index find_best_upper_action(const Node& node);
-    // A new vector; the stamps of the vectors it depends on are appended to `depends_on`.
-    std::vector<double> make_vector(Node& node, Index action, std::vector<Stamp>& depends_on);
+    // A new vector; its edges are appended to `edges`.
+    std::vector<double> make_vector(Node& node, Index action, std::vector<Edge>& edges);
+    // R(a) + gamma sum over s' and o of T Z value_of(o, s'), over the states of a group.
+    template <typename ValueOf>
+    std::vector<double> combine(Index group, Index action, ValueOf value_of);
     Best find_best_vector(Index group, const Index* states, const double* weights, std::size_t n, std::size_t first);
     Index find_group(const Weights& belief) const;
     std::vector<Index> find_reachable(const std::vector<Index>& roots) const;
@@ -141,5 +154,29 @@ class Tree {
     std::vector<Index> positions_;                  // reusable memory
     std::vector<double> next_values_;               // (S) reusable memory
 };
+
+template <typename ValueOf>
+std::vector<double> Tree::combine(Index group, Index action, ValueOf value_of) {
+    const SparseTables& T = model.transition;
+    const SparseTables& Z = model.observation;
+    const std::vector<Index>& states = group_states(group);
+    std::fill(next_values_.begin(), next_values_.end(), kInfinity);
+    std::vector<double> vector(states.size());
+    for (std::size_t i = 0; i < states.size(); ++i) {
+        double sum = 0.0;
+        for (std::size_t j = T.begin(action, states[i]); j < T.end(action, states[i]); ++j) {
+            double& next_value = next_values_[as_size(T.column[j])];
+            if (next_value == kInfinity) {
+                next_value = 0.0;
+                for (std::size_t k = Z.begin(action, T.column[j]); k < Z.end(action, T.column[j]); ++k) {
+                    next_value += Z.value[k] * value_of(Z.column[k], T.column[j]);
+                }
+            }
+            sum += T.value[j] * next_value;
+        }
+        vector[i] = model.reward_of(action, states[i]) + model.discount * sum;
+    }
+    return vector;
+}
 
 }  // namespace lcorpp

@@ -12,6 +12,7 @@
 
 #include "arguments.hpp"
 #include "bounds.hpp"
+#include "exports.hpp"
 #include "model.hpp"
 #include "path_sampling.hpp"
 #include "reachable_blocks.hpp"
@@ -47,41 +48,6 @@ auto collect_branches(Tree& tree, Index node, double Branch::*field) {
     std::vector<double> values;
     for (const Branch& branch : get_node(tree, node).branches) values.push_back(branch.*field);
     return make_array(std::move(values));
-}
-
-auto export_points(const Sawtooth& sawtooth) {
-    std::vector<std::int64_t> begins{0};
-    std::vector<Index> states;
-    std::vector<double> weights, values;
-    states.reserve(sawtooth.entry_count());  // without the memory that growing takes
-    weights.reserve(sawtooth.entry_count());
-    sawtooth.for_each_point([&](const auto& support, const auto& inverses, double value, Index) {
-        std::vector<std::pair<Index, double>> entries;
-        for (std::size_t i = 0; i < support.size(); ++i) entries.emplace_back(support[i], 1.0 / inverses[i]);
-        std::sort(entries.begin(), entries.end());
-        for (const auto& [state, weight] : entries) {
-            states.push_back(state);
-            weights.push_back(weight);
-        }
-        begins.push_back(static_cast<std::int64_t>(states.size()));
-        values.push_back(value);
-    });
-    return std::make_tuple(make_array(sawtooth.corners()), make_array(std::move(begins)), make_array(std::move(states)),
-                           make_array(std::move(weights)), make_array(std::move(values)));
-}
-
-auto export_children(const Branch& branch) {
-    std::vector<Index> observation, node;
-    std::vector<double> probability, lower, upper;
-    for (const Child& child : branch.children) {
-        observation.push_back(child.observation);
-        node.push_back(child.node);
-        probability.push_back(child.probability);
-        lower.push_back(child.lower);
-        upper.push_back(child.upper);
-    }
-    return std::make_tuple(make_array(observation), make_array(probability), make_array(lower), make_array(upper),
-                           make_array(node));
 }
 
 void bind_model(nb::module_& m) {
@@ -179,6 +145,7 @@ void bind_tree(nb::module_& m) {
         .def_prop_ro("discount", [](const Tree& tree) { return tree.model.discount; })
         .def_prop_ro("node_count", [](const Tree& tree) { return tree.nodes.size(); })
         .def_prop_ro("vector_count", &Tree::vector_count)
+        .def_prop_ro("made_count", &Tree::made_count)
         .def_prop_ro("node_memory", &Tree::node_memory)
         .def_prop_ro("bound_memory", &Tree::bound_memory)
         .def("clear_nodes", &Tree::clear_nodes)
@@ -225,6 +192,16 @@ void bind_tree(nb::module_& m) {
             },
             without_gil, "roots"_a, "radius"_a, "max_ratio"_a, "growth"_a)
         .def(
+            "compress",
+            [](Tree& tree, const std::vector<Index>& roots, double max_evaluations, double seconds) {
+                for (const Index root : roots) get_node(tree, root);
+                require(max_evaluations >= 0 && !std::isnan(seconds),
+                        "max_evaluations and seconds must not be NaN, max_evaluations not negative");
+                Clock clock(seconds, check_interrupt);
+                return tree.compress(roots, max_evaluations, clock);
+            },
+            without_gil, "roots"_a, "max_evaluations"_a, "seconds"_a)
+        .def(
             "lower_bound", [](Tree& tree, Index node) { return get_node(tree, node), tree.lower_bound(node); }, "node"_a)
         .def(
             "upper_bound", [](Tree& tree, Index node) { return get_node(tree, node), tree.upper_bound(node); }, "node"_a)
@@ -247,37 +224,7 @@ void bind_tree(nb::module_& m) {
         .def(
             "children", [](Tree& tree, Index node, Index action) { return export_children(get_branch(tree, node, action)); },
             "node"_a, "action"_a)
-        .def(
-            "vectors",
-            [](Tree& tree, std::size_t group) {
-                const VectorSet& set = get_set(tree, group);
-                std::vector<double> table;
-                std::vector<Index> actions;
-                table.reserve(set.count() * set.states());
-                for (std::size_t row = 0; row < set.count(); ++row) {
-                    actions.push_back(set.action(row));
-                    for (std::size_t s = 0; s < set.states(); ++s) table.push_back(set.at(row, s));
-                }
-                return std::make_tuple(make_array(tree.group_states(static_cast<Index>(group))),
-                                       make_array(std::move(table), {set.count(), set.states()}),
-                                       make_array(std::move(actions)));
-            },
-            "group"_a)
-        .def(
-            "dependencies",
-            [](Tree& tree, std::size_t group) {
-                const std::size_t states = get_set(tree, group).states();
-                std::vector<double> table;
-                std::vector<Index> actions;
-                for (const PrunedVector* pruned : tree.dependencies.find_needed_vectors(tree.sets)) {
-                    if (as_size(pruned->group) != group) continue;
-                    actions.push_back(pruned->action);
-                    table.insert(table.end(), pruned->values.begin(), pruned->values.end());
-                }
-                const std::size_t count = actions.size();
-                return std::make_tuple(make_array(std::move(table), {count, states}), make_array(std::move(actions)));
-            },
-            "group"_a)
+        .def("vectors", &export_vectors, "group"_a, "with_pruned"_a = false)
         .def("points", [](Tree& tree) { return export_points(tree.sawtooth); })
         .def(
             "add_vectors",

@@ -41,12 +41,10 @@ def assert_same(left: Any, right: Any, actions: int) -> None:
             assert [mine[0].tolist(), mine[4].tolist()] == [others[0].tolist(), others[4].tolist()]
             assert np.concatenate(mine[1:4]) == close(np.concatenate(others[1:4]))
     for group in range(left.group_count):
-        mine, others = left.vectors(group), right.vectors(group)
-        assert [mine[0].tolist(), mine[2].tolist()] == [others[0].tolist(), others[2].tolist()]
-        assert mine[1] == close(others[1])
-        mine, others = left.dependencies(group), right.dependencies(group)
-        assert mine[1].tolist() == others[1].tolist()
-        assert mine[0] == close(others[0])
+        for with_pruned in (False, True):
+            mine, others = left.vectors(group, with_pruned), right.vectors(group, with_pruned)
+            assert [mine[0].tolist(), mine[2].tolist()] == [others[0].tolist(), others[2].tolist()]
+            assert mine[1] == close(others[1])
     mine, others = left.points(), right.points()
     assert [mine[1].tolist(), mine[2].tolist()] == [others[1].tolist(), others[2].tolist()]
     for k in (0, 3, 4):

@@ -22,6 +22,15 @@ PRUNING_RATIO = 3.0
 PRUNING_GROWTH = 1.3
 """Vectors are pruned if there are this many times those after the last pruning."""
 
+COMPRESSION_GROWTH = 0.5
+"""The vectors are compressed when this share of those made until the last attempt has been added."""
+
+MIN_BACKUPS = 100
+"""Vectors made before the first attempt to compress them, and beside the growth before others."""
+
+EVALUATIONS_PER_BACKUP = 20
+"""Vectors that an attempt may compute for each vector made since the last one; about a tenth of its time."""
+
 MAX_KEPT_SHARE = 0.75
 """Maximal share of the memory limit that is in use after nodes and points have been removed."""
 
@@ -60,6 +69,7 @@ class BoundedSearch:
         self._tolerance = CROSSING_TOLERANCE * bounds.max_abs_value
         self.roots, self.trials, self.work = list[int](), 0, 0
         self._aims = self.roots
+        self._compressed_at, self._patience = 0, 1
         self.record = BoundsRecord(bounds.pomdp, [], began)
         self.add_starts(starts)
 
@@ -138,6 +148,24 @@ class BoundedSearch:
     def prune(self, roots: list[int]) -> None:
         """Drop vectors that are useless at the beliefs that the roots reach."""
         self.bounds.tree.prune(roots, PRUNING_RADIUS, PRUNING_RATIO, PRUNING_GROWTH)
+
+    def compress(self) -> None:
+        """From time to time, replace the vectors by those of a smaller controller as good at the roots.
+
+        An attempt without success doubles the time to the next one.
+        """
+        made = self.bounds.tree.made_count - self._compressed_at
+        if made >= COMPRESSION_GROWTH * self._patience * self._compressed_at + MIN_BACKUPS:
+            is_better = self.compress_now(self.seconds_left)
+            self._patience = 1 if is_better else 2 * self._patience
+
+    def compress_now(self, seconds: float) -> bool:
+        """Compress within wall-clock seconds; return whether the vectors were replaced."""
+        tree = self.bounds.tree
+        max_evaluations = EVALUATIONS_PER_BACKUP * (tree.made_count - self._compressed_at)
+        is_better = tree.compress(self.roots, max_evaluations, seconds)
+        self._compressed_at = tree.made_count
+        return is_better
 
     def limit_memory(self, limit: float) -> bool:
         """Prune, and remove all nodes but the roots, if the memory exceeds a limit in bytes.

@@ -80,11 +80,8 @@ class BoundedTree:
         """Return the policy of the alpha vectors, with its upper bound."""
         tree, sets = self.tree, []
         for group in range(tree.group_count):
-            states, vectors, actions = tree.vectors(group)
-            # without the vectors that these depend on, the policy could earn less than its vectors promise
-            pruned, pruned_actions = tree.dependencies(group)
-            table, actions = np.concatenate([vectors, pruned]), np.concatenate([actions, pruned_actions])
-            del vectors, pruned
+            # without the pruned vectors that others depend on, the policy could earn less than it promises
+            states, table, actions = tree.vectors(group, with_pruned=True)
             if not len(actions):
                 continue
             table.setflags(write=False)  # so that the policy takes it without a copy

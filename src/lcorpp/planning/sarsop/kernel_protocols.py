@@ -60,6 +60,10 @@ class Tree(Protocol):
         """The number of alpha vectors in all groups."""
 
     @property
+    def made_count(self) -> int:
+        """The number of alpha vectors that were ever made, by backups or otherwise."""
+
+    @property
     def point_count(self) -> int:
         """The number of points of the upper bound."""
 
@@ -110,6 +114,25 @@ class Tree(Protocol):
     def prune(self, roots: Sequence[int], radius: float, max_ratio: float, growth: float) -> None:
         """Keep the vectors that are best, or nearly best, at a belief that the roots may reach."""
 
+    def compress(self, roots: Sequence[int], max_evaluations: float, seconds: float) -> bool:
+        """Replace the vectors by those of a smaller controller if the bounds at the roots stay as good.
+
+        The pruned vectors that others depend on are mostly older versions of plans. Where a vector of the set
+        is no worse for the states in which the plans of the roots reach such a version, it replaces it. Plans
+        may then lead back to themselves, so all values are computed anew.
+
+        Args:
+            max_evaluations: about as many vectors are computed at most; nothing is replaced if the values
+                are not accurate then.
+            seconds: wall-clock time limit; afterwards nothing is replaced.
+
+        Returns:
+            Whether the vectors were replaced.
+
+        Sources: Hansen, "Solving POMDPs by searching in policy space", UAI 1998; Grzes, Poupart, Yang and
+        Hoey, "Energy efficient execution of POMDP policies", IEEE Transactions on Cybernetics 2015.
+        """
+
     def lower_bound(self, node: int) -> float:
         """Return the value of the best alpha vector at a node, of all current vectors."""
 
@@ -140,11 +163,12 @@ class Tree(Protocol):
         The node is -1 before the first visit. There are no children before the first update of the action.
         """
 
-    def vectors(self, group: int) -> tuple[Int32Array, Array, Int32Array]:
-        """Return the states (n,) of a group, its alpha vectors (K, n) and their plans' first actions (K,)."""
+    def vectors(self, group: int, with_pruned: bool = False) -> tuple[Int32Array, Array, Int32Array]:
+        """Return the states (n,) of a group, its alpha vectors (K, n) and their plans' first actions (K,).
 
-    def dependencies(self, group: int) -> tuple[Array, Int32Array]:
-        """Return the pruned vectors (K, n) of a group that others depend on, and their actions (K,)."""
+        Args:
+            with_pruned: whether the pruned vectors that others depend on follow.
+        """
 
     def points(self) -> tuple[Array, *PointArrays]:
         """Return the upper bound: corners (S,), and begins, states, weights and values of the points."""

@@ -36,6 +36,9 @@ second. Unlike a time, it gives the same policy each time."""
 INITIAL_SHARE = 0.1
 """Share of the time limit for each of the initial bounds."""
 
+COMPRESSION_SHARE = 0.05
+"""Share of the time of the search that the last compression may take beyond the time limit."""
+
 
 @accept_undiscounted
 def solve(
@@ -102,6 +105,8 @@ def solve(
 
     def step() -> str | None:
         paths.sample()
+        if mixed is None:  # the compressed vectors are as good at the starts, not at their mixtures
+            search.compress()
         return "memory limit" if search.limit_memory(memory_limit) else None
 
     def run() -> str:
@@ -109,6 +114,8 @@ def solve(
 
     reason = run()
     if mixed is None:
+        if reason != "interrupted":
+            search.compress_now(max(search.seconds_left, COMPRESSION_SHARE * (monotonic() - began)))
         return search.make_solution(reason)
     mixtures = MixtureStarts(search, mixed)
     limit = search.work + MIXTURE_WORK * time_limit

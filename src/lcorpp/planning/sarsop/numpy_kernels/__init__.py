@@ -11,6 +11,7 @@ sawtooth         upper bound                       search_state  all nodes with 
 
 Functions on a search state:
 refresh  update a node's bounds    backup  improve both bounds at a belief    pruning  drop useless vectors
+compression  replace the vectors by those of a controller with fewer plans
 
 bounds (initial bounds), reachable_blocks (a finer partition) and tree (what a search calls) complete the
 kernels.

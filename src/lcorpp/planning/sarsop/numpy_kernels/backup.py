@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from lcorpp.planning.sarsop.numpy_kernels.dependencies import Edge
 from lcorpp.planning.sarsop.numpy_kernels.model import BeliefBatch
 from lcorpp.planning.sarsop.numpy_kernels.node import BeliefNode, predict
 from lcorpp.planning.sarsop.numpy_kernels.refresh import (
@@ -35,11 +36,11 @@ def backup(state: SearchState, node: BeliefNode) -> None:
 def _raise_lower_bound(state: SearchState, node: BeliefNode, action: int) -> None:
     update_best_vector(state, node)
     if node.q_lower[action] > node.lower_value + MIN_GAIN * state.max_abs_value:
-        vector, depends_on = _make_vector(state, node, action)
+        vector, edges = _make_vector(state, node, action)
         # the value of the vector here, not the look-ahead value: their rounding errors differ
         value = float(node.belief.weights[0] @ vector[node.belief.positions])
         if value > node.lower_value:
-            state.dependencies.record(state.next_vector, depends_on)
+            state.dependencies.record(state.next_vector, edges)
             state.sets[node.belief.group].add(vector, action, state.next_vector)
             node.lower_value, node.best_vector = value, state.next_vector
             state.next_vector += 1
@@ -55,12 +56,12 @@ def _lower_sawtooth_bound(state: SearchState, node: BeliefNode) -> None:
             state.sawtooth.remove(node.belief.group, replaced)
 
 
-def _make_vector(state: SearchState, node: BeliefNode, action: int) -> tuple[Array, list[int]]:
+def _make_vector(state: SearchState, node: BeliefNode, action: int) -> tuple[Array, list[Edge]]:
     """Return the vector of an action followed by the best vectors of its children.
 
     Returns:
         (n,) R(a) + gamma sum over o of T Z (the best vector at the child of a and o), over the states of the
-        node's group, and the stamps of the vectors it depends on.
+        node's group, and its edges.
     """
     model, branch = state.model, node.branches[action]
     chosen = np.full(model.observations, -1, dtype=np.intp)
@@ -70,35 +71,37 @@ def _make_vector(state: SearchState, node: BeliefNode, action: int) -> tuple[Arr
     states = model.group_states(node.belief.group)
     index, owner = model.transition.row_entries(action * model.states + states)
     reached, which = np.unique(model.transition.columns[index].astype(np.intp), return_inverse=True)
-    next_values, default_stamps = _compute_next_values(state, node, action, chosen, reached)
+    next_values, default_edges = _compute_next_values(state, node, action, chosen, reached)
     sums = np.bincount(owner, model.transition.values[index] * next_values[which], minlength=len(states))
     vector = np.asarray(model.reward[action, states] + model.discount * sums)
-    return vector, [*branch.best_vectors.tolist(), *default_stamps]
+    children = branch.observation.tolist(), branch.group.tolist(), branch.best_vectors.tolist()
+    return vector, [*(Edge(*child) for child in zip(*children, strict=True)), *default_edges]
 
 
 def _compute_next_values(
     state: SearchState, node: BeliefNode, action: int, chosen: Indices, reached: Indices
-) -> tuple[Array, list[int]]:
+) -> tuple[Array, list[Edge]]:
     """Return (n,) expected values after an action that ends in the states `reached` (n,).
 
     `chosen` (O,) is the vector after each observation, -1 after one that is impossible at the node. There any
-    vector is valid; the default vector serves the neighbouring beliefs. The second result lists the stamps of
-    the default vectors that were used.
+    vector is valid; the default vector serves the neighbouring beliefs. The second result lists the edges to
+    the default vectors.
     """
     model = state.model
     index, owner = model.observation.row_entries(action * model.states + reached)
     observation, next_state = model.observation.columns[index], reached[owner]
-    block, values, default_stamps = model.block[next_state], np.empty(len(index)), []
+    block, values, default_edges = model.block[next_state], np.empty(len(index)), []
     for b in np.unique(block):
         own = np.flatnonzero(block == b)
         vector = chosen[observation[own]]
         if (vector < 0).any():
-            default = _find_default_vector(state, node, action, int(b))
-            vector[vector < 0] = default
-            default_stamps.append(int(state.sets[b].stamps[default]))
+            default, without = _find_default_vector(state, node, action, int(b)), vector < 0
+            stamp = int(state.sets[b].stamps[default])
+            default_edges += [Edge(int(o), int(b), stamp) for o in np.unique(observation[own[without]])]
+            vector[without] = default
         values[own] = state.sets[b].table[model.local[next_state[own]], vector]
     sums = np.bincount(owner, model.observation.values[index] * values, minlength=len(reached))
-    return np.asarray(sums, dtype=np.float64), default_stamps
+    return np.asarray(sums, dtype=np.float64), default_edges
 
 
 def _find_default_vector(state: SearchState, node: BeliefNode, action: int, block: int) -> int:

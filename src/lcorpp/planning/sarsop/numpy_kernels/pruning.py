@@ -12,7 +12,6 @@ import numpy as np
 from lcorpp.planning.sarsop.numpy_kernels.node import BeliefNode
 from lcorpp.planning.sarsop.numpy_kernels.refresh import update_best_vector
 from lcorpp.planning.sarsop.numpy_kernels.search_state import MIN_GAIN, SearchState
-from lcorpp.values import Array
 
 MAX_SAMPLED_BELIEFS = 2000
 """Largest number of beliefs at which nearly best vectors are searched; best vectors are searched at all."""
@@ -45,7 +44,7 @@ def prune(state: SearchState, roots: Sequence[int], radius: float, max_ratio: fl
         if g in by_group:
             _prune_set(state, g, by_group[g], radius, max_ratio)
         state.sizes_after_pruning[g] = state.sets[g].count
-    state.dependencies.forget_unneeded(state.sets)
+    state.dependencies.remove_unneeded(state.sets)
 
 
 def find_reachable(state: SearchState, roots: Sequence[int]) -> list[int]:
@@ -77,20 +76,21 @@ def _prune_set(
     vectors = state.sets[group]
     for node in nodes:
         update_best_vector(state, node)
-    winners = {vectors.find(node.best_vector) for node in nodes}
+    winner_of = [vectors.find(node.best_vector) for node in nodes]
     min_radius = np.full(vectors.count, np.inf)  # the smallest radius with which a vector survives
-    distances: dict[int, Array] = {}
-    for node in nodes[:: max(1, len(nodes) // MAX_SAMPLED_BELIEFS)]:
-        winner = vectors.find(node.best_vector)
-        if winner not in distances:
-            distances[winner] = vectors.distances(winner)
-        values, distance = vectors.values(node.belief)[0], distances[winner]
+    step, measured = max(1, len(nodes) // MAX_SAMPLED_BELIEFS), -1
+    sampled = zip(winner_of[::step], nodes[::step], strict=True)
+    # by the best vector, so that the distances from each are computed once
+    for winner, node in sorted(sampled, key=lambda pair: pair[0]):
+        if winner != measured:
+            measured, distance = winner, vectors.distances(winner)
+        values = vectors.values(node.belief)[0]
         # a duplicate has distance 0: it is dropped unless it is itself a winner
         ratio = np.divide(
             values[winner] - values, distance, out=np.full(vectors.count, np.inf), where=distance > 0
         )
         np.minimum(min_radius, ratio, out=min_radius)
-    best = np.array(sorted(winners))
+    best = np.unique(winner_of)
     min_radius[best] = -1.0
     blind = vectors.stamps < state.model.actions  # blind policies depend on themselves and always stay
     min_radius[blind] = -1.0

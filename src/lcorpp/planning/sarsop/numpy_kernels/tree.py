@@ -16,6 +16,7 @@ from lcorpp.planning.sarsop import kernel_protocols
 from lcorpp.planning.sarsop.kernel_protocols import PointArrays
 from lcorpp.planning.sarsop.numpy_kernels.backup import backup
 from lcorpp.planning.sarsop.numpy_kernels.bounds import copy_table
+from lcorpp.planning.sarsop.numpy_kernels.compression import compress
 from lcorpp.planning.sarsop.numpy_kernels.model import Model
 from lcorpp.planning.sarsop.numpy_kernels.node import PREDICTOR_BINS, BeliefNode
 from lcorpp.planning.sarsop.numpy_kernels.pruning import prune
@@ -48,6 +49,10 @@ class Tree:
     @property
     def vector_count(self) -> int:
         return sum(vectors.count for vectors in self._state.sets)
+
+    @property
+    def made_count(self) -> int:
+        return self._state.next_vector
 
     @property
     def point_count(self) -> int:
@@ -113,6 +118,13 @@ class Tree:
             raise ValueError("radius, max_ratio and growth must be numbers, not negative")
         prune(self._state, roots, radius, max_ratio, growth)
 
+    def compress(self, roots: Sequence[int], max_evaluations: float, seconds: float) -> bool:
+        for root in roots:
+            self.node(root)
+        if not max_evaluations >= 0 or isnan(seconds):
+            raise ValueError("max_evaluations and seconds must not be NaN, max_evaluations not negative")
+        return compress(self._state, roots, max_evaluations, seconds)
+
     def lower_bound(self, node: int) -> float:
         return update_best_vector(self._state, self.node(node))
 
@@ -148,18 +160,17 @@ class Tree:
         bounds = branch.probability.copy(), branch.lower.copy(), branch.upper.copy()
         return branch.observation.astype(np.int32), *bounds, branch.child_nodes.astype(np.int32)
 
-    def vectors(self, group: int) -> tuple[npt.NDArray[np.int32], Array, npt.NDArray[np.int32]]:
-        vectors = self._state.sets[self._check_group(group)]
-        states = self._state.model.group_states(group).astype(np.int32)
-        return states, np.ascontiguousarray(vectors.table.T), vectors.actions.copy()
-
-    def dependencies(self, group: int) -> tuple[Array, npt.NDArray[np.int32]]:
-        n = self._state.sets[self._check_group(group)].table.shape[0]
-        needed = [
-            v for v in self._state.dependencies.find_needed_vectors(self._state.sets) if v.group == group
-        ]
-        table = np.array([vector.values for vector in needed]).reshape(len(needed), n)
-        return table, np.array([vector.action for vector in needed], dtype=np.int32)
+    def vectors(
+        self, group: int, with_pruned: bool = False
+    ) -> tuple[npt.NDArray[np.int32], Array, npt.NDArray[np.int32]]:
+        state = self._state
+        vectors = state.sets[self._check_group(group)]
+        needed = state.dependencies.pruned() if with_pruned else []
+        pruned = [vector for vector in needed if vector.group == group]
+        table = np.concatenate([vectors.table.T, *(vector.values[None] for vector in pruned)])
+        actions = [*vectors.actions.tolist(), *(vector.action for vector in pruned)]
+        states = state.model.group_states(group).astype(np.int32)
+        return states, np.ascontiguousarray(table), np.array(actions, dtype=np.int32)
 
     def points(self) -> tuple[Array, *PointArrays]:
         return self._state.sawtooth.export_points()
