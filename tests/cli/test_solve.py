@@ -84,6 +84,50 @@ def test_the_memory_has_a_limit(lcorpp, tmp_path):
     )
 
 
+ENDLESS = """discount: 1
+values: cost
+states: far near goal
+actions: walk
+observations: none
+start: far
+T: walk
+0.5 0.5 0
+0 0.5 0.5
+0 0.1 0.9
+O: * uniform
+R: walk : far : * : * 1
+R: walk : near : * : * 1
+"""
+
+
+def test_a_horizon_gives_a_policy_for_each_number_of_remaining_steps(lcorpp, tmp_path):
+    model, out = tmp_path / "endless.pomdp", tmp_path / "walk.policy"
+    model.write_text(ENDLESS)
+    refused(lcorpp("solve", model, "-o", out), "a policy may go on forever", "lcorpp solve --horizon")
+    ended = lcorpp("solve", model, "-o", out, "--horizon", 3)
+    assert (ended.code, ended.err) == (0, "")
+    assert "lower -2.750000, upper -2.750000" in ended.out  # 1 + 1 + P(not at the goal after two steps)
+    assert f"{tmp_path / 'walk.1.policy'} to walk.3.policy" in ended.out
+    pomdp = read_pomdp(model)
+    policies = [read_policy(tmp_path / f"walk.{steps}.policy", pomdp) for steps in (1, 2, 3)]
+    assert [policy.value(pomdp.start) for policy in policies] == pytest.approx([-1, -2, -2.75])
+    assert not out.exists()
+
+
+def test_options_that_exclude_a_horizon(lcorpp, tiger, tmp_path):
+    out = tmp_path / "a.policy"
+    refused(lcorpp("solve", tiger, "-o", out, "--horizon", 0), "--horizon")
+    refused(
+        lcorpp("solve", tiger, "-o", out, "--horizon", 2, "--solver", "fib"),
+        "--horizon is an option of sarsop, not of fib",
+    )
+    refused(
+        lcorpp("solve", tiger, "-o", out, "--horizon", 2, "--check"),
+        "--check is for policies without --horizon",
+    )
+    assert not list(tmp_path.glob("a*"))
+
+
 def test_solve_knows_its_solvers(lcorpp, tiger, tmp_path):
     ended = lcorpp("solve", tiger, "-o", tmp_path / "a.policy", "--solver", "pbvi")
     refused(ended, "unknown solver 'pbvi'; expected one of sarsop, exact, perseus, qmdp, fib")

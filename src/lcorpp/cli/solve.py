@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -45,6 +45,14 @@ def solve(
         str,
         typer.Option("--solver", metavar="NAME", help=f"The solver: {options.SOLVERS}."),
     ] = "sarsop",
+    horizon: Annotated[
+        int | None,
+        typer.Option(
+            min=1,
+            metavar="N",
+            help="Solve for N steps: one policy for each number of remaining steps, e.g. POLICY.3.policy.",
+        ),
+    ] = None,
     plot: Annotated[
         Path | None, typer.Option(metavar="PICTURE", help="Draw the bounds over time: .png, .svg or .pdf.")
     ] = None,
@@ -67,13 +75,20 @@ def solve(
     from lcorpp.planning.solvers import load_solver
 
     planning.SolverOptions(name, precision, time_limit)  # checks them before the work
-    search = load_solver(name)
+    for option, value in (("--memory-limit", memory_limit), ("--horizon", horizon)):
+        if value is not None and name != "sarsop":
+            raise typer.BadParameter(f"{option} is an option of sarsop, not of {name}")
+    if horizon is not None and (check or check_time is not None):
+        raise typer.BadParameter("--check is for policies without --horizon")
+    search: Callable[..., Any] = load_solver(name)
+    if horizon is not None:
+        search = partial(planning.solve_finite_horizon, horizon=horizon)
     if memory_limit is not None:
-        if name != "sarsop":
-            raise typer.BadParameter(f"--memory-limit is an option of sarsop, not of {name}")
         search = partial(search, memory_limit=1e6 * memory_limit)
     pomdp = planning.read_pomdp(problem)
-    write = model_files.make_policy_writer(out)
+    steps = range(1, horizon + 1) if horizon is not None else []
+    files = [out.with_name(f"{out.stem}.{k}{out.suffix}") for k in steps] or [out]
+    writers = [model_files.make_policy_writer(file) for file in files]
     if plot is not None:
         output_files.check_figure(plot)
     with console.show_delayed_progress("solving") as advance:
@@ -83,12 +98,16 @@ def solve(
             time_limit=time_limit,
             callback=_show_bounds(advance, precision, time_limit),
         )
-    write(solution.policy)
+    policies = [solution.policy] if horizon is None else solution.policies
+    for write, policy in zip(writers, policies, strict=True):
+        write(policy)
     typer.echo(
         f"{problem.name}: lower {solution.lower:.6f}, upper {solution.upper:.6f},"
         f" gap {solution.upper - solution.lower:.6f} at the start belief"
     )
-    typer.echo(f"{solution.reason} after {solution.seconds:.2f} s; wrote {solution.vectors} vectors to {out}")
+    count = sum(map(len, policies))
+    written = f"{out}" if horizon is None else f"{files[0]} to {files[-1].name}, for the remaining steps"
+    typer.echo(f"{solution.reason} after {solution.seconds:.2f} s; wrote {count} vectors to {written}")
     if plot is not None:
         from lcorpp.planning import draw_bounds
         from lcorpp.plot_style import save_figure

@@ -86,7 +86,7 @@ class DiscountedForm:
             raise ModelError(
                 "discount 1 needs a model in which every policy ends, in states that no action leaves and"
                 f" where nothing is earned; from {state!r} a policy may go on forever. Use a discount below"
-                " 1, e.g. 0.999, or a finite horizon"
+                " 1, e.g. 0.999, or a finite horizon (`lcorpp solve --horizon`)"
             )
         weights = _find_weights(original, ended)
         discount = 1 - 1 / max(2.0, float(weights.max()))

@@ -12,7 +12,13 @@ from time import monotonic
 import numpy as np
 import numpy.typing as npt
 
-from lcorpp.planning.arguments import check_count, check_discount, check_solver_arguments
+from lcorpp.planning.arguments import (
+    MEMORY_LIMIT,
+    check_count,
+    check_discount,
+    check_memory_limit,
+    check_solver_arguments,
+)
 from lcorpp.planning.policy import AlphaVectors, Policy
 from lcorpp.planning.pomdp import Pomdp
 from lcorpp.planning.sarsop import solve
@@ -33,6 +39,7 @@ def solve_finite_horizon(
     *,
     precision: float = 1e-3,
     time_limit: float = 60.0,
+    memory_limit: float = MEMORY_LIMIT,
     callback: Callable[[Progress], None] | None = None,
     discount: float | None = None,
 ) -> FiniteHorizonSolution:
@@ -48,6 +55,7 @@ def solve_finite_horizon(
         start: (S,) belief before the first step, or (N, S) several; the model's own when None.
         precision: stop when upper - lower is at most this, in reward units, at every start belief.
         time_limit: wall-clock seconds.
+        memory_limit: of the search, in bytes; see `lcorpp.planning.solve`.
         callback: called after each sampled path of beliefs.
         discount: above 0, at most 1 (the undiscounted sum of rewards); the model's own when None.
 
@@ -60,6 +68,7 @@ def solve_finite_horizon(
             too long for memory.
     """
     starts = check_solver_arguments(pomdp, start, precision, time_limit, callback)
+    check_memory_limit(memory_limit)
     horizon = check_count("horizon", horizon, 1)
     factor = check_discount(pomdp, discount)
     began = monotonic()
@@ -69,6 +78,7 @@ def solve_finite_horizon(
         [expanded.belief(belief, 0) for belief in starts],
         precision=precision,
         time_limit=max(time_limit - (monotonic() - began), 1e-3 * time_limit),
+        memory_limit=memory_limit,
         callback=callback,
     )
     return FiniteHorizonSolution(
