@@ -31,12 +31,9 @@ void Tree::backup(Index number) {
         std::vector<Edge> edges;
         const std::vector<double> vector = make_vector(node, action, edges);
         // The value of the vector here, not the look-ahead value: their rounding errors differ.
-        const bool is_block = as_size(node.group) < model.members.size();
+        const std::vector<Index> positions = find_positions(node);
         double value = 0.0;
-        for (std::size_t i = 0; i < node.belief.size(); ++i) {
-            const auto s = as_size(node.belief.state[i]);
-            value += node.belief.weight[i] * vector[is_block ? as_size(model.local[s]) : s];
-        }
+        for (std::size_t i = 0; i < positions.size(); ++i) value += node.belief.weight[i] * vector[as_size(positions[i])];
         if (value > node.lower_value) {
             node.best_vector = next_vector_;
             node.lower_value = value;

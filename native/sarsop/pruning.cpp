@@ -77,20 +77,15 @@ void Tree::prune_set(Index group, const std::vector<Index>& nodes_of_group, doub
         update_best_vector(node);
         winners.emplace_back(set.find(node.best_vector), i);
     }
-    const bool is_block = as_size(group) < model.members.size();
     const std::size_t step = std::max<std::size_t>(1, nodes_of_group.size() / kMaxSampledBeliefs);
     std::vector<std::pair<Index, Index>> sampled;
     for (std::size_t i = 0; i < winners.size(); i += step) sampled.push_back(winners[i]);
     std::sort(sampled.begin(), sampled.end());  // so that the distances from each row are computed once
-    std::vector<Index> positions;
     std::vector<double> distance, values;
     Index measured = -1;
     for (const auto& [winner, number] : sampled) {
         const Node& node = nodes[as_size(number)];
-        positions = node.belief.state;
-        if (is_block) {
-            for (Index& position : positions) position = model.local[as_size(position)];
-        }
+        const std::vector<Index> positions = find_positions(node);
         set.values(positions.data(), node.belief.weight.data(), positions.size(), values);
         if (winner != measured) set.distances(as_size(winner), distance);
         measured = winner;

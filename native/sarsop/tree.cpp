@@ -140,6 +140,15 @@ Index Tree::find_group(const Weights& belief) const {
     return block;
 }
 
+// The positions of the states of a node's belief in its group.
+std::vector<Index> Tree::find_positions(const Node& node) const {
+    std::vector<Index> positions = node.belief.state;
+    if (as_size(node.group) < model.members.size()) {
+        for (Index& position : positions) position = model.local[as_size(position)];
+    }
+    return positions;
+}
+
 Best Tree::find_best_vector(Index group, const Index* states, const double* weights, std::size_t n, std::size_t first) {
     const VectorSet& set = sets[as_size(group)];
     if (first >= set.count()) return {-1, -kInfinity};

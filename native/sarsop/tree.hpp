@@ -60,7 +60,7 @@ struct Node {
 };
 
 class Tree {
-    friend class Controller;  // see compression.cpp
+    friend class Controller;  // see compression/controller.hpp
 
   public:
     // informed: (A, S) the fast informed bound: upper bounds on the Q values. blind: (A, S) lower bounds on the values of
@@ -97,7 +97,7 @@ class Tree {
     void prune(const std::vector<Index>& roots, double radius, double max_ratio, double growth);
 
     // Replace the vectors by those of a finite-state controller with fewer plans, if no lower bound at the roots becomes
-    // worse; see compression.cpp. At most about `max_evaluations` vectors are computed. Returns whether it did.
+    // worse; see compression/controller.hpp. At most about `max_evaluations` vectors are computed. Returns whether it did.
     bool compress(const std::vector<Index>& roots, double max_evaluations, Clock& clock);
 
     // The number of vectors that were ever made.
@@ -141,6 +141,7 @@ class Tree {
     std::vector<double> combine(Index group, Index action, ValueOf value_of);
     Best find_best_vector(Index group, const Index* states, const double* weights, std::size_t n, std::size_t first);
     Index find_group(const Weights& belief) const;
+    std::vector<Index> find_positions(const Node& node) const;
     std::vector<Index> find_reachable(const std::vector<Index>& roots) const;
     void prune_set(Index group, const std::vector<Index>& nodes_of_group, double radius, double max_ratio);
 

@@ -14,6 +14,7 @@ from time import monotonic
 
 import numpy as np
 
+from lcorpp.planning.sarsop.numpy_kernels.alpha_vectors import VectorSet
 from lcorpp.planning.sarsop.numpy_kernels.dependencies import Edge, PrunedVector
 from lcorpp.planning.sarsop.numpy_kernels.model import BeliefBatch
 from lcorpp.planning.sarsop.numpy_kernels.node import BeliefNode
@@ -49,39 +50,47 @@ class Plan:
     stamp: int
     group: int
     action: int
-    pruned: bool
     values: Array
-    arriving: Array
-    occupancy: Array
+    pruned: bool = False
     next: dict[int, int] = field(default_factory=dict)
+    arriving: Array = field(init=False)
+    occupancy: Array = field(init=False)
     evaluated: int = 0
     changed: int = 0
 
+    def __post_init__(self) -> None:
+        self.arriving, self.occupancy = np.zeros(len(self.values)), np.zeros(len(self.values))
+
 
 class Controller:
-    """The vectors of the sets and those that they depend on, as plans by falling stamps."""
+    """The vectors of the sets and those that they depend on, as plans by falling stamps.
+
+    Blind policies are plans only if others lead to them.
+    """
 
     def __init__(self, state: SearchState, seconds: float) -> None:
         self._state, self._deadline = state, monotonic() + seconds
         self._plans: list[Plan] = []
-        for group, vectors in enumerate(state.sets):
-            for column, stamp in enumerate(vectors.stamps.tolist()):
-                self._add(stamp, group, int(vectors.actions[column]), vectors.table[:, column].copy())
-        for pruned in state.dependencies.pruned():
-            self._add(pruned.stamp, pruned.group, pruned.action, pruned.values, pruned=True)
-        self._plans.sort(key=lambda plan: (plan.stamp, plan.group), reverse=True)
-        self._number_of = {(plan.stamp, plan.group): i for i, plan in enumerate(self._plans)}
-        for plan in self._plans:
-            if not self._is_blind(plan):
-                edges = state.dependencies.edges(plan.stamp)
-                plan.next = {edge.observation: self._number_of[edge.vector, edge.group] for edge in edges}
         self._find_next = cache(self._find_next_states)
+        for group, vectors in enumerate(state.sets):
+            for column in range(int((vectors.stamps < state.model.actions).sum()), vectors.count):
+                self._add(group, vectors, column)
+        for pruned in state.dependencies.pruned():
+            self._plans.append(Plan(pruned.stamp, pruned.group, pruned.action, pruned.values, pruned=True))
+        self._plans.sort(key=lambda plan: plan.stamp, reverse=True)
+        self._number_of = {(plan.stamp, plan.group): i for i, plan in enumerate(self._plans)}
+        for plan in self._plans.copy():
+            edges = state.dependencies.edges(plan.stamp)
+            plan.next = {edge.observation: self._find_plan(edge.vector, edge.group) for edge in edges}
 
     def replace_pruned(self, roots: Sequence[int]) -> None:
         """Replace pruned vectors by vectors of the sets that are no worse for the plans of the roots."""
         self._find_occupancy(roots)
         replacement = [self._find_replacement(i) for i in range(len(self._plans))]
-        retained = [i for i, plan in enumerate(self._plans) if not plan.pruned]
+        replacement += range(len(replacement), len(self._plans))  # blind policies that were added
+        retained = [
+            i for i, plan in enumerate(self._plans) if not plan.pruned and not self._is_blind(plan.stamp)
+        ]
         visited = set(retained)
         for number in retained:  # the loop body appends
             plan = self._plans[number]
@@ -127,12 +136,15 @@ class Controller:
 
     def value(self, node: BeliefNode, excess: float) -> float:
         """Return the value at a node if all values are lowered by `excess`."""
-        belief = node.belief
-        return max(
-            float(belief.weights[0] @ plan.values[belief.positions]) - excess * (not self._is_blind(plan))
+        belief, vectors = node.belief, self._state.sets[node.belief.group]
+        blind = vectors.values(belief)[0, vectors.stamps < self._state.model.actions]
+        plans = [
+            plan
             for plan in self._plans
-            if plan.group == belief.group and not plan.pruned
-        )
+            if plan.group == belief.group and not plan.pruned and not self._is_blind(plan.stamp)
+        ]
+        values = [belief.weights[0] @ plan.values[belief.positions] - excess for plan in plans]
+        return float(max([*blind, *values]))
 
     def install(self, excess: float) -> None:
         """Replace the vectors of the search, lowered by `excess`."""
@@ -141,11 +153,11 @@ class Controller:
             vectors.keep(vectors.stamps < state.model.actions)
         state.dependencies.clear()
         for number in reversed(range(len(self._plans))):
-            if not self._is_blind(self._plans[number]):
+            if not self._is_blind(self._plans[number].stamp):
                 stamps[number] = state.next_vector
                 state.next_vector += 1
         for number, plan in reversed(list(enumerate(self._plans))):
-            if self._is_blind(plan):
+            if self._is_blind(plan.stamp):
                 continue
             edges = [Edge(o, self._plans[n].group, stamps[n]) for o, n in plan.next.items()]
             state.dependencies.record(stamps[number], edges)
@@ -156,13 +168,19 @@ class Controller:
             else:
                 state.sets[plan.group].add(values, plan.action, stamps[number])
 
-    def _add(self, stamp: int, group: int, action: int, values: Array, *, pruned: bool = False) -> None:
-        self._plans.append(
-            Plan(stamp, group, action, pruned, values, np.zeros(len(values)), np.zeros(len(values)))
-        )
+    def _add(self, group: int, vectors: VectorSet, column: int) -> None:
+        stamp, action = int(vectors.stamps[column]), int(vectors.actions[column])
+        self._plans.append(Plan(stamp, group, action, vectors.table[:, column].copy()))
 
-    def _is_blind(self, plan: Plan) -> bool:
-        return plan.stamp < self._state.model.actions
+    def _find_plan(self, stamp: int, group: int) -> int:
+        """Return the number of the plan of a vector; a blind policy is added."""
+        if (stamp, group) not in self._number_of:
+            self._number_of[stamp, group] = len(self._plans)
+            self._add(group, self._state.sets[group], self._state.sets[group].find(stamp))
+        return self._number_of[stamp, group]
+
+    def _is_blind(self, stamp: int) -> bool:
+        return stamp < self._state.model.actions
 
     def _is_late(self) -> bool:
         return monotonic() >= self._deadline
@@ -170,7 +188,7 @@ class Controller:
     def _plans_to_back_up(self) -> Iterator[Plan]:
         """Yield all plans but the blind ones, the older, on which others depend, first."""
         for plan in reversed(self._plans):
-            if not self._is_blind(plan) and not self._is_late():
+            if not self._is_blind(plan.stamp) and not self._is_late():
                 yield plan
 
     def _find_occupancy(self, roots: Sequence[int]) -> None:
@@ -184,14 +202,16 @@ class Controller:
         for number, weight in [*starts, *((root, 1.0) for root in roots)]:
             node = state.nodes[number]
             update_best_vector(state, node)
-            plan = self._plans[self._number_of[node.best_vector, node.belief.group]]
+            if self._is_blind(node.best_vector):
+                continue
+            plan = self._plans[self._find_plan(node.best_vector, node.belief.group)]
             plan.arriving[node.belief.positions] += weight * node.belief.weights[0]
         total = REACHED_WEIGHT + len(roots)
         for _ in range(MAX_PASSES):
             for plan in self._plans:
-                if not self._is_blind(plan) and plan.arriving.any() and not self._is_late():
+                if not self._is_blind(plan.stamp) and plan.arriving.any() and not self._is_late():
                     self._pass_on(plan)
-            missing = sum(plan.arriving.sum() for plan in self._plans if not self._is_blind(plan))
+            missing = sum(plan.arriving.sum() for plan in self._plans if not self._is_blind(plan.stamp))
             if missing <= MAX_MISSING * total:
                 break
 
@@ -216,13 +236,13 @@ class Controller:
             return number
         vectors, positions = state.sets[plan.group], np.flatnonzero(plan.occupancy)
         if not len(positions):  # no plan reaches it
-            return self._number_of[int(vectors.stamps[vectors.central()]), plan.group]
+            return self._find_plan(int(vectors.stamps[vectors.central()]), plan.group)
         weights, states = plan.occupancy[positions], state.model.group_states(plan.group)[positions]
         column, value = vectors.best(BeliefBatch(plan.group, states, positions, weights[None]))
         slack = MIN_GAIN * state.max_abs_value * weights.sum()
         if value[0] < weights @ plan.values[positions] - slack:
             return number
-        return self._number_of[int(vectors.stamps[column[0]]), plan.group]
+        return self._find_plan(int(vectors.stamps[column[0]]), plan.group)
 
     def _back_up(self, plan: Plan) -> Array:
         """Return (n,) R(a) + gamma sum over s' and o of T Z (value of the plan after o)."""

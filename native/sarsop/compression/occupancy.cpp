@@ -1,0 +1,79 @@
+// The discounted visits of each state under each plan.
+
+#include "controller.hpp"
+
+namespace lcorpp {
+
+namespace {
+
+// Initial weight of all beliefs that the roots reach, relative to that of a root.
+constexpr double kReachedWeight = 0.1;
+
+// The occupancy is accurate enough if at most this share of it is missing, or after this many passes.
+constexpr double kMaxMissing = 1e-2;
+constexpr int kMaxPasses = 10;
+
+}  // namespace
+
+// The expected discounted number of visits of each state under each plan, if the roots and the beliefs that they reach
+// start with their best plans. Edges mostly lead to older plans, so that few passes by falling stamps suffice.
+void Controller::find_occupancy(const std::vector<Index>& roots) {
+    const auto start = [&](Index number, double weight) {
+        Node& node = tree_.nodes[as_size(number)];
+        tree_.update_best_vector(node);
+        if (is_blind(node.best_vector)) return;
+        Plan& plan = plans_[as_size(find_plan(node.best_vector, node.group))];
+        const std::vector<Index> positions = tree_.find_positions(node);
+        plan.arriving.resize(tree_.group_states(plan.group).size());
+        for (std::size_t i = 0; i < positions.size(); ++i) {
+            plan.arriving[as_size(positions[i])] += static_cast<float>(weight * node.belief.weight[i]);
+        }
+    };
+    const std::vector<Index> reachable = tree_.find_reachable(roots);
+    for (const Index number : reachable) start(number, kReachedWeight / static_cast<double>(reachable.size()));
+    for (const Index number : roots) start(number, 1.0);
+    const double total = kReachedWeight + static_cast<double>(roots.size());
+    for (int pass = 0; pass < kMaxPasses; ++pass) {
+        for (Plan& plan : plans_) {
+            if (plan.arriving.empty()) continue;
+            if (clock_.expired()) return;
+            pass_on(plan);
+        }
+        double missing = 0.0;
+        for (const Plan& plan : plans_) {
+            for (const float mass : plan.arriving) missing += static_cast<double>(mass);
+        }
+        if (missing <= kMaxMissing * total) break;
+    }
+}
+
+void Controller::pass_on(Plan& plan) {
+    const Model& model = tree_.model;
+    const SparseTables& T = model.transition;
+    const SparseTables& Z = model.observation;
+    const std::vector<float> arriving = std::exchange(plan.arriving, {});
+    const std::vector<Index>& states = tree_.group_states(plan.group);
+    plan.occupancy.resize(arriving.size());
+    for (std::size_t i = 0; i < arriving.size(); ++i) {
+        if (arriving[i] == 0) continue;
+        plan.occupancy[i] += arriving[i];
+        for (std::size_t j = T.begin(plan.action, states[i]); j < T.end(plan.action, states[i]); ++j) {
+            double& mass = predicted_[as_size(T.column[j])];
+            if (mass == 0) reached_.push_back(T.column[j]);
+            mass += model.discount * static_cast<double>(arriving[i]) * T.value[j];
+        }
+    }
+    for (const auto& [observation, next] : plan.next) next_plan_[as_size(observation)] = next;
+    for (const Index s : reached_) {
+        for (std::size_t k = Z.begin(plan.action, s); k < Z.end(plan.action, s); ++k) {
+            Plan& next = plans_[as_size(next_plan_[as_size(Z.column[k])])];
+            if (is_blind(next.stamp)) continue;
+            next.arriving.resize(tree_.group_states(next.group).size());
+            next.arriving[as_size(model.local[as_size(s)])] += static_cast<float>(predicted_[as_size(s)] * Z.value[k]);
+        }
+        predicted_[as_size(s)] = 0.0;
+    }
+    reached_.clear();
+}
+
+}  // namespace lcorpp
