@@ -37,7 +37,7 @@ void Tree::refresh_upper(Node& node, Index action) {
             sawtooth.bound(outcomes.states(c), outcomes.weights(c), outcomes.size(c), child.group, branch.points_version);
         child.upper = std::min(child.upper, bound);
         if (child.node >= 0) {
-            const double node_bound = nodes[as_size(child.node)].upper + child.lipschitz_slack;
+            const double node_bound = nodes[as_size(child.node)].upper + static_cast<double>(child.lipschitz_slack);
             child.upper = std::min(child.upper, child.probability * node_bound);
         }
         sum += child.upper;

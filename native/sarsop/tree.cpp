@@ -224,7 +224,8 @@ Index Tree::find_or_add_child(Index number, Index action, std::size_t c) {
         for (double& weight : next.weight) weight /= outcomes.probability[c];
         branch.children[c].node = find_or_add_node(next);
         // The values of two beliefs differ by at most the largest value times their distance.
-        branch.children[c].lipschitz_slack = max_abs_value * l1_distance(next, nodes[as_size(branch.children[c].node)].belief);
+        const double slack = max_abs_value * l1_distance(next, nodes[as_size(branch.children[c].node)].belief);
+        branch.children[c].lipschitz_slack = std::nextafter(static_cast<float>(slack), std::numeric_limits<float>::infinity());
     }
     return branch.children[c].node;
 }

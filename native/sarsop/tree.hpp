@@ -27,12 +27,12 @@ constexpr double kInfinity = std::numeric_limits<double>::infinity();
 // An observation after an action. Bounds are those of the next belief times the probability.
 struct Child {
     Index observation;
-    Index group;      // block of the next belief
-    Index node = -1;  // node of the next belief, -1 before the first visit
+    Index group;                  // block of the next belief
+    Index node = -1;              // node of the next belief, -1 before the first visit
+    float lipschitz_slack = 0.0f; // largest difference between the values of the next belief and of its node, rounded up
     double probability;
     double lower = -kInfinity, upper = kInfinity;
-    double lipschitz_slack = 0.0;  // largest difference between the values of the next belief and of its node
-    Stamp best_vector = -1;        // the vector that gives `lower`
+    Stamp best_vector = -1;  // the vector that gives `lower`
 };
 
 // One action at a belief. Before it is expanded, the informed bound is its upper bound.

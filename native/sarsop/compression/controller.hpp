@@ -40,7 +40,8 @@ class Controller {
         Index row;                                  // in its set, -1 for a pruned vector
         const PrunedVector* pruned;                 // null for a vector of a set
         std::vector<std::pair<Index, Index>> next;  // observation and plan; none for a blind policy
-        std::vector<float> arriving, occupancy;     // discounted visits of each state: not passed on yet, and all
+        std::vector<float> arriving;                // discounted visits of each state that are not passed on yet
+        std::vector<float> occupancy;               // all of them, of a pruned vector
         std::vector<double> values;                 // over the states of the group
         std::size_t evaluated = 0, changed = 0;     // number of the last evaluation, and of the last change
     };

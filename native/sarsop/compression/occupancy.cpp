@@ -53,10 +53,10 @@ void Controller::pass_on(Plan& plan) {
     const SparseTables& Z = model.observation;
     const std::vector<float> arriving = std::exchange(plan.arriving, {});
     const std::vector<Index>& states = tree_.group_states(plan.group);
-    plan.occupancy.resize(arriving.size());
+    if (plan.pruned) plan.occupancy.resize(arriving.size());
     for (std::size_t i = 0; i < arriving.size(); ++i) {
         if (arriving[i] == 0) continue;
-        plan.occupancy[i] += arriving[i];
+        if (plan.pruned) plan.occupancy[i] += arriving[i];
         for (std::size_t j = T.begin(plan.action, states[i]); j < T.end(plan.action, states[i]); ++j) {
             double& mass = predicted_[as_size(T.column[j])];
             if (mass == 0) reached_.push_back(T.column[j]);
