@@ -36,7 +36,7 @@ demo: $(VENV)/.runtime
 	$(BIN)/lcorpp run shopping --trials 1000 --time-limit 10 --out out/demo-shopping
 
 test: $(VENV)/.dev
-	$(BIN)/python -m pytest -m "not slow" -n 3
+	$(BIN)/python -m pytest -m "not slow" -n 2 --dist worksteal
 
 check: lint test
 

@@ -81,7 +81,7 @@ Tree::Tree(const Model& model_, const std::vector<double>& informed, const std::
       sawtooth(model_, transpose(model_, informed), model_.members.size() + 1),
       successors_(model_),
       all_states_(as_size(model_.states)),
-      next_values_(as_size(model_.states)) {
+      next_values_(as_size(model_.states), kInfinity) {
     std::iota(all_states_.begin(), all_states_.end(), 0);
     for (const double value : blind) max_abs_value = std::max(max_abs_value, std::abs(value));
     for (const double value : informed) max_abs_value = std::max(max_abs_value, std::abs(value));

@@ -153,7 +153,8 @@ class Tree {
     std::vector<Index> all_states_;
     std::vector<std::size_t> sizes_after_pruning_;  // by group: number of vectors after the last pruning
     std::vector<Index> positions_;                  // reusable memory
-    std::vector<double> next_values_;               // (S) reusable memory
+    std::vector<double> next_values_;               // (S) reusable memory, infinite between calls
+    std::vector<Index> reached_;                    // reusable memory, empty between calls
 };
 
 template <typename ValueOf>
@@ -161,13 +162,13 @@ std::vector<double> Tree::combine(Index group, Index action, ValueOf value_of) {
     const SparseTables& T = model.transition;
     const SparseTables& Z = model.observation;
     const std::vector<Index>& states = group_states(group);
-    std::fill(next_values_.begin(), next_values_.end(), kInfinity);
     std::vector<double> vector(states.size());
     for (std::size_t i = 0; i < states.size(); ++i) {
         double sum = 0.0;
         for (std::size_t j = T.begin(action, states[i]); j < T.end(action, states[i]); ++j) {
             double& next_value = next_values_[as_size(T.column[j])];
             if (next_value == kInfinity) {
+                reached_.push_back(T.column[j]);
                 next_value = 0.0;
                 for (std::size_t k = Z.begin(action, T.column[j]); k < Z.end(action, T.column[j]); ++k) {
                     next_value += Z.value[k] * value_of(Z.column[k], T.column[j]);
@@ -177,6 +178,8 @@ std::vector<double> Tree::combine(Index group, Index action, ValueOf value_of) {
         }
         vector[i] = model.reward_of(action, states[i]) + model.discount * sum;
     }
+    for (const Index next : reached_) next_values_[as_size(next)] = kInfinity;
+    reached_.clear();
     return vector;
 }
 

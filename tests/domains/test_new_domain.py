@@ -71,7 +71,7 @@ def test_every_new_domain_loads_and_runs_exactly(tmp_path, new):
         marginal = compute_joint_distribution(domain, (variable.name,))
         for value, rate in variable.rates:
             assert marginal[value,] == pytest.approx(float(rate))
-    solution = planning.solve(domain.pomdp, domain.start_beliefs(), precision=0.5, time_limit=2)
+    solution = planning.solve(domain.pomdp, domain.start_beliefs(), precision=0.5, time_limit=0.5)
     robot = Robot(channels, Reasoner(domain.program), planning.Planner(solution), domain)
     # the enumeration of the answers to many or unreliable questions may take minutes
     few = len(new.shared) == 1 and new.questions[0].reliability in ("0.9", "1")

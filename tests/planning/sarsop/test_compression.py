@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings, strategies as st
 
 from lcorpp.planning import AlphaVectors, Policy, Pomdp, parse_pomdp, read_pomdp, solve
-from lcorpp.planning.sarsop import numpy_kernels
+from lcorpp.planning.sarsop import bounded_search, numpy_kernels
 from lcorpp.planning.sarsop.bounded_search import BoundedSearch
 from tests.planning.models import LCORPP, TIGER, shared_model
 from tests.planning.sarsop.kernels import (
@@ -139,10 +139,21 @@ def test_arguments(kernels):
 def test_a_search_with_compression_reaches_a_gap_with_fewer_vectors(monkeypatch):
     """On a maze, where plans lead back to themselves."""
     pomdp = read_pomdp(shared_model("hallway.pomdp"))
-    compressed = solve(pomdp, precision=0.22, time_limit=600)
+    compressed = solve(pomdp, precision=0.3, time_limit=600)
     monkeypatch.setattr(BoundedSearch, "compress_now", lambda search, seconds: False)
-    plain = solve(pomdp, precision=0.22, time_limit=600)
+    plain = solve(pomdp, precision=0.3, time_limit=600)
     assert compressed.reason == plain.reason == "precision reached"
     assert compressed.trials < plain.trials
     assert len(compressed.policy) < 0.5 * len(plain.policy)
     assert_vectors_are_earned(pomdp, compressed.policy, sample=10)
+
+
+def test_ctrl_c_during_the_last_compression_loses_nothing(monkeypatch):
+    def interrupt(search: BoundedSearch, seconds: float) -> bool:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(bounded_search, "MIN_BACKUPS", np.inf)
+    monkeypatch.setattr(BoundedSearch, "compress_now", interrupt)
+    solution = solve(parse_pomdp(TIGER), precision=0.5)
+    assert solution.reason == "interrupted"
+    assert solution.upper - solution.lower <= 0.5

@@ -114,8 +114,11 @@ def solve(
 
     reason = run()
     if mixed is None:
-        if reason != "interrupted":
-            search.compress_now(max(search.seconds_left, COMPRESSION_SHARE * (monotonic() - began)))
+        try:
+            if reason != "interrupted":
+                search.compress_now(max(search.seconds_left, COMPRESSION_SHARE * (monotonic() - began)))
+        except KeyboardInterrupt:  # the vectors are as before
+            reason = "interrupted"
         return search.make_solution(reason)
     mixtures = MixtureStarts(search, mixed)
     limit = search.work + MIXTURE_WORK * time_limit

@@ -22,6 +22,7 @@ from lcorpp.planning.sarsop.numpy_kernels.pruning import find_reachable
 from lcorpp.planning.sarsop.numpy_kernels.refresh import update_best_vector
 from lcorpp.planning.sarsop.numpy_kernels.search_state import MIN_GAIN, SearchState
 from lcorpp.values import Array, Indices
+from lcorpp.workers import delay_sigint
 
 REACHED_WEIGHT = 0.1
 """Initial weight of all beliefs that the roots reach, relative to that of a root."""
@@ -289,5 +290,6 @@ def compress(state: SearchState, roots: Sequence[int], max_evaluations: float, s
         for root in roots
     )
     if is_better:
-        controller.install(excess)
+        with delay_sigint():  # the old vectors are gone before the new ones are there
+            controller.install(excess)
     return is_better
