@@ -5,7 +5,9 @@ import os
 import shutil
 import signal
 import tempfile
+from functools import cache
 
+import typer.main
 from hypothesis import HealthCheck, settings
 
 settings.register_profile("lcorpp", deadline=None, suppress_health_check=[HealthCheck.too_slow])
@@ -18,3 +20,6 @@ signal.signal(signal.SIGINT, signal.default_int_handler)
 if "PYTEST_XDIST_WORKER" not in os.environ:
     os.environ["LCORPP_CACHE"] = tempfile.mkdtemp(prefix="lcorpp-tests-")
     atexit.register(shutil.rmtree, os.environ["LCORPP_CACHE"], ignore_errors=True)
+
+# The parser of all commands takes longer than most commands of the tests; they share it.
+typer.main.get_command = cache(typer.main.get_command)

@@ -10,6 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import typer.main
 
 from lcorpp.learning import Validation, build_report
 from lcorpp.values import ConfusionMatrix, Interval
@@ -41,6 +42,9 @@ def test_the_shell_completes_commands_and_options(lcorpp, monkeypatch):
     monkeypatch.setenv(
         "_TYPER_COMPLETE_TEST_DISABLE_SHELL_DETECTION", "1"
     )  # not that of whoever runs the tests
+    monkeypatch.setattr(
+        typer.main, "get_command", typer.main.get_command.__wrapped__
+    )  # it reads that variable
     assert "complete -o default -F _lcorpp_completion lcorpp" in lcorpp("--show-completion", "bash").out
     monkeypatch.setenv("_LCORPP_COMPLETE", "complete_bash")
     for words, index, expected in (

@@ -113,6 +113,7 @@ def give_up_at_once(monkeypatch):
     monkeypatch.setenv("DASK_DISTRIBUTED__SCHEDULER__ALLOWED_FAILURES", "0")
 
 
+@pytest.mark.slow
 def test_a_unit_that_ends_its_workers_is_given_up(give_up_at_once, start, scheduler):
     _, address = scheduler
     for _ in range(2):

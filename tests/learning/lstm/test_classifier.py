@@ -280,6 +280,7 @@ def run_without(folder: Path, *parts: str) -> str:
     return done.stdout.strip()
 
 
+@pytest.mark.slow  # it imports torch in two processes
 def test_the_kernels_need_no_torch_and_torch_no_kernels(tmp_path):
     pytest.importorskip("lcorpp.learning.lstm._kernels", reason="the kernels are not built")
     loaded, *compiled = run_without(tmp_path, "torch").split()
