@@ -1,6 +1,7 @@
 """Settings of all tests: no test fails because the machine is slow or busy, or uses the user's policies."""
 
 import atexit
+import gc
 import os
 import shutil
 import signal
@@ -23,3 +24,10 @@ if "PYTEST_XDIST_WORKER" not in os.environ:
 
 # The parser of all commands takes longer than most commands of the tests; they share it.
 typer.main.get_command = cache(typer.main.get_command)
+
+
+def pytest_collection_finish() -> None:
+    """Leave the modules and the tests out of all collections of garbage."""
+    gc.collect()
+    gc.freeze()
+    gc.set_threshold(20_000)
