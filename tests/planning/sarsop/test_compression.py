@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from time import monotonic
 from typing import Any
 
 import numpy as np
@@ -11,6 +12,7 @@ from hypothesis import given, settings, strategies as st
 from lcorpp.planning import AlphaVectors, Policy, Pomdp, parse_pomdp, read_pomdp, solve
 from lcorpp.planning.sarsop import bounded_search, numpy_kernels
 from lcorpp.planning.sarsop.bounded_search import BoundedSearch
+from lcorpp.planning.sarsop.bounded_tree import BoundedTree
 from tests.planning.models import LCORPP, TIGER, shared_model
 from tests.planning.sarsop.kernels import (
     BOTH,
@@ -140,7 +142,7 @@ def test_a_search_with_compression_reaches_a_gap_with_fewer_vectors(monkeypatch)
     """On a maze, where plans lead back to themselves."""
     pomdp = read_pomdp(shared_model("hallway.pomdp"))
     compressed = solve(pomdp, precision=0.3, time_limit=600)
-    monkeypatch.setattr(BoundedSearch, "compress_now", lambda search, seconds: False)
+    monkeypatch.setattr(BoundedSearch, "compress_now", lambda search, seconds, memory_limit: False)
     plain = solve(pomdp, precision=0.3, time_limit=600)
     assert compressed.reason == plain.reason == "precision reached"
     assert compressed.trials < plain.trials
@@ -149,7 +151,7 @@ def test_a_search_with_compression_reaches_a_gap_with_fewer_vectors(monkeypatch)
 
 
 def test_ctrl_c_during_the_last_compression_loses_nothing(monkeypatch):
-    def interrupt(search: BoundedSearch, seconds: float) -> bool:
+    def interrupt(search: BoundedSearch, seconds: float, memory_limit: float) -> bool:
         raise KeyboardInterrupt
 
     monkeypatch.setattr(bounded_search, "MIN_BACKUPS", np.inf)
@@ -157,3 +159,17 @@ def test_ctrl_c_during_the_last_compression_loses_nothing(monkeypatch):
     solution = solve(parse_pomdp(TIGER), precision=0.5)
     assert solution.reason == "interrupted"
     assert solution.upper - solution.lower <= 0.5
+
+
+def test_compression_needs_memory():
+    """Two copies of the vectors, which is more than a search may have at its limit."""
+    pomdp = parse_pomdp(LCORPP)
+    bounds = BoundedTree(pomdp, [pomdp.start], precision=1e-3, seconds=SECONDS)
+    search = BoundedSearch(bounds, [pomdp.start], precision=1e-3, began=monotonic(), time_limit=SECONDS)
+    for _ in range(10):
+        search.sample(0.5, 50)
+    made, size = bounds.tree.made_count, bounds.memory_size
+    assert not search.compress_now(SECONDS, size)
+    assert bounds.tree.made_count == made
+    search.sample(0.5, 50)
+    assert search.compress_now(SECONDS, 2 * size)

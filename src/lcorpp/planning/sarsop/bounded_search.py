@@ -149,21 +149,23 @@ class BoundedSearch:
         """Drop vectors that are useless at the beliefs that the roots reach."""
         self.bounds.tree.prune(roots, PRUNING_RADIUS, PRUNING_RATIO, PRUNING_GROWTH)
 
-    def compress(self) -> None:
+    def compress(self, memory_limit: float) -> None:
         """From time to time, replace the vectors by those of a smaller controller as good at the roots.
 
         An attempt without success doubles the time to the next one.
         """
         made = self.bounds.tree.made_count - self._compressed_at
         if made >= COMPRESSION_GROWTH * self._patience * self._compressed_at + MIN_BACKUPS:
-            is_better = self.compress_now(self.seconds_left)
+            is_better = self.compress_now(self.seconds_left, memory_limit)
             self._patience = 1 if is_better else 2 * self._patience
 
-    def compress_now(self, seconds: float) -> bool:
-        """Compress within wall-clock seconds; return whether the vectors were replaced."""
+    def compress_now(self, seconds: float, memory_limit: float) -> bool:
+        """Compress within wall-clock seconds and a limit in bytes; return whether vectors were replaced."""
         tree = self.bounds.tree
         max_evaluations = EVALUATIONS_PER_BACKUP * (tree.made_count - self._compressed_at)
-        is_better = tree.compress(self.roots, max_evaluations, seconds)
+        # vectors are copied
+        is_possible = self.bounds.memory_size + tree.bound_memory <= memory_limit
+        is_better = is_possible and tree.compress(self.roots, max_evaluations, seconds)
         self._compressed_at = tree.made_count
         return is_better
 

@@ -106,7 +106,7 @@ def solve(
     def step() -> str | None:
         paths.sample()
         if mixed is None:  # the compressed vectors are as good at the starts, not at their mixtures
-            search.compress()
+            search.compress(memory_limit)
         return "memory limit" if search.limit_memory(memory_limit) else None
 
     def run() -> str:
@@ -116,7 +116,8 @@ def solve(
     if mixed is None:
         try:
             if reason != "interrupted":
-                search.compress_now(max(search.seconds_left, COMPRESSION_SHARE * (monotonic() - began)))
+                seconds = max(search.seconds_left, COMPRESSION_SHARE * (monotonic() - began))
+                search.compress_now(seconds, memory_limit)
         except KeyboardInterrupt:  # the vectors are as before
             reason = "interrupted"
         return search.make_solution(reason)
