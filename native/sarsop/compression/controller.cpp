@@ -5,7 +5,7 @@
 namespace lcorpp {
 
 Controller::Controller(Tree& tree, Clock& clock)
-    : tree_(tree), clock_(clock), next_plan_(as_size(tree.model.observations)), predicted_(as_size(tree.model.states)) {
+    : tree_(tree), clock_(clock), next_plan_(as_size(tree.model.observations)) {
     for (std::size_t g = 0; g < tree.sets.size(); ++g) {
         const VectorSet& set = tree.sets[g];
         for (std::size_t row = 0; row < set.count(); ++row) {

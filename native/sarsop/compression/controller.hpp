@@ -58,8 +58,6 @@ class Controller {
     std::vector<Plan> plans_;  // by falling stamps; blind policies that others lead to are at the end
     std::map<std::pair<Stamp, Index>, Index> number_of_;  // of the plan with a stamp and a group
     std::vector<Index> next_plan_;                        // (O) reusable memory
-    std::vector<double> predicted_;                       // (S) reusable memory, zero between calls
-    std::vector<Index> reached_;                          // reusable memory
 };
 
 }  // namespace lcorpp

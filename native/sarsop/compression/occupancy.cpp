@@ -47,33 +47,29 @@ void Controller::find_occupancy(const std::vector<Index>& roots) {
     }
 }
 
+// Add what arrives at a plan to its occupancy, and its next states to what arrives at the next plans.
 void Controller::pass_on(Plan& plan) {
-    const Model& model = tree_.model;
-    const SparseTables& T = model.transition;
-    const SparseTables& Z = model.observation;
     const std::vector<float> arriving = std::exchange(plan.arriving, {});
     const std::vector<Index>& states = tree_.group_states(plan.group);
+    Weights visits;
     if (plan.pruned) plan.occupancy.resize(arriving.size());
     for (std::size_t i = 0; i < arriving.size(); ++i) {
         if (arriving[i] == 0) continue;
         if (plan.pruned) plan.occupancy[i] += arriving[i];
-        for (std::size_t j = T.begin(plan.action, states[i]); j < T.end(plan.action, states[i]); ++j) {
-            double& mass = predicted_[as_size(T.column[j])];
-            if (mass == 0) reached_.push_back(T.column[j]);
-            mass += model.discount * static_cast<double>(arriving[i]) * T.value[j];
-        }
+        visits.state.push_back(states[i]);
+        visits.weight.push_back(static_cast<double>(arriving[i]));
     }
     for (const auto& [observation, next] : plan.next) next_plan_[as_size(observation)] = next;
-    for (const Index s : reached_) {
-        for (std::size_t k = Z.begin(plan.action, s); k < Z.end(plan.action, s); ++k) {
-            Plan& next = plans_[as_size(next_plan_[as_size(Z.column[k])])];
-            if (is_blind(next.stamp)) continue;
-            next.arriving.resize(tree_.group_states(next.group).size());
-            next.arriving[as_size(model.local[as_size(s)])] += static_cast<float>(predicted_[as_size(s)] * Z.value[k]);
+    const Outcomes& outcomes = tree_.successors_.compute_outcomes(visits, plan.action);
+    for (std::size_t c = 0; c < outcomes.count(); ++c) {
+        Plan& next = plans_[as_size(next_plan_[as_size(outcomes.observation[c])])];
+        if (is_blind(next.stamp)) continue;
+        next.arriving.resize(tree_.group_states(next.group).size());
+        for (std::size_t i = 0; i < outcomes.size(c); ++i) {
+            const Index position = tree_.model.local[as_size(outcomes.states(c)[i])];
+            next.arriving[as_size(position)] += static_cast<float>(tree_.model.discount * outcomes.weights(c)[i]);
         }
-        predicted_[as_size(s)] = 0.0;
     }
-    reached_.clear();
 }
 
 }  // namespace lcorpp

@@ -5,10 +5,12 @@ Source: Kurniawati, Hsu and Lee, RSS 2008, Algorithm 3 (BACKUP).
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from lcorpp.planning.sarsop.numpy_kernels.dependencies import Edge
-from lcorpp.planning.sarsop.numpy_kernels.model import BeliefBatch
+from lcorpp.planning.sarsop.numpy_kernels.model import BeliefBatch, Model
 from lcorpp.planning.sarsop.numpy_kernels.node import BeliefNode, predict
 from lcorpp.planning.sarsop.numpy_kernels.refresh import (
     forget_lower,
@@ -56,52 +58,49 @@ def _lower_sawtooth_bound(state: SearchState, node: BeliefNode) -> None:
             state.sawtooth.remove(node.belief.group, replaced)
 
 
-def _make_vector(state: SearchState, node: BeliefNode, action: int) -> tuple[Array, list[Edge]]:
-    """Return the vector of an action followed by the best vectors of its children.
+def combine(model: Model, group: int, action: int, value_of: Callable[[Indices, Indices], Array]) -> Array:
+    """Return (n,) R(a) + gamma sum over s' and o of T Z V, over the states of a group.
 
-    Returns:
-        (n,) R(a) + gamma sum over o of T Z (the best vector at the child of a and o), over the states of the
-        node's group, and its edges.
+    Args:
+        value_of: returns V (k,) after observations (k,) in next states (k,).
+    """
+    states = model.group_states(group)
+    index, owner = model.transition.row_entries(action * model.states + states)
+    reached, which = np.unique(model.transition.columns[index].astype(np.intp), return_inverse=True)
+    seen, after = model.observation.row_entries(action * model.states + reached)
+    values = value_of(model.observation.columns[seen].astype(np.intp), reached[after])
+    next_values = np.bincount(after, model.observation.values[seen] * values, minlength=len(reached))
+    sums = np.bincount(owner, model.transition.values[index] * next_values[which], minlength=len(states))
+    return np.asarray(model.reward[action, states] + model.discount * sums)
+
+
+def _make_vector(state: SearchState, node: BeliefNode, action: int) -> tuple[Array, list[Edge]]:
+    """Return the vector (n,) of an action followed by the best vectors of its children, and its edges.
+
+    After an observation that is impossible at the node any vector is valid; the default vector serves the
+    neighbouring beliefs.
     """
     model, branch = state.model, node.branches[action]
     chosen = np.full(model.observations, -1, dtype=np.intp)
     chosen[branch.observation] = [
         state.sets[g].find(stamp) for g, stamp in zip(branch.group, branch.best_vectors, strict=True)
     ]
-    states = model.group_states(node.belief.group)
-    index, owner = model.transition.row_entries(action * model.states + states)
-    reached, which = np.unique(model.transition.columns[index].astype(np.intp), return_inverse=True)
-    next_values, default_edges = _compute_next_values(state, node, action, chosen, reached)
-    sums = np.bincount(owner, model.transition.values[index] * next_values[which], minlength=len(states))
-    vector = np.asarray(model.reward[action, states] + model.discount * sums)
     children = branch.observation.tolist(), branch.group.tolist(), branch.best_vectors.tolist()
-    return vector, [*(Edge(*child) for child in zip(*children, strict=True)), *default_edges]
+    edges = [Edge(*child) for child in zip(*children, strict=True)]
 
+    def value_of(observation: Indices, next_state: Indices) -> Array:
+        block, values = model.block[next_state], np.empty(len(next_state))
+        for b in np.unique(block):
+            own = np.flatnonzero(block == b)
+            vector = chosen[observation[own]]
+            if (without := vector < 0).any():
+                vector[without] = default = _find_default_vector(state, node, action, int(b))
+                stamp = int(state.sets[b].stamps[default])
+                edges.extend(Edge(int(o), int(b), stamp) for o in np.unique(observation[own[without]]))
+            values[own] = state.sets[b].table[model.local[next_state[own]], vector]
+        return values
 
-def _compute_next_values(
-    state: SearchState, node: BeliefNode, action: int, chosen: Indices, reached: Indices
-) -> tuple[Array, list[Edge]]:
-    """Return (n,) expected values after an action that ends in the states `reached` (n,).
-
-    `chosen` (O,) is the vector after each observation, -1 after one that is impossible at the node. There any
-    vector is valid; the default vector serves the neighbouring beliefs. The second result lists the edges to
-    the default vectors.
-    """
-    model = state.model
-    index, owner = model.observation.row_entries(action * model.states + reached)
-    observation, next_state = model.observation.columns[index], reached[owner]
-    block, values, default_edges = model.block[next_state], np.empty(len(index)), []
-    for b in np.unique(block):
-        own = np.flatnonzero(block == b)
-        vector = chosen[observation[own]]
-        if (vector < 0).any():
-            default, without = _find_default_vector(state, node, action, int(b)), vector < 0
-            stamp = int(state.sets[b].stamps[default])
-            default_edges += [Edge(int(o), int(b), stamp) for o in np.unique(observation[own[without]])]
-            vector[without] = default
-        values[own] = state.sets[b].table[model.local[next_state[own]], vector]
-    sums = np.bincount(owner, model.observation.values[index] * values, minlength=len(reached))
-    return np.asarray(sums, dtype=np.float64), default_edges
+    return combine(model, node.belief.group, action, value_of), edges
 
 
 def _find_default_vector(state: SearchState, node: BeliefNode, action: int, block: int) -> int:

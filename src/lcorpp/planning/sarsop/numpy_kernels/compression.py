@@ -9,15 +9,15 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
-from functools import cache
 from time import monotonic
 
 import numpy as np
 
 from lcorpp.planning.sarsop.numpy_kernels.alpha_vectors import VectorSet
+from lcorpp.planning.sarsop.numpy_kernels.backup import combine
 from lcorpp.planning.sarsop.numpy_kernels.dependencies import Edge, PrunedVector
 from lcorpp.planning.sarsop.numpy_kernels.model import BeliefBatch
-from lcorpp.planning.sarsop.numpy_kernels.node import BeliefNode
+from lcorpp.planning.sarsop.numpy_kernels.node import BeliefNode, compute_outcomes
 from lcorpp.planning.sarsop.numpy_kernels.pruning import find_reachable
 from lcorpp.planning.sarsop.numpy_kernels.refresh import update_best_vector
 from lcorpp.planning.sarsop.numpy_kernels.search_state import MIN_GAIN, SearchState
@@ -72,7 +72,6 @@ class Controller:
     def __init__(self, state: SearchState, seconds: float) -> None:
         self._state, self._deadline = state, monotonic() + seconds
         self._plans: list[Plan] = []
-        self._find_next = cache(self._find_next_states)
         for group, vectors in enumerate(state.sets):
             for column in range(int((vectors.stamps < state.model.actions).sum()), vectors.count):
                 self._add(group, vectors, column)
@@ -220,15 +219,13 @@ class Controller:
         """Add what arrives at a plan to its occupancy, and its next states to what arrives at other plans."""
         model, arriving = self._state.model, plan.arriving
         plan.occupancy, plan.arriving = plan.occupancy + arriving, np.zeros(len(arriving))
-        index, owner, which, reached, seen, after = self._find_next(plan.group, plan.action)
-        mass = np.bincount(
-            which, model.discount * arriving[owner] * model.transition.values[index], minlength=len(reached)
-        )
-        shares = mass[after] * model.observation.values[seen]
-        next_plan = np.array([plan.next[o] for o in model.observation.columns[seen].tolist()])
-        for number in np.unique(next_plan):
-            own = next_plan == number
-            np.add.at(self._plans[number].arriving, model.local[reached[after[own]]], shares[own])
+        positions = np.flatnonzero(arriving)
+        states = model.group_states(plan.group)[positions]
+        visits = BeliefBatch(plan.group, states, positions, arriving[None, positions])
+        outcomes = compute_outcomes(model, visits, plan.action)
+        for children, beliefs in outcomes.batches:
+            for observation, weights in zip(outcomes.observation[children], beliefs.weights, strict=True):
+                self._plans[plan.next[observation]].arriving[beliefs.positions] += model.discount * weights
 
     def _find_replacement(self, number: int) -> int:
         """Return the plan of the same set that replaces a pruned one, its own number if all are worse."""
@@ -246,32 +243,20 @@ class Controller:
         return self._find_plan(int(vectors.stamps[column[0]]), plan.group)
 
     def _back_up(self, plan: Plan) -> Array:
-        """Return (n,) R(a) + gamma sum over s' and o of T Z (value of the plan after o)."""
-        model = self._state.model
-        index, owner, which, reached, seen, after = self._find_next(plan.group, plan.action)
-        next_plan = np.array([plan.next[o] for o in model.observation.columns[seen].tolist()])
-        values, local = np.empty(len(seen)), model.local[reached[after]]
-        for number in np.unique(next_plan):
-            own = next_plan == number
-            values[own] = self._plans[number].values[local[own]]
-        expected = np.bincount(after, model.observation.values[seen] * values, minlength=len(reached))
-        states = model.group_states(plan.group)
-        sums = np.bincount(owner, model.transition.values[index] * expected[which], minlength=len(states))
-        return np.asarray(model.reward[plan.action, states] + model.discount * sums)
+        """Return (n,) the value of a plan by those of its next plans."""
+        local = self._state.model.local
 
-    def _find_next_states(self, group: int, action: int) -> tuple[Indices, ...]:
-        """Return what an action may lead to from the states of a group.
+        def value_of(observation: Indices, next_state: Indices) -> Array:
+            next_plan, values = (
+                np.array([plan.next[o] for o in observation.tolist()]),
+                np.empty(len(observation)),
+            )
+            for number in np.unique(next_plan):
+                own = next_plan == number
+                values[own] = self._plans[number].values[local[next_state[own]]]
+            return values
 
-        Returns:
-            Of each transition its entry in the table, the position of its state, and that of its next state
-            among those reached; the reached states; of each observation its entry in the table, and the
-            position of the state where it is made among those reached.
-        """
-        model = self._state.model
-        index, owner = model.transition.row_entries(action * model.states + model.group_states(group))
-        reached, which = np.unique(model.transition.columns[index].astype(np.intp), return_inverse=True)
-        seen, after = model.observation.row_entries(action * model.states + reached)
-        return index, owner, which, reached, seen, after
+        return combine(self._state.model, plan.group, plan.action, value_of)
 
 
 def compress(state: SearchState, roots: Sequence[int], max_evaluations: float, seconds: float) -> bool:
