@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Mapping
+import warnings
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from math import isfinite
 from time import monotonic
 from typing import Any
 
@@ -12,6 +14,7 @@ import numpy as np
 
 from lcorpp.errors import ConnectionLostError, DataError, LcorppError, WorldError
 from lcorpp.learning import StreamingClassifier, TrainedClassifier
+from lcorpp.learning.streaming.clock import Clock, StampCheck, describe_doubtful_stamps
 from lcorpp.values import Array, Label
 from lcorpp.worlds.ros.perception import Perception, Sample
 
@@ -19,32 +22,64 @@ PERIOD = 0.2
 """Seconds after which the thread checks whether it should end."""
 MAX_SAMPLES = 3000
 """Samples of a person that are kept: the latest."""
+CLOCK_STEP = 1.0
+"""Seconds between two stamps of people that continue each other, at most."""
 
 
 @dataclass
 class Track:
     """A person's samples so far.
 
-    first, last: time of the first and the last one in seconds. received: when the last one came, on the
-    clock of this computer.
+    A stamp more than `max_silence` from the last one begins the track anew once the next stamp is not near
+    the last one either. Else it was wrong, and its sample is dropped.
+
+    first, last: stamps of the first and the last sample in seconds. seen: when the last one came, on the
+    clock of all stamps. received: the same on the clock of this computer. waiting: the sample of a doubtful
+    stamp. stamps: the check of the stamps.
     """
 
     first: float
     last: float
-    received: float
+    seen: float = 0.0
+    received: float = 0.0
     samples: list[tuple[float, float, float]] = field(default_factory=list)
+    waiting: Sample | None = None
+    stamps: StampCheck = field(default_factory=StampCheck)
 
     @property
     def seconds(self) -> float:
         """The duration."""
         return self.last - self.first
 
+    def select(self, sample: Sample, max_silence: float) -> list[Sample]:
+        """Return the samples to use now: this one, the one that waits, both or none."""
+        waiting, self.waiting = self.waiting, None
+        if abs(sample[0] - self.last) <= max_silence:
+            return [sample]
+        if waiting is None:
+            self.waiting = sample
+            return []
+        if abs(sample[0] - waiting[0]) <= max_silence:
+            return [waiting, sample]
+        self.waiting = sample
+        return [waiting]
+
+    def add(self, sample: Sample, max_silence: float) -> None:
+        """Add a sample that is used; a stamp far from the last one begins the track anew."""
+        time, _, x, y = sample
+        if abs(time - self.last) > max_silence:
+            self.first = self.last = time
+            self.samples.clear()
+        self.last = max(self.last, time)
+        self.samples.append((time, x, y))
+        del self.samples[:-MAX_SAMPLES]
+
 
 class PeopleTracks:
     """All people who are tracked now, and the classifiers' outputs for them.
 
-    Everybody is classified all the time, whomever the robot attends to. Methods may be called from any
-    thread.
+    Everybody is classified all the time, whomever the robot attends to. A wrong time stamp of one person
+    changes neither the tracks of others nor who is present. Methods may be called from any thread.
 
     Args:
         classifiers: sense -> its classifier of tracks; it gives labels.
@@ -64,28 +99,41 @@ class PeopleTracks:
         self._max_silence = max_silence
         self._tracks = dict[str, Track]()
         self._lock = threading.Lock()
-        self._clock = -np.inf
+        self._clock, self._has_warned = Clock(min(max_silence, CLOCK_STEP)), False
 
     def add(self, samples: list[Sample]) -> None:
-        """Add samples of any people.
+        """Add samples of any people; those that are not finite are left out.
 
         Raises:
-            DataError: as `StreamingClassifier.push_many`.
+            DataError: a sample is malformed; then none of them is used. Or a classifier fails.
         """
-        now = monotonic()
+        checked, now = [_check(sample) for sample in samples], monotonic()
         with self._lock:
+            used = list[Sample]()
+            for sample in checked:
+                if all(map(isfinite, (sample[0], *sample[2:]))):
+                    used += self._add(sample, now)
             for streams in self._streams.values():
-                streams.push_many(samples)
-            for time, person, x, y in samples:
-                # a clock that goes back, e.g. of a simulator that was reset, starts anew
-                self._clock = time if time < self._clock - self._max_silence else max(self._clock, time)
-                track = self._tracks.get(person)
-                if track is None or abs(time - track.last) > self._max_silence:
-                    track = self._tracks[person] = Track(time, time, now)
-                track.last, track.received = max(track.last, time), now
-                track.samples.append((time, x, y))
-                del track.samples[:-MAX_SAMPLES]
+                streams.push_many(used)
             self._remove_absent(now)
+
+    def _add(self, sample: Sample, now: float) -> list[Sample]:
+        """Add a sample to the track of its person; return the samples that are used now."""
+        time, person = sample[:2]
+        self._clock.observe(time)
+        track = self._tracks.setdefault(person, Track(time, time))
+        track.seen, track.received = self._clock.elapsed, now
+        if not self._streams and track.stamps.observe(not track.samples or time > track.last):
+            self._warn(describe_doubtful_stamps(person, time))  # the streams warn themselves
+        used = track.select(sample, self._max_silence)
+        for one in used:
+            track.add(one, self._max_silence)
+        return used
+
+    def _warn(self, message: str) -> None:
+        if not self._has_warned:
+            self._has_warned = True
+            warnings.warn(message, stacklevel=4)
 
     def list_people(self) -> dict[str, float]:
         """Return the people who are present, with the seconds of their tracks."""
@@ -97,7 +145,7 @@ class PeopleTracks:
         """Remove people without samples for too long, by the stamps of others or by this computer's clock."""
         limit = self._max_silence
         for person, track in list(self._tracks.items()):
-            if self._clock - track.last > limit or now - track.received > limit:
+            if self._clock.elapsed - track.seen > limit or now - track.received > limit:
                 del self._tracks[person]
 
     def signals(self, person: str) -> dict[str, Array]:
@@ -121,6 +169,14 @@ class PeopleTracks:
     def classifiers(self, person: str) -> dict[str, PersonClassifier]:
         """Return sense -> the classifier of a person, for the decision loop."""
         return {sense: PersonClassifier(self, person, sense) for sense in self._streams}
+
+
+def _check(sample: Sequence[Any]) -> Sample:
+    try:
+        time, person, x, y = sample
+        return float(time), person, float(x), float(y)
+    except (TypeError, ValueError, OverflowError):
+        raise DataError(f"sample {sample!r}; expected time, person, x, y") from None
 
 
 @dataclass(frozen=True, eq=False)

@@ -174,6 +174,17 @@ def test_stamps_in_another_unit_are_a_warning(unit):
     assert (len(found), answers[-1].probabilities) == (1, None)
 
 
+@pytest.mark.parametrize(
+    "stamp", [lambda t: 5.0, lambda t: float(np.float32(1.7e9 + t)), lambda t: float(int(t))]
+)
+def test_stamps_that_stand_still_are_one_warning(stamp):
+    """Frozen, of 32 bits, or in whole seconds: most samples are dropped as duplicates."""
+    streams = StreamingClassifier(PIPELINES["lstm"])
+    with pytest.warns(UserWarning, match="most of the last 20 samples of 'a' have no later time") as warned:
+        pushed(streams, [stamp(0.1 * k) for k in range(100)], walk(0, samples=100), "a")
+    assert len(warned) == 1
+
+
 def test_silent_people_are_removed_and_stay_in_the_report():
     streams = StreamingClassifier(PIPELINES["lstm"], max_silence=2.0)
     streams.push(0.0, "a", 0, 0)

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from lcorpp.learning.streaming.clock import StampCheck
 from lcorpp.learning.streaming.predictions import Prediction
 from lcorpp.learning.streaming.resampler import Sample, TrackResampler
 from lcorpp.learning.streaming.state import StreamState
@@ -24,14 +25,15 @@ class TrackedPerson:
     """One id.
 
     resampler: its current track. slot: its index in the classifier's state. prediction: the current one.
-    last_seen: clock time of its last sample. probabilities: (K,) after the last point, NaN before the first
-    prediction. trigger: its state for the track.
+    last_seen: clock time of its last sample. stamps: the check of its stamps. probabilities: (K,) after the
+    last point, NaN before the first prediction. trigger: its state for the track.
     """
 
     resampler: TrackResampler
     slot: int
     prediction: Prediction
     last_seen: float = 0.0
+    stamps: StampCheck = field(default_factory=StampCheck)
     probabilities: Array = field(default_factory=lambda: np.empty(0))
     trigger: TriggerState = NOT_DECIDED
 

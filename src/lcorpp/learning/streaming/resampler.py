@@ -1,7 +1,6 @@
 """Resample one person's samples to a fixed rate as they arrive: order, check, interpolate.
 
-`StreamRules` are the options, `TrackResampler` applies them to one person, `RepairCounts` counts its repairs,
-and `Clock` measures time by the stamps of all people.
+`StreamRules` are the options, `TrackResampler` applies them to one person, `RepairCounts` counts its repairs.
 """
 
 from __future__ import annotations
@@ -246,38 +245,3 @@ class TrackResampler:
             a + wrap_angle(b - a) * weight if channel in self._angles else a * rest + b * weight
             for channel, (a, b) in enumerate(zip(start, end, strict=True))
         )
-
-
-class Clock:
-    """A clock that is robust to wrong time stamps.
-
-    A stamp at most `step` seconds ahead of the latest one advances the clock; one at most `step` behind it
-    does not. A stamp further away is ignored, unless the previous one was ignored too. Then the clock
-    advances by one `step` and continues from the new stamp. A single wrong stamp has no effect.
-
-    Attributes:
-        elapsed: seconds since the first stamp.
-    """
-
-    def __init__(self, step: float) -> None:
-        self.elapsed = 0.0
-        self._step = step
-        self._latest: float | None = None
-        self._ignored_last = False
-
-    def observe(self, time: float) -> None:
-        """Process one finite stamp."""
-        if self._latest is None:
-            self._latest = time
-        ahead = time - self._latest
-        if abs(ahead) <= self._step:
-            self._ignored_last = False
-            if ahead > 0:
-                self.elapsed += ahead
-                self._latest = time
-        elif self._ignored_last:
-            self._ignored_last = False
-            self.elapsed += self._step
-            self._latest = time
-        else:
-            self._ignored_last = True

@@ -13,10 +13,11 @@ from lcorpp.arguments import check_arguments, check_value
 from lcorpp.errors import DataError
 from lcorpp.learning.classifiers.trained import TrainedClassifier
 from lcorpp.learning.contract import name_of
+from lcorpp.learning.streaming.clock import Clock, describe_doubtful_stamps
 from lcorpp.learning.streaming.people_predictor import PeoplePredictor, TrackedPerson
 from lcorpp.learning.streaming.predictions import ConstantEstimator, Prediction, StreamReport
 from lcorpp.learning.streaming.prefix_sets import PrefixSets
-from lcorpp.learning.streaming.resampler import Clock, RepairCounts, Sample, StreamRules, TrackResampler
+from lcorpp.learning.streaming.resampler import RepairCounts, Sample, StreamRules, TrackResampler
 from lcorpp.learning.streaming.state import make_state
 from lcorpp.learning.streaming.timeline import PrefixCalibration
 from lcorpp.learning.streaming.trigger import Trigger
@@ -95,7 +96,7 @@ class StreamingClassifier:
         self.min_points, self.inputs = min_points, tuple(self._motion.inputs)
         self._people: dict[Hashable, TrackedPerson] = {}  # in the order of their last samples
         self._predictor = PeoplePredictor(state, min_points)
-        self._clock, self._has_warned = Clock(max_gap), False
+        self._clock, self._warned = Clock(max_gap), set[str]()
         self._removed, self._removals = RepairCounts(), 0
         self._trained = TrainedClassifier(pipeline)
         self._prefix_calibration: PrefixCalibration | None = None
@@ -243,15 +244,23 @@ class StreamingClassifier:
             person = self._predictor.begin(name, resampler)
         self._people[name] = person
         person.last_seen = self._clock.elapsed
+        repairs = person.resampler.repairs
+        unused = repairs.duplicates + repairs.late
         person.resampler.add(time, sample)
-        if person.resampler.lone_samples >= MAX_LONE_SAMPLES and not self._has_warned:
-            self._has_warned = True
+        if person.stamps.observe(repairs.duplicates + repairs.late == unused):
+            self._warn_once("stamps stand still", describe_doubtful_stamps(name, time))
+        if person.resampler.lone_samples >= MAX_LONE_SAMPLES:
             message = (
                 f"the last {MAX_LONE_SAMPLES} samples of {name!r} came after gaps longer than max_gap,"
                 f" the last at {time:.15g}; expected seconds: are these milliseconds?"
             )
-            warnings.warn(message, stacklevel=2)
+            self._warn_once("stamps far apart", message)
         return person
+
+    def _warn_once(self, kind: str, message: str) -> None:
+        if kind not in self._warned:
+            self._warned.add(kind)
+            warnings.warn(message, stacklevel=4)
 
     def _update(self, people: Mapping[Hashable, TrackedPerson]) -> None:
         try:
