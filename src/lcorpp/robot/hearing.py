@@ -6,6 +6,7 @@ from lcorpp.domains import Domain
 from lcorpp.errors import DomainError
 from lcorpp.robot.config import AnswersConfig
 from lcorpp.worlds.ros.connection import RosConnection
+from lcorpp.worlds.ros.fields import FaultLog
 from lcorpp.worlds.ros.ros_world import Listener, TopicListener
 from lcorpp.worlds.speech import (
     FEATURES,
@@ -66,4 +67,4 @@ def make_listener(config: AnswersConfig, domain: Domain, connection: RosConnecti
         return None
     topic, kind = config.topic
     subscription = connection.subscribe(topic, kind)
-    return TopicListener(subscription, kind, domain.pomdp.observations, config.utterances)
+    return TopicListener(subscription, kind, domain.pomdp.observations, config.utterances, FaultLog(topic))

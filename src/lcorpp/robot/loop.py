@@ -20,6 +20,7 @@ from lcorpp.robot.hearing import make_listener
 from lcorpp.robot.tracking import PeopleTracks, TrackingThread
 from lcorpp.values import Distribution, Episode, Instance, Step
 from lcorpp.worlds.ros.connection import RosConnection
+from lcorpp.worlds.ros.fields import FaultLog
 from lcorpp.worlds.ros.perception import Perception
 from lcorpp.worlds.ros.ros_world import RosWorld
 from lcorpp.worlds.ros.skills import Body
@@ -88,7 +89,7 @@ class RobotLoop:
         for fact in config.facts.values():
             fact.start(connection)
         self._listener = make_listener(config.answers, parts.domain, connection)
-        self._decided, self._has_warned = set[str](), False
+        self._decided, self._faults = set[str](), FaultLog(config.people.topic[0])
 
     def run(self, max_decisions: int | None = None) -> Iterator[Decision]:
         """Decide about one person after another; yield each decision.
@@ -129,11 +130,12 @@ class RobotLoop:
         return self._make_world("").stop()
 
     def _warn_of_silence(self, seconds: float) -> None:
-        """Warn once if no people were ever detected: maybe the topic has another name."""
-        if seconds > SILENCE and not self._has_warned and not self._perception.has_messages:
-            self._has_warned = True
-            topic, kind = self._config.people.topic
-            LOG.warning("%s: no %s for %g s; is this the topic of the people tracker?", topic, kind, SILENCE)
+        """Warn if the tracker sends no messages: once before the first one, and once after it."""
+        last, kind = self._perception.last_message, self._config.people.topic[1]
+        if last is None and seconds > SILENCE:
+            self._faults.warn(f"no {kind} for {SILENCE:g} s; is this the topic of the people tracker?")
+        elif last is not None and monotonic() - last > SILENCE:
+            self._faults.warn(f"no {kind} for {SILENCE:g} s any more; has the people tracker stopped?")
 
     def _await_connection(self) -> None:
         """Wait until a lost connection is back.

@@ -1,20 +1,21 @@
 """Messages of trackers and localisations as numbers; frames by known answers and laws."""
 
-import json
 from math import atan2, cos, hypot, pi, sin
 
 import pytest
 from hypothesis import given, strategies as st
 
 from lcorpp.errors import WorldError
+from lcorpp.worlds.ros.fields import read_stamp
 from lcorpp.worlds.ros.pose import Pose
 from lcorpp.worlds.ros.sensor_messages import (
     PEOPLE,
     POSES,
     Detection,
+    PeopleReader,
     read_people,
     read_pose,
-    read_stamp,
+    read_speed,
     read_text,
 )
 
@@ -57,26 +58,174 @@ def test_each_kind_of_tracker_gives_the_same_person(kind):
 
 
 @pytest.mark.parametrize("kind", PEOPLE)
-def test_a_message_of_another_type_is_an_error_that_names_the_expected_one(kind):
-    for message in ({}, {"data": "x"}, {"header": 3}, {"people": [{}]}, {"markers": [1]}):
-        with pytest.raises(WorldError, match=f"a message that is no {kind}"):
-            read_people(kind, message)
+def test_a_message_of_another_type_is_left_out_with_one_warning_a_kind(kind, caplog):
+    reader, items = PeopleReader(kind, "/people"), PEOPLE[kind].items
+    for message in ({}, {"data": "x"}, {"header": 3}, {items: None}, {items: "x"}, {items: [1]}, {}):
+        assert reader.read(message) == []
+    missing, null, text, part = caplog.messages
+    assert missing == f"/people: a message that is no {kind} is left out: it has no field {items!r}"
+    assert null.endswith(f"the field {items!r} is a NoneType; expected a list")
+    assert text.endswith(f"the field {items!r} is a str; expected a list")
+    assert part == f"/people: a part of {items!r} is left out: it is a int; expected a message"
+
+
+def change(value, path, new):
+    """Return a copy of a message with other values in a field, wherever it is; DELETE removes it."""
+    if isinstance(value, dict):
+        changed = {k: new if k == path else change(v, path, new) for k, v in value.items()}
+        return {k: v for k, v in changed.items() if v is not DELETE}
+    return [change(v, path, new) for v in value] if isinstance(value, list) else value
+
+
+DELETE = object()
+ID_FIELDS = ("name", "track_id", "id")
 
 
 @pytest.mark.parametrize("kind", PEOPLE)
-def test_people_without_a_position_or_an_id_are_left_out(kind):
-    for number in (None, float("nan"), float("inf")):
-        text = json.dumps(EXAMPLES[kind]).replace('"x": 1.0', f'"x": {json.dumps(number)}')
-        assert read_people(kind, json.loads(text)) == []
-    text = json.dumps(EXAMPLES["people_msgs/People"]).replace('"name": "7"', '"name": ""')
-    assert read_people("people_msgs/People", json.loads(text)) == []
-    huge = json.dumps(EXAMPLES[kind]).replace('"x": 1.0', '"x": 1' + 400 * "0")
-    with pytest.raises(WorldError, match=f"a message that is no {kind}: OverflowError"):
-        read_people(kind, json.loads(huge))
+@pytest.mark.parametrize("field", ["x", "y", "stamp", "header", "frame_id", "position", "translation", "id"])
+def test_a_person_with_half_the_fields_is_left_out_and_others_are_not(kind, field, caplog):
+    example, items = EXAMPLES[kind], PEOPLE[kind].items
+    names = ID_FIELDS if field == "id" else (field,)
+    for new in (DELETE, None, True, [], {}, "" if field == "frame_id" else "1.0" if field in "xy" else []):
+        faulty = example
+        for name in names:
+            faulty = change(faulty, name, new)
+        if faulty != example:  # else this type has no such field
+            caplog.clear()
+            assert read_people(kind, faulty) == []
+            assert len(caplog.messages) == (new is not None or field not in "xy")
+            if field not in ("stamp", "header", "frame_id"):  # in most types those of the whole message
+                mixed = {**example, items: [*faulty[items], *example[items]]}
+                assert [person.id for person in read_people(kind, mixed)] == ["7"]
+
+
+@pytest.mark.parametrize("kind", PEOPLE)
+def test_people_without_a_finite_position_are_left_out(kind, caplog):
+    for number in (None, float("nan"), float("inf"), 10**400):
+        assert read_people(kind, change(EXAMPLES[kind], "x", number)) == []
+    assert caplog.messages == []
+
+
+@pytest.mark.parametrize("kind", PEOPLE)
+def test_of_an_id_that_is_twice_the_first_counts(kind, caplog):
+    items = PEOPLE[kind].items
+    twice = [*EXAMPLES[kind][items], *change(EXAMPLES[kind][items], "x", 9.0)]
+    (person,) = read_people(kind, {**EXAMPLES[kind], items: twice})
+    assert person.x == 1.0
+    assert caplog.messages == [f"{kind}: the id '7' is twice in one message; the first one counts"]
+
+
+def read_ids(names):
+    people = [{"name": name, "position": POSITION} for name in names]
+    found = read_people("people_msgs/People", {"header": HEADER_2, "people": people})
+    return [person.id for person in found]
+
+
+def test_ids_are_texts_or_integers():
+    assert read_ids([None, "", " ", "Ann", "null", 3, 4.0, float("nan"), True, ["5"]]) == [
+        "Ann",
+        "null",
+        "3",
+        "4",
+    ]
+
+
+CUBE, SPHERE, CYLINDER, MESH, TEXT = 1, 2, 3, 10, 9
+POINTS = [{"x": 4.0, "y": 1.0, "z": 1.0}, {"x": 4.5, "y": 1.0, "z": 1.0}]
+
+
+def marker(ns, id_, kind, x, y, **more):
+    pose = {"position": {"x": x, "y": y, "z": 0.0}, "orientation": {"w": 1.0}}
+    return {
+        "header": HEADER_2,
+        "ns": ns,
+        "id": id_,
+        "type": kind,
+        "action": 0,
+        "pose": pose,
+        "points": [],
+    } | more
+
+
+def read_markers(*markers):
+    found = read_people("visualization_msgs/MarkerArray", {"markers": list(markers)})
+    return {person.id: (person.x, person.y) for person in found}
+
+
+@pytest.mark.parametrize("kind", range(12))
+def test_bodies_and_arrows_by_a_pose_are_people(kind, caplog):
+    is_person = kind in (0, CUBE, SPHERE, CYLINDER, MESH)
+    assert read_markers(marker("a", 1, kind, 4.0, 1.0)) == ({"1": (4.0, 1.0)} if is_person else {})
+    assert len(caplog.messages) == (not is_person)
+    assert read_markers(marker("a", 1, kind, 4.0, 1.0, action=2)) == {}
+
+
+def test_the_parts_of_a_person_are_one_person(caplog):
+    parts = [
+        marker("velocity", 1, 0, 0.0, 0.0, points=POINTS),
+        marker("heading", 501, 0, 4.0, 1.0),
+        marker("text", 1001, TEXT, 4.0, 1.0, text="1"),
+        marker("body", 1, CYLINDER, 4.0, 1.0),
+        marker("head", 1, SPHERE, 4.05, 1.0),
+        marker("shoulders", 77, CUBE, 4.0, 1.1),
+        marker("trail", 1, 4, 0.0, 0.0, points=POINTS),
+        marker("body", 2, CYLINDER, 4.0, 1.2),
+    ]
+    assert read_markers(*parts) == {"1": (4.0, 1.0), "2": (4.0, 1.2)}
+    assert caplog.messages == []
+
+
+def transform(child, parent="map", **translation):
+    header = {"stamp": {"sec": 5, "nanosec": 0}, "frame_id": parent}
+    return {"header": header, "child_frame_id": child, "transform": {"translation": POSITION | translation}}
+
+
+def read_frames(*messages):
+    reader = PeopleReader("tf2_msgs/TFMessage")
+    return [[(p.id, p.x, p.y) for p in reader.read({"transforms": list(m)})] for m in messages]
+
+
+def test_faces_are_people_and_their_gaze_is_no_second_one():
+    face, gaze = transform("face_a1"), transform("gaze_a1", "face_a1", x=0.0, y=0.0)
+    assert read_frames([face, gaze], [gaze], [face]) == [[("a1", 1.0, 2.0)], [], [("a1", 1.0, 2.0)]]
+    assert read_frames([transform("gaze_a1")], [face], [transform("gaze_a1", x=3.0)]) == [
+        [("a1", 1.0, 2.0)],
+        [("a1", 1.0, 2.0)],
+        [],
+    ]
+
+
+def test_a_face_counts_until_there_are_persons():
+    face, person = transform("/face_a1"), transform("/person_ann", "/map", x=1.1)
+    assert read_frames([face], [person, face], [face]) == [[("a1", 1.0, 2.0)], [("ann", 1.1, 2.0)], []]
+
+
+def test_in_an_optical_frame_the_z_axis_is_ahead():
+    (found,) = read_frames([transform("face_a1", "camera_color_optical_frame", x=0.5, y=-0.2, z=2.0)])
+    assert found == [("a1", 2.0, -0.5)]
+
+
+DETECTION = {"bbox": {"center": {"position": POSITION}}}
+
+
+@pytest.mark.parametrize(
+    ("fields", "ids", "warnings"),
+    [
+        ({}, [], 1),  # ROS 1
+        ({"is_tracking": True, "tracking_id": "7"}, ["7"], 0),  # Foxy
+        ({"is_tracking": False, "tracking_id": "7"}, [], 1),
+        ({"tracking_id": ""}, [], 1),
+        ({"id": "7"}, ["7"], 0),
+    ],
+)
+def test_detections_of_each_version_of_vision_msgs(fields, ids, warnings, caplog):
+    message = {"header": HEADER_2, "detections": [DETECTION | fields]}
+    assert [person.id for person in read_people("vision_msgs/Detection3DArray", message)] == ids
+    assert len(caplog.messages) == warnings
 
 
 def test_a_stamp_of_zero_is_none():
-    assert read_stamp({"sec": 0, "nanosec": 0}) is None
+    assert read_stamp({"stamp": {"sec": 0, "nanosec": 0}}, "stamp") is None
     assert read_stamp({"secs": 3, "nsecs": 250_000_000}) == 3.25
 
 
@@ -87,6 +236,11 @@ def test_the_heading_is_that_of_the_quaternion(kind):
     read = read_pose(kind, message)
     assert (read.x, read.y) == (1.0, 2.0)
     assert read.heading == pytest.approx(0.8)
+    for field in ("x", "z", "w"):
+        for number in (None, float("nan"), float("inf"), 10**400):
+            assert read_pose(kind, change(message, field, number)) is None or field == "z"
+        with pytest.raises(WorldError, match=f"a message that is no {kind}: .*{field}"):
+            read_pose(kind, change(message, field, "0.5"))
     with pytest.raises(WorldError, match=f"a message that is no {kind}"):
         read_pose(kind, {"pose": 3})
 
@@ -96,9 +250,16 @@ def test_a_pose_that_is_not_finite_is_an_error():
         Pose(0, float("nan"), 0)
 
 
+def test_the_speed_is_that_of_the_twist():
+    twist = {"linear": {"x": 0.3, "y": 0.4, "z": 0.0}, "angular": {"x": 0.0, "y": 0.0, "z": -0.2}}
+    assert read_speed({"twist": {"twist": twist}}) == pytest.approx(0.7)
+    assert read_speed({"twist": {"twist": change(twist, "x", None)}}) is None
+    assert read_speed({"twist": {}}) is None
+
+
 def test_texts():
     assert read_text("hri_msgs/LiveSpeech", {"incremental": "ye", "final": "yes"}) == "yes"
-    with pytest.raises(WorldError, match="it has no text 'data'"):
+    with pytest.raises(WorldError, match="a message that is no std_msgs/String: it has no field 'data'"):
         read_text("std_msgs/String", {"final": "yes"})
 
 

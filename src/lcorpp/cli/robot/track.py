@@ -137,8 +137,8 @@ def _is_bag(source: Path) -> bool:
 
 def _has_people(source: Path, topic: str | None) -> bool:
     """Return whether the topic of a bag is that of a people tracker, not of a camera."""
-    from lcorpp.worlds.ros.people_bag import TRANSFORMS, list_topics
-    from lcorpp.worlds.ros.sensor_messages import PEOPLE
+    from lcorpp.worlds.ros.people_bag import list_topics
+    from lcorpp.worlds.ros.sensor_messages import PEOPLE, TRANSFORMS
 
     topics = list_topics(source)
     if topic is not None and topic not in topics:
@@ -189,11 +189,14 @@ def _write(samples: Sequence[tuple[float, int | str, float, float]], source: Pat
 
     tracks = []
     for person in sorted({sample[1] for sample in samples}):
-        own = {time: (x, y) for time, name, x, y in samples if name == person}  # a time once
+        own: dict[float, tuple[float, float]] = {}
+        for time, name, x, y in samples:
+            if name == person:
+                own.setdefault(time, (x, y))  # of equal times the first sample counts, as in a stream
         times = np.array(sorted(own))
-        x, y = np.array([own[time] for time in times]).T
+        xs, ys = np.array([own[time] for time in times]).T
         if len(times) > 1:
-            tracks.append(Track(str(person), times, {"x": x, "y": y}))
+            tracks.append(Track(str(person), times, {"x": xs, "y": ys}))
     if not tracks:
         return f"no people were tracked, and {output} is not written"
     write_recording(Recording(tuple(tracks), source=str(source)), output)

@@ -6,13 +6,11 @@ from dataclasses import asdict
 from pathlib import Path
 
 from lcorpp.camera.bags import open_bag
-from lcorpp.errors import DataError, WorldError, expected_one_of
+from lcorpp.errors import DataError, expected_one_of
 from lcorpp.worlds.ros.connection import name_type
 from lcorpp.worlds.ros.perception import Sample
-from lcorpp.worlds.ros.sensor_messages import PEOPLE, read_people
+from lcorpp.worlds.ros.sensor_messages import PEOPLE, TRANSFORMS, PeopleReader
 
-TRANSFORMS = "tf2_msgs/TFMessage"
-"""A type that nearly every bag has; it counts as people only if its topic is given."""
 NANOSECOND = 1e-9
 
 
@@ -38,10 +36,12 @@ def list_people_topics(path: Path) -> dict[str, str]:
 def read_people_bag(path: Path, topic: str | None = None) -> list[Sample]:
     """Return the samples (seconds, person, x, y) of a bag, in the order of the messages and in their frame.
 
-    Times are those of the headers, or of the recording where these are 0.
+    Times are those of the headers, or of the recording where these are 0. Messages that cannot be read are
+    left out with a warning.
 
     Args:
-        topic: of a people tracker; None takes the only one.
+        topic: of a people tracker; None takes the only one that is not of `TRANSFORMS`, which nearly every
+            bag has.
 
     Raises:
         FileError, DataError: as `open_bag`; or there is no such topic.
@@ -55,14 +55,10 @@ def read_people_bag(path: Path, topic: str | None = None) -> list[Sample]:
         topic = trackers[0]
     if topic not in topics:
         raise DataError(f"{path}: has no people in {topic!r}; {expected_one_of(sorted(topics))}")
-    samples = list[Sample]()
+    samples, people = list[Sample](), PeopleReader(topics[topic], f"{path}: {topic}")
     with open_bag(path) as reader:
         chosen = [c for c in reader.connections if c.topic == topic]
-        for number, (connection, stamp, data) in enumerate(reader.messages(chosen), start=1):
+        for connection, stamp, data in reader.messages(chosen):
             message = asdict(reader.deserialize(data, connection.msgtype))  # type: ignore[call-overload]
-            try:
-                people = read_people(topics[topic], message)
-            except WorldError as error:
-                raise DataError(f"{path}: {topic}: message {number}: {error}") from None
-            samples += [(d.time or stamp * NANOSECOND, d.id, d.x, d.y) for d in people]
+            samples += [(d.time or stamp * NANOSECOND, d.id, d.x, d.y) for d in people.read(message)]
     return samples

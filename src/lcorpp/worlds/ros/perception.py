@@ -8,9 +8,16 @@ from math import inf, pi
 from time import monotonic, time
 
 from lcorpp.errors import WorldError
-from lcorpp.worlds.ros.connection import RosConnection, Subscription
+from lcorpp.worlds.ros.connection import Message, RosConnection, Subscription
+from lcorpp.worlds.ros.fields import FaultLog
 from lcorpp.worlds.ros.pose import Pose
-from lcorpp.worlds.ros.sensor_messages import Detection, read_people, read_pose
+from lcorpp.worlds.ros.sensor_messages import (
+    TRANSFORMS,
+    Detection,
+    PeopleReader,
+    read_pose,
+    read_speed,
+)
 
 Sample = tuple[float, str, float, float]
 """Seconds, person, x and y in metres: a sample for `lcorpp.learning.StreamingClassifier`."""
@@ -39,7 +46,7 @@ class Perception:
     One thread calls `update`, any other may call `locate` and `pose`. The samples for the classifier are in
     the frame of the robot's first pose, `home`, so that people do not seem to move when the robot does.
 
-    has_messages: whether the tracker has sent any message.
+    last_message: time of the tracker's last message on the monotonic clock; None before the first.
 
     Args:
         connection: of the robot.
@@ -62,27 +69,37 @@ class Perception:
     ) -> None:
         self.frames, self._people_kind = frames, people[1]
         self._lock = threading.Lock()
+        self._reader, self._faults = PeopleReader(people[1], people[0]), FaultLog(people[0])
+        self._has_located = False
         self._positions = dict[str, tuple[float, float, float]]()  # in the fixed frame, and when it was seen
         self._poses: Subscription | None = None
         self._pose_kind = ""
+        self._speed: tuple[float, float] | None = None  # m/s plus rad/s, and when it was received
         if isinstance(pose, Pose):
             self._pose = pose
         else:
             topic, self._pose_kind = pose
+            self._pose_faults = FaultLog(topic)
             self._poses = connection.subscribe(topic, self._pose_kind, max_messages=1)
-            message = self._poses.wait(timeout)
-            if message is None:
-                raise WorldError(
-                    f"{topic}: no {self._pose_kind} within {timeout:g} s; is the robot localised?"
-                )
-            self._pose = read_pose(self._pose_kind, message)
+            self._pose = self._wait_for_pose(topic, timeout)
         self.home = self._pose
-        self._people, self.has_messages = connection.subscribe(*people), False
+        self._people = connection.subscribe(*people)
+        self.last_message: float | None = None
 
     @property
     def is_localised(self) -> bool:
         """Whether messages update the pose."""
         return self._poses is not None
+
+    def find_speed(self, since: float) -> float | None:
+        """Return the speed that odometry has measured after a time on the monotonic clock.
+
+        Returns:
+            m/s plus rad/s, 0 at standstill; None if there is no measurement.
+        """
+        self._update_pose()
+        with self._lock:
+            return None if self._speed is None or self._speed[1] < since else self._speed[0]
 
     @property
     def pose(self) -> Pose:
@@ -107,37 +124,77 @@ class Perception:
     def update(self, timeout: float) -> list[Sample]:
         """Return the samples of new messages; wait for one at most `timeout` seconds.
 
+        Messages that cannot be read are left out with a warning, and so are people in another frame, once
+        there were people in one that is known.
+
         Raises:
-            WorldError: a message has another type or frame. ConnectionLostError: there is no connection.
+            WorldError: people are in another frame. ConnectionLostError: there is no connection.
         """
         first = self._people.wait(timeout)
         if first is None:
             return []
-        self.has_messages = True
+        self.last_message = monotonic()
         self._update_pose()
         self.list_people()  # forgets those who left
         samples, heading = list[Sample](), self.frames.training_heading
         for message in (first, *self._people.take()):
-            for detection in read_people(self._people_kind, message):
-                x, y = self._locate_detection(detection)
+            for detection in self._reader.read(message):
+                position = self._locate_detection(detection)
+                if position is None:
+                    continue
+                x, y = position
                 with self._lock:
                     self._positions[detection.id] = x, y, monotonic()
                 samples.append((detection.time or time(), detection.id, *self.home.relate(x, y, heading)))
         return samples
 
-    def _locate_detection(self, detection: Detection) -> tuple[float, float]:
-        """Return the position of a detection in the fixed frame."""
-        if detection.frame == self.frames.fixed:
-            return detection.x, detection.y
-        if detection.frame == self.frames.robot:
+    def _locate_detection(self, detection: Detection) -> tuple[float, float] | None:
+        """Return the position of a detection in the fixed frame; None in a frame that is unknown."""
+        is_fixed = detection.frame == self.frames.fixed.lstrip("/")
+        if is_fixed or detection.frame == self.frames.robot.lstrip("/"):
+            self._has_located = True
+            if is_fixed:
+                return detection.x, detection.y
             return self._pose.place(detection.x, detection.y)
-        raise WorldError(
+        fault = (
             f"people are in the frame {detection.frame!r}; expected {self.frames.fixed!r} or"
             f" {self.frames.robot!r} (robot.toml: [robot] fixed_frame and frame)"
         )
+        if not self._has_located and self._people_kind != TRANSFORMS:
+            raise WorldError(fault)
+        self._faults.warn(fault)
+        return None
+
+    def _wait_for_pose(self, topic: str, timeout: float) -> Pose:
+        """Return the first pose.
+
+        Raises:
+            WorldError: none comes in time.
+        """
+        assert self._poses is not None
+        end = monotonic() + timeout
+        while (message := self._poses.wait(max(0.0, end - monotonic()))) is not None:
+            pose = self._read_pose(message)
+            if pose is not None:
+                return pose
+        raise WorldError(f"{topic}: no {self._pose_kind} within {timeout:g} s; is the robot localised?")
 
     def _update_pose(self) -> None:
         if self._poses is not None:
             with self._lock:
                 for message in self._poses.take():
-                    self._pose = read_pose(self._pose_kind, message)
+                    self._pose = self._read_pose(message) or self._pose
+
+    def _read_pose(self, message: Message) -> Pose | None:
+        """Return the pose in a message, and keep its speed; None for a pose that is left out."""
+        speed = read_speed(message)
+        if speed is not None:
+            self._speed = speed, monotonic()
+        try:
+            pose = read_pose(self._pose_kind, message)
+        except WorldError as fault:
+            self._pose_faults.warn(f"{fault}; it is left out, the pose does not change")
+            return None
+        if pose is None:
+            self._pose_faults.warn("a pose that is not finite is left out; the pose does not change")
+        return pose

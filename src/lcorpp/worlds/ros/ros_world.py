@@ -11,6 +11,7 @@ from typing import Protocol
 
 from lcorpp.errors import ActionFailedError, ConnectionLostError, DecisionError, WorldError, expected_one_of
 from lcorpp.worlds.ros.connection import RosConnection, Subscription
+from lcorpp.worlds.ros.fields import FaultLog
 from lcorpp.worlds.ros.sensor_messages import read_text
 from lcorpp.worlds.ros.skills import TWIST, Body, CallAction, Navigate, Say, Skill, Speak, make_twist
 
@@ -216,13 +217,14 @@ class TopicListener:
 
     subscription: of its topic. kind: the type of the messages, see `TEXTS`.
     utterances: observation -> its sentences; a text that is the name of an observation stands for itself.
-    observations: the possible observations.
+    observations: the possible observations. faults: warns of messages that cannot be read.
     """
 
     subscription: Subscription
     kind: str
     observations: Sequence[str]
     utterances: Mapping[str, Sequence[str]] = field(default_factory=dict)
+    faults: FaultLog = field(default_factory=lambda: FaultLog("speech"))
 
     def clear(self) -> None:
         """As `Listener.clear`."""
@@ -232,7 +234,11 @@ class TopicListener:
         """As `Listener.listen`; texts that are none of the sentences are no answers."""
         end = monotonic() + seconds
         while (message := self.subscription.wait(max(0.0, end - monotonic()))) is not None:
-            found = self._find_observation(read_text(self.kind, message))
+            try:
+                found = self._find_observation(read_text(self.kind, message))
+            except WorldError as fault:
+                self.faults.warn(f"{fault}; it is left out")
+                continue
             if found is not None:
                 return found
         return None

@@ -1,26 +1,50 @@
 """Messages of people trackers, localisation and speech, as numbers and texts.
 
-Each reader takes a message of one type as a dictionary; ROS 1 and 2 differ in the names of a stamp's fields
-only. A message that lacks a field is a typed error, since then the type in the configuration is wrong.
+The messages are dictionaries; ROS 1 and 2 differ in the names of a stamp's fields only. A message, or a
+person in it, that lacks a field or has one of another type is left out with a warning.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
-from math import atan2, isfinite, nan
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field
+from math import atan2, hypot, inf, isfinite
 from typing import Any
 
 from lcorpp.errors import WorldError
 from lcorpp.worlds.ros.connection import Message
+from lcorpp.worlds.ros.fields import (
+    FaultLog,
+    read_field,
+    read_id,
+    read_list,
+    read_number,
+    read_stamp,
+    read_text_field,
+)
 from lcorpp.worlds.ros.pose import Pose
+
+SAME_PLACE = 0.3
+"""Metres within which markers of different namespaces are of one person."""
+
+ARROW, BODIES = 0, (1, 2, 3, 10)
+"""Types of visualization_msgs/Marker that show a person: arrow; cube, sphere, cylinder and mesh."""
+
+FRAMES = ("person_", "face_", "gaze_")
+"""Prefixes of the frames of people (ROS4HRI, REP 155); a person, or a face, counts and not its parts."""
+
+TRANSFORMS = "tf2_msgs/TFMessage"
+"""The type of frames, most of which are of no people."""
 
 
 @dataclass(frozen=True)
 class Detection:
     """A person in a message of a tracker.
 
-    id: the tracker's. frame: of the position. time: stamp in seconds, None without one. x, y: metres.
+    id: the tracker's. frame: of the position. time: stamp in seconds, None without one. x, y: metres; in an
+        optical frame of a camera (REP 103), whose z axis is ahead, x is ahead and y to the left.
+    rank: of what was detected; if there are several ranks, only the lowest counts.
+    group: parts of different groups at one place are one person.
     """
 
     id: str
@@ -28,54 +52,134 @@ class Detection:
     time: float | None
     x: float
     y: float
+    rank: int = field(default=0, compare=False)
+    group: str = field(default="", compare=False)
 
     @property
     def is_valid(self) -> bool:
-        """Whether its numbers are finite and it has an id; some trackers send NaN for a person they lost."""
-        return bool(self.id) and all(map(isfinite, (self.x, self.y, self.time or 0.0)))
+        """Whether its numbers are finite; some trackers send NaN for a person they lost."""
+        return all(map(isfinite, (self.x, self.y, self.time or 0.0)))
+
+    def is_part_of(self, other: Detection) -> bool:
+        """Return whether it is a part of another group of the same person."""
+        return (
+            self.group != other.group
+            and self.frame == other.frame
+            and hypot(self.x - other.x, self.y - other.y) <= SAME_PLACE
+        )
 
 
-def _read_people(message: Message) -> Iterator[Detection]:
-    frame, time = _read_header(message)
-    for person in message["people"]:
-        yield _detect(person["name"], frame, time, person["position"])
+def _read_person(person: Any, message: Message) -> Detection | None:
+    return _detect(read_field(person, "name"), message, read_field(person, "position"))
 
 
-def _read_tracked_persons(message: Message) -> Iterator[Detection]:
-    frame, time = _read_header(message)
-    for track in message["tracks"]:
-        if not track.get("is_occluded", False):
-            yield _detect(track["track_id"], frame, time, track["pose"]["pose"]["position"])
+def _read_track(track: Any, message: Message) -> Detection | None:
+    position, id_ = read_field(track, "pose", "pose", "position"), read_field(track, "track_id")
+    return None if track.get("is_occluded") else _detect(id_, message, position)
 
 
-def _read_markers(message: Message) -> Iterator[Detection]:
-    for marker in message["markers"]:
-        if marker.get("action", 0) == 0:  # others delete markers
-            yield _detect(marker["id"], *_read_header(marker), marker["pose"]["position"])
+def _read_marker(marker: Any, message: Message) -> Detection | None:
+    kind, action = (marker.get(name, 0) for name in ("type", "action"))
+    if type(kind) is not int or type(action) is not int:
+        raise WorldError("type and action of a marker are no integers")
+    is_arrow = kind == ARROW and not marker.get("points")  # by two points: a velocity, the pose is not used
+    if action != 0 or not (is_arrow or kind in BODIES):  # other actions delete markers
+        return None
+    id_, group = read_field(marker, "id"), str(marker.get("ns"))
+    return _detect(id_, marker, read_field(marker, "pose", "position"), rank=int(is_arrow), group=group)
 
 
-def _read_detections(message: Message) -> Iterator[Detection]:
-    frame, time = _read_header(message)
-    for detection in message["detections"]:
-        yield _detect(detection["id"], frame, time, detection["bbox"]["center"]["position"])
+def _is_drawn(item: Any) -> bool:
+    return isinstance(item, Mapping) and "type" in item and item.get("action") == 0
 
 
-def _read_transforms(message: Message) -> Iterator[Detection]:
-    for transform in message["transforms"]:
-        name = transform["child_frame_id"]
-        if name.startswith("person_"):  # ROS4HRI, REP 155
-            id_ = name.removeprefix("person_")
-            yield _detect(id_, *_read_header(transform), transform["transform"]["translation"])
+def _read_detection(detection: Any, message: Message) -> Detection | None:
+    position = read_field(detection, "bbox", "center", "position")
+    id_ = read_id(detection.get("id"))
+    if id_ is None and detection.get("is_tracking", True):  # Foxy and Galactic
+        id_ = read_id(detection.get("tracking_id"))
+    return _detect(id_, message, position)
 
 
-PEOPLE: Mapping[str, Callable[[Message], Iterator[Detection]]] = {
-    "people_msgs/People": _read_people,
-    "spencer_tracking_msgs/TrackedPersons": _read_tracked_persons,
-    "visualization_msgs/MarkerArray": _read_markers,
-    "vision_msgs/Detection3DArray": _read_detections,
-    "tf2_msgs/TFMessage": _read_transforms,
+def _read_transform(transform: Any, message: Message) -> Detection | None:
+    name = read_text_field(transform, "child_frame_id").lstrip("/")
+    rank = next((rank for rank, prefix in enumerate(FRAMES) if name.startswith(prefix)), None)
+    if rank is None:
+        return None
+    position = read_field(transform, "transform", "translation")
+    found = _detect(name.removeprefix(FRAMES[rank]), transform, position, rank=rank)
+    return None if found.frame.startswith(FRAMES) else found  # a gaze below its face has no place of its own
+
+
+@dataclass(frozen=True)
+class PeopleFormat:
+    """A type of trackers' messages. items: the field with the people. read: reads one of them."""
+
+    items: str
+    read: Callable[[Any, Message], Detection | None]
+
+
+PEOPLE: Mapping[str, PeopleFormat] = {
+    "people_msgs/People": PeopleFormat("people", _read_person),
+    "spencer_tracking_msgs/TrackedPersons": PeopleFormat("tracks", _read_track),
+    "visualization_msgs/MarkerArray": PeopleFormat("markers", _read_marker),
+    "vision_msgs/Detection3DArray": PeopleFormat("detections", _read_detection),
+    TRANSFORMS: PeopleFormat("transforms", _read_transform),
 }
-"""Type of a tracker's messages -> their reader."""
+"""Type of a tracker's messages -> how they are read."""
+
+
+class PeopleReader:
+    """Read the messages of one tracker.
+
+    A person is once in a message: of detections with one id, the first counts. Parts of a person, such as
+    markers of several namespaces at one place, count once.
+
+    Args:
+        kind: a key of `PEOPLE`. place: the topic or file that warnings name; by default the type.
+    """
+
+    def __init__(self, kind: str, place: str | None = None) -> None:
+        self._kind, self._format = kind, PEOPLE[kind]
+        self._faults = FaultLog(place or kind)
+        self._rank: float = inf  # the lowest so far
+
+    def read(self, message: Message) -> list[Detection]:
+        """Return the people in a message; what cannot be read is left out, each kind with one warning."""
+        try:
+            items = read_list(message, self._format.items)
+        except WorldError as fault:
+            self._faults.warn(f"a message that is no {self._kind} is left out: {fault}")
+            return []
+        found = [detection for item in items if (detection := self._read(item, message)) is not None]
+        if not found and self._rank == inf and any(map(_is_drawn, items)):
+            self._faults.warn("no marker shows a person; expected a cube, sphere, cylinder, mesh or arrow")
+        self._rank = min([self._rank, *(detection.rank for detection in found)])
+        return self._choose(detection for detection in found if detection.rank == self._rank)
+
+    def _read(self, item: Any, message: Message) -> Detection | None:
+        """Return the person in a part of a message; None if there is none."""
+        try:
+            if not isinstance(item, Mapping):
+                raise WorldError(f"it is a {type(item).__name__}; expected a message")
+            found = self._format.read(item, message)
+        except WorldError as fault:
+            self._faults.warn(f"a part of {self._format.items!r} is left out: {fault}")
+            return None
+        return found if found is not None and found.is_valid else None
+
+    def _choose(self, detections: Iterable[Detection]) -> list[Detection]:
+        """Return one detection for each person."""
+        chosen = dict[str, Detection]()
+        for new in detections:
+            old = chosen.get(new.id)
+            if old is None:
+                if not any(new.is_part_of(other) for other in chosen.values()):
+                    chosen[new.id] = new
+            elif new.group == old.group:
+                self._faults.warn(f"the id {new.id!r} is twice in one message; the first one counts", "twice")
+        return list(chosen.values())
+
 
 POSES: Mapping[str, tuple[str, ...]] = {
     "nav_msgs/Odometry": ("pose", "pose"),
@@ -92,24 +196,36 @@ TEXTS: Mapping[str, str] = {
 
 
 def read_people(kind: str, message: Message) -> list[Detection]:
-    """Return the people in a tracker's message.
+    """Return the people in one message of a tracker, see `PeopleReader`.
 
     Args:
         kind: a key of `PEOPLE`.
+    """
+    return PeopleReader(kind).read(message)
 
-    People without an id, or whose numbers are not finite, are left out.
+
+def _detect(id_: object, message: Message, position: Any, *, rank: int = 0, group: str = "") -> Detection:
+    """Return a detection. message: the one with the header. position: its fields are x, y and z.
 
     Raises:
-        WorldError: the message is of another type.
+        WorldError: there is no id or no header, or a field is missing.
     """
-    try:
-        return [person for person in PEOPLE[kind](message) if person.is_valid]
-    except (KeyError, TypeError, ValueError, AttributeError, OverflowError) as error:
-        raise WorldError(f"a message that is no {kind}: {type(error).__name__}: {error}") from None
+    name = read_id(id_)
+    if name is None:
+        raise WorldError("it has no id")
+    frame = read_text_field(message, "header", "frame_id").lstrip("/")
+    if not frame:
+        raise WorldError("it has no frame")
+    time = read_stamp(message, "header", "stamp")
+    if frame.endswith(("_optical_frame", "_optical")):
+        x, y = read_number(position, "z"), -read_number(position, "x")
+    else:
+        x, y = read_number(position, "x"), read_number(position, "y")
+    return Detection(name, frame, time, x, y, rank, group)
 
 
-def read_pose(kind: str, message: Message) -> Pose:
-    """Return the pose in a message of the localisation.
+def read_pose(kind: str, message: Message) -> Pose | None:
+    """Return the pose in a message of the localisation; None if a number is not finite.
 
     Args:
         kind: a key of `POSES`.
@@ -118,15 +234,27 @@ def read_pose(kind: str, message: Message) -> Pose:
         WorldError: the message is of another type.
     """
     try:
-        pose: Any = message
-        for field in POSES[kind]:
-            pose = pose[field]
-        position, q = pose["position"], pose["orientation"]
-        sine = 2 * (q["w"] * q["z"] + q["x"] * q["y"])
-        cosine = 1 - 2 * (q["y"] ** 2 + q["z"] ** 2)
-        return Pose(float(position["x"]), float(position["y"]), atan2(sine, cosine))
-    except (KeyError, TypeError, ValueError, OverflowError) as error:
-        raise WorldError(f"a message that is no {kind}: {type(error).__name__}: {error}") from None
+        pose = read_field(message, *POSES[kind])
+        x, y = (read_number(pose, "position", name) for name in ("x", "y"))
+        qx, qy, qz, qw = (read_number(pose, "orientation", name) for name in ("x", "y", "z", "w"))
+    except WorldError as fault:
+        raise WorldError(f"a message that is no {kind}: {fault}") from None
+    if not all(map(isfinite, (x, y, qx, qy, qz, qw))):
+        return None
+    return Pose(x, y, atan2(2 * (qw * qz + qx * qy), qw * qw + qx * qx - qy * qy - qz * qz))
+
+
+def read_speed(message: Message) -> float | None:
+    """Return the speed in a nav_msgs/Odometry, m/s plus rad/s, 0 at standstill; None without a velocity."""
+    try:
+        parts = [
+            [read_number(message, "twist", "twist", part, name) for name in ("x", "y", "z")]
+            for part in ("linear", "angular")
+        ]
+    except WorldError:
+        return None
+    speed = sum(hypot(*part) for part in parts)
+    return speed if isfinite(speed) else None
 
 
 def read_text(kind: str, message: Message) -> str:
@@ -138,24 +266,7 @@ def read_text(kind: str, message: Message) -> str:
     Raises:
         WorldError: the message is of another type.
     """
-    text = message.get(TEXTS[kind])
-    if not isinstance(text, str):
-        raise WorldError(f"a message that is no {kind}: it has no text {TEXTS[kind]!r}")
-    return text
-
-
-def read_stamp(stamp: Message) -> float | None:
-    """Return the seconds of a stamp of ROS 1 or 2; None for an empty one."""
-    seconds, part = ("secs", "nsecs") if "secs" in stamp else ("sec", "nanosec")
-    time = float(stamp[seconds]) + 1e-9 * float(stamp[part])
-    return time or None
-
-
-def _read_header(message: Message) -> tuple[str, float | None]:
-    header = message["header"]
-    return str(header["frame_id"]).lstrip("/"), read_stamp(header["stamp"])
-
-
-def _detect(id_: object, frame: str, time: float | None, position: Message) -> Detection:
-    x, y = (nan if position[name] is None else float(position[name]) for name in ("x", "y"))
-    return Detection(str(id_), frame, time, x, y)  # None: rosbridge has no NaN
+    try:
+        return read_text_field(message, TEXTS[kind])
+    except WorldError as fault:
+        raise WorldError(f"a message that is no {kind}: {fault}") from None
