@@ -64,8 +64,11 @@ def test_a_failed_action_is_a_failed_decision_and_the_robot_gives_up_after_some(
     with run_loop(folder, parts, navigate_always(60), people=people, navigation="abort") as (stand_in, loop):
         running = loop.run()
         decisions = [next(running) for _ in range(MAX_FAILURES)]
-        with pytest.raises(WorldError, match=f"{MAX_FAILURES} decisions in a row have failed; the last"):
+        with pytest.raises(
+            WorldError, match=f"{MAX_FAILURES} decisions in a row have failed; the last"
+        ) as caught:
             next(running)
+        assert "; at the end: an order to stop was sent" in str(caught.value)
         assert all(isinstance(decision.error, ActionFailedError) for decision in decisions)
         wait_until(lambda: stand_in.stops >= MAX_FAILURES and stand_in.cancels >= MAX_FAILURES)
 
@@ -106,8 +109,25 @@ def test_a_connection_that_does_not_come_back_ends_the_loop(folder, parts):
             stand_in.close()
 
         threading.Thread(target=kill, daemon=True).start()
-        with pytest.raises(ConnectionLostError, match="it was not back within 2 s"):
+        with pytest.raises(
+            ConnectionLostError,
+            match="could not be used within 2 s; at the end: no order to stop can be sent",
+        ):
             list(loop.run())
+
+
+def test_the_last_decision_ends_after_the_stop_was_sent(folder, parts):
+    with run_loop(folder, parts, navigate_always(60), navigation="hang") as (stand_in, loop):
+
+        def cut():
+            wait_until(lambda: stand_in.goals)
+            stand_in.server.cut()
+
+        threading.Thread(target=cut, daemon=True).start()
+        (lost,) = loop.run(1)
+        assert isinstance(lost.error, ConnectionLostError)
+        assert stand_in.stops
+        assert stand_in.cancels
 
 
 def test_messages_of_another_type_are_left_out_and_the_loop_goes_on(folder, parts, caplog):

@@ -24,6 +24,8 @@ from lcorpp.worlds.ros.fields import FaultLog
 from lcorpp.worlds.ros.perception import Perception
 from lcorpp.worlds.ros.ros_world import RosWorld
 from lcorpp.worlds.ros.skills import Body
+from lcorpp.worlds.ros.stop_report import StopReport
+from lcorpp.worlds.ros.stopping import StopOrders
 
 LOG = logging.getLogger("lcorpp.robot")
 
@@ -88,6 +90,7 @@ class RobotLoop:
             self._session = strategy.start(self._full, parts.rates)
         for fact in config.facts.values():
             fact.start(connection)
+        self._orders = StopOrders.of(config.cmd_vel, [b.skill for b in config.behaviours.values()])
         self._listener = make_listener(config.answers, parts.domain, connection)
         self._decided, self._faults = set[str](), FaultLog(config.people.topic[0])
 
@@ -99,10 +102,12 @@ class RobotLoop:
 
         Raises:
             ConnectionLostError: the connection is lost, and does not come back in time.
-            WorldError: the decisions fail again and again, or messages have another type.
+            WorldError: the decisions fail again and again, or people are in another frame. The robot was
+                ordered to stop; the message states what is known about that.
         """
         thread = TrackingThread(self._perception, self._tracks)
         count, failures, began = 0, 0, monotonic()
+        error: LcorppError | None = None
         try:
             while max_decisions is None or count < max_decisions:
                 thread.check()
@@ -122,12 +127,20 @@ class RobotLoop:
                     failures = failures + 1 if isinstance(error, WorldError) else 0
                 if failures == MAX_FAILURES:
                     raise WorldError(f"{failures} decisions in a row have failed; the last one: {error}")
+            if isinstance(error, ConnectionLostError):
+                self._await_connection()  # after which the robot was ordered to stop
+        except LcorppError as fault:
+            kind = type(fault) if isinstance(fault, WorldError) else WorldError
+            raise kind(f"{fault}; at the end: {self.stop()}") from fault
+        except Exception:
+            self.stop()
+            raise
         finally:
             thread.end()
 
-    def stop(self) -> str:
-        """Order the robot to stop; return a sentence about it."""
-        return self._make_world("").stop()
+    def stop(self) -> StopReport:
+        """Order the robot to stop for the last time; return what is known about it."""
+        return self._make_world("").stop(is_final=True)
 
     def _warn_of_silence(self, seconds: float) -> None:
         """Warn if the tracker sends no messages: once before the first one, and once after it."""
@@ -151,7 +164,7 @@ class RobotLoop:
             except ConnectionLostError as error:
                 if monotonic() > end:
                     outage = self._config.connection.max_outage
-                    raise ConnectionLostError(f"{error}; it was not back within {outage:g} s") from None
+                    raise ConnectionLostError(f"{error}; it could not be used within {outage:g} s") from None
             sleep(PERIOD)
 
     def _find_person(self) -> str | None:
@@ -241,7 +254,8 @@ class RobotLoop:
     def _make_world(self, person: str) -> RosWorld:
         config = self._config
         body = Body(self._connection, self._perception, person, config.cmd_vel)
-        return RosWorld(body, config.behaviours, self._listener, silence=config.answers.silence)
+        silence = config.answers.silence
+        return RosWorld(body, config.behaviours, self._listener, silence=silence, orders=self._orders)
 
     def _publish_belief(self, person: str, marginal: Distribution, action: str | None = None) -> None:
         if self._config.beliefs is not None:

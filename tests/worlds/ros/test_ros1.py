@@ -89,7 +89,7 @@ def test_twenty_failures_end_in_time_with_a_stop(env, robot, mode, message):
     lines = ended.stdout.splitlines()
     assert len(lines) == 20, ended.stderr
     assert all(float(line.split()[0]) < 2.0 for line in lines)
-    assert [line for line in lines if message not in line or "was ordered to stop" not in line] == []
+    assert [line for line in lines if message not in line or "an order to stop was sent" not in line] == []
     end = time.monotonic() + 30
     while robot.count("twist", linear=0.0) < 20 and time.monotonic() < end:
         time.sleep(0.05)

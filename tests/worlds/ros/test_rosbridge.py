@@ -7,6 +7,8 @@ import pytest
 
 from lcorpp.errors import ActionFailedError, ConnectionLostError
 from lcorpp.worlds.ros.rosbridge import RosbridgeConnection
+from lcorpp.worlds.ros.rosbridge_messages import read_result
+from lcorpp.worlds.ros.stop_report import Cancellation
 from tests.worlds.ros.stand_in import StandIn, bridge
 
 WAIT = 10.0
@@ -96,7 +98,9 @@ def test_a_goal_succeeds_is_aborted_or_is_cancelled_in_time(server, connection):
     assert connection.run_action("/go", "x/Go", {"do": "reach"}, timeout=WAIT) == {"n": 3}
     with pytest.raises(ActionFailedError, match="the goal of /go was refused or aborted"):
         connection.run_action("/go", "x/Go", {"do": "abort"}, timeout=WAIT)
-    with pytest.raises(ActionFailedError, match=r"/go has no result within 0.2 s; it was cancelled"):
+    with pytest.raises(
+        ActionFailedError, match=r"/go has no result within 0.2 s; its cancellation was sent;"
+    ):
         connection.run_action("/go", "x/Go", {"do": "hang"}, timeout=0.2)
     assert cancelled.wait(WAIT)
 
@@ -111,13 +115,13 @@ def test_a_goal_that_is_accepted_after_its_time_out_is_cancelled(server, connect
 
     server.serve_action("/go", run)
     server.accept_delay = 0.4
-    with pytest.raises(ActionFailedError, match=r"no result within 0.2 s; it was cancelled"):
+    with pytest.raises(ActionFailedError, match=r"no result within 0.2 s; its cancellation was sent; "):
         connection.run_action("/go", "x/Go", {}, timeout=0.2)
     assert ended.wait(WAIT)
 
 
 def test_a_refused_cancellation_is_not_confirmed(server, connection):
-    assert connection.cancel_goals("/go", timeout=WAIT)  # no goals: nothing is left
+    assert connection.cancel_goals("/go", timeout=WAIT) is Cancellation.CONFIRMED  # no goals: nothing is left
     replies = iter(
         ['"result": false, "values": "no service"', '"result": true, "values": {"return_code": 1}']
     )
@@ -126,8 +130,43 @@ def test_a_refused_cancellation_is_not_confirmed(server, connection):
         client.send(f'{{"op": "service_response", "id": "{message["id"]}", {next(replies)}}}')
 
     server._answer = answer
-    assert not connection.cancel_goals("/go", timeout=WAIT)
-    assert not connection.cancel_goals("/go", timeout=WAIT)
+    assert connection.cancel_goals("/go", timeout=WAIT) is Cancellation.FAILED
+    assert connection.cancel_goals("/go", timeout=WAIT) is Cancellation.FAILED
+    server._answer = lambda client, message: None
+    assert connection.cancel_goals("/go", timeout=0.05) is Cancellation.NO_REPLY
+    with pytest.raises(
+        ActionFailedError, match="cancellation was sent; /go has not confirmed the cancellation"
+    ):
+        connection.run_action("/go", "x/Go", {}, timeout=0.05)
+
+
+def test_a_cancellation_that_is_confirmed_before_the_goal_ends(server, connection):
+    ends = threading.Event()
+    server.serve_action("/go", lambda goal: (ends.wait(WAIT), (bridge.CANCELLED, {}))[1])
+    with pytest.raises(ActionFailedError, match=r"was sent; /go has confirmed the cancellation$"):
+        connection.run_action("/go", "x/Go", {}, timeout=0.05)
+    ends.set()
+
+
+@pytest.mark.parametrize(
+    ("reply", "outcome"),
+    [
+        ({"values": {"n": 1}, "status": 4, "result": True}, {"n": 1}),
+        ({"values": {"n": 1}, "status": "4", "result": True}, {"n": 1}),
+        ({"values": {"status": 4, "result": {"n": 1}}, "result": True}, {"n": 1}),
+        ({"values": None, "status": 4, "result": True}, {}),
+        ({"values": {}, "status": 5, "result": True}, "was cancelled by others"),
+        ({"values": {"status": "6", "result": {}}, "result": True}, "was refused or aborted"),
+        ({"values": "no server", "result": False}, "was refused or aborted: no server"),
+        ({"status": 4}, "was refused or aborted"),
+    ],
+)
+def test_the_status_of_a_goal_is_beside_or_around_its_result(reply, outcome):
+    if isinstance(outcome, dict):
+        assert read_result("/go", reply) == outcome
+    else:
+        with pytest.raises(ActionFailedError, match=rf"the goal of /go {outcome}$"):
+            read_result("/go", reply)
 
 
 def test_a_goal_ends_at_once_if_the_connection_is_cut(server, connection):
@@ -198,6 +237,32 @@ def test_malformed_messages_are_left_out(server, connection, text):
         client.send(text)
     server.publish("/a", {"data": 1})
     assert received.wait(WAIT) == {"data": 1}
+
+
+def test_what_is_left_out_is_named_once_for_each_kind(server, connection, caplog):
+    connection.subscribe("/a", "std_msgs/Int32")
+    wait_until(lambda: server.connections and server.is_subscribed("/a"))
+    texts = ("{", '{"op": "png", "data": "eJw="}', '{"op": "new"}', '{"op": "fragment", "id": 1}', "[1]")
+    for client in server.connections:
+        for text in (*texts, *texts, '{"op": "status", "level": "error", "msg": "last"}'):
+            client.send(text)
+    wait_until(lambda: connection.notes[-1:] == ["last"])
+    assert [message.split(": ", 1)[1] for message in caplog.messages] == [
+        "a message that is no JSON is left out",
+        "an operation 'png' is left out: its data is no PNG image; expected messages without compression",
+        "the operation 'new' is unknown and left out",
+        "a fragment without id or data is left out",
+        "a message without an operation is left out",
+        "last",
+    ]
+
+
+def test_a_lost_connection_leaves_no_traceback_of_another_thread(server, connection, capfd):
+    """websockets logs a keepalive that fails with its traceback."""
+    socket = connection._socket
+    socket.logger.error("keepalive ping failed", exc_info=ValueError("closed"))
+    assert capfd.readouterr().err == ""
+    assert socket.logger.name == "lcorpp.websockets"
 
 
 def test_errors_of_the_server_are_kept(server, connection):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import signal
+import warnings
 from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -69,6 +70,8 @@ def robot(
             f"{domain.name} by {strategy.name} on {read.connection.kind} (ROS {connection.version});"
             " Ctrl-C ends it"
         )
+        stack.callback(setattr, warnings, "showwarning", warnings.showwarning)
+        warnings.showwarning = lambda message, *_, **__: console.warn(str(message))
         for number in (signal.SIGTERM, signal.SIGHUP):  # the end of a service or of a terminal: as Ctrl-C
             stack.callback(signal.signal, number, signal.signal(number, signal.default_int_handler))
         count = 0

@@ -10,6 +10,7 @@ from time import monotonic, sleep
 from typing import Any, Protocol, Self
 
 from lcorpp.errors import WorldError
+from lcorpp.worlds.ros.stop_report import Cancellation
 
 Message = Mapping[str, Any]
 """A ROS message: field -> number, text, list or message."""
@@ -48,6 +49,9 @@ class RosConnection(Protocol):
     def publish(self, topic: str, kind: str, message: Message) -> None:
         """Send a message."""
 
+    def count_receivers(self, topic: str) -> int | None:
+        """Return the number of nodes that receive what is published to a topic; None if it is unknown."""
+
     def subscribe(self, topic: str, kind: str, *, max_messages: int = MAX_MESSAGES) -> Subscription:
         """Return the messages of a topic from now on."""
 
@@ -63,15 +67,15 @@ class RosConnection(Protocol):
 
         Raises:
             ActionFailedError: the goal is refused, aborted or cancelled by others, or there is no result
-                within `timeout` seconds; then its cancellation is requested.
+                within `timeout` seconds; then its cancellation is requested, and the message states what is
+                known about that.
         """
 
-    def cancel_goals(self, name: str, *, timeout: float = 0.0) -> bool:
+    def cancel_goals(self, name: str, *, timeout: float = 0.0) -> Cancellation:
         """Request the cancellation of all goals of an action server.
 
         Returns:
-            Whether the server has confirmed it within `timeout` seconds; with ROS 1, which confirms nothing,
-            whether the request was sent.
+            What is known about it after at most `timeout` seconds.
         """
 
     def call_after_reconnect(self, function: Callable[[], bool]) -> None:

@@ -91,6 +91,11 @@ class Perception:
         """Whether messages update the pose."""
         return self._poses is not None
 
+    @property
+    def measures_speed(self) -> bool:
+        """Whether the pose comes from odometry."""
+        return self._pose_kind == "nav_msgs/Odometry"
+
     def find_speed(self, since: float) -> float | None:
         """Return the speed that odometry has measured after a time on the monotonic clock.
 

@@ -19,11 +19,15 @@ from lcorpp.worlds.ros.connection import (
     Subscription,
     wait_for_receiver,
 )
+from lcorpp.worlds.ros.stop_report import Cancellation, describe_missing_result
 
 QUEUE_SIZE = 10
 """Depth of the queues of topics."""
 SERVER_TIMEOUT = 3.0
 """Seconds within which a server of an action or service is discovered."""
+
+FINAL = (SUCCEEDED, CANCELLED, 6)
+"""Status of a goal that has ended; 6 is ABORTED."""
 
 DISCOVERY = 0.3
 """Seconds to find the service that cancels goals."""
@@ -91,6 +95,11 @@ class RclpyConnection:
         self.check()
         self._publishers[topic].publish(make_message(find_type(kind, "msg"), message))
 
+    def count_receivers(self, topic: str) -> int:
+        """As `RosConnection.count_receivers`."""
+        made = self._publishers.get(topic)
+        return 0 if made is None else int(made.get_subscription_count())
+
     def subscribe(self, topic: str, kind: str, *, max_messages: int = MAX_MESSAGES) -> Subscription:
         """As `RosConnection.subscribe`."""
         self.check()
@@ -139,21 +148,26 @@ class RclpyConnection:
             if result is None:  # also if it is accepted later
                 sent.add_done_callback(_cancel_accepted)
         if result is None:
-            raise ActionFailedError(f"{name} has no result within {timeout:g} s; it was cancelled")
+            known = self.cancel_goals(name, timeout=DISCOVERY)
+            has_ended = handle is not None and handle.status in FINAL
+            raise ActionFailedError(describe_missing_result(name, timeout, known, has_ended=has_ended))
         if result.status != SUCCEEDED:
             how = "was cancelled by others" if result.status == CANCELLED else "was aborted"
             raise ActionFailedError(f"the goal of {name} {how}")
         content: Message = read_fields(result.result)
         return content
 
-    def cancel_goals(self, name: str, *, timeout: float = 0.0) -> bool:
+    def cancel_goals(self, name: str, *, timeout: float = 0.0) -> Cancellation:
         """As `RosConnection.cancel_goals`."""
         client = self._find_cancel_client(name)
         if not client.wait_for_service(DISCOVERY):
-            return False
+            return Cancellation.NOT_SENT
         request = find_type("action_msgs/CancelGoal", "srv").Request()  # empty goal id and stamp: all goals
         response = _wait(client.call_async(request), monotonic() + timeout)
-        return response is not None and response.return_code in NOTHING_LEFT
+        if response is None:
+            return Cancellation.NO_REPLY
+        is_done = response.return_code in NOTHING_LEFT
+        return Cancellation.CONFIRMED if is_done else Cancellation.FAILED
 
     def _find_cancel_client(self, name: str) -> Any:
         found, service = find_type("action_msgs/CancelGoal", "srv"), f"{name}/_action/cancel_goal"

@@ -18,6 +18,11 @@ class Reply:
         self._event, self._content = threading.Event(), dict[str, Any]()
         self._is_lost = False
 
+    @property
+    def is_set(self) -> bool:
+        """Whether the reply has come."""
+        return self._event.is_set() and not self._is_lost
+
     def set(self, content: Mapping[str, Any]) -> None:
         """Set the reply."""
         self._content = dict(content)

@@ -4,23 +4,23 @@ from __future__ import annotations
 
 import logging
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from time import monotonic
 from typing import Protocol
 
-from lcorpp.errors import ActionFailedError, ConnectionLostError, DecisionError, WorldError, expected_one_of
-from lcorpp.worlds.ros.connection import RosConnection, Subscription
+from lcorpp.errors import ActionFailedError, DecisionError, WorldError, expected_one_of
+from lcorpp.worlds.ros.connection import Subscription
 from lcorpp.worlds.ros.fields import FaultLog
 from lcorpp.worlds.ros.sensor_messages import read_text
-from lcorpp.worlds.ros.skills import TWIST, Body, CallAction, Navigate, Say, Skill, Speak, make_twist
+from lcorpp.worlds.ros.skills import Body, Say, Skill, Speak
+from lcorpp.worlds.ros.stop_report import StopReport
+from lcorpp.worlds.ros.stopping import StopAfterFailure, StopOrders
 
 LOG = logging.getLogger("lcorpp.robot")
 """At INFO one line an action, at WARNING one line a failure that became an observation."""
 
 
-BRIEFLY = 0.3
-"""Seconds to wait for the confirmation of a stop, so that it does not cancel the next goal instead."""
 CONFIRMATION = 1.0
 """Seconds to wait until an action server confirms a cancellation, before the orders are repeated."""
 
@@ -54,48 +54,6 @@ class Behaviour:
     failure: str | None = None
 
 
-@dataclass(frozen=True)
-class StopOrders:
-    """What stops the robot: a Twist of zeros, and the cancellation of the goals of these action servers."""
-
-    cmd_vel: str
-    servers: tuple[str, ...] = ()
-
-    @classmethod
-    def of(cls, cmd_vel: str, skills: Iterable[Skill | None]) -> StopOrders:
-        """Return the orders for what these skills may have started."""
-        names = {skill.name for skill in skills if isinstance(skill, Navigate | CallAction)}
-        return cls(cmd_vel, tuple(sorted(names)))
-
-    def send(self, connection: RosConnection, *, timeout: float = 0.0) -> bool:
-        """Order the robot to stop.
-
-        Returns:
-            Whether all action servers have confirmed it, each within `timeout` seconds.
-
-        Raises:
-            ConnectionLostError: there is no connection.
-        """
-        connection.publish(self.cmd_vel, TWIST, make_twist(0.0, 0.0))
-        confirmed = []
-        for name in self.servers:
-            try:
-                confirmed.append(connection.cancel_goals(name, timeout=timeout))
-            except ActionFailedError:  # the others are still cancelled
-                confirmed.append(False)
-        return all(confirmed)
-
-    def send_soon(self, connection: RosConnection) -> str:
-        """Order the robot to stop, now or (by `RosWorld`) after reconnecting; return a sentence about it."""
-        try:
-            self.send(connection, timeout=BRIEFLY)
-        except ConnectionLostError:
-            return (
-                "without a connection no order to stop was sent; it is the first once the connection is back"
-            )
-        return "the robot was ordered to stop"
-
-
 class RosWorld:
     """A person and a robot that runs ROS, as the world of one decision (`lcorpp.protocols.World`).
 
@@ -110,6 +68,7 @@ class RosWorld:
         behaviours: action -> how to execute it; actions without one are errors.
         listener: recognises answers; None if the robot cannot hear.
         silence: the observation without an answer.
+        orders: what stops the robot; None makes them from the behaviours.
     """
 
     source = "robot.toml"
@@ -121,12 +80,15 @@ class RosWorld:
         listener: Listener | None = None,
         *,
         silence: str = "none",
+        orders: StopOrders | None = None,
     ) -> None:
         self._body, self._behaviours = body, behaviours
         self._listener, self._silence = listener, silence
-        self._orders = StopOrders.of(body.cmd_vel, [b.skill for b in behaviours.values()])
+        self._orders = orders or StopOrders.of(body.cmd_vel, [b.skill for b in behaviours.values()])
         self.failures = list[WorldError]()
-        body.connection.call_after_reconnect(lambda: self._orders.send(body.connection, timeout=CONFIRMATION))
+        body.connection.call_after_reconnect(
+            lambda: self._orders.send(body.connection, timeout=CONFIRMATION).is_settled
+        )
 
     def __repr__(self) -> str:
         return f"RosWorld({self._body.person!r}; actions: {', '.join(self._behaviours)})"
@@ -159,9 +121,13 @@ class RosWorld:
         if action in self._behaviours:
             self._execute(action, self._behaviours[action])
 
-    def stop(self) -> str:
-        """Order the robot to stop, now or as soon as the connection is back; return a sentence about it."""
-        return self._orders.send_soon(self._body.connection)
+    def stop(self, *, is_final: bool = False) -> StopReport:
+        """Order the robot to stop, now or as soon as the connection is back; return what is known about it.
+
+        Args:
+            is_final: whether the connection ends now.
+        """
+        return self._orders.stop(self._body, is_final=is_final)
 
     def _find_behaviour(self, action: str) -> Behaviour:
         found = self._behaviours.get(action)
@@ -191,24 +157,7 @@ class RosWorld:
         return None
 
     def _stop_after_failure(self, action: str) -> StopAfterFailure:
-        return StopAfterFailure(action, self._orders, self._body.connection)
-
-
-class StopAfterFailure:
-    """A context that orders the robot to stop if an action fails or is interrupted."""
-
-    def __init__(self, action: str, orders: StopOrders, connection: RosConnection) -> None:
-        self._action, self._orders, self._connection = action, orders, connection
-
-    def __enter__(self) -> None:
-        pass
-
-    def __exit__(self, kind: object, error: BaseException | None, _: object) -> None:
-        if error is None:
-            return
-        ordered = self._orders.send_soon(self._connection)
-        if isinstance(error, WorldError):
-            raise type(error)(f"{self._action}: {error}; {ordered}") from error
+        return StopAfterFailure(action, self._orders, self._body)
 
 
 @dataclass(frozen=True, eq=False)

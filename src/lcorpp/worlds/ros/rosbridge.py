@@ -3,34 +3,30 @@
 from __future__ import annotations
 
 import json
-import logging
 import threading
-from collections.abc import Callable
-from contextlib import ExitStack, suppress
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from time import monotonic
 from typing import Any
 
-from websockets.exceptions import ConnectionClosed, InvalidHandshake, InvalidURI
-from websockets.sync.client import ClientConnection, connect
+from websockets.exceptions import ConnectionClosed
+from websockets.frames import CloseCode
+from websockets.sync.client import ClientConnection
 
 from lcorpp.errors import ActionFailedError, ConnectionLostError, WorldError
 from lcorpp.worlds.ros.connection import (
-    CANCELLED,
     MAX_MESSAGES,
-    NOTHING_LEFT,
-    SUCCEEDED,
     Message,
     Subscription,
     name_type,
 )
+from lcorpp.worlds.ros.fields import FaultLog
 from lcorpp.worlds.ros.replies import Replies, Reply
+from lcorpp.worlds.ros.rosbridge_messages import MAX_SIZE, MessageDecoder, read_cancellation, read_result
+from lcorpp.worlds.ros.rosbridge_socket import PING_TIMEOUT, open_socket
+from lcorpp.worlds.ros.stop_report import Cancellation, describe_missing_result
 from lcorpp.worlds.ros.topic_actions import cancel_topic_goals, run_topic_action
 
-LOG = logging.getLogger("lcorpp.robot")
-"""At WARNING one line an error message of the server that belongs to no request."""
-
-PING_INTERVAL, PING_TIMEOUT = 2.0, 3.0
-"""Seconds between two pings, and until a connection without pongs counts as lost, e.g. a cut cable."""
 MIN_RETRY, MAX_RETRY = 0.1, 2.0
 """Seconds between two attempts to connect again; the pause doubles after each."""
 MIN_CALLS, CALL_INTERVAL, MAX_SETTLING = 8, 0.25, 10.0
@@ -38,8 +34,6 @@ MIN_CALLS, CALL_INTERVAL, MAX_SETTLING = 8, 0.25, 10.0
 published before it has found the receivers of a topic, which takes seconds."""
 LATE_GOAL = 0.5
 """Seconds after a cancellation within which a goal that was just sent may still be accepted."""
-MAX_SIZE = 2**24
-"""Bytes of a message."""
 MAX_NOTES = 20
 """Error messages of the server that are kept."""
 
@@ -52,7 +46,8 @@ class RosbridgeConnection:
     several times, and only then the connection counts as made.
     A slow reader loses the oldest messages of a topic, here and in the server (`queue_length`).
 
-    notes: the latest error messages of the server that belong to no request.
+    notes: the latest error messages of the server that belong to no request, and messages that were left out.
+        Each kind is logged once, at WARNING.
 
     Args:
         url: e.g. "ws://localhost:9090". version: of ROS, 1 or 2. timeout: seconds for the first connection.
@@ -66,12 +61,12 @@ class RosbridgeConnection:
     def __init__(self, url: str, *, version: int = 2, timeout: float = 5.0) -> None:
         self.url, self.version, self.notes = url, version, list[str]()
         self._lock = threading.RLock()
-        self._replies = Replies()
+        self._replies, self._faults = Replies(), FaultLog(url)
         self._subscriptions = dict[str, tuple[Message, list[Subscription]]]()
         self._advertised = dict[str, Message]()
         self._after_reconnect: Callable[[], bool] | None = None
         self._is_closed, self._is_settled = threading.Event(), True
-        self._socket: ClientConnection | None = self._connect(timeout)
+        self._socket: ClientConnection | None = open_socket(url, timeout)
         self._thread = threading.Thread(target=self._receive, name="rosbridge", daemon=True)
         self._thread.start()
 
@@ -81,8 +76,10 @@ class RosbridgeConnection:
 
     def check(self) -> None:
         """As `RosConnection.check`."""
-        if self._socket is None or not self._is_settled:
+        if self._socket is None:
             raise ConnectionLostError(f"{self.url}: the connection was lost")
+        if not self._is_settled:
+            raise ConnectionLostError(f"{self.url}: the connection was lost and is made again")
 
     def call_after_reconnect(self, function: Callable[[], bool]) -> None:
         """As `RosConnection.call_after_reconnect`."""
@@ -100,6 +97,9 @@ class RosbridgeConnection:
         """As `RosConnection.publish`."""
         self.advertise(topic, kind)
         self._send({"op": "publish", "topic": topic, "msg": message})
+
+    def count_receivers(self, topic: str) -> None:
+        """As `RosConnection.count_receivers`: rosbridge does not report it."""
 
     def subscribe(self, topic: str, kind: str, *, max_messages: int = MAX_MESSAGES) -> Subscription:
         """As `RosConnection.subscribe`."""
@@ -141,42 +141,51 @@ class RosbridgeConnection:
         }
         with self._replies.expect() as (key, waiting):
             self._send(send | {"id": key})
-            is_over = False
+            is_over, known = False, Cancellation.NOT_SENT
             try:
                 reply = waiting.wait(name, timeout)
                 is_over = reply is not None
             finally:
                 if not is_over:
-                    self._cancel_late_goal(name, waiting)
-        if reply is None:
-            raise ActionFailedError(f"{name} has no result within {timeout:g} s; it was cancelled")
-        values = reply.get("values")
-        if reply.get("status") != SUCCEEDED or not reply.get("result"):
-            how = "was cancelled by others" if reply.get("status") == CANCELLED else "was refused or aborted"
-            reason = f": {values}" if isinstance(values, str) else ""
-            raise ActionFailedError(f"the goal of {name} {how}{reason}")
-        return values if isinstance(values, dict) else {}
+                    known = self._cancel_late_goal(name, waiting)
+            if reply is None:
+                has_ended = waiting.is_set
+                raise ActionFailedError(describe_missing_result(name, timeout, known, has_ended=has_ended))
+        return read_result(name, reply)
 
-    def cancel_goals(self, name: str, *, timeout: float = 0.0) -> bool:
+    def cancel_goals(self, name: str, *, timeout: float = 0.0) -> Cancellation:
         """As `RosConnection.cancel_goals`."""
         if self.version == 1:
             return cancel_topic_goals(self, name)
+        with self._request_cancellation(name) as (service, reply):
+            return read_cancellation(reply.wait(service, timeout))
+
+    @contextmanager
+    def _request_cancellation(self, name: str) -> Iterator[tuple[str, Reply]]:
+        """Request the cancellation of all goals; return the service and the reply to come."""
         service, kind = f"{name}/_action/cancel_goal", "action_msgs/srv/CancelGoal"
         call = {"op": "call_service", "service": service, "type": kind, "args": {}}
-        reply = self._request(call, service, timeout)  # an empty goal id and stamp mean all goals
-        values = reply.get("values") if reply is not None and reply.get("result") else None
-        return isinstance(values, dict) and values.get("return_code") in NOTHING_LEFT
+        with self._replies.expect() as (key, reply):
+            self._send(call | {"id": key})  # an empty goal id and stamp mean all goals
+            yield service, reply
 
-    def _cancel_late_goal(self, name: str, waiting: Reply) -> None:
+    def _cancel_late_goal(self, name: str, waiting: Reply) -> Cancellation:
         """Cancel a goal until it has ended: the server may accept it after the first cancellation.
 
         A goal passes through a thread of the rosbridge server, so that a cancellation may overtake it.
         """
+        known = Cancellation.NOT_SENT
         with suppress(WorldError):
             for _ in range(round(LATE_GOAL / CALL_INTERVAL)):
-                self.cancel_goals(name)
-                if waiting.wait(name, CALL_INTERVAL) is not None:
-                    return
+                with self._request_cancellation(name) as (service, reply):
+                    if known is not Cancellation.CONFIRMED:
+                        known = Cancellation.NO_REPLY
+                    has_ended = waiting.wait(name, CALL_INTERVAL) is not None
+                    latest = read_cancellation(reply.wait(service, 0.0))
+                    known = known if latest is Cancellation.NO_REPLY else latest
+                if has_ended:
+                    break
+        return known
 
     def close(self) -> None:
         """As `RosConnection.close`."""
@@ -207,36 +216,27 @@ class RosbridgeConnection:
             try:
                 socket.send(json.dumps(message))
             except (ConnectionClosed, OSError) as error:
+                self._is_settled = False  # until the receiving thread has made it again
                 raise ConnectionLostError(f"{self.url}: the connection was lost: {error}") from None
-
-    def _connect(self, timeout: float) -> ClientConnection:
-        try:
-            opening = connect(
-                self.url,
-                open_timeout=timeout,
-                ping_interval=PING_INTERVAL,
-                ping_timeout=PING_TIMEOUT,
-                close_timeout=1.0,
-                max_size=MAX_SIZE,
-                compression=None,  # on a robot's own network it costs time and saves none
-                proxy=None,
-            )
-            return ExitStack().enter_context(opening)  # `close` and the receiving thread leave it
-        except (OSError, InvalidHandshake, InvalidURI, EOFError, ValueError) as error:
-            reason = str(error) or type(error).__name__
-            raise ConnectionLostError(f"{self.url}: no rosbridge server can be reached: {reason}") from None
 
     def _receive(self) -> None:
         """Receive messages until `close`; connect again after each loss."""
         while not self._is_closed.is_set():
-            socket = self._socket
+            socket, decoder = self._socket, MessageDecoder()
             assert socket is not None
-            with suppress(ConnectionClosed, OSError):
+            try:
                 for text in socket:
                     try:
-                        self._take(text)
+                        self._take(decoder, text)
+                    except WorldError as fault:
+                        self._note(str(fault))
                     except Exception as error:  # a message of a faulty server must not end the thread
                         self._note(f"a message that cannot be read: {type(error).__name__}: {error}")
+            except ConnectionClosed as error:
+                if error.sent is not None and error.sent.code == CloseCode.MESSAGE_TOO_BIG:
+                    self._note(f"the connection was ended: a message is larger than {MAX_SIZE} bytes")
+            except OSError:
+                pass
             with suppress(OSError):
                 socket.close()
             self._socket, self._is_settled = None, False
@@ -248,7 +248,7 @@ class RosbridgeConnection:
         while not self._is_closed.wait(pause):
             pause = min(2 * pause, MAX_RETRY)
             try:
-                socket = self._connect(PING_TIMEOUT)
+                socket = open_socket(self.url, PING_TIMEOUT)
                 with self._lock:
                     self._socket = socket
                     requests = [request for request, _ in self._subscriptions.values()]
@@ -279,25 +279,31 @@ class RosbridgeConnection:
                     return
                 self._is_closed.wait(CALL_INTERVAL)
 
-    def _take(self, text: str | bytes) -> None:
-        """Pass a message on; what is no message of the protocol is left out."""
-        try:
-            message = json.loads(text)
-        except ValueError:
+    def _take(self, decoder: MessageDecoder, text: str | bytes) -> None:
+        """Pass a message on.
+
+        Raises:
+            WorldError: it is no message of the protocol, and is left out.
+        """
+        message = decoder.decode(text)
+        if message is None:
             return
-        if not isinstance(message, dict):
-            return
-        kind, key = message.get("op"), message.get("id")
-        if kind == "publish" and isinstance(message.get("msg"), dict):
+        kind, key = message["op"], message.get("id")
+        if kind == "publish":
+            if not isinstance(message.get("msg"), dict):
+                raise WorldError("a message of a topic without fields is left out")
             for subscription in self._subscriptions.get(str(message.get("topic")), ({}, []))[1]:
                 subscription.put(message["msg"])
         elif kind in ("service_response", "action_result"):
             self._replies.set(key, message)
-        elif kind == "status" and message.get("level") == "error":
-            is_expected = self._replies.set(key, {"result": False, "values": message.get("msg")})
-            if not is_expected:
-                self._note(str(message.get("msg")))
+        elif kind == "status":
+            if message.get("level") == "error":
+                is_expected = self._replies.set(key, {"result": False, "values": message.get("msg")})
+                if not is_expected:
+                    self._note(str(message.get("msg")))
+        elif kind != "action_feedback":
+            raise WorldError(f"the operation {kind[:40]!r} is unknown and left out")
 
     def _note(self, text: str) -> None:
         self.notes = [*self.notes[1 - MAX_NOTES :], text]
-        LOG.warning("%s: %s", self.url, text)
+        self._faults.warn(text)

@@ -8,7 +8,14 @@ from time import monotonic
 from typing import Any
 
 from lcorpp.errors import ActionFailedError, ConnectionLostError, WorldError
-from lcorpp.worlds.ros.connection import MAX_MESSAGES, Message, Subscription, name_type, wait_for_receiver
+from lcorpp.worlds.ros.connection import (
+    MAX_MESSAGES,
+    Message,
+    Subscription,
+    name_type,
+    wait_for_receiver,
+)
+from lcorpp.worlds.ros.stop_report import Cancellation
 from lcorpp.worlds.ros.topic_actions import cancel_topic_goals, run_topic_action
 
 QUEUE_SIZE = 10
@@ -76,6 +83,11 @@ class RospyConnection:
             wait_for_receiver(self._publishers[topic].get_num_connections)
         self._publishers[topic].publish(self._make_message(self._find_type(kind)(), message))
 
+    def count_receivers(self, topic: str) -> int:
+        """As `RosConnection.count_receivers`."""
+        made = self._publishers.get(topic)
+        return 0 if made is None else int(made.get_num_connections())
+
     def subscribe(self, topic: str, kind: str, *, max_messages: int = MAX_MESSAGES) -> Subscription:
         """As `RosConnection.subscribe`."""
         self.check()
@@ -124,7 +136,7 @@ class RospyConnection:
         """As `RosConnection.run_action`."""
         return run_topic_action(self, name, kind, goal, timeout=timeout)
 
-    def cancel_goals(self, name: str, *, timeout: float = 0.0) -> bool:
+    def cancel_goals(self, name: str, *, timeout: float = 0.0) -> Cancellation:
         """As `RosConnection.cancel_goals`."""
         return cancel_topic_goals(self, name)
 

@@ -7,12 +7,12 @@ from __future__ import annotations
 
 import itertools
 import os
-from collections.abc import Iterable
 from time import monotonic, time
 from typing import Any
 
 from lcorpp.errors import ActionFailedError
 from lcorpp.worlds.ros.connection import Message, RosConnection, Subscription, name_type
+from lcorpp.worlds.ros.stop_report import Cancellation, describe_missing_result
 
 SUCCEEDED = 3
 FAILED = {2: "was cancelled by others", 4: "was aborted", 5: "was refused", 8: "was cancelled by others"}
@@ -48,14 +48,16 @@ def run_topic_action(
         key = f"lcorpp-{os.getpid()}-{next(_numbers)}-{time():.3f}"
         message = {"goal_id": {"stamp": {"secs": 0, "nsecs": 0}, "id": key}, "goal": goal}
         connection.publish(f"{name}/goal", f"{kind}ActionGoal", message)
-        status = None
+        status, known = None, Cancellation.NOT_SENT
         try:
             status, result = _wait_for_end(key, states, results, end)
         finally:
             if status is None:  # by its id, which the server remembers if it has not received the goal yet
-                cancel_topic_goals(connection, name, key)
-    if status is None:
-        raise ActionFailedError(f"{name} has no result within {timeout:g} s; it was cancelled")
+                known = cancel_topic_goals(connection, name, key)
+        if status is None:
+            late, _ = _wait_for_end(key, states, results, monotonic() + RESULT_TIMEOUT)
+            has_ended = late is not None
+            raise ActionFailedError(describe_missing_result(name, timeout, known, has_ended=has_ended))
     if status["status"] == SUCCEEDED:
         return result
     how = FAILED.get(status["status"], f"ended in the state {status['status']}")
@@ -75,30 +77,28 @@ def _wait_for_end(
     while (left := deadline - monotonic()) > 0:
         result = results.wait(min(left, POLL))
         if result is not None and (status := _find_status([result.get("status")], key)) is not None:
-            return status, result.get("result", {})
+            content = result.get("result")
+            return status, content if isinstance(content, dict) else {}
         for message in states.take():
-            status = _find_status(message.get("status_list", ()), key)
+            status = _find_status(message.get("status_list"), key)
             if status is not None and status["status"] in FINAL and last_status is None:
                 last_status, deadline = status, min(end, monotonic() + RESULT_TIMEOUT)
     return last_status, {}
 
 
-def _find_status(statuses: Iterable[Any], key: str) -> Message | None:
+def _find_status(statuses: Any, key: str) -> Message | None:
     """Return the status of a goal; what is no actionlib_msgs/GoalStatus is left out."""
-    for status in statuses:
+    for status in statuses if isinstance(statuses, list | tuple) else ():
         is_status = isinstance(status, dict) and isinstance(status.get("goal_id"), dict)
-        if is_status and "status" in status and status["goal_id"].get("id") == key:
+        if is_status and type(status.get("status")) is int and status["goal_id"].get("id") == key:
             found: Message = status
             return found
     return None
 
 
-def cancel_topic_goals(connection: RosConnection, name: str, key: str = "") -> bool:
-    """Request the cancellation of a goal of an action server of ROS 1; an empty id means all goals.
-
-    Returns:
-        True: the request was sent.
-    """
+def cancel_topic_goals(connection: RosConnection, name: str, key: str = "") -> Cancellation:
+    """Request the cancellation of a goal of an action server of ROS 1; an empty id means all goals."""
     empty = {"stamp": {"secs": 0, "nsecs": 0}, "id": key}
     connection.publish(f"{name}/cancel", "actionlib_msgs/GoalID", empty)
-    return True
+    has_receiver = connection.count_receivers(f"{name}/cancel") != 0
+    return Cancellation.UNCONFIRMED if has_receiver else Cancellation.NOT_SENT
