@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from datetime import datetime
@@ -10,8 +9,7 @@ from typing import Protocol
 
 from lcorpp.errors import expected_one_of
 from lcorpp.worlds.ros.connection import RosConnection, Subscription
-
-LOG = logging.getLogger("lcorpp.robot")
+from lcorpp.worlds.ros.fields import FaultLog
 
 TEXT = "std_msgs/String"
 
@@ -88,6 +86,10 @@ class TopicFact:
     allowed: tuple[str, ...]
     _subscription: Subscription | None = field(default=None, init=False)
     _value: str | None = field(default=None, init=False)
+    _faults: FaultLog = field(init=False)
+
+    def __post_init__(self) -> None:
+        self._faults = FaultLog(self.topic)
 
     @property
     def values(self) -> tuple[str, ...]:
@@ -99,10 +101,10 @@ class TopicFact:
         self._subscription = connection.subscribe(self.topic, TEXT, max_messages=1)
 
     def read(self) -> str | None:
-        """As `Fact.read`; a text that is no value of the attribute makes it unknown, with a warning."""
+        """As `Fact.read`; a text that is no value of the attribute makes it unknown, with one warning."""
         for message in self._subscription.take() if self._subscription else []:
-            text = str(message.get("data"))
+            text = message.get("data")
             self._value = text if text in self.allowed else None
             if self._value is None:
-                LOG.warning("%s: %r; %s", self.topic, text, expected_one_of(self.allowed))
+                self._faults.warn(f"{text!r}; {expected_one_of(self.allowed)}")
         return self._value

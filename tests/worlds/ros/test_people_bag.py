@@ -1,6 +1,7 @@
 """People in bags that rosbags wrote, of ROS 1 and 2, as tracks."""
 
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -93,3 +94,15 @@ def test_topics_that_are_missing_or_unknown_are_errors(bag, tmp_path):
     (tmp_path / "broken.bag").write_bytes(b"#ROSBAG V2.0\n" + bytes(100))
     with pytest.raises(DataError, match="cannot be read as a bag"):
         read_people_bag(tmp_path / "broken.bag")
+
+
+ENGAGEMENT = Path(__file__).parents[4] / "shared" / "data" / "engagement"
+
+
+@pytest.mark.skipif(not ENGAGEMENT.is_dir(), reason="the recordings are not here (shared/data/engagement)")
+@pytest.mark.parametrize(("name", "people"), [("1p_AA_eng_1", 1), ("2p_AA_FV_eng_1", 2)])
+def test_recorded_frames_have_one_track_a_person(name, people):
+    """In one there are frames of faces and gazes only, in the other of persons, too."""
+    samples = read_people_bag(ENGAGEMENT / name, "/tf")
+    assert len({person for _, person, _, _ in samples}) == people
+    assert all(0.3 < x < 4 and abs(y) < 2 for _, _, x, y in samples)  # metres in front of the robot

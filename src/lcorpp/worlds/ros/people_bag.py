@@ -9,7 +9,7 @@ from lcorpp.camera.bags import open_bag
 from lcorpp.errors import DataError, expected_one_of
 from lcorpp.worlds.ros.connection import name_type
 from lcorpp.worlds.ros.perception import Sample
-from lcorpp.worlds.ros.sensor_messages import PEOPLE, TRANSFORMS, PeopleReader
+from lcorpp.worlds.ros.sensor_messages import PEOPLE, TRANSFORMS, Detection, PeopleReader
 
 NANOSECOND = 1e-9
 
@@ -55,10 +55,11 @@ def read_people_bag(path: Path, topic: str | None = None) -> list[Sample]:
         topic = trackers[0]
     if topic not in topics:
         raise DataError(f"{path}: has no people in {topic!r}; {expected_one_of(sorted(topics))}")
-    samples, people = list[Sample](), PeopleReader(topics[topic], f"{path}: {topic}")
+    found, people = list[tuple[float, Detection]](), PeopleReader(topics[topic], f"{path}: {topic}")
     with open_bag(path) as reader:
         chosen = [c for c in reader.connections if c.topic == topic]
         for connection, stamp, data in reader.messages(chosen):
             message = asdict(reader.deserialize(data, connection.msgtype))  # type: ignore[call-overload]
-            samples += [(d.time or stamp * NANOSECOND, d.id, d.x, d.y) for d in people.read(message)]
-    return samples
+            found += [(stamp * NANOSECOND, detection) for detection in people.read(message)]
+    lowest = min((detection.rank for _, detection in found), default=0)  # faces before there were persons
+    return [(d.time or recorded, d.id, d.x, d.y) for recorded, d in found if d.rank == lowest]

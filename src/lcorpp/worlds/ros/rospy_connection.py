@@ -81,7 +81,11 @@ class RospyConnection:
         if topic not in self._used:
             self._used.add(topic)
             wait_for_receiver(self._publishers[topic].get_num_connections)
-        self._publishers[topic].publish(self._make_message(self._find_type(kind)(), message))
+        made = self._make_message(self._find_type(kind)(), message)
+        try:
+            self._publishers[topic].publish(made)
+        except self._rospy.ROSException as error:
+            raise ConnectionLostError(f"rospy cannot publish to {topic}: {error}") from None
 
     def count_receivers(self, topic: str) -> int:
         """As `RosConnection.count_receivers`."""
