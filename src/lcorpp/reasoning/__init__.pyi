@@ -8,7 +8,6 @@ from .enumeration.reasoner import Enumeration as Enumeration
 from .estimation import (
     Estimate as Estimate,
     EstimatedDistribution as EstimatedDistribution,
-    ReasoningWarning as ReasoningWarning,
 )
 from .explanation import (
     Explanation as Explanation,
@@ -17,6 +16,7 @@ from .explanation import (
     find_fired as find_fired,
 )
 from .filtering import Filter as Filter
+from .language.issues import ReasoningWarning as ReasoningWarning
 from .language.parser import parse_plog as parse_plog, parse_query as parse_query, read_plog as read_plog
 from .language.program import Program as Program, program_text as program_text
 from .language.signature import Attribute as Attribute

@@ -14,16 +14,13 @@ import numpy as np
 from lcorpp.errors import TooLargeError
 from lcorpp.notebook import html_table, join_some
 from lcorpp.reasoning.answers import QueryAnswer, Value, answer_query
+from lcorpp.reasoning.language.issues import ReasoningWarning
 from lcorpp.reasoning.query_model import QueryModel
 from lcorpp.reasoning.questions import list_questions
 from lcorpp.reasoning.transitions.rejection_sampling import MIN_EFFECTIVE_SAMPLES, sample_worlds
 from lcorpp.reasoning.transitions.transition_system import build_transition_system
 from lcorpp.values import Z95, Distribution, Interval
 from lcorpp.values.distribution import format_value
-
-
-class ReasoningWarning(UserWarning):
-    """An answer is an estimate, as the program is too large to be compiled."""
 
 
 class Estimate(float):

@@ -33,3 +33,7 @@ class SourceIssue(Exception):
 
 class SortMismatch(SourceIssue):
     """A contradiction to a declaration: a constant outside of its sort, or a wrong number of arguments."""
+
+
+class ReasoningWarning(UserWarning):
+    """An answer is an estimate, or rounded numbers of the program were adjusted."""

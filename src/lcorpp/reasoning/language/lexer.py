@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import re
 from bisect import bisect_right
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from typing import TypeVar
 
 from lcorpp.reasoning.language.issues import Place, SourceIssue
@@ -81,6 +81,17 @@ def _erase_block_comments(text: str) -> str:
     return "".join([*parts, text[copied:]])
 
 
+def list_line_starts(text: str) -> list[int]:
+    """List the offsets at which the lines of a text begin."""
+    return [0, *(line_end.end() for line_end in _LINE_END.finditer(text))]
+
+
+def find_place(file: str, line_starts: Sequence[int], offset: int) -> Place:
+    """Find the place of an offset; see `list_line_starts`."""
+    line = bisect_right(line_starts, offset)
+    return Place(file, line, offset - line_starts[line - 1] + 1)
+
+
 class Cursor:
     """A position in the tokens of a text, and the state of the parser.
 
@@ -105,7 +116,7 @@ class Cursor:
                 self.starts.append(token_match.start())
         self.kinds += [END, END]  # two: `second_kind` looks ahead
         self.texts += ["", ""]
-        self._lines = [0, *(line_end.end() for line_end in _LINE_END.finditer(text))]
+        self._lines = list_line_starts(text)
         self.index = 0
         self.constants: dict[str, Number | Term] = {}
         self.uses_plog2 = False
@@ -133,8 +144,7 @@ class Cursor:
     def at(self) -> Place:
         """The place of the next token; at the end of the text, the place after its last visible character."""
         offset = len(self.text.rstrip()) if self.kind == END else self.starts[self.index]
-        line = bisect_right(self._lines, offset)
-        return Place(self.file, line, offset - self._lines[line - 1] + 1)
+        return find_place(self.file, self._lines, offset)
 
     def take(self) -> str:
         """Consume the next token and return its text."""

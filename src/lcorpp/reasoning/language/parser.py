@@ -75,8 +75,8 @@ def parse_plog(
     except (ParseError, ProgramError):
         from lcorpp.reasoning.language.translation.recognition import translate_other_system  # rarely needed
 
-        with _open_cursor(text, file) as cursor:
-            translated = translate_other_system(cursor)
+        with _open_cursor(text, file):
+            translated = translate_other_system(text, file)
         if translated is None:
             raise
     return Program(file, translated, semantics or "2009")

@@ -297,6 +297,8 @@ class Intervention(Statement):
 class Query(Statement):
     """`?{formula} | conditions.` for a probability, `?subjects | conditions.` for their distribution, or
     `?E[expression] | conditions.` for an expectation; the subjects are the variables of the expression.
+
+    written: the query in the language of the program that was translated, "" for P-log.
     """
 
     formula: Formula = ()
@@ -304,6 +306,7 @@ class Query(Statement):
     expression: Expression | None = None
     observations: tuple[Observation, ...] = ()
     interventions: tuple[Intervention, ...] = ()
+    written: str = field(default="", compare=False)
 
     def __str__(self) -> str:
         asked = f"E[{self.expression}]" if self.expression else ", ".join(map(str, self.subjects))

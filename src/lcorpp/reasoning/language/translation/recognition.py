@@ -5,9 +5,10 @@ from __future__ import annotations
 import re
 
 from lcorpp.reasoning.language.issues import SourceIssue
-from lcorpp.reasoning.language.lexer import Cursor
+from lcorpp.reasoning.language.lexer import find_place, list_line_starts
 from lcorpp.reasoning.language.syntax import Statement
 from lcorpp.reasoning.language.translation.problog import translate_problog
+from lcorpp.reasoning.language.translation.prolog_reader import list_tokens
 
 _PLOG_FORMS = {
     "random": "random(f(D) : {X : p(X)}) :- B",
@@ -25,26 +26,28 @@ _PLOG_FORMS = {
 _PLINGO = re.compile(rf"& ({'|'.join(_PLOG_FORMS)}) [({{]")
 
 _PROBLOG = re.compile(
-    r"(?:\b[A-Z_]\w*|[\d.]|[)?]) : : |\\ \+ |\A(?!.* : )(?:.* \. )?(?:query|evidence) \( ", re.DOTALL
+    r"(?:\b[A-Z_]\w*|[\d.]|[)?]) :: |\\\+ |:- use_module |\A(?!.* : )(?:.* \. )?(?:query|evidence) \( ",
+    re.DOTALL,
 )
 """Marks in a text with spaces between its tokens. A P-log program has declarations beside query(...)."""
 
 
-def translate_other_system(cursor: Cursor) -> tuple[Statement, ...] | None:
+def translate_other_system(text: str, file: str) -> tuple[Statement, ...] | None:
     """Translate a program of ProbLog; None if the text is neither of ProbLog nor of plingo.
 
     Raises:
         SourceIssue: the program has an error or a construct without translation.
     """
-    tokens = " ".join(cursor.texts)
-    if found := _PLINGO.search(tokens):
-        cursor.index = tokens.count(" ", 0, found.start())
+    tokens = list_tokens(text)
+    spaced = " ".join([token.text for token in tokens])
+    if found := _PLINGO.search(spaced):
         words = f"&{found[1]} is not translated; expected {_PLOG_FORMS[found[1]]}"
-        raise _refuse("plingo", SourceIssue(cursor.at, words))
-    if not _PROBLOG.search(tokens):
+        start = tokens[spaced.count(" ", 0, found.start())].start
+        raise _refuse("plingo", SourceIssue(find_place(file, list_line_starts(text), start), words))
+    if not _PROBLOG.search(spaced):
         return None
     try:
-        return translate_problog(cursor)
+        return translate_problog(text, file, tokens)
     except SourceIssue as issue:
         raise _refuse("ProbLog", issue) from None
 

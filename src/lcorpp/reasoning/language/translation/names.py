@@ -1,0 +1,71 @@
+"""Names of P-log for predicates and terms of Prolog; what is no name there gets one with an apostrophe."""
+
+from __future__ import annotations
+
+import re
+from fractions import Fraction
+
+from lcorpp.reasoning.language.arithmetic import MAX_INTEGER
+from lcorpp.reasoning.language.issues import Place
+from lcorpp.reasoning.language.syntax import Expression, Number, Term
+from lcorpp.reasoning.language.translation.prolog_terms import Compound, PrologTerm, format_term
+
+_RESERVED = {
+    "attributes", "boolean", "do", "false", "mod", "not", "obs", "pr", "random", "sorts", "statements", "true"
+}  # fmt: skip
+"""Names that P-log reserves."""
+
+_NAME = re.compile(r"[a-z][A-Za-z0-9_]*")
+
+_CASE = re.compile(r"case'[0-9_]+")
+
+
+def is_plain_name(name: str) -> bool:
+    """Whether a name of Prolog is one of P-log, too."""
+    return _NAME.fullmatch(name) is not None and name not in _RESERVED
+
+
+def make_choice_name(at: Place) -> str:
+    """Make the name of the attribute that is the choice of the clause at a place."""
+    return f"choice'{at.line}_{at.column}"
+
+
+def make_case_name(at: Place, number: int) -> str:
+    """Make the name of the predicate that is the n-th negated conjunction at a place."""
+    return f"case'{at.line}_{at.column}{f'_{number}' if number > 1 else ''}"
+
+
+def is_made_name(name: str) -> bool:
+    """Whether a predicate is not one of the program but a negated conjunction."""
+    return _CASE.fullmatch(name) is not None
+
+
+class NameTable:
+    """Names of predicates and values, different for different ones."""
+
+    def __init__(self) -> None:
+        self._names: dict[PrologTerm | str, str] = {}  # of terms and predicates
+        self._owners: dict[str, PrologTerm | str] = {}
+
+    def name_predicate(self, name: str) -> str:
+        """Name a predicate."""
+        return name if is_plain_name(name) or is_made_name(name) else self._find_name(name, name)
+
+    def name_value(self, term: PrologTerm, at: Place) -> Expression:
+        """Name an argument."""
+        if isinstance(term, int) and abs(term) <= MAX_INTEGER:
+            return Number(Fraction(term), at=at)
+        if isinstance(term, Compound) and not term.arguments and is_plain_name(term.name):
+            return Term(term.name, at=at)
+        return Term(self._find_name(term, format_term(term)), at=at)
+
+    def _find_name(self, owner: PrologTerm | str, text: str) -> str:
+        if owner not in self._names:
+            words = re.sub(r"[^A-Za-z0-9]+", "_", text).strip("_")[:40] or "value"
+            base = f"{words[0].lower()}{words[1:]}'" if words[0].isalpha() else f"n{words}'"
+            name, number = base, 1
+            while self._owners.setdefault(name, owner) != owner:
+                number += 1
+                name = f"{base}{number}"
+            self._names[owner] = name
+        return self._names[owner]

@@ -1,0 +1,282 @@
+"""ProbLog to P-log by instances: the ground clauses on which queries and evidence depend.
+
+    box(1). box(2). box(3). 0.5::full(X) :- box(X). q(X) :- full(X), 1 =:= X / 2. query(q(2)).
+
+becomes `random(full(2)). pr(full(2)) = 0.5. q(2) :- full(2). ?{q(2)}.` A choice with several heads, or whose
+atom has other derivations, is an attribute of its own, as in `problog_lifted`. Predicates and constants that
+are no names of P-log get names with an apostrophe, which names of ProbLog do not have.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Iterable, Iterator, Sequence
+from fractions import Fraction
+
+from lcorpp.reasoning.language.issues import Place, ReasoningWarning, SourceIssue
+from lcorpp.reasoning.language.overloads import resolve_overloads
+from lcorpp.reasoning.language.sorts import BOOLEAN, SortDefinition, SortSet
+from lcorpp.reasoning.language.syntax import (
+    AttributeDeclaration,
+    Expression,
+    Literal,
+    Number,
+    Observation,
+    Probability,
+    Query,
+    Rule,
+    Selection,
+    Statement,
+    Term,
+)
+from lcorpp.reasoning.language.translation.names import NameTable, is_made_name, make_choice_name
+from lcorpp.reasoning.language.translation.problog_clauses import PrologClause
+from lcorpp.reasoning.language.translation.prolog_builtins import BUILTINS
+from lcorpp.reasoning.language.translation.prolog_terms import (
+    Compound,
+    PrologTerm,
+    PrologVariable,
+    format_term,
+    iter_term_variables,
+)
+from lcorpp.reasoning.language.translation.tables import Choice, Derivation, GroundLiteral
+from lcorpp.reasoning.language.translation.tabling import Evaluation
+
+MAX_EXCESS = Fraction(1, 10_000)
+"""Probabilities whose sum exceeds 1 by at most this are divided by it, as numbers are rounded."""
+
+
+def translate_instances(clauses: Sequence[PrologClause]) -> tuple[Statement, ...]:
+    """Translate a program to the ground clauses on which its queries and evidence depend.
+
+    A program without queries is translated as if all its predicates were queried.
+
+    Raises:
+        SourceIssue: the evaluation fails, see `tabling.Evaluation.solve`, or a query or evidence is wrong.
+    """
+    evaluation = Evaluation(clauses)
+    queries = list(_list_asked(evaluation, "query"))
+    observed = [
+        (atom, negated, at)
+        for atom, negated, at in _list_asked(evaluation, "evidence")
+        if evaluation.solve(atom, at)
+    ]
+    asked: list[tuple[Compound, bool, Place]] = []
+    for atom, negated, at in queries:
+        answers = evaluation.solve(atom, at).answers
+        asked.extend((answer, negated, at) for answer in answers or [atom])
+    if not asked and not observed:
+        _solve_all(evaluation, clauses)
+    writer = _Writer(evaluation, clauses)
+    for answer, _, at in (*asked, *observed):
+        writer.require(answer, at)
+    if not asked and not observed:
+        for atom in writer.list_atoms():
+            writer.require(atom, atom.at)
+    statements = list(writer.iter_statements())
+    for atom, negated, at in observed:
+        statements.append(Observation(((writer.make_literal(atom, negated, at),),), at=at))
+    for answer, negated, at in asked:
+        written = ("\\+" if negated else "") + format_term(answer)
+        statements.append(Query(((writer.make_literal(answer, negated, at),),), written=written, at=at))
+    return tuple(resolve_overloads([*writer.declare(), *statements]))
+
+
+def _solve_all(evaluation: Evaluation, clauses: Sequence[PrologClause]) -> None:
+    heads = {head.key: head for clause in clauses for _, head in clause.heads}
+    heads = {key: head for key, head in heads.items() if not is_made_name(head.name)}
+    for (name, count), head in heads.items():
+        variables = tuple([PrologVariable(f"V{i}") for i in range(count)])
+        evaluation.solve(Compound(name, variables, head.at), head.at)
+
+
+def _list_asked(evaluation: Evaluation, kind: str) -> Iterator[tuple[Compound, bool, Place]]:
+    """Iterate over the atoms of `query(a)`, `evidence(a)`, `evidence(a, false)`: (atom, negated, place)."""
+    for count in (1, 2) if kind == "evidence" else (1,):
+        if not evaluation.defines((kind, count)):
+            continue
+        variables = tuple([PrologVariable(f"V{i}") for i in range(count)])
+        table = evaluation.solve(Compound(kind, variables), Place("", 1, 1))
+        for answer, is_certain in table.answers.items():
+            if not is_certain:
+                at = next(iter(table.derivations[answer])).at
+                raise SourceIssue(at, f"{kind}(...) that depends on chance is not translated")
+            atom, negated = answer.arguments[0], False
+            at = atom.at if isinstance(atom, Compound) else answer.at
+            if count == 2:
+                value = str(answer.arguments[1])
+                if value not in ("true", "false"):
+                    raise SourceIssue(
+                        at, f"evidence({atom},{value}) is not translated; expected true or false"
+                    )
+                negated = value == "false"
+            while isinstance(atom, Compound) and atom.key in (("\\+", 1), ("not", 1)):
+                atom, negated = atom.arguments[0], not negated
+            if not isinstance(atom, Compound) or atom.name in (".", ",", ";", "[]") or atom.key in BUILTINS:
+                raise SourceIssue(at, f"{kind}({atom}) is not translated; expected an atom")
+            if not evaluation.defines(atom.key) and atom.name[0] == "'":
+                atom = Compound(atom.name[1:-1], atom.arguments, atom.at)
+            if not atom.is_ground and (negated or kind == "evidence"):
+                raise SourceIssue(at, f"{kind}({atom}) with a variable is not translated")
+            yield atom, negated, at
+
+
+# writing
+
+
+class _Writer:
+    """Writes the atoms that were evaluated as attributes, and their derivations as statements."""
+
+    def __init__(self, evaluation: Evaluation, clauses: Sequence[PrologClause]) -> None:
+        self._clauses = clauses
+        self._certain: dict[Compound, None] = {}
+        self._derivations: dict[Compound, dict[Derivation, None]] = {}
+        for table in evaluation.tables.values():
+            self._certain.update(dict.fromkeys(atom for atom, known in table.answers.items() if known))
+            for atom, derivations in table.derivations.items():
+                self._derivations.setdefault(atom, {}).update(derivations)
+        self._required: dict[Compound, list[Derivation]] = {}
+        self._names = NameTable()
+        # attribute -> the values of its arguments and its own, in the order of their use
+        self._uses: dict[str, dict[int, list[dict[str, Expression]]]] = {}
+
+    def list_atoms(self) -> list[Compound]:
+        """List all atoms that may be true, but those of negated conjunctions."""
+        atoms = dict.fromkeys((*self._certain, *self._derivations))
+        return [atom for atom in atoms if atom.is_ground and not is_made_name(atom.name)]
+
+    def require(self, atom: Compound, at: Place) -> None:
+        """Add an atom, and those on which it depends.
+
+        Raises:
+            SourceIssue: the atom is true, but has a variable.
+        """
+        if not atom.is_ground and (atom in self._certain or atom in self._derivations):
+            name = next(iter_term_variables(atom))
+            raise SourceIssue(at, f"the query has the answer {atom} with the variable {name}")
+        waiting = [atom]
+        while waiting:
+            atom = waiting.pop()
+            if atom not in self._required:
+                own = [] if atom in self._certain else self._list_derivations(atom)
+                self._required[atom] = own
+                waiting += [other for derivation in own for other, _ in derivation.literals][::-1]
+
+    def _list_derivations(self, atom: Compound) -> list[Derivation]:
+        """List the derivations of an atom without the literals that are decided."""
+        found: dict[Derivation, None] = {}
+        for derivation in self._derivations.get(atom, ()):
+            values = [(literal, self._decide(literal)) for literal in derivation.literals]
+            if all(value is not False for _, value in values):
+                kept = tuple([literal for literal, value in values if value is None])
+                found[Derivation(kept, derivation.choice, derivation.at)] = None
+        return list(found)
+
+    def _decide(self, literal: GroundLiteral) -> bool | None:
+        """Return whether a literal is certainly true or false, None if that depends on chance."""
+        atom, negated = literal
+        if atom in self._certain:
+            return not negated
+        return None if atom in self._derivations else negated
+
+    def iter_statements(self) -> Iterator[Statement]:
+        """Iterate over the selections, pr-atoms and rules of the required atoms."""
+        groups: dict[tuple[int, tuple[PrologTerm, ...]], dict[int, Choice]] = {}
+        users: dict[Choice, int] = {}
+        for derivations in self._required.values():
+            for choice in (derivation.choice for derivation in derivations if derivation.choice):
+                groups.setdefault((choice.clause, choice.values), {})[choice.head] = choice
+                users[choice] = users.get(choice, 0) + 1
+        written: set[tuple[int, tuple[PrologTerm, ...]]] = set()
+        for atom, derivations in self._required.items():
+            if atom in self._certain:
+                yield Rule(self.make_literal(atom, False, atom.at), at=atom.at)
+            for own in derivations:
+                if own.choice is None:
+                    yield self._make_rule(atom, own, ())
+                    continue
+                key = own.choice.clause, own.choice.values
+                heads = groups[key]
+                if len(derivations) == len(heads) == users[own.choice] == 1 and not own.literals:
+                    literal = self.make_literal(atom, False, own.at)
+                    yield from self._make_selection(literal, [own.choice])
+                    continue
+                literal = self._make_choice(own.choice, own.choice.head + 1, own.at)
+                if key not in written:
+                    written.add(key)
+                    yield from self._make_selection(literal, [heads[number] for number in sorted(heads)])
+                yield self._make_rule(atom, own, (literal,))
+
+    def _make_rule(self, atom: Compound, derivation: Derivation, more: tuple[Literal, ...]) -> Rule:
+        at = derivation.at
+        body = [self.make_literal(other, negated, at) for other, negated in derivation.literals]
+        return Rule(self.make_literal(atom, False, at), (*body, *more), at=at)
+
+    def _make_selection(self, literal: Literal, choices: Sequence[Choice]) -> Iterator[Statement]:
+        """Make the selection of a choice and its pr-atoms; `literal` is its atom, or a value of its own."""
+        term, at = literal.term, literal.at
+        yield Selection(term, None, (), at=at)
+        total = sum((choice.probability for choice in choices), Fraction(0))
+        scale = check_sum(total, at)
+        if isinstance(literal.value, Term):  # the atom itself
+            yield Probability(term, literal.value, Number(total, at=at), at=at)
+            return
+        numbers = {choice.head + 1: choice.probability / scale for choice in choices}
+        if total < 1:
+            numbers[0] = 1 - total
+        for value, number in numbers.items():
+            made = self._make_choice(choices[0], value, at)
+            yield Probability(term, made.value, Number(number, at=at), at=at)
+
+    def _make_choice(self, choice: Choice, value: int, at: Place) -> Literal:
+        """Make the literal that a choice has a value: the number of a head from 1, 0 for none of them."""
+        name = make_choice_name(self._clauses[choice.clause].at)
+        return self._make_literal(name, choice.values, Number(Fraction(value), at=at), at)
+
+    def make_literal(self, atom: Compound, negated: bool, at: Place) -> Literal:
+        """Make the literal that an atom is true, or its negation."""
+        name = self._names.name_predicate(atom.name)
+        literal = self._make_literal(name, atom.arguments, Term("true", at=at), at)
+        return Literal(literal.term, "=", literal.value, negated, at=at)
+
+    def _make_literal(
+        self, name: str, arguments: Iterable[PrologTerm], value: Expression, at: Place
+    ) -> Literal:
+        values = [self._names.name_value(argument, at) for argument in arguments]
+        uses = self._uses.setdefault(name, {}).setdefault(len(values), [{} for _ in (*values, value)])
+        for known, expression in zip(uses, (*values, value), strict=True):
+            known.setdefault(str(expression), expression)
+        return Literal(Term(name, tuple(values), at=at), "=", value, at=at)
+
+    def declare(self) -> Iterator[Statement]:
+        """Iterate over the declarations of the attributes in the literals made so far."""
+        for name, by_count in self._uses.items():
+            for count, uses in sorted(by_count.items()):
+                own = name if count == min(by_count) else f"{name}_{count}"
+                sorts = []
+                for index, values in enumerate(uses, start=1):
+                    if values.keys() <= {"true", "false"}:
+                        sorts.append(BOOLEAN)
+                        continue
+                    sorts.append(f"{own}_sort_{index}")
+                    while sorts[-1] in self._uses:
+                        sorts[-1] += "'"
+                    yield SortDefinition(sorts[-1], SortSet(tuple(values.values())))
+                yield AttributeDeclaration(name, tuple(sorts[:-1]), sorts[-1])
+
+
+def check_sum(total: Fraction, at: Place) -> Fraction:
+    """Return the divisor of the probabilities of a choice: 1, or their sum if that exceeds 1 by rounding.
+
+    Warns that they are.
+
+    Raises:
+        SourceIssue: the sum exceeds 1 by more than `MAX_EXCESS`.
+    """
+    if total <= 1:
+        return Fraction(1)
+    words = f"the probabilities sum to {float(total):.7g}"
+    if total > 1 + MAX_EXCESS:
+        raise SourceIssue(at, f"{words}; expected at most 1")
+    warnings.warn(f"{at}: {words} and are divided by it", ReasoningWarning, stacklevel=2)
+    return total

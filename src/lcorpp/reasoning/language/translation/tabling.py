@@ -1,0 +1,275 @@
+"""Tabled evaluation of a ProbLog program: the ground instances of clauses on which its queries depend.
+
+As ProbLog, from the goals to the facts, with the goals of a body from left to right. Each call has a table of
+its answers; calls that depend on each other are evaluated repeatedly until no table changes. Chance is left
+open: an atom that may be true has its derivations, whose literals are atoms of that kind, too. Atoms that are
+certainly true or false are decided here.
+
+Source: Fierens et al., TPLP 15(3), 2015, section 5.1 (grounding); Zhou, Sato and Shen, "Linear tabling
+strategies and optimizations", TPLP 8(1), 2008.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Generator, Iterable, Iterator, Sequence
+from dataclasses import dataclass, field
+from math import inf
+from typing import TypeAlias
+
+from lcorpp.reasoning.language.issues import Place, SourceIssue
+from lcorpp.reasoning.language.translation.problog_clauses import Goal, PrologClause
+from lcorpp.reasoning.language.translation.prolog_arithmetic import compute_probability
+from lcorpp.reasoning.language.translation.prolog_builtins import BUILTINS
+from lcorpp.reasoning.language.translation.prolog_terms import (
+    Compound,
+    PrologTerm,
+    PrologVariable,
+    is_ground,
+    iter_term_variables,
+    rename,
+    substitute,
+    unify,
+)
+from lcorpp.reasoning.language.translation.tables import Choice, Derivation, GroundLiteral, Table
+
+MAX_ANSWERS = 200_000
+"""Maximal number of calls and answers in all tables."""
+
+
+@dataclass(eq=False)
+class _Frame:
+    """A table that is being evaluated.
+
+    low: the least depth of a table in evaluation on which this one depends.
+    """
+
+    table: Table
+    steps: Generator[tuple[Compound, Place], Table, None]
+    low: float = inf
+    members: list[Table] = field(default_factory=list)
+
+
+_State: TypeAlias = tuple[dict[PrologVariable, PrologTerm], tuple[GroundLiteral, ...]]
+"""Bindings of a clause's variables, and the literals that they leave open."""
+
+
+class Evaluation:
+    """Evaluates calls to a program."""
+
+    def __init__(self, clauses: Sequence[PrologClause]) -> None:
+        self.tables: dict[Compound, Table] = {}
+        self._clauses = clauses
+        # predicate -> (index of the clause, index of the head); with the constant that is the first argument
+        self._heads: dict[tuple[str, int], list[tuple[int, int]]] = {}
+        self._indexed: dict[tuple[str, int], dict[PrologTerm | None, list[tuple[int, int]]]] = {}
+        for index, clause in enumerate(clauses):
+            for number, (_, head) in enumerate(clause.heads):
+                self._heads.setdefault(head.key, []).append((index, number))
+        self._round = self._count = self._names = 0
+
+    def defines(self, key: tuple[str, int]) -> bool:
+        """Whether a predicate has clauses."""
+        return key in self._heads
+
+    def solve(self, call: Compound, at: Place) -> Table:
+        """Return the complete table of a call.
+
+        Raises:
+            SourceIssue: a predicate without clauses, an error of arithmetic, or too many answers.
+        """
+        stack: list[_Frame] = []
+        table: Table | None = self._enter(call, at, stack)
+        while stack:
+            frame = stack[-1]
+            try:
+                call, at = next(frame.steps) if table is None else frame.steps.send(table)
+            except StopIteration:
+                table = self._leave(stack)
+            else:
+                table = self._enter(call, at, stack)
+        assert table is not None
+        return table
+
+    def _enter(self, call: Compound, at: Place, stack: list[_Frame]) -> Table | None:
+        """Return the table of a call, or push a frame that evaluates it."""
+        call = rename(call, {}, "V'")  # type: ignore[assignment]  # a compound term
+        table = self.tables.get(call)
+        if table is None:
+            if not self.defines(call.key):
+                words = "has no clause; builtin and library predicates are not translated"
+                raise SourceIssue(at, f"{call.name}/{len(call.arguments)} {words}")
+            table = self.tables[call] = Table(call, at)
+            self._add_count(at)
+        low = inf
+        if table.is_complete:
+            pass
+        elif table.depth is not None:
+            low = table.depth
+        elif table.round == self._round:
+            low = table.low
+        else:
+            table.depth = len(stack)
+            stack.append(_Frame(table, self._evaluate(table)))
+            return None
+        if stack:
+            stack[-1].low = min(stack[-1].low, low)
+        return table
+
+    def _leave(self, stack: list[_Frame]) -> Table | None:
+        """End the evaluation of a table: repeat it with those that depend on it until nothing changes."""
+        frame = stack[-1]
+        table = frame.table
+        if frame.low == table.depth and table.has_changed:
+            self._round += 1
+            table.has_changed = False
+            frame.steps, frame.members = self._evaluate(table), []
+            return None
+        stack.pop()
+        if frame.low < len(stack):  # it depends on a table below, with which it is repeated
+            parent = stack[-1]
+            parent.low = min(parent.low, frame.low)
+            parent.table.has_changed |= table.has_changed
+            parent.members += [*frame.members, table]
+            table.round, table.low, table.has_changed = self._round, frame.low, False
+        else:
+            for member in (table, *frame.members):
+                member.is_complete = True
+        table.depth = None
+        return table
+
+    def _add_count(self, at: Place) -> None:
+        self._count += 1
+        if self._count > MAX_ANSWERS:
+            raise SourceIssue(
+                at, f"the queries have more than {MAX_ANSWERS} calls and answers, perhaps without end"
+            )
+
+    # clauses
+
+    def _evaluate(self, table: Table) -> Generator[tuple[Compound, Place], Table, None]:
+        """Add the answers that the clauses give now; yields calls and receives their tables."""
+        table.derivations = {}
+        for index, number in self._list_heads(table.call):
+            clause = self._clauses[index]
+            probability, head = clause.heads[number]
+            for conjunction in clause.alternatives:
+                bindings: dict[PrologVariable, PrologTerm] = {}
+                if not unify(head, table.call, bindings):
+                    break
+                states: list[_State] = [(bindings, ())]
+                for goal in conjunction:
+                    states = yield from self._extend(states, goal)
+                    if not states:
+                        break
+                for state in states:
+                    self._add(table, head, probability, clause, index, number, state)
+
+    def _list_heads(self, call: Compound) -> list[tuple[int, int]]:
+        """List the clauses whose head may match a call, by its first argument if that is known."""
+        key = call.key
+        first = call.arguments[0] if call.arguments else None
+        if first is None or not is_ground(first):
+            return self._heads[key]
+        if key not in self._indexed:
+            self._indexed[key] = self._index_heads(key)
+        index = self._indexed[key]
+        return index.get(first, index[None])
+
+    def _index_heads(self, key: tuple[str, int]) -> dict[PrologTerm | None, list[tuple[int, int]]]:
+        """Index the heads of a predicate by the first argument; the key None is for all other constants."""
+        firsts = [(pair, self._clauses[pair[0]].heads[pair[1]][1].arguments[0]) for pair in self._heads[key]]
+        index: dict[PrologTerm | None, list[tuple[int, int]]] = {None: []}
+        index |= {first: [] for _, first in firsts if is_ground(first)}
+        for pair, first in firsts:
+            for pairs in [index[first]] if is_ground(first) else index.values():
+                pairs.append(pair)
+        return index
+
+    def _extend(
+        self, states: Iterable[_State], goal: Goal
+    ) -> Generator[tuple[Compound, Place], Table, list[_State]]:
+        """Extend the states by the solutions of a goal."""
+        extended: list[_State] = []
+        for bindings, literals in states:
+            atom = substitute(goal.term, bindings)
+            assert isinstance(atom, Compound)
+            if builtin := BUILTINS.get(atom.key):
+                solutions = [
+                    new
+                    for left, right in builtin(atom.arguments, goal.at)
+                    if unify(left, right, new := dict(bindings))
+                ]
+                if goal.negated:
+                    solutions = [] if solutions else [bindings]
+                extended.extend((new, literals) for new in solutions)
+            elif goal.negated:
+                table = yield atom, goal.at
+                if not any(table.answers.values()):
+                    open_literals = [(_require_ground(x, goal.at), True) for x in table.answers]
+                    extended.append((bindings, (*literals, *open_literals)))
+            else:
+                table = yield atom, goal.at
+                extended.extend(self._join(atom, table, bindings, literals, goal.at))
+        return extended
+
+    def _join(
+        self,
+        atom: Compound,
+        table: Table,
+        bindings: dict[PrologVariable, PrologTerm],
+        literals: tuple[GroundLiteral, ...],
+        at: Place,
+    ) -> Iterator[_State]:
+        for answer, is_certain in table.answers.items():
+            new = dict(bindings)
+            if not answer.is_ground:
+                self._names += 1
+                fresh = rename(answer, {}, f"A{self._names}'")
+            else:
+                fresh = answer
+            if unify(atom, fresh, new):
+                yield new, literals if is_certain else (*literals, (_require_ground(answer, at), False))
+
+    def _add(
+        self,
+        table: Table,
+        head: Compound,
+        probability: PrologTerm | None,
+        clause: PrologClause,
+        index: int,
+        number: int,
+        state: _State,
+    ) -> None:
+        """Add the answer of a clause."""
+        bindings, literals = state
+        answer = rename(substitute(head, bindings), {}, "V'")
+        assert isinstance(answer, Compound)
+        choice = None
+        if probability is not None:
+            value = compute_probability(substitute(probability, bindings), clause.at)
+            if value == 0:
+                return
+            values = tuple([substitute(name, bindings) for name in clause.variables])
+            for name, term in zip(clause.variables, values, strict=True):
+                if not is_ground(term):
+                    words = "has no value when the probability is needed; expected a goal that binds it"
+                    raise SourceIssue(clause.at, f"the variable {name} {words}")
+            if value < 1 or len(clause.heads) > 1:
+                choice = Choice(index, values, number, value)
+        literals = tuple(dict.fromkeys(literals))
+        is_certain = choice is None and not literals
+        known = table.answers.get(answer)
+        if known is None:
+            self._add_count(table.at)
+        if known is None or is_certain > known:
+            table.answers[answer] = is_certain
+            table.has_changed = True
+        if not is_certain:
+            table.derivations.setdefault(answer, {})[Derivation(literals, choice, clause.at)] = None
+
+
+def _require_ground(answer: Compound, at: Place) -> Compound:
+    if not answer.is_ground:
+        name = next(iter_term_variables(answer))
+        raise SourceIssue(at, f"the answer {answer} depends on chance and has the variable {name}")
+    return answer
