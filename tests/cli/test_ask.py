@@ -222,17 +222,34 @@ def test_a_reader_that_ends_early_is_no_error(coin):
 def test_a_problog_file_is_read_checked_and_translated(lcorpp, tmp_path):
     file = tmp_path / "coins.pl"
     file.write_text("0.5::heads(1). 0.6::heads(2).\ntwo :- heads(1), heads(2).\nquery(two).\n")
-    assert lcorpp("ask", file, "--exact").out == "?{two=true}.\n  3/10\n"
+    assert lcorpp("ask", file, "--exact").out == "two\n  3/10\n"
     assert lcorpp("check", file).out.endswith(": 2 attributes, 4 possible worlds: OK\n")
     shown = lcorpp("translate", file)
     assert "pr(heads(2)=true) = 3/5.\ntwo=true :- heads(1)=true, heads(2)=true.\n" in shown.out
     assert lcorpp("translate", file, "-o", tmp_path / "coins.plog").code == 0
     assert (tmp_path / "coins.plog").read_text() == shown.out
     assert lcorpp("ask", tmp_path / "coins.plog", "--exact").out == "?{two=true}.\n  3/10\n"
-    file.write_text("0.5::heads([1]).\n")
+    file.write_text("0.5::heads(1) :- !.\n")
     ended = lcorpp("translate", file)
     assert ended.code == 2
-    assert f"{file}:1:12: this is a ProbLog program: a list is not translated" in ended.err
+    assert f"{file}:1:18: this is a ProbLog program: a cut (!) is not translated" in ended.err
+
+
+def test_a_query_of_problog_is_shown_as_it_is_written(lcorpp, tmp_path):
+    file = tmp_path / "do.pl"
+    file.write_text("0.4::do. 0.5::random(2.5) :- do.\nquery(do). query(random(X)).\n")
+    assert lcorpp("ask", file).out == "do\n  0.400000\nrandom(2.5)\n  0.200000\n"
+    assert '"query": "do"' in lcorpp("ask", file, "--json").out
+
+
+def test_a_rounded_sum_is_named_once(lcorpp, tmp_path):
+    file = tmp_path / "die.plog"
+    numbers = " ".join(f"pr(die(X)={i}) = 0.16667." for i in range(1, 7))
+    file.write_text(f"n = {{1..6}}.\ndie : n -> n.\nrandom(die(X)).\n{numbers}\n?{{die(1)=1}}. ?die(2).\n")
+    ended = lcorpp("ask", file, "--exact")
+    assert ended.out.count("1/6") == 7
+    words = "the probabilities of die sum to 1.00002, not 1, and are divided by their sum"
+    assert ended.err == f"lcorpp: {file}:4:1: {words}\n"
 
 
 def test_the_log_names_the_program_s_terms_only(lcorpp, caplog, tmp_path):

@@ -4,13 +4,11 @@ from __future__ import annotations
 
 import logging
 import sys
-import warnings
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from heapq import nsmallest
 from typing import TYPE_CHECKING
 
-from lcorpp.cli.console import format_bar
+from lcorpp.cli.console import format_bar, show_delayed_progress, show_warnings
 from lcorpp.errors import ProgramError, UndefinedError
 from lcorpp.log_output import show_log
 from lcorpp.reasoning.language.parser import parse_query, read_plog
@@ -33,6 +31,7 @@ _BOLD, _CYAN = 1, 36
 """Codes of the terminal."""
 
 
+@show_warnings()
 def print_answers(
     file: str | Path,
     query: str | None = None,
@@ -65,41 +64,43 @@ def print_answers(
     reasoner = Reasoner(program, samples=samples or DEFAULT_SAMPLES, seed=seed)
     for question in queries or [Query()]:  # the empty query asks for worlds only
         if not as_json and queries:
-            _print(str(question), bold=True)
-        with _warnings_to_stderr():
-            if why and queries:
-                from lcorpp.reasoning.explanation import explain
+            _print(_format_query(question), bold=True)
+        if why and queries:
+            from lcorpp.reasoning.explanation import explain
 
-                found = explain(reasoner, question, count=worlds or WHY_WORLDS)
-                answer, without, listed = found.answer, found.without, found.worlds
-            else:
-                answer, without = reasoner.ask(question, exact=exact) if queries else None, ()
-                best_worlds = reasoner.list_worlds(question, worlds) if worlds else ()
-                listed = tuple([(world, ()) for world in best_worlds])
-            if best is not None and answer is not None:
-                answer = _select_best(question, answer, best)
-            report = _print_json if as_json else _print_report
-            report(question, answer, without, listed, exact)
-            if answer is None and (queries or not listed):
-                raise UndefinedError(f"{file}: no possible world of positive measure has the evidence")
+            found = explain(reasoner, question, count=worlds or WHY_WORLDS)
+            answer, without, listed = found.answer, found.without, found.worlds
+        else:
+            answer, without = _ask(reasoner, question, exact) if queries else None, ()
+            best_worlds = reasoner.list_worlds(question, worlds) if worlds else ()
+            listed = tuple([(world, ()) for world in best_worlds])
+        if best is not None and answer is not None:
+            answer = _select_best(question, answer, best)
+        report = _print_json if as_json else _print_report
+        report(question, answer, without, listed, exact)
+        if answer is None and (queries or not listed):
+            raise UndefinedError(f"{file}: no possible world of positive measure has the evidence")
+
+
+def _format_query(query: Query) -> str:
+    """Return the text of a query, that of its own language if the program was translated."""
+    return query.written or str(query)
+
+
+def _ask(reasoner: Reasoner, query: Query, exact: bool) -> QueryAnswer:
+    """Answer a query with a display of the progress if worlds are sampled."""
+    with show_delayed_progress("sampling worlds") as advance:
+        try:
+            return reasoner.ask(query, exact=exact, progress=advance)
+        except KeyboardInterrupt:
+            words = "interrupted; this query and those after it have no answer"
+            raise KeyboardInterrupt(words) from None
 
 
 def _select_best(query: Query, answer: QueryAnswer, count: int) -> QueryAnswer:
     if not isinstance(answer, dict):
         raise ProgramError(f"--best {count}: {query} asks for a number, not for values")
     return dict(nsmallest(count, answer.items(), key=lambda pair: -pair[1]))
-
-
-@contextmanager
-def _warnings_to_stderr() -> Iterator[None]:
-    """Print warnings after the answer, also if an error follows them."""
-    with warnings.catch_warnings(record=True) as issued:
-        warnings.simplefilter("always")
-        try:
-            yield
-        finally:
-            for warning in issued:
-                print(f"lcorpp: {warning.message}", file=sys.stderr)
 
 
 def _print_answer(query: Query, answer: QueryAnswer, exact: bool) -> None:
@@ -161,7 +162,7 @@ def _print_json(
 
     record: dict[str, object] = {}
     if query != Query():
-        record = {"query": str(query), "answer": encode(answer)}
+        record = {"query": _format_query(query), "answer": encode(answer)}
     if without:
         record["without"] = [
             {"condition": condition, "answer": encode(other)} for condition, other in without

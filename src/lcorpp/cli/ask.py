@@ -78,10 +78,12 @@ def translate(
     Declarations come first, then one statement per line; comments are lost. The other commands read the
     same programs directly.
     """
+    from lcorpp.cli.console import show_warnings
     from lcorpp.files import write_atomically
     from lcorpp.reasoning import program_text, read_plog
 
-    text = program_text(read_plog(file))
+    with show_warnings():
+        text = program_text(read_plog(file))
     if output is None:
         typer.echo(text, nl=False)
     else:

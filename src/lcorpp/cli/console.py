@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
+import warnings
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from time import monotonic
@@ -48,6 +49,22 @@ def print_note(text: str) -> None:
 def warn(text: str) -> None:
     """Print a warning on standard error."""
     _console("err").print(f"warning: {text}", style="yellow")
+
+
+@contextmanager
+def show_warnings() -> Iterator[None]:
+    """Print each warning of the library once on standard error, when it is issued: e.g. before sampling."""
+    shown: set[str] = set()
+
+    def show(message: Warning | str, *_: object) -> None:
+        if str(message) not in shown:
+            shown.add(str(message))
+            print(f"lcorpp: {message}", file=sys.stderr, flush=True)
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("always")
+        warnings.showwarning = show  # type: ignore[assignment]  # called with the same arguments
+        yield
 
 
 @contextmanager

@@ -26,13 +26,13 @@ def main() -> None:
     except OSError as error:  # the output cannot be written, e.g. to a full disk
         print(f"lcorpp: {error.strerror or error}", file=sys.stderr)
         sys.exit(2)
-    except KeyboardInterrupt:  # while the commands are loaded; typer turns later ones into an exit
-        print("lcorpp: interrupted", file=sys.stderr)
+    except KeyboardInterrupt as interrupt:  # typer turns those of its commands into an exit
+        print(f"lcorpp: {interrupt or 'interrupted'}", file=sys.stderr)
         sys.exit(130)
     except SystemExit as ended:
-        interrupt = _find_interrupt(ended)
-        if interrupt is not None:
-            print(f"lcorpp: {interrupt or 'interrupted'}", file=sys.stderr)
+        words = _find_interrupt(ended)
+        if words is not None:
+            print(f"lcorpp: {words or 'interrupted'}", file=sys.stderr)
         raise
 
 

@@ -14,6 +14,7 @@ from collections.abc import Iterable, Sequence
 from fractions import Fraction
 
 from lcorpp.reasoning.grounding.ground_program import ASSIGN, DERIVE, RANGE, Clause
+from lcorpp.reasoning.language.arithmetic import absorb_rounding
 from lcorpp.reasoning.language.program import Program
 from lcorpp.reasoning.language.syntax import Probability, Selection, Statement
 
@@ -121,6 +122,8 @@ def compute_probabilities(
         possible: the dynamic range, indexes of values.
         atoms: the pr-atoms that apply to the selection.
 
+    A sum that rounding explains is made 1, with a warning.
+
     Raises:
         ConditionViolation: Condition 2 or 3 is broken, or the probabilities are not unitary.
     """
@@ -146,9 +149,13 @@ def compute_probabilities(
     total = sum(numbers.values(), Fraction(0))
     n_unassigned = len(possible) - len(numbers)
     if total > 1 or (total != 1 and not n_unassigned):
+        first = min([atom.statement for atom in atom_of.values()], default=-1)
+        statement = program.statements[first]
+        if isinstance(statement, Probability) and absorb_rounding(total, statement.term.name, statement.at):
+            return [numbers.get(value, Fraction(0)) / total for value in possible]
         bound = "at most " if n_unassigned else ""
         raise ConditionViolation(
-            min([atom.statement for atom in atom_of.values()]),
+            first,
             f"not unitary: the probabilities of {{term}} sum to {total}, not {bound}1",
         )
     share = (1 - total) / n_unassigned if n_unassigned else Fraction(0)

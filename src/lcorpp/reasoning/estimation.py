@@ -17,7 +17,7 @@ from lcorpp.reasoning.answers import QueryAnswer, Value, answer_query
 from lcorpp.reasoning.language.issues import ReasoningWarning
 from lcorpp.reasoning.query_model import QueryModel
 from lcorpp.reasoning.questions import list_questions
-from lcorpp.reasoning.transitions.rejection_sampling import MIN_EFFECTIVE_SAMPLES, sample_worlds
+from lcorpp.reasoning.transitions.rejection_sampling import MIN_EFFECTIVE_SAMPLES, Progress, sample_worlds
 from lcorpp.reasoning.transitions.transition_system import build_transition_system
 from lcorpp.values import Z95, Distribution, Interval
 from lcorpp.values.distribution import format_value
@@ -120,25 +120,31 @@ class EstimatedDistribution(Distribution):
         return html_table(("value", "probability"), rows)
 
 
-def estimate_answer(model: QueryModel, reason: TooLargeError, samples: int, seed: int) -> QueryAnswer:
+def estimate_answer(
+    model: QueryModel, reason: TooLargeError, samples: int, seed: int, progress: Progress | None = None
+) -> QueryAnswer:
     """Answer a query from sampled worlds, as `answer_query`; the numbers are `Estimate`s.
 
-    Warns that they are.
+    Warns that they will be, before the first world is drawn, and of the effective sample size.
 
     Args:
         reason: why the answer is not computed.
         samples: the number of worlds drawn; more, if too few of them satisfy the observations.
+        progress: as in `sample_worlds`.
 
     Raises:
         ProgramError, UndefinedError: as `answer_query`; or a world violates a condition of the language.
         TooLargeError: too few sampled worlds satisfy the observations.
     """
 
+    asked = model.query.written or str(model.query)
+    message = f"{reason}: {asked} will be estimated from {samples} or more worlds drawn at random"
+    warnings.warn(message, ReasoningWarning, stacklevel=_find_caller())
     # worlds are drawn without guesses, which may turn out wrong
     system = build_transition_system(model.ground, list_questions(model.query), max_frontier=0)
 
     def weigh(question: str) -> Mapping[Value, int]:
-        found = sample_worlds(model.ground, system, question, samples, seed)
+        found = sample_worlds(model.ground, system, question, samples, seed, progress)
         if not found.possible:
             return {}
         worlds = f"{found.drawn} worlds drawn at random"

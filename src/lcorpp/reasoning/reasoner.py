@@ -8,7 +8,7 @@ compiled are sampled, and the answer has confidence intervals (a `ReasoningWarni
 from __future__ import annotations
 
 import logging
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property, lru_cache, partial
 from typing import TYPE_CHECKING, Any
 
@@ -166,8 +166,14 @@ class Reasoner(Inference):
 
         return Filter(self.program, carried, inputs, query, initial=initial, window=window)
 
-    def ask(self, query: Query, *, exact: bool = False) -> QueryAnswer:
-        """Answer a query, see `Inference.ask`; in `Estimate`s if the program is too large to be compiled."""
+    def ask(
+        self, query: Query, *, exact: bool = False, progress: Callable[[float, str], None] | None = None
+    ) -> QueryAnswer:
+        """Answer a query, see `Inference.ask`; in `Estimate`s if the program is too large to be compiled.
+
+        Args:
+            progress: called while worlds are sampled, with the share of them and a text with their numbers.
+        """
         try:
             return super().ask(query, exact=exact)
         except TooLargeError as error:
@@ -176,7 +182,7 @@ class Reasoner(Inference):
             from lcorpp.reasoning.estimation import estimate_answer  # imports numpy
 
             model = self.build_model(resolve_query(self.program, query))
-            return estimate_answer(model, error, self.samples, self.seed)
+            return estimate_answer(model, error, self.samples, self.seed, progress)
 
     def _compute_posterior(
         self, attribute: Subject, evidence: Mapping[str, Label], do: Facts

@@ -8,7 +8,8 @@ import pytest
 
 from lcorpp.errors import ParseError, ProgramError, UndefinedError
 from lcorpp.fitting import fit
-from lcorpp.reasoning import Enumeration, Reasoner, parse_plog, program_text
+from lcorpp.reasoning import Enumeration, Reasoner, ReasoningWarning, parse_plog, program_text
+from lcorpp.reasoning.language.translation import tabling
 
 ANSWERS = [
     # a fact, and noisy-or of two equal facts: 1 - 1/2 * 1/2
@@ -43,6 +44,73 @@ ANSWERS = [
     ("% 0.1::c.\n/* a\n b */ 0.5::p(1). 0.5::p(2). q :- p(X), X =< 1, X =\\= 2, X \\== 3. query(q).", "1/2"),
     ("0::a. 1.0::b. c :- b, \\+ a. d(X) :- e(X), d(X). e(1). query(c). query(d(1)). query(a).", "1 0 0"),
     ("0.5::a. b :- a. evidence(b). query(a).", "1"),
+    # arithmetic: / divides exactly, // rounds down, mod has the sign of the divisor; = and == compare terms
+    ("n(3). n(4). 0.5::a(X) :- n(X). h(X) :- a(X), 2 =:= X / 2. query(h(3)). query(h(4)).", "0 1/2"),
+    ("n(3). 0.5::a(X) :- n(X). h :- a(X), X // 2 =:= 1, -X // 2 =:= -2, X / 2 > 1. query(h).", "1/2"),
+    (
+        "n(-5). 0.5::a(X) :- n(X). h :- a(X), 1 =:= X mod 3, -1 =:= 5 rem -3, X div 2 < X / 2. query(h).",
+        "1/2",
+    ),
+    ("n(1). n(2). 0.5::a(X) :- n(X). h(X,Y) :- a(X), n(Y), X = Y+1. query(h(2,1)).", "0"),
+    ("n(1). n(2). 0.5::a(X) :- n(X). h :- a(X), n(Y), X == Y*1. query(h).", "0"),
+    ("n(1). n(2). 0.5::a(X) :- n(X). h(X,Y) :- a(X), n(Y), X \\= Y+1, X \\== Y+1. query(h(2,1)).", "1/2"),
+    (
+        "0.5::a(2). h :- a(X), X =:= 2.0, X \\== 2.0, Y is 4 / 2, Y = 2.0, Z is 4 // 2, Z = X. query(h).",
+        "1/2",
+    ),
+    (
+        "0.5::a(1.5). 0.5::a(2). h(X) :- a(Y), X is 2 * Y. query(h(3)). query(h(3.0)). query(h(4)).",
+        "0 1/2 1/2",
+    ),
+    (
+        "0.5::a(-3). h(A,B,C,D) :- a(X), A is abs(X) ** 2, B is sign(X), C is truncate(X / 2), D is -2^2."
+        "query(h(9,-1,-1,4)).",
+        "1/2",
+    ),
+    ("0.5::a(2). h(X) :- a(Y), X is max(Y, 1.0) + min(3, Y) - -Y * 2. query(h(8)).", "1/2"),
+    ("0.5::a(1). 0.5::a(5). h :- a(X), between(0, 3, X), \\+ X > 2, not X < 1. query(h).", "1/2"),
+    (
+        "0.5::a(1+1). h :- a(X), X =:= 2, X \\= 2. h(X+1) :- a(1+X). query(h). query(h(1+1)). query(h(2)).",
+        "1/2 1/2 0",
+    ),
+    # recursion that counts down from the query
+    ("0.5::s(0). 0.5::s(T) :- T > 0, U is T - 1, s(U). query(s(3)).", "1/16"),
+    ("0.5::n(0). n(T) :- n(U), U < 3, T is U + 1. query(n(X)).", "1/2 1/2 1/2 1/2"),
+    # probabilities: with an exponent, computed, of a variable; a rounded sum counts for the heads in use
+    (
+        "1e-3::a. 2.5E-1::b :- a. .5::c. 0.25 + 0.25::d. query(a). query(b). query(c). query(d).",
+        "1/1000 1/4000 1/2 1/2",
+    ),
+    ("w(x,0.25). w(y,2). P::a(X) :- w(X,P), P < 1. P/8::a(X) :- w(X,P), P > 1. query(a(X)).", "1/4 1/4"),
+    (
+        "0.33335::f(1); 0.33335::f(2); 0.33335::f(3). query(f(1)).",
+        "6667/20000",
+    ),
+    # control; a clause has one choice for all cases of its body
+    ("0.5::a. 0.5::b. c :- true, a. d :- fail, a. d :- fail. query(c). query(d).", "1/2 0"),
+    (
+        "0.5::a. 0.5::b. c :- \\+(a, b). d :- not a, b. e :- a ; b. f :- \\+ (a ; b)."
+        "query(c). query(d). query(e). query(f).",
+        "3/4 1/4 3/4 1/4",
+    ),
+    ("0.5::a. 0.5::b. 0.5::c :- a ; b. query(c).", "3/8"),
+    (
+        "0.5::a(1). 0.5::a(2). c :- \\+ a(_). d :- \\+ (a(X), X > 1). e :- forall(a(X), X < 2)."
+        "query(c). query(d). query(e).",
+        "1/4 1/2 1/2",
+    ),
+    # terms: lists, compound terms, quoted names and strings; `[X|Y]`
+    ("0.5::a([1,2]). h(X,Y) :- a([X|Y]). query(h(1,[2])). query(a([1,2])).", "1/2 1/2"),
+    (
+        "0.5::a(f(1,'B c')). h(X) :- a(f(_,X)). query(h('B c')). query(h(b)). 0.5::b(\"t\"). query(b(X)).",
+        "1/2 0 1/2",
+    ),
+    ("m(X,[X|_]). m(X,[_|T]) :- m(X,T). 0.5::a(X) :- m(X,[1,2,1]). query(a(1)). query(a(2)).", "1/2 1/2"),
+    # comments, no space after a full stop, queries and evidence with conditions, the negation of a query
+    ("/* 0.1 % old */ 0.5::a.b:-a.query(b).% end", "1/2"),
+    ("n(1). n(2). 0.5::a(X) :- n(X). query(a(X)) :- n(X), X > 1. evidence(a(X),true) :- X = 1.", "1/2"),
+    ("0.25::a. query(\\+a).", "3/4"),
+    ("a <- b. 0.5::b. :- use_module(library(lists)). query(a).", "1/2"),
 ]
 
 
@@ -100,28 +168,66 @@ def test_facts_remain_readable() -> None:
     ]
 
 
+def test_a_query_is_shown_as_it_is_written() -> None:
+    program = parse_plog(
+        "0.4::do. 0.4::pr(1.5). h(X) :- pr(X). query(do). query(\\+ do). query(h(X)). query(h([1,'B']))."
+    )
+    assert [query.written for query in program.queries] == ["do", "\\+do", "h(1.5)", "h([1,'B'])"]
+    lifted = parse_plog("0.4::do. 0.4::obs(a). query(do). query(obs(X)).")
+    assert [query.written for query in lifted.queries] == ["do", "obs(a)"]
+
+
+def test_a_rounded_sum_is_named_once_and_made_1() -> None:
+    thirds = "0.33335::a; 0.33335::b; 0.33335::c. query(a). query(b). query(c)."
+    with pytest.warns(
+        ReasoningWarning, match=r"x\.pl:1:1: the probabilities .* sum to 1\.00005, not 1"
+    ) as caught:
+        program = parse_plog(thirds, file="x.pl")
+    assert len(caught) == 1
+    assert [Reasoner(program).ask(query, exact=True) for query in program.queries] == [Fraction(1, 3)] * 3
+
+
 REFUSED = [
-    ("0.3::a(X) :- member(X,[1,2]).", "1:23", "ProbLog", "a list is not translated"),
-    ("a :- X is 1+2, b(X). 0.3::b(3).", "1:8", "ProbLog", "the arithmetic of 'is' is not translated"),
-    ("P::a(X) :- w(X,P).", "1:2", "ProbLog", "a probability that is not a number"),
-    ("X/2::a(X) :- w(X).", "1:4", "ProbLog", "a probability that is not a number"),
+    ("0.3::a(X) :- member(X,[1,2]).", "1:14", "ProbLog", "member/2 has no clause; builtin and library"),
+    ("a :- X is b+2. 0.3::b(3). query(a).", "1:6", "ProbLog", "b is not a number"),
+    ("a :- b(X), Y is 1 / X.\n0.3::b(0). query(a).", "1:12", "ProbLog", "division by zero in 1/0"),
+    ("a :- b(X), X mod 0 < 1.\n0.3::b(0). query(a).", "1:12", "ProbLog", "division by zero in 0 mod 0"),
+    ("a :- X > 1. 0.3::b. query(a).", "1:6", "ProbLog", "the variable X, which has no value here"),
+    ("a :- b(X), X < 1.\n0.3::b(c). query(a).", "1:12", "ProbLog", "c is not a number"),
+    ("a :- X is (-8) ** 0.5. 0.3::b. query(a).", "1:6", "ProbLog", "is not a real number"),
+    ("a :- X is 9 ** 9 ** 9. 0.3::b. query(a).", "1:18", "ProbLog", "an operator that needs brackets here"),
+    ("a :- X is 9 ** (9 ** 9). 0.3::b. query(a).", "1:6", "ProbLog", "no value, or one that is too large"),
+    ("a :- X is gcd(4,6). 0.3::b. query(a).", "1:6", "ProbLog", "gcd/2 is not an arithmetic function"),
+    ("w(a,3). P::a(X) :- w(X,P).", "1:9", "ProbLog", "the probability 3 is not between 0 and 1"),
+    ("P::a(P) :- w(X). w(1). query(a(P)).", "1:1", "ProbLog", "arithmetic with the variable"),
     ("a/2::b.", "1:1", "ProbLog", "a is not a number"),
-    (":- use_module(library(lists)).\n0.3::a.", "1:1", "ProbLog", "a directive is not translated"),
-    ("0.3::a. b :- a; c.", "1:15", "ProbLog", "a disjunction in a body"),
-    ("0.3::a. b :- (a -> c; d).", "1:17", "ProbLog", "if-then-else is not translated"),
+    (":- initialization(main).\n0.3::a.", "1:1", "ProbLog", "the directive :- initialization(main) is not"),
+    ("0.3::a. b :- (a -> c; d).", "1:15", "ProbLog", "if-then-else (->) is not translated"),
+    ("0.3::a. b :- a, !.", "1:17", "ProbLog", "a cut (!) is not translated"),
+    ("0.3::\\+a.", "1:6", "ProbLog", "the negated head \\+a is not translated"),
     ("a; b. 0.3::c.", "1:1", "ProbLog", "a disjunction in a head without probabilities"),
-    ("?::a.", "1:1", "ProbLog", "a decision (DTProbLog)"),
-    ("0.3::a(f(b)).", "1:8", "ProbLog", "the compound term f(b) is not translated"),
-    ("0.3::'A b'.", "1:6", "ProbLog", "a quoted name"),
-    ("0.3::a. b :- findall(X,a,L).", "1:14", "ProbLog", "findall/3 has no clause; builtin and library"),
+    ("?::a. utility(a,3).", "1:1", "ProbLog", "a decision, ?:: (DTProbLog), is not translated"),
+    ("0.3::a. utility(a,3).", "1:9", "ProbLog", "a utility (DTProbLog) is not translated"),
+    ("t(_)::a.", "1:1", "ProbLog", "the learnable probability t(_) is not translated"),
+    ("normal(0,1)::a.", "1:1", "ProbLog", "the density normal(0,1) is not translated"),
+    ("0.3::b. a ~ normal(0,1).", "1:9", "ProbLog", "a distribution (~) is not translated"),
+    ("0.3::a. b :- findall(X,a,L).", "1:14", "ProbLog", "findall is not translated"),
+    ("0.3::a. b :- subquery(a,P).", "1:14", "ProbLog", "subquery is not translated"),
+    ("0.3::a. b :- a \\=@= c.", "1:14", "ProbLog", "\\=@=/2 has no clause; builtin"),
+    ("0.3::a. b :- G.", "1:9", "ProbLog", "the goal G, a variable, is not translated"),
+    ("0.3::a. a := b.", "1:12", "ProbLog", "unexpected '='"),
+    ("0.3::a. b('c.", "1:11", "ProbLog", "a quoted name without end"),
+    ("0.3::a. b({c}).", "1:11", "ProbLog", "unexpected character '{'"),
+    ("0.3::a. query(a)", "1:17", "ProbLog", "unexpected end of the text; expected '.'"),
     ("query(a).", "1:7", "ProbLog", "a/0 has no clause"),
-    ("0.6::a; 0.6::b.", "1:1", "ProbLog", "the probabilities 3/5, 3/5 are negative or exceed 1"),
-    ("0.3::p(1). q(X) :- \\+ p(X).", "1:20", "ProbLog", "the variable X must occur in a positive goal to"),
-    ("0.3::p(1). q :- \\+ p(_).", "1:17", "ProbLog", "the variable _1 must occur"),
-    ("0.3::p(X).", "1:6", "ProbLog", "the variable X must occur"),
-    ("0.3::p(1). evidence(p(X)).", "1:12", "ProbLog", "evidence with the variable X"),
-    ("0.3::p(1). query(p(1) = 2).", "1:18", "ProbLog", "the comparison p(1)=2 of a constant"),
-    ("0.3::p(1). 0.2::q(X) :- p(X), 2 = X, X.", "1:38", "ProbLog", "expected a literal, not X"),
+    ("0.6::a; 0.6::b.", "1:1", "ProbLog", "the probabilities sum to 1.2; expected at most 1"),
+    ("1.5::a. query(a).", "1:1", "ProbLog", "the probability 1.5 is not between 0 and 1"),
+    ("0.3::p(1). q(X) :- \\+ p(X). query(q(X)).", "1:35", "ProbLog", "the answer q("),
+    ("0.3::p(X).", "1:1", "ProbLog", "the variable X has no value when the probability is needed"),
+    ("0.3::p(1). evidence(p(X)).", "1:21", "ProbLog", "with a variable is not translated"),
+    ("0.3::p(1). evidence(p(1), 0.7).", "1:21", "ProbLog", "expected true or false"),
+    ("0.3::p(1). query(p(1) = 2).", "1:18", "ProbLog", "query(p(1)=2) is not translated; expected an atom"),
+    ("0.3::p(1). query(p(1)) :- p(1).", "1:12", "ProbLog", "query(...) that depends on chance"),
     ("&random { prize(D) : door(D) }. door(1..3).", "1:1", "plingo", "expected random(f(D) : {X : p(X)})"),
     ("door(1..3).\n&pr { prize(1) } = \"0.3\".", "2:1", "plingo", "&pr is not translated; expected pr("),
     ("a(X) :- b(X), &weight(5).", "1:15", "plingo", "as P-log has no weights"),
@@ -146,6 +252,13 @@ def test_errors_in_p_log_are_reported_as_such(text: str) -> None:
     with pytest.raises((ParseError, ProgramError)) as caught:
         parse_plog(text)
     assert "program: " not in str(caught.value)
+
+
+@pytest.mark.parametrize("goal", ["n(Y), X is Y + 1", "Y is X + 1, n(Y)"])
+def test_a_recursion_without_end_is_refused(monkeypatch: pytest.MonkeyPatch, goal: str) -> None:
+    monkeypatch.setattr(tabling, "MAX_STEPS", 1000)
+    with pytest.raises(ParseError, match=r"2:\d+: .* more than 1000 steps .* perhaps without end"):
+        parse_plog(f"0.3::n(0).\nn(X) :- {goal}.\nquery(n(1)).")
 
 
 def test_many_instances_of_a_query_are_refused() -> None:

@@ -6,16 +6,20 @@ toward zero. A value is an `int`, or the text of a constant or record: ``3``, ``
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable, Iterator, Mapping
 from fractions import Fraction
 from operator import add, eq, ge, gt, le, lt, mul, ne, sub, truediv
 from typing import Any
 
-from lcorpp.reasoning.language.issues import SourceIssue
+from lcorpp.reasoning.language.issues import Place, ReasoningWarning, SourceIssue
 from lcorpp.reasoning.language.syntax import Arithmetic, Expression, Number, Term, Variable
 
 MAX_INTEGER = 2**31 - 1
 """The largest integer of ASP systems, which compute with 32 bits."""
+
+MAX_ROUNDING = Fraction(1, 10_000)
+"""A sum of probabilities may differ by this from 1, as their numbers are rounded: six times 0.16667."""
 
 Value = int | str
 
@@ -77,6 +81,22 @@ def _apply(expression: Arithmetic, left: Any, right: Any) -> Any:
     if expression.operator in ("/", "mod") and right == 0:
         raise SourceIssue(expression.at, f"division by zero in {expression}")
     return _OPERATIONS[expression.operator](left, right)
+
+
+def absorb_rounding(total: Fraction, name: str, at: Place) -> bool:
+    """Return whether probabilities whose sum is not 1 should be divided by it, as rounding explains that.
+
+    Warns that they are.
+
+    Args:
+        name: what they are the probabilities of.
+        at: the place of the first of them.
+    """
+    if not 0 < abs(total - 1) <= MAX_ROUNDING:
+        return False
+    words = f"the probabilities of {name} sum to {float(total):.7g}, not 1, and are divided by their sum"
+    warnings.warn(f"{at}: {words}", ReasoningWarning, stacklevel=2)
+    return True
 
 
 def canonical_text(expression: Expression) -> str:

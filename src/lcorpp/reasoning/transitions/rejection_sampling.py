@@ -17,7 +17,7 @@ from __future__ import annotations
 
 from bisect import bisect_right
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from itertools import accumulate
@@ -36,6 +36,11 @@ MIN_EFFECTIVE_SAMPLES = 100
 
 MAX_EXTENSION = 16
 """If too few worlds agree, up to this many times as many are drawn, if then enough can be expected."""
+
+BATCH = 1000
+"""So many worlds are drawn together: a step then computes the outcomes of all their states at once."""
+
+Progress = Callable[[float, str], None]
 
 _Choices = tuple[float, list[float], list[tuple[Effect, Outcome]]]
 """(logarithm of the total probability, cumulative shares of it, effects on the state with their outcomes)"""
@@ -61,7 +66,12 @@ class SampleCounts:
 
 
 def sample_worlds(
-    ground: GroundProgram, system: TransitionSystem, query: str, samples: int, seed: int
+    ground: GroundProgram,
+    system: TransitionSystem,
+    query: str,
+    samples: int,
+    seed: int,
+    progress: Progress | None = None,
 ) -> SampleCounts:
     """Draw worlds and count the values of a term among those that are accepted.
 
@@ -73,6 +83,7 @@ def sample_worlds(
         ground: the program, with the evidence.
         system: its transition system, without guesses: built with a maximal frontier of 0.
         samples: the number of worlds to draw.
+        progress: a function of the share of the worlds that is drawn, and a text with the numbers of worlds.
 
     Raises:
         ProgramError: a drawn world breaks a condition of the language.
@@ -86,10 +97,12 @@ def sample_worlds(
         drawn < samples
         or (drawn < limit and numbers.total() < MIN_EFFECTIVE_SAMPLES <= numbers.total() * limit / drawn)
     ):
-        drawn += 1
-        value = sampler.draw(queried)
-        if value is not None:
-            numbers[value] += 1
+        target = samples if drawn < samples else limit
+        count = min(BATCH, target - drawn)
+        numbers.update(sampler.draw(count, queried))
+        drawn += count
+        if progress:
+            progress(drawn / target, f"{drawn} worlds, {numbers.total()} accepted")
     values = next((own for name, own in zip(ground.names, ground.values, strict=True) if name == query), ())
     counts = {name: numbers.pop(i, 0) for i, name in enumerate(values)}
     return SampleCounts(counts | {"": numbers.total()}, drawn, system.consistent)
@@ -104,49 +117,74 @@ class _WorldSampler:
         self._choices: list[dict[int, _Choices]] = [{} for _ in system.transitions]
         self._bound, self._following_bounds = self._bound_evidence(ground)  # logarithms
 
-    def draw(self, queried: int | None) -> int | None:
-        """Draw a world: the outcome of a term, -1 without a term; None if the world is rejected."""
-        tree, random, value = self._system.tree, self._random.random, -1
-        # logarithms of the probability of the evidence so far, and of that at which the world is accepted
-        weight, threshold = 0.0, log(1 - random()) + self._bound
-        following_bounds = self._following_bounds
-        states = dict.fromkeys(tree.roots, 0)  # step -> state before it
-        for step, (transition, terms) in enumerate(zip(self._system.transitions, tree.order, strict=True)):
-            state = states.pop(step)
-            bits = state & transition.input_mask
-            known = self._choices[step].get(bits)
-            if known is None:
-                known = self._choices[step][bits] = self._list_choices(step, bits)
-            log_total, cumulative, choices = known
-            weight += log_total
-            if weight + following_bounds[step] < threshold:
-                return None
-            effect, outcome = choices[bisect_right(cumulative, random()) if len(choices) > 1 else 0]
-            following = transition.advance(state, effect)
-            if following is None:
-                return None
-            for child, mask in zip(tree.children[step], transition.live_masks, strict=True):
-                states[child] = following & mask
-            if queried is not None and queried in terms:
-                value = outcome.values[terms.index(queried)]
-        return value
+    def draw(self, count: int, queried: int | None) -> list[int]:
+        """Draw worlds, all step by step; return the outcome of a term in those that are accepted.
 
-    def _list_choices(self, step: int, bits: int) -> _Choices:
-        """List the choices of positive probability that no constraint excludes."""
+        Args:
+            queried: the term; without one the outcomes are -1.
+        """
+        tree, random, values = self._system.tree, self._random.random, [-1] * count
+        # logarithms of the probability of the evidence so far, and of that at which a world is accepted
+        weights = [0.0] * count
+        thresholds = [log(1 - random()) + self._bound for _ in range(count)]
+        states = {root: [0] * count for root in tree.roots}  # step -> state of each world before it
+        accepted: Sequence[int] = range(count)
+        for step, (transition, terms) in enumerate(zip(self._system.transitions, tree.order, strict=True)):
+            own, known, mask = states.pop(step), self._choices[step], transition.input_mask
+            if unknown := {own[world] & mask for world in accepted} - known.keys():
+                self._list_choices(step, unknown)
+            place = terms.index(queried) if queried is not None and queried in terms else None
+            children = list(zip(tree.children[step], transition.live_masks, strict=True))
+            if place is None and self._is_idle(step):
+                states.update((child, [state & live for state in own]) for child, live in children)
+                continue
+            branches = [(states.setdefault(child, [0] * count), live) for child, live in children]
+            least, advance = self._following_bounds[step], transition.advance
+            survivors = []
+            for world in accepted:
+                state = own[world]
+                log_total, cumulative, choices = known[state & mask]
+                weight = weights[world] = weights[world] + log_total
+                if weight + least < thresholds[world]:
+                    continue
+                effect, outcome = choices[bisect_right(cumulative, random()) if len(choices) > 1 else 0]
+                following = advance(state, effect)
+                if following is None:
+                    continue
+                for column, live in branches:
+                    column[world] = following & live
+                if place is not None:
+                    values[world] = outcome.values[place]
+                survivors.append(world)
+            accepted = survivors
+        return [values[world] for world in accepted]
+
+    def _is_idle(self, step: int) -> bool:
+        """Whether neither evidence nor other steps depend on a step, as on a term that no rule reads."""
+        transition = self._system.transitions[step]
+        if transition.input_mask or transition.absorptions or transition.closures:
+            return False
+        log_total, _, choices = self._choices[step][0]
+        return log_total == 0 and all(effect[:3] == (0, 0, 0) for effect, _ in choices)
+
+    def _list_choices(self, step: int, states: Collection[int]) -> None:
+        """List the choices of positive probability that no constraint excludes, for some input bits."""
         transition = self._system.transitions[step]
         program = self._system.program
-        choices: list[tuple[Effect, Outcome]] = []
-        for outcome in transition.distribution.list_outcomes((bits,))[bits]:
-            if outcome.violation:
-                names = [program.names[term] for term in self._system.tree.order[step]]
-                message = outcome.violation.format(program.source.statements, names)
-                raise ProgramError(f"{message}, in a world drawn at random")
-            effect = transition.find_effect(outcome.values) if outcome.weight else None
-            if effect is not None:
-                choices.append((effect, outcome))
-        sums = list(accumulate([outcome.weight for _, outcome in choices], initial=Fraction(0)))
-        # the last share is exactly 1, above each random number
-        return compute_log(sums[-1]), [float(part / sums[-1]) for part in sums[1:]], choices
+        for state, outcomes in transition.distribution.list_outcomes(states).items():
+            choices: list[tuple[Effect, Outcome]] = []
+            for outcome in outcomes:
+                if outcome.violation:
+                    names = [program.names[term] for term in self._system.tree.order[step]]
+                    message = outcome.violation.format(program.source.statements, names)
+                    raise ProgramError(f"{message}, in a world drawn at random")
+                effect = transition.find_effect(outcome.values) if outcome.weight else None
+                if effect is not None:
+                    choices.append((effect, outcome))
+            sums = list(accumulate([outcome.weight for _, outcome in choices], initial=Fraction(0)))
+            # the last share is exactly 1, above each random number
+            shares = [float(part / sums[-1]) for part in sums[1:]]
+            self._choices[step][state] = compute_log(sums[-1]), shares, choices
 
     def _bound_evidence(self, ground: GroundProgram) -> tuple[float, list[float]]:
         """Bound the probability of the evidence in all worlds, and its part from the next step on."""

@@ -9,11 +9,11 @@ are no names of P-log get names with an apostrophe, which names of ProbLog do no
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Iterable, Iterator, Sequence
 from fractions import Fraction
 
-from lcorpp.reasoning.language.issues import Place, ReasoningWarning, SourceIssue
+from lcorpp.reasoning.language.arithmetic import absorb_rounding
+from lcorpp.reasoning.language.issues import Place, SourceIssue
 from lcorpp.reasoning.language.overloads import resolve_overloads
 from lcorpp.reasoning.language.sorts import BOOLEAN, SortDefinition, SortSet
 from lcorpp.reasoning.language.syntax import (
@@ -41,9 +41,6 @@ from lcorpp.reasoning.language.translation.prolog_terms import (
 )
 from lcorpp.reasoning.language.translation.tables import Choice, Derivation, GroundLiteral
 from lcorpp.reasoning.language.translation.tabling import Evaluation
-
-MAX_EXCESS = Fraction(1, 10_000)
-"""Probabilities whose sum exceeds 1 by at most this are divided by it, as numbers are rounded."""
 
 
 def translate_instances(clauses: Sequence[PrologClause]) -> tuple[Statement, ...]:
@@ -217,11 +214,12 @@ class _Writer:
         term, at = literal.term, literal.at
         yield Selection(term, None, (), at=at)
         total = sum((choice.probability for choice in choices), Fraction(0))
-        scale = check_sum(total, at)
+        if total > 1 and not absorb_rounding(total, "the clause", at):
+            raise SourceIssue(at, f"the probabilities sum to {float(total):.7g}; expected at most 1")
         if isinstance(literal.value, Term):  # the atom itself
             yield Probability(term, literal.value, Number(total, at=at), at=at)
             return
-        numbers = {choice.head + 1: choice.probability / scale for choice in choices}
+        numbers = {choice.head + 1: choice.probability / max(total, Fraction(1)) for choice in choices}
         if total < 1:
             numbers[0] = 1 - total
         for value, number in numbers.items():
@@ -263,20 +261,3 @@ class _Writer:
                         sorts[-1] += "'"
                     yield SortDefinition(sorts[-1], SortSet(tuple(values.values())))
                 yield AttributeDeclaration(name, tuple(sorts[:-1]), sorts[-1])
-
-
-def check_sum(total: Fraction, at: Place) -> Fraction:
-    """Return the divisor of the probabilities of a choice: 1, or their sum if that exceeds 1 by rounding.
-
-    Warns that they are.
-
-    Raises:
-        SourceIssue: the sum exceeds 1 by more than `MAX_EXCESS`.
-    """
-    if total <= 1:
-        return Fraction(1)
-    words = f"the probabilities sum to {float(total):.7g}"
-    if total > 1 + MAX_EXCESS:
-        raise SourceIssue(at, f"{words}; expected at most 1")
-    warnings.warn(f"{at}: {words} and are divided by it", ReasoningWarning, stacklevel=2)
-    return total

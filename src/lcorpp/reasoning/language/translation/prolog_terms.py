@@ -123,8 +123,7 @@ def format_term(term: PrologTerm) -> str:
         left, right = map(_format_operand, arguments)
         space = " " if name[0].isalpha() or name in (",", ";", ":-", "->") else ""
         return f"{left}{'' if name == ',' else space}{name}{space}{right}"
-    is_negated_number = name == "-" and not isinstance(arguments[0] if arguments else 0, Compound)
-    if len(arguments) == 1 and name in ("\\+", "-", "+", "\\") and not is_negated_number:
+    if len(arguments) == 1 and name in ("\\+", "-", "+", "\\"):
         return f"{name}{_format_operand(arguments[0])}"
     return f"{name}({','.join(map(_format_argument, arguments))})" if arguments else name
 

@@ -32,8 +32,8 @@ from lcorpp.reasoning.language.translation.prolog_terms import (
 )
 from lcorpp.reasoning.language.translation.tables import Choice, Derivation, GroundLiteral, Table
 
-MAX_ANSWERS = 200_000
-"""Maximal number of calls and answers in all tables."""
+MAX_STEPS = 3_000_000
+"""Maximal number of solutions of goals, counted again when a call is evaluated again."""
 
 
 @dataclass(eq=False)
@@ -65,7 +65,7 @@ class Evaluation:
         for index, clause in enumerate(clauses):
             for number, (_, head) in enumerate(clause.heads):
                 self._heads.setdefault(head.key, []).append((index, number))
-        self._round = self._count = self._names = 0
+        self._round = self._steps = self._names = 0
 
     def defines(self, key: tuple[str, int]) -> bool:
         """Whether a predicate has clauses."""
@@ -99,7 +99,6 @@ class Evaluation:
                 words = "has no clause; builtin and library predicates are not translated"
                 raise SourceIssue(at, f"{call.name}/{len(call.arguments)} {words}")
             table = self.tables[call] = Table(call, at)
-            self._add_count(at)
         low = inf
         if table.is_complete:
             pass
@@ -137,12 +136,10 @@ class Evaluation:
         table.depth = None
         return table
 
-    def _add_count(self, at: Place) -> None:
-        self._count += 1
-        if self._count > MAX_ANSWERS:
-            raise SourceIssue(
-                at, f"the queries have more than {MAX_ANSWERS} calls and answers, perhaps without end"
-            )
+    def _count_steps(self, count: int, at: Place) -> None:
+        self._steps += count
+        if self._steps > MAX_STEPS:
+            raise SourceIssue(at, f"more than {MAX_STEPS} steps to find the instances, perhaps without end")
 
     # clauses
 
@@ -159,6 +156,7 @@ class Evaluation:
                 states: list[_State] = [(bindings, ())]
                 for goal in conjunction:
                     states = yield from self._extend(states, goal)
+                    self._count_steps(1 + len(states), goal.at)
                     if not states:
                         break
                 for state in states:
@@ -259,8 +257,6 @@ class Evaluation:
         literals = tuple(dict.fromkeys(literals))
         is_certain = choice is None and not literals
         known = table.answers.get(answer)
-        if known is None:
-            self._add_count(table.at)
         if known is None or is_certain > known:
             table.answers[answer] = is_certain
             table.has_changed = True
