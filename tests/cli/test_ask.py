@@ -219,6 +219,19 @@ def test_a_reader_that_ends_early_is_no_error(coin):
     assert (ended.returncode, ended.stderr) == (1, "")
 
 
+def test_an_interrupt_of_the_sampling_follows_the_message_that_it_begins(lcorpp, monkeypatch):
+    def interrupt(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("lcorpp.reasoning.circuit.decision_diagram.build_decision_diagram.__defaults__", (1,))
+    monkeypatch.setattr("lcorpp.reasoning.estimation.sample_worlds", interrupt)
+    ended = lcorpp("ask", PLOG / "lcorpp.plog", "intention")
+    assert ended.code == 130
+    first, second = ended.err.splitlines()
+    assert first.endswith("?intention. will be estimated from 20000 or more worlds drawn at random")
+    assert second == "lcorpp: interrupted; this query and those after it have no answer"
+
+
 def test_a_problog_file_is_read_checked_and_translated(lcorpp, tmp_path):
     file = tmp_path / "coins.pl"
     file.write_text("0.5::heads(1). 0.6::heads(2).\ntwo :- heads(1), heads(2).\nquery(two).\n")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pickle
+import re
 import warnings
 from fractions import Fraction
 from random import Random
@@ -93,12 +94,16 @@ def test_a_rare_cause_of_the_evidence_is_not_overlooked():
     program = parse_plog(RARE.replace("{n}", "1000"))
     exact = float(Enumeration(program).exact("c", {"e": "true"})["true"])
     assert exact == pytest.approx(0.47, abs=0.01)
-    with pytest.warns(ReasoningWarning, match=r"effective sample size \d{3}$"):
+    with pytest.warns(ReasoningWarning) as caught:
         found = Reasoner(program, samples=100_000).posterior("c", {"e": "true"})
+    assert re.search(r"effective sample size \d{3}$", str(caught[-1].message))
     assert found.intervals[0].low <= exact <= found.intervals[0].high
     rarer = parse_plog(RARE.replace("{n}", "1000000"))
-    with pytest.raises(
-        TooLargeError, match=r"more than 1 arcs .*, and no sample satisfied the evidence, which is imp"
+    with (
+        pytest.warns(ReasoningWarning, match="will be estimated"),
+        pytest.raises(
+            TooLargeError, match=r"more than 1 arcs .*, and no sample satisfied the evidence, which is imp"
+        ),
     ):
         Reasoner(rarer, samples=2000).posterior("c", {"e": "true"})
 
@@ -107,16 +112,40 @@ def test_few_effective_samples_are_refused():
     program = parse_plog(RARE.replace("{n}", "100"))
     reasoner = Reasoner(program, samples=100)
     message = r"too improbable for sampling: an effective sample size of \d+ in \d+ worlds drawn at random"
-    with pytest.raises(TooLargeError, match=message):
+    with pytest.warns(ReasoningWarning, match="will be"), pytest.raises(TooLargeError, match=message):
         reasoner.posterior("c", {"e": "true"})
-    with pytest.raises(TooLargeError, match=r"expected at least 100$"):
+    least = r"expected at least 100$"
+    with pytest.warns(ReasoningWarning, match="will be"), pytest.raises(TooLargeError, match=least):
         reasoner.ask(parse_query("c | obs(e)", program))
 
 
 def test_few_samples_without_evidence_are_refused():
     program = parse_plog("p : boolean. random(p).")
-    with pytest.raises(TooLargeError, match=r"and the samples are too few: .* size of 3 in 3 worlds"):
+    message = r"and the samples are too few: .* size of 3 in 3 worlds"
+    with pytest.warns(ReasoningWarning, match="will be"), pytest.raises(TooLargeError, match=message):
         Reasoner(program, samples=3).posterior("p")
+
+
+def test_the_first_warning_precedes_the_samples(monkeypatch: pytest.MonkeyPatch):
+    def interrupt(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("lcorpp.reasoning.estimation.sample_worlds", interrupt)
+    program = parse_plog("p : boolean. random(p).", file="a.plog")
+    words = r"a\.plog: more than 1 arcs .*: \?p\. will be estimated from 300 or more worlds drawn at random$"
+    with pytest.warns(ReasoningWarning, match=words), pytest.raises(KeyboardInterrupt):
+        Reasoner(program, samples=300).ask(parse_query("p", program))
+
+
+def test_the_progress_of_sampling_is_reported():
+    program = parse_plog("p : boolean. random(p).")
+    reports: list[tuple[float, str]] = []
+    with pytest.warns(ReasoningWarning):
+        Reasoner(program, samples=2500).ask(
+            parse_query("p", program), progress=lambda share, text: reports.append((share, text))
+        )
+    assert [share for share, _ in reports] == [0.4, 0.8, 1.0]
+    assert reports[-1][1] == "2500 worlds, 2500 accepted"
 
 
 def test_evidence_of_a_probability_below_the_floats():
@@ -133,7 +162,7 @@ def test_more_worlds_are_drawn_if_too_few_have_the_evidence():
     with pytest.warns(ReasoningWarning) as issued:
         found = Reasoner(program, samples=200).posterior("c", {"e": "true"})
     assert found.effective == 100
-    words = str(issued[0].message).split()
+    words = str(issued[-1].message).split()
     assert 200 < int(words[words.index("from") + 1]) <= 3200
 
 

@@ -90,3 +90,21 @@ def test_improbable_evidence_ends_early_and_broken_conditions_are_errors():
     broken = parse_plog("p, q : boolean. random(p). random(q). pr(q) = 1/2. pr(q | p) = 1/2.", file="b.plog")
     with pytest.raises(ProgramError, match=r"b\.plog:1:\d+: Condition 2: .* in a world drawn at random"):
         sample(broken, "q", {}, 100)
+
+
+def test_terms_that_no_rule_reads_are_not_drawn():
+    """The worlds of a program with 50 idle terms are those of the program without them."""
+    text = "p, q : boolean. random(p). pr(p) = 1/4. random(q) :- p."
+    idle = "n = {1..50}. idle : n -> boolean. random(idle(X))."
+    alone, among = (sample(parse_plog(program), "q", {}, 300) for program in (text, f"{text} {idle}"))
+    assert alone == among
+
+
+def test_batches_continue_until_enough_worlds_are_accepted(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr("lcorpp.reasoning.transitions.rejection_sampling.BATCH", 50)
+    program = parse_plog(
+        "e : boolean. random(e). pr(e) = 1/4. y : boolean. y :- e, x. x : boolean. random(x)."
+    )
+    found = sample(program, "x", {"y": "true"}, 120)
+    assert found.accepted == 100
+    assert 600 < found.drawn < 1000

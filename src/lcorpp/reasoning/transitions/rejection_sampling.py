@@ -38,7 +38,7 @@ MAX_EXTENSION = 16
 """If too few worlds agree, up to this many times as many are drawn, if then enough can be expected."""
 
 BATCH = 1000
-"""So many worlds are drawn together: a step then computes the outcomes of all their states at once."""
+"""Number of worlds drawn together, so that a step computes the outcomes of all their states at once."""
 
 Progress = Callable[[float, str], None]
 
@@ -99,7 +99,12 @@ def sample_worlds(
     ):
         target = samples if drawn < samples else limit
         count = min(BATCH, target - drawn)
-        numbers.update(sampler.draw(count, queried))
+        is_extension = drawn >= samples
+        for world, value in sampler.draw(count, queried):
+            numbers[value] += 1
+            if is_extension and numbers.total() == MIN_EFFECTIVE_SAMPLES:
+                count = world + 1  # those after it are not needed
+                break
         drawn += count
         if progress:
             progress(drawn / target, f"{drawn} worlds, {numbers.total()} accepted")
@@ -117,8 +122,8 @@ class _WorldSampler:
         self._choices: list[dict[int, _Choices]] = [{} for _ in system.transitions]
         self._bound, self._following_bounds = self._bound_evidence(ground)  # logarithms
 
-    def draw(self, count: int, queried: int | None) -> list[int]:
-        """Draw worlds, all step by step; return the outcome of a term in those that are accepted.
+    def draw(self, count: int, queried: int | None) -> list[tuple[int, int]]:
+        """Draw worlds, all step by step; return (number, outcome of a term) of those that are accepted.
 
         Args:
             queried: the term; without one the outcomes are -1.
@@ -157,7 +162,7 @@ class _WorldSampler:
                     values[world] = outcome.values[place]
                 survivors.append(world)
             accepted = survivors
-        return [values[world] for world in accepted]
+        return [(world, values[world]) for world in accepted]
 
     def _is_idle(self, step: int) -> bool:
         """Whether neither evidence nor other steps depend on a step, as on a term that no rule reads."""

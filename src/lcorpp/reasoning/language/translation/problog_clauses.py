@@ -20,6 +20,7 @@ from lcorpp.reasoning.language.translation.prolog_terms import (
     PrologTerm,
     PrologVariable,
     iter_term_variables,
+    unquote,
 )
 
 MAX_ALTERNATIVES = 1000
@@ -133,6 +134,7 @@ class _ClauseMaker:
                 raise SourceIssue(self._at, f"{words} is not translated")
         if not isinstance(term, Compound):
             raise SourceIssue(self._at, f"expected an atom, not {term}")
+        term = _unquote(term)
         if term.key == ("\\+", 1):
             raise SourceIssue(term.at, f"the negated head {term} is not translated")
         if words := _REFUSED_STATEMENTS.get(term.name):
@@ -145,7 +147,7 @@ class _ClauseMaker:
             )
         if probability is not None and term.name in ("query", "evidence"):
             raise SourceIssue(term.at, f"a probability of {term.name}(...) is not translated")
-        return probability, _unquote(term)
+        return probability, term
 
     # bodies
 
@@ -165,6 +167,7 @@ class _ClauseMaker:
             raise SourceIssue(self._at, f"the goal {term}, a variable, is not translated")
         if not isinstance(term, Compound):
             raise SourceIssue(self._at, f"expected a goal, not {term}")
+        term = _unquote(term)
         if words := _REFUSED_GOALS.get(term.name):
             raise SourceIssue(term.at, f"{words} is not translated")
         if term.name in (",", ";") and len(term.arguments) == 2:
@@ -183,7 +186,7 @@ class _ClauseMaker:
             return self._make_negation(term)
         if term.name[0] == '"' or term.name in ("[]", "."):
             raise SourceIssue(term.at, f"expected a goal, not {term}")
-        return ((Goal(_unquote(term), False, term.at),),)
+        return ((Goal(term, False, term.at),),)
 
     def _make_negation(self, term: Compound) -> tuple[Conjunction, ...]:
         inner, at = term.arguments[0], term.at
@@ -217,8 +220,7 @@ def _flatten(term: PrologTerm, sign: str) -> Iterator[PrologTerm]:
 
 def _unquote(term: Compound) -> Compound:
     """Return an atom whose predicate has no quotes, which only arguments keep."""
-    name = term.name
-    return Compound(name[1:-1], term.arguments, term.at) if name[0] == "'" and len(name) > 2 else term
+    return Compound(unquote(term.name), term.arguments, term.at)
 
 
 def _name_weight(term: PrologTerm) -> str | None:

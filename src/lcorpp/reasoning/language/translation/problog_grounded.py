@@ -38,6 +38,7 @@ from lcorpp.reasoning.language.translation.prolog_terms import (
     PrologVariable,
     format_term,
     iter_term_variables,
+    unquote,
 )
 from lcorpp.reasoning.language.translation.tables import Choice, Derivation, GroundLiteral
 from lcorpp.reasoning.language.translation.tabling import Evaluation
@@ -111,8 +112,7 @@ def _list_asked(evaluation: Evaluation, kind: str) -> Iterator[tuple[Compound, b
                 atom, negated = atom.arguments[0], not negated
             if not isinstance(atom, Compound) or atom.name in (".", ",", ";", "[]") or atom.key in BUILTINS:
                 raise SourceIssue(at, f"{kind}({atom}) is not translated; expected an atom")
-            if not evaluation.defines(atom.key) and atom.name[0] == "'":
-                atom = Compound(atom.name[1:-1], atom.arguments, atom.at)
+            atom = Compound(unquote(atom.name), atom.arguments, atom.at)
             if not atom.is_ground and (negated or kind == "evidence"):
                 raise SourceIssue(at, f"{kind}({atom}) with a variable is not translated")
             yield atom, negated, at

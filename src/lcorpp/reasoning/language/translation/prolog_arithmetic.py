@@ -16,7 +16,13 @@ from fractions import Fraction
 from typing import Any
 
 from lcorpp.reasoning.language.issues import Place, SourceIssue
-from lcorpp.reasoning.language.translation.prolog_terms import Compound, PrologTerm, PrologVariable, Real
+from lcorpp.reasoning.language.translation.prolog_terms import (
+    Compound,
+    PrologTerm,
+    PrologVariable,
+    Real,
+    unquote,
+)
 
 MAX_BITS = 10_000
 """Maximal size of an integer."""
@@ -95,7 +101,7 @@ COMPARISONS: dict[str, Callable[[Any, Any], bool]] = {
 
 def is_function(term: Compound) -> bool:
     """Whether a term calls an arithmetic function."""
-    return term.key in _FUNCTIONS
+    return (unquote(term.name), len(term.arguments)) in _FUNCTIONS
 
 
 def compute(term: PrologTerm, at: Place) -> int | float:
@@ -135,7 +141,7 @@ def _evaluate(term: PrologTerm, at: Place, convert: Callable[[Real], Any]) -> An
         return convert(term) if math.isfinite(term) else float(term)
     if isinstance(term, PrologVariable):
         raise SourceIssue(at, f"arithmetic with the variable {term}, which has no value here")
-    function = _FUNCTIONS.get(term.key)
+    function = _FUNCTIONS.get((unquote(term.name), len(term.arguments)))
     if function is None:
         kind = f"{term.name}/{len(term.arguments)} is not an arithmetic function of ProbLog"
         raise SourceIssue(at, kind if term.arguments else f"{term} is not a number")

@@ -240,6 +240,8 @@ class PrologReader:
     def _parse_rest_of_compound(self, name: str, at: Place, is_functor: bool) -> PrologTerm:
         if not is_functor:
             return Compound(name, (), at)
+        if name in _INFIX or name in _PREFIX:
+            name = f"'{name}'"
         self._expect("(")
         arguments = [self._parse(_MAX_ARGUMENT)[0]]
         while self._accept(","):

@@ -1,7 +1,8 @@
 """Terms of Prolog: numbers, variables and compound terms, with unification.
 
 An integer is an `int`, a floating-point number a `Real`. A constant is a compound term without arguments; a
-quoted atom keeps its quotes, as ProbLog distinguishes `'a'` from `a`, and so does a string.
+quoted atom keeps its quotes, as ProbLog distinguishes `'a'` from `a`, and so does a string. ProbLog also
+distinguishes `+(1,2)` from `1+2`, so the name of an operator before brackets has quotes, too.
 """
 
 from __future__ import annotations
@@ -108,8 +109,13 @@ EMPTY_LIST = Compound("[]")
 _INFIX = {
     ",", ";", "->", ":-", "::", "=", "\\=", "==", "\\==", "is", "=:=", "=\\=", "<", ">", "=<", ">=", "+", "-",
     "*", "/", "//", "mod", "rem", "div", "**", "^", "xor", "<<", ">>", "/\\", "\\/", "@<", "@>", "@=<", "@>=",
-    "=..",
+    "=..", "\\",
 }  # fmt: skip
+
+
+def unquote(name: str) -> str:
+    """Return a name without its quotes."""
+    return name[1:-1] if name[0] == "'" and len(name) > 2 else name
 
 
 def format_term(term: PrologTerm) -> str:
@@ -125,7 +131,10 @@ def format_term(term: PrologTerm) -> str:
         return f"{left}{'' if name == ',' else space}{name}{space}{right}"
     if len(arguments) == 1 and name in ("\\+", "-", "+", "\\"):
         return f"{name}{_format_operand(arguments[0])}"
-    return f"{name}({','.join(map(_format_argument, arguments))})" if arguments else name
+    if not arguments:
+        return name
+    shown = unquote(name) if unquote(name) in _INFIX else name
+    return f"{shown}({','.join(map(_format_argument, arguments))})"
 
 
 def _format_operand(term: PrologTerm) -> str:
