@@ -9,7 +9,7 @@ from hypothesis import given, settings, strategies as st
 from lcorpp.errors import DataError, FileError, LcorppError, ParseError
 from lcorpp.learning import Recording, read_data, read_recording, save_dataset, write_recording
 from lcorpp.learning.data.csv_reader import CsvFile
-from lcorpp.learning.data.reading import detect_format
+from lcorpp.learning.data.formats.detection import detect_format
 from lcorpp.learning.data.repairs import RepairLog
 from lcorpp.values import Dataset, stack_signals, strip_padding
 
@@ -36,7 +36,7 @@ def test_a_long_csv(tmp_path):
 def test_columns_in_any_order_rows_of_people_in_turn_and_what_is_not_used(tmp_path):
     lines = ["Facing, label ,time,group,y,x,mood,track"]
     for i in range(12):
-        lines += [f'0.5,in,{i / 10},one,2,{i},"gay, glad",a', f"0.5,out,{i / 10},two,2,{i},sad,b"]
+        lines += [f'0.5,in,{i / 10},one,2,{i / 10},"gay, glad",a', f"0.5,out,{i / 10},two,2,{i / 10},sad,b"]
     recording = read_recording(written(tmp_path, "\r\n".join(lines) + "\r\n\r\n"))
     assert [(t.id, t.group, t.label) for t in recording.tracks] == [("a", "one", "in"), ("b", "two", "out")]
     assert recording.channels == ("x", "y", "facing")
@@ -46,7 +46,7 @@ def test_columns_in_any_order_rows_of_people_in_turn_and_what_is_not_used(tmp_pa
 def test_atc_data_in_metres(tmp_path):
     file = written(tmp_path, atc_rows(7) + atc_rows(9, speed=0.5))
     recording = read_recording(file)
-    assert detect_format(file) == "atc"
+    assert detect_format(file).name == "ATC tracking data"
     assert [(t.id, t.label) for t in recording.tracks] == [("7", None), ("9", None)]
     track = recording.tracks[0]
     np.testing.assert_allclose(track.columns["x"], np.arange(12) / 10)
@@ -107,7 +107,7 @@ def test_labels_are_converted_to_classes(tmp_path):
 def test_a_data_set_stays_as_it_was_stored(tmp_path, lengths):
     rng = np.random.default_rng(0)
     data = Dataset(
-        stack_signals([rng.normal(size=(3, points)) for points in lengths]),
+        stack_signals([rng.normal(scale=0.2, size=(3, points)) for points in lengths]),
         ("in", "out", "in"),
         ("p", "q", "p"),
         "a source",
@@ -162,10 +162,16 @@ def test_in_the_frame_of_a_robot(tmp_path):
 WRONG = [
     ("", "the file is empty; expected a line that names track, time, x, y", 1, 1),
     ("\n \n", "the file is empty", 1, 1),
-    ("1,2,3\n", "3 columns of numbers; expected a line that names track, time, x, y, or the 8 columns", 1, 1),
+    (
+        "1,2,3\n",
+        "3 columns of numbers; expected a line that names track, time, x, y, the number of each",
+        1,
+        1,
+    ),
     ("track,time,x\n", "no column 'y'; expected track, time, x, y among", 1, 1),
     ("track;time;x\n", "no column 'y'; expected track, time, x, y among", 1, 1),
-    ("track time x y\n", "one column, 'track time x y'; expected columns that ',', ';', '|' or a tab", 1, 1),
+    ("track time x y\n", "no rows after the heading; expected rows of track, time, x, y", 2, 1),
+    ("track_time_x_y\n", "no column 'track', and no column 'label'", 1, 1),
     ("track;time;x;y\na;0;1;0\na;0.1;1,5;0\n", "'1,5' is not a number; expected the x, with a decimal", 3, 7),
     ("track,time,x,y\na,0,1,5,2,5\n", "expected a name for each column, and decimal points", 1, 1),
     ("track,time,x,y,x\n", "column 'x' for the second time", 1, 16),

@@ -8,7 +8,8 @@ from hypothesis import given, settings, strategies as st
 
 from lcorpp.errors import DataError, LcorppError, ParseError
 from lcorpp.learning import load_dataset, read_data, read_recording, save_dataset
-from lcorpp.learning.data.reading import detect_format, read_features
+from lcorpp.learning.data.formats.detection import detect_format
+from lcorpp.learning.data.reading import read_features
 from lcorpp.learning.data.repairs import RepairLog
 from lcorpp.values import Dataset
 
@@ -23,7 +24,7 @@ def written(folder, text, name="gaze.csv"):
 
 def test_a_table_is_recognised_and_read(tmp_path):
     file = written(tmp_path, GOOD)
-    assert detect_format(file) == "table"
+    assert detect_format(file).kind == "table"
     data = read_data(file)
     assert (data.kind, data.unit, data.channels) == ("table", "cases", ("yaw", "pitch"))
     np.testing.assert_array_equal(data.trajectories, [[-1, 0.5], [2, 1e3], [0, 0.25]])
@@ -60,7 +61,7 @@ def test_csv_parquet_and_npz_have_the_same_numbers(tmp_path_factory, table):
     csv = read_data(written(folder, "\n".join(lines) + "\n"))
     columns = {name: [row[i] for row in table] for i, name in enumerate(names)}
     pyarrow.parquet.write_table(arrow.table({**columns, "label": labels}), folder / "gaze.parquet")
-    assert detect_format(folder / "gaze.parquet") == "table"
+    assert detect_format(folder / "gaze.parquet").kind == "table"
     save_dataset(csv, folder / "gaze.npz")
     for data in (csv, read_data(folder / "gaze.parquet"), load_dataset(folder / "gaze.npz")):
         assert data.trajectories.tolist() == np.array(table).tolist()

@@ -121,12 +121,13 @@ def test_frame_numbers_for_seconds_are_noted(tmp_path):
         f"{track},{i},{i * (0.04 + track / 1000):.3f},0,in\n" for track in range(9) for i in range(30)
     )
     (note,) = read(tmp_path, text).notes
-    assert "0.047 m/s, and all times are whole: are they frame numbers, not seconds?" in note
+    assert "0.047 m/s, and all times are whole: are they frame numbers (--fps), not seconds?" in note
     (note,) = read(tmp_path, re.sub(r",(\d+),", r",\1.5,", text, flags=re.M)).notes
-    assert "do all people stand, or are positions not in metres or times not in seconds?" in note
+    assert "do all people stand, or are positions not in metres (--unit) or times not in" in note
     every_tenth = re.sub(r",(\d+),", r",\g<1>0,", text)
     with pytest.raises(
-        ParseError, match=r"silent for 10.000 s .*are its times frame numbers or milliseconds"
+        ParseError,
+        match=r":2:3: the usual time between two samples is 10 s, .*--fps 25 gives a sample every 0.4 s",
     ):
         read(tmp_path, every_tenth)
 
@@ -144,7 +145,8 @@ def test_stored_data_sets_have_the_same_checks(tmp_path):
         read_data(tmp_path / "degrees.npz")
     data = read_data(tmp_path / "degrees.npz", repair=["units"])
     np.testing.assert_allclose(data.trajectories[0, 2], np.radians(walk[2]))
-    assert data.notes == ()
+    (note,) = data.notes
+    assert note.startswith("repaired: units 40 rows in 2 places (units: the heading is up to 179; ")
     jump = np.stack([walk[:2], walk[:2] + np.where(np.arange(20) < 9, 0, 500)])
     save_dataset(Dataset(jump, ("a", "b"), interval=0.1), tmp_path / "jump.npz")
     assert read_data(tmp_path / "jump.npz").notes == ("1 tracks jump faster than 12 m/s, the first is 1",)

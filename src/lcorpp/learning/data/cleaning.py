@@ -147,8 +147,6 @@ def _split_gaps(raw: RawTrack, source: RowSource, gap: float) -> list[RawTrack]:
         silence = f"{silences[end - 1]:.3f} s"
         if silences[end - 1] > gap:
             message = f"silent for {silence} before; expected at most {gap:g} s of one person"
-            if np.median(silences) > gap and np.all(raw.times == np.round(raw.times)):
-                message += "; are its times frame numbers or milliseconds, not seconds?"
         else:
             distance = np.hypot(x[end] - x[end - 1], y[end] - y[end - 1])
             message = (

@@ -31,6 +31,9 @@ MAX_WORD = 40
 DELIMITERS = ",;\t|"
 """Characters that may separate columns."""
 
+WHITESPACE = " "
+"""Delimiter of a line without any of `DELIMITERS`: spaces, any number of them."""
+
 Progress = Callable[[int, int], None]
 """Callback with (bytes read, bytes in all)."""
 
@@ -49,6 +52,15 @@ class RowBatch:
     numbers: Mapping[str, Array]
     texts: Mapping[str, list[str]]
 
+    def take(self, rows: npt.NDArray[np.intp]) -> RowBatch:
+        """Return the given rows, in their order."""
+        chosen = rows.tolist()
+        return RowBatch(
+            self.lines[rows],
+            {name: values[rows] for name, values in self.numbers.items()},
+            {name: [words[row] for row in chosen] for name, words in self.texts.items()},
+        )
+
 
 class CsvFile(RowSource):
     """A CSV file of known columns.
@@ -57,7 +69,7 @@ class CsvFile(RowSource):
         path: the file, in an encoding of `open_text`.
         names: all columns. numbers, words: those that are read.
         repair_log: the requested repairs. header: number of lines before the first row.
-        delimiter: the character between columns.
+        delimiter: the character between columns, or `WHITESPACE`.
     """
 
     def __init__(
@@ -134,8 +146,9 @@ class CsvFile(RowSource):
         if not lines or not lines[0].strip():
             return None
         try:
+            delimiter = None if self._delimiter == WHITESPACE else self._delimiter
             table = np.loadtxt(
-                lines, dtype=self._kinds, delimiter=self._delimiter, comments=None, quotechar='"', ndmin=1
+                lines, dtype=self._kinds, delimiter=delimiter, comments=None, quotechar='"', ndmin=1
             )
         except ValueError:
             return None
@@ -155,7 +168,7 @@ class CsvFile(RowSource):
         cut = not text.endswith("\n")
         reason, aside = ("cut", "; the file ends in the middle of its last line") if cut else ("rows", "")
         try:
-            (row,) = csv.reader([text], strict=True, delimiter=self._delimiter)
+            row = _split_cells(text, self._delimiter)
         except (ValueError, csv.Error) as error:
             self.repair_or_raise(reason, line, f"not a row of CSV ({error}){aside}")
             return None
@@ -186,15 +199,26 @@ class CsvFile(RowSource):
 
 
 def detect_delimiter(text: str) -> str:
-    """Return the most frequent delimiter of a line, outside quotes; among equals the comma."""
-    bare = re.sub('"[^"]*"', "", text)
-    return max(DELIMITERS, key=bare.count)
+    """Return the most frequent delimiter of a line, outside quotes; among equals the comma.
+
+    A line without delimiters that has several words is separated by whitespace.
+    """
+    bare = re.sub('"[^"]*"', '""', text)
+    delimiter = max(DELIMITERS, key=bare.strip().count)
+    return delimiter if delimiter in bare.strip() or len(bare.split()) < 2 else WHITESPACE
+
+
+def _split_cells(text: str, delimiter: str) -> list[str]:
+    """Return the cells of one line; raises csv.Error or ValueError."""
+    if delimiter == WHITESPACE:
+        return [cell.strip('"') for cell in re.findall(r'"[^"]*"|\S+', text)]
+    return next(csv.reader([text], strict=True, delimiter=delimiter), [])
 
 
 def parse_line(file: str, line: int, text: str, delimiter: str) -> list[str]:
     """Return the stripped cells of a line of CSV, or raise a ParseError."""
     try:
-        return [cell.strip() for cell in next(csv.reader([text], strict=True, delimiter=delimiter), [])]
+        return [cell.strip() for cell in _split_cells(text, delimiter)]
     except csv.Error as error:
         raise ParseError(file, line, 1, f"not a row of CSV ({error})", text) from None
 
@@ -210,6 +234,9 @@ def is_number(cell: str) -> bool:
 
 def column_of(text: str, cell: int, delimiter: str = ",") -> int:
     """Return the column (from 1) at which a cell (from 0) of a line begins."""
+    if delimiter == WHITESPACE:
+        starts = [found.start() + 1 for found in re.finditer(r'"[^"]*"|\S+', text)]
+        return starts[cell] if cell < len(starts) else len(text.rstrip("\n")) + 1
     quoted, cells = False, 0
     for column, letter in enumerate(text, start=1):
         if cells == cell:

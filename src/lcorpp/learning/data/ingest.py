@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from lcorpp.errors import LcorppError
 from lcorpp.learning.data.cleaning import RawTrack, split_tracks
 from lcorpp.learning.data.csv_reader import Lines, Progress, RowBatch
+from lcorpp.learning.data.labels import normalize_id
+from lcorpp.learning.data.measures import UNKNOWN, Measures
 from lcorpp.learning.data.repairs import RepairLog, RowSource
+from lcorpp.learning.data.times import check_times
 from lcorpp.learning.data.tracks import Track
-from lcorpp.learning.data.units import convert_units
+from lcorpp.learning.data.units import LENGTHS, convert_units
 from lcorpp.values import Array
 
 
@@ -25,6 +28,8 @@ class ReadOptions:
     only: the ids to read; None reads all.
     gap: maximum number of seconds between two samples of one person.
     progress: callback with (bytes read, bytes in all).
+    columns: column of the long format -> name in the file.
+    measures: the units that the caller gives.
     """
 
     repair_log: RepairLog
@@ -32,6 +37,8 @@ class ReadOptions:
     only: Collection[str] | None
     gap: float
     progress: Progress | None
+    columns: Mapping[str, str] = field(default_factory=dict)
+    measures: Measures = UNKNOWN
 
 
 def assemble_tracks(
@@ -41,42 +48,45 @@ def assemble_tracks(
     empty: LcorppError,
     names: tuple[str, ...],
     words: tuple[str, ...] = (),
-    scale: Mapping[str, float] | None = None,
+    measures: Measures = UNKNOWN,
 ) -> list[Track]:
     """Return the tracks in batches of rows, in metres; faults are repaired on request or are errors.
 
     Args:
-        empty: the error raised if there are no rows. names, words, scale: as in `TrackAssembler`.
+        empty: the error raised if there are no rows. names, words: as in `TrackAssembler`.
+        measures: the units of the format; those of the options have precedence, and are not guessed.
     """
-    assembler = TrackAssembler(names, words, scale)
+    given = options.measures
+    length = given.length or measures.length or 1.0
+    assembler = TrackAssembler(names, words, length, given.per_second or measures.per_second or 1.0)
     for batch in batches:
         assembler.add(_select_rows(batch, source, options.only))
     if not source.ended:
         assembler.drop_cut_word(source)
+    check_times(assembler.sample(), source, options.gap)
     tracks, lines = list[Track](), list[int]()
     for raw in assembler.iterate_tracks():
         tracks += split_tracks(raw, source, labels=options.labels, gap=options.gap)
         lines += [int(raw.lines[0])] * (len(tracks) - len(lines))
     if not tracks and options.only is None and not options.repair_log.repairs:
         raise empty
-    return convert_units(tracks, lines, source)
+    return convert_units(tracks, lines, source, length=length, is_given=given.length is not None)
 
 
 def _select_rows(batch: RowBatch, source: RowSource, only: Collection[str] | None) -> RowBatch:
     """Return the rows of a batch that have an id, restricted to the ids to read."""
     names = batch.texts["track"]
-    if only is None and "" not in names:
+    ids = {name: normalize_id(name) for name in set(names)}
+    if any(name != other for name, other in ids.items()):
+        names = [ids[name] for name in names]
+        batch = RowBatch(batch.lines, batch.numbers, {**batch.texts, "track": names})
+    if only is None and "" not in ids:
         return batch
     for row, name in enumerate(names):
         if not name:
             source.repair_or_raise("rows", int(batch.lines[row]), "no track", field="track")
     rows = [row for row, name in enumerate(names) if name and (only is None or name in only)]
-    index = np.array(rows, dtype=np.intp)
-    return RowBatch(
-        batch.lines[index],
-        {name: values[index] for name, values in batch.numbers.items()},
-        {name: [words[row] for row in rows] for name, words in batch.texts.items()},
-    )
+    return batch.take(np.array(rows, dtype=np.intp))
 
 
 class TrackAssembler:
@@ -85,13 +95,15 @@ class TrackAssembler:
     Args:
         names: the numeric columns besides "time".
         words: which of "label" and "group" the batches have.
-        scale: name -> factor, for columns in other units.
+        length: metres per unit of length. per_second: units of time per second.
     """
 
     def __init__(
-        self, names: tuple[str, ...], words: tuple[str, ...], scale: Mapping[str, float] | None = None
+        self, names: tuple[str, ...], words: tuple[str, ...], length: float = 1.0, per_second: float = 1.0
     ) -> None:
-        self._names, self._words, self._scale = names, words, scale or {}
+        self._names, self._words = names, words
+        self._scale = dict.fromkeys((*LENGTHS, "velocity"), length)
+        self._per_second = per_second
         self._codes: dict[str, int] = {}
         self._pieces: list[list[tuple[Lines, Array]]] = []
         self._distinct_words: list[dict[str, dict[str, int]]] = []
@@ -135,14 +147,26 @@ class TrackAssembler:
                     self._pieces[code][-1] = lines[:-1], table[:, :-1]
                     return
 
+    def sample(self, limit: int = 200) -> list[RawTrack]:
+        """Return the rows of the first ids."""
+        codes = list(self._codes.items())[:limit]
+        return [self._join(name, self._pieces[code], self._distinct_words[code]) for name, code in codes]
+
     def iterate_tracks(self) -> Iterator[RawTrack]:
         """Yield the rows of each id and release their memory."""
         for name, code in self._codes.items():
             pieces, self._pieces[code] = self._pieces[code], []
-            lines = np.concatenate([lines for lines, _ in pieces])
-            table = np.concatenate([table for _, table in pieces], axis=1)
-            columns = {
-                column: values * self._scale.get(column, 1.0)
-                for column, values in zip(self._names, table[1:], strict=True)
-            }
-            yield RawTrack(name, lines, table[0], columns, self._distinct_words[code])
+            yield self._join(name, pieces, self._distinct_words[code])
+
+    def _join(
+        self, name: str, pieces: list[tuple[Lines, Array]], words: dict[str, dict[str, int]]
+    ) -> RawTrack:
+        lines = np.concatenate([lines for lines, _ in pieces])
+        table = np.concatenate([table for _, table in pieces], axis=1)
+        scale = self._scale
+        columns = {
+            column: values * scale[column] if scale.get(column, 1.0) != 1.0 else values
+            for column, values in zip(self._names, table[1:], strict=True)
+        }
+        times = table[0] if self._per_second == 1.0 else table[0] / self._per_second
+        return RawTrack(name, lines, times, columns, words)

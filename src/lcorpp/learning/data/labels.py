@@ -17,6 +17,17 @@ HEADINGS = ("id", "track", "person")
 """Names of the first column in the optional heading of a file of labels."""
 
 
+_WHOLE_DECIMAL = re.compile(r"[+-]?\d+\.\d*(e[+-]?\d+)?", re.IGNORECASE)
+
+
+def normalize_id(word: str) -> str:
+    """Return an id; a whole number that is written as a decimal, such as 1.0 or 1.0e+00, as digits."""
+    if "." not in word or not _WHOLE_DECIMAL.fullmatch(word):
+        return word
+    number = float(word)
+    return str(int(number)) if number.is_integer() else word
+
+
 def class_of_label(word: str, labels: Mapping[str, str] | None) -> str | None:
     """Return the class of a label; None if it is unknown.
 
@@ -25,7 +36,7 @@ def class_of_label(word: str, labels: Mapping[str, str] | None) -> str | None:
     """
     if labels is None:
         return word or None
-    return labels.get(word, word if word in labels.values() else None)
+    return labels.get(word, labels.get(normalize_id(word), word if word in labels.values() else None))
 
 
 def describe_unknown_label(word: str, labels: Mapping[str, str] | None) -> str:
@@ -58,7 +69,7 @@ def read_labels(path: str | Path, labels: Mapping[str, str] | None = None) -> di
         if len(row) != 2 or not row[0]:
             message = f"{len(row)} columns; expected 2: an id and its label"
             raise ParseError(str(path), number, 1, message, text)
-        name, word = row
+        name, word = normalize_id(row[0]), row[1]
         label_class = class_of_label(word, labels)
         if label_class is None:
             raise ParseError(

@@ -2,44 +2,39 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Literal
 
 import numpy as np
 
 from lcorpp.arguments import check_arguments
-from lcorpp.errors import DataError, FileError, ParseError
-from lcorpp.files import keep_pipes, locate_bad_byte, open_text
+from lcorpp.errors import DataError
+from lcorpp.files import keep_pipes
 from lcorpp.learning.data.authors import read_authors
 from lcorpp.learning.data.cleaning import MAX_GAP
-from lcorpp.learning.data.csv_formats import ATC_COLUMNS, REQUIRED, read_atc, read_long_csv
-from lcorpp.learning.data.csv_reader import Progress, detect_delimiter, is_number, parse_line
+from lcorpp.learning.data.csv_reader import Progress
+from lcorpp.learning.data.formats.detection import DATASETS, FileFormat, detect_format
+from lcorpp.learning.data.formats.json_tracks import read_json
+from lcorpp.learning.data.formats.marker_table import read_marker_table
+from lcorpp.learning.data.formats.parquet import read_parquet
+from lcorpp.learning.data.formats.rows import read_rows
+from lcorpp.learning.data.formats.table import read_table
+from lcorpp.learning.data.formats.time_series import read_time_series
 from lcorpp.learning.data.ingest import ReadOptions
 from lcorpp.learning.data.labels import attach_labels, class_of_label, describe_unknown_label, read_labels
-from lcorpp.learning.data.npz import SUFFIX, load_dataset, to_recording
-from lcorpp.learning.data.parquet import SUFFIXES, ParquetFile, read_parquet
+from lcorpp.learning.data.measures import Measures, parse_measures
+from lcorpp.learning.data.npz import load_dataset, to_recording
 from lcorpp.learning.data.repairs import RepairLog, RowSource
-from lcorpp.learning.data.table import has_table_columns, read_table
-from lcorpp.learning.data.tracks import Recording, Track
+from lcorpp.learning.data.tracks import Recording, Track, note_repairs
 from lcorpp.learning.data.units import convert_units, note_implausible
 from lcorpp.learning.data.windows import INTERVAL, POINTS, to_dataset
-from lcorpp.learning.store import Snapshot, is_store, read_store
+from lcorpp.learning.store import Snapshot, read_store
 from lcorpp.notebook import join_some
 from lcorpp.values import Dataset, count_window, stack_signals
 
-Format = Literal["authors", "npz", "store", "parquet", "atc", "long", "table"]
-
-DATASETS = ("authors", "npz", "store", "table")
-"""Formats of data sets: tracks of one interval, or tables of features."""
-
 RAW_LABELS = {"0": "0", "1": "1"}
 """Labels of the authors' files, if the caller does not name their classes."""
-
-MAX_HEADING = 1_000_000
-"""Maximum length of a heading in letters."""
 
 Pose = tuple[float, float, float]
 
@@ -58,9 +53,13 @@ def read_data(
     repair: str | Collection[str] = (),
     robot: Pose | None = None,
     gap: float = MAX_GAP,
+    columns: Mapping[str, str] | None = None,
+    unit: str | float | None = None,
+    time_unit: str | float | None = None,
+    fps: float | None = None,
     progress: Progress | None = None,
 ) -> Dataset:
-    """Read labelled tracks of any format, or a table of features, as a data set to learn from.
+    """Read labelled tracks of any format, time series, or a table of features, as a data set to learn from.
 
     The authors' files, .npz and stores stay unchanged unless an argument changes them; other formats of
     tracks are cut to the last ten seconds of each track, at most 304 points .033 s apart, see `to_dataset`.
@@ -73,12 +72,15 @@ def read_data(
         FileError, ParseError, DataError: as `read_recording`, `read_table` and `to_dataset`; or an argument
             for tracks is given for other data.
     """
-    kind = detect_format(path)
+    measures = parse_measures(unit, time_unit, fps)
+    found = detect_format(path, columns, measures)
     if points is not None and seconds is not None:
         raise DataError(f"{points} points and {seconds:g} seconds are given; expected one of them")
     changes = (interval, points, seconds, channels, robot, label_file)
-    if kind in DATASETS:
-        whole = _read_dataset(Path(path), kind, labels, RepairLog(repair), progress)
+    if found.kind in DATASETS:
+        repair_log = RepairLog(repair)
+        whole = _read_dataset(Path(path), found, labels, repair_log, progress, columns, measures)
+        whole = replace(whole, notes=(*whole.notes, *note_repairs(repair_log.repairs)))
         if all(argument is None for argument in changes):
             return whole
         if seconds is not None and whole.kind == "series" and changes.count(None) == len(changes) - 1:
@@ -95,7 +97,17 @@ def read_data(
     if seconds is not None:
         points = count_window(seconds, interval)
     recording = read_recording(
-        path, labels=labels, label_file=label_file, repair=repair, robot=robot, gap=gap, progress=progress
+        path,
+        labels=labels,
+        label_file=label_file,
+        repair=repair,
+        robot=robot,
+        gap=gap,
+        columns=columns,
+        unit=unit,
+        time_unit=time_unit,
+        fps=fps,
+        progress=progress,
     )
     try:
         return to_dataset(
@@ -116,11 +128,16 @@ def read_recording(
     repair: str | Collection[str] = (),
     robot: Pose | None = None,
     gap: float = MAX_GAP,
+    columns: Mapping[str, str] | None = None,
+    unit: str | float | None = None,
+    time_unit: str | float | None = None,
+    fps: float | None = None,
     progress: Progress | None = None,
 ) -> Recording:
-    """Read tracks: a folder of the authors' files, a long CSV, ATC tracking data, Parquet, .npz, or a store.
+    """Read tracks of a format of docs/data.md: CSV, Parquet, .npz, a store, or one of public data sets.
 
-    From a store (see `lcorpp.learning.store`) only the labelled tracks are read.
+    The format is recognised by the content. From a store (see `lcorpp.learning.store`) only the labelled
+    tracks are read.
 
     Args:
         labels: label in the file -> class, e.g. {"1": "interested", "0": "not_interested"}; a class maps to
@@ -130,6 +147,11 @@ def read_recording(
         robot: the pose of the robot in the frame of the file (x and y in metres, angle in radians); None if
             the file is in the robot's frame.
         gap: maximum number of seconds between two samples of one person.
+        columns: column of the long format -> its name in the file, e.g. {"time": "stamp", "x": "pos_x"}; in a
+            file without a heading its number, from 1.
+        unit: the unit of length: a name, e.g. "mm", or metres per unit, e.g. of a pixel; also of speeds.
+        time_unit: the unit of time: "s", "ms", "us", "ns", or seconds per unit.
+        fps: frames per second, instead of `time_unit`, if times are frame numbers.
         progress: callback with (bytes read, bytes in all).
 
     Raises:
@@ -137,24 +159,28 @@ def read_recording(
         ParseError: a row or a track has a fault whose repair was not requested.
         DataError: likewise, for files without lines; or an argument is wrong.
     """
-    file, kind = Path(path), detect_format(path)
+    measures = parse_measures(unit, time_unit, fps)
+    file, found = Path(path), detect_format(path, columns, measures)
     if not gap > 0:
         raise DataError(f"the longest silence is {gap} s; expected a number above 0")
     repair_log = RepairLog(repair)
     classes = None if label_file is None else read_labels(label_file, labels)
-    if kind in DATASETS:
+    if found.kind in DATASETS:
         if classes is not None:
             raise DataError(f"{path}: has labels of its own; {label_file} cannot give others")
-        data = _read_dataset(file, kind, labels, repair_log, progress)
+        data = _read_dataset(file, found, labels, repair_log, progress, columns, measures)
         if data.kind != "motion":
             raise DataError(f"{path}: has no tracks of motion, but {join_some(data.channels)}")
         whole = to_recording(data)
         recording = replace(whole, repairs=tuple(repair_log.repairs))
     else:
         only = None if classes is None else classes.keys()
-        options = ReadOptions(repair_log, labels, only, gap, progress)
-        reader = {"atc": read_atc, "long": read_long_csv, "parquet": read_parquet}[kind]
-        tracks, notes = reader(file, options)
+        options = ReadOptions(repair_log, labels, only, gap, progress, columns or {}, measures)
+        if found.rows is not None:
+            tracks, notes = read_rows(found.rows, options)
+        else:
+            reader = {"json": read_json, "markers": read_marker_table, "parquet": read_parquet}[found.kind]
+            tracks, notes = reader(file, options)
         if classes is not None:
             labelled = attach_labels(tracks, classes, RowSource(file, repair_log))
             missing = len(classes) - len({track.group for track in labelled})
@@ -172,17 +198,26 @@ def read_features(
     *,
     labels: Mapping[str, str] | None,
     repair_log: RepairLog,
+    columns: Mapping[str, str] | None = None,
+    unit: str | float | None = None,
+    time_unit: str | float | None = None,
+    fps: float | None = None,
     progress: Progress | None = None,
 ) -> Dataset | None:
     """Read a table of features, or channels of a domain's own; return None if the file has tracks of motion.
 
+    Args: as of `read_recording`.
+
     Raises:
         FileError, ParseError, DataError: as `read_data`.
     """
-    kind = detect_format(path)
-    if kind not in ("npz", "table", "store") or (kind == "store" and read_store(path).schema.is_motion):
+    measures = parse_measures(unit, time_unit, fps)
+    found = detect_format(path, columns, measures)
+    if found.kind not in ("npz", "table", "store", "series"):
         return None
-    whole = _read_dataset(Path(path), kind, labels, repair_log, progress)
+    if found.kind == "store" and read_store(path).schema.is_motion:
+        return None
+    whole = _read_dataset(Path(path), found, labels, repair_log, progress, columns, measures)
     return None if whole.kind == "motion" else whole
 
 
@@ -207,57 +242,6 @@ def convert_snapshot(snapshot: Snapshot) -> Recording:
     return Recording(tuple(tracks), str(snapshot.path))
 
 
-def detect_format(path: str | Path) -> Format:
-    """Detect the format of a file or a folder.
-
-    Raises:
-        FileError: the file is missing or unreadable, or is not text.
-        ParseError: the first line is of no known format.
-    """
-    file = Path(path)
-    if os.path.isdir(file):  # unlike a Path, without an error for a name that is too long
-        return "authors"
-    suffix = file.suffix.lower()
-    if suffix == SUFFIX:
-        return "npz"
-    if is_store(file):
-        return "store"
-    if suffix in SUFFIXES:
-        return "table" if has_table_columns(ParquetFile(file, RepairLog()).names) else "parquet"
-    with open_text(file) as opened:
-        try:
-            start = opened.read(20_000)
-            if "\n" not in start:  # a heading of many features
-                start += opened.readline(MAX_HEADING)
-        except UnicodeDecodeError as error:
-            if b"\0" not in error.object:
-                raise locate_bad_byte(file) from None
-            start = "\0"
-    if "\0" in start:
-        raise FileError(
-            f"{path}: not text; expected CSV (UTF-8, or UTF-16 with a byte order mark), .npz, .parquet or a"
-            " folder of the authors' files"
-        )
-    for number, text in enumerate(start.splitlines(), start=1):
-        if not text.strip():
-            continue
-        try:
-            cells = parse_line(str(path), number, text, detect_delimiter(text))
-        except ParseError:
-            return "long"  # its reader raises the same error
-        if len(cells) == len(ATC_COLUMNS) and is_number(cells[0]):
-            return "atc"
-        if not all(map(is_number, cells)):
-            return "table" if has_table_columns([cell.lower() for cell in cells]) else "long"
-        hint = " (the authors' files are read as a folder)" if file.stem.startswith("interpos") else ""
-        message = (
-            f"{len(cells)} columns of numbers; expected a line that names {', '.join(REQUIRED)}, or the"
-            f" {len(ATC_COLUMNS)} columns of ATC data: {', '.join(ATC_COLUMNS)}{hint}"
-        )
-        raise ParseError(str(path), number, 1, message, text)
-    raise ParseError(str(path), 1, 1, f"the file is empty; expected a line that names {', '.join(REQUIRED)}")
-
-
 def _convert_dataset_units(dataset: Dataset, source: RowSource) -> Dataset:
     """Convert a stored data set to metres and radians, like the tracks of a file."""
     tracks = to_recording(dataset).tracks
@@ -273,11 +257,18 @@ def _convert_dataset_units(dataset: Dataset, source: RowSource) -> Dataset:
 
 def _read_dataset(
     file: Path,
-    kind: Format,
+    found: FileFormat,
     labels: Mapping[str, str] | None,
     repair_log: RepairLog,
     progress: Progress | None,
+    columns: Mapping[str, str] | None,
+    measures: Measures,
 ) -> Dataset:
+    kind = found.kind
+    if columns:
+        raise DataError(f"{file}: has no columns of tracks to name; expected no --column")
+    if measures and kind != "series":
+        raise DataError(f"{file}: its units are known; expected no --unit, --time-unit or --fps")
     if kind == "table":
         return read_table(file, labels, repair_log, progress)
     if kind == "authors":
@@ -287,6 +278,8 @@ def _read_dataset(
         dataset = load_dataset(file)
         if dataset.kind == "motion":
             dataset = _convert_dataset_units(dataset, source)
+    elif kind == "series":
+        dataset = read_time_series(file, measures)
     else:
         dataset = read_store(file).dataset()
     classes = [class_of_label(word, labels) for word in dataset.labels]

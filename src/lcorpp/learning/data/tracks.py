@@ -217,3 +217,15 @@ def count_repairs(repairs: Collection[Repair]) -> dict[str, tuple[int, int]]:
         rows, places = counts.get(repair.reason, (0, 0))
         counts[repair.reason] = rows + repair.rows, places + 1
     return counts
+
+
+def note_repairs(repairs: Collection[Repair]) -> tuple[str, ...]:
+    """Return a note that counts the repairs, if there are any, with the first conversion of units."""
+    if not repairs:
+        return ()
+    counts = [
+        f"{reason} {rows} rows in {places} places"
+        for reason, (rows, places) in count_repairs(repairs).items()
+    ]
+    units = next((f" (units: {repair.done})" for repair in repairs if repair.reason == "units"), "")
+    return (f"repaired: {', '.join(counts)}{units}",)

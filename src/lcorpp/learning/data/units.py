@@ -23,15 +23,34 @@ MIN_WALK, MAX_WALK = 0.25, 2.5
 WALKING_QUANTILE = 0.9
 """Quantile of the tracks' median speeds: even where most people stand, a tenth of them walks."""
 
+MIN_USUAL_WALK, MAX_USUAL_WALK = 0.5, 2.0
+"""Speeds in m/s between which the median of walking people lies; the mean of pedestrians is about 1.3."""
+
+FOOT = 0.3048
+
+MAX_DISAGREEMENT = 3.0
+"""Maximum factor between the velocities of a file and the speeds of positions; smoothing explains less."""
+
 LENGTHS = ("x", "y", "z")
 
 
-def convert_units(tracks: Sequence[Track], first_lines: Sequence[int], source: RowSource) -> list[Track]:
+def convert_units(
+    tracks: Sequence[Track],
+    first_lines: Sequence[int],
+    source: RowSource,
+    *,
+    length: float = 1.0,
+    is_given: bool = False,
+) -> list[Track]:
     """Convert the tracks of one file, which begin in `first_lines`, to metres, metres per second and radians.
 
     If at least half of the tracks are too fast, all are converted, including those of people who stand;
     otherwise only the tracks that are too fast. Angles are degrees if half of the tracks have some above
     2 pi. Each conversion needs the repair `units`; a speed that no unit explains is an error.
+
+    Args:
+        length: metres per unit of length, as which the file was read. is_given: whether the caller gave it,
+            so that no other unit is guessed.
     """
     if not tracks:
         return []
@@ -43,7 +62,7 @@ def convert_units(tracks: Sequence[Track], first_lines: Sequence[int], source: R
     speed = np.array([np.median(track.speeds) for track in tracks])
     written = np.array([np.median(t.columns["velocity"]) if "velocity" in t.columns else 0.0 for t in tracks])
     slow = 0 < np.median(speed) < MIN_SPEED and speed.max() < 10 * MIN_SPEED
-    length_factors = np.full(len(tracks), 1000.0) if slow else _factors(speed)
+    length_factors = np.full(len(tracks), 1 / length if length < 1 else 1000.0) if slow else _factors(speed)
     degrees = _find_degrees(tracks)
     converted = []
     for row, (track, length_factor, speed_factor) in enumerate(
@@ -53,11 +72,17 @@ def convert_units(tracks: Sequence[Track], first_lines: Sequence[int], source: R
         factors |= dict.fromkeys(degrees, np.pi / 180)
         for what, value, name in (("speed", speed[row], "x"), ("velocity", written[row], "velocity")):
             fault = f"the median {what} is {value:.3g} m/s, which no human has"
-            if np.isnan(factors[name]):
-                message = f"track {track.id!r}: {fault}; no unit of length explains it"
-                raise source.error_at(first_lines[row], name, message)
+            if np.isnan(factors[name]) or (is_given and factors[name] != 1):
+                other = f"no unit of length explains it; expected {OTHER_UNIT}"
+                if is_given:
+                    other = f"expected another --unit than {length:g} m, or another --time-unit"
+                raise source.error_at(first_lines[row], name, f"track {track.id!r}: {fault}; {other}")
             if factors[name] != 1:
-                message = f"{fault}; it looks like {_UNITS[factors[name]]} ({value * factors[name]:.3g} m/s)"
+                unit = _name_units(length * factors[name], length)
+                message = (
+                    f"{fault}; it looks like {unit} ({value * factors[name]:.3g} m/s); if it is another unit,"
+                    f" expected {OTHER_UNIT}"
+                )
                 _record(source, track, first_lines[row], name, message, factors[name])
         for name in degrees:
             largest = np.abs(track.columns[name]).max()
@@ -70,11 +95,15 @@ def convert_units(tracks: Sequence[Track], first_lines: Sequence[int], source: R
     return converted
 
 
-_UNITS = {
-    1e-3: "millimetres taken for metres",
-    1e-2: "centimetres taken for metres",
-    1e3: "metres taken for millimetres",
-}
+OTHER_UNIT = "--unit with a name or with metres per unit, e.g. of a pixel"
+
+_UNIT_NAMES = {1e-3: "millimetres", 1e-2: "centimetres", 1.0: "metres", 1e3: "kilometres"}
+
+
+def _name_units(unit: float, taken_for: float) -> str:
+    """Return e.g. "millimetres taken for metres" of two sizes in metres."""
+    names = [_UNIT_NAMES.get(float(f"{size:.6g}"), f"units of {size:.3g} m") for size in (unit, taken_for)]
+    return " taken for ".join(names)
 
 
 def _record(source: RowSource, track: Track, line: int, name: str, message: str, factor: float) -> None:
@@ -122,16 +151,46 @@ def note_implausible(tracks: Sequence[Track]) -> tuple[str, ...]:
     if not tracks:
         return ()
     notes = []
-    speed = float(np.quantile([np.median(track.speeds) for track in tracks], WALKING_QUANTILE))
+    medians = np.array([np.median(track.speeds) for track in tracks])
+    speed = float(np.quantile(medians, WALKING_QUANTILE))
     if 0 < speed < MIN_WALK:
         slow = f"nine of ten tracks have a median speed below {speed:.2g} m/s"
         if all((track.times == np.round(track.times)).all() for track in tracks):
-            notes.append(f"{slow}, and all times are whole: are they frame numbers, not seconds?")
+            notes.append(f"{slow}, and all times are whole: are they frame numbers (--fps), not seconds?")
         else:
             notes.append(
-                f"{slow}: do all people stand, or are positions not in metres or times not in seconds?"
+                f"{slow}: do all people stand, or are positions not in metres (--unit) or times not in"
+                " seconds (--time-unit)?"
             )
+    moving = medians[medians >= MIN_WALK]
+    usual = float(np.median(moving)) if len(moving) else 0.0
+    if usual > MAX_USUAL_WALK:
+        feet = f"feet (--unit ft gives {usual * FOOT:.2g} m/s)" if usual * FOOT >= MIN_USUAL_WALK else "feet"
+        notes.append(
+            f"the median speed of all who move is {usual:.2g} m/s, faster than people walk: do these people"
+            f" run or cycle, or are positions not in metres, e.g. in {feet}, or times not in seconds?"
+        )
+    notes += _note_velocities(tracks)
     jumping = [t.id for t in tracks if find_jumps(t.times, t.columns["x"], t.columns["y"]).any()]
     if jumping:
         notes.append(f"{len(jumping)} tracks jump faster than {MAX_SPEED:g} m/s, the first is {jumping[0]}")
     return tuple(notes)
+
+
+def _note_velocities(tracks: Sequence[Track]) -> list[str]:
+    """Return a note if the velocities of those who move are not those of their positions."""
+    pairs = [
+        (float(np.median(track.columns["velocity"])), float(np.median(track.speeds)))
+        for track in tracks
+        if "velocity" in track.columns
+    ]
+    ratios = [
+        stated / derived for stated, derived in pairs if derived > 0 and max(stated, derived) >= MIN_WALK
+    ]
+    ratio = float(np.median(ratios)) if ratios else 1.0
+    if 1 / MAX_DISAGREEMENT <= ratio <= MAX_DISAGREEMENT:
+        return []
+    return [
+        f"the velocity column is {ratio:.3g} times the speed of the positions: is one of them in another unit"
+        " (--unit), or are times frame numbers (--fps) or in another unit (--time-unit)?"
+    ]

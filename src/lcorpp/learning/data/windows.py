@@ -10,7 +10,7 @@ import numpy as np
 
 from lcorpp.arguments import check_arguments
 from lcorpp.errors import DataError, expected_one_of
-from lcorpp.learning.data.tracks import ANGLES, CLOCK_TOLERANCE, Recording, Track
+from lcorpp.learning.data.tracks import ANGLES, CLOCK_TOLERANCE, Recording, Track, note_repairs
 from lcorpp.values import CHANNELS, Array, Dataset, stack_signals, wrap_angle
 
 INTERVAL, POINTS = 0.033, 304
@@ -92,7 +92,7 @@ def to_dataset(
         tuple(str(track.label) for track in kept),
         tuple(track.group for track in kept),
         recording.source,
-        (*recording.notes, *notes),
+        (*recording.notes, *notes, *note_repairs(recording.repairs)),
         interval,
         names,
     )

@@ -12,8 +12,8 @@ import numpy as np
 from lcorpp.arguments import check_arguments
 from lcorpp.errors import DataError, FileError, expected_one_of
 from lcorpp.files import open_atomically
-from lcorpp.learning.data.csv_formats import LONG_COLUMNS
-from lcorpp.learning.data.parquet import SUFFIXES, import_pyarrow
+from lcorpp.learning.data.formats.columns import LONG_COLUMNS
+from lcorpp.learning.data.formats.parquet import SUFFIXES, import_pyarrow
 from lcorpp.learning.data.tracks import COLUMNS, Recording, Repair, Track
 from lcorpp.values import Array
 

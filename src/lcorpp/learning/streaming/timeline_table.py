@@ -11,7 +11,7 @@ import numpy as np
 from lcorpp.arguments import check_arguments
 from lcorpp.errors import FileError, expected_one_of
 from lcorpp.files import write_atomically
-from lcorpp.learning.data.parquet import SUFFIXES, import_pyarrow
+from lcorpp.learning.data.formats.parquet import SUFFIXES, import_pyarrow
 from lcorpp.learning.streaming.timeline import PredictionTimeline
 from lcorpp.learning.streaming.trigger import list_ages
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -10,13 +10,14 @@ import numpy as np
 
 from lcorpp.errors import DataError
 from lcorpp.files import open_text
-from lcorpp.learning.data.csv_formats import (
+from lcorpp.learning.data.csv_reader import BATCH_LINES, Progress, RowBatch
+from lcorpp.learning.data.formats.columns import (
     REQUIRED,
     describe_missing_column,
     find_columns,
     note_unused_columns,
+    rename_columns,
 )
-from lcorpp.learning.data.csv_reader import BATCH_LINES, Progress, RowBatch
 from lcorpp.learning.data.ingest import ReadOptions, assemble_tracks
 from lcorpp.learning.data.repairs import RepairLog, RowSource
 from lcorpp.learning.data.tracks import Track
@@ -37,9 +38,13 @@ def import_pyarrow() -> Any:
 
 
 class ParquetFile(RowSource):
-    """A Parquet file; its rows count from 1."""
+    """A Parquet file; its rows count from 1.
 
-    def __init__(self, path: Path, repair_log: RepairLog) -> None:
+    Args:
+        columns: the names that the caller chooses, as in `rename_columns`.
+    """
+
+    def __init__(self, path: Path, repair_log: RepairLog, columns: Mapping[str, str] | None = None) -> None:
         super().__init__(path, repair_log)
         self._arrow = import_pyarrow()
         open_text(path).close()  # a FileError if it cannot be read
@@ -47,7 +52,8 @@ class ParquetFile(RowSource):
             self._table = self._arrow.parquet.ParquetFile(path)
         except (OSError, ValueError) as error:  # pyarrow's own errors are both
             raise DataError(f"{path}: not a Parquet file, or a damaged one: {error}") from None
-        self.names = [name.strip().lower() for name in self._table.schema_arrow.names]
+        names = [name.strip().lower() for name in self._table.schema_arrow.names]
+        self.names = rename_columns(names, columns or {})
         if len(set(self.names)) < len(self.names):
             raise DataError(f"{path}: a column is there twice: {', '.join(self.names)}")
 
@@ -86,6 +92,10 @@ class ParquetFile(RowSource):
         types = self._arrow.types
         if types.is_dictionary(column.type):
             column = column.dictionary_decode()
+        if types.is_floating(column.type) and name == "track":  # ids with a missing one, in pandas
+            numbers = column.drop_null().to_numpy()
+            if (numbers % 1 == 0).all():
+                column = self._arrow.compute.cast(column, self._arrow.int64())
         if types.is_floating(column.type) or types.is_nested(column.type):
             raise self.error_at(
                 1, name, f"the column is of type {column.type}; expected words or whole numbers"
@@ -96,7 +106,7 @@ class ParquetFile(RowSource):
 
 def read_parquet(path: Path, options: ReadOptions) -> tuple[list[Track], tuple[str, ...]]:
     """Read a Parquet file of tracks; return the tracks, in metres, and notes about the file."""
-    file = ParquetFile(path, options.repair_log)
+    file = ParquetFile(path, options.repair_log, options.columns)
     for name in REQUIRED:
         if name not in file.names:
             raise DataError(

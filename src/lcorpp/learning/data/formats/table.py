@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 
 from lcorpp.errors import DataError
-from lcorpp.learning.data.csv_formats import read_header
 from lcorpp.learning.data.csv_reader import CsvFile, Progress, RowBatch
+from lcorpp.learning.data.formats.columns import read_header
+from lcorpp.learning.data.formats.parquet import SUFFIXES, ParquetFile
 from lcorpp.learning.data.labels import class_of_label, describe_unknown_label
-from lcorpp.learning.data.parquet import SUFFIXES, ParquetFile
 from lcorpp.learning.data.repairs import RepairLog, RowSource
 from lcorpp.values import Array, Dataset
 
