@@ -15,7 +15,8 @@ import typer
 
 from lcorpp.cli import console, output_files
 from lcorpp.cli.options import common as options
-from lcorpp.cli.options.robot import RobotOptions, take_robot_options
+from lcorpp.cli.options.groups import take_options
+from lcorpp.cli.options.robot import RobotOptions
 from lcorpp.cli.options.senses import reject_given
 from lcorpp.errors import DataError, expected_one_of
 
@@ -46,7 +47,7 @@ DEVICES = ("cpu", "cuda")
 """The devices of the LSTM; a learner of your own may know others."""
 
 
-@take_robot_options
+@take_options
 def learn(
     given: RobotOptions,
     batch_size: Annotated[

@@ -8,7 +8,8 @@ import typer
 
 from lcorpp.cli import console, output_files
 from lcorpp.cli.options import common as options
-from lcorpp.cli.options.robot import RobotOptions, take_robot_options
+from lcorpp.cli.options.groups import take_options
+from lcorpp.cli.options.robot import RobotOptions
 from lcorpp.cli.options.senses import reject_given
 from lcorpp.errors import DomainError
 
@@ -23,7 +24,7 @@ TRIALS = 5000
 """Number of simulated people without --trials."""
 
 
-@take_robot_options
+@take_options
 def run(
     given: RobotOptions,
     strategy: Annotated[

@@ -60,6 +60,7 @@ class ReadingOptions:
     label_file: a CSV of ids and labels. repair: the kinds of faults to repair.
     robot: the robot's pose in the frame of the file.
     gap: maximum number of seconds between two samples of one person; None for the default.
+    columns, unit, time_unit, fps: names of columns, and units.
     """
 
     labels: Mapping[str, str] = field(default_factory=dict)
@@ -67,6 +68,10 @@ class ReadingOptions:
     repair: tuple[str, ...] = ()
     robot: tuple[float, float, float] | None = None
     gap: float | None = None
+    columns: Mapping[str, str] = field(default_factory=dict)
+    unit: str | float | None = None
+    time_unit: str | float | None = None
+    fps: float | None = None
 
 
 READ_AS_IT_IS = ReadingOptions()

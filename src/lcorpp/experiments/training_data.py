@@ -170,6 +170,10 @@ def read_training_data(
         repair=reading.repair,
         robot=reading.robot,
         gap=MAX_GAP if reading.gap is None else reading.gap,
+        columns=reading.columns,
+        unit=reading.unit,
+        time_unit=reading.time_unit,
+        fps=reading.fps,
     )
     if dataset.kind == "motion":
         dataset = _drop_unused_channels(dataset, features or ())

@@ -127,7 +127,7 @@ def test_frame_numbers_for_seconds_are_noted(tmp_path):
     every_tenth = re.sub(r",(\d+),", r",\g<1>0,", text)
     with pytest.raises(
         ParseError,
-        match=r":2:3: the usual time between two samples is 10 s, .*--fps 25 gives a sample every 0.4 s",
+        match=r":2:3: the usual time between two samples is 10 s, .*or their unit: --fps 120 gives",
     ):
         read(tmp_path, every_tenth)
 

@@ -9,14 +9,8 @@ import typer
 
 from lcorpp.cli import console, output_files
 from lcorpp.cli.options import common as options
-from lcorpp.cli.options.recordings import (
-    GapOption,
-    LabelFileOption,
-    LabelOption,
-    RepairOption,
-    RobotOption,
-    parse_written_labels,
-)
+from lcorpp.cli.options.groups import take_options
+from lcorpp.cli.options.recordings import LabelOption, RecordingOptions, parse_written_labels
 from lcorpp.errors import DataError, FileError, expected_one_of
 
 if TYPE_CHECKING:
@@ -32,14 +26,16 @@ app = typer.Typer(
     context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},
 )
 
+NO_OPTIONS = RecordingOptions()
+
 SUFFIXES = (".csv", ".parquet", ".npz")
 
 PathArgument = Annotated[
     Path,
     typer.Argument(
         metavar="PATH",
-        help="Recorded tracks: a long CSV (track, time, x, y, ...), ATC tracking data, .parquet, .npz, or the"
-        " folder of the authors' files; or a table of features (columns of numbers, and label).",
+        help="Recorded tracks: CSV (track, time, x, y, ...), .parquet, .npz, or a format of docs/data.md"
+        " (ATC, obsmat, ...); time series (.ts); or a table of features (columns of numbers, and label).",
     ),
 ]
 
@@ -119,13 +115,11 @@ def fetch(
 
 
 @app.command()
+@take_options
 def describe(
     path: PathArgument,
     label: LabelOption = None,
-    label_file: LabelFileOption = None,
-    repair: RepairOption = None,
-    robot: RobotOption = None,
-    gap: GapOption = None,
+    recording: RecordingOptions = NO_OPTIONS,
     seconds: options.SecondsOption = None,
     report: Annotated[Path | None, typer.Option(help="CSV file to write, one line per repair.")] = None,
     seed: options.SeedOption = 0,
@@ -141,55 +135,47 @@ def describe(
     from lcorpp.learning.data.repairs import RepairLog
     from lcorpp.learning.data.writing import repairs_to_csv
 
-    repair_log = RepairLog(repair or ())
+    repair_log = RepairLog(recording.repair or ())
     repairs: Sequence[Repair] = repair_log.repairs
-    features = read_features(path, labels=parse_written_labels(label) or None, repair_log=repair_log)
+    labels = parse_written_labels(label) or None
+    features = read_features(path, labels=labels, repair_log=repair_log, **recording.layout)
     if features is not None:
-        if label_file is not None or robot is not None or gap is not None:
+        if recording.label_file is not None or recording.robot is not None or recording.gap is not None:
             raise DataError(f"{path}: has no tracks; --label-file, --robot and --gap are for tracks")
         if seconds is not None:
             features = features.last(seconds)
         print_features(features, path, repairs, seed)
     else:
-        recording = _read(path, label, label_file, repair, robot, gap)
+        tracks = _read(path, label, recording)
         if seconds is not None:
-            recording = recording.last(seconds)
-        print_description(recording, path, seed)
-        repairs = recording.repairs
+            tracks = tracks.last(seconds)
+        print_description(tracks, path, seed)
+        repairs = tracks.repairs
     if report is not None:
         write_atomically(report, repairs_to_csv(repairs))
         console.out.print(f"wrote {report}: {len(repairs)} repairs")
 
 
 @app.command()
+@take_options
 def plot(
     path: PathArgument,
     out: Annotated[Path, typer.Argument(metavar="OUT", help="The picture: .png, .svg or .pdf.")],
     label: LabelOption = None,
-    label_file: LabelFileOption = None,
-    repair: RepairOption = None,
-    robot: RobotOption = None,
-    gap: GapOption = None,
+    recording: RecordingOptions = NO_OPTIONS,
 ) -> None:
     """Plot recorded tracks by class, and their speeds."""
     output_files.check_figure(out)
-    recording = _read(path, label, label_file, repair, robot, gap)
+    tracks = _read(path, label, recording)
 
     from lcorpp.learning.data.plots import plot_tracks
     from lcorpp.plot_style import save_figure
 
-    save_figure(plot_tracks(recording, title=path.name), out)
+    save_figure(plot_tracks(tracks, title=path.name), out)
     console.out.print(f"wrote {out}")
 
 
-def _read(
-    path: Path,
-    label: list[str] | None,
-    label_file: Path | None,
-    repair: list[str] | None,
-    robot: tuple[float, float, float] | None,
-    gap: float | None,
-) -> Recording:
+def _read(path: Path, label: list[str] | None, options: RecordingOptions) -> Recording:
     from lcorpp.learning import read_recording
     from lcorpp.learning.data.cleaning import MAX_GAP
 
@@ -198,9 +184,10 @@ def _read(
         return read_recording(
             path,
             labels=labels or None,
-            label_file=label_file,
-            repair=repair or (),
-            robot=robot,
-            gap=MAX_GAP if gap is None else gap,
+            label_file=options.label_file,
+            repair=options.repair or (),
+            robot=options.robot,
+            gap=MAX_GAP if options.gap is None else options.gap,
             progress=advance,
+            **options.layout,
         )

@@ -14,12 +14,8 @@ from lcorpp.cli import console
 from lcorpp.cli.explanation.cases import ask_case, describe_simulation, simulate_case
 from lcorpp.cli.explanation.steps import decide_and_print
 from lcorpp.cli.options import common as options, decision
-from lcorpp.cli.options.recordings import (
-    GapOption,
-    LabelFileOption,
-    RepairOption,
-    RobotOption,
-)
+from lcorpp.cli.options.groups import take_options
+from lcorpp.cli.options.recordings import RecordingOptions
 from lcorpp.cli.options.senses import (
     ClassifiersOption,
     DataOption,
@@ -35,6 +31,10 @@ if TYPE_CHECKING:
     from lcorpp.values import EvidenceKind, Label
 
 
+NO_RECORDING = RecordingOptions()
+
+
+@take_options
 def explain(
     domain: options.DomainArgument = "intention",
     preset: options.PresetOption = None,
@@ -81,10 +81,7 @@ def explain(
     learner: LearnersOption = None,
     evidence: EvidenceOption = None,
     data: DataOption = None,
-    label_file: LabelFileOption = None,
-    repair: RepairOption = None,
-    robot: RobotOption = None,
-    gap: GapOption = None,
+    recording: RecordingOptions = NO_RECORDING,
     tracks: options.TracksOption = None,
     epochs: options.EpochsOption = None,
     device: options.DeviceOption = "cpu",
@@ -115,7 +112,6 @@ def explain(
     from lcorpp.experiments.sense_setup import describe_classifiers, set_up_senses
     from lcorpp.experiments.setup import (
         EvidenceOptions,
-        ReadingOptions,
         explain_missing_reports,
         have_own_rates,
         make_robot,
@@ -159,7 +155,7 @@ def explain(
         classifiers=classifier or [],
         learners=learner or [],
         data=data or [],
-        reading=ReadingOptions({}, label_file, tuple(repair or ()), robot, gap),
+        reading=recording.choose_reading({}),
         training=options.choose_training(
             tracks=tracks, epochs=epochs, device=device, features=features, rate=rate, seconds=seconds
         ),

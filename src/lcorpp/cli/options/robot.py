@@ -2,24 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import dataclass, fields
-from functools import wraps
-from inspect import Parameter, Signature, signature
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, get_type_hints
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from lcorpp.cli.options import common as options
-from lcorpp.cli.options.recordings import (
-    GapOption,
-    LabelFileOption,
-    LabelOption,
-    RepairOption,
-    RobotOption,
-    parse_written_labels,
-)
+from lcorpp.cli.options.recordings import LabelOption, RecordingOptions, parse_written_labels
 from lcorpp.cli.options.senses import (
     ClassifiersOption,
     DataOption,
@@ -40,7 +31,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class RobotOptions:
-    """The values of the shared options; each field is an option of its name."""
+    """The values of the shared options; see `take_options`."""
 
     domain: options.DomainArgument = "intention"
     preset: options.PresetOption = None
@@ -51,10 +42,7 @@ class RobotOptions:
     evidence: EvidenceOption = None
     data: DataOption = None
     label: LabelOption = None
-    label_file: LabelFileOption = None
-    repair: RepairOption = None
-    robot: RobotOption = None
-    gap: GapOption = None
+    recording: RecordingOptions = field(default_factory=RecordingOptions)
     epochs: options.EpochsOption = None
     device: options.DeviceOption = "cpu"
     features: options.FeaturesOption = None
@@ -99,16 +87,13 @@ class RobotOptions:
         self, domain: Domain, used: Sequence[Sense], tracks: int | None, trained: Collection[str] = ()
     ) -> dict[str, ClassifierOptions]:
         """Return the options of the classifier of each used sense; see `senses.choose_classifiers`."""
-        from lcorpp.experiments.setup import ReadingOptions
-
-        written = parse_written_labels(self.label)
         return choose_classifiers(
             domain,
             used,
             classifiers=self.classifier or [],
             learners=self.learner or [],
             data=self.data or [],
-            reading=ReadingOptions(written, self.label_file, tuple(self.repair or ()), self.robot, self.gap),
+            reading=self.recording.choose_reading(parse_written_labels(self.label)),
             training=options.choose_training(
                 tracks=tracks,
                 epochs=self.epochs,
@@ -164,22 +149,3 @@ class RobotOptions:
         limits = {"precision": self.precision, "time-limit": self.time_limit}
         reject_given("nothing is solved, as --policy gives a policy", solver=self.solver, **limits)
         return read_policy(self.policy, domain.pomdp)
-
-
-def take_robot_options(command: Callable[..., None]) -> Callable[..., None]:
-    """Return a command for typer: its first parameter is replaced by the options of a robot."""
-    hints = get_type_hints(RobotOptions, include_extras=True)
-    shared = [
-        Parameter(field.name, Parameter.KEYWORD_ONLY, default=field.default, annotation=hints[field.name])
-        for field in fields(RobotOptions)
-    ]
-    _, *own = signature(command, eval_str=True).parameters.values()
-    own = [parameter.replace(kind=Parameter.KEYWORD_ONLY) for parameter in own]
-
-    @wraps(command)
-    def call(**values: Any) -> None:
-        command(RobotOptions(**{option.name: values.pop(option.name) for option in shared}), **values)
-
-    call.__annotations__ = {option.name: option.annotation for option in (*own, *shared)}
-    vars(call)["__signature__"] = Signature([*own, *shared])
-    return call

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from lcorpp.cli.options.recordings import RECORDING_OPTIONS
 from lcorpp.errors import DataError, DomainError
 from lcorpp.values import EvidenceKind
 
@@ -114,9 +115,7 @@ def choose_classifiers(
         for name, options in chosen.items()
     )
     if reading != READ_AS_IT_IS and not has_data:
-        raise DomainError(
-            "--label, --label-file, --repair, --robot, --gap: no recorded data are read; expected --data"
-        )
+        raise DomainError(f"--label, {RECORDING_OPTIONS}: no recorded data are read; expected --data")
     return chosen
 
 

@@ -187,21 +187,18 @@ def _with_rate(layout: Layout, sample: Sample, rates: Array, columns: tuple[int,
         return replace(layout, measures=replace(layout.measures, per_second=1.0), is_frames=False)
     if not sample.has_whole(columns[1]):  # no frame numbers
         return replace(layout, measures=replace(layout.measures, per_second=1.0), is_frames=False)
-    if rate is not None:
-        return replace(
-            layout, suggestion=f"--fps {_round_rate(rate)}, at which velocities and positions agree"
-        )
     steps = sample.steps(*columns, *columns)[0]
+    step = float(np.median(steps)) if len(steps) else 1.0
+    usual = step / ANNOTATION_STEP
+    if rate is not None:
+        rate = usual if abs(np.log(rate / usual)) < 0.2 else round(rate, 1)
+        return replace(layout, suggestion=f"--fps {rate:g}, at which velocities and positions agree")
     if not len(steps) or layout.measures.length is None:
         return layout
-    step = float(np.median(steps))
-    rate = step / ANNOTATION_STEP
-    suggestion = f"--fps {rate:g} if {step:g} frames are {ANNOTATION_STEP:g} s, as in the sets of ETH and UCY"
+    suggestion = (
+        f"--fps {usual:g} if {step:g} frames are {ANNOTATION_STEP:g} s, as in the sets of ETH and UCY"
+    )
     return replace(layout, suggestion=suggestion)
-
-
-def _round_rate(rate: float) -> str:
-    return f"{round(rate):g}" if abs(rate - round(rate)) < 0.1 * max(1.0, rate / 10) else f"{rate:.3g}"
 
 
 def _agree(rates: Array) -> bool:
