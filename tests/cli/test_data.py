@@ -271,3 +271,38 @@ def test_a_stored_data_set_in_millimetres_is_refused(lcorpp, tmp_path):
     assert "it looks like millimetres taken for metres" in " ".join(ended.err.split())
     read = read_data(tmp_path / "walks.npz", repair=("units",))
     assert np.allclose(read.trajectories, walk / 1000)
+
+
+def test_columns_and_units_of_recordings(lcorpp, tmp_path):
+    """All commands that read recordings have the same options."""
+    file = tmp_path / "own.csv"
+    file.write_text(
+        "id,stamp,pos_x,y,label\n"
+        + "".join(f"{t},{100 * i},{100 * i},{t * 1000},{'ab'[t % 2]}\n" for t in range(4) for i in range(20))
+    )
+    columns = ("--column", "track=id", "--column", "time=stamp", "--column", "x=pos_x")
+    refused(
+        lcorpp("data", "describe", file), "expected --column track=id --column time=stamp --column x=pos_x"
+    )
+    refused(lcorpp("data", "plot", file, tmp_path / "a.png", *columns), ": --time-unit ms gives")
+    ended = lcorpp("data", "describe", file, *columns, "--time-unit", "ms", "--unit", "mm")
+    assert ended.code == 0, ended.err
+    assert "4 tracks of 4 people; x, y" in ended.out
+    assert "1.00 [1.00, 1.00]" in ended.out
+    assert "every 0.1 s" in ended.out
+    refused(
+        lcorpp("data", "describe", file, "--column", "id"), "--column 'id': expected COLUMN=NAME, for example"
+    )
+    refused(
+        lcorpp("data", "describe", file, "--column", "x=a", "--column", "x=b"), "is 'a' and 'b'; expected one"
+    )
+    refused(
+        lcorpp("data", "describe", file, *columns, "--fps", "25", "--time-unit", "s"), "expected one of them"
+    )
+    refused(
+        lcorpp("run", "intention", "--trials", "1", "--unit", "mm"), "--unit, --time-unit, --fps: no recorded"
+    )
+    series = tmp_path / "toy.ts"
+    series.write_text("@problemName Toy\n@univariate true\n@classLabel true a b\n@data\n1,2,3:a\n2,3,4:b\n")
+    described = lcorpp("data", "describe", series, "--fps", "10")
+    assert "2 cases of 2 people; 1 channels; 3 points every 0.1 s" in described.out, described.err

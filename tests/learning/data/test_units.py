@@ -154,3 +154,72 @@ def test_stored_data_sets_have_the_same_checks(tmp_path):
     save_dataset(back, tmp_path / "back.npz")
     with pytest.raises(DataError, match="track '0': the velocity is -179; expected a speed, 0 or more"):
         read_data(tmp_path / "back.npz")
+
+
+@pytest.mark.parametrize("repair", [(), "all"])
+def test_times_in_milliseconds_are_no_unit_of_length(tmp_path, repair):
+    """Milliseconds and metres look like seconds and kilometres; a longer gap does not change that."""
+    text = HEADING + "".join(f"a,{100 * i},{i / 10:.2f},2,in\n" for i in range(30))
+    for gap in (5, 500):
+        with pytest.raises(
+            ParseError, match=r":2:3: the usual time .* 100 s, .*: --time-unit ms gives .* 1 m/s"
+        ):
+            read(tmp_path, text, repair=repair, gap=gap)
+    (track,) = read(tmp_path, text, time_unit="ms").tracks
+    assert track.times[1] == 0.1
+    assert np.median(track.speeds) == pytest.approx(1)
+
+
+def test_slow_samples_and_frames_are_asked_for(tmp_path):
+    """A person who stands, seen every ten seconds, has no speed that suggests a unit."""
+    text = HEADING + "".join(f"a,{10 * i},{i % 2},2,in\n" for i in range(30))
+    with pytest.raises(ParseError, match=r"is 10 s, .*; a longer --gap keeps seconds \(it is 5\)"):
+        read(tmp_path, text, repair="all")
+    assert len(read(tmp_path, text, gap=20).tracks[0]) == 30
+    frames = HEADING + "".join(f"a,{10 * i},{i * 0.52:.2f},2,in\n" for i in range(30))
+    with pytest.raises(
+        ParseError, match=r"expected seconds, or their unit: --fps 25 gives a sample every 0\.4 s and"
+    ):
+        read(tmp_path, frames, repair="all")
+    assert np.median(read(tmp_path, frames, fps=25).tracks[0].speeds) == pytest.approx(1.3)
+
+
+@pytest.mark.parametrize(("speed", "notes"), [(1.9, 0), (3.9, 1)])
+def test_people_who_run_are_noted(tmp_path, speed, notes):
+    text = HEADING + rows("a", "in", speed=speed) + rows("b", "in", speed=0.01) + rows("c", "in", speed=speed)
+    recording = read(tmp_path, text)
+    assert len(recording.notes) == notes
+    if notes:
+        assert "the median speed of all who move is 3.9 m/s" in recording.notes[0]
+        assert "e.g. in feet (--unit ft gives 1.2 m/s)" in recording.notes[0]
+        assert read(tmp_path, text, unit="ft").notes == ()
+
+
+def test_velocities_that_disagree_with_positions_are_noted(tmp_path):
+    text = "track,time,x,y,velocity\n" + "".join(f"a,{i / 10},{i / 10},0,{{}}\n" for i in range(30))
+    assert read(tmp_path, text.replace("{}", "1.5")).notes == ()
+    (note,) = read(tmp_path, text.replace("{}", "8")).notes
+    assert "the velocity column is 8 times the speed of the positions" in note
+
+
+def test_a_given_unit_is_not_guessed_again(tmp_path):
+    text = HEADING + rows("a", "in", speed=1000)
+    with pytest.raises(
+        ParseError, match=r"the median speed is 305 m/s, .*; expected another --unit than 0.3048 m"
+    ):
+        read(tmp_path, text, unit="ft", repair="all")
+    assert np.median(read(tmp_path, text, unit="mm").tracks[0].speeds) == pytest.approx(1)
+
+
+def test_repairs_are_notes_of_a_data_set(tmp_path):
+    (tmp_path / "a.csv").write_text(HEADING + rows("a", "in", speed=900) + rows("b", "out", speed=1100))
+    (note,) = read_data(tmp_path / "a.csv", repair="units").notes[-1:]
+    assert note.startswith(
+        "repaired: units 24 rows in 2 places (units: the median speed is 900 m/s, which no"
+    )
+    assert "times 0.001" in note
+
+
+def test_an_index_without_a_name_is_named_by_its_number(tmp_path):
+    text = "".join(f"{i},{line}\n" if i else f",{line}\n" for i, line in enumerate(GOOD.splitlines()))
+    assert read(tmp_path, text).notes == ("columns that are not used: column 1 (no name)",)

@@ -2,8 +2,9 @@
 
 tracks          Track, Recording and Repair: tracks of unequal length, as they were read
 reading         read any format, detected by content
-csv_reader      CSV text in columns, errors located         csv_formats  long CSV and ATC tracking data
-parquet, npz, authors, labels                               the other formats, and files of labels
+csv_reader      CSV text in columns, errors located         formats      what each format is, and its detection
+npz, authors, labels                                        data sets, the authors' files, files of labels
+measures        units that the caller gives                 times        units of time that are asked for
 ingest          rows of any format -> tracks: it collects the rows of each id, cleaning splits and checks
                 them and detects millimetres, repairs lists the faults that may be repaired
 windows         tracks -> a Dataset of a fixed interval     dataset      check and split a Dataset

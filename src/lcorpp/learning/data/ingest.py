@@ -147,7 +147,7 @@ class TrackAssembler:
                     self._pieces[code][-1] = lines[:-1], table[:, :-1]
                     return
 
-    def sample(self, limit: int = 200) -> list[RawTrack]:
+    def sample(self, limit: int = 50) -> list[RawTrack]:
         """Return the rows of the first ids."""
         codes = list(self._codes.items())[:limit]
         return [self._join(name, self._pieces[code], self._distinct_words[code]) for name, code in codes]

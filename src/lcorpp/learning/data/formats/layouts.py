@@ -193,7 +193,7 @@ def _with_rate(layout: Layout, sample: Sample, rates: Array, columns: tuple[int,
     if rate is not None:
         rate = usual if abs(np.log(rate / usual)) < 0.2 else round(rate, 1)
         return replace(layout, suggestion=f"--fps {rate:g}, at which velocities and positions agree")
-    if not len(steps) or layout.measures.length is None:
+    if step == 1 or layout.measures.length is None:  # each frame of a video
         return layout
     suggestion = (
         f"--fps {usual:g} if {step:g} frames are {ANNOTATION_STEP:g} s, as in the sets of ETH and UCY"

@@ -2,7 +2,7 @@
 
 The first lines have a name and values each, e.g. FREQUENCY 100; a heading names the columns of each marker,
 "Helmet_1 - 3 X", or of each body, "Helmet_1 Centroid_X", in millimetres. A person's position is the
-body's, or the mean of its visible markers; a marker that is not visible is 0, empty or NaN.
+body's, or that of its marker that is visible most often; a marker that is not visible is 0, empty or NaN.
 
 Source: Rudenko and others, IEEE Robotics and Automation Letters 5, 2020; Schreiter and others, IJRR 2024.
 """
@@ -10,18 +10,21 @@ Source: Rudenko and others, IEEE Robotics and Automation Letters 5, 2020; Schrei
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+import numpy.typing as npt
 
 from lcorpp.errors import DataError, ParseError
 from lcorpp.files import open_text
 from lcorpp.learning.data.csv_reader import CsvFile, RowBatch, detect_delimiter, parse_line
 from lcorpp.learning.data.ingest import ReadOptions, assemble_tracks
 from lcorpp.learning.data.measures import Measures
+from lcorpp.learning.data.repairs import RepairLog
 from lcorpp.learning.data.tracks import Track
+from lcorpp.values import Array
 
 MAX_HEADER = 40
 """Maximum number of lines before the heading."""
@@ -68,15 +71,18 @@ def read_marker_table(path: Path, options: ReadOptions) -> tuple[list[Track], tu
     has_time = "time" in table.columns
     clock = table.columns.index("time" if has_time else "frame")
     used = sorted({cell for markers in table.bodies.values() for marker in markers for cell in marker})
-    file = CsvFile(
-        path,
-        ["time" if cell == clock else key for cell, key in enumerate(keys)],
-        ("time", *(keys[cell] for cell in used)),
-        (),
-        options.repair_log,
-        header=table.header,
-        delimiter=table.delimiter,
-    )
+
+    def open_table(repair_log: RepairLog) -> CsvFile:
+        return CsvFile(
+            path,
+            ["time" if cell == clock else key for cell, key in enumerate(keys)],
+            ("time", *(keys[cell] for cell in used)),
+            (),
+            repair_log,
+            header=table.header,
+            delimiter=table.delimiter,
+        )
+
     if not has_time and table.frequency is None and options.measures.per_second is None:
         raise ParseError(
             str(path),
@@ -86,10 +92,13 @@ def read_marker_table(path: Path, options: ReadOptions) -> tuple[list[Track], tu
         )
     measures = Measures(1e-3, 1.0 if has_time else table.frequency)
     empty = ParseError(str(path), table.header + 1, 1, "no rows after the heading")
-    batches = _melt(file.batches(options.progress), table, keys)
+    markers = _choose_markers(open_table(RepairLog(options.repair_log.requested)).batches(), table, keys)
+    file = open_table(options.repair_log)
+    batches = _melt(file.batches(options.progress), markers, keys)
     tracks = assemble_tracks(file, batches, options, empty, AXES, measures=measures)
-    note = "each position is the mean of the visible markers of a body, in millimetres"
-    return tracks, (note, *file.notes())
+    several = sum(len(own) > 1 for own in table.bodies.values())
+    note = f"the position of {several} bodies is that of the marker that is visible most often"
+    return tracks, (*([note] if several else []), *file.notes())
 
 
 def _read_heading(path: Path) -> MarkerTable:
@@ -125,15 +134,35 @@ def _read_heading(path: Path) -> MarkerTable:
     return MarkerTable(tuple(name.lower() for name in names), bodies, delimiter, header, frequency)
 
 
-def _melt(batches: Iterator[RowBatch], table: MarkerTable, keys: Sequence[str]) -> Iterator[RowBatch]:
-    """Yield a row for each body that is visible."""
+def _choose_markers(
+    batches: Iterator[RowBatch], table: MarkerTable, keys: Sequence[str]
+) -> dict[str, tuple[int, ...]]:
+    """Return body -> the columns of its marker that is visible in most rows."""
+    if all(len(markers) == 1 for markers in table.bodies.values()):
+        return {name: markers[0] for name, markers in table.bodies.items()}
+    counts = {name: [0] * len(markers) for name, markers in table.bodies.items()}
     for batch in batches:
         for name, markers in table.bodies.items():
-            places = np.array([[batch.numbers[keys[cell]] for cell in marker] for marker in markers])
-            places[np.broadcast_to((places == 0).all(axis=1, keepdims=True), places.shape)] = np.nan
-            is_known = np.isfinite(places).all(axis=1)  # (markers, rows)
-            rows = np.flatnonzero(is_known.any(axis=0))
-            weights = is_known / np.maximum(is_known.sum(axis=0), 1)
-            mean = np.einsum("mr,mar->ar", weights, np.nan_to_num(places))[:, rows]
-            numbers = {"time": batch.numbers["time"][rows], **dict(zip(AXES, mean, strict=True))}
+            for number, marker in enumerate(markers):
+                counts[name][number] += len(_find_visible(batch, marker, keys)[1])
+    return {name: markers[int(np.argmax(counts[name]))] for name, markers in table.bodies.items()}
+
+
+def _melt(
+    batches: Iterator[RowBatch], markers: Mapping[str, tuple[int, ...]], keys: Sequence[str]
+) -> Iterator[RowBatch]:
+    """Yield the rows of each body in which its marker is visible."""
+    for batch in batches:
+        for name, marker in markers.items():
+            place, rows = _find_visible(batch, marker, keys)
+            numbers = {"time": batch.numbers["time"], **dict(zip(AXES, place, strict=True))}
+            numbers = {axis: values[rows] for axis, values in numbers.items()}
             yield RowBatch(batch.lines[rows], numbers, {"track": [name] * len(rows)})
+
+
+def _find_visible(
+    batch: RowBatch, marker: Sequence[int], keys: Sequence[str]
+) -> tuple[Array, npt.NDArray[np.intp]]:
+    """Return the positions (3, rows) of a marker, and the rows in which it is visible."""
+    place = np.stack([batch.numbers[keys[cell]] for cell in marker])
+    return place, np.flatnonzero(np.isfinite(place).all(axis=0) & place.any(axis=0))
