@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import ExitStack
 from dataclasses import replace
 from enum import StrEnum
@@ -21,8 +21,6 @@ from lcorpp.cli.options.senses import reject_given
 from lcorpp.errors import DataError, expected_one_of
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
-
     from lcorpp.domains import Domain
     from lcorpp.experiments.active_learning.batches import BatchResult
     from lcorpp.experiments.active_learning.run_store import RunStore

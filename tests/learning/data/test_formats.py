@@ -279,6 +279,11 @@ def test_own_columns_and_units(tmp_path):
     # without a heading, by number
     columns = {"track": "1", "time": "2", "x": "3", "y": "4"}
     check_walks(write(tmp_path, "b.csv", lines), columns=columns, time_unit="ms", unit="mm")
+    words = ["\t".join(f"person {line}".split(",")) for line in lines]
+    tracks = read_recording(
+        write(tmp_path, "c.csv", words), columns=columns, time_unit="ms", unit="mm"
+    ).tracks
+    assert [track.id for track in tracks] == ["person 1.0", "person 2.0"]
     with pytest.raises(DataError, match=r"b\.csv: no heading; expected the number .*: --column time=NUMBER"):
         read_recording(tmp_path / "b.csv", columns={"track": "1"})
 

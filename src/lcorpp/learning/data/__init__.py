@@ -2,7 +2,7 @@
 
 tracks          Track, Recording and Repair: tracks of unequal length, as they were read
 reading         read any format, detected by content
-csv_reader      CSV text in columns, errors located         formats      what each format is, and its detection
+csv_reader      CSV text in columns, errors located         formats      each format, and its detection
 npz, authors, labels                                        data sets, the authors' files, files of labels
 measures        units that the caller gives                 times        units of time that are asked for
 ingest          rows of any format -> tracks: it collects the rows of each id, cleaning splits and checks

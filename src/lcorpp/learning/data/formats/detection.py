@@ -11,7 +11,7 @@ from typing import Literal
 
 from lcorpp.errors import DataError, FileError, ParseError
 from lcorpp.files import locate_bad_byte, open_text
-from lcorpp.learning.data.csv_reader import is_number, parse_line
+from lcorpp.learning.data.csv_reader import detect_delimiter, is_number, parse_line
 from lcorpp.learning.data.formats.columns import (
     REQUIRED,
     describe_missing_column,
@@ -115,11 +115,17 @@ def _detect_rows(file: Path, start: str, columns: Mapping[str, str], measures: M
     if sample is not None:
         layout = _find_layout(file, sample, columns)
         return FileFormat("rows", RowFile(file, layout, sample.delimiter, sample.line - 1))
+    first = next(filter(str.strip, start.splitlines()))
+    if columns and all(
+        name.isdecimal() for name in columns.values()
+    ):  # ids are words, and there is no heading
+        delimiter = detect_delimiter(first)
+        layout = _number_columns(file, len(parse_line(str(file), 1, first, delimiter)), columns)
+        return FileFormat("rows", RowFile(file, layout, delimiter, 0))
     names, delimiter = read_header(file, (), columns)
     known = None if columns else recognise_heading(names)
     if known is not None:
         return FileFormat("rows", RowFile(file, known, delimiter, 1))
-    first = start.splitlines()[0]
     if has_table_columns(names):
         if not columns and _repeats_ids(file, start, names, delimiter):
             options = format_guess(guess_columns(names))
@@ -135,12 +141,7 @@ def _detect_rows(file: Path, start: str, columns: Mapping[str, str], measures: M
 def _find_layout(file: Path, sample: Sample, columns: Mapping[str, str]) -> Layout:
     """Return the layout of rows without a heading; the caller's columns are numbers from 1."""
     if columns:
-        names = rename_columns([str(number + 1) for number in range(sample.width)], columns)
-        missing = [name for name in REQUIRED if name not in names]
-        if missing:
-            expected = " ".join(f"--column {name}=NUMBER" for name in missing)
-            raise DataError(f"{file}: no heading; expected the number of each column, from 1: {expected}")
-        return replace(LONG, columns=tuple(names))
+        return _number_columns(file, sample.width, columns)
     layout, reasons = recognise_rows(sample)
     if layout is not None:
         return layout
@@ -153,6 +154,16 @@ def _find_layout(file: Path, sample: Sample, columns: Mapping[str, str]) -> Layo
     if reasons:
         message += f"; it is not {'; nor '.join(reasons)}"
     raise ParseError(str(file), sample.line, 1, message, sample.text)
+
+
+def _number_columns(file: Path, width: int, columns: Mapping[str, str]) -> Layout:
+    """Return the layout of a file without a heading whose columns the caller names by their numbers."""
+    names = rename_columns([str(number + 1) for number in range(width)], columns)
+    missing = [name for name in REQUIRED if name not in names]
+    if missing:
+        expected = " ".join(f"--column {name}=NUMBER" for name in missing)
+        raise DataError(f"{file}: no heading; expected the number of each column, from 1: {expected}")
+    return replace(LONG, columns=tuple(names))
 
 
 def _repeats_ids(file: Path, start: str, names: Sequence[str], delimiter: str) -> bool:
