@@ -1,61 +1,76 @@
-"""Worker processes ignore Ctrl-C; their parent does not."""
+"""Worker processes leave Ctrl-C to their parent process, and end with it."""
 
+import os
 import signal
 import subprocess
 import sys
-import threading
+import time
 
 import pytest
-from joblib import Parallel, delayed
+from joblib import delayed
 
-from lcorpp.workers import delay_sigint, ignore_sigint
+from lcorpp.workers import run_in_workers
 
+PARENT = """
+import sys, tempfile, time
+from joblib import delayed
+from lcorpp.interrupts import end_on_signals
+from lcorpp.workers import run_in_workers, start_worker
 
-def test_a_child_process_ignores_sigint():
-    code = "import os, signal; os.kill(os.getpid(), signal.SIGINT); print('alive')"
-    with ignore_sigint():
-        worker = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True)
-    assert worker.communicate(timeout=60)[0] == "alive\n"
-
-
-def test_workers_of_joblib_ignore_sigint():
-    with ignore_sigint():
-        started = Parallel(n_jobs=2, return_as="generator")(
-            delayed(signal.getsignal)(signal.SIGINT) for _ in range(4)
-        )
-    assert list(started) == [signal.SIG_IGN] * 4
-
-
-def test_the_handler_is_restored():
-    before = signal.getsignal(signal.SIGINT)
-    with ignore_sigint():
-        assert signal.getsignal(signal.SIGINT) is signal.SIG_IGN
-    assert signal.getsignal(signal.SIGINT) is before
+with end_on_signals(), tempfile.TemporaryDirectory() as folder:
+    print(folder, start_worker().submit(time.sleep, 600), flush=True)
+    with run_in_workers((delayed(time.sleep)(seconds) for seconds in (0, 600)), jobs=2) as results:
+        for _ in results:
+            print("works", flush=True)
+"""
+"""A parent process of two pools of workers, which works for ten minutes."""
 
 
-def test_other_threads_change_no_handler():
-    seen = []
-
-    def inside() -> None:
-        with ignore_sigint():
-            seen.append(signal.getsignal(signal.SIGINT))
-
-    thread = threading.Thread(target=inside)
-    thread.start()
-    thread.join()
-    assert seen == [signal.getsignal(signal.SIGINT)]
+def find_processes(group: int) -> list[int]:
+    """Return the processes of a group that still run."""
+    lines = subprocess.run(
+        ["ps", "-A", "-o", "pid=,pgid=,stat="], capture_output=True, text=True, check=True
+    ).stdout.splitlines()
+    rows = [line.split() for line in lines]
+    return [int(pid) for pid, own, state in rows if int(own) == group and state[0] != "Z"]
 
 
-def test_an_interrupt_waits_for_the_end_of_a_block():
-    done = []
+def wait_for_end(group: int) -> list[int]:
+    """Return the processes of a group that remain after a minute, which a busy machine may need."""
+    end = time.monotonic() + 60
+    while (left := find_processes(group)) and time.monotonic() < end:
+        time.sleep(0.1)
+    return left
 
-    def work():
-        with delay_sigint():
-            signal.raise_signal(signal.SIGINT)
-            done.append(True)
 
-    with pytest.raises(KeyboardInterrupt):
-        work()
-    assert done
-    with pytest.raises(KeyboardInterrupt):
-        signal.raise_signal(signal.SIGINT)
+def test_workers_ignore_sigint():
+    with run_in_workers((delayed(signal.getsignal)(signal.SIGINT) for _ in range(4)), jobs=2) as results:
+        assert list(results) == [signal.SIG_IGN] * 4
+
+
+def test_results_come_in_the_order_of_the_calls():
+    calls = (delayed(abs)(number) for number in range(20))
+    with run_in_workers(calls, jobs=2, ordered=True) as results:
+        assert list(results) == list(range(20))
+
+
+@pytest.mark.skipif(os.name != "posix", reason="signals of POSIX")
+@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGTERM])
+def test_no_worker_outlives_its_parent_process(number, tmp_path):
+    environment = {**os.environ, "TMPDIR": str(tmp_path)}
+    with subprocess.Popen(
+        [sys.executable, "-c", PARENT],
+        stdout=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+        env=environment,
+    ) as parent:
+        assert str(tmp_path) in parent.stdout.readline()
+        assert parent.stdout.readline() == "works\n"
+        assert len(find_processes(parent.pid)) >= 3
+        parent.send_signal(number)
+        parent.wait()
+    assert wait_for_end(parent.pid) == []
+    assert parent.returncode == (-number if number == signal.SIGKILL else 128 + number)
+    if number == signal.SIGTERM:
+        assert list(tmp_path.iterdir()) == []

@@ -1,44 +1,93 @@
-"""Handlers of Ctrl-C for the duration of a block; worker processes leave it to their parent process."""
+"""Worker processes: they leave Ctrl-C to their parent process, and end with it, however it ends."""
 
 from __future__ import annotations
 
+import os
 import signal
 import threading
-from collections.abc import Callable, Iterator
+import time
+import warnings
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
-from types import FrameType
+from typing import Any
+
+from joblib import Parallel
+from joblib._parallel_backends import LokyBackend
+from joblib.externals.loky import ProcessPoolExecutor
+from joblib.parallel import get_active_backend
+
+from lcorpp.interrupts import ignore_sigint
+
+PARENT_SECONDS = 0.5
+"""Seconds between two looks of a worker at its parent process."""
+
+IDLE_SECONDS = 60
+"""Seconds without work after which the worker of `start_worker` ends; the next work starts another one."""
+
+
+class WorkerBackend(LokyBackend):  # type: ignore[misc]
+    """joblib's processes, each prepared by `begin_worker`."""
+
+    def configure(self, *arguments: Any, **options: Any) -> Any:
+        return super().configure(*arguments, initializer=begin_worker, initargs=(os.getpid(),), **options)
 
 
 @contextmanager
-def handle_sigint(handler: Callable[[int, FrameType | None], object] | signal.Handlers) -> Iterator[None]:
-    """Set the handler of SIGINT for the block; do nothing outside the main thread, which alone may set it."""
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-    before = signal.signal(signal.SIGINT, handler)
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGINT, before)
+def run_in_workers(
+    calls: Iterable[Any],
+    *,
+    jobs: int | None = None,
+    ordered: bool = False,
+    threads: int | None = None,
+    **options: Any,
+) -> Iterator[Iterator[Any]]:
+    """Evaluate joblib's calls in worker processes; yield an iterator of their results.
 
+    At the end of the block, calls without a result are cancelled and their workers are killed.
 
-@contextmanager
-def ignore_sigint() -> Iterator[None]:
-    """Ignore SIGINT while worker processes start, so that they inherit this setting.
-
-    The parent process ignores SIGINT meanwhile, too: a Ctrl-C in the fraction of a second in which workers
-    start is lost. (A blocked signal would not be lost, but the
-    resource trackers of multiprocessing and loky unblock it.)
+    Args:
+        calls: of `joblib.delayed`.
+        jobs: processes; None takes joblib's active configuration (`joblib.parallel_config`), by default this
+            process alone. A configured backend other than joblib's processes takes their place.
+        ordered: whether the results come in the order of the calls, not as they are done.
+        threads: of numerical libraries in each process; None lets joblib divide the cores.
+        options: of `joblib.Parallel`.
     """
-    with handle_sigint(signal.SIG_IGN):
-        yield
+    active, n_active = get_active_backend()
+    if type(active) is LokyBackend:
+        threads = threads or active.inner_max_num_threads
+        options["backend"] = WorkerBackend(nesting_level=active.nesting_level, inner_max_num_threads=threads)
+    return_as = "generator" if ordered else "generator_unordered"
+    with ignore_sigint():  # what is started here inherits it
+        results = Parallel(n_active if jobs is None else jobs, return_as=return_as, **options)(calls)
+    try:
+        yield results
+    finally:
+        with warnings.catch_warnings():  # joblib warns of calls that are cancelled
+            warnings.simplefilter("ignore", UserWarning)
+            results.close()
 
 
-@contextmanager
-def delay_sigint() -> Iterator[None]:
-    """Raise the KeyboardInterrupt of a Ctrl-C at the end of the block, so that the block is done or not."""
-    arrived = list[int]()
-    with handle_sigint(lambda number, _: arrived.append(number)):
-        yield
-    if arrived:
-        raise KeyboardInterrupt
+def start_worker() -> ProcessPoolExecutor:
+    """Return an executor with one worker process; `shutdown(kill_workers=True)` ends it during its work."""
+    return ProcessPoolExecutor(1, timeout=IDLE_SECONDS, initializer=begin_worker, initargs=(os.getpid(),))
+
+
+def begin_worker(parent: int) -> None:
+    """Prepare this worker process: it ignores Ctrl-C, and ends when its parent process has ended.
+
+    On Windows it does not notice the end of its parent process.
+
+    Args:
+        parent: id of the process that started it.
+    """
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    if os.name == "posix":
+        threading.Thread(target=_end_with, args=(parent,), name="parent", daemon=True).start()
+
+
+def _end_with(parent: int) -> None:
+    """End this process when another process has become its parent, because its own parent has ended."""
+    while os.getppid() == parent:
+        time.sleep(PARENT_SECONDS)
+    os._exit(1)

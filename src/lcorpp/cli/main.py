@@ -10,12 +10,13 @@ from collections.abc import Sequence
 
 from lcorpp.errors import LcorppError
 from lcorpp.files import keep_pipes
+from lcorpp.interrupts import Terminated, end_on_signals
 
 
 def main() -> None:
     """Run a command; bad input ends in one message on standard error and exit code 2."""
     try:
-        with keep_pipes():
+        with end_on_signals(), keep_pipes():
             _run_command(sys.argv[1:])
     except LcorppError as error:
         print(f"lcorpp: {error}", file=sys.stderr)
@@ -29,8 +30,8 @@ def main() -> None:
     except KeyboardInterrupt as interrupt:  # typer turns those of its commands into an exit
         print(f"lcorpp: {interrupt or 'interrupted'}", file=sys.stderr)
         sys.exit(130)
-    except SystemExit as ended:
-        words = _find_interrupt(ended)
+    except SystemExit as ended:  # also by SIGTERM or SIGHUP
+        words = ended.reason if isinstance(ended, Terminated) else _find_interrupt(ended)
         if words is not None:
             print(f"lcorpp: {words or 'interrupted'}", file=sys.stderr)
         raise

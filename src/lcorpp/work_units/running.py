@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 import logging
-import warnings
-from collections.abc import Callable, Generator, Iterator, Mapping
-from contextlib import contextmanager
-from typing import Any, TypeVar
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import AbstractContextManager, closing
+from typing import TypeVar
 
-from joblib import Parallel, delayed
+from joblib import delayed
 from joblib.externals.loky.process_executor import BrokenProcessPool
 
 from lcorpp.errors import LcorppError, WorkerError
 from lcorpp.log_output import find_log_level, show_log
 from lcorpp.work_units.cluster import evaluate_on_cluster
-from lcorpp.workers import ignore_sigint
+from lcorpp.workers import run_in_workers
 
 LOG = logging.getLogger(__name__)
 
@@ -51,13 +50,13 @@ def evaluate_units(
     while left:
         calls = (delayed(_evaluate)(find_log_level(), function, *item) for item in list(left.items()))
         try:
+            evaluation: AbstractContextManager[Iterator[tuple[str, Result | LcorppError]]]
             if cluster is not None:
-                started = evaluate_on_cluster(calls, cluster)
+                evaluation = closing(evaluate_on_cluster(calls, cluster))
             else:
-                with ignore_sigint():  # what is started here inherits it
-                    started = Parallel(n_jobs=jobs, return_as="generator_unordered", batch_size=1)(calls)
-            with _closed(started):
-                for key, result in started:
+                evaluation = run_in_workers(calls, jobs=jobs, batch_size=1)
+            with evaluation as results:
+                for key, result in results:
                     losses = 0
                     del left[key]
                     if isinstance(result, LcorppError):
@@ -83,14 +82,3 @@ def _evaluate(
         return key, function(unit)
     except LcorppError as error:
         return key, error
-
-
-@contextmanager
-def _closed(results: Generator[Any, None, None]) -> Iterator[None]:
-    """Cancel what is left at the end; joblib warns of it, although an error or an interrupt is the reason."""
-    try:
-        yield
-    finally:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", UserWarning)
-            results.close()

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import closing, contextmanager
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import numpy as np
 import numpy.typing as npt
-from joblib import Parallel, delayed
+from joblib import delayed
 
 from lcorpp.decision.strategies import Session
 from lcorpp.errors import DecisionError, check_type
@@ -26,8 +26,9 @@ from lcorpp.experiments.scoring.trial_chunks import (
     run_in_worker,
     simulates_at_once,
 )
+from lcorpp.interrupts import delay_sigint
 from lcorpp.log_output import find_log_level
-from lcorpp.workers import delay_sigint, ignore_sigint
+from lcorpp.workers import run_in_workers
 
 MAX_GROUP = 10
 """Maximum number of chunks whose people are simulated at once."""
@@ -166,10 +167,8 @@ def _run_groups(
         yield (run_chunks(experiment, group, sessions) for group in groups)
         return
     calls = (delayed(run_in_worker)(find_log_level(), experiment, group) for group in groups)
-    with ignore_sigint():
-        started = Parallel(n_jobs=jobs, return_as="generator")(calls)
-    with closing(started):
-        yield started
+    with run_in_workers(calls, jobs=jobs, ordered=True) as counts:
+        yield counts
 
 
 def _skip_chunks(work: Sequence[ChunkWork]) -> int:

@@ -18,7 +18,7 @@ from lcorpp.learning.evaluation.folds import assign_training_folds
 from lcorpp.learning.evaluation.metrics import compute_auc, jeffreys_interval
 from lcorpp.notebook import html_table
 from lcorpp.values import JEFFREYS, Array, ConfusionMatrix, Dataset, Indices, Interval, freeze
-from lcorpp.workers import ignore_sigint
+from lcorpp.workers import run_in_workers
 
 Progress = Callable[[int, int], None]
 """Callback (parts done, number of parts)."""
@@ -202,9 +202,8 @@ def fit_and_validate(
     )
     final = None
     probabilities = np.empty((len(dataset), len(classes)))
-    with joblib.parallel_config(backend="loky", n_jobs=min(jobs, len(parts)), inner_max_num_threads=1):
-        with ignore_sigint():
-            results = joblib.Parallel(return_as="generator_unordered")(work)
+    own = joblib.parallel_config(backend="loky")  # processes, whatever the caller has configured
+    with own, run_in_workers(work, jobs=min(jobs, len(parts)), threads=1) as results:
         for done, (part, result) in enumerate(results, start=1):
             if part == WHOLE:
                 final = result

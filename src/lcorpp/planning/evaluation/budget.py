@@ -8,7 +8,7 @@ from math import inf
 from time import monotonic
 from types import FrameType
 
-from lcorpp.workers import handle_sigint
+from lcorpp.interrupts import handle_sigint
 
 
 class Budget:

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from time import monotonic
 
+from lcorpp.interrupts import delay_sigint
 from lcorpp.planning.sarsop.bounded_tree import BoundedTree
 from lcorpp.planning.solution import BoundsRecord, Progress, Solution
 from lcorpp.values import Belief
-from lcorpp.workers import delay_sigint
 
 WORK_PER_TRIAL = 1000
 """Work of a trial beside that for the vectors; a trial of few vectors takes some 50 microseconds."""

@@ -13,6 +13,7 @@ from time import monotonic
 
 import numpy as np
 
+from lcorpp.interrupts import delay_sigint
 from lcorpp.planning.sarsop.numpy_kernels.alpha_vectors import VectorSet
 from lcorpp.planning.sarsop.numpy_kernels.backup import combine
 from lcorpp.planning.sarsop.numpy_kernels.dependencies import Edge, PrunedVector
@@ -22,7 +23,6 @@ from lcorpp.planning.sarsop.numpy_kernels.pruning import find_reachable
 from lcorpp.planning.sarsop.numpy_kernels.refresh import update_best_vector
 from lcorpp.planning.sarsop.numpy_kernels.search_state import MIN_GAIN, SearchState
 from lcorpp.values import Array, Indices
-from lcorpp.workers import delay_sigint
 
 REACHED_WEIGHT = 0.1
 """Initial weight of all beliefs that the roots reach, relative to that of a root."""
