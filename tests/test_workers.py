@@ -8,8 +8,9 @@ import time
 
 import pytest
 from joblib import delayed
+from joblib.externals.loky.process_executor import ShutdownExecutorError
 
-from lcorpp.workers import run_in_workers
+from lcorpp.workers import run_in_workers, start_worker
 
 PARENT = """
 import sys, tempfile, time
@@ -52,6 +53,13 @@ def test_results_come_in_the_order_of_the_calls():
     calls = (delayed(abs)(number) for number in range(20))
     with run_in_workers(calls, jobs=2, ordered=True) as results:
         assert list(results) == list(range(20))
+
+
+def test_a_worker_is_killed_during_its_work():
+    executor = start_worker()
+    future = executor.submit(time.sleep, 600)
+    executor.shutdown(kill_workers=True)
+    assert isinstance(future.exception(), ShutdownExecutorError)
 
 
 @pytest.mark.skipif(os.name != "posix", reason="signals of POSIX")

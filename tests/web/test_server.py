@@ -3,13 +3,19 @@
 import asyncio
 import http.client
 import json
+import math
+import random
+import re
 import socket
 import threading
+from contextlib import contextmanager
 
 import pytest
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import connect
 
+from lcorpp.web import connections, server as server_module
+from lcorpp.web.requests import FIELDS
 from lcorpp.web.server import HEADERS, MAX_MESSAGE, PageServer, make_uvicorn
 from lcorpp.web.session import Session
 
@@ -21,15 +27,23 @@ def server(intention, tmp_path_factory):
     (folder / "index.html").write_text("the page")
     (folder.parent / "secret").write_text("secret")
     page = PageServer(lambda: Session(lambda: intention), folder)
+    with serve(page) as port:
+        yield port, page
+
+
+@contextmanager
+def serve(page):
+    """Run a server in a thread; yield its port."""
     uvicorn = make_uvicorn(page)
     with socket.socket() as listening:
         listening.bind(("127.0.0.1", 0))
         listening.listen()
         thread = threading.Thread(target=lambda: asyncio.run(uvicorn.serve([listening])))
         thread.start()
-        yield listening.getsockname()[1], page
+        yield listening.getsockname()[1]
         uvicorn.should_exit = True
         thread.join()
+    page.close()
 
 
 def get(port, path, host="127.0.0.1"):
@@ -108,10 +122,7 @@ def test_a_message_beyond_all_bounds_ends_its_connection_alone(server):
 def test_a_page_that_goes_away_leaves_nothing(server):
     port, page = server
     raw = socket.create_connection(("127.0.0.1", port))
-    raw.sendall(
-        b"GET /session HTTP/1.1\r\nHost: 127.0.0.1\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n"
-        b"Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\nSec-WebSocket-Version: 13\r\n\r\n"
-    )
+    raw.sendall(HANDSHAKE)
     assert b"101" in raw.recv(1024)
     raw.close()  # without a close frame
     with open_session(port) as session:
@@ -137,3 +148,160 @@ def test_a_notice_reaches_all_pages(server):
         page.notify({"type": "learning"})
         for session in (first, second):
             assert json.loads(session.recv()) == {"id": None, "type": "learning"}
+
+
+def encode(value):
+    """Return JSON in which a text such as "957 deep" is a nested array, too deep for `json.dumps`."""
+    return re.sub(r'"(\d+) deep"', lambda found: "[" * int(found[1]) + "]" * int(found[1]), json.dumps(value))
+
+
+def draw_value(rng, depth=0):
+    """Return any JSON value, or a number that JSON has not."""
+    leaves = [
+        lambda: None,
+        lambda: rng.random() < 0.5,
+        lambda: rng.choice([0, -1, 1, 2**53, 10**400, -(10**400), 10**4000]),
+        lambda: rng.choice([0.5, 1e308, -1e308, 1e-320, math.nan, math.inf, -math.inf]),
+        lambda: rng.choice(["", "motion", "pos", "time", "x" * 300, "\ud800", "\0", "\u202e"]),
+        lambda: f"{rng.choice([1, 50, 957, 990, 9000])} deep",
+    ]
+    if depth < 3 and rng.random() < 0.4:
+        values = [draw_value(rng, depth + 1) for _ in range(rng.randrange(4))]
+        return values if rng.random() < 0.5 else {str(i): value for i, value in enumerate(values)}
+    return rng.choice(leaves)()
+
+
+def draw_request(rng):
+    """Return the text of a request, most of which are wrong in one way."""
+    kind = rng.choice(list(FIELDS))
+    good = {
+        "facts": {"time": "morning"},
+        "labels": {},
+        "sense": "motion",
+        "samples": [[rng.random(), 1, 9]],
+        "said": "pos",
+        "draw": 0.5,
+        "right": True,
+        "truth": None,
+    }
+    request = {"id": rng.randrange(9), "type": kind, **{name: good[name] for name in FIELDS[kind]}}
+    if rng.random() < 0.9:
+        request[rng.choice([*request, "other"])] = draw_value(rng)
+    text = encode(request)
+    if rng.random() < 0.1:
+        text = text[: rng.randrange(len(text))]
+    return text.encode(errors="replace") if rng.random() < 0.2 else text
+
+
+def test_each_of_many_wrong_requests_has_a_reply(server):
+    rng = random.Random(0)
+    with open_session(server[0], max_size=None) as session:
+        for _ in range(300):
+            session.send(draw_request(rng))
+            reply = json.loads(session.recv(), parse_constant=pytest.fail)
+            assert {"id", "type"} <= reply.keys()
+            assert reply["type"] != "error" or reply["code"] in (
+                ["malformed", "unknown_type", "invalid", "out_of_order", "too_large", "unavailable", "failed"]
+            )
+        assert ask(session, type="start")["type"] == "started"
+
+
+@pytest.mark.parametrize("value", [10**400, "900 deep", "957 deep", "9000 deep"])
+@pytest.mark.parametrize("field", ["id", "type", "facts", "draw", "samples", "right", "unknown"])
+def test_a_number_of_401_digits_and_deep_arrays_are_refused(server, field, value):
+    kinds = {"facts": "observe", "draw": "answer", "samples": "samples", "right": "judge"}
+    kind = kinds.get(field, "start")
+    others = {"labels": {}, "said": "pos", "sense": "motion", "truth": None}
+    with open_session(server[0]) as session:
+        request = {"id": 1, "type": kind, **{name: others.get(name) for name in FIELDS[kind]}, field: value}
+        session.send(encode(request))
+        assert json.loads(session.recv())["code"] in ("malformed", "unknown_type", "invalid")
+        assert ask(session, type="start")["type"] == "started"
+
+
+class Failing:
+    """A session of which a request fails for an unknown reason, and another has no JSON."""
+
+    def reply(self, request):
+        if request.type == "hello":
+            raise ZeroDivisionError("a fault")
+        return {"value": math.nan}
+
+
+def test_any_exception_in_a_request_is_a_reply(caplog):
+    with serve(PageServer(Failing)) as port, open_session(port) as session:
+        reply = ask(session, type="hello")
+        assert (reply["id"], reply["code"], reply["message"]) == (1, "failed", "ZeroDivisionError: a fault")
+        assert ask(session, type="start")["code"] == "failed"
+    assert [record.message for record in caplog.records] == ["a request failed"] * 2
+
+
+class Judging:
+    """A session whose judged trials wait for an event."""
+
+    def __init__(self, event):
+        self._event = event
+
+    def reply(self, request):
+        if request.type == "judge":
+            self._event.wait()
+        return {"type": request.type}
+
+
+def test_a_long_judgement_delays_no_other_page():
+    event = threading.Event()
+    page = PageServer(lambda: Judging(event))
+    with serve(page) as port, open_session(port) as first, open_session(port) as second:
+        first.send(json.dumps({"id": 1, "type": "judge", "right": True, "truth": None}))
+        assert ask(second, type="start")["type"] == "start"
+        assert get(port, "/")[0].status == 200
+        event.set()
+        assert json.loads(first.recv())["type"] == "judge"
+
+
+HANDSHAKE = (
+    b"GET /session HTTP/1.1\r\nHost: 127.0.0.1\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n"
+    b"Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\nSec-WebSocket-Version: 13\r\n\r\n"
+)
+
+
+@pytest.fixture(scope="module")
+def impatient(intention):
+    """The port of a server with short limits."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(connections, "REQUEST_SECONDS", 0.2)
+        patch.setattr(server_module, "PING_SECONDS", 0.2)
+        with serve(PageServer(lambda: Session(lambda: intention))) as port:
+            yield port
+
+
+@pytest.mark.parametrize(
+    "start",
+    [b"", b"GET / HT", HANDSHAKE[:-2], b"POST / HTTP/1.1\r\nHost: 127.0.0.1\r\nContent-Length: 9\r\n\r\n1"],
+)
+def test_a_half_open_connection_ends(impatient, start):
+    with socket.create_connection(("127.0.0.1", impatient)) as raw:
+        raw.sendall(start)
+        try:
+            while raw.recv(4096):
+                pass
+        except ConnectionResetError:
+            pass
+
+
+def test_a_page_that_does_not_reply_to_pings_ends(impatient):
+    with socket.create_connection(("127.0.0.1", impatient)) as raw:
+        raw.sendall(HANDSHAKE)
+        try:
+            while raw.recv(4096):  # the pings are read, but not replied to
+                pass
+        except ConnectionResetError:
+            pass
+
+
+def test_an_open_page_that_is_silent_stays(impatient):
+    with open_session(impatient) as session, open_session(impatient) as other:
+        with socket.create_connection(("127.0.0.1", impatient)) as raw:
+            raw.recv(1)  # until the limit of a request is over
+        for own in (session, other):
+            assert ask(own, type="start")["type"] == "started"

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import signal
+import logging
 from collections.abc import Callable, Container, Mapping, Sequence
-from concurrent.futures import BrokenExecutor, Executor, Future, ProcessPoolExecutor
+from concurrent.futures import BrokenExecutor, Future
 from dataclasses import replace
-from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
@@ -19,9 +18,13 @@ from lcorpp.experiments.track_robot import find_track_senses
 from lcorpp.learning import StreamingClassifier, TrainedClassifier, train_and_validate
 from lcorpp.learning.features.resampling import resample
 from lcorpp.learning.store import NewTrack, Store, TrackSchema
+from lcorpp.learning.streaming.resampler import TrackResampler
 from lcorpp.values import Array, ConfusionMatrix, Dataset
 from lcorpp.web.robot import PlayRobot
 from lcorpp.web.trial import JudgedTrial
+from lcorpp.workers import start_worker
+
+LOG = logging.getLogger(__name__)
 
 Sample = tuple[float, ...]
 
@@ -48,7 +51,7 @@ class BatchLearner:
 
     robot: with the classifier of the last training.
     notify: takes what the page has to know: {"type": "learning"} and {"type": "learnt", ...}. It is called
-        when a training begins, and at its end from another thread.
+        when a training begins, and at its end from another thread. It must not raise.
 
     Args:
         robot: with the classifier of the initial training.
@@ -56,7 +59,8 @@ class BatchLearner:
         batch_size: K, number of trials between two trainings.
         store: see `open_store`; the trials are added to it, and earlier ones read from it. None keeps them in
             memory.
-        executor: runs the training; by default a process of its own.
+        make_executor: returns the executor that runs the training, by default in a process of its own. It is
+            called again if that process has ended, e.g. because the system had no memory left.
     """
 
     def __init__(
@@ -68,14 +72,13 @@ class BatchLearner:
         batch_size: int,
         store: Store | None = None,
         seed: int = 0,
-        executor: Executor | None = None,
+        make_executor: Callable[[], Any] = start_worker,
     ) -> None:
         self.robot, self._sense, self._data = robot, sense, data
         self._batch_size, self._seed = batch_size, seed
         self.notify: Callable[[Mapping[str, Any]], None] = lambda _: None
-        self._executor = executor or ProcessPoolExecutor(
-            1, mp_context=get_context("spawn"), initializer=_ignore_sigint
-        )
+        self._make_executor, self._executor = make_executor, make_executor()
+        self._is_closed = False
         self._cases: list[tuple[Array, str]] = []
         self._groups: list[str] = []
         self._n_new, self._training = 0, False
@@ -110,27 +113,40 @@ class BatchLearner:
         return {"stored": self.n_stored, "batch": self._batch_size}
 
     def close(self) -> None:
-        """Stop the training."""
-        self._executor.shutdown(wait=False, cancel_futures=True)
-        for process in list((getattr(self._executor, "_processes", None) or {}).values()):
-            process.terminate()
+        """Stop the training; `notify` is not called any more."""
+        self._is_closed = True
+        self.notify = lambda _: None
+        self._executor.shutdown(kill_workers=True)
 
     def _train(self) -> None:
         self._training, self._n_new = True, 0
         self.notify({"type": "learning"})
         data = self._data.append(self._cases, self._groups)
         estimator = self.robot.classifiers[self._sense.name].estimator
-        future = self._executor.submit(train_again, estimator, data, self._seed)
+        task = (train_again, estimator, data, self._seed)
+        try:
+            future = self._executor.submit(*task)
+        except BrokenExecutor:  # the process ended after its last training
+            self._executor = self._make_executor()
+            future = self._executor.submit(*task)
         future.add_done_callback(self._finish)
 
     def _finish(self, future: Future[TrainedClassifier]) -> None:
         """Use the new classifier, whose rates replace the former ones in the program."""
         self._training = False
-        error = None if future.cancelled() else future.exception()
-        if future.cancelled() or isinstance(error, BrokenExecutor):  # closed
+        if self._is_closed or future.cancelled():
             return
-        if error is not None:
+        error = future.exception()
+        if isinstance(error, BrokenExecutor):
+            self._executor, self._n_new = self._make_executor(), self._batch_size
+            reason = (
+                "the process of the training ended, perhaps for lack of memory;"
+                " the next judged trial starts another one"
+            )
+        elif error is not None:
             reason = str(error) if isinstance(error, LcorppError) else f"{type(error).__name__}: {error}"
+        if error is not None:
+            LOG.warning("the classifier stays as it is: %s", reason)
             self.notify({"type": "learnt", "error": reason})
             return
         name, before, trained = self._sense.name, self.robot, future.result()
@@ -158,15 +174,15 @@ def train_again(estimator: Any, data: Dataset, seed: int) -> TrainedClassifier:
 
 def find_last_track(trained: TrainedClassifier, samples: Sequence[Sample]) -> list[Sample]:
     """Return the samples of the last unbroken track, if it is long enough to be classified."""
-    streams, tracks, last = StreamingClassifier.from_trained(trained), list[Sample](), 0
+    streams, track, last = StreamingClassifier.from_trained(trained), list[Sample](), 0
+    resampler = TrackResampler(streams.rules, streams.inputs, ())  # only its tracks are used, no points
     for sample in samples:
-        prediction = streams.push(sample[0], 0, *sample[1:])
-        if prediction.track != last:
-            tracks, last = [], prediction.track
-        if not tracks or sample[0] > tracks[-1][0]:
-            tracks.append(sample)
-    found = streams.predictions.get(0)
-    return tracks if found is not None and found.probabilities is not None else []
+        resampler.add(sample[0], sample[1:])
+        if resampler.track_count != last:
+            track, last = [], resampler.track_count
+        if not track or sample[0] > track[-1][0]:
+            track.append(sample)
+    return track if resampler.point_count >= streams.min_points else []
 
 
 def compare_on_track(
@@ -177,11 +193,11 @@ def compare_on_track(
         return None
     rows: dict[str, list[Any]] = {"times": [], "before": [], "after": []}
     streams = [StreamingClassifier.from_trained(trained) for trained in (before, after)]
-    points = 0
-    for sample in samples:
-        old, new = (stream.push(sample[0], 0, *sample[1:]) for stream in streams)
-        if old.points > points and old.probabilities is not None and new.probabilities is not None:
-            points = old.points
+    times, *values = zip(*samples, strict=True)
+    rate = streams[0].rules.rate  # the classifiers have the same features
+    for i, point in enumerate(resample(times, values, rate).T.tolist()):
+        old, new = (stream.push(times[0] + i / rate, 0, *point) for stream in streams)
+        if old.probabilities is not None and new.probabilities is not None:
             rows["times"].append(old.time)
             rows["before"].append(old.probabilities.tolist())
             rows["after"].append(new.probabilities.tolist())
@@ -197,7 +213,3 @@ def _list_counts(confusion: ConfusionMatrix | None) -> list[list[float]]:
 def _compute_accuracy(confusion: ConfusionMatrix | None) -> float:
     counts = np.array(_list_counts(confusion))
     return float(np.trace(counts) / counts.sum())
-
-
-def _ignore_sigint() -> None:
-    signal.signal(signal.SIGINT, signal.SIG_IGN)

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import json
+import sys
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from math import isfinite
 from typing import Any, NoReturn
 
 from lcorpp.errors import LcorppError, expected_one_of
@@ -126,7 +126,8 @@ def _check_truth(field: str, value: object) -> tuple[str, ...] | None:
 
 
 def _is_number(value: object) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool) and isfinite(value)
+    limit = sys.float_info.max  # a whole number beyond it has no float
+    return isinstance(value, int | float) and not isinstance(value, bool) and -limit <= value <= limit
 
 
 def _refuse(field: str, value: object, expected: str) -> NoReturn:
@@ -135,7 +136,10 @@ def _refuse(field: str, value: object, expected: str) -> NoReturn:
 
 def _show(value: object) -> str:
     """Return the beginning of a value as JSON."""
-    text = json.dumps(value, ensure_ascii=False)
+    try:
+        text = json.dumps(value, ensure_ascii=False)
+    except RecursionError:
+        return "a value nested too deep"
     return text if len(text) <= 60 else f"{text[:57]}..."
 
 

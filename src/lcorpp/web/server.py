@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import json
+import logging
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from pathlib import Path
@@ -18,9 +19,13 @@ from starlette.staticfiles import StaticFiles
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
-from lcorpp.web.requests import RequestError
+from lcorpp.web.connections import PING_SECONDS, TimedHttpProtocol
+from lcorpp.web.requests import RequestError, parse_request
+from lcorpp.web.serial_thread import SerialThread
 from lcorpp.web.session import Session
 from lcorpp.web.setup import find_page_folder
+
+LOG = logging.getLogger(__name__)
 
 HOST = "127.0.0.1"
 HOSTS = [HOST, "localhost", "[::1]"]
@@ -31,6 +36,8 @@ MAX_MESSAGE = 2**20
 """Bytes of a message; a longer one closes its connection."""
 MAX_PUSHED = 64
 """Messages that wait for a slow page; later ones that it did not ask for are left out."""
+SHUTDOWN_SECONDS = 1
+"""Seconds for replies at the end of the server."""
 HEADERS = {
     "Content-Security-Policy": (
         "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data:; connect-src 'self';"
@@ -47,16 +54,20 @@ HEADERS = {
 class PageServer:
     """Serves the page, and a session for each of its connections.
 
+    The sessions share a robot, so one thread replies to their requests, one after another; another thread
+    takes the judged trials, which may be long. The event loop never waits for them.
+
     waiting: the messages for each open page.
 
     Args:
-        make_session: called for each connection.
+        make_session: called for each connection, in the thread of the requests.
         folder: of the page's files; by default those of the package.
     """
 
     def __init__(self, make_session: Callable[[], Session], folder: Path | None = None) -> None:
         self._make_session = make_session
         self.waiting: set[asyncio.Queue[str]] = set()
+        self._requests, self._judgements = SerialThread("requests"), SerialThread("judgements")
         routes = [
             WebSocketRoute("/session", self._serve_session),
             Mount("/", StaticFiles(directory=folder or find_page_folder(), html=True)),
@@ -70,6 +81,11 @@ class PageServer:
         for queue in self.waiting:
             with suppress(asyncio.QueueFull):
                 queue.put_nowait(text)
+
+    def close(self) -> None:
+        """End the threads."""
+        self._requests.close()
+        self._judgements.close()
 
     async def _serve_session(self, socket: WebSocket) -> None:
         if not is_own_origin(socket):
@@ -85,17 +101,31 @@ class PageServer:
         self.waiting.add(queue)
         sender = asyncio.create_task(_send_all(socket, queue))
         try:
-            session = self._make_session()
+            session = await self._requests.call(self._make_session)
             while True:
                 message = await socket.receive()
                 if message["type"] == "websocket.disconnect":
                     break
                 text = message.get("text")
-                reply = session.handle(message["bytes"] if text is None else text)
-                await queue.put(json.dumps(reply))
+                await queue.put(await self._reply(session, message["bytes"] if text is None else text))
         finally:
             self.waiting.discard(queue)
             sender.cancel()
+
+    async def _reply(self, session: Session, text: str | bytes) -> str:
+        """Return the reply to a request as JSON, whatever happens in it."""
+        number = None
+        try:
+            request = parse_request(text)
+            number = request.id
+            thread = self._judgements if request.type == "judge" else self._requests
+            return json.dumps(await thread.call(session.reply, request), allow_nan=False)
+        except RequestError as error:
+            return json.dumps(error.reply())
+        except Exception as error:  # of an own learner or of a fault of ours: it must not end the connection
+            LOG.exception("a request failed")
+            reason = f"{type(error).__name__}: {error}"
+            return json.dumps(RequestError("failed", reason, number).reply())
 
 
 async def _send_all(socket: WebSocket, queue: asyncio.Queue[str]) -> None:
@@ -135,6 +165,14 @@ def is_own_origin(socket: WebSocket) -> bool:
 def make_uvicorn(server: PageServer) -> uvicorn.Server:
     """Return the server, which does not listen yet; `serve(sockets=[...])` runs it until Ctrl-C."""
     config = uvicorn.Config(
-        server.app, log_level="warning", ws_max_size=MAX_MESSAGE, ws_per_message_deflate=False, lifespan="off"
+        server.app,
+        http=TimedHttpProtocol,
+        log_level="warning",
+        ws_max_size=MAX_MESSAGE,
+        ws_per_message_deflate=False,
+        ws_ping_interval=PING_SECONDS,
+        ws_ping_timeout=PING_SECONDS,
+        timeout_graceful_shutdown=SHUTDOWN_SECONDS,
+        lifespan="off",
     )
     return uvicorn.Server(config)

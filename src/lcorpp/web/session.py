@@ -23,7 +23,7 @@ from lcorpp.experiments.decision_log import format_decision
 from lcorpp.learning import StreamingClassifier
 from lcorpp.values import Belief, Episode, SharedValue, Step
 from lcorpp.web.description import describe_domain, list_hearing
-from lcorpp.web.requests import RequestError, parse_request
+from lcorpp.web.requests import Request, RequestError, parse_request
 from lcorpp.web.robot import PlayRobot
 from lcorpp.web.trial import JudgedTrial
 from lcorpp.web.view import draw_fan, list_belief, view_belief
@@ -73,6 +73,10 @@ class Session:
             request = parse_request(text)
         except RequestError as error:
             return error.reply()
+        return self.reply(request)
+
+    def reply(self, request: Request) -> Json:
+        """Return the reply to a checked request, as `handle`."""
         try:
             reply = self._actions[request.type](**request.fields)
         except RequestError as error:

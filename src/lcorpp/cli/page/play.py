@@ -175,6 +175,7 @@ async def serve(
     finally:
         if learner is not None:
             learner.close()
+        server.close()
 
 
 def find_initial_data(domain: Domain, sense: Sense, source: ClassifierOptions, seed: int) -> Dataset:
