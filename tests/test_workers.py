@@ -1,6 +1,7 @@
 """Worker processes leave Ctrl-C to their parent process, and end with it."""
 
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -10,7 +11,7 @@ import pytest
 from joblib import delayed
 from joblib.externals.loky.process_executor import ShutdownExecutorError
 
-from lcorpp.workers import run_in_workers, start_worker
+from lcorpp.workers import end_with_thread, run_in_workers, start_worker
 
 PARENT = """
 import sys, tempfile, time
@@ -82,3 +83,22 @@ def test_no_worker_outlives_its_parent_process(number, tmp_path):
     assert parent.returncode == (-number if number == signal.SIGKILL else 128 + number)
     if number == signal.SIGTERM:
         assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.skipif(shutil.which("setpriv") is None, reason="programs end with their thread by setpriv")
+def test_no_program_outlives_the_process_that_waits_for_it():
+    code = """
+import subprocess
+from lcorpp.workers import end_with_thread
+subprocess.run(end_with_thread(["sh", "-c", "echo works; exec sleep 600"]))
+"""
+    command = [sys.executable, "-c", code]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, start_new_session=True) as parent:
+        assert parent.stdout.readline() == "works\n"
+        parent.kill()
+        parent.wait()
+        assert wait_for_end(parent.pid) == []
+
+
+def test_a_program_that_is_missing_is_not_wrapped():
+    assert end_with_thread(["no-such-program", "x"]) == ["no-such-program", "x"]

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import os
+import shutil
 import signal
+import subprocess
 import threading
 import time
 import warnings
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
+from functools import cache
 from typing import Any
 
 from joblib import Parallel
@@ -71,6 +74,27 @@ def run_in_workers(
 def start_worker() -> ProcessPoolExecutor:
     """Return an executor with one worker process; `shutdown(kill_workers=True)` ends it during its work."""
     return ProcessPoolExecutor(1, timeout=IDLE_SECONDS, initializer=begin_worker, initargs=(os.getpid(),))
+
+
+def end_with_thread(command: Sequence[str]) -> list[str]:
+    """Return a command that runs a program, and kills it when the thread that started it has ended.
+
+    That is for threads that wait for the program, so that it ends with this process. On Linux, by util-linux'
+    setpriv; elsewhere, and if the program is missing, the command itself.
+    """
+    if not _has_setpriv() or shutil.which(command[0]) is None:
+        return list(command)
+    return ["setpriv", "--pdeathsig", "KILL", "--", *command]
+
+
+@cache
+def _has_setpriv() -> bool:
+    """Whether there is a setpriv that can do it; BusyBox' cannot."""
+    command = ["setpriv", "--pdeathsig", "KILL", "--", "true"]
+    try:
+        return subprocess.run(command, capture_output=True, check=False).returncode == 0
+    except OSError:
+        return False
 
 
 def begin_worker(parent: int) -> None:

@@ -53,19 +53,19 @@ def figures(
 
     chosen = FigureOptions(fast, seed, console.count_processes(jobs), trials)
     folder = out or Path("out/figures")
-    output_files.check_results(folder, None)
-    if not has_parquet():
-        console.print_note("tables are written as CSV alone; Parquet needs the extra lcorpp[parquet]")
-    run = FigureRun(folder, names, chosen, again=again)
+    with output_files.lock_results(folder, None):
+        if not has_parquet():
+            console.print_note("tables are written as CSV alone; Parquet needs the extra lcorpp[parquet]")
+        run = FigureRun(folder, names, chosen, again=again)
 
-    def describe_remaining() -> str:
-        parts = ((run.remaining.step_seconds, "of this step"), (run.remaining.seconds, "of all figures"))
-        return "".join(f", {console.format_time(left)} {what}" for left, what in parts if left)
+        def describe_remaining() -> str:
+            parts = ((run.remaining.step_seconds, "of this step"), (run.remaining.seconds, "of all figures"))
+            return "".join(f", {console.format_time(left)} {what}" for left, what in parts if left)
 
-    progress = partial(console.show_progress, left=describe_remaining)
-    for number, figure in enumerate(run.make(progress), 1):
-        how = "kept from an earlier run" if figure.reused else f"{figure.seconds:.1f} s"
-        left = run.remaining.seconds
-        rest = f"; about {console.format_time(left)} left" if left else ""
-        console.out.print(f"{figure.name}: {how} ({number} of {len(names)}{rest})")
-    console.out.print(f"wrote {folder / 'report.html'}")
+        progress = partial(console.show_progress, left=describe_remaining)
+        for number, figure in enumerate(run.make(progress), 1):
+            how = "kept from an earlier run" if figure.reused else f"{figure.seconds:.1f} s"
+            left = run.remaining.seconds
+            rest = f"; about {console.format_time(left)} left" if left else ""
+            console.out.print(f"{figure.name}: {how} ({number} of {len(names)}{rest})")
+        console.out.print(f"wrote {folder / 'report.html'}")

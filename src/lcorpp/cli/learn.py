@@ -145,8 +145,8 @@ def learn(
     policy, solving = given.read_policy(loaded), given.choose_solver(loaded)
     if store is not None and not store.exists():
         output_files.check_writable(store)
-    output_files.check_results(given.out, given.formats)
     with ExitStack() as stack:
+        stack.enter_context(output_files.lock_results(given.out, given.formats))
         log = None if given.log is None else stack.enter_context(DecisionLog(given.log))
         print_domain(loaded)
         senses = set_up_learning(loaded, chosen, progress=console.show_progress)

@@ -1,55 +1,133 @@
-"""Checks of output files and folders before a long computation."""
+"""Checks of output files and folders before a long computation, and the lock of a folder of results."""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+import tempfile
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from lcorpp.errors import FileError, expected_one_of
-from lcorpp.files import FIGURE_SUFFIXES
+from lcorpp.files import FIGURE_SUFFIXES, make_folder
+
+try:
+    import fcntl
+except ImportError:  # Windows
+    fcntl = None  # type: ignore[assignment]
 
 
 def check_writable(path: Path) -> None:
     """Reject an output file that cannot be written.
 
     Raises:
-        FileError: its folder is missing or not writable, or the path is a folder.
+        FileError: its folder is missing or not writable, its disk is full, or the path is a folder.
     """
-    folder = Path(os.path.realpath(path)).parent
+    try:
+        target = Path(os.path.realpath(path))
+        if target.exists() and not target.is_file() and not target.is_dir():  # a device or a pipe
+            if not os.access(target, os.W_OK):
+                raise PermissionError(0, "Permission denied")
+            return
+        reason = _find_fault(path, target.parent)
+        if reason is None:
+            with suppress(FileNotFoundError):
+                os.lstat(target)  # the name may be too long
+            _write_a_byte(target.parent)
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or str(error)
+    if reason is not None:
+        raise FileError(f"{str(path)[:300]}: cannot be written: {reason}")
+
+
+def _find_fault(path: Path, folder: Path) -> str | None:
+    """Return why a file cannot be written to a folder, or None."""
     if path.is_dir():
-        reason = "Is a directory"
-    elif folder.exists() and not folder.is_dir():
-        reason = f"{path.parent} is a file"
-    elif not folder.exists():
-        reason = f"there is no folder {path.parent}"
-    elif not os.access(folder, os.W_OK):
-        reason = "Permission denied"
-    else:
-        return
-    raise FileError(f"{path}: cannot be written: {reason}")
+        return "Is a directory"
+    if not folder.exists():
+        return f"there is no folder {path.parent}"
+    return None if folder.is_dir() else f"{path.parent} is a file"
 
 
-def check_results(out: Path | None, formats: Sequence[str] | None) -> None:
-    """Reject a folder of results (--out) that cannot be created or written to; it may be missing.
+def _write_a_byte(folder: Path) -> None:
+    """Write a file without a name into a folder; an OSError says why that is impossible."""
+    with tempfile.TemporaryFile(dir=folder) as file:
+        file.write(b"x")
+        file.flush()
+
+
+@contextmanager
+def lock_results(out: Path | None, formats: Sequence[str] | None) -> Iterator[None]:
+    """Create a folder of results (--out), check that it can be written, and lock it for the block.
+
+    The system ends the lock with the process, however it ends. A new folder is removed if it stays empty.
+    Without a folder there is nothing to do. On Windows, and on a file system without locks, there is no lock.
 
     Raises:
-        FileError: the path or a parent is a file, the nearest existing folder is not writable, or there are
+        FileError: another process has the lock, the folder cannot be created or written to, or there are
             formats of figures (--format) and no folder.
     """
     if out is None:
         if formats:
             raise FileError("--format is for the figures in --out; without --out none is drawn")
+        yield
         return
-    if out.exists() and not out.is_dir():
-        raise FileError(f"{out}: is a file; --out expects a folder")
-    existing = Path(os.path.realpath(out))
-    while not existing.exists():
-        existing = existing.parent
+    is_new = _check_folder(out)
+    lock = _lock(out)
+    try:
+        try:
+            _write_a_byte(out)
+        except OSError as error:
+            raise FileError(f"{out}: cannot be written: {error.strerror or error}") from None
+        yield
+    finally:
+        if is_new:
+            with suppress(OSError):  # it has results
+                out.rmdir()
+        if lock is not None:
+            os.close(lock)
+
+
+def _check_folder(out: Path) -> bool:
+    """Return whether a folder of results is missing; raise FileError if it cannot be created."""
+    try:
+        if out.exists() and not out.is_dir():
+            raise FileError(f"{out}: is a file; --out expects a folder")
+        existing = next(folder for folder in (out, *out.absolute().parents) if folder.exists())
+    except OSError as error:
+        raise FileError(f"{str(out)[:300]}: cannot be created: {error.strerror or error}") from None
     if not existing.is_dir():
         raise FileError(f"{out}: cannot be created: {existing} is a file")
-    if not os.access(existing, os.W_OK | os.X_OK):
-        raise FileError(f"{out}: cannot be written: Permission denied")
+    return existing != out
+
+
+def _lock(out: Path) -> int | None:
+    """Create and lock a folder; return the open folder, which has the lock, or None without locks."""
+    while True:
+        make_folder(out)
+        if fcntl is None:
+            return None
+        try:
+            folder = os.open(out, os.O_RDONLY)
+        except FileNotFoundError:  # its process has removed it, as it was new and empty
+            continue
+        except OSError:
+            return None
+        try:
+            fcntl.flock(folder, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            if os.path.samestat(os.fstat(folder), os.stat(out)):
+                return folder
+        except BlockingIOError:
+            os.close(folder)
+            raise FileError(
+                f"{out}: another process writes its results there; expected another folder, or its end"
+            ) from None
+        except FileNotFoundError:
+            pass
+        except OSError:
+            os.close(folder)
+            return None
+        os.close(folder)
 
 
 def check_figure(path: Path, *, also: Sequence[str] = ()) -> None:

@@ -72,22 +72,22 @@ def run(
     loaded = given.load_domain()
     chosen = _choose_comparison(loaded, given, strategy or [], None if exact else number, tracks)
     policy = given.read_policy(loaded)
-    output_files.check_results(given.out, given.formats)
-    if given.log is not None:
-        DecisionLog(given.log).close()  # raises an error before the work
-    print_domain(loaded)
-    if trial is not None:
-        _print_trial(loaded, chosen, trial, policy)
-        return
-    noted = given.out is not None and note_storage_problems(chosen.classifiers.values())
-    comparison = compare_strategies(
-        loaded, chosen, policy=policy, policy_file=given.policy, progress=console.show_progress
-    )
-    _print_comparison(loaded, comparison, chosen)
-    if given.out is not None:
-        _write_results(given.out, loaded, given, chosen, comparison, noted=noted)
-    if comparison.trials is not None and comparison.trials < number:
-        console.err.print(f"interrupted: {comparison.trials} of {number} trials are kept")
+    with output_files.lock_results(given.out, given.formats):
+        if given.log is not None:
+            DecisionLog(given.log).close()  # raises an error before the work
+        print_domain(loaded)
+        if trial is not None:
+            _print_trial(loaded, chosen, trial, policy)
+            return
+        noted = given.out is not None and note_storage_problems(chosen.classifiers.values())
+        comparison = compare_strategies(
+            loaded, chosen, policy=policy, policy_file=given.policy, progress=console.show_progress
+        )
+        _print_comparison(loaded, comparison, chosen)
+        if given.out is not None:
+            _write_results(given.out, loaded, given, chosen, comparison, noted=noted)
+        if comparison.trials is not None and comparison.trials < number:
+            console.err.print(f"interrupted: {comparison.trials} of {number} trials are kept")
 
 
 def _choose_comparison(

@@ -41,27 +41,29 @@ def sweep(
     if cluster is not None:
         reject_given("the workers of --cluster evaluate everything", jobs=jobs)
     folder = out or Path("out") / file.stem
-    output_files.check_results(folder, formats)
-    read = read_sweep(file)
-    total, left = len(read.configurations), ""
-    finished = f"finished configurations are kept in {folder}; the same command continues"
-    with console.show_progress("evaluating configurations", total, kept=finished, left=lambda: left) as show:
+    with output_files.lock_results(folder, formats):
+        read = read_sweep(file)
+        total, left = len(read.configurations), ""
+        finished = f"finished configurations are kept in {folder}; the same command continues"
+        with console.show_progress(
+            "evaluating configurations", total, kept=finished, left=lambda: left
+        ) as show:
 
-        def advance(done: int, total: int, seconds: float | None) -> None:
-            nonlocal left
-            left = "" if seconds is None else f", {console.format_time(seconds)} left"
-            if seconds is None and done:
-                console.print_note(f"{done} of {total} configurations are of an earlier run")
-            show(done, total)
+            def advance(done: int, total: int, seconds: float | None) -> None:
+                nonlocal left
+                left = "" if seconds is None else f", {console.format_time(seconds)} left"
+                if seconds is None and done:
+                    console.print_note(f"{done} of {total} configurations are of an earlier run")
+                show(done, total)
 
-        workers = None if cluster is not None else console.count_processes(jobs)
-        result = run_sweep(read, folder, jobs=workers, cluster=cluster, progress=advance)
-    for message in result.failures[:MAX_SHOWN]:
-        console.warn(f"without scores: {message}")
-    if len(result.failures) > MAX_SHOWN:
-        console.warn(f"... ({len(result.failures)} in all, listed in sweep.json)")
-    written = write_sweep(folder, result, formats=formats or FORMATS)
-    console.out.print(summarise(result))
-    if not has_parquet():
-        console.print_note("the table is written as CSV alone; Parquet needs the extra lcorpp[parquet]")
-    console.out.print("wrote " + ", ".join(map(str, written)))
+            workers = None if cluster is not None else console.count_processes(jobs)
+            result = run_sweep(read, folder, jobs=workers, cluster=cluster, progress=advance)
+        for message in result.failures[:MAX_SHOWN]:
+            console.warn(f"without scores: {message}")
+        if len(result.failures) > MAX_SHOWN:
+            console.warn(f"... ({len(result.failures)} in all, listed in sweep.json)")
+        written = write_sweep(folder, result, formats=formats or FORMATS)
+        console.out.print(summarise(result))
+        if not has_parquet():
+            console.print_note("the table is written as CSV alone; Parquet needs the extra lcorpp[parquet]")
+        console.out.print("wrote " + ", ".join(map(str, written)))

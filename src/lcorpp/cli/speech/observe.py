@@ -62,31 +62,35 @@ def observe(
     from lcorpp.worlds.speech import Recogniser, parse_voice
 
     folder = out or Path("out") / "observe"
-    output_files.check_results(folder, None)
-    loaded = load_domain(domain, preset=preset)
-    names = answers.check_answers(loaded)
-    kept = f"what was recognised is kept in {folder}; the same command continues"
-    Recogniser(loaded.planning.utterances)  # an unknown word is found before the long work
-    measured: cases.Cases
-    if recordings is not None:
-        measured, mix = cases.RecordedCases(recordings, names, seed), observing.recorded_noise()
-        others = measured.kinds[len(names) :]
-        assumption = answers.assume_without_kinds(others)
-    else:
-        mix = noises.parse_noises(noise)
-        others, assumption = (answers.TALK, answers.SILENCE), answers.SYNTHETIC_SAID
-    if said is not None:
-        assumption = answers.parse_said(said, others)
-    if recordings is None:
-        speakers = cases.parse_voices(voices, lambda text: parse_voice(text, timeout=timeout))
-        utterances = {name: loaded.planning.utterances[name] for name in names}
-        with console.show_progress("synthesising sentences", kept=kept) as advance:
-            measured = cases.SyntheticCases(utterances, speakers, mix, folder / "voices", seed, advance)
-    with console.show_progress("recognising, then choosing bins", len(measured.cases), kept=kept) as advance:
-        observed = observing.observe(loaded, measured, mix, assumption, folder, seed=seed, advance=advance)
-    written = results.write_observed(observed, folder)
-    print_observed(observed)
-    console.out.print("wrote " + ", ".join(map(str, written)))
+    with output_files.lock_results(folder, None):
+        loaded = load_domain(domain, preset=preset)
+        names = answers.check_answers(loaded)
+        kept = f"what was recognised is kept in {folder}; the same command continues"
+        Recogniser(loaded.planning.utterances)  # an unknown word is found before the long work
+        measured: cases.Cases
+        if recordings is not None:
+            measured, mix = cases.RecordedCases(recordings, names, seed), observing.recorded_noise()
+            others = measured.kinds[len(names) :]
+            assumption = answers.assume_without_kinds(others)
+        else:
+            mix = noises.parse_noises(noise)
+            others, assumption = (answers.TALK, answers.SILENCE), answers.SYNTHETIC_SAID
+        if said is not None:
+            assumption = answers.parse_said(said, others)
+        if recordings is None:
+            speakers = cases.parse_voices(voices, lambda text: parse_voice(text, timeout=timeout))
+            utterances = {name: loaded.planning.utterances[name] for name in names}
+            with console.show_progress("synthesising sentences", kept=kept) as advance:
+                measured = cases.SyntheticCases(utterances, speakers, mix, folder / "voices", seed, advance)
+        with console.show_progress(
+            "recognising, then choosing bins", len(measured.cases), kept=kept
+        ) as advance:
+            observed = observing.observe(
+                loaded, measured, mix, assumption, folder, seed=seed, advance=advance
+            )
+        written = results.write_observed(observed, folder)
+        print_observed(observed)
+        console.out.print("wrote " + ", ".join(map(str, written)))
 
 
 def print_observed(observed: Observed) -> None:

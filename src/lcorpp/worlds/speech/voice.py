@@ -12,6 +12,7 @@ from typing import Protocol
 
 from lcorpp.errors import ActionFailedError, DataError, FileError, expected_one_of
 from lcorpp.values import Array
+from lcorpp.workers import end_with_thread
 from lcorpp.worlds.speech.sound_device import play
 from lcorpp.worlds.speech.waves import MAX_SECONDS, read_wave
 
@@ -175,7 +176,9 @@ def run_program(command: Sequence[str], text: str, timeout: float) -> str:
     """
     name = command[0]
     try:
-        done = subprocess.run(command, input=text.encode(), capture_output=True, timeout=timeout, check=False)
+        done = subprocess.run(
+            end_with_thread(command), input=text.encode(), capture_output=True, timeout=timeout, check=False
+        )
     except subprocess.TimeoutExpired:
         raise ActionFailedError(f"{name} took more than {timeout:g} seconds and was stopped") from None
     except FileNotFoundError:

@@ -1,0 +1,142 @@
+"""Long commands with several processes that are ended at random times: no process of theirs remains."""
+
+import json
+import random
+import signal
+import subprocess
+import sys
+import time
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import pytest
+from websockets.sync.client import connect
+
+from tests.test_workers import find_processes
+
+KILLS = 20
+"""Number of times that each command is ended."""
+
+SECONDS = 60
+"""Seconds until which all processes end; 5 on a machine that is not busy."""
+
+SIGNALS = (signal.SIGTERM, signal.SIGKILL, signal.SIGINT)
+
+SWEEP = """
+domain = "intention"
+trials = 20000
+strategies = ["R+P", "LCORPP"]
+
+[axes]
+noise = { from = 0.05, to = 0.4, count = 12 }
+"""
+
+COMMANDS = {
+    "run": "run intention --learner summaries --tracks 300 --trials 200000 --jobs 2 --no-cache --out {}",
+    "learn": "learn intention --learner summaries --tracks 100 --jobs 2 --no-cache --store {}/s.tracks",
+    "figures": "figures strategies --fast --jobs 2 --out {}",
+    "sweep": "sweep {}/sweep.toml --jobs 2 --out {}/out",
+    "observe": "observe --voices flite:slt,flite:rms --out {}",
+    "play": "play intention --no-open --port 0 --jobs 2 --no-cache --store {}/s.tracks",
+    "data": "data make --tracks 20000 -o {}/made.csv",
+}
+"""Name -> a command; {} is a new folder."""
+
+
+@dataclass
+class Ending:
+    """How a command ended: the seconds until no process remained, and what is wrong."""
+
+    seconds: float
+    faults: list[str] = field(default_factory=list)
+
+
+def start(command: str, folder: Path) -> subprocess.Popen[str]:
+    (folder / "sweep.toml").write_text(SWEEP)
+    program = [sys.executable, "-c", "from lcorpp.cli.main import main; main()"]
+    return subprocess.Popen(
+        [*program, *command.replace("{}", str(folder)).split()],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        start_new_session=True,
+    )
+
+
+def end(process: subprocess.Popen[str], number: int) -> Ending:
+    """Send a signal, and wait until the processes of the session have ended."""
+    process.send_signal(number)
+    began = time.monotonic()
+    if number == signal.SIGINT:  # a command may continue with what it has, and then prints it
+        output, _ = process.communicate(timeout=600)
+        began = time.monotonic()
+    while (left := find_processes(process.pid)) and time.monotonic() < began + SECONDS:
+        time.sleep(0.05)
+    ending = Ending(time.monotonic() - began)
+    if left:
+        ending.faults.append(f"processes {left} remain")
+        for pid in left:
+            subprocess.run(["kill", "-9", str(pid)], check=False)
+    if number != signal.SIGINT:
+        output, _ = process.communicate()
+    if "Traceback" in output:
+        ending.faults.append(output)
+    expected = {signal.SIGTERM: (143, 0, -15), signal.SIGKILL: (-9, 0), signal.SIGINT: (130, 0, -2)}
+    if process.returncode not in expected[number]:
+        ending.faults.append(f"exit code {process.returncode}: {output}")
+    return ending
+
+
+def end_at_random(command: str, folder: Path, number: int, rng: random.Random) -> Ending:
+    """Run a command and end it some time after its start, or after the start of its workers."""
+    process = start(command, folder)
+    if rng.random() < 0.7:
+        while process.poll() is None and len(find_processes(process.pid)) < 3:
+            time.sleep(0.05)
+    time.sleep(rng.uniform(0, 3))
+    return end(process, number)
+
+
+def end_during_training(folder: Path, number: int, rng: random.Random) -> Ending:
+    """Judge a trial on the page, and end `play` while it trains."""
+    options = "--learner lstm-fast --tracks 200 --epochs 100 --batch 1 --no-open --port 0 --jobs 2 --no-cache"
+    process = start(f"play intention {options} --store {{}}/s.tracks", folder)
+    address = process.stdout.readline().split(" is at http://")[1].split("/")[0]
+    with connect(f"ws://{address}/session", max_size=None) as session:
+
+        def ask(kind: str, **fields: object) -> dict[str, object]:
+            session.send(json.dumps({"id": 1, "type": kind, **fields}))
+            while (reply := json.loads(session.recv()))["id"] is None:
+                pass
+            return reply
+
+        for i in range(40):
+            ask("samples", sense="motion", samples=[[i / 10, 1.0, 9 - i / 10]])
+        reply = ask("decide")
+        while not reply["done"]:
+            reply = ask("answer", said="pos", draw=0.1)
+        assert ask("judge", right=True, truth=None)["stored"] == 1
+        if rng.random() < 0.7:
+            while len(find_processes(process.pid)) < 3:
+                time.sleep(0.05)
+        time.sleep(rng.uniform(0, 3))
+        return end(process, number)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", COMMANDS)
+def test_no_process_of_a_command_remains(name, tmp_path):
+    rng, endings = random.Random(name), []
+    for i in range(KILLS):
+        (folder := tmp_path / str(i)).mkdir()
+        endings.append(end_at_random(COMMANDS[name], folder, SIGNALS[i % 3], rng))
+    assert [fault for ending in endings for fault in ending.faults] == []
+
+
+@pytest.mark.slow
+def test_no_process_of_the_page_remains_after_the_end_of_a_training(tmp_path):
+    rng, endings = random.Random(0), []
+    for i in range(KILLS):
+        (folder := tmp_path / str(i)).mkdir()
+        endings.append(end_during_training(folder, SIGNALS[i % 3], rng))
+    assert [fault for ending in endings for fault in ending.faults] == []
