@@ -67,8 +67,12 @@ def end(process: subprocess.Popen[str], number: int) -> Ending:
     """Send a signal, and wait until the processes of the session have ended."""
     process.send_signal(number)
     began = time.monotonic()
-    if number == signal.SIGINT:  # a command may continue with what it has, and then prints it
-        output, _ = process.communicate(timeout=600)
+    while number == signal.SIGINT and process.poll() is None:
+        time.sleep(0.05)
+        if time.monotonic() > began + 20:  # some commands end a step, and continue with what they have
+            process.send_signal(number)
+            began = time.monotonic()
+    if number == signal.SIGINT:
         began = time.monotonic()
     while (left := find_processes(process.pid)) and time.monotonic() < began + SECONDS:
         time.sleep(0.05)
@@ -77,8 +81,7 @@ def end(process: subprocess.Popen[str], number: int) -> Ending:
         ending.faults.append(f"processes {left} remain")
         for pid in left:
             subprocess.run(["kill", "-9", str(pid)], check=False)
-    if number != signal.SIGINT:
-        output, _ = process.communicate()
+    output, _ = process.communicate()
     if "Traceback" in output:
         ending.faults.append(output)
     expected = {signal.SIGTERM: (143, 0, -15), signal.SIGKILL: (-9, 0), signal.SIGINT: (130, 0, -2)}
