@@ -92,10 +92,12 @@ def end(process: subprocess.Popen[str], number: int) -> Ending:
 
 def end_at_random(command: str, folder: Path, number: int, rng: random.Random) -> Ending:
     """Run a command and end it some time after its start, or after the start of its workers."""
-    process = start(command, folder)
+    process, began = start(command, folder), time.monotonic()
     if rng.random() < 0.7:
         while process.poll() is None and len(find_processes(process.pid)) < 3:
             time.sleep(0.05)
+            if time.monotonic() > began + 20:  # a command without workers
+                break
     time.sleep(rng.uniform(0, 3))
     return end(process, number)
 

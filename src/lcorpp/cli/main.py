@@ -30,8 +30,12 @@ def main() -> None:
     except KeyboardInterrupt as interrupt:  # typer turns those of its commands into an exit
         print(f"lcorpp: {interrupt or 'interrupted'}", file=sys.stderr)
         sys.exit(130)
-    except SystemExit as ended:  # also by SIGTERM or SIGHUP
-        words = ended.reason if isinstance(ended, Terminated) else _find_interrupt(ended)
+    except Terminated as ended:
+        print(f"lcorpp: {ended.reason}", file=sys.stderr)
+        gc.freeze()  # the end of Python need not look for garbage
+        raise
+    except SystemExit as ended:
+        words = _find_interrupt(ended)
         if words is not None:
             print(f"lcorpp: {words or 'interrupted'}", file=sys.stderr)
         raise
