@@ -4,6 +4,7 @@ import signal
 import subprocess
 import sys
 import threading
+from textwrap import indent
 
 import pytest
 
@@ -52,10 +53,12 @@ def test_an_interrupt_waits_for_the_end_of_a_block():
         signal.raise_signal(signal.SIGINT)
 
 
-def run(code: str, *options: str) -> subprocess.CompletedProcess[str]:
+def run(code: str) -> subprocess.CompletedProcess[str]:
     """Run a program in which SIGTERM is to end it."""
-    start = "import os, signal, threading, time\nfrom lcorpp import interrupts\n"
-    return subprocess.run([sys.executable, *options, "-c", start + code], capture_output=True, text=True)
+    start = "import os, signal, sys, threading, time\nfrom lcorpp import interrupts\ntry:\n"
+    stop = "\nexcept interrupts.Terminated as ended:\n    sys.exit(ended.code)\n"
+    program = start + indent(code, "    ") + stop
+    return subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
 
 
 @pytest.mark.parametrize("name", ["SIGTERM", "SIGHUP"])
@@ -99,7 +102,8 @@ with interrupts.end_on_signals():
 
 def test_the_reason_and_the_former_handlers():
     before = signal.getsignal(signal.SIGTERM)
-    assert Terminated(signal.SIGTERM).reason == "ended by SIGTERM"
+    assert str(Terminated(signal.SIGTERM)) == "ended by SIGTERM"
+    assert not issubclass(Terminated, (Exception, SystemExit))  # which own code of users may raise
     with end_on_signals():
         assert signal.getsignal(signal.SIGTERM) is not before
     assert signal.getsignal(signal.SIGTERM) is before

@@ -16,14 +16,17 @@ from lcorpp.workers import end_with_thread, run_in_workers, start_worker
 PARENT = """
 import sys, tempfile, time
 from joblib import delayed
-from lcorpp.interrupts import end_on_signals
+from lcorpp.interrupts import Terminated, end_on_signals
 from lcorpp.workers import run_in_workers, start_worker
 
-with end_on_signals(), tempfile.TemporaryDirectory() as folder:
-    print(folder, start_worker().submit(time.sleep, 600), flush=True)
-    with run_in_workers((delayed(time.sleep)(seconds) for seconds in (0, 600)), jobs=2) as results:
-        for _ in results:
-            print("works", flush=True)
+try:
+    with end_on_signals(), tempfile.TemporaryDirectory() as folder:
+        print(folder, start_worker().submit(time.sleep, 600), flush=True)
+        with run_in_workers((delayed(time.sleep)(seconds) for seconds in (0, 600)), jobs=2) as results:
+            for _ in results:
+                print("works", flush=True)
+except Terminated as ended:
+    sys.exit(ended.code)
 """
 """A parent process of two pools of workers, which works for ten minutes."""
 

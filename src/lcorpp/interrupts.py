@@ -14,12 +14,15 @@ EXIT_SECONDS = 3.0
 """Seconds that a process may take to clean up after a signal that ends it."""
 
 
-class Terminated(SystemExit):
-    """A signal that ends the process; the exit code is that of a shell: 128 and the number of the signal."""
+class Terminated(BaseException):
+    """A signal that ends the process. It is no `SystemExit`, which is an error of own code of users.
+
+    code: that of a shell, 128 and the number of the signal.
+    """
 
     def __init__(self, number: int) -> None:
-        super().__init__(128 + number)
-        self.reason = f"ended by {signal.Signals(number).name}"
+        super().__init__(f"ended by {signal.Signals(number).name}")
+        self.code = 128 + number
 
 
 @contextmanager

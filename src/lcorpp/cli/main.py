@@ -31,9 +31,9 @@ def main() -> None:
         print(f"lcorpp: {interrupt or 'interrupted'}", file=sys.stderr)
         sys.exit(130)
     except Terminated as ended:
-        print(f"lcorpp: {ended.reason}", file=sys.stderr)
+        print(f"lcorpp: {ended}", file=sys.stderr)
         gc.freeze()  # the end of Python need not look for garbage
-        raise
+        sys.exit(ended.code)
     except SystemExit as ended:
         words = _find_interrupt(ended)
         if words is not None:
