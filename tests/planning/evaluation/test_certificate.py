@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import itertools
 import re
 from dataclasses import replace
 
@@ -7,7 +8,8 @@ import numpy as np
 import pytest
 
 from lcorpp.errors import ModelError
-from lcorpp.planning import Policy, Solution, parse_pomdp, solve
+from lcorpp.planning import Policy, Solution, evaluate, parse_pomdp, solve
+from lcorpp.planning.evaluation import budget
 from lcorpp.planning.evaluation.certificate import certificate
 from tests.planning.models import LCORPP, TIGER
 from tests.planning.policies import back_up
@@ -103,3 +105,15 @@ def test_a_limit_is_part_of_the_check():
     found = certificate(claim(lcorpp, policy, policy.value(lcorpp.start) - 5, 1000.0), memory_limit=1.0)
     assert found.evaluation.stopped == "memory limit"
     assert re.search(r"memory limit after .* s, the beliefs cover 0% of the discounted future", found.text)
+
+
+def test_a_busy_machine_decides_nothing(monkeypatch):
+    """A limit counts CPU time, and only after 100 beliefs: here the clock passes it at each reading."""
+    times = itertools.count(step=1e6)
+    monkeypatch.setattr(budget, "thread_time", lambda: float(next(times)))
+    found = certificate(solve(tiger, precision=1e-3))
+    assert (found.verdict, found.certain, found.evaluation.complete) == ("confirmed", True, True)
+    skewed = parse_pomdp(TIGER.replace("0.15 0.85", "0.2 0.8"))  # listening reaches very many beliefs
+    limited = evaluate(skewed, Policy.of(skewed, np.zeros((1, 2)), [0]), trials=0, time_limit=1.0)
+    assert limited.stopped == "time limit"
+    assert 100 <= limited.beliefs < 1000

@@ -1,11 +1,11 @@
-"""Limits of time and memory; a computation that reaches one returns its result so far."""
+"""Limits of work and memory; a computation that reaches one returns its result so far."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
 from math import inf
-from time import monotonic
+from time import thread_time
 from types import FrameType
 
 from lcorpp.interrupts import handle_sigint
@@ -14,15 +14,18 @@ from lcorpp.interrupts import handle_sigint
 class Budget:
     """Time and memory of a computation, which checks `is_spent` between its steps.
 
+    The time is the CPU time of the thread that makes the budget: neither other processes nor other threads
+    spend it, so that a busy machine changes how long a computation takes, not how far it gets.
+
     Args:
-        seconds: of wall-clock time from now. size: bytes of the computation's own arrays.
+        seconds: of CPU time from now. size: bytes of the computation's own arrays.
 
     Attributes:
         reason: "time limit", "memory limit" or "interrupted"; "" while no limit was reached.
     """
 
     def __init__(self, seconds: float = inf, size: float = inf) -> None:
-        self._began, self._seconds, self._size = monotonic(), seconds, size
+        self._began, self._seconds, self._size = thread_time(), seconds, size
         self._is_interrupted = False
         self.reason = ""
 
@@ -36,24 +39,25 @@ class Budget:
 
     @property
     def seconds(self) -> float:
-        """Since the start."""
-        return monotonic() - self._began
+        """CPU time since the start."""
+        return thread_time() - self._began
 
-    def is_spent(self, size: float = 0.0, *, share: float = 1.0) -> bool:
+    def is_spent(self, size: float = 0.0, *, share: float = 1.0, at_minimum: bool = True) -> bool:
         """Return whether a limit is reached, and set the reason.
 
         Args:
             size: bytes in use.
             share: of the time that this part of the computation may have used at most; it sets no reason.
+            at_minimum: whether the computation has done its minimal work, before which time has no limit.
         """
         limits = {
             "interrupted": self._is_interrupted,
             "memory limit": size > self._size,
-            "time limit": self.seconds >= self._seconds,
+            "time limit": at_minimum and self.seconds >= self._seconds,
         }
         reached = next((name for name, is_reached in limits.items() if is_reached), "")
         self.reason = reached or self.reason
-        return bool(reached) or self.seconds >= share * self._seconds
+        return bool(reached) or (at_minimum and self.seconds >= share * self._seconds)
 
     @contextmanager
     def catch_interrupt(self) -> Iterator[None]:

@@ -110,7 +110,7 @@ def certificate(
             solution's own start and claims when None.
         tolerance: in reward units; 1e-6 times the claimed values when None.
         max_nodes, trials, confidence, seed, callback: as for `evaluate`.
-        time_limit: seconds of wall-clock time; when None, those of the search, at least `MIN_SECONDS`.
+        time_limit: seconds of CPU time; when None, as many as the search took, at least `MIN_SECONDS`.
         memory_limit: bytes. At a limit or at Ctrl-C, the result so far determines the verdict, which may be
             "open".
 

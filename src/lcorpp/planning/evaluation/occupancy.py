@@ -21,6 +21,9 @@ EXPANSION_SHARE = 0.4
 MIN_BATCH = 256
 """Beliefs are expanded in batches of at most this many, plus a quarter of those that are known."""
 
+MIN_EXPANDED = 100
+"""Beliefs that are expanded whatever the time limit, if there are as many."""
+
 MAX_PATH_WIDTH = 2
 """Up to this many new beliefs are expanded at once, without ranking them first."""
 
@@ -130,7 +133,8 @@ class DiscountedOccupancy:
         return np.where(self._expanded, self.visits * (values - backups), 0.0)
 
     def _is_spent(self) -> bool:
-        return self._budget.is_spent(self.memory_size, share=EXPANSION_SHARE)
+        at_minimum = np.count_nonzero(self._expanded) >= MIN_EXPANDED
+        return self._budget.is_spent(self.memory_size, share=EXPANSION_SHARE, at_minimum=bool(at_minimum))
 
     def _gaps(self) -> tuple[float, float]:
         """Return the gap between the bounds due to the residual at expanded nodes, and at other nodes."""

@@ -64,8 +64,8 @@ class Evaluation:
     interval: estimate of the value with a confidence interval; if there were no trials, the middle of the
         bounds and the bounds themselves, with confidence 1.
     trials: how many were simulated; truncated ones contribute bounds on their remaining reward.
-    seconds: wall-clock time. stopped: the limit that was reached, "time limit", "memory limit" or
-        "interrupted"; "" if none.
+    seconds: CPU time of the calling thread. stopped: the limit that was reached, "time limit",
+        "memory limit" or "interrupted"; "" if none.
     shortfall: the largest loss against the vectors, among the computed beliefs.
     """
 
@@ -142,8 +142,9 @@ def evaluate(
         trials: number of trials if the bounds remain further apart; 0 for none.
         confidence: of the trials' interval, between 0 and 1.
         seed: of the trials, an integer from 0.
-        time_limit: seconds of wall-clock time. memory_limit: bytes of the evaluation's own arrays. At a
-            limit, the evaluation returns its result so far.
+        time_limit: seconds of CPU time of the calling thread, which ends the evaluation after at least 100
+            beliefs. memory_limit: bytes of the evaluation's own arrays. At a limit, the evaluation returns
+            its result so far.
         interruptible: whether it does so at the first Ctrl-C, too, instead of raising KeyboardInterrupt.
         callback: takes the completed share, in [0, 1], and a text.
 
@@ -184,6 +185,7 @@ def evaluate(
             callback=callback,
         )
         return _restore(found, form, scale)
+    _import_solvers()
     budget = Budget(time_limit, memory_limit)
     with budget.catch_interrupt() if interruptible else nullcontext():
         state_bounds = mdp_value_bounds(pomdp)
@@ -219,6 +221,12 @@ def evaluate(
                     found, occupancy.expected_reward(), float(weights.sum()), remainder, slack
                 )
         return replace(found, seconds=budget.seconds, stopped=budget.reason)
+
+
+def _import_solvers() -> None:
+    """Import what the evaluation imports when it needs it: the first import takes as long as many beliefs."""
+    import scipy.sparse.linalg
+    import scipy.special  # noqa: F401
 
 
 def _restore(found: Evaluation, form: DiscountedForm, scale: float) -> Evaluation:
