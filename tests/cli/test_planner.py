@@ -81,6 +81,47 @@ def test_simulate_refuses(lcorpp, solved, tiger, tmp_path):
     assert lcorpp("simulate", tiger, solved, "--trace", -1).code == 2
 
 
+def test_each_command_refuses_a_policy_that_promises_what_no_policy_earns(lcorpp, tiger, tmp_path):
+    false, path = tmp_path / "false.policy", tmp_path / "x.policy"
+    lcorpp("solve", tiger, "-o", path)
+    false.write_text(re.sub(r'(<Vector action="0"[^>]*>)\S+', r"\g<1>1e6", path.read_text(), count=1))
+    words = "action 'listen' promises 1e+06 in state 'tiger-left', where no policy earns more than 200;"
+    refused(lcorpp("check", false, "--model", tiger), "false.policy: vector ", words)
+    refused(lcorpp("simulate", tiger, false), words)
+    refused(lcorpp("show", tiger, false), words)
+
+
+def test_simulate_refuses_a_promise_that_the_policy_does_not_keep(lcorpp, tiger, tmp_path):
+    """Each vector is possible for some policy, but listening forever earns -20."""
+    path = tmp_path / "x.alpha"
+    path.write_text("0\n30 30\n")
+    assert lcorpp("check", path, "--model", tiger).code == 0
+    ended = lcorpp("simulate", tiger, path, "--trials", 100)
+    assert ended.code == 2
+    assert "policy's lower bound     30" in ended.out
+    words = "x.alpha: the policy's vectors promise 30 at the start belief, but it earns at most -19.9"
+    assert words in ended.err
+
+
+def test_simulate_compares_a_finite_horizon_with_nothing(lcorpp, tiger, tmp_path):
+    costs = tmp_path / "costs.pomdp"
+    costs.write_text(re.sub(r"(R: .*) -?\d+", r"\1 -1", tiger.read_text()))
+    lcorpp("solve", costs, "-o", tmp_path / "x.policy", "--horizon", 2)
+    ended = lcorpp("simulate", costs, tmp_path / "x.1.policy", "--trials", 100)
+    assert (ended.code, ended.err) == (0, "")
+    assert "policy's lower bound     -1 for 1 remaining steps" in ended.out
+
+
+def test_simulate_at_discount_0(lcorpp, tiger, tmp_path):
+    myopic = tmp_path / "myopic.pomdp"
+    myopic.write_text(tiger.read_text().replace("0.95", "0"))
+    assert "verdict: confirmed" in lcorpp("solve", myopic, "-o", tmp_path / "x.policy", "--check").out
+    ended = lcorpp("simulate", myopic, tmp_path / "x.policy", "--trials", 100)
+    assert "100 episodes of at most 1 steps" in ended.out
+    assert "policy's value           [-1, -1]" in ended.out
+    assert "discount      0" in lcorpp("show", myopic, tmp_path / "x.policy").out
+
+
 # show
 
 

@@ -10,13 +10,17 @@ import typer
 
 from lcorpp.cli import model_files
 from lcorpp.cli.options import common as options
+from lcorpp.errors import PolicyError
 
 if TYPE_CHECKING:
-    from lcorpp.planning import Evaluation, Pomdp, SimulationResult
+    from lcorpp.planning import Evaluation, Policy, Pomdp, SimulationResult
     from lcorpp.planning.evaluation.simulation import Trace
 
 NEGLIGIBLE = 1e-4
 """Episodes are cut off when the discount has fallen to this, if they have not ended."""
+
+CONFIDENCE = 1 - 1e-6
+"""Confidence with which a simulation contradicts a policy: chance refuses one right policy in a million."""
 
 MAX_NODES = 1000
 """Beliefs of the evaluation beside the simulation; it takes about as long as the simulation."""
@@ -42,6 +46,7 @@ def simulate(
     """Simulate a policy and compare its mean reward with the bounds.
 
     Prints the mean discounted reward with its 95% interval, the policy's lower bound and its evaluated value.
+    The exit code is 2 if the policy earns less than its lower bound.
     """
     from lcorpp.planning import evaluate, simulate as simulate_policy
     from lcorpp.planning.formats.model_file import read_model
@@ -57,7 +62,8 @@ def simulate(
     typer.echo(f"{model.name}: {trials} episodes of at most {max_steps} steps, seed {seed}")
     interval = f"   95% interval [{low:.6g}, {high:.6g}]" if trials > 1 else "   (one episode: no interval)"
     typer.echo(f"  mean discounted reward   {result.mean:.6g}{interval}")
-    typer.echo(f"  policy's lower bound     {tested.value(pomdp.start):.6g}")
+    claim = tested.value(pomdp.start)
+    typer.echo(f"  policy's lower bound     {claim:.6g}{_describe_horizon(tested)}")
     bounds = f"[{value.lower:.6g}, {value.upper:.6g}]"
     typer.echo(f"  policy's value           {bounds}, evaluated on {value.beliefs} beliefs")
     comparison = _compare(result, value) if trials > 1 else None
@@ -69,10 +75,43 @@ def simulate(
         typer.echo(f"  {result.unfinished} episodes were cut off; {change}")
     speed = result.steps / max(result.seconds, 1e-9)
     typer.echo(f"  {result.steps} steps in {result.seconds:.2f} s: {speed:.3g} steps per second")
+    if tested.horizon is None:
+        _check_claim(policy, claim, result, value)
+
+
+def _describe_horizon(policy: Policy) -> str:
+    if policy.horizon is None:
+        return ""
+    return f" for {policy.horizon} remaining steps; the simulation uses the vectors in every step"
+
+
+def _check_claim(policy: Path, claim: float, result: SimulationResult, value: Evaluation) -> None:
+    """Compare the claimed value at the start with the evaluated and the simulated one.
+
+    The evaluation gives certain bounds. The simulation contradicts the claim if a bound with the confidence
+    `CONFIDENCE` that holds for any distribution of rewards is below it; its 95% interval would refuse right
+    policies by chance, and miss rewards that are too rare to occur.
+
+    Raises:
+        PolicyError: one of them contradicts the claim.
+    """
+    from lcorpp.planning.evaluation.claims import RELATIVE_TOLERANCE
+
+    tolerance = RELATIVE_TOLERANCE * max(abs(claim), abs(value.upper))
+    limit = result.upper_limit(CONFIDENCE)
+    start = f"{policy}: the policy's vectors promise {claim:.6g} at the start belief, but it earns at most"
+    if value.upper < claim - tolerance:
+        raise PolicyError(f"{start} {value.upper:.6g}, by the evaluation")
+    if limit < claim - tolerance:
+        raise PolicyError(f"{start} {limit:.6g}, by the simulation, with confidence {100 * CONFIDENCE:.6g}%")
+    if result.interval.high + result.truncation[1] < claim - tolerance:
+        typer.echo("  the interval is below the policy's lower bound, maybe by chance; more trials decide")
 
 
 def _find_max_steps(pomdp: Pomdp) -> int:
     """Return the number of steps after which further rewards are negligible."""
+    if pomdp.discount == 0:
+        return 1
     if pomdp.discount < 1:
         return math.ceil(math.log(NEGLIGIBLE) / math.log(pomdp.discount))
     from lcorpp.planning.undiscounted import DiscountedForm

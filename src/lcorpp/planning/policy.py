@@ -76,6 +76,7 @@ class Policy:
     model: name of the model's file, for messages.
     floor: lower bound on the value of any policy in any state; the value of states outside a vector set.
     upper_bound: bound on the optimal value, if the solver computed one; see `gap`.
+    horizon: the number of remaining steps that the vectors are for; None for an infinite horizon.
 
     Raises:
         PolicyError: shapes do not match, or an index is out of range.
@@ -88,6 +89,7 @@ class Policy:
     model: str = ""
     floor: float = 0.0
     upper_bound: UpperBound | None = None
+    horizon: int | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "vector_sets", tuple(self.vector_sets))

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings, strategies as st
 
 from lcorpp.errors import ModelError, PolicyError
-from lcorpp.planning import Policy, parse_pomdp, update
+from lcorpp.planning import Policy, Pomdp, parse_pomdp, update
 from lcorpp.planning.evaluation import rollout
 from lcorpp.planning.evaluation.policy_evaluation import evaluate
 from lcorpp.planning.evaluation.simulation import mean_interval, simulate
@@ -155,3 +155,29 @@ def test_bad_arguments(changes, words):
 def test_a_policy_for_another_model():
     with pytest.raises(PolicyError, match="another model"):
         simulate(lcorpp, Policy.of(tiger, [[0.0, 0.0]], [0]), seed=0)
+
+
+def test_the_upper_limit_holds_if_the_rewards_are_too_rare_to_occur():
+    """A reward of 1000 with probability .001: in few trials its interval is [0, 0], below the value 1."""
+    rare = Pomdp(
+        ("prize", "nothing"), ("take",), ("o",), [[[0, 1], [0, 1]]], np.ones((1, 2, 1)), [[1000, 0]], 0.5,
+        [1e-3, 1 - 1e-3],
+    )  # fmt: skip
+    policy = Policy.of(rare, [[0, 0]], [0])
+    few = simulate(rare, policy, trials=50, steps=1, seed=2)
+    assert few.interval.high == 0
+    assert few.upper_limit(0.95) > 1
+    limits = [simulate(rare, policy, trials=n, steps=1, seed=1).upper_limit(0.999) for n in (10_000, 100_000)]
+    assert 1 < limits[1] < limits[0] < 10
+    assert simulate(rare, policy, trials=1, steps=1, seed=1).upper_limit(0.95) == np.inf
+
+
+def test_the_upper_limit_includes_the_truncation():
+    tiger = parse_pomdp(TIGER)
+    listen = Policy.of(tiger, [[-20, -20]], [0])  # each trial has the same rewards
+    short, long = (simulate(tiger, listen, trials=100, steps=steps, seed=1) for steps in (1, 400))
+    spread = 110 * (1 - 0.95**400) / 0.05
+    assert long.spread == pytest.approx(spread)
+    assert long.upper_limit(0.95) == pytest.approx(-20 + 7 * spread * np.log(40) / 297, rel=1e-4)
+    assert short.truncation[1] == pytest.approx(190)
+    assert short.upper_limit(0.95) == pytest.approx(-1 + 7 * 110 * np.log(40) / 297 + 190)

@@ -13,7 +13,7 @@ from lcorpp.planning.formats import policy_xml as policy_file
 from tests.planning.models import LCORPP, TIGER
 
 tiger = parse_pomdp(TIGER, file='a "b" <ü>.pomdp')
-policy = Policy.of(tiger, [[1 / 3, -1e-17], [0.1 + 0.2, 2e300]], [0, 2])
+policy = Policy.of(tiger, [[1 / 3, -1e-17], [0.1 + 0.2, -2e2]], [0, 2])
 
 APPL = """\
 <?xml version="1.0" encoding="ISO-8859-1"?>
@@ -173,7 +173,7 @@ def test_a_large_policy_is_written_set_by_set(tmp_path, monkeypatch):
 
 FACTORED = parse_pomdp(
     "discount: 0.9\nvalues: reward\nstates: x0y0 x0y1 x1y0 x1y1\nactions: a b\nobservations: o\n"
-    "T: * identity\nO: * uniform\nR: * : x0y0 : * : * -1\n"
+    "T: * identity\nO: * uniform\nR: * : x0y0 : * : * -1\nR: b : * : * : * 1\n"
 )
 MOMDP = """\
 <?xml version="1.0" encoding="ISO-8859-1"?>

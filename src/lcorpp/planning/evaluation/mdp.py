@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
-from typing import Any
+from itertools import pairwise
 
 import numpy as np
 import numpy.typing as npt
 
 from lcorpp.planning.pomdp import Pomdp
-from lcorpp.planning.sparse import ragged_indices
+from lcorpp.planning.sparse import SparseTables, ragged_indices
 from lcorpp.values import Array
 
 MAX_PRODUCTS = 2**31
 """The maximal number of multiplications of value iteration, whose result is a bound at any time."""
+
+MAX_PART_ENTRIES = 2**22
+"""Entries of a table that are multiplied at once, to limit the memory."""
 
 GAP_SHARE = 1e-4
 """Value iteration stops at a bound this close to the optimum, relative to the range of future rewards."""
@@ -30,29 +33,48 @@ def mdp_value_bounds(pomdp: Pomdp) -> tuple[Array, Array]:
     Source: value iteration with the bounds of MacQueen (1966); Puterman, Markov Decision Processes, 1994,
     section 6.3.
     """
-    return -_bound_above(pomdp, -pomdp.reward), _bound_above(pomdp, pomdp.reward)
+    return -bound_above(pomdp, -pomdp.reward), bound_above(pomdp, pomdp.reward)
 
 
-def _bound_above(pomdp: Pomdp, reward: Array) -> Array:
-    """Return (S,) an upper bound on the value of the MDP with rewards (A, S)."""
-    from scipy.sparse import csr_array
+def bound_above(
+    pomdp: Pomdp, reward: Array, *, may_stop: bool = False, max_products: int = MAX_PRODUCTS
+) -> Array:
+    """Return (S,) an upper bound on the value of the MDP with rewards (A, S), for a discount below 1.
 
+    Args:
+        may_stop: whether a policy may stop after each step; the bound then holds for any number of steps.
+        max_products: maximal number of multiplications, of at least two sweeps.
+    """
     T, gamma = pomdp.transition, pomdp.discount
-    A, S, _ = T.shape
-    matrix: Any = csr_array((T.values, T.columns, T.begins), shape=(A * S, S))
+    S = len(pomdp.states)
     ahead = gamma / (1 - gamma)
     max_gap = GAP_SHARE * (float(np.ptp(reward)) / (1 - gamma))
     value = np.zeros(S)
     bound = np.full(S, np.inf)
-    for _ in range(max(2, MAX_PRODUCTS // max(1, len(T.values)))):
-        after = (reward + gamma * (matrix @ value).reshape(A, S)).max(axis=0)
+    for _ in range(max(2, max_products // max(1, len(T.values)))):
+        later = np.maximum(value, 0.0) if may_stop else value
+        after = (reward + gamma * _expect(T, later)).max(axis=0)
         change = after - value
-        bound = np.minimum(bound, after + ahead * float(change.max()))
+        # with stops, values that fall by c may lower those of the next sweep by less than gamma c
+        rise = max(float(change.max()), 0.0) if may_stop else float(change.max())
+        bound = np.minimum(bound, after + ahead * rise)
         value = after
         if ahead * float(np.ptp(change)) <= max_gap:
             break
     # rounding error of the last sweep, accumulated over all future steps
     return bound + 1e-14 * (float(np.abs(reward).max()) / (1 - gamma)) / (1 - gamma)
+
+
+def _expect(table: SparseTables, value: Array) -> Array:
+    """Return (A, S) the mean of values (S,) of the next states; without scipy, whose import takes longer."""
+    A, S, _ = table.shape
+    begins, means = table.begins, np.empty(A * S)
+    cuts = np.searchsorted(begins, np.arange(0, begins[-1], MAX_PART_ENTRIES))
+    for first, last in pairwise(np.unique([*cuts, A * S]).tolist()):
+        part = slice(begins[first], begins[last])
+        products = table.values[part] * value[table.columns[part]]
+        means[first:last] = np.add.reduceat(products, begins[first:last] - begins[first])  # no row is empty
+    return means.reshape(A, S)
 
 
 def zero_reward_states(pomdp: Pomdp) -> npt.NDArray[np.bool_]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from math import log, sqrt
 from time import monotonic
 
 import numpy as np
@@ -58,6 +59,7 @@ class SimulationResult:
     rewards: (T,) the mean reward of each step, not discounted, with 0 for trials that had ended.
     unfinished: how many trials were cut off at T.
     truncation: smallest and largest change of the mean if these trials had continued.
+    spread: difference of the largest and the smallest possible discounted reward of a trial.
     beliefs: how many beliefs were computed. seconds: wall-clock time.
     traces: the first trials step by step, as many as requested.
     """
@@ -67,6 +69,7 @@ class SimulationResult:
     rewards: Array
     unfinished: int
     truncation: tuple[float, float]
+    spread: float
     beliefs: int
     seconds: float
     traces: tuple[Trace, ...] = ()
@@ -96,6 +99,22 @@ class SimulationResult:
     def interval(self) -> Interval:
         """The mean discounted reward with its 95% confidence interval, without truncation."""
         return mean_interval(self.returns)
+
+    def upper_limit(self, confidence: float) -> float:
+        """Return a bound that the policy's value exceeds with probability at most 1 - confidence.
+
+        It holds for any distribution of the rewards, also if large ones are too rare to occur in the trials,
+        and includes the truncation; it is infinite for a single trial.
+
+        Source: Maurer and Pontil, "Empirical Bernstein bounds and sample variance penalization", COLT 2009,
+        theorem 4.
+        """
+        n = len(self.returns)
+        if n < 2:
+            return np.inf
+        level = log(2 / (1 - confidence))
+        half = self.standard_deviation * sqrt(2 * level / n) + 7 * self.spread * level / (3 * (n - 1))
+        return self.mean + half + self.truncation[1]
 
     def summary(self) -> str:
         """Return the result in one line of text."""
@@ -185,6 +204,7 @@ def simulate(
         rewards=rewards / trials,
         unfinished=unfinished,
         truncation=(ahead * low + 0.0, ahead * high),  # adding 0 turns -0 into 0
+        spread=(high - low) * float((pomdp.discount ** np.arange(steps)).sum()),
         traces=_record_traces(pomdp, rollout, min(traces, trials), steps),
         beliefs=rollout.beliefs,
         seconds=monotonic() - began,

@@ -15,6 +15,8 @@ import numpy as np
 
 from lcorpp.errors import PolicyError
 from lcorpp.files import open_atomically, read_text
+from lcorpp.planning.evaluation.claims import check_claims
+from lcorpp.planning.formats.memory import report_full_memory
 from lcorpp.planning.formats.numbers import find_invalid_number, is_count, parse_numbers
 from lcorpp.planning.policy import Policy
 from lcorpp.planning.pomdp import Pomdp
@@ -89,7 +91,13 @@ def read_alphas(path: str | Path, pomdp: Pomdp) -> Policy:
     Raises:
         FileError: the file cannot be read.
         PolicyError: the file is malformed or belongs to another model; the message has file, line and column.
+            Or it promises a value that no policy has, for any number of steps.
     """
+    with report_full_memory(path):
+        return _read_alphas(path, pomdp)
+
+
+def _read_alphas(path: str | Path, pomdp: Pomdp) -> Policy:
     S, A = len(pomdp.states), len(pomdp.actions)
     actions: list[int] = []
     vectors: list[Array] = []
@@ -137,7 +145,9 @@ def read_alphas(path: str | Path, pomdp: Pomdp) -> Policy:
         raise make_length_error(begin)
     if not vectors:
         raise make_error(1, 1, "the file contains no alpha vector")
-    return Policy.of(pomdp, np.array(vectors), actions)
+    policy = Policy.of(pomdp, np.array(vectors), actions)
+    check_claims(pomdp, policy, str(path), finite=True)  # pomdp-solve writes finite horizons, too
+    return policy
 
 
 def _find_column(text: str, index: int) -> int:

@@ -1,16 +1,17 @@
 """APPL's policy XML: reads files made by APPL, and writes files that APPL's tools read.
 
 Format: the files of APPL (https://github.com/AdaCompNUS/sarsop). A `Vector` contains S numbers, a
-`SparseVector` has entries of a state's index and a value. Files written by lcorpp also contain the model's
-fingerprint in a comment, which other readers ignore. A policy with several vector sets that would become too
-large over all states is written set by set, as APPL writes the policy of a factored model; another comment
-lists the states of each set.
+`SparseVector` has entries of a state's index and a value. Files written by lcorpp also have comments, which
+other readers ignore: the model's fingerprint, and the number of remaining steps if the horizon is finite. A
+policy with several vector sets that would become too large over all states is written set by set, as APPL
+writes the policy of a factored model; another comment lists the states of each set.
 """
 
 from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import replace
 from html import escape
 from pathlib import Path
 
@@ -19,7 +20,9 @@ import numpy.typing as npt
 
 from lcorpp.errors import PolicyError
 from lcorpp.files import open_atomically, read_bytes
+from lcorpp.planning.evaluation.claims import check_claims
 from lcorpp.planning.formats.alpha_file import MAX_BYTES, estimate_bytes, format_vectors
+from lcorpp.planning.formats.memory import report_full_memory
 from lcorpp.planning.formats.numbers import find_invalid_number, is_count, parse_numbers
 from lcorpp.planning.formats.xml import XmlReader
 from lcorpp.planning.policy import AlphaVectors, Policy
@@ -31,6 +34,7 @@ MAX_DEPTH = 9
 
 _VECTORS = ("Vector", "SparseVector")
 _STATE_SETS = re.compile(r"\s*lcorpp pieces ([0-9]{1,9}(?:[-, ][0-9]{1,9})*)\s*")
+_HORIZON = re.compile(r"\s*lcorpp horizon ([0-9]{1,9})\s*")
 _FINGERPRINT = re.compile(r"\s*lcorpp model sha256 ([0-9a-f]{64})\s*")
 
 
@@ -72,6 +76,8 @@ def _format_lines(policy: Policy) -> Iterator[str]:
         # APPL writes a space after the last number of a vector; some readers drop what follows it
         yield f'<Vector action="{action}" obsValue="{number}">{numbers} </Vector>'
     yield "</AlphaVector>"
+    if policy.horizon is not None:
+        yield f"<!-- lcorpp horizon {policy.horizon} -->"
     if policy.fingerprint:
         yield f"<!-- lcorpp model sha256 {policy.fingerprint} -->"
     yield "</Policy>"
@@ -94,9 +100,11 @@ def read_policy(path: str | Path, pomdp: Pomdp, *, blocks: Sequence[npt.ArrayLik
 
     Raises:
         FileError: the file cannot be read.
-        PolicyError: the file is malformed, contains a DTD, or belongs to another model.
+        PolicyError: the file is malformed, contains a DTD, belongs to another model, or promises a value that
+            no policy of the model has.
     """
-    return _PolicyReader(str(path), pomdp, blocks).read(read_bytes(path))
+    with report_full_memory(path):
+        return _PolicyReader(str(path), pomdp, blocks).read(read_bytes(path))
 
 
 class _PolicyReader(XmlReader):
@@ -115,6 +123,7 @@ class _PolicyReader(XmlReader):
         self.actions: dict[int, list[int]] = {}
         self.current_set = 0
         self.fingerprint = ""
+        self.horizon: int | None = None
         self.announced = -1  # number of vectors in the header
         self.pieces: list[str] = []  # of the current text
         self.entries: list[tuple[int, float]] = []  # of the current sparse vector
@@ -137,7 +146,9 @@ class _PolicyReader(XmlReader):
             order = np.argsort(self.state_sets[number])
             states, actions = self.state_sets[number][order], np.array(self.actions[number])
             sets.append(AlphaVectors(states, np.array(vectors)[:, order], actions))
-        return Policy.of_sets(self.pomdp, sets)
+        policy = replace(Policy.of_sets(self.pomdp, sets), horizon=self.horizon)
+        check_claims(self.pomdp, policy, self.file)
+        return policy
 
     def make_error(self, line: int, column: int, message: str) -> PolicyError:
         return PolicyError(f"{self.file}:{line}:{column}: {message}")
@@ -145,6 +156,8 @@ class _PolicyReader(XmlReader):
     def comment(self, text: str) -> None:
         if match := _FINGERPRINT.fullmatch(text):
             self.fingerprint = match[1]
+        if match := _HORIZON.fullmatch(text):
+            self.horizon = int(match[1])
         match = _STATE_SETS.fullmatch(text)
         if match and not self.vectors:
             self.blocks = [self._parse_ranges(words) for words in match[1].split()]

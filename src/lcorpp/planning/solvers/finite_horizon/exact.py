@@ -47,7 +47,7 @@ def solve_finite_horizon_exact(
         precision: largest loss by pruning at any belief, in reward units.
         time_limit: wall-clock seconds.
         callback: called after each step; `trials` is the number of steps.
-        discount: above 0, at most 1 (the undiscounted sum of rewards); the model's own when None.
+        discount: from 0 to 1 (the undiscounted sum of rewards); the model's own when None.
 
     Returns:
         The policy for every number of remaining steps, bounds for the largest number, the seconds used and

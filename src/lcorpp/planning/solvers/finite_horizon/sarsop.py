@@ -57,7 +57,7 @@ def solve_finite_horizon(
         time_limit: wall-clock seconds.
         memory_limit: of the search, in bytes; see `lcorpp.planning.solve`.
         callback: called after each sampled path of beliefs.
-        discount: above 0, at most 1 (the undiscounted sum of rewards); the model's own when None.
+        discount: from 0 to 1 (the undiscounted sum of rewards); the model's own when None.
 
     Returns:
         The policy for every number of remaining steps, both bounds, the seconds used and why the search

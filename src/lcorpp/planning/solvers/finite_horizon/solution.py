@@ -72,4 +72,4 @@ def make_finite_policy(
     """Make a policy for a number of remaining steps; its floor is the smallest reward in each of them."""
     floor = float(pomdp.reward.min()) * float((discount ** np.arange(remaining)).sum())
     names = pomdp.states, pomdp.actions
-    return Policy(tuple(sets), *names, pomdp.fingerprint, pomdp.file, floor, upper)
+    return Policy(tuple(sets), *names, pomdp.fingerprint, pomdp.file, floor, upper, remaining)

@@ -72,7 +72,7 @@ def time_expand(pomdp: Pomdp, horizon: int, discount: float) -> TimeExpandedPomd
 
     Args:
         horizon: H, at least 1.
-        discount: of the H steps, above 0 and at most 1.
+        discount: of the H steps, from 0 to 1.
 
     Raises:
         ModelError: the tables would be too large.
@@ -85,7 +85,8 @@ def time_expand(pomdp: Pomdp, horizon: int, discount: float) -> TimeExpandedPomd
         )
     # close enough to the requested discount that the weights stay similar
     own = discount if discount < 1 else 1 - 1 / (2 * horizon + 2)
-    weights: Array = np.power(discount / own, np.arange(horizon, dtype=np.float64))
+    factor = discount / own if own > 0 else 1.0
+    weights: Array = np.power(factor, np.arange(horizon, dtype=np.float64))
     reward = np.concatenate([pomdp.reward * weight for weight in weights] + [np.zeros((A, 1))], axis=1)
     expanded = Pomdp(
         states=(*(f"{name}@{t}" for t in range(horizon) for name in pomdp.states), "end"),
