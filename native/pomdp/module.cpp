@@ -62,15 +62,17 @@ NB_MODULE(_scanner, m) {
     m.def(
         "scan_statements",
         [](nb::handle text, std::size_t offset, const Names& actions, const Names& states, const Names& observations,
-           std::size_t n_states, std::size_t n_observations, double max_probability, std::size_t max_numbers) {
+           std::size_t n_states, std::size_t n_observations, std::size_t reward_references, double max_probability,
+           std::size_t max_numbers) {
+            if (reward_references != 3 && reward_references != 4) throw std::invalid_argument("an entry of R has 3 or 4 references");
             const Bytes bytes(text);
             PlainStatements found = scan_statements(bytes.text(offset), offset, actions, states, observations,
-                                                    {max_numbers, max_probability, n_states, n_observations});
+                                                    {max_numbers, max_probability, n_states, n_observations, reward_references});
             return std::make_tuple(found.end, export_table(std::move(found.transition)), export_table(std::move(found.observation)),
                                    export_table(std::move(found.reward)));
         },
         "text"_a, "offset"_a, "actions"_a, "states"_a, "observations"_a, "n_states"_a, "n_observations"_a,
-        "max_probability"_a, "max_numbers"_a);
+        "reward_references"_a, "max_probability"_a, "max_numbers"_a);
     m.def(
         "scan_rows",
         [](nb::handle text, std::size_t offset, std::size_t rows, std::size_t count) -> nb::object {

@@ -56,17 +56,27 @@ bool is_keyword(std::string_view text, std::size_t at) {
     return false;
 }
 
-// The number at an offset, which must end there as a word, or before a keyword; returns the offset of the next token, npos if it is no number.
+// The number at an offset, which must end as a word, or before a keyword; returns the offset of the next token, npos if it
+// is no number. A sign is a token of its own: white space and comments may follow it.
 std::size_t take_number(std::string_view text, std::size_t at, double& value) {
+    bool negative = false;
+    if (at < text.size() && (text[at] == '-' || text[at] == '+')) {
+        negative = text[at] == '-';
+        at = skip(text, at + 1);
+        if (at < text.size() && (text[at] == '-' || text[at] == '+')) return kNotFound;
+    }
     const std::size_t end = parse_number(text, at, value);
     if (end == kNotFound || !std::isfinite(value) || !(ends_word(text, end) || is_keyword(text, end))) return kNotFound;
+    if (negative) value = -value;
     return skip(text, end);
 }
 
 class Scanner {
   public:
     Scanner(std::string_view text, const Names& actions, const Names& states, const Names& observations, const ScanOptions& options)
-        : text_(text), options_(options), names_{&actions, &states, &observations} {}
+        : text_(text), options_(options), names_{&actions, &states, &observations} {
+        found_.reward.references = options.reward_references;
+    }
 
     PlainStatements scan(std::size_t at) {
         found_.end = at;
@@ -116,7 +126,10 @@ class Scanner {
 
     std::size_t scan_entry(char keyword, PlainTable& table, const std::int32_t* indices, std::size_t at) {
         if (keyword != 'R' && indices[2] < 0) return kNotFound;  // sets a whole row
-        if (at < text_.size() && text_[at] == ':') at = skip(text_, at + 1);  // a stray colon of published files
+        if (at < text_.size() && text_[at] == ':') {
+            if (keyword == 'R' && table.references == 3) return kNotFound;  // possibly an observation of an MDP
+            at = skip(text_, at + 1);                                       // a stray colon of published files
+        }
         double value = 0.0;
         const std::size_t next = take_number(text_, at, value);
         if (next == kNotFound || (keyword != 'R' && !(value >= 0 && value <= options_.max_probability))) return kNotFound;

@@ -50,6 +50,7 @@ struct ScanOptions {
     std::size_t max_numbers;        // stop after this many numbers
     double max_probability;         // a larger number of T or O is left to the reader, as are negative ones
     std::size_t states, observations;
+    std::size_t reward_references;  // of an entry of R: 4, or 3 in an MDP, which has no observations
 };
 
 // Read plain statements from an offset on, which is that of a token.

@@ -40,7 +40,7 @@ double ValuePredictor::predict(const Node& node) const {
 // The path continues while a node's gap may matter at the root (gap termination with level U), or while the predicted
 // value shows that the lower bound may still rise there (selective deep sampling with level L). Beliefs already on the
 // path are skipped while another child has a gap that matters: under a slow discount a path would otherwise stay at one
-// belief to its end.
+// belief to its end. With discount 0 the root is the whole path.
 std::size_t sample(Tree& tree, ValuePredictor& predictor, Index root, const SampleOptions& options, Clock& clock) {
     const double gamma = tree.model.discount;
     std::vector<Index> path{root};
@@ -48,7 +48,7 @@ std::size_t sample(Tree& tree, ValuePredictor& predictor, Index root, const Samp
     double allowed = options.target;
     double L = tree.nodes[as_size(root)].lower, U = L + allowed;
     Index number = root;
-    while (path.size() < options.max_depth && !clock.expired()) {
+    while (gamma > 0 && path.size() < options.max_depth && !clock.expired()) {
         const Node& node = tree.nodes[as_size(number)];
         if (node.upper - node.lower <= kNegligibleShare * allowed) break;
         const double margin = kLevelMargin * allowed;

@@ -9,6 +9,7 @@ import stat
 from collections.abc import Container, Iterable, Iterator
 from contextlib import ExitStack, contextmanager
 from contextvars import ContextVar
+from itertools import chain
 from typing import TYPE_CHECKING, BinaryIO, TextIO
 
 from lcorpp.errors import FileError
@@ -49,11 +50,14 @@ def read_text(path: str | Path) -> str:
     return _decode(path, read_bytes(path))
 
 
-def map_text(path: str | Path) -> bytes | mmap.mmap:
+def map_text(path: str | Path, *, comment: bytes = b"") -> bytes | mmap.mmap:
     """Return the text of a file in UTF-8, possibly with a byte order mark.
 
     The content of a regular file is mapped into memory: the system reads the parts that are used and may drop
     them again, so a large file needs little memory. Encodings as in `open_text`.
+
+    Args:
+        comment: begins a comment, up to the end of its line, which may have bytes of another encoding.
 
     Raises:
         FileError: the file is missing, unreadable, a folder or not text.
@@ -64,15 +68,14 @@ def map_text(path: str | Path) -> bytes | mmap.mmap:
         with open(_copy_pipe(path), "rb") as file:
             encoding = _detect_encoding(file.peek(2))
             mappable = stat.S_ISREG(os.fstat(file.fileno()).st_mode) and file.peek(1)
-            if encoding == "utf-16" or not mappable:
+            if encoding == "utf-16":
                 return _decode(path, file.read()).encode()
-            decoder = codecs.getincrementaldecoder("utf-8")()
-            while block := file.read(_BLOCK_BYTES):
-                decoder.decode(block)
-            decoder.decode(b"", final=True)
+            if not mappable:
+                data = file.read()
+                _check_utf8(path, io.BytesIO(data), comment)
+                return data
+            _check_utf8(path, file, comment)
             return mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
-    except UnicodeDecodeError:
-        raise locate_bad_byte(path) from None
     except (OSError, ValueError) as error:
         raise FileError(f"{_make_printable(path)}: cannot be read: {_describe_reason(error)}") from None
 
@@ -246,18 +249,47 @@ def _detect_encoding(start: bytes) -> str:
     return "utf-16" if start[:2] in (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE) else "utf-8-sig"
 
 
-def _locate_bad_byte(path: str | Path, lines: Iterable[bytes]) -> FileError:
+def _check_utf8(path: str | Path, file: BinaryIO, comment: bytes) -> None:
+    """Raise a FileError at the first byte that is not UTF-8, apart from those in comments."""
+    try:
+        decoder = codecs.getincrementaldecoder("utf-8")()
+        while block := file.read(_BLOCK_BYTES):
+            decoder.decode(block)
+        decoder.decode(b"", final=True)
+    except UnicodeDecodeError:
+        file.seek(0)
+        found = _find_bad_byte(file, comment)
+        if found is not None:
+            raise _make_bad_byte_error(path, *found) from None
+
+
+def _find_bad_byte(lines: Iterable[bytes], comment: bytes = b"") -> tuple[int, int] | None:
+    """Return the line number and the value of the first byte that is not UTF-8; None if there is none."""
+    import re
+
+    ignored = re.compile(re.escape(comment) + rb"[^\r\n]*") if comment else None
     for number, line in enumerate(lines, start=1):
-        if number == 1 and _detect_encoding(line) == "utf-16":
-            break
+        text = ignored.sub(b"", line) if ignored else line
         try:
-            line.decode()
+            text.decode()
         except UnicodeDecodeError as error:
-            byte = line[error.start]
-            letter = f", {chr(byte)!r} in Latin-1" if chr(byte).isprintable() else ""
-            return FileError(
-                f"{path}:{number}: not UTF-8 text: byte {byte:#04x}{letter}; expected a file saved as UTF-8"
-            )
+            return number, text[error.start]
+    return None
+
+
+def _make_bad_byte_error(path: str | Path, line: int, byte: int) -> FileError:
+    letter = f", {chr(byte)!r} in Latin-1" if chr(byte).isprintable() else ""
+    return FileError(
+        f"{path}:{line}: not UTF-8 text: byte {byte:#04x}{letter}; expected a file saved as UTF-8"
+    )
+
+
+def _locate_bad_byte(path: str | Path, lines: Iterable[bytes]) -> FileError:
+    rows = iter(lines)
+    first = next(rows, b"")
+    found = None if _detect_encoding(first) == "utf-16" else _find_bad_byte(chain([first], rows))
+    if found is not None:
+        return _make_bad_byte_error(path, *found)
     return FileError(f"{path}: damaged UTF-16 text; expected a file saved as UTF-8")
 
 

@@ -38,8 +38,8 @@ def test_a_negative_probability_is_named():
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"discount": 1.1}, "discount 1.1 is not above 0 and at most 1"),
-        ({"discount": 0.0}, "discount 0 is not above 0"),
+        ({"discount": 1.1}, "discount 1.1 is not between 0 and 1"),
+        ({"discount": -0.1}, "discount -0.1 is not between 0"),
         ({"discount": float("nan")}, "discount nan"),
         ({"start": np.array([0.5, 0.4])}, "the start belief is not a distribution"),
         ({"start": np.array([1.0])}, r"start has shape \(1,\), not \(2,\)"),

@@ -57,7 +57,7 @@ void bind_model(nb::module_& m) {
             [](Model* self, Index n_actions, Index n_states, Index n_observations, InputArray<std::int64_t, 1> t_begins,
                InputArray<Index, 1> t_columns, InputArray<double, 1> t_values, InputArray<std::int64_t, 1> o_begins,
                InputArray<Index, 1> o_columns, InputArray<double, 1> o_values, InputArray<double, 2> reward, double discount) {
-                require(discount > 0 && discount < 1, "the discount must lie strictly between 0 and 1");
+                require(discount >= 0 && discount < 1, "the discount must be at least 0 and below 1");
                 require(n_actions > 0 && n_states > 0 && reward.shape(0) == as_size(n_actions) &&
                             reward.shape(1) == as_size(n_states),
                         "expected rewards of actions by states");

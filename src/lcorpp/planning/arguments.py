@@ -97,6 +97,6 @@ def check_discount(pomdp: Pomdp, discount: float | None) -> float:
     if discount is None:
         return pomdp.discount
     check_type("discount", discount, Real)
-    if not 0 < discount <= 1:
-        raise ModelError(f"the discount of a finite horizon must be above 0 and at most 1, not {discount}")
+    if not 0 <= discount <= 1:
+        raise ModelError(f"the discount of a finite horizon must be between 0 and 1, not {discount}")
     return float(discount)

@@ -34,7 +34,7 @@ class Pomdp:
     observation: (A, S, O) P(o | a, s') for the next state s'
                  both are given as arrays, A scipy.sparse matrices or `SparseTables`, and stored as these
     reward:      (A, S) expected immediate reward of action a in state s
-    discount:    0 < discount <= 1; with 1, every policy must end, see `lcorpp.planning.undiscounted`, or the
+    discount:    0 <= discount <= 1; with 1, every policy must end, see `lcorpp.planning.undiscounted`, or the
                  horizon be finite
     start:       (S,) the initial belief
     file:        name of the source file, for messages; "" if there is none
@@ -73,7 +73,7 @@ class Pomdp:
             if not np.isfinite(table.values if isinstance(table, SparseTables) else table).all():
                 raise ModelError(f"{field} contains a number that is not finite")
         object.__setattr__(self, "discount", float(self.discount))
-        if not 0 < self.discount <= 1:
+        if not 0 <= self.discount <= 1:
             raise ModelError(discount_message(self.discount))
         largest = float(np.abs(self.reward).max())
         if largest > MAX_VALUE * (1 - min(self.discount, MAX_DISCOUNT)):
@@ -165,8 +165,8 @@ class Pomdp:
 
 
 def discount_message(discount: float) -> str:
-    """Return the error message for a discount outside (0, 1]."""
-    return f"discount {discount:.10g} is not above 0 and at most 1"
+    """Return the error message for a discount outside [0, 1]."""
+    return f"discount {discount:.10g} is not between 0 and 1"
 
 
 def _check_names(kind: str, names: tuple[str, ...]) -> None:

@@ -21,7 +21,7 @@ def test_the_parts_are_frozen():
 
 
 BAD = [
-    ({"discount": 1.5}, "discount 1.5 is not above 0 and at most 1"),
+    ({"discount": 1.5}, "discount 1.5 is not between 0 and 1"),
     ({"states": {"rover": "a a", "rock": "good"}}, "variable 'rover' has the value 'a' twice"),
     ({"states": {"rover": [], "rock": "good"}}, "variable 'rover' has no values"),
     ({"states": {"rover": ["a b"], "rock": "good"}}, "must be one word of printable characters, not 'a b'"),

@@ -33,7 +33,7 @@ class Factored:
     observation: tables P(o | ...) given actions, states after and other observations
                  each variable is a child in exactly one table, and dependencies have no cycle
     reward:      tables by name, over any variables; the reward is their sum
-    discount:    0 < discount < 1
+    discount:    0 <= discount <= 1
     file:        name of the source file, for messages; "" if there is none
 
     Raises:
@@ -64,7 +64,7 @@ class Factored:
                 raise ModelError(f"{variable.name!r} is not a state variable: it cannot be 'observed'")
         scope = build_scope(self.states, self.actions, self.observations)
         object.__setattr__(self, "scope", scope)
-        if not 0 < self.discount <= 1:
+        if not 0 <= self.discount <= 1:
             raise ModelError(discount_message(self.discount))
         before = [variable.name for variable in self.states]
         after = [name + AFTER for name in before]
@@ -127,7 +127,7 @@ class Factored:
                 share one, as ``"x y"``. Keys are the plain names; among parents, ``x`` is the value before
                 and ``x'`` the value after the action.
             reward: tables of numbers by name, which are added up; missing cases have reward 0.
-            discount: 0 < discount < 1.
+            discount: 0 <= discount <= 1.
 
         Raises:
             ModelError: as for `Factored`, and for unknown names and arrays of a wrong shape; the message

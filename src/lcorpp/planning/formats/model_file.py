@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from lcorpp.errors import ModelError
+from lcorpp.planning.formats.memory import report_full_memory
 from lcorpp.planning.formats.pomdp.reader import read_pomdp
 from lcorpp.planning.pomdp import Pomdp
 
@@ -27,6 +28,7 @@ def read_model(path: Path) -> tuple[Pomdp, Factored | None]:
 
     problem = read_factored(path)
     try:
-        return flatten(problem), problem
+        with report_full_memory(path):
+            return flatten(problem), problem
     except ModelError as error:
         raise ModelError(f"{path}: {error}") from None

@@ -40,6 +40,8 @@ def sample(
     Beliefs already on the path are skipped while another child has a gap that matters: under a slow discount
     a path would otherwise stay at one belief to its end.
 
+    With discount 0 the root is the whole path.
+
     Args:
         predictor: predicts the value of a node; it learns from the path.
         root: the first node.
@@ -56,7 +58,7 @@ def sample(
     action = tree.select_action(root, use_lower_bound)
     allowed = target
     L, U = tree.cached_lower(root), tree.cached_lower(root) + allowed
-    while len(path) < max_depth and monotonic() < deadline:
+    while gamma > 0 and len(path) < max_depth and monotonic() < deadline:
         low, high = tree.cached_lower(node), tree.cached_upper(node)
         if high - low <= NEGLIGIBLE_SHARE * allowed:
             break

@@ -23,7 +23,7 @@ BAD = [
     ("@<html/>", "expected <pomdpx>, found <html>"),
     (swap("</Variable>", "</@Variables>"), "not well-formed XML: mismatched tag"),
     (swap("<pomdpx", "@<pomdpx").replace("<Discount> 0.95 </Discount>", ""), "<pomdpx> needs <Discount>"),
-    (swap(" 0.95 ", " @2 "), "discount 2 is not above 0 and at most 1"),
+    (swap(" 0.95 ", " @2 "), "discount 2 is not between 0 and 1"),
     (swap(" 0.95 ", " @0.9_5 "), "expected a number, found '0.9_5'"),
     (swap(" 0.95 ", " @0.9\u00a05 "), "expected a number, found '0.9\\xa05'"),
     (swap("<Discount> 0.95", "@<Discount>.9 .5"), "<Discount> contains one word, found 2"),

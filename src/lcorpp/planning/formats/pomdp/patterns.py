@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 from lcorpp.planning.formats import numbers
 
 SKIP = rb"\s*+(?:#[^\r\n]*+\s*+)*+"
@@ -18,5 +20,14 @@ _BEFORE_KEYWORD = rb"[0-9]++(?=%s|%s)|[0-9]*+\.[0-9]*+(?=%s)" % (_ROW, _PREAMBLE
 WORD = rb"(?:\*|%s|[^\s:#*][^\s:#]*+)" % _BEFORE_KEYWORD
 """A name, a number or a star, which needs no space after it."""
 
-NUMBER = rb"%s(?:(?![^\s:#])|(?=%s))" % (_NUMBER, _KEYWORD)
-"""A word that is a number, or a number that ends before a keyword."""
+_SIGN = rb"(?:[+-]%s(?=[0-9.]))?" % SKIP
+
+NUMBER = rb"%s%s(?:(?![^\s:#])|(?=%s))" % (_SIGN, _NUMBER, _KEYWORD)
+"""A word that is a number, or a number that ends before a keyword. A sign is a token of its own: `- 5`."""
+
+_SIGN_WITH_SPACE = re.compile(rb"([+-])%s" % SKIP)
+
+
+def join_signs(numbers: bytes) -> bytes:
+    """Return numbers without the white space and comments behind their signs."""
+    return _SIGN_WITH_SPACE.sub(rb"\1", numbers)

@@ -9,6 +9,7 @@ import numpy as np
 
 from lcorpp.errors import ModelError, expected_one_of
 from lcorpp.planning.formats.numbers import ROW_TOLERANCE, is_count, is_number
+from lcorpp.planning.formats.pomdp.dialects import PyPomdpKeys, describe_foreign, describe_missing
 from lcorpp.planning.formats.pomdp.tokens import PREAMBLE_KEYWORDS, TABLE_KEYWORDS, Tokens
 from lcorpp.planning.pomdp import SUM_TOLERANCE, discount_message
 from lcorpp.values import Belief
@@ -18,6 +19,9 @@ MAX_COUNT = 1_000_000
 
 MAX_ROWS = 2**26
 """Maximum number of pairs of an action and a state; each takes about 32 bytes even in empty tables."""
+
+THE_OBSERVATION = "none"
+"""Name of the single observation of a model without observations, an MDP."""
 
 ALL = -1
 """The index that represents ``*``."""
@@ -31,6 +35,7 @@ class Preamble:
     indices: for states, actions and observations: name or number -> index; `ALL` for ``*``.
     sign: 1 if values are rewards, -1 if they are costs.
     declared_start: the initial belief, None if the file has none.
+    is_mdp: whether the file declares no observations; the model then has a single one.
     """
 
     discount: float = 0.0
@@ -39,6 +44,7 @@ class Preamble:
     offsets: dict[str, list[int]] = field(default_factory=dict)
     indices: dict[str, dict[str, int]] = field(default_factory=dict)
     declared_start: Belief | None = None
+    is_mdp: bool = False
 
     @property
     def counts(self) -> tuple[int, int, int]:
@@ -71,7 +77,7 @@ class Preamble:
 
 def read_preamble(tokens: Tokens) -> Preamble:
     """Read up to the first T, O or R. Raises ParseError and ModelError (too many names)."""
-    preamble = Preamble()
+    preamble, pypomdp = Preamble(), PyPomdpKeys()
     while not tokens.at_end():
         if not tokens.at_statement():
             raise tokens.unexpected_token()
@@ -80,11 +86,17 @@ def read_preamble(tokens: Tokens) -> Preamble:
             break
         if keyword == "start":
             _read_start(tokens, preamble)
-        else:
+        elif keyword in PREAMBLE_KEYWORDS:
             _read_item(tokens, preamble, keyword)
+        elif not pypomdp.read(tokens):
+            raise describe_foreign(tokens) or tokens.unexpected_token()
     missing = [name for name in PREAMBLE_KEYWORDS if name not in preamble.offsets]
+    if set(missing) - {"observations"}:
+        raise tokens.error(describe_missing(missing))
     if missing:
-        raise tokens.error(f"missing preamble: {', '.join(missing)}")
+        preamble.is_mdp = True
+        _set_names(preamble, "observations", (THE_OBSERVATION,))
+    pypomdp.check(tokens, preamble.names)
     A, S, _ = preamble.counts
     if A * S > MAX_ROWS:
         raise ModelError(f"{A} actions in {S} states are too many: at most {MAX_ROWS} pairs are supported")
@@ -99,18 +111,23 @@ def _read_item(tokens: Tokens, preamble: Preamble, keyword: str) -> None:
     preamble.offsets[keyword] = [tokens.offset]
     if keyword == "discount":
         preamble.discount = tokens.number("discount")
-        if not 0 < preamble.discount <= 1:
+        if not 0 <= preamble.discount <= 1:
             raise tokens.error(discount_message(preamble.discount), preamble.offsets[keyword][0])
     elif keyword == "values":
-        if tokens.peek() not in ("reward", "cost"):
+        word = tokens.peek()
+        if word.removesuffix("s") not in ("reward", "cost"):
             raise tokens.error(f"values must be 'reward' or 'cost', found {tokens.describe_next()}")
-        preamble.sign = 1.0 if tokens.take() == "reward" else -1.0
+        preamble.sign = 1.0 if tokens.take().startswith("reward") else -1.0
     else:
         names, preamble.offsets[keyword] = _read_names(tokens, keyword)
-        preamble.names[keyword] = names
-        # published files declare names and then use numbers; no name is a number
-        numbers = {str(i): i for i in range(len(names))} if not is_count(names[0]) else {}
-        preamble.indices[keyword] = {**numbers, **{name: i for i, name in enumerate(names)}, "*": ALL}
+        _set_names(preamble, keyword, names)
+
+
+def _set_names(preamble: Preamble, keyword: str, names: tuple[str, ...]) -> None:
+    preamble.names[keyword] = names
+    # published files declare names and then use numbers; no name is a number
+    numbers = {str(i): i for i in range(len(names))} if not is_count(names[0]) else {}
+    preamble.indices[keyword] = {**numbers, **{name: i for i, name in enumerate(names)}, "*": ALL}
 
 
 def _is_single_count(tokens: Tokens) -> bool:
@@ -163,7 +180,7 @@ def _read_start(tokens: Tokens, preamble: Preamble) -> None:
     elif tokens.peek() == "uniform" and "uniform" not in preamble.indices["states"]:
         tokens.take()
         preamble.declared_start = _make_uniform_start(S, range(S))
-    elif is_number(tokens.peek()) and (S == 1 or not _is_single_count(tokens)):
+    elif tokens.at_number() and (S == 1 or not _is_single_count(tokens)):
         first = tokens.offset
         start = tokens.probabilities(S, "the start belief").dense()[0]
         total = start.sum()

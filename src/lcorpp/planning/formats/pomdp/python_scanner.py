@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from lcorpp.planning.formats.pomdp.patterns import NUMBER, SKIP, WORD
+from lcorpp.planning.formats.pomdp.patterns import NUMBER, SKIP, WORD, join_signs
 
 
 class Names:
@@ -22,11 +22,17 @@ class Names:
 
 
 _REFERENCE = rb":%s(%s)%s" % (SKIP, WORD, SKIP)
+_COLON = rb"(?::%s)?" % SKIP  # a stray colon of published files; in an MDP possibly before an observation
 _ENTRIES = {
-    keyword: re.compile(
-        rb"%s%s%s(?::%s)?(%s)%s" % (keyword, SKIP, _REFERENCE * references, SKIP, NUMBER, SKIP)
+    (keyword, references): re.compile(
+        rb"%s%s%s%s(%s)%s" % (keyword, SKIP, _REFERENCE * references, colon, NUMBER, SKIP)
     )
-    for keyword, references in ((b"T", 3), (b"O", 3), (b"R", 4))
+    for keyword, references, colon in (
+        (b"T", 3, _COLON),
+        (b"O", 3, _COLON),
+        (b"R", 4, _COLON),
+        (b"R", 3, b""),
+    )
 }
 _ROW = re.compile(rb"([TO])%s%s(?=[^:])" % (SKIP, _REFERENCE * 2))
 _COMMENT = re.compile(rb"#[^\r\n]*+")
@@ -40,6 +46,7 @@ def scan_statements(
     observations: Names,
     n_states: int,
     n_observations: int,
+    reward_references: int,
     max_probability: float,
     max_numbers: int,
 ) -> tuple[Any, ...]:
@@ -47,16 +54,16 @@ def scan_statements(
     kinds = {
         b"T": (actions.index, states.index, states.index),
         b"O": (actions.index, states.index, observations.index),
-        b"R": (actions.index, states.index, states.index, observations.index),
+        b"R": (actions.index, states.index, states.index, observations.index)[:reward_references],
     }
     tables = {keyword: _Table(len(kinds[keyword])) for keyword in kinds}
     numbers = 0
     while numbers < max_numbers and (keyword := text[offset : offset + 1]) in kinds:
         table = tables[keyword]
-        if match := _ENTRIES[keyword].match(text, offset):
+        if match := _ENTRIES[keyword, len(kinds[keyword])].match(text, offset):
             words = match.groups()
             indices = [index.get(word) for index, word in zip(kinds[keyword], words, strict=False)]
-            value = float(words[-1])
+            value = float(join_signs(words[-1]))
             valid = (
                 abs(value) < inf if keyword == b"R" else 0 <= value <= max_probability and indices[2] != -1
             )
@@ -120,7 +127,7 @@ def _scan_row(text: bytes | mmap.mmap, offset: int, count: int) -> tuple[int, li
     if match is None:
         return None
     words = match[0] if b"#" not in match[0] else _COMMENT.sub(b" ", match[0])
-    numbers = list(map(float, words.split()))
+    numbers = list(map(float, join_signs(words).split()))
     return None if inf in numbers or -inf in numbers else (match.end(), numbers)
 
 

@@ -13,6 +13,7 @@ import numpy as np
 
 from lcorpp.errors import ModelError
 from lcorpp.files import map_text
+from lcorpp.planning.formats.memory import report_full_memory
 from lcorpp.planning.formats.numbers import ROW_TOLERANCE
 from lcorpp.planning.formats.pomdp.preamble import Preamble, read_preamble
 from lcorpp.planning.formats.pomdp.rewards import expected_rewards
@@ -29,12 +30,17 @@ def read_pomdp(path: str | Path) -> Pomdp:
     """Read a model: PomdpX if the suffix is .pomdpx or the content is XML, otherwise .pomdp.
 
     Raises:
-        FileError: the file cannot be read.
+        FileError: the file cannot be read, or the memory is full.
         ParseError: the text is malformed; the message has file, line and column.
         ModelError: the model is too large.
     """
+    with report_full_memory(path):
+        return _read_file(path)
+
+
+def _read_file(path: str | Path) -> Pomdp:
     is_xml = Path(path).suffix.lower() == ".pomdpx"
-    text = b"" if is_xml else map_text(path)
+    text = b"" if is_xml else map_text(path, comment=b"#")
     # PomdpX files are published under either suffix, and no .pomdp file starts with "<"
     if is_xml or _XML.match(text):
         from lcorpp.planning.formats.pomdpx.reader import read_pomdpx  # imports the XML parser

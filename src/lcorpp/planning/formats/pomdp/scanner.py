@@ -53,12 +53,20 @@ class Scanner:
     Args:
         indices: for actions, states and observations: name or number -> index, and -1 for ``*``.
         states, observations: how many there are.
+        is_mdp: whether an entry of R has three references, without an observation.
     """
 
-    def __init__(self, indices: Mapping[str, Mapping[str, int]], states: int, observations: int) -> None:
+    def __init__(
+        self,
+        indices: Mapping[str, Mapping[str, int]],
+        states: int,
+        observations: int,
+        *,
+        is_mdp: bool = False,
+    ) -> None:
         kinds = ("actions", "states", "observations")
         self._names = [implementation.Names(dict(indices[kind])) for kind in kinds]
-        self._counts = states, observations
+        self._counts = states, observations, 3 if is_mdp else 4
 
     def scan(self, text: Text, offset: int) -> tuple[int, PlainTable, PlainTable, PlainTable]:
         """Read plain statements from the token at an offset on, at most some `MAX_NUMBERS` numbers.

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from lcorpp.planning.formats.numbers import is_count, is_number
+from lcorpp.planning.formats.numbers import is_count
+from lcorpp.planning.formats.pomdp.dialects import describe_foreign
 from lcorpp.planning.formats.pomdp.preamble import ALL, Preamble
-from lcorpp.planning.formats.pomdp.scanner import Scanner
+from lcorpp.planning.formats.pomdp.scanner import PlainTable, Scanner
 from lcorpp.planning.formats.pomdp.tables import StoredRows, TableStatements, make_reward_columns
-from lcorpp.planning.formats.pomdp.tokens import TABLE_KEYWORDS, NumberRows, Offsets, Tokens
+from lcorpp.planning.formats.pomdp.tokens import TABLE_KEYWORDS, Offsets, Tokens
 
 _ROW_KEYWORDS = ("identity", "uniform", "reset")
 
@@ -27,7 +28,9 @@ class Statements:
         self.observation = TableStatements("observation", (A, S, observations))
         self.rewards = make_reward_columns()
         self._shared_rows: dict[tuple[str, str], StoredRows] = {}
-        self._scanner = Scanner(preamble.indices, S, observations)
+        self._scanner = Scanner(preamble.indices, S, observations, is_mdp=preamble.is_mdp)
+        if preamble.is_mdp:
+            self.observation.set_rows(ALL, ALL, self._store_constant_row(self.observation, 1.0), 0)
 
     def read(self) -> None:
         """Read up to the end of the text. Raises ParseError."""
@@ -37,12 +40,14 @@ class Statements:
                 raise tokens.unexpected_token()
             keyword = tokens.peek()
             if keyword not in TABLE_KEYWORDS:
-                raise tokens.error(f"{keyword!r} must come before the first T, O or R")
+                raise describe_foreign(tokens) or tokens.error(
+                    f"{keyword!r} must come before the first T, O or R"
+                )
+            if keyword == "O" and self.preamble.is_mdp:
+                raise tokens.error("O needs observations, which the preamble does not declare")
             plain = tokens.plain_statements(self._scanner)
             if plain is not None:
-                self.transition.add_plain(plain[0])
-                self.observation.add_plain(plain[1])
-                self.rewards.add(*plain[2][:2])
+                self._add_plain(*plain)
                 continue
             tokens.take()
             tokens.take()
@@ -54,6 +59,18 @@ class Statements:
             else:
                 self._read_rows(self.observation, action, "observations")
 
+    def _add_plain(self, transition: PlainTable, observation: PlainTable, reward: PlainTable) -> None:
+        self.transition.add_plain(transition)
+        indices, values = reward.entry_indices, reward.entry_values
+        if self.preamble.is_mdp:
+            for offsets in (observation.entry_offsets, observation.row_offsets):
+                if len(offsets):
+                    message = "O needs observations, which the preamble does not declare"
+                    raise self.tokens.error(message, int(offsets[0]))
+            indices = np.pad(indices, ((0, 0), (0, 1)), constant_values=ALL)
+        self.observation.add_plain(observation)
+        self.rewards.add(indices, values)
+
     def _take_reference_colon(self, kind: str) -> bool:
         """Take a colon, also a stray one before numbers; return whether a reference follows it."""
         tokens = self.tokens
@@ -63,7 +80,7 @@ class Statements:
         text = tokens.peek()
         if text in self.preamble.indices[kind] or is_count(text):
             return True
-        return not (is_number(text) or text in _ROW_KEYWORDS)
+        return not (tokens.at_number() or text in _ROW_KEYWORDS)
 
     def _skip_colon(self) -> None:
         if self.tokens.peek() == ":":
@@ -123,31 +140,44 @@ class Statements:
     # --- R ---
 
     def _read_reward(self, action: int) -> None:
-        """Read an entry, a row over the observations or a matrix of next states by observations."""
-        tokens, preamble = self.tokens, self.preamble
-        S = preamble.counts[1]
+        """Read an entry, a row over the observations or a matrix of next states by observations.
+
+        In an MDP: an entry without an observation, a row over the next states or a matrix of states by next
+        states.
+        """
+        tokens, preamble, is_mdp = self.tokens, self.preamble, self.preamble.is_mdp
         if tokens.peek() != ":":
-            raise tokens.error(f"expected ':', found {tokens.describe_next()}")
+            if not is_mdp:
+                raise tokens.error(f"expected ':', found {tokens.describe_next()}")
+            self._read_reward_table((action,))
+            return
         tokens.take()
         state = preamble.read_reference(tokens, "states")
         if not self._take_reference_colon("states"):
-            self._add_rewards(
-                (action, state), tokens.numbers(preamble.counts[2], f"reward matrix of {S} rows", S)
-            )
+            self._read_reward_table((action, state))
             return
         next_state = preamble.read_reference(tokens, "states")
-        if not self._take_reference_colon("observations"):
-            self._add_rewards((action, state, next_state), tokens.numbers(preamble.counts[2], "reward row"))
+        if self._take_reference_colon("observations"):
+            observation = preamble.read_reference(tokens, "observations")
+            self._skip_colon()
+        elif is_mdp:
+            observation = ALL
+        else:
+            self._read_reward_table((action, state, next_state))
             return
-        observation = preamble.read_reference(tokens, "observations")
-        self._skip_colon()
         self.rewards.add([action, state, next_state, observation], tokens.number("reward"))
 
-    def _add_rewards(self, scope: tuple[int, ...], numbers: NumberRows) -> None:
-        """Add a row or a matrix: zero in its whole scope, then the nonzero numbers."""
+    def _read_reward_table(self, scope: tuple[int, ...]) -> None:
+        """Read a row or a matrix over the last axes of R; its numbers override its whole scope."""
+        A, S, observations = self.preamble.counts
+        last = 2 if self.preamble.is_mdp else 3  # axis of the columns
+        is_row = len(scope) == last
+        title, rows = ("reward row", 1) if is_row else (f"reward matrix of {S} rows", S)
+        numbers = self.tokens.numbers((A, S, S, observations)[last], title, rows)
         self.rewards.add([*scope, *[ALL] * (4 - len(scope))], 0.0)
-        indices = np.empty((len(numbers.values), 4), dtype=np.int32)
-        indices[:, 2] = np.repeat(np.arange(len(numbers.offsets)), np.diff(numbers.begins))
+        indices = np.full((len(numbers.values), 4), ALL, dtype=np.int32)
         indices[:, : len(scope)] = scope
-        indices[:, 3] = numbers.columns
+        indices[:, last] = numbers.columns
+        if not is_row:
+            indices[:, last - 1] = np.repeat(np.arange(rows), np.diff(numbers.begins))
         self.rewards.add(indices, numbers.values)

@@ -12,13 +12,19 @@ import numpy as np
 import numpy.typing as npt
 
 from lcorpp.errors import ParseError
-from lcorpp.planning.formats.numbers import ROW_TOLERANCE, is_number
-from lcorpp.planning.formats.pomdp.patterns import SKIP, WORD
+from lcorpp.planning.formats.numbers import ROW_TOLERANCE
+from lcorpp.planning.formats.pomdp.patterns import NUMBER, SKIP, WORD, join_signs
 from lcorpp.planning.formats.pomdp.scanner import PlainTable, Scanner, Text, scan_rows
 from lcorpp.values import Array
 
 PREAMBLE_KEYWORDS = ("discount", "values", "states", "actions", "observations")
 TABLE_KEYWORDS = ("T", "O", "R")
+
+FOREIGN_KEYWORDS = ("costs", "init_state", "agents")
+"""Keywords of statements of other tools; see `dialects.py`."""
+
+NUMBERED_KEYWORDS = ("atom", "prio")
+"""Those with a number before their colon."""
 
 RELEASED_BYTES = 2**24
 """The pages of a mapped text are released in parts of this size, once they have been read."""
@@ -29,8 +35,16 @@ Offsets = npt.NDArray[np.int64]
 _BYTE_ORDER_MARK = "\ufeff".encode()
 _FIRST = re.compile(rb"(?:%s)?%s" % (_BYTE_ORDER_MARK, SKIP))
 _TOKEN = re.compile(rb"(:|%s)%s" % (WORD, SKIP))
+_NUMBER = re.compile(rb"(%s)%s" % (NUMBER, SKIP))
 _KEYWORDS = "|".join((*PREAMBLE_KEYWORDS, *TABLE_KEYWORDS)).encode()
-_STATEMENT = re.compile(rb"(?:%s|start(?:(?![^\s:#])%s(?:include|exclude))?)%s:" % (_KEYWORDS, SKIP, SKIP))
+_FOREIGN = rb"%s|(?:%s)(?![^\s:#])%s[0-9]+" % (
+    "|".join(FOREIGN_KEYWORDS).encode(),
+    "|".join(NUMBERED_KEYWORDS).encode(),
+    SKIP,
+)
+_STATEMENT = re.compile(
+    rb"(?:%s|start(?:(?![^\s:#])%s(?:include|exclude))?|%s)%s:" % (_KEYWORDS, SKIP, _FOREIGN, SKIP)
+)
 _LINE_END = re.compile(rb"\r\n|\r|\n")
 
 
@@ -101,8 +115,12 @@ class Tokens:
         return self.offset >= len(self.text)
 
     def at_statement(self) -> bool:
-        """Return whether the next token starts a statement: a keyword with its colon."""
+        """Return whether the next token starts a statement, maybe of another tool: keyword and colon."""
         return _STATEMENT.match(self.text, self.offset) is not None
+
+    def at_number(self) -> bool:
+        """Return whether a number follows, the sign of which may be a token of its own."""
+        return _NUMBER.match(self.text, self.offset) is not None
 
     # --- errors ---
 
@@ -116,8 +134,10 @@ class Tokens:
         for match in _LINE_END.finditer(self.text, 0, place):
             line, start = line + 1, match.end()
         end = _LINE_END.search(self.text, start)
-        text = _decode(self.text[start : end.start() if end else len(self.text)])
-        return ParseError(self.file, line, len(_decode(self.text[start:place])) + 1, message, text)
+        # a comment may contain bytes of another encoding
+        text = self.text[start : end.start() if end else len(self.text)].decode("utf-8", "replace")
+        column = len(self.text[start:place].decode("utf-8", "replace")) + 1
+        return ParseError(self.file, line, column, message, text)
 
     def describe_next(self) -> str:
         """Return the next token, for a message."""
@@ -125,15 +145,15 @@ class Tokens:
 
     def unexpected_token(self) -> ParseError:
         """Return the error for a token that should start a statement but does not."""
-        if is_number(self.peek()) and self.offset != self._first:
+        if self.at_number() and self.offset != self._first:
             return self.error(f"too many numbers: {self.peek()} is left over; expected a new statement")
         names = ", ".join(f"{name}:" for name in (*PREAMBLE_KEYWORDS, "start", *TABLE_KEYWORDS))
         return self.error(f"expected one of {names}, found {self.describe_next()}")
 
-    def _find_token(self, start: int, count: int) -> tuple[str, int]:
-        """Return the token that is `count` tokens after the one at an offset, and its own offset."""
-        match = next(islice(_TOKEN.finditer(self.text, start), count, None))
-        return _decode(match[1]), match.start()
+    def _find_number(self, start: int, count: int) -> tuple[str, int]:
+        """Return the number that is `count` numbers after the one at an offset, and its own offset."""
+        match = next(islice(_NUMBER.finditer(self.text, start), count, None))
+        return _decode(join_signs(match[1])), match.start()
 
     # --- statements and numbers ---
 
@@ -165,14 +185,14 @@ class Tokens:
         """Return the error if fewer than `count` numbers follow."""
         needed = "a number" if count == 1 else f"{count} numbers"
         for index in range(count):
-            word = self.peek()
+            word, match = self.peek(), _NUMBER.match(self.text, self.offset)
             if not word:
                 return self.error(f"{what} needs {needed}, found {index} before the end of the file")
-            if not is_number(word):
+            if match is None:
                 return self.error(f"{what} needs {needed}, found {index} and then {word!r}")
-            if not isfinite(float(word)):
-                return self.error(f"{word} is too large for a number")
-            self.take()
+            if not isfinite(float(join_signs(match[1]))):
+                return self.error(f"{_decode(join_signs(match[1]))} is too large for a number")
+            self._move_to(match.end())
         raise AssertionError(f"{what}: no number is missing")
 
     def probabilities(self, count: int, what: str, rows: int = 1) -> NumberRows:
@@ -183,7 +203,7 @@ class Tokens:
             return numbers
         entry = int(values.argmin() if values.min() < 0 else values.argmax())
         row = int(np.searchsorted(numbers.begins, entry, side="right")) - 1
-        word, at = self._find_token(int(numbers.offsets[row]), int(numbers.columns[entry]))
+        word, at = self._find_number(int(numbers.offsets[row]), int(numbers.columns[entry]))
         if values[entry] < 0:
             raise self.error(f"negative probability {word} in {what}", at)
         raise self.error(f"{word} is no probability in {what}", at)

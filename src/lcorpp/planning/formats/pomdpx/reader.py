@@ -17,6 +17,7 @@ from lcorpp.planning.factored.model import Factored
 from lcorpp.planning.factored.table import Table
 from lcorpp.planning.factored.table_builder import TableBuilder
 from lcorpp.planning.factored.variables import AFTER
+from lcorpp.planning.formats.memory import report_full_memory
 from lcorpp.planning.formats.pomdpx.decision_diagrams import DiagramReader
 from lcorpp.planning.formats.pomdpx.declarations import Declarations
 from lcorpp.planning.formats.pomdpx.document import Document, Element
@@ -41,7 +42,8 @@ def read_pomdpx(path: str | Path, *, reachable: bool = False) -> Pomdp:
     """
     problem = read_factored(path)
     try:
-        return flatten(problem, reachable=reachable)
+        with report_full_memory(path):
+            return flatten(problem, reachable=reachable)
     except ModelError as error:
         raise ModelError(f"{path}: {error}") from None
 
@@ -53,7 +55,8 @@ def read_factored(path: str | Path) -> Factored:
         FileError: the file cannot be read.
         ParseError: it is malformed; the message has file, line and column.
     """
-    return parse_pomdpx(read_bytes(path), file=str(path))
+    with report_full_memory(path):
+        return parse_pomdpx(read_bytes(path), file=str(path))
 
 
 def parse_pomdpx(text: str | bytes, *, file: str = "<text>") -> Factored:
@@ -85,7 +88,7 @@ class _ProblemReader:
         document, declarations = self.document, self.declarations
         element = document.only_child(document.root, "Discount")
         discount = document.number(element)
-        if not 0 < discount <= 1:
+        if not 0 <= discount <= 1:
             raise document.error(element, discount_message(discount), 0)
         for part in self.parts:
             if part.name == "Horizon" and document.word(part).lower() not in _INFINITE_HORIZON:

@@ -71,8 +71,8 @@ class Model:
             ValueError: shapes or indices do not fit together, a row is not a distribution, or a number is
                 not finite.
         """
-        if not 0 < discount < 1:
-            raise ValueError("the discount must lie strictly between 0 and 1")
+        if not 0 <= discount < 1:
+            raise ValueError("the discount must be at least 0 and below 1")
         if min(n_actions, n_states, n_observations) < 1:
             raise ValueError("a model needs states, actions and observations")
         self.actions, self.states, self.observations = n_actions, n_states, n_observations

@@ -89,7 +89,7 @@ class TreeSearch:
         self, simulator: Simulator[Any], *, exploration: float = EXPLORATION, keep_particles: bool = False
     ) -> None:
         self.simulator, self.exploration, self.keep_particles = simulator, exploration, keep_particles
-        self.depth = max(1, int(log(MIN_WEIGHT) / log(simulator.discount)))
+        self.depth = max(1, int(log(MIN_WEIGHT) / log(simulator.discount))) if simulator.discount > 0 else 1
         self._lowest, self._highest = np.inf, -np.inf
 
     def search(
