@@ -214,5 +214,5 @@ def test_an_interrupt_reaches_the_kernels():
 def test_the_certificate_confirms_the_policy(name):
     """The policy contains the pruned vectors that its vectors depend on."""
     pomdp = read_pomdp(shared_model(name))
-    found = certificate(solve(pomdp, time_limit=4), max_nodes=20_000)
+    found = certificate(solve(pomdp, time_limit=4), max_nodes=20_000, time_limit=600)
     assert found.verdict == "confirmed", found.text

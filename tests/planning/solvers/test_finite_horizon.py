@@ -138,8 +138,8 @@ def test_a_tiny_time_limit_returns_a_result():
         (0, {}, "horizon must be an integer of at least 1, not 0"),
         (2.5, {}, "horizon must be an integer of at least 1, not 2.5"),
         (3, {"precision": 0}, "expected a .*positive number"),
-        (3, {"discount": 0}, "the discount of a finite horizon must be above 0 and at most 1, not 0"),
-        (3, {"discount": 1.5}, "at most 1, not 1.5"),
+        (3, {"discount": -0.5}, r"the discount of a finite horizon must be between 0 and 1, not -0\.5"),
+        (3, {"discount": 1.5}, r"between 0 and 1, not 1\.5"),
         (3, {"start": [1.0, 1.0]}, "not a distribution"),
     ],
 )
