@@ -1,18 +1,27 @@
-"""Read and write files with typed errors; writes are atomic."""
+"""Read and write files with typed errors and limits; writes are atomic."""
 
 from __future__ import annotations
 
 import codecs
 import io
 import os
-import stat
 from collections.abc import Container, Iterable, Iterator
-from contextlib import ExitStack, contextmanager
-from contextvars import ContextVar
+from contextlib import contextmanager
 from itertools import chain
 from typing import TYPE_CHECKING, BinaryIO, TextIO
 
 from lcorpp.errors import FileError
+from lcorpp.input_files import (
+    describe_reason,
+    format_path,
+    is_utf16,
+    keep_pipes as keep_pipes,
+    make_nul_error,
+    make_read_error,
+    make_size_error,
+    open_input,
+    open_lines,
+)
 
 if TYPE_CHECKING:
     import mmap
@@ -21,33 +30,25 @@ if TYPE_CHECKING:
 FIGURE_SUFFIXES = (".png", ".svg", ".pdf")
 """Supported formats of figures."""
 
+MAX_TEXT_BYTES = 2**26
+"""Maximum of `read_text`, unless the reader of a format chooses another one."""
+
+MAX_BYTES = 2**32
+"""Maximum of `read_bytes`, unless the reader of a format chooses another one."""
+
+MAX_MAPPED_BYTES = 2**36
+"""Maximum of `map_text` and `open_text`, of which a part is in memory."""
 
 _BLOCK_BYTES = 2**20
 
-_pipes: ContextVar[tuple[ExitStack, dict[str, str]] | None] = ContextVar("pipes", default=None)
 
-
-@contextmanager
-def keep_pipes() -> Iterator[None]:
-    """Within this block, `open_text` can open a pipe several times: the first one copies it to a file."""
-    if _pipes.get() is not None:  # an outer block keeps them
-        yield
-        return
-    with ExitStack() as stack:
-        token = _pipes.set((stack, {}))
-        try:
-            yield
-        finally:
-            _pipes.reset(token)
-
-
-def read_text(path: str | Path) -> str:
+def read_text(path: str | Path, max_bytes: int = MAX_TEXT_BYTES) -> str:
     """Return the text of a file with its line endings unchanged; encodings as in `open_text`.
 
     Raises:
-        FileError: the file is missing, unreadable, a folder or not text.
+        FileError: the file is missing, unreadable, a folder, a device, larger than `max_bytes` or not text.
     """
-    return _decode(path, read_bytes(path))
+    return _decode(path, read_bytes(path, max_bytes))
 
 
 def map_text(path: str | Path, *, comment: bytes = b"") -> bytes | mmap.mmap:
@@ -60,37 +61,45 @@ def map_text(path: str | Path, *, comment: bytes = b"") -> bytes | mmap.mmap:
         comment: begins a comment, up to the end of its line, which may have bytes of another encoding.
 
     Raises:
-        FileError: the file is missing, unreadable, a folder or not text.
+        FileError: the file is missing, unreadable, a folder, a device or not text.
     """
     import mmap
 
-    try:
-        with open(_copy_pipe(path), "rb") as file:
-            encoding = _detect_encoding(file.peek(2))
-            mappable = stat.S_ISREG(os.fstat(file.fileno()).st_mode) and file.peek(1)
-            if encoding == "utf-16":
-                return _decode(path, file.read()).encode()
-            if not mappable:
-                data = file.read()
-                _check_utf8(path, io.BytesIO(data), comment)
-                return data
-            _check_utf8(path, file, comment)
+    with open_input(path, MAX_MAPPED_BYTES) as file:
+        try:
+            start = file.read(2)
+            file.seek(0)
+            if is_utf16(start) or not os.fstat(file.fileno()).st_size:
+                return _decode(path, _read_all(path, file, MAX_TEXT_BYTES)).encode()
+            _check_text(path, file, comment)
             return mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
-    except (OSError, ValueError) as error:
-        raise FileError(f"{_make_printable(path)}: cannot be read: {_describe_reason(error)}") from None
+        except OSError as error:
+            raise make_read_error(path, describe_reason(error)) from None
 
 
-def read_bytes(path: str | Path) -> bytes:
+def read_bytes(path: str | Path, max_bytes: int = MAX_BYTES) -> bytes:
     """Return the content of a file.
 
     Raises:
-        FileError: the file is missing, unreadable or a folder.
+        FileError: the file is missing, unreadable, a folder, a device or larger than `max_bytes`.
     """
+    with open_input(path, max_bytes) as file:
+        return _read_all(path, file, max_bytes)
+
+
+def _read_all(path: str | Path, file: BinaryIO, max_bytes: int) -> bytes:
     try:
-        with open(path, "rb") as file:
+        if os.fstat(file.fileno()).st_size:
             return file.read()
-    except (OSError, ValueError) as error:
-        raise FileError(f"{_make_printable(path)}: cannot be read: {_describe_reason(error)}") from None
+        blocks, size = [], 0  # the system's files state no size
+        while block := file.read(_BLOCK_BYTES):
+            blocks.append(block)
+            size += len(block)
+            if size > max_bytes:
+                raise make_size_error(path, max_bytes)
+        return b"".join(blocks)
+    except OSError as error:
+        raise make_read_error(path, describe_reason(error)) from None
 
 
 def hash_files(folder: Path, suffixes: Container[str]) -> str:
@@ -111,19 +120,22 @@ def open_text(path: str | Path) -> TextIO:
     A pipe has its content once; see `keep_pipes`.
 
     Raises:
-        FileError: the file is missing, unreadable or a folder. Reading it may raise UnicodeDecodeError, see
-            `locate_bad_byte`.
+        FileError: the file is missing, unreadable, a folder or a device; reading it raises FileError at a NUL
+            byte or in a line that is too long, and may raise UnicodeDecodeError, see `locate_bad_byte`.
     """
+    file = open_lines(path, MAX_MAPPED_BYTES)
     try:
-        file = open(_copy_pipe(path), "rb")  # noqa: SIM115
         return io.TextIOWrapper(file, encoding=_detect_encoding(file.peek(2)))
-    except (OSError, ValueError) as error:
-        raise FileError(f"{_make_printable(path)}: cannot be read: {_describe_reason(error)}") from None
+    except (OSError, FileError) as error:
+        file.close()
+        if isinstance(error, FileError):
+            raise
+        raise make_read_error(path, describe_reason(error)) from None
 
 
 def locate_bad_byte(path: str | Path) -> FileError:
     """Return the error for a file whose reading raised UnicodeDecodeError: the line of its first bad byte."""
-    with open(_copy_pipe(path), "rb") as file:
+    with open_input(path, MAX_MAPPED_BYTES) as file:
         return _locate_bad_byte(path, file)
 
 
@@ -157,13 +169,13 @@ def open_atomically(path: str | Path) -> Iterator[BinaryIO]:
             prefix = f".{target.name[:100]}."
             handle, name = tempfile.mkstemp(prefix=prefix, suffix=".part", dir=target.parent)
     except (OSError, ValueError) as error:
-        raise FileError(f"{_make_printable(path)}: cannot be written: {_describe_reason(error)}") from None
+        raise FileError(f"{format_path(path)}: cannot be written: {describe_reason(error)}") from None
     if special:  # replacing a device would destroy it; opening a folder fails
         try:
             with open(target, "wb") as device:
                 yield device
         except OSError as error:
-            raise FileError(f"{path}: cannot be written: {_describe_reason(error)}") from None
+            raise FileError(f"{path}: cannot be written: {describe_reason(error)}") from None
         return
     try:
         with os.fdopen(handle, "wb") as file:
@@ -174,7 +186,7 @@ def open_atomically(path: str | Path) -> Iterator[BinaryIO]:
         os.replace(name, target)
     except OSError as error:
         Path(name).unlink(missing_ok=True)
-        raise FileError(f"{path}: cannot be written: {_describe_reason(error)}") from None
+        raise FileError(f"{path}: cannot be written: {describe_reason(error)}") from None
     except BaseException:
         Path(name).unlink(missing_ok=True)
         raise
@@ -215,30 +227,13 @@ def make_folder(path: str | Path) -> Path:
     try:
         Path(path).mkdir(parents=True, exist_ok=True)
     except (OSError, ValueError) as error:
-        raise FileError(
-            f"{_make_printable(path)}: cannot create the folder: {_describe_reason(error)}"
-        ) from None
+        raise FileError(f"{format_path(path)}: cannot create the folder: {describe_reason(error)}") from None
     return Path(path)
 
 
-def _copy_pipe(path: str | Path) -> str | Path:
-    """Return the path of the copy of a pipe; of any other file, and without `keep_pipes`, the path itself."""
-    kept = _pipes.get()
-    if kept is None or not stat.S_ISFIFO(os.stat(path).st_mode):
-        return path
-    stack, copies = kept
-    if str(path) not in copies:
-        import shutil
-        import tempfile
-
-        with open(path, "rb") as pipe, tempfile.NamedTemporaryFile(delete=False) as copy:
-            stack.callback(os.unlink, copy.name)
-            shutil.copyfileobj(pipe, copy)
-        copies[str(path)] = copy.name
-    return copies[str(path)]
-
-
 def _decode(path: str | Path, data: bytes) -> str:
+    if 0 in data and not is_utf16(data):
+        raise make_nul_error(path, 1 + data[: data.index(0)].count(b"\n"))
     try:
         return data.decode(_detect_encoding(data))
     except UnicodeDecodeError:
@@ -246,21 +241,30 @@ def _decode(path: str | Path, data: bytes) -> str:
 
 
 def _detect_encoding(start: bytes) -> str:
-    return "utf-16" if start[:2] in (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE) else "utf-8-sig"
+    return "utf-16" if is_utf16(start) else "utf-8-sig"
 
 
-def _check_utf8(path: str | Path, file: BinaryIO, comment: bytes) -> None:
-    """Raise a FileError at the first byte that is not UTF-8, apart from those in comments."""
-    try:
-        decoder = codecs.getincrementaldecoder("utf-8")()
-        while block := file.read(_BLOCK_BYTES):
+def _check_text(path: str | Path, file: BinaryIO, comment: bytes) -> None:
+    """Raise a FileError at the first NUL byte, or byte that is not UTF-8 and in no comment."""
+    decoder, is_utf8, lines = codecs.getincrementaldecoder("utf-8")(), True, 1
+    while block := file.read(_BLOCK_BYTES):
+        if 0 in block:
+            raise make_nul_error(path, lines + block[: block.index(0)].count(b"\n"))
+        lines += block.count(b"\n")
+        try:
             decoder.decode(block)
+        except UnicodeDecodeError:
+            is_utf8 = False
+            decoder.reset()
+    try:
         decoder.decode(b"", final=True)
     except UnicodeDecodeError:
+        is_utf8 = False
+    if not is_utf8:
         file.seek(0)
         found = _find_bad_byte(file, comment)
         if found is not None:
-            raise _make_bad_byte_error(path, *found) from None
+            raise _make_bad_byte_error(path, *found)
 
 
 def _find_bad_byte(lines: Iterable[bytes], comment: bytes = b"") -> tuple[int, int] | None:
@@ -291,14 +295,3 @@ def _locate_bad_byte(path: str | Path, lines: Iterable[bytes]) -> FileError:
     if found is not None:
         return _make_bad_byte_error(path, *found)
     return FileError(f"{path}: damaged UTF-16 text; expected a file saved as UTF-8")
-
-
-def _describe_reason(error: OSError | ValueError) -> str:
-    """Return the system's message; a ValueError means an impossible file name."""
-    return str(getattr(error, "strerror", None) or error)
-
-
-def _make_printable(path: str | Path) -> str:
-    """Return a path for a message: at most 300 characters, in ASCII if it has unprintable ones."""
-    text = str(path)
-    return text if len(text) <= 300 and text.isprintable() else ascii(text)[:300]

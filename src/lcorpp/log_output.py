@@ -6,6 +6,8 @@ import logging
 import sys
 from typing import TextIO
 
+from lcorpp.terminal import escape_controls
+
 
 class StandardErrorHandler(logging.StreamHandler[TextIO]):
     """A handler that writes to what `sys.stderr` is when a message arrives."""
@@ -13,6 +15,9 @@ class StandardErrorHandler(logging.StreamHandler[TextIO]):
     def __init__(self) -> None:
         logging.Handler.__init__(self)
         self.setFormatter(logging.Formatter("%(name)s: %(message)s"))
+
+    def format(self, record: logging.LogRecord) -> str:
+        return escape_controls(super().format(record))
 
     @property
     def stream(self) -> TextIO:  # type: ignore[override]

@@ -1,13 +1,15 @@
-"""Load the user's Python files, and locate their errors in them."""
+"""Load the user's Python files, with the user's consent, and locate their errors in them."""
 
 from __future__ import annotations
 
 import importlib.util
+import os
 import sys
 import traceback
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import AbstractContextManager, contextmanager
-from dataclasses import dataclass
+from contextvars import ContextVar
+from dataclasses import dataclass, field
 from operator import attrgetter
 from pathlib import Path
 from types import ModuleType
@@ -17,6 +19,106 @@ from lcorpp.errors import LcorppError, expected_one_of
 
 PICKLED_CODE = "<dynamic-code>"
 """The filename of code that cloudpickle (3.1.3 and later) has sent to another process."""
+
+
+PACKAGE = Path(__file__).resolve().parent
+"""The code of lcorpp itself."""
+
+
+@dataclass(frozen=True)
+class CodeConsent:
+    """Which Python files a command may run.
+
+    It runs those that the user names, and, after a note, those that belong to the user or to root, as does
+    their folder. A domain folder, a `robot.toml` or a log may name files of others: they need `trust`.
+
+    named: the files on the command line. note: shows a text to the user. run: False forbids all code.
+    """
+
+    trust: bool
+    named: frozenset[Path]
+    note: Callable[[str], None]
+    run: bool = True
+    _noted: set[Path] = field(default_factory=set)
+
+    @classmethod
+    def of(cls, arguments: Iterable[str], *, trust: bool, note: Callable[[str], None]) -> CodeConsent:
+        """Return the consent of a command line; it names a file by ``FILE.py:NAME``, perhaps after ``=``."""
+        ends = (argument[start:] for argument in arguments for start in _list_starts(argument))
+        parts = (split_function(end) for end in ends)
+        return cls(trust, frozenset(part[0].resolve() for part in parts if part is not None), note)
+
+    @contextmanager
+    def apply(self) -> Iterator[None]:
+        """Apply to all files that are loaded within this block; without, each file may be run."""
+        token = _consent.set(self)
+        try:
+            yield
+        finally:
+            _consent.reset(token)
+
+    def check(self, path: Path, error: type[LcorppError]) -> None:
+        """Raise `error` unless the file may be run."""
+        if not self.run:
+            raise error(f"{path}: no Python code is run")
+        file = path.resolve()
+        if file in self.named or file.is_relative_to(PACKAGE):
+            return
+        owner = _find_other_owner(file)
+        if owner is not None and not self.trust:
+            raise error(f"{path}: this Python code belongs to the user {owner}; --trust-code runs it")
+        if file.parent not in self._noted:
+            self._noted.add(file.parent)
+            self.note(f"running Python code of {path.parent}")
+
+
+_consent: ContextVar[CodeConsent | None] = ContextVar("consent", default=None)
+
+
+NO_CODE = CodeConsent(trust=False, named=frozenset(), note=lambda _: None, run=False)
+"""No consent: loading a file raises an error."""
+
+
+def check_consent(path: Path, error: type[LcorppError]) -> None:
+    """Raise `error` if a file may not be run; see `CodeConsent`."""
+    consent = _consent.get()
+    if consent is not None:
+        consent.check(path, error)
+
+
+def check_owner(path: Path, error: type[LcorppError]) -> None:
+    """Raise `error` if a file may not choose installed code, as `check_consent`; it is not code itself."""
+    consent = _consent.get()
+    if consent is not None and consent.run:
+        consent.check(path, error)
+
+
+def _list_starts(argument: str) -> list[int]:
+    """Return where a file name may begin in an argument."""
+    return [0, *(index + 1 for index, character in enumerate(argument) if character == "=")]
+
+
+def _find_other_owner(file: Path) -> str | None:
+    """Return the owner of a file or its folder who is neither the user nor root; None without one."""
+    if not hasattr(os, "geteuid"):  # Windows
+        return None
+    for path in (file, file.parent):
+        try:
+            owner = path.stat().st_uid
+        except OSError:  # the reader of the file names the reason
+            continue
+        if owner not in (0, os.geteuid()):
+            return _find_name(owner)
+    return None
+
+
+def _find_name(owner: int) -> str:
+    import pwd
+
+    try:
+        return pwd.getpwuid(owner).pw_name
+    except KeyError:
+        return str(owner)
 
 
 @dataclass(frozen=True)
@@ -145,6 +247,7 @@ def load_file(path: Path, name: str, error: type[LcorppError], *, importable: bo
     spec = importlib.util.spec_from_file_location(name, path)
     if spec is None or spec.loader is None or not path.is_file():
         raise error(f"{path}: not a Python file")
+    check_consent(path, error)
     module = importlib.util.module_from_spec(spec)
     if importable:
         sys.modules[name] = module

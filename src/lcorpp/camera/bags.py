@@ -13,7 +13,8 @@ import numpy.typing as npt
 from lcorpp.arguments import check_arguments
 from lcorpp.camera.floor import Intrinsics
 from lcorpp.camera.frames import Frame, check_alike, convert_pixels
-from lcorpp.errors import DataError, FileError, LcorppError, expected_one_of
+from lcorpp.errors import DataError, LcorppError, expected_one_of
+from lcorpp.input_files import check_regular
 
 if TYPE_CHECKING:
     from rosbags.highlevel import AnyReader
@@ -107,8 +108,7 @@ def open_bag(path: Path) -> Iterator[AnyReader]:
         FileError: the path does not exist.
         DataError: the bag is damaged, also in a part that is read later, or rosbags is not installed.
     """
-    if not path.exists():
-        raise FileError(f"{path}: cannot be read: no such file or folder")
+    check_regular(path)
     try:
         from rosbags.highlevel import AnyReader
         from rosbags.typesys import Stores, get_typestore

@@ -3,12 +3,19 @@
 from __future__ import annotations
 
 import logging
-import sys
 from collections.abc import Sequence
 from heapq import nsmallest
 from typing import TYPE_CHECKING
 
-from lcorpp.cli.console import format_bar, show_delayed_progress, show_warnings
+from lcorpp.cli.console import (
+    BOLD,
+    CYAN,
+    format_bar,
+    print_json,
+    print_spans,
+    show_delayed_progress,
+    show_warnings,
+)
 from lcorpp.errors import ProgramError, UndefinedError
 from lcorpp.log_output import show_log
 from lcorpp.reasoning.language.parser import parse_query, read_plog
@@ -26,9 +33,6 @@ if TYPE_CHECKING:
 
 WHY_WORLDS = 3
 """The number of worlds that --why prints."""
-
-_BOLD, _CYAN = 1, 36
-"""Codes of the terminal."""
 
 
 @show_warnings()
@@ -64,7 +68,7 @@ def print_answers(
     reasoner = Reasoner(program, samples=samples or DEFAULT_SAMPLES, seed=seed)
     for question in queries or [Query()]:  # the empty query asks for worlds only
         if not as_json and queries:
-            _print(_format_query(question), bold=True)
+            print_spans((_format_query(question), BOLD))
         if why and queries:
             from lcorpp.reasoning.explanation import explain
 
@@ -106,7 +110,7 @@ def _select_best(query: Query, answer: QueryAnswer, count: int) -> QueryAnswer:
 def _print_answer(query: Query, answer: QueryAnswer, exact: bool) -> None:
     """Print a number, or a table: one column for each attribute, and the probabilities."""
     if not isinstance(answer, dict):
-        _print(f"  {_format_number(answer, exact)}")
+        print_spans(f"  {_format_number(answer, exact)}")
         return
     rows = [(value,) if isinstance(value, str) else value for value in answer]
     if len(query.subjects) > 1:
@@ -114,10 +118,10 @@ def _print_answer(query: Query, answer: QueryAnswer, exact: bool) -> None:
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     lines = ["  ".join(map(str.ljust, row, widths)) for row in rows]
     if len(query.subjects) > 1:
-        _print(f"  {lines.pop(0)}".rstrip())
+        print_spans(f"  {lines.pop(0)}".rstrip())
     for line, probability in zip(lines, answer.values(), strict=True):
-        bar = _color(format_bar(float(probability)), _CYAN)
-        _print(f"  {line}  {_format_number(probability, exact)}  {bar}")
+        bar = (format_bar(float(probability)), CYAN)
+        print_spans(f"  {line}  {_format_number(probability, exact)}  ", bar)
 
 
 def _print_report(
@@ -126,24 +130,23 @@ def _print_report(
     if answer is not None:
         _print_answer(query, answer, exact)
     for condition, other in without:
-        _print(f"\n  without {condition}:")
+        print_spans(f"\n  without {condition}:")
         if isinstance(other, str):
-            _print(f"  {other}")
+            print_spans(f"  {other}")
         else:
             _print_answer(query, other, exact)
     for number, (world, fired) in enumerate(worlds, start=1):
-        _print(f"\n  world {number}, probability {_format_number(world.measure, exact)}:", bold=True)
-        _print(f"  {', '.join(f'{term}={value}' for term, value in world.values.items())}")
+        print_spans((f"\n  world {number}, probability {_format_number(world.measure, exact)}:", BOLD))
+        print_spans(f"  {', '.join(f'{term}={value}' for term, value in world.values.items())}")
         width = max((len(rule.effect) for rule in fired), default=0)
         for rule in fired:
-            _print(f"    line {rule.at.line:<4} {rule.effect:<{width}}  {rule.statement}")
+            print_spans(f"    line {rule.at.line:<4} {rule.effect:<{width}}  {rule.statement}")
 
 
 def _print_json(
     query: Query, answer: QueryAnswer | None, without: _Without, worlds: _Worlds, exact: bool
 ) -> None:
     """Print a line of JSON: query, answer, the answers without each condition, worlds."""
-    from json import dumps
 
     def encode(answer: QueryAnswer | str | None) -> object:
         if isinstance(answer, dict):
@@ -174,7 +177,7 @@ def _print_json(
                if fired else {})
             for world, fired in worlds
         ]  # fmt: skip
-    _print(dumps(record))
+    print_json(record)
 
 
 def _format_number(probability: Numeric, exact: bool) -> str:
@@ -186,12 +189,3 @@ def _format_number(probability: Numeric, exact: bool) -> str:
         return str(probability)
     shown_as_zero = 0 < probability < 5e-7  # with six decimals
     return f"{float(probability):.6g}" if shown_as_zero else f"{float(probability):.6f}"
-
-
-def _print(text: str, *, bold: bool = False) -> None:
-    print(_color(text, _BOLD) if bold else text, flush=True)
-
-
-def _color(text: str, code: int) -> str:
-    """Color a text if the output is a terminal; rich and typer take longer to load than an answer."""
-    return f"\033[{code}m{text}\033[0m" if sys.stdout.isatty() else text

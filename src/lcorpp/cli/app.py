@@ -11,6 +11,7 @@ from lcorpp.cli import ask, check, figures, fit, learn, new, run, show, simulate
 from lcorpp.cli.data.commands import app as data_app
 from lcorpp.cli.explanation import explain
 from lcorpp.cli.logs import audit, replay, watch
+from lcorpp.cli.options.code import take_consent
 from lcorpp.cli.page import export, play
 from lcorpp.cli.robot import robot, track
 from lcorpp.cli.speech import listen, observe
@@ -23,28 +24,28 @@ app = typer.Typer(
     rich_markup_mode=None,
     context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},
 )
-app.command()(run.run)
+app.command()(take_consent(run.run))
 app.command()(figures.figures)
-app.command()(explain.explain)
+app.command()(take_consent(explain.explain))
 app.command()(ask.ask)
 app.command()(fit.fit)
 app.command()(ask.translate)
 app.command()(solve.solve)
 app.command()(simulate.simulate)
-app.command()(show.show)
-app.command()(learn.learn)
-app.command()(play.play)
-app.command()(export.export)
-app.command()(robot.robot)
+app.command()(take_consent(show.show))
+app.command()(take_consent(learn.learn))
+app.command()(take_consent(play.play))
+app.command()(take_consent(export.export))
+app.command()(take_consent(robot.robot))
 app.command()(track.track)
-app.command()(listen.listen)
-app.command()(observe.observe)
+app.command()(take_consent(listen.listen))
+app.command()(take_consent(observe.observe))
 app.command()(new.new)
-app.command()(sweep.sweep)
-app.command()(replay.replay)
-app.command()(audit.audit)
-app.command()(watch.watch)
-app.command()(check.check)
+app.command()(take_consent(sweep.sweep))
+app.command()(take_consent(replay.replay))
+app.command()(take_consent(audit.audit))
+app.command()(take_consent(watch.watch))
+app.command()(take_consent(check.check))
 app.add_typer(data_app)
 
 

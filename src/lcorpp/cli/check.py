@@ -12,7 +12,7 @@ from lcorpp.errors import DataError, FileError, TooLargeError
 from lcorpp.notebook import join_some
 
 if TYPE_CHECKING:
-    from lcorpp.domains import Domain
+    from lcorpp.domains.sections.reasoning import ReasoningSection
     from lcorpp.planning import Pomdp
 
 KINDS = (
@@ -35,6 +35,12 @@ def check(
     model: Annotated[
         Path | None, typer.Option(metavar="MODEL", help="The model that a policy belongs to.")
     ] = None,
+    no_code: Annotated[
+        bool,
+        typer.Option(
+            "--no-code", help="Run no Python code of a domain folder: check its syntax and all other files."
+        ),
+    ] = False,
 ) -> None:
     """Check a file or a folder and print its content.
 
@@ -44,14 +50,17 @@ def check(
     from lcorpp.learning.store import is_store
 
     suffix = path.suffix.lower()
+    check_folder = _inspect_domain if no_code else _check_domain
     if path.is_dir() and (path / AUTHORS_FILE).exists():
         _check_tracks(path)
     elif suffix == ".toml" and path.name != "domain.toml":
+        if no_code:
+            raise FileError(f"{path}: --no-code checks a domain folder; give that of the robot")
         _check_robot(path)
     elif path.is_dir() or path.name == "domain.toml":
-        _check_domain(path if path.is_dir() else path.parent)
+        check_folder(path if path.is_dir() else path.parent)
     elif not path.exists() and str(path) in list_domains():
-        _check_domain(SHIPPED_FOLDER / path)
+        check_folder(SHIPPED_FOLDER / path)
     elif is_store(path):
         _check_store(path)
     elif suffix in PROGRAMS:
@@ -136,16 +145,31 @@ def _check_domain(folder: Path) -> None:
         name = f"{domain.name}, preset {preset}" if preset else domain.name
         console.out.print(
             f"{folder} ({name}): observes {', '.join(domain.observed) or 'nothing'};"
-            f" decides {_format_shared(domain)}; {_format_size(domain.pomdp)}: OK"
+            f" decides {_format_shared(domain.reasoning)}; {_format_size(domain.pomdp)}: OK"
         )
 
 
-def _format_shared(domain: Domain) -> str:
+def _inspect_domain(folder: Path) -> None:
+    from lcorpp.domains.inspection import inspect_domain
+    from lcorpp.domains.toml import read_preset_names
+
+    for preset in read_preset_names(folder) or (None,):
+        read = inspect_domain(folder, preset)
+        name = f"{read.name}, preset {preset}" if preset else read.name
+        size = "a function makes the model" if read.pomdp is None else _format_size(read.pomdp)
+        code = ", ".join(str(file.relative_to(folder)) for file in read.code)
+        console.out.print(
+            f"{folder} ({name}): observes {', '.join(read.reasoning.observed) or 'nothing'};"
+            f" decides {_format_shared(read.reasoning)}; {size}: OK{f'; not run: {code}' if code else ''}"
+        )
+
+
+def _format_shared(reasoning: ReasoningSection) -> str:
     """Return "item among cup, pen", or "item, person among 6 combinations"."""
-    shared = domain.reasoning.shared
+    shared, values = reasoning.shared, reasoning.values
     if len(shared) == 1:
-        return f"{shared[0]} among {join_some(list(map(str, domain.values)), MAX_VALUES)}"
-    return f"{', '.join(shared)} among {len(domain.values)} combinations"
+        return f"{shared[0]} among {join_some(list(map(str, values)), MAX_VALUES)}"
+    return f"{', '.join(shared)} among {len(values)} combinations"
 
 
 def _format_size(pomdp: Pomdp) -> str:

@@ -1,4 +1,8 @@
-"""Console output of all commands: notes, progress displays, headings and probability bars."""
+"""Console output of all commands: lines, notes, progress displays, headings and probability bars.
+
+Control characters of foreign text appear as ``\\x1b``: `EscapedConsole` and `print_spans` escape what is
+printed here, `lcorpp.terminal.escape_output` everything else.
+"""
 
 from __future__ import annotations
 
@@ -8,7 +12,9 @@ import warnings
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from time import monotonic
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
+
+from lcorpp.terminal import escape_controls, find_unescaped
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -17,15 +23,18 @@ if TYPE_CHECKING:
     out: Console
     err: Console
 
+BOLD, CYAN = 1, 36
+"""Codes of the terminal, for `print_spans`."""
+
 
 def __getattr__(name: str) -> Console:
     """Create `out` and `err` at their first use: rich takes longer to load than some commands to run."""
     if name not in ("out", "err"):
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    from rich.console import Console
+    from lcorpp.cli.escaped_console import EscapedConsole
 
     # texts of users are printed as they are: "[/x]" is no markup, ":x:" no emoji
-    created = Console(stderr=name == "err", highlight=False, markup=False, emoji=False)
+    created = EscapedConsole(stderr=name == "err", highlight=False, markup=False, emoji=False)
     if not created.is_terminal:
         created.soft_wrap = True  # files and pipes get whole lines, terminals lines that break between words
     globals()[name] = created
@@ -41,14 +50,40 @@ def count_processes(jobs: int | None) -> int:
     return jobs or os.cpu_count() or 1
 
 
-def print_note(text: str) -> None:
-    """Print a note."""
-    _console("out").print(f"note: {text}", style="yellow")
+def print_note(text: str, *, err: bool = False) -> None:
+    """Print a note, on standard error if `err`."""
+    _console("err" if err else "out").print(f"note: {text}", style="yellow")
 
 
 def warn(text: str) -> None:
     """Print a warning on standard error."""
     _console("err").print(f"warning: {text}", style="yellow")
+
+
+def print_spans(*spans: str | tuple[str, int]) -> None:
+    """Print a line of texts, or pairs of a text and its code on a terminal; rich takes longer to load."""
+    stream = sys.stdout
+    if stream is None:  # it is closed
+        return
+    is_terminal = stream.isatty()
+    line = ""
+    for span in spans:
+        text, code = (span, 0) if isinstance(span, str) else span
+        visible = escape_controls(text)
+        line += f"\033[{code}m{visible}\033[0m" if code and is_terminal else visible
+    print(line, file=find_unescaped(stream), flush=True)
+
+
+def print_json(record: object) -> None:
+    """Print a line of JSON in ASCII, without control characters."""
+    from json import dumps
+
+    print_spans(dumps(record).replace("\x7f", r"\u007f"))
+
+
+def ask(question: str) -> str:
+    """Show a question and return the typed line; `input` writes to the terminal itself."""
+    return input(escape_controls(question))
 
 
 @contextmanager
@@ -90,15 +125,16 @@ def show_progress(
     """
     from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
+    err = _console("err")
     columns = (
-        SpinnerColumn(),
+        SpinnerColumn("line" if err.options.ascii_only else "dots"),
         TextColumn("{task.description}", markup=False),
         BarColumn(),
         TextColumn("{task.fields[count]}", markup=False),
         TimeElapsedColumn(),
     )
-    err = _console("err")
-    with Progress(*columns, console=err, transient=True, disable=not err.is_terminal) as display:
+    display = Progress(*columns, **_DISPLAY, console=err, disable=not err.is_terminal)
+    with _print_above(display), display:
         task = display.add_task(title, total=total, count="")
 
         def advance(done: int, total: int | None = None) -> None:
@@ -133,7 +169,8 @@ def show_delayed_progress(title: str) -> Iterator[Callable[[float, str], None]]:
                     TextColumn(f"{{task.{field}}}", markup=False) for field in ("description", "fields[text]")
                 )
                 columns = (title_column, BarColumn(), text_column, TimeElapsedColumn())
-                display = Progress(*columns, console=_console("err"), transient=True)
+                display = Progress(*columns, **_DISPLAY, console=_console("err"))
+                stack.enter_context(_print_above(display))
                 stack.enter_context(display).add_task(title, total=1.0, text="")
             if display is not None:
                 display.update(display.task_ids[0], completed=share, text=text)
@@ -165,9 +202,40 @@ def format_time(seconds: float) -> str:
 
 
 def format_bar(share: float, width: int = 30) -> str:
-    """Return a bar of at most `width` characters, in steps of an eighth of a character."""
+    """Return a bar of at most `width` characters, in steps of an eighth of a character.
+
+    It is of ASCII if standard output is.
+    """
+    if not (getattr(sys.stdout, "encoding", None) or "utf-8").lower().startswith("utf"):
+        return "#" * round(share * width)
     eighths = round(share * width * 8)
     return "█" * (eighths // 8) + (" ▏▎▍▌▋▊▉"[eighths % 8] if eighths % 8 else "")
+
+
+_DISPLAY: dict[str, Any] = {"transient": True, "redirect_stdout": False, "redirect_stderr": False}
+"""Options of displays; `_print_above` redirects."""
+
+
+@contextmanager
+def _print_above(display: Progress) -> Iterator[None]:
+    """Print above a display what is written to a terminal meanwhile, e.g. the log."""
+    from lcorpp.cli.escaped_console import EscapedProxy
+
+    before = sys.stdout, sys.stderr
+    if display.disable:
+        yield
+        return
+    sys.stdout, sys.stderr = (
+        EscapedProxy(display.console, stream) if stream is not None and stream.isatty() else stream
+        for stream in before
+    )
+    try:
+        yield
+    finally:
+        for stream in (sys.stdout, sys.stderr):
+            if stream is not None:
+                stream.flush()  # the rest of a line
+        sys.stdout, sys.stderr = before
 
 
 def _console(name: str) -> Console:

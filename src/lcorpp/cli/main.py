@@ -11,10 +11,16 @@ from collections.abc import Sequence
 from lcorpp.errors import LcorppError
 from lcorpp.files import keep_pipes
 from lcorpp.interrupts import Terminated, end_on_signals
+from lcorpp.terminal import escape_output
 
 
 def main() -> None:
     """Run a command; bad input ends in one message on standard error and exit code 2."""
+    with escape_output():
+        _run_and_exit()
+
+
+def _run_and_exit() -> None:
     try:
         with end_on_signals(), keep_pipes():
             _run_command(sys.argv[1:])
@@ -24,6 +30,12 @@ def main() -> None:
     except BrokenPipeError:  # the reader has ended, e.g. `head`
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # Python writes the rest at its end
         sys.exit(1)
+    except MemoryError:
+        print("lcorpp: not enough memory", file=sys.stderr)
+        sys.exit(2)
+    except RecursionError:
+        print("lcorpp: an input is nested too deeply", file=sys.stderr)
+        sys.exit(2)
     except OSError as error:  # the output cannot be written, e.g. to a full disk
         print(f"lcorpp: {error.strerror or error}", file=sys.stderr)
         sys.exit(2)

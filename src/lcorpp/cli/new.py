@@ -79,7 +79,7 @@ def new(
             raise DomainError(
                 "lcorpp new asks six questions, which needs a terminal; or give --shared NAME=VALUE,VALUE,..."
             )
-        answers = ask_answers(folder.absolute().name, input)
+        answers = ask_answers(folder.absolute().name, console.ask)
     domain = write_new_domain(folder, answers)
     console.out.print(f"{folder}: {len(domain.values)} values to decide among, {domain.pomdp!r}")
     console.out.print(f"edit its knowledge.plog and interaction.py; then: lcorpp run {folder}")

@@ -9,16 +9,14 @@ from typing import Any
 
 from lcorpp.domains.domain import Domain
 from lcorpp.domains.own_world import OwnWorlds
-from lcorpp.domains.sections.learning import read_senses
+from lcorpp.domains.sections.learning import Sense, read_senses
 from lcorpp.domains.sections.names import check_defined
 from lcorpp.domains.sections.planning import read_planning
-from lcorpp.domains.sections.reasoning import read_reasoning
+from lcorpp.domains.sections.reasoning import ReasoningSection, read_reasoning
 from lcorpp.domains.sections.simulation import read_simulation
-from lcorpp.domains.toml import read_domain_toml
+from lcorpp.domains.toml import SHIPPED_FOLDER as SHIPPED_FOLDER, TomlTable, read_domain_toml
 from lcorpp.errors import DomainError, check_type, expected_one_of
 from lcorpp.user_code import split_function
-
-SHIPPED_FOLDER = Path(__file__).parent
 
 
 def list_domains() -> tuple[str, ...]:
@@ -53,14 +51,7 @@ def load_domain(
     table, preset_name = read_domain_toml(folder / "domain.toml", preset, changes)
     name = table.text("name", folder.resolve().name)
     description = table.text("description", name)
-    knowledge = table.section("reasoning", required=True)
-    reasoning = read_reasoning(knowledge, folder)
-    check_defined(
-        knowledge.location("shared" if "shared" in knowledge else "target"),
-        reasoning.shared,
-        reasoning.program,
-    )
-    senses = read_senses(table.sections("learning"), reasoning, folder)
+    reasoning, senses = read_knowledge(table, folder)
     planning = read_planning(table.section("planning", required=True), folder, reasoning)
     simulation = read_simulation(table.section("simulation"), folder, reasoning, senses, planning)
     table.reject_unknown_keys()
@@ -69,6 +60,18 @@ def load_domain(
         for sense in senses
     )
     return Domain(name, description, folder, preset_name, reasoning, senses, planning, simulation)
+
+
+def read_knowledge(table: TomlTable, folder: Path) -> tuple[ReasoningSection, tuple[Sense, ...]]:
+    """Read the sections `[reasoning]` and `[learning]`; errors as of `load_domain`."""
+    knowledge = table.section("reasoning", required=True)
+    reasoning = read_reasoning(knowledge, folder)
+    check_defined(
+        knowledge.location("shared" if "shared" in knowledge else "target"),
+        reasoning.shared,
+        reasoning.program,
+    )
+    return reasoning, read_senses(table.sections("learning"), reasoning, folder)
 
 
 def with_world(domain: Domain, text: str) -> Domain:

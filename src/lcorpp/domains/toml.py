@@ -8,10 +8,15 @@ from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
+from lcorpp.domains.toml_limits import MAX_TOML_BYTES, check_integers, check_key_parts
 from lcorpp.errors import DomainError, ParseError, expected_one_of
 from lcorpp.files import read_text
+from lcorpp.input_files import is_inside
 
 Keys = tuple[str, ...]
+
+SHIPPED_FOLDER = Path(__file__).parent
+"""The domains that come with lcorpp; an installer may link their files."""
 
 KEY = r"""(?:"[^"]*"|'[^']*'|[\w-]+)"""
 """Pattern of one part of a dotted key."""
@@ -80,7 +85,7 @@ class TomlTable:
 
         value = self._get(key, None if required else [], is_valid, "a list of names")
         if distinct and len(set(value)) < len(value):
-            raise DomainError(f"{self.location(key)}: a name is repeated in {value!r}")
+            raise DomainError(f"{self.location(key)}: a name is repeated in {_shorten(value)}")
         if not value and required:
             raise DomainError(f"{self.location(key)}: expected at least one name")
         return tuple(value)
@@ -129,7 +134,7 @@ class TomlTable:
         if value is None:  # TOML has no null
             raise DomainError(f"{self.location(key)} is missing")
         if not is_valid(value):
-            raise DomainError(f"{self.location(key)}: expected {expected}, not {value!r}")
+            raise DomainError(f"{self.location(key)}: expected {expected}, not {_shorten(value)}")
         return value
 
 
@@ -139,7 +144,7 @@ def read_toml(path: Path) -> TomlTable:
     Raises:
         FileError, ParseError: the file cannot be read or is not TOML.
     """
-    text = read_text(path)
+    text = read_text(path, MAX_TOML_BYTES)
     return TomlTable(_parse(path, text), _KeyLines(str(path), text, None))
 
 
@@ -159,7 +164,7 @@ def read_domain_toml(
         FileError, ParseError: the file cannot be read or is not TOML.
         DomainError: the preset is unknown.
     """
-    text = read_text(path)
+    text = _read_inside(path)
     table = _parse(path, text)
     presets = table.pop("presets", {})
     if preset is None:
@@ -175,16 +180,30 @@ def read_domain_toml(
 def read_preset_names(folder: Path) -> tuple[str, ...]:
     """Return the names of a domain's presets, in the order of its file."""
     path = folder / "domain.toml"
-    return tuple(_parse(path, read_text(path)).get("presets", {}))
+    return tuple(_parse(path, _read_inside(path)).get("presets", {}))
+
+
+def _read_inside(path: Path) -> str:
+    """Return the text of a file that is no link out of its folder."""
+    if path.parent.parent != SHIPPED_FOLDER and not is_inside(path, path.parent):
+        raise DomainError(f"{path}: is a link out of its folder; expected a file in it")
+    return read_text(path, MAX_TOML_BYTES)
+
+
+def _shorten(value: object) -> str:
+    text = repr(value)
+    return text if len(text) <= 300 else f"{text[:300]} ..."
 
 
 def _parse(path: Path, text: str) -> dict[str, Any]:
+    check_key_parts(path, text)
     try:
         table = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
         raise _make_parse_error(error, path, text) from None
     except (RecursionError, ValueError) as error:  # nested too deeply; a number of thousands of digits
         raise DomainError(f"{path}: cannot be read: {error}") from None
+    check_integers(path, table)
     presets = table.get("presets", {})
     if not isinstance(presets, dict) or not all(isinstance(value, dict) for value in presets.values()):
         raise DomainError(f"{path}: [presets]: expected a table of tables")
@@ -227,12 +246,12 @@ class _KeyLines:
             return tuple(f"{p[-1]}[{counts[p]}]" if p in counts else p[-1] for p in parents)
 
         for number, line in enumerate(text.splitlines(), 1):
-            if match := re.match(r"\s*\[\[\s*([^\[\]]+?)\s*\]\]", line):
+            if match := re.match(r"\s*\[\[([^\[\]]+)\]\]", line):
                 path = _split_key(match[1])
                 counts[path] = counts.get(path, 0) + 1
                 header = add_numbers(path)
                 self._lines.setdefault(header, number)
-            elif match := re.match(r"\s*\[\s*([^\[\]]+?)\s*\]", line):
+            elif match := re.match(r"\s*\[([^\[\]]+)\]", line):
                 header = add_numbers(_split_key(match[1]))
                 self._lines.setdefault(header, number)
             elif match := re.match(rf"\s*({KEY}(\s*\.\s*{KEY})*)\s*=", line):

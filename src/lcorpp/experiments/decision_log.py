@@ -17,6 +17,8 @@ from lcorpp.decision import Strategy
 from lcorpp.domains import Domain
 from lcorpp.errors import DataError, FileError, LcorppError
 from lcorpp.experiments.robot_parts import Json, RobotParts, describe_strategy
+from lcorpp.files import MAX_MAPPED_BYTES
+from lcorpp.input_files import open_lines
 from lcorpp.values import Array, Distribution, Episode, Label, Likelihood, Step, read_value
 
 FORMAT, VERSION = "lcorpp decision", 1
@@ -259,7 +261,7 @@ def read_log(path: Path, *, wait: Callable[[], None] | None = None) -> Iterator[
         FileError: the file cannot be read.
     """
     try:
-        with open(path, "rb") as file:
+        with open_lines(path, MAX_MAPPED_BYTES) as file:
             number, line = 0, b""
             while True:
                 for part in file:

@@ -40,7 +40,10 @@ DIGEST_SIZE = 32
 
 _BOUNDS = {kind.__name__: kind for kind in (PiecewiseLinearBound, SawtoothBound, MixtureBound)}
 _NUMBERS = ("lower", "upper", "seconds", "reason", "beliefs", "trials", "start_count")
-_DAMAGE = (LcorppError, ValueError, KeyError, TypeError, IndexError, OSError, EOFError, BadZipFile, ZlibError)
+_DAMAGE = (
+    *(LcorppError, ValueError, KeyError, TypeError, IndexError, OSError, EOFError, BadZipFile, ZlibError),
+    RecursionError,
+)
 """What reading a damaged entry may raise."""
 
 

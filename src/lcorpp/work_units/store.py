@@ -115,7 +115,7 @@ class UnitStore:
         """Return a stored result."""
         try:
             return json.loads(text)
-        except ValueError as error:
+        except (ValueError, RecursionError) as error:
             raise DataError(f"{self.path}: a damaged result: {error}") from None
 
     @contextmanager

@@ -9,6 +9,7 @@ import typer
 
 from lcorpp.cli import console, output_files
 from lcorpp.cli.options import common as options
+from lcorpp.cli.options.code import take_consent
 from lcorpp.cli.options.groups import take_options
 from lcorpp.cli.options.recordings import LabelOption, RecordingOptions, parse_written_labels
 from lcorpp.errors import DataError, FileError, expected_one_of
@@ -41,6 +42,7 @@ PathArgument = Annotated[
 
 
 @app.command()
+@take_consent
 def make(
     domain: options.DomainArgument = "intention",
     out: Annotated[

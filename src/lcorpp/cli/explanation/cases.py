@@ -40,14 +40,22 @@ def ask_case(
     for name in domain.observed:
         if name not in complete:
             values = domain.program.attributes[name].values
-            complete[name] = choose(values, f"What is the {name}?", show=console.out.print)
+            complete[name] = choose(values, f"What is the {name}?", ask=console.ask, show=console.out.print)
     labels = dict(predicted)
     for sense in senses:
         if sense.name not in labels:
             class_of = {label: name for name, label in sense.label_of.items()}
             question = f"What is the classifier's label ({sense.attribute})?"
-            labels[sense.name] = class_of[choose(tuple(class_of), question, show=console.out.print)]
-    return Case(complete, labels, ConsoleWorld(domain.pomdp.observations, show=console.out.print), None, None)
+            labels[sense.name] = class_of[
+                choose(tuple(class_of), question, ask=console.ask, show=console.out.print)
+            ]
+    return Case(
+        complete,
+        labels,
+        ConsoleWorld(domain.pomdp.observations, ask=console.ask, show=console.out.print),
+        None,
+        None,
+    )
 
 
 def simulate_case(

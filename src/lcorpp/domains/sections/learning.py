@@ -6,11 +6,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
+from lcorpp.domains.sections.files import find_file
 from lcorpp.domains.sections.names import check_defined, check_same_names, find_attribute_values
 from lcorpp.domains.sections.reasoning import ReasoningSection, read_value_mapping
 from lcorpp.domains.toml import TomlTable
 from lcorpp.errors import DataError, DomainError, expected_one_of
-from lcorpp.user_code import split_function
+from lcorpp.user_code import check_owner, split_function
 from lcorpp.values import EvidenceKind
 
 CLASSIFIERS = ("lstm", "lstm-fast", "summaries", "forest", "logistic", "minirocket", "channel")
@@ -135,7 +136,7 @@ def _read_sense(table: TomlTable, reasoning: ReasoningSection, folder: Path) -> 
         channels=table.names("channels", required=False),
         data_labels=data_labels,
         report_labels=_read_report_labels(table, of, classes, reasoning),
-        data=_find_file(table, "data", folder / table.text("data")) if "data" in table else None,
+        data=_find_existing(table, "data", folder) if "data" in table else None,
         seconds=table.number("seconds", MIN_INTERVAL, MAX_SECONDS) if "seconds" in table else None,
         rate=table.number("rate", 1 / MAX_SECONDS, MAX_RATE) if "rate" in table else None,
     )
@@ -175,8 +176,10 @@ def _read_classifier(table: TomlTable, folder: Path) -> str:
     name, location = table.text("classifier"), table.location("classifier")
     own = split_function(name)
     if own is not None:
-        return f"{_find_file(table, 'classifier', folder / own[0])}:{own[1]}"
-    if name not in CLASSIFIERS and ":" not in name:
+        return f"{_find_existing(table, 'classifier', folder, str(own[0]))}:{own[1]}"
+    if ":" in name:
+        check_owner(folder / "domain.toml", DomainError)  # it chooses a function of any installed module
+    elif name not in CLASSIFIERS:
         raise DomainError(
             f"{location}: unknown classifier {name!r}; {expected_one_of(CLASSIFIERS)}, or one of your own as"
             " FILE.py:FUNCTION or MODULE:FUNCTION"
@@ -192,8 +195,9 @@ def _read_evidence(table: TomlTable) -> EvidenceKind:
         raise DomainError(f"{table.location('evidence')}: {words}") from None
 
 
-def _find_file(table: TomlTable, key: str, path: Path) -> Path:
-    """Return a path that exists."""
+def _find_existing(table: TomlTable, key: str, folder: Path, name: str | None = None) -> Path:
+    """Return a path in the folder that exists."""
+    path = find_file(table, key, folder, name)
     if not path.exists():
         raise DomainError(f"{table.location(key)}: no file or folder {path}")
     return path

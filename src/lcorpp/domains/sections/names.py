@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Literal
 
 from lcorpp.errors import DomainError, NoValueError, TooLargeError, expected_one_of
-from lcorpp.files import read_text
+from lcorpp.files import open_text
 from lcorpp.planning import Pomdp
 from lcorpp.reasoning import Program
 
@@ -93,9 +93,10 @@ def locate_variable(pomdp: Pomdp, name: str) -> str:
 def _locate_line(file: str, pattern: str) -> str:
     """Return ``file:line`` of the first line that begins with a pattern, else the place of the model."""
     if Path(file).is_file():  # the place of a function is file:line already
-        for number, line in enumerate(read_text(file).splitlines(), 1):
-            if re.match(pattern, line):
-                return f"{file}:{number}"
+        with open_text(file) as lines:
+            for number, line in enumerate(lines, 1):
+                if re.match(pattern, line):
+                    return f"{file}:{number}"
     return file
 
 

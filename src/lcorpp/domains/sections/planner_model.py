@@ -7,12 +7,13 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from lcorpp.domains.sections.files import find_file, find_function
 from lcorpp.domains.sections.reasoning import ReasoningSection
 from lcorpp.domains.toml import TomlTable
 from lcorpp.errors import DomainError, ModelError
 from lcorpp.planning import Pomdp
 from lcorpp.planning.formats.model_file import read_model
-from lcorpp.user_code import UserFunction, split_function
+from lcorpp.user_code import UserFunction
 
 if TYPE_CHECKING:
     from lcorpp.planning import Factored
@@ -44,14 +45,14 @@ def read_planner_model(
 
 def _read_model(table: TomlTable, folder: Path, reasoning: ReasoningSection) -> tuple[Pomdp, Factored | None]:
     name = table.text("model")
-    parts = split_function(name)
+    parts = find_function(table, "model", folder)
     if parts is None and name.endswith(".py"):
         raise DomainError(f"{table.location('model')}: {name!r} names no function; expected {name}:NAME")
     if parts is None:
-        return read_model(folder / name)
+        return read_model(find_file(table, "model", folder))
     from lcorpp.planning import Factored, flatten  # files without variables do without
 
-    function = UserFunction(folder / parts[0], parts[1], DomainError)
+    function = UserFunction(*parts, DomainError)
     values = {shared: reasoning.program.attributes[shared].values for shared in reasoning.shared}
     model = function(values) if _has_parameter(function) else function()
     if isinstance(model, Pomdp):

@@ -9,6 +9,7 @@ from math import inf
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from lcorpp.domains.sections.files import find_file, find_function
 from lcorpp.domains.sections.names import check_declared
 from lcorpp.domains.sections.planner_model import read_planner_model
 from lcorpp.domains.sections.reasoning import ReasoningSection
@@ -16,7 +17,6 @@ from lcorpp.domains.sections.states import check_template, read_states
 from lcorpp.domains.toml import TomlTable
 from lcorpp.errors import DomainError, FileError, ModelError, expected_one_of
 from lcorpp.planning import Pomdp, SolverOptions
-from lcorpp.user_code import split_function
 from lcorpp.values import Array, SharedValue, format_value
 
 if TYPE_CHECKING:
@@ -63,8 +63,13 @@ class PlanningSection:
         return f"PlanningSection({self.pomdp!r}, reports: {', '.join(self.reports)})"
 
 
-def read_planning(table: TomlTable, folder: Path, reasoning: ReasoningSection) -> PlanningSection:
+def read_planning(
+    table: TomlTable, folder: Path, reasoning: ReasoningSection, *, own_solver: bool = True
+) -> PlanningSection:
     """Read the section and the POMDP.
+
+    Args:
+        own_solver: whether to load a solver of the folder; SARSOP takes its place.
 
     Raises:
         DomainError: the states do not match the shared variables, a name is unknown, or the user's function
@@ -73,7 +78,7 @@ def read_planning(table: TomlTable, folder: Path, reasoning: ReasoningSection) -
     pomdp, problem = read_planner_model(table, folder, reasoning)
     states = read_states(table, pomdp, problem, reasoning)
     reports = _read_reports(table, pomdp, reasoning)
-    solver = _read_solver(table, folder)
+    solver = _read_solver(table, folder, own_solver)
     phrases, utterances = _read_phrases(table, pomdp), _read_utterances(table, pomdp)
     recogniser = _read_recogniser(table, folder)
     table.reject_unknown_keys()
@@ -132,21 +137,23 @@ def _read_recogniser(table: TomlTable, folder: Path) -> Path | None:
     """Read `recogniser`, a file in the folder."""
     if "recogniser" not in table:
         return None
-    path = folder / table.text("recogniser")
+    path = find_file(table, "recogniser", folder)
     if not path.is_file():
         raise FileError(f"{table.location('recogniser')}: there is no file {path}")
     return path
 
 
-def _read_solver(table: TomlTable, folder: Path) -> SolverOptions:
+def _read_solver(table: TomlTable, folder: Path, own: bool) -> SolverOptions:
     """Read `solver`, a name or ``FILE.py:NAME`` in the folder, and its limits."""
     default = SolverOptions()
     name = table.text("solver", default.name)
-    parts = split_function(name)
+    parts = find_function(table, "solver", folder) if "solver" in table else None
     precision = table.number("precision", MIN_LIMIT, MAX_PRECISION, default.precision)
     time_limit = table.number("time_limit", MIN_LIMIT, inf, default.time_limit)
+    if parts and not own:
+        return SolverOptions(precision=precision, time_limit=time_limit)
     try:
-        return SolverOptions(f"{folder / parts[0]}:{parts[1]}" if parts else name, precision, time_limit)
+        return SolverOptions(f"{parts[0]}:{parts[1]}" if parts else name, precision, time_limit)
     except ModelError as error:
         raise DomainError(f"{table.location('solver')}: {error}") from None
 

@@ -8,6 +8,7 @@ from functools import cached_property
 from itertools import product
 from pathlib import Path
 
+from lcorpp.domains.sections.files import find_file
 from lcorpp.domains.sections.names import check_same_names, find_attribute_values
 from lcorpp.domains.toml import TomlTable
 from lcorpp.errors import DomainError, expected_one_of
@@ -72,7 +73,7 @@ def read_reasoning(table: TomlTable, folder: Path) -> ReasoningSection:
         DomainError: an attribute is not in the program, or a shared one is observed; or the shared ones have
             too many values.
     """
-    program = read_plog(folder / table.text("program"))
+    program = read_plog(find_file(table, "program", folder))
     key = "shared" if "shared" in table else "target"  # for one variable
     shared = table.names("shared") if key == "shared" else (table.text("target"),)
     observed = table.names("observed", required=False)

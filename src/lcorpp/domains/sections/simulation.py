@@ -10,6 +10,7 @@ import numpy as np
 
 from lcorpp.domains.own_world import OwnWorlds
 from lcorpp.domains.plugin import SimulationPlugin
+from lcorpp.domains.sections.files import find_file, find_function
 from lcorpp.domains.sections.learning import Sense
 from lcorpp.domains.sections.names import (
     check_declared,
@@ -24,7 +25,6 @@ from lcorpp.errors import DomainError
 from lcorpp.planning import Pomdp
 from lcorpp.protocols import World
 from lcorpp.reasoning import Program, read_plog
-from lcorpp.user_code import split_function
 from lcorpp.values import Array
 
 Simulate = Callable[[Sequence[Mapping[str, str]], np.random.Generator], Array]
@@ -81,19 +81,10 @@ def read_simulation(
     Raises:
         DomainError: the true program has other values than the robot's, or a name is unknown.
     """
-    program = read_plog(folder / table.text("truth")) if "truth" in table else reasoning.program
-    for name in dict.fromkeys([*reasoning.shared, *[sense.of for sense in senses], *reasoning.observed]):
-        values = find_attribute_values(table.location("truth"), name, program)
-        what = f"the values of {name} at {reasoning.locate(name)}"
-        location = f"{program.file}:{program.attributes[name].line}"
-        check_same_names(location, values, reasoning.program.attributes[name].values, what)
-    if program is not reasoning.program:
-        predicted = [sense.attribute for sense in senses if sense.attribute in program.attributes]
-        defined = (*reasoning.shared, *[sense.of for sense in senses], *predicted)
-        check_defined(table.location("truth"), defined, program)
+    program = read_truth(table, folder, reasoning, senses)
     plugin = None
     if "people" in table:
-        plugin = SimulationPlugin(folder / table.text("people"), [sense.name for sense in senses])
+        plugin = SimulationPlugin(find_file(table, "people", folder), [sense.name for sense in senses])
     feedback_model, hearing = _make_feedback_model(table, reasoning, planning)
     section = SimulationSection(
         true_program=program,
@@ -109,16 +100,37 @@ def read_simulation(
     return section
 
 
+def read_truth(
+    table: TomlTable, folder: Path, reasoning: ReasoningSection, senses: Sequence[Sense]
+) -> Program:
+    """Read the program from which people are drawn, by default the robot's.
+
+    Raises:
+        DomainError: it has other values than the robot's.
+    """
+    program = read_plog(find_file(table, "truth", folder)) if "truth" in table else reasoning.program
+    for name in dict.fromkeys([*reasoning.shared, *[sense.of for sense in senses], *reasoning.observed]):
+        values = find_attribute_values(table.location("truth"), name, program)
+        what = f"the values of {name} at {reasoning.locate(name)}"
+        location = f"{program.file}:{program.attributes[name].line}"
+        check_same_names(location, values, reasoning.program.attributes[name].values, what)
+    if program is not reasoning.program:
+        predicted = [sense.attribute for sense in senses if sense.attribute in program.attributes]
+        defined = (*reasoning.shared, *[sense.of for sense in senses], *predicted)
+        check_defined(table.location("truth"), defined, program)
+    return program
+
+
 def _read_world(
     table: TomlTable, folder: Path, plugin: SimulationPlugin | None
 ) -> Callable[[Mapping[str, str], np.random.Generator], World] | None:
     """Return the worlds of the key `world`, else of reaction() in people.py, else None."""
     if "world" not in table:
         return plugin.make_world if plugin and plugin.defines("reaction") else None
-    parts = split_function(table.text("world"))
+    parts = find_function(table, "world", folder)
     if parts is None:
         raise DomainError(f"{table.location('world')}: expected FILE.py:NAME, not {table.text('world')!r}")
-    return OwnWorlds(folder / parts[0], parts[1])
+    return OwnWorlds(*parts)
 
 
 def _make_feedback_model(

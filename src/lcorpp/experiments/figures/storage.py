@@ -76,7 +76,7 @@ def load_figure(folder: Path, name: str, options: FigureOptions) -> StoredFigure
         content = json.loads(read_text(path))
         if content["format"] != "lcorpp figure" or content["version"] != VERSION:
             raise ValueError(f"version {content['version']}, expected {VERSION}")
-    except (ValueError, KeyError, TypeError) as error:
+    except (ValueError, KeyError, TypeError, RecursionError) as error:
         raise DataError(f"{path}: not the description of a figure: {error}; expected another --out") from None
     if difference := _find_difference(content, options):
         raise DataError(

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from math import inf
+from pathlib import Path
 from typing import Any
 
 import lcorpp
@@ -189,13 +190,13 @@ def _load(problem: Problem, settings: list[Setting]) -> Domain:
             known = load_domain(
                 problem.domain,
                 preset=problem.preset,
-                changes=_nest({**paths, ("reasoning", "program"): setting.file}),
+                changes=_nest({**paths, ("reasoning", "program"): Path(setting.file)}),
             )
             domain = replace(known, simulation=domain.simulation)
     return domain
 
 
-def _nest(paths: Mapping[Axis, Value]) -> dict[str, Any]:
+def _nest(paths: Mapping[Axis, Value | Path]) -> dict[str, Any]:
     """Return dotted paths as nested tables."""
     tables: dict[str, Any] = {}
     for path, value in paths.items():

@@ -18,6 +18,7 @@ from lcorpp.experiments.robot_parts import hash_bytes
 from lcorpp.experiments.sweeps.axes import SECTIONS, Axis, Problem, Setting, Value, configure, list_axes
 from lcorpp.experiments.sweeps.changes import normalise_atom
 from lcorpp.files import read_bytes
+from lcorpp.input_files import is_inside
 
 RANGE = "{ from = 0.1, to = 0.4, count = 4 }"
 """An example of a range, for messages."""
@@ -172,7 +173,7 @@ def _make_setting(location: str, axis: Axis, value: Value, domain: Domain, folde
     if not isinstance(value, str):
         return Setting(axis, value)
     for place in (folder, domain.folder) if axis == ("knowledge",) else (domain.folder,):
-        if (file := place / value).is_file():
+        if (file := place / value).is_file() and is_inside(file, place):
             return Setting(axis, value, str(file.resolve()), hash_bytes(read_bytes(file)))
     if axis == ("knowledge",):
         raise DomainError(f"{location}: no file {folder / value} or {domain.folder / value}")

@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from lcorpp.archives import check_size
 from lcorpp.errors import DataError, expected_one_of
 
 SKOPS = "skops"
@@ -77,6 +78,7 @@ def load_step(name: str, content: npt.NDArray[np.uint8]) -> Any:
     except ModuleNotFoundError:
         raise DataError(f"step {name!r} was stored by skops: pip install 'lcorpp[skops]'") from None
     try:
+        check_size(content.tobytes())
         step = skops_io.loads(_rename(content.tobytes()), trusted=list(TRUSTED))
     except Exception as error:  # damaged content fails in many ways
         raise DataError(f"step {name!r} cannot be loaded: {error}") from None

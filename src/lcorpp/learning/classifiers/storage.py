@@ -11,10 +11,6 @@ from __future__ import annotations
 
 import io
 import json
-import struct
-import tokenize
-import zipfile
-import zlib
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +18,7 @@ import numpy as np
 import numpy.typing as npt
 from sklearn.pipeline import Pipeline
 
+from lcorpp.archives import DAMAGE_ERRORS, read_arrays
 from lcorpp.arguments import check_arguments
 from lcorpp.errors import DataError, expected_one_of
 from lcorpp.files import read_bytes, write_atomically
@@ -42,13 +39,6 @@ CALLBACK = "progress"
 
 STORED_NAMES = {"Motion": {"features": "channels"}, "QuadraticLogistic": {"C": "strength"}}
 """Kind of step -> parameter -> its name in files, if it has another one there."""
-
-DAMAGED = (
-    *(ValueError, LookupError, TypeError, AttributeError, ArithmeticError, RuntimeError, MemoryError),
-    *(EOFError, OSError, zipfile.BadZipFile, zlib.error, struct.error),
-    *(SyntaxError, tokenize.TokenError),  # numpy parses array headers as Python
-)
-"""What numpy, zipfile and json raise on invalid bytes."""
 
 
 @check_arguments
@@ -107,8 +97,7 @@ def load_classifier(path: str | Path) -> TrainedClassifier:
     """
     content = read_bytes(path)
     try:
-        with np.load(io.BytesIO(content), allow_pickle=False) as archive:
-            arrays = {name: archive[name] for name in archive.files}
+        arrays = read_arrays(content)
         header = json.loads(str(arrays.pop("classifier")))
         if header["format"] != FORMAT:
             raise DataError(f"its format is {header['format']!r}; expected {FORMAT!r}")
@@ -137,7 +126,7 @@ def load_classifier(path: str | Path) -> TrainedClassifier:
         return TrainedClassifier(Pipeline(steps), confusion, calibration, threshold, inputs, sets)
     except DataError as error:
         raise DataError(f"{path}: not a classifier that can be used: {error}") from None
-    except DAMAGED as error:
+    except DAMAGE_ERRORS as error:
         raise DataError(f"{path}: not a stored classifier, or a damaged one: {error}") from None
 
 

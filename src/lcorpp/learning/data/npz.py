@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import io
 import json
-import tokenize
-import zipfile
-import zlib
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
+from lcorpp.archives import DAMAGE_ERRORS, read_arrays
 from lcorpp.arguments import check_arguments
 from lcorpp.errors import DataError
 from lcorpp.files import read_bytes, write_atomically
@@ -21,12 +20,6 @@ from lcorpp.values import CHANNELS, Dataset, strip_padding
 
 FORMAT, VERSION = "lcorpp dataset", 1
 SUFFIX = ".npz"
-
-DAMAGE_ERRORS = (
-    *(ValueError, LookupError, TypeError, AttributeError, ArithmeticError, MemoryError, RuntimeError),
-    *(EOFError, OSError, zipfile.BadZipFile, zlib.error, SyntaxError, tokenize.TokenError),
-)
-"""Errors that numpy, zipfile and json raise for damaged files."""
 
 
 @check_arguments
@@ -54,9 +47,9 @@ def load_dataset(path: str | Path) -> Dataset:
     """
     content = read_bytes(path)
     try:
-        with np.load(io.BytesIO(content), allow_pickle=False) as archive:
-            header, tracks = json.loads(str(archive["dataset"])), archive["trajectories"]
-            weights = archive.get("weights", ())  # files of older versions have none
+        archive = read_arrays(content)
+        header, tracks = json.loads(str(archive["dataset"])), archive["trajectories"]
+        weights: Any = archive.get("weights", ())  # files of older versions have none
         if tracks.dtype.kind not in "fiu":
             raise DataError(f"its trajectories are {tracks.dtype}; expected numbers")
         for name in ("labels", "groups", "channels"):
@@ -79,9 +72,7 @@ def load_dataset(path: str | Path) -> Dataset:
     except DataError as error:
         raise DataError(f"{path}: not a data set that can be used: {error}") from None
     except DAMAGE_ERRORS as error:
-        # numpy would advise to allow pickle
-        reason = "it is no numpy archive" if "pickle" in str(error) else error
-        raise DataError(f"{path}: not a stored data set, or a damaged one: {reason}") from None
+        raise DataError(f"{path}: not a stored data set, or a damaged one: {error}") from None
 
 
 def to_recording(dataset: Dataset) -> Recording:

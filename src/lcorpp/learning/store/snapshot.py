@@ -266,7 +266,7 @@ def load_snapshot(path: Path) -> Snapshot:
             last = max(database.read_last_record(connection), *intact, 0)
     except sqlite3.OperationalError as error:
         raise FileError(f"{path}: cannot be read: {error}") from None
-    except (sqlite3.Error, DataError, ValueError) as error:
+    except (sqlite3.Error, DataError, ValueError, RecursionError) as error:
         raise DataError(f"{path}: a store whose header is damaged: {error}") from None
     known = sorted({0, last + 1, *(record for record in intact | damage.keys() if record <= last)})
     for before, after in pairwise(known):

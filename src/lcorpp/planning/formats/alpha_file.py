@@ -25,6 +25,9 @@ from lcorpp.values import Array
 MAX_ACTION_DIGITS = 9
 """Longest number of an action; a longer one exceeds the actions of any model that fits into memory."""
 
+MAX_FILE_BYTES = 2**32
+"""Maximum size of a file that is read."""
+
 MAX_BYTES = 200_000_000
 """Maximum estimated size of a policy with several vector sets when it is written over all states."""
 
@@ -112,7 +115,7 @@ def _read_alphas(path: str | Path, pomdp: Pomdp) -> Policy:
         message = f"the one that begins in line {begin} has {length} numbers, the model has {S} states"
         return make_error(line, 1, f"these vectors are for another model: {message}")
 
-    for line, text in enumerate(_LINE_END.split(read_text(path)), start=1):
+    for line, text in enumerate(_LINE_END.split(read_text(path, MAX_FILE_BYTES)), start=1):
         word = text.strip()
         if not word:
             # empty lines between an action and its first number are allowed

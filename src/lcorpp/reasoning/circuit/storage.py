@@ -12,10 +12,6 @@ from __future__ import annotations
 
 import io
 import json
-import struct
-import tokenize
-import zipfile
-import zlib
 from collections.abc import Mapping
 from decimal import Decimal
 from pathlib import Path
@@ -24,6 +20,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from lcorpp.archives import DAMAGE_ERRORS, read_arrays
 from lcorpp.errors import DataError, LcorppError
 from lcorpp.files import read_bytes, write_atomically
 from lcorpp.reasoning.circuit.circuit import Circuit
@@ -39,13 +36,6 @@ FORMAT, VERSION = "lcorpp circuit", 2
 
 MAX_WEIGHT = 1e100
 """Larger weights are not read; those of probabilities are at most 1."""
-
-DECODING_ERRORS = (
-    *(ValueError, LookupError, TypeError, AttributeError, ArithmeticError, RuntimeError, MemoryError),
-    *(EOFError, OSError, zipfile.BadZipFile, zlib.error, struct.error),
-    *(SyntaxError, tokenize.TokenError),  # numpy parses the headers of arrays as Python
-)
-"""The exceptions of numpy, zipfile and json for damaged files."""
 
 
 def save_circuit(circuit: Circuit, path: str | Path) -> None:
@@ -102,8 +92,7 @@ def load_circuit(path: str | Path) -> Circuit:
     """
     content = read_bytes(path)
     try:
-        with np.load(io.BytesIO(content), allow_pickle=False) as archive:
-            arrays = {name: archive[name] for name in archive.files}
+        arrays = read_arrays(content)
         head = json.loads(str(arrays.pop("circuit")))
         if head["format"] != FORMAT:
             raise DataError(f"its format is {head['format']!r}")
@@ -117,7 +106,7 @@ def load_circuit(path: str | Path) -> Circuit:
         return Circuit(program, head["inputs"], query, head["do"], layers)
     except LcorppError as error:
         raise DataError(f"{path}: not a circuit that can be used: {error}") from None
-    except DECODING_ERRORS as error:
+    except DAMAGE_ERRORS as error:
         raise DataError(f"{path}: not a stored circuit, or a damaged one: {error}") from None
 
 

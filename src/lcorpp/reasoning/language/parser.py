@@ -28,6 +28,9 @@ from lcorpp.reasoning.language.syntax import Expression, Query, Semantics, State
 if TYPE_CHECKING:
     from pathlib import Path
 
+MAX_PROGRAM_BYTES = 2**24
+"""Maximum size of a program's file; a program of this size would take hours to ground."""
+
 
 def read_plog(path: str | Path, *, semantics: Semantics | None = None, strict: bool = True) -> Program:
     """Read and check a P-log program.
@@ -41,7 +44,7 @@ def read_plog(path: str | Path, *, semantics: Semantics | None = None, strict: b
         ProgramError: a name, sort, arity or probability in it is wrong.
     """
     check_type(path, (str, PathLike), "path", ProgramError)
-    return parse_plog(read_text(path), file=str(path), semantics=semantics, strict=strict)
+    return parse_plog(read_text(path, MAX_PROGRAM_BYTES), file=str(path), semantics=semantics, strict=strict)
 
 
 def parse_plog(

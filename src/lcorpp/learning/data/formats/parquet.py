@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 
 from lcorpp.errors import DataError
-from lcorpp.files import open_text
+from lcorpp.files import MAX_MAPPED_BYTES
+from lcorpp.input_files import open_input
 from lcorpp.learning.data.csv_reader import BATCH_LINES, Progress, RowBatch
 from lcorpp.learning.data.formats.columns import (
     REQUIRED,
@@ -47,9 +48,9 @@ class ParquetFile(RowSource):
     def __init__(self, path: Path, repair_log: RepairLog, columns: Mapping[str, str] | None = None) -> None:
         super().__init__(path, repair_log)
         self._arrow = import_pyarrow()
-        open_text(path).close()  # a FileError if it cannot be read
+        file = open_input(path, MAX_MAPPED_BYTES)
         try:
-            self._table = self._arrow.parquet.ParquetFile(path)
+            self._table = self._arrow.parquet.ParquetFile(file)
         except (OSError, ValueError) as error:  # pyarrow's own errors are both
             raise DataError(f"{path}: not a Parquet file, or a damaged one: {error}") from None
         names = [name.strip().lower() for name in self._table.schema_arrow.names]
