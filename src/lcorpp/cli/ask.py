@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from lcorpp.cli.console import print_text
 from lcorpp.cli.options import common as options
 
 
@@ -85,6 +86,6 @@ def translate(
     with show_warnings():
         text = program_text(read_plog(file))
     if output is None:
-        typer.echo(text, nl=False)
+        print_text(text, end="")
     else:
         write_atomically(output, text)

@@ -74,6 +74,11 @@ def print_spans(*spans: str | tuple[str, int]) -> None:
     print(line, file=find_unescaped(stream), flush=True)
 
 
+def print_text(text: object, *, end: str = "\n", err: bool = False) -> None:
+    """Print a text, on standard error if `err`; rich takes longer to load."""
+    print(escape_controls(str(text)), end=end, file=sys.stderr if err else sys.stdout, flush=True)
+
+
 def print_json(record: object) -> None:
     """Print a line of JSON in ASCII, without control characters."""
     from json import dumps
@@ -135,7 +140,7 @@ def show_progress(
     )
     display = Progress(*columns, **_DISPLAY, console=err, disable=not err.is_terminal)
     with _print_above(display), display:
-        task = display.add_task(title, total=total, count="")
+        task = display.add_task(escape_controls(title), total=total, count="")
 
         def advance(done: int, total: int | None = None) -> None:
             count = "" if total is None else f"{done}/{total}{left()}"
@@ -171,9 +176,9 @@ def show_delayed_progress(title: str) -> Iterator[Callable[[float, str], None]]:
                 columns = (title_column, BarColumn(), text_column, TimeElapsedColumn())
                 display = Progress(*columns, **_DISPLAY, console=_console("err"))
                 stack.enter_context(_print_above(display))
-                stack.enter_context(display).add_task(title, total=1.0, text="")
+                stack.enter_context(display).add_task(escape_controls(title), total=1.0, text="")
             if display is not None:
-                display.update(display.task_ids[0], completed=share, text=text)
+                display.update(display.task_ids[0], completed=share, text=escape_controls(text))
 
         yield advance
 

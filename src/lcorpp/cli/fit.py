@@ -8,6 +8,7 @@ from typing import Annotated
 
 import typer
 
+from lcorpp.cli.console import print_text
 from lcorpp.cli.options import common as options
 from lcorpp.errors import FileError
 
@@ -75,7 +76,7 @@ def fit(
         raise KeyboardInterrupt("interrupted while fitting; nothing is written") from None
     fitted = result.rewrite(text)
     if output is None:
-        typer.echo(fitted, nl=False)
+        print_text(fitted, end="")
     else:
         write_atomically(output, fitted)
-    typer.echo(result, err=output is None)
+    print_text(result, err=output is None)

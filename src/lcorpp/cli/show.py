@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from lcorpp.cli import model_files, output_files
+from lcorpp.cli.console import print_text
 from lcorpp.cli.options import common as options
 from lcorpp.errors import FileError, ModelError
 from lcorpp.notebook import join_some
@@ -79,7 +80,7 @@ def show(
     if policy is None:
         _print_model(model, pomdp, problem)
         if write is not None:
-            typer.echo(f"wrote the model to {write}")
+            print_text(f"wrote the model to {write}")
         return
     loaded = model_files.read_policy(policy, pomdp, problem)
     chosen = _select_states(pomdp, states) if out is not None else ()
@@ -92,11 +93,11 @@ def show(
 
         draw = draw_line if len(chosen) == 2 else draw_triangle
         save_figure(draw(pomdp, loaded, chosen, title=title), out)
-        typer.echo(f"drew {', '.join(chosen)} in {out}")
+        print_text(f"drew {', '.join(chosen)} in {out}")
     if graph is not None:
         _write_graph(pomdp, loaded, title, graph)
     if write is not None:
-        typer.echo(f"wrote the model to {write}")
+        print_text(f"wrote the model to {write}")
 
 
 def _print_model(model: Path, pomdp: Pomdp, problem: Factored | None) -> None:
@@ -105,7 +106,7 @@ def _print_model(model: Path, pomdp: Pomdp, problem: Factored | None) -> None:
 
     from lcorpp.planning.sarsop.kernels import build_model, load_kernels
 
-    typer.echo(f"{model}")
+    print_text(f"{model}")
     if problem is not None:
         parts = (f"{v.name} ({len(v.values)}{', observed' if v.observed else ''})" for v in problem.states)
         _print_fact("variables", ", ".join(parts))
@@ -139,7 +140,7 @@ def _describe_start(pomdp: Pomdp) -> str:
 
 def _print_policy(policy: Path, pomdp: Pomdp, loaded: Policy) -> None:
     used = sorted(set(loaded.actions.tolist()))
-    typer.echo(f"{policy}")
+    print_text(f"{policy}")
     sets = "" if loaded.covers_all_states else f" in {len(loaded.vector_sets)} sets"
     _print_fact("vectors", f"{len(loaded)}{sets}")
     _print_fact("actions", join_some([pomdp.actions[action] for action in used], MAX_NAMES))
@@ -148,7 +149,7 @@ def _print_policy(policy: Path, pomdp: Pomdp, loaded: Policy) -> None:
 
 
 def _print_fact(name: str, text: str) -> None:
-    typer.echo(f"  {name:<13} {text}")
+    print_text(f"  {name:<13} {text}")
 
 
 def _select_states(pomdp: Pomdp, states: str | None) -> tuple[str, ...]:
@@ -186,4 +187,4 @@ def _write_graph(pomdp: Pomdp, policy: Policy, title: str, out: Path) -> None:
 
         save_figure(draw_graph(graph, title=title), out)
     more = "" if graph.complete.all() else ", incomplete"
-    typer.echo(f"wrote the policy's graph to {out}: {len(graph)} nodes{more}")
+    print_text(f"wrote the policy's graph to {out}: {len(graph)} nodes{more}")

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from lcorpp.cli import model_files
+from lcorpp.cli.console import print_text
 from lcorpp.cli.options import common as options
 from lcorpp.errors import PolicyError
 
@@ -59,22 +60,22 @@ def simulate(
     for number, episode in enumerate(result.traces, start=1):
         _print_episode(pomdp, number, episode)
     low, high = result.interval.low, result.interval.high
-    typer.echo(f"{model.name}: {trials} episodes of at most {max_steps} steps, seed {seed}")
+    print_text(f"{model.name}: {trials} episodes of at most {max_steps} steps, seed {seed}")
     interval = f"   95% interval [{low:.6g}, {high:.6g}]" if trials > 1 else "   (one episode: no interval)"
-    typer.echo(f"  mean discounted reward   {result.mean:.6g}{interval}")
+    print_text(f"  mean discounted reward   {result.mean:.6g}{interval}")
     claim = tested.value(pomdp.start)
-    typer.echo(f"  policy's lower bound     {claim:.6g}{_describe_horizon(tested)}")
+    print_text(f"  policy's lower bound     {claim:.6g}{_describe_horizon(tested)}")
     bounds = f"[{value.lower:.6g}, {value.upper:.6g}]"
-    typer.echo(f"  policy's value           {bounds}, evaluated on {value.beliefs} beliefs")
+    print_text(f"  policy's value           {bounds}, evaluated on {value.beliefs} beliefs")
     comparison = _compare(result, value) if trials > 1 else None
     if comparison is not None:
-        typer.echo(f"  {comparison}")
+        print_text(f"  {comparison}")
     if result.unfinished:
         min_change, max_change = result.truncation
         change = f"truncation changes the mean by {min_change:.4g} to {max_change:.4g}"
-        typer.echo(f"  {result.unfinished} episodes were cut off; {change}")
+        print_text(f"  {result.unfinished} episodes were cut off; {change}")
     speed = result.steps / max(result.seconds, 1e-9)
-    typer.echo(f"  {result.steps} steps in {result.seconds:.2f} s: {speed:.3g} steps per second")
+    print_text(f"  {result.steps} steps in {result.seconds:.2f} s: {speed:.3g} steps per second")
     if tested.horizon is None:
         _check_claim(policy, claim, result, value)
 
@@ -105,7 +106,7 @@ def _check_claim(policy: Path, claim: float, result: SimulationResult, value: Ev
     if limit < claim - tolerance:
         raise PolicyError(f"{start} {limit:.6g}, by the simulation, with confidence {100 * CONFIDENCE:.6g}%")
     if result.interval.high + result.truncation[1] < claim - tolerance:
-        typer.echo("  the interval is below the policy's lower bound, maybe by chance; more trials decide")
+        print_text("  the interval is below the policy's lower bound, maybe by chance; more trials decide")
 
 
 def _find_max_steps(pomdp: Pomdp) -> int:
@@ -144,12 +145,12 @@ def _print_episode(pomdp: Pomdp, number: int, episode: Trace) -> None:
         discount *= pomdp.discount
         names = (pomdp.states[episode.states[step]], pomdp.actions[action], pomdp.observations[observation])
         rows.append((str(step + 1), *names, f"{reward:g}", f"{total:.6g}"))
-    typer.echo(f"episode {number}")
+    print_text(f"episode {number}")
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     for row in rows:
         cells = (
             f"{cell:>{width}}" if column in (0, 4, 5) else f"{cell:<{width}}"
             for column, (cell, width) in enumerate(zip(row, widths, strict=True))
         )
-        typer.echo(("  " + "  ".join(cells)).rstrip())
-    typer.echo(f"  ends in {pomdp.states[episode.states[-1]]}\n")
+        print_text(("  " + "  ".join(cells)).rstrip())
+    print_text(f"  ends in {pomdp.states[episode.states[-1]]}\n")

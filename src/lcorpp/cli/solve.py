@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from lcorpp.cli import console, model_files, output_files
+from lcorpp.cli.console import print_text
 from lcorpp.cli.options import common as options
 
 if TYPE_CHECKING:
@@ -101,25 +102,25 @@ def solve(
     policies = [solution.policy] if horizon is None else solution.policies
     for write, policy in zip(writers, policies, strict=True):
         write(policy)
-    typer.echo(
+    print_text(
         f"{problem.name}: lower {solution.lower:.6f}, upper {solution.upper:.6f},"
         f" gap {solution.upper - solution.lower:.6f} at the start belief"
     )
     count = sum(map(len, policies))
     written = f"{out}" if horizon is None else f"{files[0]} to {files[-1].name}, for the remaining steps"
-    typer.echo(f"{solution.reason} after {solution.seconds:.2f} s; wrote {count} vectors to {written}")
+    print_text(f"{solution.reason} after {solution.seconds:.2f} s; wrote {count} vectors to {written}")
     if plot is not None:
         from lcorpp.planning import draw_bounds
         from lcorpp.plot_style import save_figure
 
         save_figure(draw_bounds(solution.history, title=problem.name), plot)
-        typer.echo(f"drew the bounds in {plot}")
+        print_text(f"drew the bounds in {plot}")
     if check or check_time is not None:
         from lcorpp.planning import certificate
 
         with console.show_delayed_progress("checking the bounds") as advance:
             checked = certificate(solution, time_limit=check_time, callback=advance)
-        typer.echo(checked.text)
+        print_text(checked.text)
         if checked.verdict == "refuted":
             raise typer.Exit(1)
 

@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from lcorpp.cli import console
+from lcorpp.cli.console import print_text
 from lcorpp.cli.logs import common
 from lcorpp.errors import FileError
 
@@ -55,7 +56,7 @@ def audit(
     people = read_people(log, folder=domain, strategy=strategy)
     with console.show_progress("fitting numbers") as advance:
         result = audit_people(people, advance, given=given)
-    typer.echo(format_audit(result))
+    print_text(format_audit(result))
     if output is not None:
         write_atomically(output, format_patch(result))
     if figure is not None:
@@ -65,4 +66,4 @@ def audit(
         save_figure(plot_audit(result), figure)
     written = [str(path) for path in (output, figure) if path is not None]
     if written:
-        typer.echo("wrote " + ", ".join(written))
+        print_text("wrote " + ", ".join(written))
