@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
     from _typeshed import WriteableBuffer
 
-MAX_PIPE_BYTES = 2**28
+MAX_PIPE_BYTES = 2**30
 """Maximum content of a pipe, which is copied to a temporary file."""
 
 MAX_WAIT_SECONDS = 10.0
