@@ -22,6 +22,23 @@ from lcorpp.values import (
 )
 
 
+def test_effective_cases_of_a_confusion_matrix():
+    """By default the sums of the rows; JSON keeps them; each rate shares its own."""
+    counts = np.array([[30.0, 10], [5, 15]])
+    plain = ConfusionMatrix(("a", "b"), counts)
+    assert plain.effective_counts.tolist() == [[[30, 10], [10, 30]], [[5, 15], [15, 5]]]
+    assert "effective_cases" not in plain.to_json()
+    fewer = ConfusionMatrix(("a", "b"), counts, np.array([[20.0, 8], [0, 20]]))
+    assert fewer.effective_counts.tolist() == [[[15, 5], [2, 6]], [[0, 0], [15, 5]]]
+    assert fewer.rates() == plain.rates()
+    for own in (plain, fewer):
+        again = ConfusionMatrix.from_json(own.to_json())
+        assert again.to_json() == own.to_json()
+    for wrong in ([[41, 8], [0, 20]], [[-1, 8], [0, 20]], [[np.nan, 8], [0, 20]], [[1, 2]]):
+        with pytest.raises(DataError, match=r"from 0 to the sums of its rows, \[40.0, 20.0\]; not"):
+            ConfusionMatrix(("a", "b"), counts, np.array(wrong))
+
+
 def test_distribution():
     d = Distribution(("a", "b"), np.array([0.25, 0.75]))
     assert (d["a"], d.most_likely(), dict(d)) == (0.25, "b", {"a": 0.25, "b": 0.75})

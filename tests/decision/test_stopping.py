@@ -67,6 +67,31 @@ def test_the_interval_covers_the_true_change_at_least_as_often_as_it_states(rate
     assert hits >= 106
 
 
+def test_estimated_classes_widen_the_interval_like_fewer_cases():
+    """Half the effective cases are half the counts; with different cases in a row the mean variance counts."""
+    halves = [
+        ConfusionMatrix(own.classes, own.counts, own.counts.sum(axis=1, keepdims=True) / 2 * np.ones((2, 2)))
+        for own in (FIRST, SECOND)
+    ]
+    plain = compute_change(*(matrix(own.counts / 2) for own in (FIRST, SECOND)), 0.95)
+    change = compute_change(*halves, 0.95)
+    assert change.estimate == compute_change(FIRST, SECOND, 0.95).estimate
+    assert change.high - change.estimate == pytest.approx(plain.high - plain.estimate, abs=1e-9)
+    rates = np.array([[60.0, 20, 20], [20, 60, 20], [20, 20, 60]])
+    cases = np.array([[40.0, 80, 80]] * 3)
+    spread = np.array([0.24, 0.16, 0.16])
+    same = spread.sum() / (spread / [40, 80, 80]).sum()
+    uneven = compute_change(matrix(rates), ConfusionMatrix(CLASSES, rates, cases), 0.95)
+    uneven_off = compute_change(
+        matrix(rates), ConfusionMatrix(CLASSES, rates, np.array([[40, 80, 80], [80, 40, 80], [80, 80, 40]])), 0.95
+    )
+    even = compute_change(matrix(rates), matrix(rates / 100 * same), 0.95)
+    assert uneven_off.high == pytest.approx(even.high - even.estimate, rel=0.02)
+    assert uneven.high > compute_change(matrix(rates), matrix(rates), 0.95).high
+    unknown = ConfusionMatrix(FIRST.classes, FIRST.counts, np.zeros((2, 2)))
+    assert compute_change(unknown, SECOND, 0.95).high > 2
+
+
 def test_rates_before_the_first_training_are_uniform_and_unknown():
     change = compute_change(matrix(np.zeros((2, 2))), SECOND, 0.95)
     assert change.estimate == compute_ssub(np.full((2, 2), 0.5), SECOND.probabilities)

@@ -1,12 +1,15 @@
 """Reports that may be wrong: classes and error rates from the answers, with domains of several kinds."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from lcorpp import load_domain
 from lcorpp.errors import DataError
 from lcorpp.experiments.active_learning.corrected_labels import correct_labels
-from lcorpp.values import Dataset, LabelEvidence
+from lcorpp.learning import estimate_rates
+from lcorpp.values import ConfusionMatrix, Dataset, LabelEvidence
 from tests.domains.deliveries import VARIABLES, write_learning_domain
 
 CLASSES = ("interested", "not_interested")
@@ -85,6 +88,54 @@ def test_labels_by_persons_are_certain_and_say_how_good_the_classifier_is(intent
     np.testing.assert_allclose(found, expected, atol=0.02)
     alone = correct_labels(intention, "motion", dataset.take(range(500)), predictions[:500])
     assert alone.confusion.counts.tolist() == count(true[:500], predictions[:500]).tolist()
+
+
+def test_certain_labels_count_fully_and_uncertain_ones_less(intention):
+    _, dataset, predictions = make_reports(300, error=0.3, certain=300)
+    known = correct_labels(intention, "motion", dataset, predictions).confusion
+    np.testing.assert_allclose(known.effective_cases, known.counts.sum(axis=1, keepdims=True) * np.ones((2, 2)))
+    plain = ConfusionMatrix(known.classes, known.counts)
+    for own, other in zip(estimate_rates(known), estimate_rates(plain), strict=True):
+        assert [rate.interval.low for rate in own] == pytest.approx([rate.interval.low for rate in other])
+    shares = []
+    for error in (0.1, 0.2, 0.3, 0.4):
+        _, dataset, predictions = make_reports(300, error=error, seed=1)
+        matrix = correct_labels(intention, "motion", dataset, predictions).confusion
+        shares.append(matrix.effective_cases / matrix.counts.sum(axis=1, keepdims=True))
+        widths = [rate.interval.high - rate.interval.low for row in estimate_rates(matrix) for rate in row]
+        certain = estimate_rates(ConfusionMatrix(matrix.classes, matrix.counts))
+        assert (
+            np.array(widths) > [rate.interval.high - rate.interval.low for row in certain for rate in row]
+        ).all()
+    assert (np.diff([share.mean() for share in shares]) < 0).all()
+    assert shares[0].min() > 0.6
+    assert shares[2].max() < 0.6
+
+
+def test_the_weight_of_a_case_counts(intention):
+    _, dataset, predictions = make_reports(60, error=0.2)
+    weights = np.where(np.arange(60) % 3, 1.0, 2.0)
+    twice = np.repeat(np.arange(60), weights.astype(int))
+    weighted = correct_labels(intention, "motion", replace(dataset, weights=weights), predictions).confusion
+    repeated = correct_labels(
+        intention, "motion", dataset.take(twice), [predictions[row] for row in twice]
+    ).confusion
+    np.testing.assert_allclose(weighted.counts, repeated.counts, atol=1e-4)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("n", [200, 1000])
+@pytest.mark.parametrize("error", [0.1, 0.2, 0.3])
+def test_intervals_cover_the_true_rates(intention, n, error):
+    """300 data sets: of 600 intervals 95 % contain the true rate, with three standard errors of .9 points."""
+    hits = 0
+    for seed in range(300):
+        _, dataset, predictions = make_reports(n, error, seed=[seed, n])
+        rates = estimate_rates(correct_labels(intention, "motion", dataset, predictions).confusion)
+        for row, true in enumerate((0.8, 0.7)):
+            interval = rates[row][row].interval
+            hits += interval.low <= true <= interval.high
+    assert 0.923 < hits / 600 < 0.977
 
 
 def test_perfect_answers_are_hard_labels(intention):

@@ -158,11 +158,16 @@ def test_the_evidence_of_stored_labels_is_that_of_the_decisions(opened, ended, p
 def test_both_matrices_are_restored_from_the_checkpoint(opened):
     run_store = opened()
     trained, _ = learn("walk", DATA)
-    sense = TrainedSense(trained, MATRIX, MATRIX, ConfusionMatrix(CLASSES, MATRIX.counts + 1))
+    fewer = ConfusionMatrix(CLASSES, MATRIX.counts, MATRIX.counts.sum(axis=1, keepdims=True) / [2, 4])
+    before = ConfusionMatrix(CLASSES, MATRIX.counts, fewer.effective_cases / 2)
+    sense = TrainedSense(trained, fewer, before, ConfusionMatrix(CLASSES, MATRIX.counts + 1))
     run_store.save_checkpoint(Batch(0, {"walk": DATA}, {"walk": sense}, (), (), {}, False), [])
     again = opened().resume(never).senses["walk"]
     assert again.confusion.counts.tolist() == MATRIX.counts.tolist()
+    assert again.confusion.effective_cases.tolist() == fewer.effective_cases.tolist()
+    assert again.previous.effective_cases.tolist() == before.effective_cases.tolist()
     assert again.against_reports.counts.tolist() == (MATRIX.counts + 1).tolist()
+    assert again.against_reports.effective_cases is None
 
 
 @pytest.mark.parametrize("evidence", ["soft", "set"])

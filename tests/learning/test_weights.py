@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from sklearn.linear_model import LogisticRegression, RidgeClassifier
@@ -10,12 +12,18 @@ from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import StandardScaler
 
 from lcorpp.errors import DataError
+from lcorpp.experiments.early_decision.stream_model import fit_stream_model
 from lcorpp.learning import (
     LstmClassifier,
     build_report,
+    calibrate_prefixes,
+    cross_calibrate,
     cross_validate,
+    fit_prefix_sets,
+    fit_trigger,
     learner,
     load_dataset,
+    measure_leakage,
     save_dataset,
     train,
     train_and_validate,
@@ -23,7 +31,9 @@ from lcorpp.learning import (
 from lcorpp.learning.classifiers.registry import LEARNERS, check_weighted
 from lcorpp.learning.contract import SigmoidScores, accepts_weights
 from lcorpp.learning.evaluation.calibration import fit_calibration
+from lcorpp.learning.evaluation.metrics import compute_auc
 from lcorpp.learning.label_noise.uncertain_labels import split_by_class
+from lcorpp.learning.streaming.timeline import PredictionTimeline
 from lcorpp.values import Dataset
 
 KNOWN = "expected one of lstm, lstm-fast, summaries, forest, logistic"
@@ -89,6 +99,65 @@ def test_confusion_matrix_auc_and_calibration_count_by_weight():
     total = sum(weight for weight, _ in pairs)
     assert validation.auc == pytest.approx(sum(weight * won for weight, won in pairs) / total)
     assert validation.with_predictions(data.labels).confusion.counts.sum() == doubled().sum()
+
+
+def test_cross_calibration_counts_by_weight_as_the_calibration_of_the_classifier():
+    """Positive cases of weight 10: the weighted mean of calibrated probabilities is their weighted share."""
+    data = replace(table(), weights=np.where(np.arange(200) % 2, 10.0, 1.0))
+    classifier, validation = train_and_validate(learner("logistic", kind="table"), data)
+    means = [
+        float(np.average(p[:, 1], weights=data.weights))
+        for p in (cross_calibrate(validation), classifier.calibration.calibrate(validation.probabilities))
+    ]
+    assert means == pytest.approx([10 / 11, 10 / 11], abs=0.02)
+    rest = np.array(validation.folds) != 0
+    fold = fit_calibration(
+        validation.classes,
+        validation.probabilities[rest],
+        np.array(data.labels)[rest].tolist(),
+        data.weights[rest],
+    )
+    expected = fold.calibrate(validation.probabilities[~rest])
+    np.testing.assert_allclose(cross_calibrate(validation)[~rest], expected)
+
+
+def test_leakage_counts_by_weight():
+    """The end position shows the class of the light cases only."""
+    rng = np.random.default_rng(0)
+    tracks, is_second = rng.normal(size=(120, 2, 12)), np.arange(120) % 2
+    light = np.arange(120) < 60
+    tracks[:, 0, -1] += 6 * is_second * light
+    labels = tuple("ab"[k] for k in is_second)
+    scores = [
+        {score.name: score for score in measure_leakage(Dataset(tracks, labels, weights=weights), n_splits=1)}
+        for weights in (np.ones(120), np.where(light, 1e-6, 1.0))
+    ]
+    plain, weighted = (each["end position"] for each in scores)
+    assert plain.is_suspicious
+    assert not weighted.is_suspicious
+    assert weighted.auc.high < plain.auc.estimate
+
+
+def test_timelines_count_by_weight_and_triggers_refuse_weights():
+    weights = np.where(np.arange(40) % 3, 1.0, 2.0)
+    rng = np.random.default_rng(0)
+    is_second = np.arange(40) % 2
+    scores = np.clip(0.5 + 0.15 * (2 * is_second - 1) + rng.normal(0, 0.2, 40), 0.01, 0.99)
+    probabilities = np.stack([1 - scores, scores], axis=1)[:, None]
+    folds = tuple((np.arange(40) // 2 % 4).tolist())
+    labels = tuple("ab"[k] for k in is_second)
+    groups = tuple(map(str, range(40)))
+    made = {"labels": labels, "classes": ("a", "b"), "interval": 0.1, "folds": folds, "groups": groups}
+    timeline = PredictionTimeline(probabilities, (2,), **made, weights=weights)
+    assert timeline.take([0, 1]).weights.tolist() == [2, 1]
+    assert timeline.auc_at(1.0) == compute_auc(scores, is_second == 1, weights[None])[0]
+    fit = fit_calibration(("a", "b"), probabilities[:, 0], labels, weights)
+    assert calibrate_prefixes(timeline).at(2).slope == pytest.approx(fit.slope)
+    assert calibrate_prefixes(timeline).at(2).shares.tolist() == fit.shares.tolist()
+    assert fit_prefix_sets(timeline).at(2).counts.sum() == pytest.approx(weights.sum())
+    for refuse, name in ((fit_trigger, "a trigger"), (fit_stream_model, "a stream model")):
+        with pytest.raises(DataError, match=f"{name} is of cases of weight 1; these are weighted"):
+            refuse(timeline)
 
 
 def test_copies_of_an_uncertain_person_stay_in_one_fold():

@@ -68,10 +68,23 @@ def compute_change(before: ConfusionMatrix, after: ConfusionMatrix, confidence: 
     estimate = compute_ssub(before.probabilities, after.probabilities)
     if confidence == 0:
         return Interval(estimate, estimate, estimate, 0.0)
-    counts = tuple(before.counts.ravel().tolist()), tuple(after.counts.ravel().tolist())
-    radius = _find_radius(*counts, len(before.classes), confidence)
+    counts = tuple(tuple(_find_row_counts(own).ravel().tolist()) for own in (before, after))
+    radius = _find_radius(counts[0], counts[1], len(before.classes), confidence)
     highest = 2.0 * len(before.classes)
     return Interval(estimate, max(0.0, estimate - radius), min(highest, estimate + radius), confidence)
+
+
+def _find_row_counts(confusion: ConfusionMatrix) -> Array:
+    """Return counts (n, n) of known classes whose rates are as uncertain: the mean variance of a row is equal."""
+    own, others = np.moveaxis(confusion.effective_counts, 2, 0)
+    cases = np.maximum(own + others, np.finfo(float).tiny)
+    shares = own / cases
+    spread = shares * (1 - shares)  # of one case: the variance of a rate is spread / cases
+    known = (spread / cases).sum(axis=1) > 0
+    by_row = np.divide(
+        spread.sum(axis=1), (spread / cases).sum(axis=1), out=cases.min(axis=1), where=known
+    )
+    return np.asarray(shares * by_row[:, None])
 
 
 @check_arguments

@@ -244,14 +244,14 @@ def _describe_domain(domain: Domain) -> dict[str, Any]:
 def _describe_classifier(part: ClassifierPart) -> dict[str, Any]:
     content: dict[str, Any] = {"source": part.source, "fingerprint": part.fingerprint, "soft": part.soft}
     if part.confusion is not None:
-        content |= {"classes": part.confusion.classes, "counts": part.confusion.counts.tolist()}
+        content |= part.confusion.to_json()
     return content
 
 
 def _read_classifier(content: Json) -> ClassifierPart:
     confusion = None
     if "counts" in content:
-        confusion = ConfusionMatrix(tuple(content["classes"]), content["counts"])
+        confusion = ConfusionMatrix.from_json(content)
     return ClassifierPart(content["source"], content["fingerprint"], confusion, content["soft"])
 
 

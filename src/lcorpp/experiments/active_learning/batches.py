@@ -125,8 +125,11 @@ def make_row(batch: Batch, scores: Scores | None) -> Row:
 
 
 def _describe_matrices(sense: TrainedSense) -> dict[str, Any]:
-    """Return the counts, true class by predicted class; `against_reports` if the labels are corrected."""
-    described = {"classes": sense.confusion.classes, "in_rules": sense.confusion.counts.tolist()}
+    """Return the counts, true class by predicted class; more if the labels are corrected."""
+    matrix = sense.confusion.to_json()
+    described = {"classes": sense.confusion.classes, "in_rules": matrix["counts"]}
+    if "effective_cases" in matrix:
+        described["effective_cases"] = matrix["effective_cases"]
     if sense.against_reports is not None:
         described["against_reports"] = sense.against_reports.counts.tolist()
     return described

@@ -89,9 +89,9 @@ class CheckpointFolder:
         sync_folder(self._path)
         described = {
             name: {
-                "classes": sense.confusion.classes,
-                "counts": sense.confusion.counts.tolist(),
+                **sense.confusion.to_json(),
                 "previous": sense.previous.counts.tolist(),
+                "previous_effective_cases": sense.previous.to_json().get("effective_cases"),
                 "against_reports": sense.against_reports and sense.against_reports.counts.tolist(),
                 "records": records[name],
                 "classifier": self._write_classifier(sense.classifier, number),
@@ -203,8 +203,12 @@ class CheckpointFolder:
 
 def _read_matrix(sense: Mapping[str, Any], name: str | None) -> ConfusionMatrix:
     """Return a matrix of a sense, without counts if it has no name."""
-    counts = np.array(sense[name]) if name else np.zeros_like(np.array(sense["counts"]))
-    return ConfusionMatrix(tuple(sense["classes"]), counts)
+    counts = sense[name] if name else np.zeros_like(np.array(sense["counts"]))
+    prefix = "previous_" if name == "previous" else ""
+    cases = None if name == "against_reports" else sense.get(f"{prefix}effective_cases")
+    return ConfusionMatrix.from_json(
+        {"classes": sense["classes"], "counts": counts, "effective_cases": cases}
+    )
 
 
 def _check_states(session: dict[str, Any] | None) -> Json | None:

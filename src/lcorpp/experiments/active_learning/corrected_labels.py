@@ -13,7 +13,7 @@ from lcorpp.errors import DataError, expected_one_of
 from lcorpp.learning.label_noise.dawid_skene import AnswerSource, estimate_classes
 from lcorpp.values import Array, ConfusionMatrix, Dataset, Indices, LabelEvidence
 
-MODEL_WEIGHT, MATRIX_WEIGHT = 20.0, 10.0
+MODEL_WEIGHT, MATRIX_WEIGHT = 8.0, 1.0
 """The planner's observation model counts like this many answers to each action by people of each value, and
 the confusion matrix against the reports like this many people of each class. Few answers leave the rates of
 errors nearly open: the classes would follow the classifier, which would seem better than it is."""
@@ -65,20 +65,25 @@ def correct_labels(
     rows, evidence = [row for row, _ in uncertain], [own for _, own in uncertain]
     certain_weights = np.where([own is None for own in dataset.evidence], dataset.weights, 0)
     known = (labels * certain_weights[:, np.newaxis]).T @ predicted
-    against_reports = labels.T @ predicted + np.eye(len(classes)) + 0.5
+    weighted = labels * dataset.weights[:, np.newaxis]
+    against_reports = weighted.T @ predicted + np.eye(len(classes)) + 0.5
     against_reports /= against_reports.sum(axis=1, keepdims=True)
     sources = [
         *_find_answers(domain, evidence),
-        *_find_reports(evidence, labels[rows], class_of, classes),
+        *_find_reports(evidence, labels[rows], dataset.weights[rows], class_of, classes),
         AnswerSource(predicted[rows], class_of, known + MATRIX_WEIGHT * against_reports),
     ]
     facts = [str(sorted(own.context.items())) for own in evidence]
     contexts = np.unique(np.array(facts, dtype=str), return_inverse=True)[1]
-    estimate = estimate_classes(sources, contexts, len(class_of))
+    estimate = estimate_classes(sources, contexts, len(class_of), dataset.weights[rows])
     distributions: list[Mapping[str, float] | None] = [None] * len(dataset)
     for row, probabilities in zip(rows, estimate.posteriors @ np.eye(len(classes))[class_of], strict=True):
         distributions[row] = _drop_improbable(classes, probabilities)
-    return CorrectedLabels(tuple(distributions), ConfusionMatrix(classes, known + estimate.counts[-1]))
+    counts, matrix = known + estimate.counts[-1], estimate.matrices[-1]
+    # a Beta distribution whose logit has the estimated variance; its last case is the pseudo-counts
+    cases = matrix * (1 - matrix) / estimate.variances[-1] - MATRIX_WEIGHT
+    effective = np.clip(cases, 0, counts.sum(axis=1, keepdims=True))
+    return CorrectedLabels(tuple(distributions), ConfusionMatrix(classes, counts, effective))
 
 
 def _find_answers(domain: Domain, evidence: Sequence[LabelEvidence]) -> list[AnswerSource]:
@@ -111,7 +116,11 @@ def _find_answers(domain: Domain, evidence: Sequence[LabelEvidence]) -> list[Ans
 
 
 def _find_reports(
-    evidence: Sequence[LabelEvidence], reports: Array, class_of: Indices, classes: Sequence[str]
+    evidence: Sequence[LabelEvidence],
+    reports: Array,
+    weights: Array,
+    class_of: Indices,
+    classes: Sequence[str],
 ) -> list[AnswerSource]:
     """Return the reports (cases, classes) as answers, for cases whose answers are not known."""
     is_asked = any(own.answers for own in evidence)
@@ -119,7 +128,7 @@ def _find_reports(
     if not used.any():
         return []
     beliefs = np.array([[own.belief.get(name, 0.0) for name in classes] for own in evidence])
-    trust = float((beliefs * reports)[used].sum() / used.sum())
+    trust = float(np.average((beliefs * reports)[used].sum(axis=1), weights=weights[used]))
     n = len(classes)
     model = np.full((n, n), (1 - trust) / (n - 1)) + np.eye(n) * (trust - (1 - trust) / (n - 1))
     return [AnswerSource(reports * used[:, None], class_of, MODEL_WEIGHT * model + 0.5)]

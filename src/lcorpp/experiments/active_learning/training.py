@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from contextlib import AbstractContextManager
+from dataclasses import replace
 
 import numpy as np
 
@@ -82,7 +83,7 @@ class SenseTrainer:
         predictions = [second.predictions[row] for row in rows]
         confusion = correct_labels(self._domain, name, dataset, predictions).confusion
         reported = count_confusion(confusion.classes, dataset.labels, predictions, dataset.weights)
-        return Training(self._finish(name, trained), confusion, reported)
+        return Training(self._finish(name, replace(trained, confusion=confusion)), confusion, reported)
 
     def _is_trainable(self, name: str, dataset: Dataset) -> bool:
         """Return whether a sense that began without data has enough; initial data are checked elsewhere."""

@@ -143,10 +143,11 @@ def fit_stream_model(
         bins: of each stage.
 
     Raises:
-        DataError: the timeline has no folds, no predictions or not two classes; there are not enough ages for
-            the stages, or not enough tracks for the bins.
+        DataError: the timeline has no folds, no predictions or not two classes, or its cases are weighted;
+            there are not enough ages for the stages, or not enough tracks for the bins.
     """
     timeline.require_folds()
+    timeline.require_equal_weights("a stream model")
     if len(timeline.classes) != 2:
         raise DataError(f"a stream of bins needs two classes, not {len(timeline.classes)}")
     if bins < 2:

@@ -74,7 +74,7 @@ def save_classifier(classifier: TrainedClassifier, path: str | Path) -> None:
         "format": FORMAT,
         "version": VERSION,
         "steps": steps,
-        "confusion": matrix and {"classes": list(matrix.classes), "counts": matrix.counts.tolist()},
+        "confusion": matrix and matrix.to_json(),
         "calibration": classifier.calibration and classifier.calibration.to_json(),
         "cut": threshold and [threshold.name, threshold.probability],
     }
@@ -105,7 +105,7 @@ def load_classifier(path: str | Path) -> TrainedClassifier:
             raise DataError(f"its version is {header['version']!r}; this lcorpp reads version {VERSION}")
         steps = [(step["name"], _load_step(step, arrays)) for step in header["steps"]]
         matrix = header["confusion"]
-        confusion = matrix and ConfusionMatrix(tuple(matrix["classes"]), np.array(matrix["counts"]))
+        confusion = matrix and ConfusionMatrix.from_json(matrix)
         classes = tuple(str(name) for name in getattr(steps[-1][1], "classes_", ()))
         if not classes or (confusion and confusion.classes != classes):
             raise DataError(

@@ -181,13 +181,18 @@ def fit_calibration(
 
 @check_arguments
 def cross_calibrate(validation: Validation) -> Array:
-    """(cases, K) the out-of-fold probabilities, each fold calibrated by a fit to the other folds."""
+    """(cases, K) the out-of-fold probabilities, each fold calibrated by a fit to the other folds.
+
+    The fits count the cases by weight, as `fit_calibration` in `train_and_validate` does.
+    """
     calibrated = np.empty_like(validation.probabilities)
     folds, labels = np.array(validation.folds), np.array(validation.labels)
     given = validation.probabilities
     for fold in np.unique(folds):
         others = folds != fold
-        calibration = fit_calibration(validation.classes, given[others], labels[others].tolist())
+        calibration = fit_calibration(
+            validation.classes, given[others], labels[others].tolist(), validation.weights[others]
+        )
         calibrated[~others] = calibration.calibrate(given[~others])
     return calibrated
 

@@ -102,6 +102,8 @@ def measure_leakage(
 ) -> tuple[ShortcutScore, ...]:
     """Measure how well start and end position, duration and sampling alone predict the labels of `data`.
 
+    The cases of a `Dataset` count by weight.
+
     Of a `Dataset` the duration is that of each track without padding, and of the sampling only traces of an
     earlier resampling are left. A `Recording` still has the original sampling. Of a series without x and y
     the duration alone is measured.
@@ -125,6 +127,7 @@ def measure_leakage(
     if missing is not None:
         raise DataError(f"a leak check needs {missing}")
     labels, groups = map(np.array, _list_labels_and_groups(data))
+    weights = data.weights if isinstance(data, Dataset) else np.ones(len(labels))
     strata = dict.fromkeys(SHORTCUTS, np.zeros(len(labels), dtype=np.intp))
     if isinstance(data, Dataset) and not (data.kind == "motion" and {"x", "y"} <= set(data.channels)):
         features = {"duration": data.lengths[:, None].astype(np.float64)}
@@ -135,7 +138,7 @@ def measure_leakage(
         strata["start position"] = _stratify_by_way(tracks)
     with threadpool_limits(1):  # small matrices: threads on busy cores would only wait for each other
         return tuple(
-            _measure_shortcut(name, numbers, labels, groups, strata[name], n_splits, seed)
+            _measure_shortcut(name, numbers, labels, groups, weights, strata[name], n_splits, seed)
             for name, numbers in features.items()
         )
 
@@ -195,13 +198,14 @@ def _measure_shortcut(
     features: Array,
     labels: Strings,
     groups: Strings,
+    weights: Array,
     strata: Indices,
     n_splits: int,
     seed: int,
 ) -> ShortcutScore:
     """Measure how well features (cases, features) predict the labels.
 
-    strata: (cases,) groups within which cases are compared.
+    weights: (cases,) how much each case counts. strata: (cases,) groups within which cases are compared.
     """
     features = features[:, np.ptp(features, axis=0) > 0]
     chance = ShortcutScore(name, Interval(0.5, 0.5, 0.5), 1.0)
@@ -211,17 +215,18 @@ def _measure_shortcut(
     if truth.shape[1] == 2:  # the scores of two classes sum to 0: one suffices
         truth = truth[:, 1:]
     relabelled = [truth, *_permute_among_groups(truth, groups, seed)]
-    targets = np.concatenate(relabelled, axis=1) - np.tile(truth.mean(axis=0), len(relabelled))
-    predicted = _predict_out_of_fold(features, targets, groups, n_splits, seed)
+    means = np.average(truth, axis=0, weights=weights)
+    targets = np.concatenate(relabelled, axis=1) - np.tile(means, len(relabelled))
+    predicted = _predict_out_of_fold(features, targets, groups, weights, n_splits, seed)
     scores = np.split(predicted, len(relabelled), axis=1)
-    once = np.ones((1, len(labels)))
+    once = weights[np.newaxis]
     estimate, *null = (
         float(_compute_mean_auc(score, flags, strata, once)[0])
         for score, flags in zip(scores, relabelled, strict=True)
     )
     if np.isnan(estimate):  # no two cases can be compared
         return chance
-    resampled = cluster_bootstrap_weights(groups.tolist(), count=BOOTSTRAP_REPLICATES, seed=seed)
+    resampled = cluster_bootstrap_weights(groups.tolist(), count=BOOTSTRAP_REPLICATES, seed=seed) * weights
     interval = bootstrap_interval(estimate, _compute_mean_auc(scores[0], truth, strata, resampled))
     return ShortcutScore(
         name, interval, (1 + int(np.count_nonzero(np.array(null) >= estimate))) / (1 + len(null))
@@ -240,7 +245,9 @@ def _permute_among_groups(truth: Flags, groups: Strings, seed: int) -> list[Flag
     ]
 
 
-def _predict_out_of_fold(features: Array, targets: Array, groups: Strings, n_splits: int, seed: int) -> Array:
+def _predict_out_of_fold(
+    features: Array, targets: Array, groups: Strings, weights: Array, n_splits: int, seed: int
+) -> Array:
     """(cases, targets) mean prediction over splits, by models that are trained without the case's group.
 
     The folds depend on no labels, so that permuted labels have the same chances as the true ones.
@@ -257,7 +264,10 @@ def _predict_out_of_fold(features: Array, targets: Array, groups: Strings, n_spl
     )
     # neither an intercept nor means over all cases: they depend on the labels of the test fold
     model = make_pipeline(StandardScaler(with_std=False), Ridge(fit_intercept=False))
-    splits = [cross_val_predict(model, mapped, targets, groups=groups, cv=cv) for cv in splitters]
+    counts = {f"{step}__sample_weight": weights for step in ("standardscaler", "ridge")}
+    splits = [
+        cross_val_predict(model, mapped, targets, groups=groups, cv=cv, params=counts) for cv in splitters
+    ]
     return np.asarray(np.mean(splits, axis=0))
 
 

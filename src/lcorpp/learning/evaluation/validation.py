@@ -139,14 +139,15 @@ def estimate_rates(
     names, counts = confusion.classes, confusion.counts
     counts = (counts.astype(int) if (counts == np.round(counts)).all() else counts).tolist()
 
-    def rate(true: str, predicted: str, count: float, cases: float) -> Rate:
-        interval = jeffreys_interval(count, cases, level=level, smoothing=float(smoothing))
-        return Rate(true, predicted, count, cases, interval)
+    def rate(row: int, column: int) -> Rate:
+        count, cases = counts[row][column], sum(counts[row])
+        own, others = confusion.effective_counts[row, column].tolist()
+        interval = jeffreys_interval(own, own + others, level=level, smoothing=float(smoothing))
+        estimate = count / cases if cases else 0.0
+        return Rate(names[row], names[column], count, cases, replace(interval, estimate=estimate))
 
-    return tuple(
-        tuple(rate(true, predicted, count, sum(row)) for predicted, count in zip(names, row, strict=True))
-        for true, row in zip(names, counts, strict=True)
-    )
+    n = len(names)
+    return tuple(tuple(rate(row, column) for column in range(n)) for row in range(n))
 
 
 @check_arguments

@@ -9,6 +9,7 @@ import numpy as np
 
 from lcorpp.arguments import check_arguments
 from lcorpp.errors import DataError
+from lcorpp.learning.label_noise.information import RateTable, compute_variances
 from lcorpp.values import Array, Indices, freeze
 
 CONTEXT_WEIGHT = 10.0
@@ -71,15 +72,19 @@ class ClassEstimate:
     posteriors: (N, K) P(class | context, all answers) of each case.
     matrices: (R, O) of each source, P(answer | class) by row.
     counts: (R, O) of each source, the expected number of the answers by row, without pseudo-counts.
+    variances: (R, O) of each source, the variances of the matrices' entries, see `compute_variances`.
     """
 
     posteriors: Array
     matrices: tuple[Array, ...]
     counts: tuple[Array, ...]
+    variances: tuple[Array, ...]
 
 
 @check_arguments
-def estimate_classes(sources: Sequence[AnswerSource], contexts: Indices, n_classes: int) -> ClassEstimate:
+def estimate_classes(
+    sources: Sequence[AnswerSource], contexts: Indices, n_classes: int, weights: Array | None = None
+) -> ClassEstimate:
     """Estimate the class of each case and the error rates of each source by expectation-maximisation.
 
     Given the class, all answers are independent of each other and of the context. Which questions were asked,
@@ -90,9 +95,10 @@ def estimate_classes(sources: Sequence[AnswerSource], contexts: Indices, n_class
         contexts: (N,) the number of each case's context, e.g. of its place and time; the classes of a context
             have a distribution of their own, shrunk towards that of all cases.
         n_classes: K.
+        weights: (N,) how much each case counts; None counts all alike.
 
     Raises:
-        DataError: a source is not about N cases of K classes.
+        DataError: a source is not about N cases of K classes, or there is not a weight above 0 for each case.
 
     Source: Dawid and Skene, Maximum likelihood estimation of observer error-rates using the EM algorithm,
     Applied Statistics 28 (1979), here with Dirichlet priors and a distribution of the classes by context.
@@ -104,20 +110,57 @@ def estimate_classes(sources: Sequence[AnswerSource], contexts: Indices, n_class
                 f"a source is about {len(source.counts)} cases of {len(source.rows)} classes;"
                 f" expected {N} of {K}"
             )
-    numbers, contexts = np.unique(contexts, return_inverse=True)
+    weights = np.ones(N) if weights is None else np.asarray(weights, dtype=np.float64)
+    if weights.shape != (N,) or not ((weights > 0) & np.isfinite(weights)).all():
+        raise DataError(f"{N} cases need as many weights, finite and above 0, not {weights}")
+    kinds, kind_of, weights, sources = _join_equal_cases(sources, contexts, weights)
     matrices = [_normalise(source.pseudo_counts) for source in sources]
-    priors, posteriors = np.full((len(numbers), K), 1 / K), np.zeros((N, K))
+    priors, posteriors = np.full((int(kinds.max(initial=-1)) + 1, K), 1 / K), np.zeros((len(kinds), K))
     for _ in range(MAX_STEPS):
-        before, posteriors = posteriors, _infer_classes(sources, matrices, priors[contexts])
-        expected = [source.count_by_row(posteriors) for source in sources]
+        before, posteriors = posteriors, _infer_classes(sources, matrices, priors[kinds])
+        weighted = posteriors * weights[:, np.newaxis]
+        expected = [source.count_by_row(weighted) for source in sources]
         matrices = [_normalise(own + s.pseudo_counts) for own, s in zip(expected, sources, strict=True)]
-        overall = posteriors.sum(axis=0) / max(N, 1)
-        priors = CONTEXT_WEIGHT * overall[np.newaxis].repeat(len(numbers), axis=0)
-        np.add.at(priors, contexts, posteriors)
-        priors = _normalise(priors)
+        overall = weighted.sum(axis=0) / max(weights.sum(), MIN_ANSWER_PROBABILITY)
+        totals = CONTEXT_WEIGHT * overall[np.newaxis].repeat(len(priors), axis=0)
+        np.add.at(totals, kinds, weighted)
+        priors = _normalise(totals)
         if np.abs(posteriors - before).max(initial=0) <= TOLERANCE:
             break
-    return ClassEstimate(posteriors, tuple(matrices), tuple(expected))
+    tables = [
+        RateTable(
+            matrix,
+            (own + source.pseudo_counts).sum(axis=1),
+            np.broadcast_to(source.rows[:, np.newaxis], (K, len(kinds))),
+            np.broadcast_to(source.counts, (K, *source.counts.shape)),
+        )
+        for source, matrix, own in zip(sources, matrices, expected, strict=True)
+    ]
+    classes = np.broadcast_to(np.eye(K)[:, np.newaxis], (K, len(kinds), K))
+    contexts_table = RateTable(
+        priors, totals.sum(axis=1), np.broadcast_to(kinds, (K, len(kinds))), classes
+    )
+    variances = compute_variances([*tables, contexts_table], posteriors, weights)[:-1]
+    return ClassEstimate(posteriors[kind_of], tuple(matrices), tuple(expected), variances)
+
+
+def _join_equal_cases(
+    sources: Sequence[AnswerSource], contexts: Indices, weights: Array
+) -> tuple[Indices, Indices, Array, list[AnswerSource]]:
+    """Return the kinds of cases with equal answers in equal contexts: they share one posterior.
+
+    Returns:
+        The number of each kind's context, from 0; the kind of each case; the weight of the cases of each
+        kind; and the sources with the answers of each kind.
+    """
+    numbers = np.unique(contexts, return_inverse=True)[1]
+    columns = np.column_stack([numbers, *(source.counts for source in sources)])
+    kinds, kind_of = np.unique(columns, axis=0, return_inverse=True)
+    ends = np.cumsum([1, *(source.counts.shape[1] for source in sources)])
+    parts = np.split(kinds, ends[:-1], axis=1)[1:]
+    joined = [AnswerSource(c, s.rows, s.pseudo_counts) for c, s in zip(parts, sources, strict=True)]
+    kind_of = kind_of.ravel()
+    return kinds[:, 0].astype(np.intp), kind_of, np.bincount(kind_of, weights, len(kinds)), joined
 
 
 def _infer_classes(sources: Sequence[AnswerSource], matrices: Sequence[Array], priors: Array) -> Array:

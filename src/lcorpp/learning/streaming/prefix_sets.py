@@ -86,11 +86,10 @@ def fit_prefix_sets(
     timeline.require_folds()
 
     def fit(part: PredictionTimeline, probabilities: Array) -> PredictionSets:
-        weights = np.ones(len(part.labels))
         predictions = tuple(part.classes[column] for column in probabilities.argmax(axis=1))
-        confusion = count_confusion(part.classes, part.labels, predictions, weights)
+        confusion = count_confusion(part.classes, part.labels, predictions, part.weights)
         validation = Validation(
-            confusion, predictions, probabilities, None, part.folds, part.labels, part.groups, weights
+            confusion, predictions, probabilities, None, part.folds, part.labels, part.groups, part.weights
         )
         return fit_prediction_sets(validation, coverage, by_class=by_class)
 

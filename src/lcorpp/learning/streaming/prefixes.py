@@ -98,7 +98,13 @@ def predict_over_time(
             if known is not None:
                 probabilities[case, t] = known
     return PredictionTimeline(
-        probabilities, tuple(points), dataset.labels, streams.classes, dataset.interval, groups=dataset.groups
+        probabilities,
+        tuple(points),
+        dataset.labels,
+        streams.classes,
+        dataset.interval,
+        groups=dataset.groups,
+        weights=dataset.weights,
     )
 
 
@@ -116,7 +122,7 @@ def cross_predict_over_time(
 
     Args:
         estimator: a pipeline of `Motion` and a classifier; each fold uses a clone.
-        dataset: its weights count in the training; the timeline has none.
+        dataset: its weights count in the training and in the timeline.
         folds: number of folds, stratified and with whole groups.
         seed: seed of the split.
         min_points, window: as for `predict_over_time`.
@@ -146,4 +152,5 @@ def cross_predict_over_time(
         labels=dataset.labels,
         folds=tuple(fold_of.tolist()),
         groups=dataset.groups,
+        weights=dataset.weights,
     )

@@ -8,7 +8,7 @@ weak evidence at first and stronger evidence later.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any, Self, TypeVar
 
 import numpy as np
@@ -37,6 +37,7 @@ class PredictionTimeline:
     labels: (cases,) the true classes. classes: (K,). interval: seconds between two time points.
     folds: (cases,) the fold in which each case was held out; () if the predictions are not out of fold.
     groups: (cases,) the group, e.g. the person, of each case; () if it is unknown.
+    weights: (cases,) as in `Dataset`: AUC, calibrations and prediction sets count cases by weight.
     """
 
     probabilities: Array
@@ -46,10 +47,13 @@ class PredictionTimeline:
     interval: float
     folds: tuple[int, ...] = ()
     groups: tuple[str, ...] = ()
+    weights: Array = field(default_factory=lambda: np.ones(0))
 
     def __post_init__(self) -> None:
         check_fields(self)
         object.__setattr__(self, "probabilities", freeze(self.probabilities))
+        weights = self.weights if np.size(self.weights) else np.ones(len(self.labels))
+        object.__setattr__(self, "weights", freeze(weights))
 
     def __repr__(self) -> str:
         cases, samples, _ = self.probabilities.shape
@@ -68,6 +72,7 @@ class PredictionTimeline:
             labels=tuple(self.labels[case] for case in cases),
             folds=tuple(self.folds[case] for case in cases) if self.folds else (),
             groups=tuple(self.groups[case] for case in cases) if self.groups else (),
+            weights=self.weights[cases],
         )
 
     def require_folds(self) -> None:
@@ -78,6 +83,18 @@ class PredictionTimeline:
         """
         if not self.folds:
             raise DataError("the timeline has no folds; expected the result of cross_predict_over_time")
+
+    def require_equal_weights(self, name: str) -> None:
+        """Check that all cases have weight 1.
+
+        Args:
+            name: what counts all cases alike.
+
+        Raises:
+            DataError: some have another weight.
+        """
+        if (self.weights != 1).any():
+            raise DataError(f"{name} is of cases of weight 1; these are weighted")
 
     @property
     def seconds(self) -> Array:
@@ -134,7 +151,7 @@ class PredictionTimeline:
         """The AUC of scores of the second class (cases,); NaN are left out."""
         known = np.isfinite(scores)
         is_second = (np.array(self.labels) == self.classes[1])[known]
-        return float(compute_auc(scores[known], is_second, np.ones((1, len(is_second))))[0])
+        return float(compute_auc(scores[known], is_second, self.weights[known][None])[0])
 
 
 @dataclass(frozen=True, eq=False)
@@ -206,7 +223,9 @@ def calibrate_prefixes(timeline: PredictionTimeline) -> PrefixCalibration:
         DataError: the timeline has no predictions.
     """
     return PrefixCalibration(
-        *fit_by_points(timeline, lambda part, p: fit_calibration(part.classes, p, list(part.labels)))
+        *fit_by_points(
+            timeline, lambda part, p: fit_calibration(part.classes, p, list(part.labels), part.weights)
+        )
     )
 
 

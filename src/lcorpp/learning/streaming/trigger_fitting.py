@@ -94,6 +94,7 @@ def search_trigger(
     if waiting_cost is not None and not 0 <= waiting_cost < np.inf:
         raise DataError(f"the cost of a second is {waiting_cost!r}; expected a finite number, 0 or more")
     timeline.require_folds()
+    timeline.require_equal_weights("a trigger")
     ages = Ages.of(cross_calibrate_prefixes(timeline))
     has_prediction = ages.known.any(axis=1)
     labels, folds = np.array(timeline.labels), np.array(timeline.folds)
