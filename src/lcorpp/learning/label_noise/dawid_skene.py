@@ -160,7 +160,8 @@ def _join_equal_cases(
     parts = np.split(kinds, ends[:-1], axis=1)[1:]
     joined = [AnswerSource(c, s.rows, s.pseudo_counts) for c, s in zip(parts, sources, strict=True)]
     kind_of = kind_of.ravel()
-    return kinds[:, 0].astype(np.intp), kind_of, np.bincount(kind_of, weights, len(kinds)), joined
+    totals = np.bincount(kind_of, weights, len(kinds)).astype(np.float64)
+    return kinds[:, 0].astype(np.intp), kind_of, totals, joined
 
 
 def _infer_classes(sources: Sequence[AnswerSource], matrices: Sequence[Array], priors: Array) -> Array:
