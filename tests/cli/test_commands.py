@@ -170,7 +170,8 @@ def test_learn_grows_and_keeps_every_batch(lcorpp, tmp_path):
 )
 def test_check_prints_ok(lcorpp, path):
     ended = lcorpp("check", path)
-    assert (ended.code, ended.err) == (0, "")
+    note = f"note: running Python code of {ROOMS}\n" if path == ROOMS else ""
+    assert (ended.code, ended.err) == (0, note)
     assert ended.out.rstrip().endswith("OK")
 
 

@@ -1,6 +1,7 @@
 """`lcorpp robot` and `lcorpp check robot.toml`: a whole run against the stand-in, and what they refuse."""
 
 import json
+import re
 import signal
 import subprocess
 import sys
@@ -13,6 +14,8 @@ from tests.worlds.ros.stand_in import StandIn, robot_toml
 from tests.worlds.ros.test_rosbridge import wait_until
 
 CLASSIFIER = '[classifiers]\nmotion = "motion.npz"'
+NOTE = r"note: running Python code of \S+\n"
+"""The domain of the tests has a people.py."""
 
 
 @pytest.fixture
@@ -33,7 +36,8 @@ def test_a_run_decides_and_writes_a_log_that_can_be_replayed(lcorpp, config, tmp
     log = tmp_path / "robot.jsonl"
     ended = lcorpp("robot", "--config", config(robot.url), "--decisions", 1, "--log", log)
     robot.close()
-    assert (ended.code, ended.err) == (0, "")
+    assert ended.code == 0
+    assert re.fullmatch(NOTE, ended.err)
     assert "intention by LCORPP on rosbridge (ROS 2)" in ended.out
     assert "person 7: interested" in ended.out
     (line,) = log.read_text().splitlines()
@@ -56,8 +60,8 @@ def test_an_interrupt_stops_the_robot(config, number):
     process.send_signal(number)
     _, error = process.communicate(timeout=60)
     assert process.returncode == 130
-    begin = "lcorpp: interrupted after 0 decisions; an order to stop was sent (a Twist of zeros and"
-    assert error.startswith(begin)
+    begin = "lcorpp: interrupted after 0 decisions; an order to stop was sent"
+    assert re.match(NOTE + re.escape(begin), error)
     assert "/navigate_to_pose has confirmed the cancellation" in error
     wait_until(lambda: robot.stops and robot.cancels)
     robot.close()
@@ -67,8 +71,8 @@ def test_no_robot_is_one_message_before_the_training(lcorpp, config, monkeypatch
     monkeypatch.setattr("lcorpp.experiments.track_robot.set_up_track_robot", None)  # is not called
     ended = lcorpp("robot", "--config", config())
     assert ended.code == 2
-    assert ended.err.startswith("lcorpp: ws://127.0.0.1:9: no rosbridge server can be reached")
-    assert ended.err.count("\n") == 1
+    words = r"lcorpp: ws://127\.0\.0\.1:9: no rosbridge server can be reached.*\n"
+    assert re.fullmatch(NOTE + words, ended.err)
 
 
 def test_a_configuration_is_checked_without_a_robot(lcorpp, config):
