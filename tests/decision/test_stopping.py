@@ -68,7 +68,7 @@ def test_the_interval_covers_the_true_change_at_least_as_often_as_it_states(rate
 
 
 def test_estimated_classes_widen_the_interval_like_fewer_cases():
-    """Half the effective cases are half the counts; with different cases in a row the mean variance counts."""
+    """Half the effective cases are half the counts; of different ones the mean variance counts."""
     halves = [
         ConfusionMatrix(own.classes, own.counts, own.counts.sum(axis=1, keepdims=True) / 2 * np.ones((2, 2)))
         for own in (FIRST, SECOND)
@@ -77,17 +77,13 @@ def test_estimated_classes_widen_the_interval_like_fewer_cases():
     change = compute_change(*halves, 0.95)
     assert change.estimate == compute_change(FIRST, SECOND, 0.95).estimate
     assert change.high - change.estimate == pytest.approx(plain.high - plain.estimate, abs=1e-9)
-    rates = np.array([[60.0, 20, 20], [20, 60, 20], [20, 20, 60]])
-    cases = np.array([[40.0, 80, 80]] * 3)
+    counts = np.array([[60.0, 20, 20], [20, 60, 20], [20, 20, 60]])
+    cases = np.where(np.eye(3), 40.0, 80.0)
     spread = np.array([0.24, 0.16, 0.16])
-    same = spread.sum() / (spread / [40, 80, 80]).sum()
-    uneven = compute_change(matrix(rates), ConfusionMatrix(CLASSES, rates, cases), 0.95)
-    uneven_off = compute_change(
-        matrix(rates), ConfusionMatrix(CLASSES, rates, np.array([[40, 80, 80], [80, 40, 80], [80, 80, 40]])), 0.95
-    )
-    even = compute_change(matrix(rates), matrix(rates / 100 * same), 0.95)
-    assert uneven_off.high == pytest.approx(even.high - even.estimate, rel=0.02)
-    assert uneven.high > compute_change(matrix(rates), matrix(rates), 0.95).high
+    mean = spread.sum() / (spread / [40, 80, 80]).sum()
+    uneven = compute_change(matrix(counts), ConfusionMatrix(CLASSES, counts, cases), 0.95)
+    even = compute_change(matrix(counts), matrix(counts / 100 * mean), 0.95)
+    assert uneven.high == pytest.approx(even.high - even.estimate, rel=0.02)
     unknown = ConfusionMatrix(FIRST.classes, FIRST.counts, np.zeros((2, 2)))
     assert compute_change(unknown, SECOND, 0.95).high > 2
 

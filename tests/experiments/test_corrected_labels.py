@@ -93,7 +93,9 @@ def test_labels_by_persons_are_certain_and_say_how_good_the_classifier_is(intent
 def test_certain_labels_count_fully_and_uncertain_ones_less(intention):
     _, dataset, predictions = make_reports(300, error=0.3, certain=300)
     known = correct_labels(intention, "motion", dataset, predictions).confusion
-    np.testing.assert_allclose(known.effective_cases, known.counts.sum(axis=1, keepdims=True) * np.ones((2, 2)))
+    np.testing.assert_allclose(
+        known.effective_cases, known.counts.sum(axis=1, keepdims=True) * np.ones((2, 2))
+    )
     plain = ConfusionMatrix(known.classes, known.counts)
     for own, other in zip(estimate_rates(known), estimate_rates(plain), strict=True):
         assert [rate.interval.low for rate in own] == pytest.approx([rate.interval.low for rate in other])

@@ -75,15 +75,13 @@ def compute_change(before: ConfusionMatrix, after: ConfusionMatrix, confidence: 
 
 
 def _find_row_counts(confusion: ConfusionMatrix) -> Array:
-    """Return counts (n, n) of known classes whose rates are as uncertain: the mean variance of a row is equal."""
+    """Return counts (n, n) of known classes whose rates have the same mean variance in each row."""
     own, others = np.moveaxis(confusion.effective_counts, 2, 0)
     cases = np.maximum(own + others, np.finfo(float).tiny)
     shares = own / cases
     spread = shares * (1 - shares)  # of one case: the variance of a rate is spread / cases
     known = (spread / cases).sum(axis=1) > 0
-    by_row = np.divide(
-        spread.sum(axis=1), (spread / cases).sum(axis=1), out=cases.min(axis=1), where=known
-    )
+    by_row = np.divide(spread.sum(axis=1), (spread / cases).sum(axis=1), out=cases.min(axis=1), where=known)
     return np.asarray(shares * by_row[:, None])
 
 

@@ -26,8 +26,8 @@ class ConfusionMatrix:
 
     classes: (n,) the class names; rows and columns have the same order.
     counts: (n, n) counts[i, j] cases of true class i with predicted class j.
-    effective_cases: (n, n) the number of cases of known class i from which the rate of j would be as uncertain
-        as it is; None means the sum of the row. It is smaller if the true classes are estimated.
+    effective_cases: (n, n) the number of cases of known class i from which the rate of j would be as
+        uncertain; None means the sum of the row. It is smaller if the true classes are estimated.
     """
 
     classes: tuple[str, ...]
@@ -47,13 +47,13 @@ class ConfusionMatrix:
             limits = self.counts.sum(axis=1, keepdims=True) * (1 + ROUNDING)
             if cases.shape != (n, n) or not ((cases >= 0) & (cases <= limits)).all():
                 raise DataError(
-                    "the effective cases of a confusion matrix are a matrix of numbers from 0 to the sums of its"
-                    f" rows, {self.counts.sum(axis=1).tolist()}; not {cases.tolist()}"
+                    "the effective cases of a confusion matrix are numbers from 0 to the sums of its rows,"
+                    f" {self.counts.sum(axis=1).tolist()}; not {cases.tolist()}"
                 )
 
     @property
     def effective_counts(self) -> Array:
-        """(n, n, 2) for each rate the effective cases with the predicted class, and those with another one."""
+        """(n, n, 2) for each rate the effective cases with the predicted class, and with another one."""
         sums = self.counts.sum(axis=1, keepdims=True)
         cases = sums if self.effective_cases is None else self.effective_cases
         shares = self.counts / np.where(sums > 0, sums, 1)

@@ -100,7 +100,7 @@ def test_classes_that_answer_alike_share_a_row():
 
 
 def test_variances_are_the_inverse_of_the_numerical_hessian_of_the_log_posterior():
-    """Logits of all rates, differentiated numerically: of two sources, one with shared rows, in two contexts."""
+    """By the logits of all rates: of two sources, one with shared rows, in two contexts."""
     rng = np.random.default_rng(0)
     classes, contexts = rng.integers(3, size=60), rng.integers(2, size=60)
     weights = rng.uniform(0.5, 2, size=60)
@@ -144,12 +144,11 @@ def test_variances_are_the_inverse_of_the_numerical_hessian_of_the_log_posterior
         hessian[i, j] = hessian[j, i] = second / (2 * h * h)
     covariance = np.linalg.pinv(-hessian, rcond=1e-6, hermitian=True)
     found = np.concatenate([own.ravel() for own in estimate.variances])
-    slopes = np.array(
-        [
-            np.concatenate([((a - b) / (2 * h)).ravel() for a, b in zip(rates_of(at + s), rates_of(at - s))])
-            for s in steps
-        ]
-    )
+    slopes = []
+    for s in steps:
+        above, below = (np.concatenate([part.ravel() for part in rates_of(x)]) for x in (at + s, at - s))
+        slopes.append((above - below) / (2 * h))
+    slopes = np.array(slopes)
     np.testing.assert_allclose(found, np.diag(slopes.T @ covariance @ slopes)[: len(found)], rtol=0.01)
 
 

@@ -137,9 +137,7 @@ def estimate_classes(
         for source, matrix, own in zip(sources, matrices, expected, strict=True)
     ]
     classes = np.broadcast_to(np.eye(K)[:, np.newaxis], (K, len(kinds), K))
-    contexts_table = RateTable(
-        priors, totals.sum(axis=1), np.broadcast_to(kinds, (K, len(kinds))), classes
-    )
+    contexts_table = RateTable(priors, totals.sum(axis=1), np.broadcast_to(kinds, (K, len(kinds))), classes)
     variances = compute_variances([*tables, contexts_table], posteriors, weights)[:-1]
     return ClassEstimate(posteriors[kind_of], tuple(matrices), tuple(expected), variances)
 
@@ -160,8 +158,8 @@ def _join_equal_cases(
     parts = np.split(kinds, ends[:-1], axis=1)[1:]
     joined = [AnswerSource(c, s.rows, s.pseudo_counts) for c, s in zip(parts, sources, strict=True)]
     kind_of = kind_of.ravel()
-    totals = np.bincount(kind_of, weights, len(kinds)).astype(np.float64)
-    return kinds[:, 0].astype(np.intp), kind_of, totals, joined
+    sums = np.asarray(np.bincount(kind_of, weights, len(kinds)), dtype=np.float64)
+    return np.asarray(kinds[:, 0], dtype=np.intp), kind_of, sums, joined
 
 
 def _infer_classes(sources: Sequence[AnswerSource], matrices: Sequence[Array], priors: Array) -> Array:

@@ -6,8 +6,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Self
 
-import numpy as np
-
 from lcorpp.arguments import check_arguments, check_fields
 from lcorpp.errors import DataError
 from lcorpp.learning.evaluation.calibration import report_damage
