@@ -37,7 +37,7 @@ from lcorpp.camera import (
     score_tracks,
     track_people,
 )
-from lcorpp.camera.frames import convert_pixels
+from lcorpp.camera.frames import make_frame
 from lcorpp.files import write_atomically
 from lcorpp.values import Array
 
@@ -168,7 +168,7 @@ def measure_corridor(seconds: float) -> Iterator[tuple[str, TrackingScore, str, 
             for index, people in enumerate(scene):
                 image = add_noise(render(mount, people), rng)
                 began = process_time()
-                frame = Frame(index / 10, convert_pixels(image, "corridor"), "corridor")
+                frame = make_frame(index / 10, image, "corridor")
                 samples += tracker.update(frame.time, *locator.locate(frame.image))
                 cost += process_time() - began
                 truth += [(frame.time, i, p.x, p.y) for i, p in enumerate(people) if mount.sees(p.x, p.y)]

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from lcorpp.camera import Bag, ImageFolder, Intrinsics, Video
-from lcorpp.errors import LcorppError
+from lcorpp.errors import DataError, LcorppError
 
 cv2 = pytest.importorskip("cv2", reason="opencv-python-headless is not installed")
 
@@ -150,6 +150,19 @@ def write_bag(path, encodings, *, ros1=False, info=(500.0, 400.0), change=None, 
                 message = types[kind](header(100.0), 24, 32, "plumb_bob", *rest)
                 writer.write(cameras, int(200e9), serialize(message, kind))
     return path
+
+
+def test_bags_and_folders_take_the_values_for_a_metre(tmp_path):
+    bag = Bag(write_bag(tmp_path / "a", ["16UC1"], ros1=False), depth_scale=5000)
+    (frame, *_) = list(bag)
+    assert (frame.image[0, 0], frame.depth_scale) == (pytest.approx(0.5), 5000)
+    folder = tmp_path / "images"
+    folder.mkdir()
+    cv2.imwrite(str(folder / "0.png"), np.full((24, 32), 2500, np.uint16))
+    assert next(iter(ImageFolder(folder, depth_scale=5000))).image[0, 0] == pytest.approx(0.5)
+    for wrong in (0.0, -1.0, float("nan"), float("inf")):
+        with pytest.raises(DataError, match="values a metre; expected a number above 0"):
+            ImageFolder(folder, depth_scale=wrong)
 
 
 @pytest.mark.parametrize("ros1", [True, False])

@@ -64,6 +64,34 @@ def test_depth_images_become_tracks(run, depths, tmp_path):
     assert person.columns["y"] == pytest.approx(0.2, abs=0.1)
 
 
+def change(folder, function):
+    """Apply a function to all images of a folder."""
+    for file in folder.iterdir():
+        image = cv2.imread(str(file), cv2.IMREAD_UNCHANGED)
+        cv2.imwrite(str(file), function(image))
+
+
+def test_images_of_a_camera_that_is_mounted_sideways_are_turned(run, depths, tmp_path):
+    change(depths, lambda image: np.ascontiguousarray(np.rot90(image, 1)))
+    intrinsics, out = ("--intrinsics", 142, 142, 59.5, 79.5), tmp_path / "tracks.csv"
+    assert run(depths, "-o", out, *intrinsics, "--rotate", 90)[0] == 0
+    (person,) = read_recording(out).tracks
+    assert person.columns["x"] == pytest.approx(4 - np.arange(20) / 10, abs=0.15)
+
+
+def test_a_warning_names_the_unit_of_the_depths(run, depths, tmp_path):
+    change(depths, lambda image: np.minimum(5.0 * image, 65535).astype(np.uint16))
+    code, printed, err = run(depths, "-o", tmp_path / "t.csv", *INTRINSICS)
+    assert (code, printed.startswith("no people were tracked")) == (0, True)
+    words = " ".join(err.split())
+    assert words.startswith("warning: ")
+    assert "the floor was found in 0 of 20 images; with 1000 values a metre the floor is 6" in words
+    assert "--depth-scale 5000 (TUM RGB-D): 1.2 m" in words
+    code, printed, err = run(depths, "-o", tmp_path / "t.csv", *INTRINSICS, "--depth-scale", 5000)
+    assert (code, err) == (0, "")
+    assert "1 tracks, 20 samples" in printed
+
+
 def test_a_part_is_tracked(run, depths, tmp_path):
     out = tmp_path / "tracks.csv"
     assert run(depths, "-o", out, *INTRINSICS, "--from", 0.5, "--to", 1.2)[0] == 0
@@ -132,6 +160,8 @@ def test_a_damaged_image_writes_nothing(run, depths, tmp_path):
         ((*INTRINSICS, "--from", 30), "has no images between --from and --to"),
         ((*INTRINSICS, "--topic", "/x"), "--topic is for bags"),
         ((*INTRINSICS, "--rate", 0), "the rate is 0 images a second"),
+        ((*INTRINSICS, "--rotate", 45), "a rotation by 45 degrees; expected one of 0, 90, 180, 270"),
+        ((*INTRINSICS, "--depth-scale", 0), "the depth scale is 0 values a metre; expected a number above 0"),
         ((*INTRINSICS, "-o", "tracks.txt"), "not the name of a recording; expected one of .csv"),
         ((*INTRINSICS, "-o", "none/tracks.csv"), "cannot be written: there is no folder none"),
     ],

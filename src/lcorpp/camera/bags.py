@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from lcorpp.arguments import check_arguments
 from lcorpp.camera.floor import Intrinsics
-from lcorpp.camera.frames import Frame, check_alike, convert_pixels
+from lcorpp.camera.frames import Frame, check_alike, check_depth_scale, make_frame
 from lcorpp.errors import DataError, LcorppError, expected_one_of
 from lcorpp.input_files import check_regular
 
@@ -45,6 +45,7 @@ class Bag:
 
     Args:
         topic: of the images; None takes the only one.
+        depth_scale: values of the depth images for a metre; None takes the units above.
 
     Attributes:
         topic: of the images. intrinsics: from the CameraInfo beside the topic, or the only one; None if the
@@ -57,8 +58,10 @@ class Bag:
     """
 
     @check_arguments
-    def __init__(self, path: str | Path, *, topic: str | None = None) -> None:
-        self._path = Path(path)
+    def __init__(
+        self, path: str | Path, *, topic: str | None = None, depth_scale: float | None = None
+    ) -> None:
+        self._path, self._depth_scale = Path(path), check_depth_scale(depth_scale)
         with open_bag(self._path) as reader:
             images = {c.topic: c for c in reader.connections if c.msgtype == IMAGE}
             self.topic = _choose(images, topic, self._path)
@@ -76,7 +79,8 @@ class Bag:
             for number, (connection, stamp, data) in enumerate(reader.messages(chosen), start=1):
                 place = f"{self._path}: {self.topic}: message {number}"
                 message: Any = reader.deserialize(data, connection.msgtype)
-                frame = Frame(_read_time(message, stamp), _read_pixels(message, place), place)
+                pixels = _read_pixels(message, place)
+                frame = make_frame(_read_time(message, stamp), pixels, place, self._depth_scale)
                 first = first or frame
                 check_alike(frame, first)
                 if frame.time <= last:
@@ -144,7 +148,7 @@ def _read_time(message: Any, recorded: int) -> float:
 
 
 def _read_pixels(message: Any, place: str) -> npt.NDArray[Any]:
-    """Return the image of a message as `Frame` has it."""
+    """Return the pixels of a message as `make_frame` takes them."""
     if message.encoding not in ENCODINGS:
         raise DataError(f"{place}: encoding {message.encoding!r}; {expected_one_of(list(ENCODINGS))}")
     kind, channels, order = ENCODINGS[message.encoding]
@@ -158,4 +162,4 @@ def _read_pixels(message: Any, place: str) -> npt.NDArray[Any]:
         )
     rows = np.ascontiguousarray(data[: height * step].reshape(height, step)[:, :row])
     pixels = rows.view(dtype).reshape(height, width, channels)[..., list(order)]
-    return convert_pixels(pixels.astype(dtype.newbyteorder("="), copy=False), place)
+    return np.asarray(pixels.astype(dtype.newbyteorder("="), copy=False))

@@ -27,6 +27,9 @@ MIN_HEAD, MIN_CUT_HEAD, CUT_MARGIN = 1.1, 0.7, 0.1
 """Minimum height of a head in metres; where the image ends lower, a little below its end, but
 at least the second."""
 
+MAX_JUMP_ANGLE, MAX_JUMP_HEIGHT = np.radians(10), 0.2
+"""A floor that differs more from the one before, the height relative to it, must be found in two images."""
+
 MAX_FLOOR_POINTS = 4000
 """Points of an image that the floor is fitted to."""
 
@@ -38,15 +41,17 @@ distance, and across."""
 class DepthLocator:
     """Locate people in depth images of one camera, e.g. on a robot that drives.
 
-    The floor is found in the first image that shows it, and followed. What is above it makes a height map;
-    straight walls are left out. The map's local maxima are heads if they have human height and width and
-    enough points have the head as their nearest: so people who touch are separated, each with a head.
+    The floor is found in the first image that shows it, and followed; if it is suddenly elsewhere, no people
+    are located until a second image shows it there. What is above it makes a height map; straight walls are
+    left out. The map's local maxima are heads if they have human height and width and enough points have the
+    head as their nearest: so people who touch are separated, each with a head.
 
     Args:
         intrinsics: of the images. rng: draws hypotheses of floor and walls; None uses a generator of seed 0.
 
     Attributes:
         floor: the floor in the last image that shows it; None before.
+        sees_floor: whether the last image shows it.
 
     Source: Munaro and Menegatti, Fast RGB-D People Tracking for Service Robots, Autonomous Robots 37, 2014
     (floor, height map, clusters split at head maxima).
@@ -58,6 +63,8 @@ class DepthLocator:
         self._size: tuple[int, ...] | None = None
         self._step, self._rays = 1, np.empty((0, 0, 2), dtype=np.float32)
         self.floor: Floor | None = None
+        self.sees_floor = False
+        self._jump: Floor | None = None
 
     def __repr__(self) -> str:
         return f"<DepthLocator: {self._intrinsics}; {self.floor or 'no floor yet'}>"
@@ -71,14 +78,15 @@ class DepthLocator:
 
         Returns:
             (n, 2) positions in metres on the floor, x forward and y to the left of the point below the
-            camera, and their (n, 2, 2) covariances. Both are empty while no floor has been seen.
+            camera, and their (n, 2, 2) covariances. Both are empty while no floor has been seen, and while
+            it is uncertain.
 
         Raises:
             DataError: the image is no depth image, or has another size than the first one.
         """
         depths, rays = self._reduce(image)
         self._follow_floor(depths, rays)
-        if self.floor is None:
+        if self.floor is None or self._jump is not None:
             return np.empty((0, 2)), np.empty((0, 2, 2))
         axes = self.floor.axes().astype(np.float32)
         points = (rays @ axes[:, :2].T + axes[:, 2]) * depths[:, None]
@@ -118,7 +126,13 @@ class DepthLocator:
         some = slice(None, None, max(1, len(depths) // MAX_FLOOR_POINTS))
         wide, disparities = rays[some].astype(np.float64), 1 / depths[some].astype(np.float64)
         found = None if self.floor is None else refine_floor(wide, disparities, to_plane(self.floor))
-        self.floor = found or find_floor(wide, disparities, self._rng) or self.floor
+        found = found or find_floor(wide, disparities, self._rng)
+        is_new = found is not None and self.floor is not None and _is_jump(self.floor, found)
+        is_jump = is_new and (self._jump is None or found is None or _is_jump(self._jump, found))
+        self._jump = found if is_jump else None
+        self.sees_floor = found is not None and not is_jump
+        if self.sees_floor:
+            self.floor = found
 
     def _limit_heights(self, floor: Floor, forward: Array) -> Array:
         """Return the heights, m, at which the image ends, at distances forward in metres."""
@@ -132,6 +146,12 @@ class DepthLocator:
         """Return (m,) the areas, m^2, that points stand for: the square of distance by focal length."""
         areas: Array = (points**2).sum(axis=1) * self._step**2 / (self._intrinsics.fx * self._intrinsics.fy)
         return areas
+
+
+def _is_jump(before: Floor, after: Floor) -> bool:
+    """Return whether a floor is elsewhere than one image before."""
+    turn = np.arccos(np.clip(np.dot(before.normal, after.normal), -1, 1))
+    return bool(turn > MAX_JUMP_ANGLE or abs(after.height / before.height - 1) > MAX_JUMP_HEIGHT)
 
 
 def _measure_covariances(positions: Array) -> Array:

@@ -16,6 +16,9 @@ Flags = npt.NDArray[np.bool_]
 MAX_TILT = np.radians(55)
 """Maximum angle between the normal of the floor and the image's upward direction."""
 
+MAX_ROLL = np.radians(20)
+"""Maximum angle by which the floor is inclined to the left or right in the image."""
+
 MIN_HEIGHT, MAX_HEIGHT = 0.15, 3.5
 """Of the camera above the floor, in metres."""
 
@@ -30,6 +33,16 @@ MAX_POINTS = 1500
 
 MIN_SHARE = 0.03
 """Minimum share of the known points on the floor."""
+
+MIN_CORE_SHARE = 0.75
+"""Minimum share of the points on the floor that are within half the tolerance. Noise leaves most points of a
+floor there; a plane that cuts through other surfaces has half of its points there."""
+
+MAX_BELOW_SHARE = 0.25
+"""Maximum number of points below the floor, relative to those on it: reflections."""
+
+CANDIDATES = 5
+"""Hypotheses with the most points that are refined, until one is a floor."""
 
 BELOW_WEIGHT = 2.0
 """A point below the plane counts as this many points that are not on it: nothing is below the floor."""
@@ -103,11 +116,16 @@ def find_floor(rays: Array, disparities: Array, rng: np.random.Generator) -> Flo
     residuals = known - planes @ points.T
     on, below = np.abs(residuals) <= TOLERANCE, residuals < -TOLERANCE
     scores = on.sum(axis=1) - BELOW_WEIGHT * below.sum(axis=1)
-    return refine_floor(rays, disparities, planes[int(np.argmax(scores))])
+    best = np.argsort(-scores, kind="stable")[:CANDIDATES]
+    refined = (refine_floor(rays, disparities, planes[index]) for index in best)
+    return next((floor for floor in refined if floor is not None), None)
 
 
 def refine_floor(rays: Array, disparities: Array, plane: Array) -> Floor | None:
-    """Fit the floor to the points near a plane by least squares, three times; None if they are too few.
+    """Fit the floor to the points near a plane by least squares, three times.
+
+    None if the points on it are too few, too far from it for noise, or too many are below it; or if the plane
+    is inclined, or too near or far, for a floor.
 
     plane: (3,) the disparity of a ray (a, b) is its product with (a, b, 1).
     """
@@ -123,6 +141,12 @@ def refine_floor(rays: Array, disparities: Array, plane: Array) -> Floor | None:
         plane = np.asarray(np.linalg.solve(normal_matrix, chosen.T @ disparities[on]), dtype=np.float64)
         if not _is_floor(plane):
             return None
+    residuals = disparities - points @ plane
+    on = np.abs(residuals) <= TOLERANCE
+    if (np.abs(residuals) <= TOLERANCE / 2).sum() < MIN_CORE_SHARE * on.sum():
+        return None
+    if (residuals < -TOLERANCE).sum() > MAX_BELOW_SHARE * on.sum():
+        return None
     length = float(np.linalg.norm(plane))
     x, y, z = (-plane / length).tolist()
     return Floor((x, y, z), 1 / length)
@@ -137,7 +161,7 @@ def _is_floor(plane: Array) -> bool:
     length = float(np.linalg.norm(plane))
     if not 1 / MAX_HEIGHT <= length <= 1 / MIN_HEIGHT:
         return False
-    return bool(plane[1] / length >= np.cos(MAX_TILT))
+    return bool(plane[1] / length >= np.cos(MAX_TILT) and abs(plane[0]) / length <= np.sin(MAX_ROLL))
 
 
 def _with_one(rays: Array) -> Array:

@@ -19,7 +19,8 @@ from lcorpp.files import read_bytes
 IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".pgm", ".ppm")
 """Endings of the names of images in a folder."""
 
-MILLIMETRE = np.float32(1e-3)
+DEPTH_SCALE = 1000.0
+"""Values of depth images of 16 bits for a metre, unless another number is given: millimetres."""
 
 MISSING_SHARE, MISSING_FRAMES = 0.01, 2
 """A video may end so much before the number of frames that it states: some containers state an estimate."""
@@ -32,11 +33,13 @@ class Frame:
     time: seconds. place: the file, and the frame in it, for messages.
     image: (height, width, 3) uint8 blue, green, red; or (height, width) float32, depths in metres, NaN where
         unknown.
+    depth_scale: of depths, the values in the file for a metre.
     """
 
     time: float
     image: npt.NDArray[Any]
     place: str
+    depth_scale: float = 1.0
 
     @property
     def is_depth(self) -> bool:
@@ -57,9 +60,11 @@ class FrameSource(Protocol):
 class ImageFolder:
     """Images of one size in a folder, in the order of time.
 
-    8-bit images are colour or grey, 16-bit images with one channel are depths in millimetres, 0 unknown.
+    8-bit images are colour or grey, 16-bit images with one channel are depths in millimetres, 0 unknown, and
+    those of 32 bits in metres.
 
     Args:
+        depth_scale: values of the depth images for a metre; None takes the units above.
         rate: images a second, in the order of the names; None takes the names as times in seconds, e.g.
             1305031102.175304.png.
 
@@ -69,7 +74,10 @@ class ImageFolder:
     """
 
     @check_arguments
-    def __init__(self, folder: str | Path, *, rate: float | None = None) -> None:
+    def __init__(
+        self, folder: str | Path, *, rate: float | None = None, depth_scale: float | None = None
+    ) -> None:
+        self._depth_scale = check_depth_scale(depth_scale)
         folder = Path(folder)
         if not folder.is_dir():
             raise FileError(f"{folder}: is no folder")
@@ -98,7 +106,7 @@ class ImageFolder:
                 raise DataError(f"{file}: cannot be read as an image: {error.err}") from None
             if pixels is None:
                 raise DataError(f"{file}: cannot be read as an image; it is damaged, or has another format")
-            frame = Frame(time, convert_pixels(pixels, str(file)), str(file))
+            frame = make_frame(time, pixels, str(file), self._depth_scale)
             first = first or frame
             check_alike(frame, first)
             yield frame
@@ -139,7 +147,7 @@ class Video:
                 if not read:
                     break
                 place = f"{self._file}: frame {index + 1}"
-                frame = Frame(index / self.rate, convert_pixels(pixels, place), place)
+                frame = make_frame(index / self.rate, pixels, place)
                 first = first or frame
                 check_alike(frame, first)
                 yield frame
@@ -165,11 +173,13 @@ class Video:
         return capture
 
 
-def convert_pixels(pixels: npt.NDArray[Any], place: str) -> npt.NDArray[Any]:
-    """Return an image as `Frame` has it, from the pixels of a file.
+def make_frame(time: float, pixels: npt.NDArray[Any], place: str, depth_scale: float | None = None) -> Frame:
+    """Return the frame of the pixels of a file.
 
-    pixels: (height, width) or (height, width, 1, 3 or 4), uint8; or uint16 with one channel, millimetres;
-        or float32 with one channel, metres.
+    Args:
+        pixels: (height, width) or (height, width, 1, 3 or 4), uint8; or depths with one channel, uint16 or
+            float32.
+        depth_scale: values of depths for a metre; None is 1000 for uint16, 1 for float32.
 
     Raises:
         DataError: pixels of another kind.
@@ -177,15 +187,13 @@ def convert_pixels(pixels: npt.NDArray[Any], place: str) -> npt.NDArray[Any]:
     if pixels.ndim == 3 and pixels.shape[2] == 1:
         pixels = pixels[..., 0]
     if pixels.dtype == np.uint8 and pixels.ndim == 2:
-        return np.repeat(pixels[..., None], 3, axis=2)
+        return Frame(time, np.repeat(pixels[..., None], 3, axis=2), place)
     if pixels.dtype == np.uint8 and pixels.shape[2] in (3, 4):
-        return np.ascontiguousarray(pixels[..., :3])
-    if pixels.ndim == 2 and pixels.dtype == np.uint16:
-        depths = pixels * MILLIMETRE
-        depths[pixels == 0] = np.nan
-        return depths
-    if pixels.ndim == 2 and pixels.dtype == np.float32:
-        return np.where(pixels > 0, pixels, np.float32(np.nan))
+        return Frame(time, np.ascontiguousarray(pixels[..., :3]), place)
+    if pixels.ndim == 2 and pixels.dtype in (np.uint16, np.float32):
+        scale = depth_scale or (DEPTH_SCALE if pixels.dtype == np.uint16 else 1.0)
+        depths = np.where(pixels > 0, pixels, np.float32(np.nan)) * np.float32(1 / scale)
+        return Frame(time, depths, place, scale)
     raise DataError(
         f"{place}: an image of shape {pixels.shape}, {pixels.dtype}; expected 8 bits in colour or grey, or"
         " depths of 16 bits in millimetres or of 32 bits in metres"
@@ -200,6 +208,13 @@ def check_alike(frame: Frame, first: Frame) -> None:
             for f in (frame, first)
         ]
         raise DataError(f"{frame.place}: has {sizes[0]}; expected {sizes[1]}, as {first.place}")
+
+
+def check_depth_scale(depth_scale: float | None) -> float | None:
+    """Return the values of a depth image for a metre. Raises DataError if it is not a number above 0."""
+    if depth_scale is not None and not 0 < depth_scale < np.inf:
+        raise DataError(f"the depth scale is {depth_scale:g} values a metre; expected a number above 0")
+    return depth_scale
 
 
 def check_rate(rate: float) -> float:

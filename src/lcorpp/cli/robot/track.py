@@ -14,6 +14,7 @@ from lcorpp.errors import DataError, FileError, expected_one_of
 
 if TYPE_CHECKING:
     from lcorpp.camera import Frame, FrameSource, Intrinsics, Locator, Sample
+    from lcorpp.camera.mounting import FloorObserver
 
 SUFFIXES = (".csv", ".parquet", ".pq")
 """Formats of tracks."""
@@ -61,6 +62,20 @@ def track(
             help="Images a second; by default a video's own, and a folder's names are times in seconds.",
         ),
     ] = None,
+    rotate: Annotated[
+        int,
+        typer.Option(
+            metavar="DEGREES",
+            help="For depth: turn the images clockwise by 90, 180 or 270 degrees: the floor must be below.",
+        ),
+    ] = 0,
+    depth_scale: Annotated[
+        float | None,
+        typer.Option(
+            metavar="N",
+            help="For depth: values a metre, e.g. 5000; by default 1000 in 16 bits, and 1 in 32 bits.",
+        ),
+    ] = None,
     start: Annotated[
         float | None, typer.Option("--from", metavar="S", help="Leave out what is before, in seconds.")
     ] = None,
@@ -86,49 +101,59 @@ def track(
 
         console.out.print(_write(read_people_bag(source, topic), source, output))
         return
-    frames, own_intrinsics = _open(source, topic, rate)
-    given = None
-    if intrinsics is not None:
-        from lcorpp.camera import Intrinsics
+    from lcorpp.camera import Intrinsics, track_people
+    from lcorpp.camera.mounting import check_rotation, rotate_frames
 
-        given = Intrinsics(*intrinsics)
+    check_rotation(rotate)
+    frames, own_intrinsics = _open(source, topic, rate, depth_scale)
+    known = own_intrinsics if intrinsics is None else Intrinsics(*intrinsics)
     cut = _cut(frames, start, end)
     first = next(cut, None)
     if first is None:
         raise DataError(f"{source}: has no images between --from and --to")
-    locator = _make_locator(first, homography, detector, given or own_intrinsics)
+    if not first.is_depth and (rotate or depth_scale is not None):
+        raise DataError(f"{first.place}: is a colour image; --rotate and --depth-scale are for depth images")
+    locator, observer = _make_locator(first, homography, detector, known, rotate)
+    turned = rotate_frames(chain([first], cut), rotate)
     samples: list[Sample] = []
     count, interrupted = 0, False
-    from lcorpp.camera import track_people
-
     try:
         with console.show_progress(f"tracking people in {source.name}", len(frames)) as advance:
-            for _, new in track_people(chain([first], cut), locator):
+            for frame, new in track_people(turned, locator):
                 samples += new
+                if observer is not None:
+                    observer.observe(frame)
                 count += 1
                 advance(count, max(len(frames), count))
     except KeyboardInterrupt:
         interrupted = True
     written = _write(samples, source, output)
+    note = None if observer is None else observer.explain(has_people=bool(samples))
+    if note is not None:
+        console.warn(f"{source}: {note}")
     if interrupted:
         raise KeyboardInterrupt(f"interrupted after {count} images; {written}")
     console.out.print(f"{written}, in {count} images")
 
 
-def _open(source: Path, topic: str | None, rate: float | None) -> tuple[FrameSource, Intrinsics | None]:
+def _open(
+    source: Path, topic: str | None, rate: float | None, depth_scale: float | None
+) -> tuple[FrameSource, Intrinsics | None]:
     """Return the frames of a source, and the intrinsics that it states."""
     from lcorpp.camera import Bag, ImageFolder, Video
 
     if _is_bag(source):
         if rate is not None:
             raise DataError("--rate is for folders and videos; the messages of a bag have times")
-        bag = Bag(source, topic=topic)
+        bag = Bag(source, topic=topic, depth_scale=depth_scale)
         return bag, bag.intrinsics
     if topic is not None:
         raise DataError(
             f"--topic is for bags; {source} is a {'folder of images' if source.is_dir() else 'video'}"
         )
-    return (ImageFolder if source.is_dir() else Video)(source, rate=rate), None
+    if source.is_dir():
+        return ImageFolder(source, rate=rate, depth_scale=depth_scale), None
+    return Video(source, rate=rate), None
 
 
 def _is_bag(source: Path) -> bool:
@@ -160,17 +185,21 @@ def _cut(frames: FrameSource, start: float | None, end: float | None) -> Iterato
 
 
 def _make_locator(
-    first: Frame, homography: Path | None, detector: str, intrinsics: Intrinsics | None
-) -> Locator:
-    """Return the locator for images like the first one."""
+    first: Frame, homography: Path | None, detector: str, intrinsics: Intrinsics | None, rotate: int
+) -> tuple[Locator, FloorObserver | None]:
+    """Return the locator for images like the first one, turned; and of depth images an observer."""
     from lcorpp.camera import DepthLocator, GroundCamera, ImageLocator, make_detector, read_homography
+    from lcorpp.camera.mounting import FloorObserver, rotate_intrinsics
 
     if first.is_depth:
         if homography is not None:
             raise DataError(f"{first.place}: has depths; --homography is for colour images")
         if intrinsics is None:
             raise DataError(f"{first.place}: has depths, whose camera is unknown; expected --intrinsics")
-        return DepthLocator(intrinsics)
+        size = (first.image.shape[1], first.image.shape[0])
+        upright = rotate_intrinsics(intrinsics, rotate, size)
+        depth_locator = DepthLocator(upright)
+        return depth_locator, FloorObserver(depth_locator, upright)
     if homography is None:
         raise DataError(f"{first.place}: is a colour image; expected --homography, from pixels to metres")
     size = (first.image.shape[1], first.image.shape[0])
@@ -178,7 +207,7 @@ def _make_locator(
         camera = GroundCamera(read_homography(homography), size)
     except DataError as error:
         raise DataError(f"{homography}: {error}") from error
-    return ImageLocator(make_detector(detector, camera), camera)
+    return ImageLocator(make_detector(detector, camera), camera), None
 
 
 def _write(samples: Sequence[tuple[float, int | str, float, float]], source: Path, output: Path) -> str:

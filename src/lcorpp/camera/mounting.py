@@ -1,0 +1,155 @@
+"""Why depth images show no floor: a camera that is turned, or another unit of the depths."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from lcorpp.arguments import check_arguments
+from lcorpp.camera.depth import DepthLocator
+from lcorpp.camera.floor import Floor, Intrinsics
+from lcorpp.camera.frames import Frame
+from lcorpp.errors import DataError, expected_one_of
+
+ROTATIONS = (0, 90, 180, 270)
+"""Degrees by which images can be turned, clockwise."""
+
+SOUGHT = (0, 180, 90, 270)
+"""Rotations in the order in which a floor is sought: next to a wall a camera that is turned by 90 degrees has
+a floor, too."""
+
+DEPTH_SCALES: Mapping[float, str] = {
+    1.0: "metres",
+    100.0: "centimetres",
+    1000.0: "millimetres",
+    5000.0: "TUM RGB-D",
+    8000.0: "RealSense SR300",
+}
+"""Common values of depth images for a metre, and where they occur."""
+
+MIN_USUAL_HEIGHT, MAX_USUAL_HEIGHT = 0.25, 2.5
+"""Of a robot's camera above the floor, in metres; others are legal but rare."""
+
+MEDIAN_DEPTH = 3.0
+"""Metres to which depths of an unknown unit are scaled before the floor is sought."""
+
+
+def check_rotation(degrees: int) -> int:
+    """Return a rotation; raise a DataError if it is not one of `ROTATIONS`."""
+    if degrees not in ROTATIONS:
+        raise DataError(f"a rotation by {degrees} degrees; {expected_one_of([str(r) for r in ROTATIONS])}")
+    return degrees
+
+
+@check_arguments
+def rotate_intrinsics(intrinsics: Intrinsics, degrees: int, size: tuple[int, int]) -> Intrinsics:
+    """Return the intrinsics of images that are turned clockwise.
+
+    Args:
+        degrees: one of `ROTATIONS`. size: (width, height) of the images before.
+
+    Raises:
+        DataError: another number of degrees.
+    """
+    k, (width, height) = intrinsics, size
+    for _ in range(check_rotation(degrees) // 90):
+        k, width, height = Intrinsics(k.fy, k.fx, height - 1 - k.cy, k.cx), height, width
+    return k
+
+
+def rotate_frames(frames: Iterable[Frame], degrees: int) -> Iterator[Frame]:
+    """Yield the frames with their images turned clockwise. degrees: one of `ROTATIONS`."""
+    turns = -check_rotation(degrees) // 90
+    for frame in frames:
+        yield replace(frame, image=np.ascontiguousarray(np.rot90(frame.image, turns))) if turns else frame
+
+
+def suggest_options(frame: Frame, intrinsics: Intrinsics) -> str | None:
+    """Return which rotation or unit of the depths would give an image a floor; None if none would.
+
+    Args:
+        frame: of depths, in which no floor was found, or none at a usual height of the camera.
+        intrinsics: of the image.
+    """
+    known = frame.image[np.isfinite(frame.image) & (frame.image > 0)]
+    if not len(known):
+        return None
+    factor, size = MEDIAN_DEPTH / float(np.median(known)), (frame.image.shape[1], frame.image.shape[0])
+    for scale in (1.0, factor):
+        scaled = replace(frame, image=frame.image * np.float32(scale))
+        for degrees in SOUGHT:
+            (turned,) = rotate_frames([scaled], degrees)
+            locator = DepthLocator(rotate_intrinsics(intrinsics, degrees, size))
+            locator.locate(turned.image)
+            if locator.floor is None:
+                continue
+            unit = _describe_unit(locator.floor.height / scale, frame.depth_scale)
+            if not degrees:
+                return unit
+            mounted = "upside down" if degrees == 180 else "sideways"
+            turn = (
+                f"is the camera mounted {mounted}? --rotate {degrees} turns the images so that they show one"
+            )
+            return turn if unit is None else f"{turn}; {unit}"
+    return None
+
+
+def _describe_unit(height: float, depth_scale: float) -> str | None:
+    """Return the units of the depths by which the camera is at a usual height; None if it is at one now.
+
+    height: of the camera above the floor in metres, by the present unit. depth_scale: the present unit.
+    """
+    if is_usual(height):
+        return None
+    heights = {scale: height * depth_scale / scale for scale in DEPTH_SCALES}
+    likely = sorted(filter(lambda s: is_usual(heights[s]), heights), key=lambda s: abs(np.log(heights[s])))
+    units = [f"--depth-scale {s:g} ({DEPTH_SCALES[s]}): {heights[s]:.2g} m" for s in likely]
+    present = f"with {depth_scale:g} values a metre the floor is {height:.3g} m below the camera"
+    return f"{present}; with {', or with '.join(units)}" if units else present
+
+
+def is_usual(height: float) -> bool:
+    """Return whether a camera on a robot may be so high above the floor, in metres."""
+    return MIN_USUAL_HEIGHT <= height <= MAX_USUAL_HEIGHT
+
+
+class FloorObserver:
+    """Observes in how many images a locator finds the floor, and explains why not.
+
+    Args:
+        locator: of depth images. intrinsics: of the images.
+    """
+
+    def __init__(self, locator: DepthLocator, intrinsics: Intrinsics) -> None:
+        self._locator, self._intrinsics = locator, intrinsics
+        self._images, self._found = 0, 0
+        self._without: Frame | None = None
+        self._last: Frame | None = None
+
+    def observe(self, frame: Frame) -> None:
+        """Count an image after the locator has seen it."""
+        self._images += 1
+        self._last = frame
+        if self._locator.sees_floor:
+            self._found += 1
+        elif self._without is None and np.isfinite(frame.image).any():
+            self._without = frame
+
+    def explain(self, *, has_people: bool) -> str | None:
+        """Return a note if the floor was found in less than half of the images, or is at an unusual height.
+
+        Args:
+            has_people: whether people were tracked: then the height is not in doubt.
+        """
+        floor: Floor | None = self._locator.floor
+        if 2 * self._found < self._images:
+            found = f"the floor was found in {self._found} of {self._images} images"
+            frame = self._without or self._last
+        elif floor is not None and not has_people and not is_usual(floor.height):
+            found, frame = f"the floor is {floor.height:.3g} m below the camera", self._last
+        else:
+            return None
+        suggestion = None if frame is None else suggest_options(frame, self._intrinsics)
+        return found if suggestion is None else f"{found}; {suggestion}"
