@@ -149,6 +149,19 @@ def check_regular(path: str | Path) -> None:
         raise make_read_error(path, "it is a pipe or a device; expected a file")
 
 
+def starts_with(path: str | Path, start: bytes) -> bool:
+    """Whether a regular file begins with these bytes.
+
+    Raises:
+        FileError: it cannot be read.
+    """
+    try:
+        with open(path, "rb") as file:
+            return file.read(len(start)) == start
+    except OSError as error:
+        raise make_read_error(path, describe_reason(error)) from None
+
+
 def is_utf16(start: bytes) -> bool:
     """Whether a text begins with a byte order mark of UTF-16."""
     return start[:2] in (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)

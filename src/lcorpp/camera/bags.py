@@ -14,7 +14,7 @@ from lcorpp.arguments import check_arguments
 from lcorpp.camera.floor import Intrinsics
 from lcorpp.camera.frames import Frame, check_alike, check_depth_scale, make_frame
 from lcorpp.errors import DataError, LcorppError, expected_one_of
-from lcorpp.input_files import check_regular
+from lcorpp.input_files import check_regular, starts_with
 
 if TYPE_CHECKING:
     from rosbags.highlevel import AnyReader
@@ -104,6 +104,10 @@ class Bag:
         return None
 
 
+MAGIC = b"#ROSBAG V2.0"
+"""The beginning of a bag of ROS 1."""
+
+
 @contextmanager
 def open_bag(path: Path) -> Iterator[AnyReader]:
     """Return a reader of a bag: a ROS 1 file (.bag) or a ROS 2 folder (with metadata.yaml).
@@ -113,6 +117,8 @@ def open_bag(path: Path) -> Iterator[AnyReader]:
         DataError: the bag is damaged, also in a part that is read later, or rosbags is not installed.
     """
     check_regular(path)
+    if path.is_file() and not starts_with(path, MAGIC):  # rosbags would read to the first newline
+        raise DataError(f"{path}: cannot be read as a bag: it does not begin with {MAGIC.decode()}")
     try:
         from rosbags.highlevel import AnyReader
         from rosbags.typesys import Stores, get_typestore

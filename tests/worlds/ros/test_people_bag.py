@@ -89,7 +89,7 @@ def test_lcorpp_track_writes_its_tracks(bag, lcorpp, tmp_path):  # noqa: F811
 def test_topics_that_are_missing_or_unknown_are_errors(bag, tmp_path):
     with pytest.raises(DataError, match="has no people in '/faces'; expected one of /people"):
         read_people_bag(bag, "/faces")
-    with pytest.raises(FileError, match="no such file or folder"):
+    with pytest.raises(FileError, match="No such file or directory"):
         read_people_bag(tmp_path / "nowhere.bag")
     (tmp_path / "broken.bag").write_bytes(b"#ROSBAG V2.0\n" + bytes(100))
     with pytest.raises(DataError, match="cannot be read as a bag"):

@@ -102,7 +102,8 @@ def detect_version(path: Path) -> int | None:
     except (OSError, ValueError) as error:
         raise FileError(f"{path}: cannot be read: {getattr(error, 'strerror', None) or error}") from None
     start = content.rstrip(b"\0")
-    if b"\n" not in start and (LEGACY_MAGIC.startswith(start) or start.startswith(LEGACY_MAGIC)):
+    is_short = len(content) < MAX_HEADER
+    if is_short and b"\n" not in start and (LEGACY_MAGIC.startswith(start) or start.startswith(LEGACY_MAGIC)):
         return 0  # empty, or the header that an interrupted process of version 1 began to write
     if LEGACY_MAGIC in content:
         return 1
