@@ -8,14 +8,48 @@ import pytest
 from lcorpp.errors import DataError, FileError
 from lcorpp.worlds.speech.waves import RATE, read_wave, resample, write_wave
 
+GUID = bytes.fromhex("000000001000800000aa00389b71")
 
-def make_file(samples: bytes, *, channels=1, bits=16, rate=16000, kind=1, claimed=None) -> bytes:
-    """Return a wave file by hand: RIFF, fmt and data."""
-    width = channels * bits // 8
-    form = struct.pack("<HHIIHH", kind, channels, rate, rate * width, width, bits)
-    size = len(samples) if claimed is None else claimed
-    body = b"WAVEfmt " + struct.pack("<I", len(form)) + form + b"data" + struct.pack("<I", size) + samples
-    return b"RIFF" + struct.pack("<I", len(body)) + body
+
+def make_chunk(name: bytes, body: bytes, claimed=None) -> bytes:
+    """Return a chunk, padded to an even length."""
+    size = len(body) if claimed is None else claimed
+    return name + struct.pack("<I", size) + body + bytes(len(body) % 2)
+
+
+def make_file(
+    samples: bytes,
+    *,
+    channels=1,
+    bits=16,
+    rate=16000,
+    kind=1,
+    extensible=False,
+    claimed=None,
+    total=None,
+    before=b"",
+    after=b"",
+) -> bytes:
+    """Return a wave file by hand: RIFF, fmt, chunks before, data, chunks after.
+
+    claimed, total: sizes that the header states of the samples and of the file, by default the true ones.
+    """
+    width = channels * ((bits + 7) // 8)
+    form = struct.pack("<HHIIHH", 0xFFFE if extensible else kind, channels, rate, rate * width, width, bits)
+    if extensible:
+        form += struct.pack("<HHIH", 22, bits, 4, kind) + GUID
+    body = b"WAVE" + make_chunk(b"fmt ", form) + before + make_chunk(b"data", samples, claimed) + after
+    return b"RIFF" + struct.pack("<I", len(body) if total is None else total) + body
+
+
+def encode(samples: np.ndarray, kind: int, bits: int) -> bytes:
+    """Return samples from -1 to 1 in an encoding."""
+    if kind == 3:
+        return samples.astype(f"<f{bits // 8}").tobytes()
+    if bits == 8:
+        return np.round(samples * 128 + 128).astype(np.uint8).tobytes()
+    whole = np.round(samples * 2 ** (bits - 1)).astype("<i8")
+    return whole.view(np.uint8).reshape(-1, 8)[:, : bits // 8].tobytes()
 
 
 def test_written_samples_are_read_again(tmp_path):
@@ -29,6 +63,52 @@ def test_written_samples_are_read_again(tmp_path):
 def test_samples_of_8_bits_are_unsigned(tmp_path):
     (tmp_path / "a.wav").write_bytes(make_file(bytes([0, 128, 255]), bits=8))
     np.testing.assert_allclose(read_wave(tmp_path / "a.wav")[0], [-1, 0, 127 / 128])
+
+
+@pytest.mark.parametrize("extensible", [False, True])
+@pytest.mark.parametrize(("kind", "bits"), [(1, 8), (1, 16), (1, 24), (1, 32), (3, 32), (3, 64)])
+def test_each_encoding_gives_the_same_samples(tmp_path, kind, bits, extensible):
+    samples = np.array([-1, -0.5, 0, 0.25, 0.75])
+    content = make_file(encode(samples, kind, bits), kind=kind, bits=bits, extensible=extensible)
+    (tmp_path / "a.wav").write_bytes(content)
+    read, rate = read_wave(tmp_path / "a.wav")
+    np.testing.assert_array_equal(read, samples)
+    assert rate == 16000
+
+
+def test_float_samples_are_clipped_and_finite(tmp_path):
+    (tmp_path / "a.wav").write_bytes(make_file(encode(np.array([1.5, -2]), 3, 32), kind=3, bits=32))
+    np.testing.assert_array_equal(read_wave(tmp_path / "a.wav")[0], [1, -1])
+    (tmp_path / "a.wav").write_bytes(make_file(encode(np.array([np.nan]), 3, 32), kind=3, bits=32))
+    with pytest.raises(DataError, match="no finite numbers"):
+        read_wave(tmp_path / "a.wav")
+
+
+@pytest.mark.parametrize(
+    ("claimed", "total"),
+    [
+        (2**32 - 1, 2**32 - 1),
+        (0x7FFFF000, 0x7FFFF024),
+        (0x80000000, 0x80000024),
+        (0, 0),
+        (0, 36),
+        (0, 2**32 - 1),
+    ],
+)
+def test_a_header_without_a_size_is_read_to_the_end(tmp_path, claimed, total):
+    samples, notes = np.linspace(-0.5, 0.5, 5), make_chunk(b"LIST", b"INFOISFT")
+    content = make_file(encode(samples, 1, 16), claimed=claimed, total=total, before=notes)
+    (tmp_path / "a.wav").write_bytes(content + b"\0")  # a sample that was begun
+    np.testing.assert_allclose(read_wave(tmp_path / "a.wav")[0], samples, atol=1e-4)
+
+
+def test_other_chunks_are_skipped(tmp_path):
+    samples, notes = np.linspace(-0.5, 0.5, 5), make_chunk(b"LIST", b"odd")
+    content = make_file(encode(samples, 1, 8), bits=8, before=notes, after=notes)
+    (tmp_path / "a.wav").write_bytes(content)
+    np.testing.assert_allclose(read_wave(tmp_path / "a.wav")[0], samples, atol=1e-2)
+    (tmp_path / "a.wav").write_bytes(make_file(b"", after=notes))  # no samples, and the header is right
+    assert len(read_wave(tmp_path / "a.wav")[0]) == 0
 
 
 @pytest.mark.parametrize("rate", [8000, 11025, 22050, 44100, 48000])
@@ -47,15 +127,22 @@ def test_another_rate_keeps_the_pitch(rate):
         (b"hello" * 50, "no wave file of PCM"),
         (make_file(bytes(8))[:20], "no wave file of PCM"),
         (make_file(bytes(8))[:40], "no wave file of PCM"),
-        (make_file(bytes(8), kind=3, bits=32), "no wave file of PCM: unknown format: 3"),
-        (make_file(bytes(8), channels=2), "2 channels of 16 bits; expected mono PCM of 8 or 16 bits"),
-        (make_file(bytes(9), bits=24), "1 channels of 24 bits"),
-        (make_file(bytes(8), channels=0), "no wave file of PCM: bad # of channels"),
+        (b"RF64" + make_file(bytes(8))[4:], "no wave file of PCM but RF64; expected"),
+        (b"fLaC" + bytes(50), "no wave file of PCM but FLAC; expected"),
+        (make_file(bytes(8), kind=7, bits=8), "no wave file of PCM but mu-law; expected"),
+        (make_file(bytes(8), kind=6, bits=8, extensible=True), "no wave file of PCM but A-law"),
+        (make_file(bytes(8), kind=99), "no wave file of PCM but of unknown format 99"),
+        (make_file(bytes(8), extensible=True).replace(GUID, bytes(14)), "extensible format of unknown kind"),
+        (make_file(bytes(8), kind=3), "no wave file of PCM: float with 1 channels, 16 bits and 2 bytes"),
+        (make_file(bytes(8), bits=40), "no wave file of PCM: PCM with 1 channels, 40 bits"),
+        (make_file(bytes(8), channels=2), "2 channels of 16 bits; expected a wave file of mono PCM"),
+        (make_file(bytes(8), channels=0), "PCM with 0 channels"),
         (make_file(bytes(8), bits=0), "no wave file of PCM"),
+        (make_file(bytes(8)).replace(b"fmt ", b"junk"), "the samples precede their format"),
         (make_file(bytes(8), rate=0), "0 samples per second; expected 4000 to 192000"),
         (make_file(bytes(8), rate=2**30), "samples per second"),
         (make_file(bytes(8), claimed=800), "the file is cut: 4 of 400 samples"),
-        (make_file(bytes(8), claimed=2**32 - 1), "the file is cut"),
+        (make_file(bytes(8), claimed=800, total=2**32 - 1), "the file is cut: 4 of 400 samples"),
         (make_file(bytes(2 * 4000 * 601), rate=4000), "601 seconds; expected at most 600"),
     ],
 )

@@ -17,7 +17,7 @@ def listen(
     file: Annotated[
         Path | None,
         typer.Option(
-            metavar="FILE.wav", help="A recording, mono PCM of 8 or 16 bits; without, the microphone."
+            metavar="FILE.wav", help="A recording, mono PCM or float samples; without, the microphone."
         ),
     ] = None,
     seconds: Annotated[
