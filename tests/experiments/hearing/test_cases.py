@@ -9,13 +9,21 @@ import pytest
 from lcorpp.domains import load_domain
 from lcorpp.errors import DataError, FileError
 from lcorpp.experiments.hearing.answers import SYNTHETIC_SAID, assume_without_kinds
-from lcorpp.experiments.hearing.cases import RecordedCases, SyntheticCases, parse_voices, split_sentences
-from lcorpp.experiments.hearing.noises import parse_noises
-from lcorpp.experiments.hearing.observing import observe, recorded_noise
+from lcorpp.experiments.hearing.cases import (
+    Case,
+    RecordedCases,
+    SyntheticCases,
+    parse_voices,
+    split_sentences,
+)
+from lcorpp.experiments.hearing.measurement import Result
+from lcorpp.experiments.hearing.noises import LEAD, SPEECH_LEVEL, TAIL, parse_noises
+from lcorpp.experiments.hearing.observing import observe, recorded_noise, weigh_factors
 from lcorpp.experiments.hearing.results import write_observed
+from lcorpp.experiments.hearing.sounds import LEVELS, SOUNDS, make_sound
 from lcorpp.planning import read_pomdp
 from lcorpp.worlds.speech import FEATURES, parse_voice, read_confidence
-from lcorpp.worlds.speech.waves import write_wave
+from lcorpp.worlds.speech.waves import RATE, write_wave
 
 POS = ("yes please", "of course", "tell me more", "that sounds good")
 NEG = ("no thanks", "maybe later", "i am busy", "go away")
@@ -48,7 +56,7 @@ def test_sentences_are_split_in_halves_whatever_their_order():
 def test_all_voices_and_noises_of_a_sentence_are_on_one_side(tmp_path):
     mix = parse_noises("clean,babble:10")
     cases = SyntheticCases({"pos": POS, "neg": NEG}, [Tone()], mix, tmp_path, 0)
-    assert cases.kinds == ("pos", "neg", "talk", "silence")
+    assert cases.kinds == ("pos", "neg", "talk", "sound", "silence")
     sides = {}
     for case in cases.cases:
         sides.setdefault(case.sentence, set()).add(case.is_test)
@@ -57,6 +65,42 @@ def test_all_voices_and_noises_of_a_sentence_are_on_one_side(tmp_path):
     one = next(case for case in cases.cases if case.noise == "babble:10" and case.text == "yes please")
     np.testing.assert_array_equal(cases.samples(one), cases.samples(one))
     assert np.abs(cases.samples(one) - cases.samples(one, repeat=1)).max() > 1e-3
+
+
+def test_half_of_the_kinds_of_sounds_are_unseen_in_the_tuning(tmp_path):
+    cases = SyntheticCases({"pos": POS, "neg": NEG}, [Tone()], parse_noises("clean"), tmp_path, 0)
+    side = {case.text: case.is_test for case in cases.cases if case.said == "sound"}
+    assert set(side) == set(SOUNDS)
+    assert sum(side.values()) == len(SOUNDS) // 2
+    one, other = [case for case in cases.cases if case.text == "motor"][:2]
+    assert len(cases.samples(one)) > (LEAD + TAIL) * RATE
+    assert len(cases.samples(one)) != len(cases.samples(other))
+
+
+@pytest.mark.parametrize("kind", SOUNDS)
+def test_sounds_have_the_stated_levels(kind):
+    for seed in range(2):
+        sound = make_sound(kind, np.random.default_rng(seed))
+        np.testing.assert_array_equal(sound, make_sound(kind, np.random.default_rng(seed)))
+        assert np.abs(sound).max() < 1
+        level = 20 * np.log10(np.sqrt(np.mean(sound**2)) / SPEECH_LEVEL)
+        assert LEVELS[0] - 6 < level < LEVELS[1] + 1  # fading, and peaks of 1, make it quieter
+
+
+def test_each_factor_learns_from_its_own_cases():
+    said = ("pos", "neg", "talk", "sound", "silence")
+    results = [
+        Result(Case(kind, str(number), "", "clean", 0, False), (), 0.0)
+        for place, kind in enumerate(said)
+        for number in range(place + 1)
+    ]
+    weights = weigh_factors(results, parse_noises("clean"), ("pos", "neg"))
+    kinds = np.array([result.case.said for result in results])
+    total = {name: [own[kinds == kind].sum() / own.sum() for kind in said] for name, own in weights.items()}
+    np.testing.assert_allclose(total["answer"], [1 / 4, 1 / 4, 1 / 4, 0, 1 / 4])
+    np.testing.assert_allclose(total["speech"], [1 / 4, 1 / 4, 1 / 4, 1 / 4, 0])
+    without = [result for result in results if result.case.said != "sound"]
+    assert set(weigh_factors(without, parse_noises("clean"), ("pos", "neg"))) == {"answer"}
 
 
 def test_recordings_are_read_by_their_names(tmp_path):

@@ -7,10 +7,12 @@ import pytest
 
 from lcorpp.domains import load_domain
 from lcorpp.errors import DataError
+from lcorpp.experiments.hearing.sounds import SOUNDS, make_sound
 from lcorpp.planning import update
 from lcorpp.worlds.speech import FEATURES, Confidence, Listener, Recogniser, WaveSource, read_confidence
 from lcorpp.worlds.speech.activity import find_speech
-from lcorpp.worlds.speech.features import count_edits, measure_contrast, measure_voicing
+from lcorpp.worlds.speech.confidence import ANSWER, Factor
+from lcorpp.worlds.speech.features import count_edits
 from lcorpp.worlds.speech.listener import choose_heard
 from lcorpp.worlds.speech.recogniser import Recognition
 from lcorpp.worlds.speech.voice import parse_voice
@@ -134,7 +136,8 @@ def test_seconds_out_of_range(recogniser, confidence, seconds):
 
 
 def test_the_first_sure_utterance_counts():
-    sure = Confidence(("a",), np.zeros(1), np.ones(1), np.ones(1), 0.0, {"pos": (("pos", 0.6),)})
+    factor = Factor(np.zeros(1), np.ones(1), np.ones(1), 0.0)
+    sure = Confidence(("a",), {ANSWER: factor}, {"pos": (("pos", 0.6),)})
     low, high = (Recognition("pos", text, np.array([x])) for text, x in (("low", 0.0), ("high", 2.0)))
     nothing = Recognition(None, "", np.zeros(1))
     assert choose_heard([nothing, low, high, low], sure).text == "high"
@@ -142,13 +145,33 @@ def test_the_first_sure_utterance_counts():
     assert choose_heard([nothing], sure).confidence == 0
 
 
-def test_features_have_known_values():
+def test_edits_are_counted():
     assert count_edits("kitten", "sitting") == 3
     assert count_edits("", "abc") == count_edits("abc", "") == 3
-    time = np.arange(RATE) / RATE
-    rng = np.random.default_rng(0)
-    assert measure_voicing(np.sin(2 * np.pi * 120 * time)) == 1
-    assert measure_voicing(rng.normal(size=RATE)) < 0.05
-    loud = np.where(time < 0.5, 0.01, 0.1) * np.sin(2 * np.pi * 1000 * time)
-    assert measure_contrast(loud) == pytest.approx(20, abs=0.1)
-    assert measure_contrast(np.zeros(10)) == measure_voicing(np.zeros(10)) == 0
+
+
+def find_heard(recogniser, confidence, kind: str, number: int) -> str:
+    """Return the observation of a sound between silence."""
+    sound = make_sound(kind, np.random.default_rng(number))
+    source = WaveSource(np.concatenate([np.zeros(RATE // 2), sound, np.zeros(RATE)]))
+    return Listener(recogniser, confidence, source).listen(6).observation
+
+
+@pytest.mark.parametrize("kind", ["hum", "chirp", "chord", "motor", "cough"])
+def test_sounds_without_speech_are_none(recogniser, confidence, kind):
+    assert find_heard(recogniser, confidence, kind, 0) == "none"
+
+
+def test_a_modulated_hum_is_none(recogniser, confidence):
+    """A tone of 220 Hz whose level changes three times a second."""
+    time = np.arange(2 * RATE) / RATE
+    hum = 0.3 * np.sin(2 * np.pi * 220 * time) * (0.5 + 0.5 * np.sin(2 * np.pi * 3 * time))
+    assert Listener(recogniser, confidence, WaveSource(hum)).listen(5).observation == "none"
+
+
+@pytest.mark.slow
+def test_few_sounds_of_all_kinds_are_answers(recogniser, confidence):
+    heard = [
+        find_heard(recogniser, confidence, kind, number) for kind in SOUNDS for number in range(100, 104)
+    ]
+    assert sum(observation != "none" for observation in heard) <= 0.05 * len(heard)

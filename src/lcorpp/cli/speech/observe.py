@@ -42,8 +42,8 @@ def observe(
         str | None,
         typer.Option(
             help="What people say, an assumption: shares of the answer that the stated model expects, of"
-            " other answers, of other talk and silence; by default"
-            " expected=.7,other=.03,talk=.15,silence=.12."
+            " other answers, of other talk, sounds and silence; by default"
+            " expected=.7,other=.03,talk=.15,sound=.04,silence=.08."
         ),
     ] = None,
     timeout: Annotated[

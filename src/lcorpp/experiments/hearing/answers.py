@@ -12,13 +12,13 @@ from lcorpp.errors import DataError, DomainError, expected_one_of
 from lcorpp.values import Array
 from lcorpp.worlds.speech.confidence import NONE
 
-TALK, SILENCE = "talk", "silence"
-"""What is said besides answers, in synthetic measurements: other talk, and nothing."""
+TALK, SOUND, SILENCE = "talk", "sound", "silence"
+"""What is heard besides answers, in synthetic measurements: talk, sounds without speech, and nothing."""
 
 EXPECTED, OTHER = "expected", "other"
 """In an assumption: the answer that the stated model expects, and all other answers together."""
 
-SYNTHETIC_SAID = {EXPECTED: 0.7, OTHER: 0.03, TALK: 0.15, SILENCE: 0.12}
+SYNTHETIC_SAID = {EXPECTED: 0.7, OTHER: 0.03, TALK: 0.15, SOUND: 0.04, SILENCE: 0.08}
 """The assumption without others, for synthetic voices."""
 
 
@@ -69,9 +69,9 @@ def parse_said(text: str, others: Sequence[str]) -> dict[str, float]:
 
 
 def assume_without_kinds(others: Sequence[str]) -> dict[str, float]:
-    """Return the default assumption where talk and silence were not measured apart, as in recordings."""
-    rest = SYNTHETIC_SAID[TALK] + SYNTHETIC_SAID[SILENCE]
+    """Return the default assumption if talk, sounds and silence are not measured apart, as in recordings."""
     expected = {EXPECTED: SYNTHETIC_SAID[EXPECTED], OTHER: SYNTHETIC_SAID[OTHER]}
+    rest = sum(SYNTHETIC_SAID.values()) - sum(expected.values())
     return {**expected, **{name: rest / len(others) for name in others}}
 
 

@@ -10,8 +10,9 @@ from zlib import crc32
 import numpy as np
 
 from lcorpp.errors import DataError, FileError, expected_one_of
-from lcorpp.experiments.hearing.answers import SILENCE, TALK
+from lcorpp.experiments.hearing.answers import SILENCE, SOUND, TALK
 from lcorpp.experiments.hearing.noises import LEAD, TAIL, Noise, add_noise, make_noise, set_level
+from lcorpp.experiments.hearing.sounds import SOUNDS, make_sound
 from lcorpp.files import make_folder, read_text
 from lcorpp.values import Array
 from lcorpp.worlds.speech.voice import Voice
@@ -26,6 +27,9 @@ SILENCE_SECONDS = 2.5
 SILENCES = 200
 """Number of cases of silence in each noise."""
 
+SOUNDS_OF_A_KIND = 6
+"""Number of cases of each kind of sound in each noise."""
+
 RECORDED = "recorded"
 """The noise of recordings: what they contain."""
 
@@ -35,10 +39,11 @@ MIN_SENTENCES = 4
 
 @dataclass(frozen=True)
 class Case:
-    """An utterance, or silence, in noise.
+    """An utterance, a sound or silence, in noise.
 
-    said: an answer, or what is said besides. text: the sentence, "" for silence. voice: who says it.
-    noise: its name. number: of the silence; seeds the noise. is_test: whether it belongs to the test.
+    said: an answer, or what is heard besides. text: the sentence or the kind of sound, "" for silence.
+    voice: who says it. noise: its name. number: of the silence or the sound; seeds the noise.
+    is_test: whether it belongs to the test.
     """
 
     said: str
@@ -66,7 +71,9 @@ def split_sentences(texts: Sequence[str], seed: int) -> dict[str, bool]:
 
 
 class SyntheticCases:
-    """Sentences and off-topic talk by synthetic voices in each noise, and silence in each noise.
+    """Sentences and off-topic talk by synthetic voices, sounds and silence, in each noise.
+
+    Half of the kinds of sounds belong to the test: what is learnt from some kinds is tested with others.
 
     Args:
         utterances: answer -> sentences.
@@ -92,7 +99,7 @@ class SyntheticCases:
     ) -> None:
         said = {**utterances, TALK: read_text(OFF_TOPIC).splitlines()}
         check_numbers(said)
-        self.kinds = (*said, SILENCE)
+        self.kinds = (*said, SOUND, SILENCE)
         self._noises, self._seed = {noise.name: noise for noise in noises}, seed
         self._speech = dict[tuple[str, str], Array]()
         self.cases = list[Case]()
@@ -106,6 +113,10 @@ class SyntheticCases:
                     self.cases += [
                         Case(kind, text, voice.name, noise, 0, is_test[text]) for noise in self._noises
                     ]
+        is_test = split_sentences(tuple(SOUNDS), seed)
+        for kind in SOUNDS:
+            for number in range(SOUNDS_OF_A_KIND):
+                self.cases += [Case(SOUND, kind, "", noise, number, is_test[kind]) for noise in self._noises]
         for number in range(SILENCES):
             self.cases += [Case(SILENCE, "", "", noise, number, number % 2 == 1) for noise in self._noises]
         self._is_test = {case.text: case.is_test for case in self.cases}
@@ -124,7 +135,8 @@ class SyntheticCases:
         ]
         if case.said == SILENCE:
             return make_noise(noise, round((SILENCE_SECONDS + LEAD + TAIL) * RATE), talk, rng)
-        return add_noise(self._speech[case.voice, case.text], noise, talk, rng)
+        speech = make_sound(case.text, rng) if case.said == SOUND else self._speech[case.voice, case.text]
+        return add_noise(speech, noise, talk, rng)
 
 
 class RecordedCases:

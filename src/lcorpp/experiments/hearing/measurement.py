@@ -12,11 +12,12 @@ from typing import Any
 
 import numpy as np
 
+from lcorpp.experiments.hearing.answers import SOUND
 from lcorpp.experiments.hearing.cases import Case, Cases
 from lcorpp.files import make_folder
 from lcorpp.values import Array, freeze
 from lcorpp.work_units.store import UnitStore
-from lcorpp.worlds.speech.confidence import Confidence, fit_confidence
+from lcorpp.worlds.speech.confidence import SPEECH, Confidence, fit_factor
 from lcorpp.worlds.speech.features import FEATURES
 from lcorpp.worlds.speech.listener import recognise_all
 from lcorpp.worlds.speech.recogniser import Recogniser, Recognition
@@ -72,15 +73,16 @@ def measure(
     return results
 
 
-def score_results(results: Sequence[Result], weights: Array) -> tuple[Confidence, list[Array]]:
+def score_results(results: Sequence[Result], weights: Mapping[str, Array]) -> tuple[Confidence, list[Array]]:
     """Learn the confidence from the tuning cases, and return it without bins.
 
     Args:
-        weights: (n,) of the cases.
+        weights: factor of the confidence -> weights (n,) of the cases; without weight it learns nothing from
+            a case.
 
     Returns:
         The confidence, and for each result the confidences of its recognitions: of tuning cases by
-        cross-fitting over sentences, of test cases by the returned confidence.
+        cross-fitting over sentences and kinds of sounds, of test cases by the returned confidence.
 
     Raises:
         DataError: too few recognitions are right, or wrong.
@@ -102,16 +104,20 @@ def score_results(results: Sequence[Result], weights: Array) -> tuple[Confidence
     return whole, scores
 
 
-def _fit(results: Sequence[Result], chosen: Sequence[int], weights: Array) -> Confidence:
-    rows, right, weight = [], [], []
-    for i in chosen:
-        for found in results[i].recognitions:
-            if found.answer is not None:
-                rows.append(found.features)
-                right.append(found.answer == results[i].case.said)
-                weight.append(weights[i])
-    table = np.reshape(rows, (-1, len(FEATURES)))
-    return fit_confidence(FEATURES, table, np.array(right, bool), np.array(weight), {})
+def _fit(results: Sequence[Result], chosen: Sequence[int], weights: Mapping[str, Array]) -> Confidence:
+    factors = {}
+    for name, own in weights.items():
+        rows, positive, weight = [], [], []
+        for i in chosen:
+            said = results[i].case.said
+            for found in results[i].recognitions:
+                if found.answer is not None and own[i] > 0:
+                    rows.append(found.features)
+                    positive.append(said != SOUND if name == SPEECH else found.answer == said)
+                    weight.append(own[i])
+        table = np.reshape(rows, (-1, len(FEATURES)))
+        factors[name] = fit_factor(table, np.array(positive, bool), np.array(weight))
+    return Confidence(FEATURES, factors, {})
 
 
 def _to_json(found: Sequence[Recognition], seconds: float) -> dict[str, Any]:

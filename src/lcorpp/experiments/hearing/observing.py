@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from lcorpp.domains import Domain
-from lcorpp.experiments.hearing.answers import SILENCE, SaidModel, assume_said, check_answers
+from lcorpp.experiments.hearing.answers import SILENCE, SOUND, TALK, SaidModel, assume_said, check_answers
 from lcorpp.experiments.hearing.bins import choose_bins, collect_cases, find_policy
 from lcorpp.experiments.hearing.cases import RECORDED, Cases
 from lcorpp.experiments.hearing.loop import simulate_loop
@@ -19,7 +19,7 @@ from lcorpp.experiments.hearing.noises import Noise
 from lcorpp.experiments.hearing.rates import HeardCases, find_row_intervals, make_model
 from lcorpp.planning import Evaluation, Planner, Pomdp, evaluate, solve
 from lcorpp.values import Array, Interval
-from lcorpp.worlds.speech.confidence import Confidence
+from lcorpp.worlds.speech.confidence import ANSWER, SPEECH, Confidence
 from lcorpp.worlds.speech.recogniser import Recogniser
 
 WORK = 4e6
@@ -107,7 +107,7 @@ def observe(
     said = assume_said(domain, assumption, cases.kinds[len(answers) :])
     identity = describe_recogniser(utterances, seed, type(cases).__name__)
     results = measure(cases, Recogniser(utterances), folder, identity, advance)
-    learnt, scores = score_results(results, weigh_cases(results, noises, answers))
+    learnt, scores = score_results(results, weigh_factors(results, noises, answers))
     scored = collect_cases(results, scores, cases.kinds, answers, noises)
     bins, _ = choose_bins(domain.pomdp, scored, said, advance=advance_bins)
     tuning, test = scored.hear(bins, test=False), scored.hear(bins, test=True)
@@ -136,17 +136,33 @@ def recorded_noise() -> tuple[Noise, ...]:
     return (Noise(RECORDED, np.nan, 1.0),)
 
 
-def weigh_cases(results: Sequence[Result], noises: Sequence[Noise], answers: Sequence[str]) -> Array:
-    """Return the weights (n,) of the cases, with mean 1: half for answers, half for what is said besides.
+def weigh_factors(
+    results: Sequence[Result], noises: Sequence[Noise], answers: Sequence[str]
+) -> dict[str, Array]:
+    """Return factor of the confidence -> weights (n,) of the cases from which it is learnt.
 
-    Within each half all kinds count alike, and the noises by their shares. What people say is not used, so
-    that the confidence is the same for each assumption.
+    `ANSWER` is learnt from answers and from all else but sounds, each with half of the weight. `SPEECH` is
+    learnt from answers, talk and sounds, each kind with the same weight. What people say is not used, so that
+    the confidence is the same for each assumption.
+    """
+    kinds = {result.case.said for result in results}
+    others = kinds - {*answers, SOUND}
+    halves = {name: 0.5 / len(side) for side in (answers, others) for name in side}
+    weights = {ANSWER: weigh_cases(results, noises, halves)}
+    if SOUND in kinds:
+        weights[SPEECH] = weigh_cases(results, noises, dict.fromkeys((*answers, TALK, SOUND), 1.0))
+    return weights
+
+
+def weigh_cases(results: Sequence[Result], noises: Sequence[Noise], shares: Mapping[str, float]) -> Array:
+    """Return the weights (n,) of the cases: in proportion to the share of their kind, and of their noise.
+
+    Args:
+        shares: kind -> its share; other kinds have weight 0. The mean of positive weights is 1.
     """
     share = {noise.name: noise.share for noise in noises}
     keys = [(result.case.said, result.case.noise) for result in results]
     number = Counter(keys)
-    kinds = {kind for kind, _ in keys}
-    half = {kind: 0.5 / sum((other in answers) == (kind in answers) for other in kinds) for kind in kinds}
-    weights = np.array([half[kind] * share[noise] / number[kind, noise] for kind, noise in keys])
-    normalised: Array = weights / weights.mean()
+    weights = np.array([shares.get(kind, 0.0) * share[noise] / number[kind, noise] for kind, noise in keys])
+    normalised: Array = weights / weights[weights > 0].mean()
     return normalised

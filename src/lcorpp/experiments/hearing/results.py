@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from lcorpp.experiments.hearing.answers import SILENCE
+from lcorpp.experiments.hearing.answers import SILENCE, SOUND
 from lcorpp.experiments.hearing.figure import plot_rates
 from lcorpp.experiments.hearing.observing import Observed
 from lcorpp.experiments.hearing.rates import HeardCases
@@ -57,9 +57,12 @@ def describe_origin(observed: Observed) -> str:
 
 
 def count_cases(cases: HeardCases) -> str:
-    """Return the numbers of cases, and of sentences, of which silence is none."""
-    spoken = cases.said != cases.kinds.index(SILENCE) if SILENCE in cases.kinds else cases.said >= 0
-    return f"{len(cases.said)} cases of {len(np.unique(cases.sentence[spoken]))} sentences"
+    """Return the numbers of cases, of sentences and of kinds of sounds."""
+    is_sound = np.array([kind == SOUND for kind in cases.kinds])[cases.said]
+    is_spoken = ~is_sound & np.array([kind != SILENCE for kind in cases.kinds])[cases.said]
+    sounds = len(np.unique(cases.sentence[is_sound]))
+    text = f"{len(cases.said)} cases of {len(np.unique(cases.sentence[is_spoken]))} sentences"
+    return f"{text} and {sounds} kinds of sounds" if sounds else text
 
 
 def find_answer_bins(observed: Observed, answer: str) -> tuple[str, ...]:

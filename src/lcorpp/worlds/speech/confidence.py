@@ -17,8 +17,11 @@ from lcorpp.values import Array, Flags, freeze
 NONE = "none"
 """The observation of silence, of other talk, and of answers with too little confidence."""
 
-VERSION = 1
+VERSION = 2
 """Of the file's format."""
+
+SPEECH, ANSWER = "speech", "answer"
+"""Factors of a confidence: P(the sound is speech), and P(the answer is right) if it is."""
 
 STRENGTH = 1.0
 """Weight of the data over the penalty of the logistic regression's weights (`C` of scikit-learn)."""
@@ -31,36 +34,60 @@ Bins = Mapping[str, Sequence[tuple[str, float]]]
 
 
 @dataclass(frozen=True, eq=False)
-class Confidence:
-    """The probability that a recognised answer is right, and the observation that it makes.
+class Factor:
+    """A logistic regression: the probability of features x is logistic(bias + weights (x - centre) / scale).
 
-    The confidence of features x is the logistic function of bias + weights (x - centre) / scale.
-
-    features: (F,) their names, for the file.
     centre, scale, weights: (F,). bias: a number.
-    bins: see `Bins`; below its last bin an answer becomes the observation `NONE`.
 
     Raises:
-        DataError: a shape, number or bin is invalid.
+        DataError: a shape or number is invalid.
     """
 
-    features: tuple[str, ...]
     centre: Array
     scale: Array
     weights: Array
     bias: float
-    bins: Bins
 
     def __post_init__(self) -> None:
         for name in ("centre", "scale", "weights"):
             array = freeze(getattr(self, name))
             object.__setattr__(self, name, array)
-            if array.shape != (len(self.features),) or not np.isfinite(array).all():
-                raise DataError(
-                    f"confidence: {name} is {array}; expected {len(self.features)} finite numbers"
-                )
+            if array.shape != self.centre.shape or array.ndim != 1 or not np.isfinite(array).all():
+                raise DataError(f"confidence: {name} is {array}; expected {len(self.centre)} finite numbers")
         if not np.isfinite(self.bias) or not (self.scale > 0).all():
             raise DataError("confidence: the bias must be finite, and each scale positive")
+
+    def score(self, features: Array) -> Array:
+        """Return the probabilities (n,) of features (n, F)."""
+        return _logistic(self.bias + (features - self.centre) / self.scale @ self.weights)
+
+
+@dataclass(frozen=True, eq=False)
+class Confidence:
+    """The probability that a recognised answer is right, and the observation that it makes.
+
+    It is the product of its factors: that a sound is speech, and that the answer of speech is right. Each is
+    learnt from other cases, so that sounds without speech do not change which answers are right.
+
+    features: (F,) their names, for the file.
+    factors: name -> factor, `SPEECH` and `ANSWER`; measurements without sounds have `ANSWER` alone.
+    bins: see `Bins`; below its last bin an answer becomes the observation `NONE`.
+
+    Raises:
+        DataError: a factor has another number of features, or a bin is invalid.
+    """
+
+    features: tuple[str, ...]
+    factors: Mapping[str, Factor]
+    bins: Bins
+
+    def __post_init__(self) -> None:
+        for name, factor in self.factors.items():
+            if len(factor.centre) != len(self.features):
+                raise DataError(
+                    f"confidence: the factor {name!r} has {len(factor.centre)} features; expected"
+                    f" {len(self.features)}"
+                )
         for answer, rows in self.bins.items():
             edges = [edge for _, edge in rows]
             if not edges or edges != sorted(edges, reverse=True) or not all(0 <= edge <= 1 for edge in edges):
@@ -70,7 +97,10 @@ class Confidence:
 
     def score(self, features: Array) -> Array:
         """Return the confidences (n,) of features (n, F)."""
-        return _logistic(self.bias + (features - self.centre) / self.scale @ self.weights)
+        product = np.ones(len(features))
+        for factor in self.factors.values():
+            product *= factor.score(features)
+        return product
 
     def keep(self, observations: Sequence[str]) -> Confidence:
         """Return the confidence for a model with these observations: other bins become `NONE`."""
@@ -84,17 +114,13 @@ class Confidence:
         return next((name for name, edge in self.bins.get(answer, ()) if confidence >= edge), NONE)
 
 
-def fit_confidence(
-    features: Sequence[str], rows: Array, right: Flags, weights: Array, bins: Bins
-) -> Confidence:
-    """Learn a confidence by logistic regression.
+def fit_factor(rows: Array, right: Flags, weights: Array) -> Factor:
+    """Learn a factor by logistic regression.
 
     Args:
-        features: (F,) names.
         rows: (n, F) features of recognised answers.
-        right: (n,) whether the answer is what was said.
+        right: (n,) whether the case is positive, e.g. the answer is what was said.
         weights: (n,) of the cases.
-        bins: of the result.
 
     Raises:
         DataError: fewer than `MIN_CASES` are right, or wrong.
@@ -110,7 +136,7 @@ def fit_confidence(
     scale = np.where(scale > 1e-9, scale, 1.0)
     model = LogisticRegression(C=STRENGTH, max_iter=2000)
     model.fit((rows - centre) / scale, right, sample_weight=weights)
-    return Confidence(tuple(features), centre, scale, model.coef_[0], float(model.intercept_[0]), bins)
+    return Factor(centre, scale, model.coef_[0], float(model.intercept_[0]))
 
 
 def write_confidence(confidence: Confidence, path: str | Path, *, origin: str) -> None:
@@ -119,22 +145,24 @@ def write_confidence(confidence: Confidence, path: str | Path, *, origin: str) -
     Raises:
         FileError: the file cannot be written.
     """
-    table = {
-        "version": VERSION,
-        "origin": origin,
-        "bias": confidence.bias,
-        "features": {
-            name: {"centre": c, "scale": s, "weight": w}
-            for name, c, s, w in zip(
-                confidence.features,
-                confidence.centre.tolist(),
-                confidence.scale.tolist(),
-                confidence.weights.tolist(),
-                strict=True,
-            )
-        },
-        "bins": {answer: dict(rows) for answer, rows in confidence.bins.items()},
+    factors = {
+        factor: {
+            "bias": own.bias,
+            "features": {
+                name: {"centre": c, "scale": s, "weight": w}
+                for name, c, s, w in zip(
+                    confidence.features,
+                    own.centre.tolist(),
+                    own.scale.tolist(),
+                    own.weights.tolist(),
+                    strict=True,
+                )
+            },
+        }
+        for factor, own in confidence.factors.items()
     }
+    bins = {answer: dict(rows) for answer, rows in confidence.bins.items()}
+    table = {"version": VERSION, "origin": origin, "factors": factors, "bins": bins}
     write_atomically(path, json.dumps(table, indent=1) + "\n")
 
 
@@ -147,16 +175,17 @@ def read_confidence(path: str | Path, features: Sequence[str]) -> Confidence:
     """
     try:
         table = json.loads(read_text(path))
-        rows, bins = table["features"], table["bins"]
-        _check(table["version"] == VERSION, f"version {table['version']!r}; expected {VERSION}")
-        _check(list(rows) == list(features), f"features {', '.join(rows)}; expected {', '.join(features)}")
-        columns = [[_number(rows[name][key]) for name in features] for key in ("centre", "scale", "weight")]
-        levels = {
+        _check(
+            table["version"] == VERSION,
+            f"version {table['version']!r}; expected {VERSION}, measure again with `lcorpp observe`",
+        )
+        _check(ANSWER in table["factors"], f"no factor {ANSWER!r}")
+        factors = {str(name): _read_factor(own, features) for name, own in table["factors"].items()}
+        bins = {
             str(answer): tuple((str(name), _number(edge)) for name, edge in own.items())
-            for answer, own in bins.items()
+            for answer, own in table["bins"].items()
         }
-        centre, scale, weights = map(np.array, columns)
-        return Confidence(tuple(features), centre, scale, weights, _number(table["bias"]), levels)
+        return Confidence(tuple(features), factors, bins)
     except (ValueError, KeyError, TypeError, AttributeError, RecursionError, OverflowError) as error:
         raise DataError(
             f"{path}: no confidence of a recogniser ({type(error).__name__}: {str(error)[:200]}); expected a"
@@ -164,6 +193,15 @@ def read_confidence(path: str | Path, features: Sequence[str]) -> Confidence:
         ) from None
     except DataError as error:
         raise DataError(f"{path}: {error}") from None
+
+
+def _read_factor(table: Any, features: Sequence[str]) -> Factor:
+    rows = table["features"]
+    _check(list(rows) == list(features), f"features {', '.join(rows)}; expected {', '.join(features)}")
+    centre, scale, weights = (
+        np.array([_number(rows[name][key]) for name in features]) for key in ("centre", "scale", "weight")
+    )
+    return Factor(centre, scale, weights, _number(table["bias"]))
 
 
 def _check(holds: bool, fault: str) -> None:

@@ -9,6 +9,8 @@ from typing import Any, Self
 import numpy as np
 
 from lcorpp.values import Array
+from lcorpp.worlds.speech.acoustics import STEP, analyse
+from lcorpp.worlds.speech.waves import RATE
 
 FEATURES = (
     "acoustic_score",
@@ -21,6 +23,13 @@ FEATURES = (
     "longest_phone",
     "voicing",
     "contrast",
+    "phone_rate",
+    "loud_outside",
+    "longest_voicing",
+    "periodicity_change",
+    "glides",
+    "width",
+    "width_change",
 )
 """acoustic_score: the grammar's score minus that of any phones, a frame, within the words.
 worst_word_score: the same of the worst word.
@@ -30,6 +39,8 @@ unexplained_speech: share of the frames with phones that are outside of the word
 words, phones: logarithms of their numbers.
 longest_phone: longest mean duration of a word's phones, in frames.
 voicing: share of frames with a pitch. contrast: level of the loudest frames above the quiet ones, in dB.
+phone_rate: number of phones a second. loud_outside: share of the loud frames that are outside of the words.
+longest_voicing, periodicity_change, glides, width, width_change: see `Acoustics`.
 
 Scores are natural logarithms of likelihoods.
 """
@@ -37,20 +48,9 @@ Scores are natural logarithms of likelihoods.
 SCORE_SCALE = 1024
 """By which pocketsphinx reduces scores, unless they are those of a best path through a lattice."""
 
-FRAME = 160
-"""Samples of a frame: 10 ms."""
-
 SILENT_PHONES = ("SIL", "+SPN+", "+NSN+")
 
 MIN_SCORE = 1e-300
-
-MAX_CONTRAST = 60.0
-"""In dB: that of a clean recording depends on its hiss alone."""
-
-PITCH_LAGS = (40, 240)
-"""Periods of a voice in samples: 400 to 67 Hz."""
-
-PITCH_FRAME, PITCH_STEP, MIN_CORRELATION = 480, 240, 0.4
 
 
 @dataclass(frozen=True)
@@ -104,6 +104,8 @@ def compute_features(
         durations.append(length / max(len(expected[word.word]), 1))
     said = [phone for word in spoken for phone in expected[word.word]]
     found = [part.word for part in phones if part.is_spoken]
+    sound = analyse(samples)
+    loud = sound.is_loud[:frames]
     return np.array(
         [
             sum(differences) / max(sum(lengths), 1),
@@ -114,8 +116,14 @@ def compute_features(
             np.log(max(len(spoken), 1)),
             np.log(max(len(said), 1)),
             max(durations, default=0.0),
-            measure_voicing(samples),
-            measure_contrast(samples),
+            sound.measure_voicing(),
+            sound.measure_contrast(),
+            len(found) / (frames * STEP / RATE),
+            (loud & ~in_words[: len(loud)]).sum() / max(loud.sum(), 1),
+            sound.measure_longest_voicing(),
+            sound.measure_periodicity_change(),
+            sound.measure_glides(),
+            *sound.measure_width(),
         ]
     )
 
@@ -128,24 +136,3 @@ def count_edits(a: Sequence[str], b: Sequence[str]) -> int:
         for j, y in enumerate(b, 1):
             above, row[j] = row[j], min(row[j] + 1, row[j - 1] + 1, above + (x != y))
     return row[-1]
-
-
-def measure_voicing(samples: Array) -> float:
-    """Return the share of frames (30 ms) whose autocorrelation has a peak at the period of a voice."""
-    if len(samples) < PITCH_FRAME:
-        return 0.0
-    frames = np.lib.stride_tricks.sliding_window_view(samples, PITCH_FRAME)[::PITCH_STEP]
-    centred = frames - frames.mean(axis=1, keepdims=True)
-    power = np.abs(np.fft.rfft(centred, 2 * PITCH_FRAME)) ** 2
-    correlation = np.fft.irfft(power)[:, : PITCH_LAGS[1]]
-    peaks = correlation[:, PITCH_LAGS[0] :].max(axis=1) / (correlation[:, 0] + 1e-12)
-    return float(np.mean(peaks > MIN_CORRELATION))
-
-
-def measure_contrast(samples: Array) -> float:
-    """Return the level of the loudest frames (95 %) above the quiet ones (10 %), in dB, at most 60."""
-    frames = samples[: len(samples) // FRAME * FRAME].reshape(-1, FRAME)
-    if not len(frames):
-        return 0.0
-    quiet, loud = np.quantile(10 * np.log10(np.mean(frames**2, axis=1) + 1e-10), [0.1, 0.95])
-    return float(min(loud - quiet, MAX_CONTRAST))
