@@ -210,7 +210,7 @@ def test_faults_of_messages_are_located(tmp_path, change, message):
 
 
 def test_faults_of_bags(tmp_path):
-    fails(lambda: Bag(tmp_path / "none.bag"), "none.bag: cannot be read: no such file")
+    fails(lambda: Bag(tmp_path / "none.bag"), "none.bag: cannot be read: No such file")
     fails(lambda: Bag(write_bag(tmp_path / "k", ["16UC1"], info=(0.0, 0.0))), "the camera is not calibrated")
     fails(lambda: list(Bag(write_bag(tmp_path / "t", ["bgr8"], stamps=(2.0, 1.0, 3.0)))), "time 1.0")
     fails(

@@ -1,5 +1,6 @@
 """Running a command inside the test's process, as the shell would see it."""
 
+import logging
 import sys
 from dataclasses import dataclass
 
@@ -35,6 +36,15 @@ def lcorpp(monkeypatch, capsys):
         return Ended(code, captured.out, captured.err)
 
     return run
+
+
+@pytest.fixture
+def silent_afterwards():
+    """The test shows the log; later tests do not."""
+    yield
+    log = logging.getLogger("lcorpp")
+    log.setLevel(logging.NOTSET)
+    log.handlers.clear()
 
 
 @pytest.fixture

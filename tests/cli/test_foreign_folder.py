@@ -174,7 +174,7 @@ def test_the_description_of_a_domain_is_no_link(lcorpp, folder):
         assert "1234" not in ended.err
 
 
-def test_texts_of_others_cannot_control_the_terminal(lcorpp, folder, tmp_path):
+def test_texts_of_others_cannot_control_the_terminal(lcorpp, folder, tmp_path, silent_afterwards):
     replace(folder / "domain.toml", '"rooms"', r'"ro\u001b[2Joms"')
     replace(folder / "domain.toml", '"Which room', r'"\u009b2J\u202eWhich\rroom')
     replace(folder / "guide.pomdp", "point", "po\x1b[2Jint")

@@ -1,7 +1,6 @@
 """`lcorpp run, explain, learn --log`, `lcorpp replay`, and the messages of `lcorpp -v`."""
 
 import json
-import logging
 import os
 import re
 import shutil
@@ -140,14 +139,6 @@ def test_an_interrupted_run_keeps_whole_lines(tmp_path):
     lines = log.read_text().splitlines()
     assert len(lines) == 8 * int(kept[1])
     assert json.loads(lines[-1])["simulated"]["trial"] >= int(kept[1]) - 1
-
-
-@pytest.fixture
-def silent_afterwards():
-    yield
-    log = logging.getLogger("lcorpp")
-    log.setLevel(logging.NOTSET)
-    log.handlers.clear()
 
 
 def test_messages_are_shown_on_request(lcorpp, silent_afterwards):

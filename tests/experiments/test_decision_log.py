@@ -359,7 +359,7 @@ def test_a_changed_classifier_and_policy_file_are_named(rooms, tmp_path):
     assert result.differences == ()
     stored.write_bytes(b"two")
     (alphas,) = policy.vector_sets
-    write_policy(replace(policy, vector_sets=(replace(alphas, vectors=alphas.vectors + 1),)), policy_file)
+    write_policy(replace(policy, vector_sets=(replace(alphas, vectors=alphas.vectors - 1),)), policy_file)
     *named, result = replay_log(log)
     assert [change.what for change in named] == [f"classifier of heading: {stored}", f"policy: {policy_file}"]
     assert result.differences == ()

@@ -99,7 +99,7 @@ MISTAKES = [
     ),
     ({"facts": "[facts]\ntime = {{}}"}, "time: expected different hours from 0 to 24"),
     ({"facts": "[facts]\ntime = {{ morning = 6, evening = 6 }}"}, "time: expected different hours"),
-    ({"robot": "[robot]\npose = [1" + 400 * "0" + ", 0, 0]"}, "pose: int too large to convert to float"),
+    ({"robot": "[robot]\npose = [1" + 400 * "0" + ", 0, 0]"}, "an integer of 1329 bits; TOML has 64"),
     ({"connection": '[connection]\nurl = "ws://a:99999"'}, "url: 'ws://a:99999'; expected ws://HOST:PORT"),
     (
         {"connection": "[connection]\nversion = 1"},

@@ -40,7 +40,7 @@ def _run_and_exit() -> None:
         print(f"lcorpp: {error.strerror or error}", file=sys.stderr)
         sys.exit(2)
     except KeyboardInterrupt as interrupt:  # typer turns those of its commands into an exit
-        print(f"lcorpp: {interrupt or 'interrupted'}", file=sys.stderr)
+        print(f"lcorpp: {str(interrupt) or 'interrupted'}", file=sys.stderr)
         sys.exit(130)
     except Terminated as ended:
         print(f"lcorpp: {ended}", file=sys.stderr)

@@ -193,7 +193,7 @@ def test_missing_and_binary_files_are_errors(tmp_path):
     with pytest.raises(FileError, match=r"no\.csv: cannot be read: No such file"):
         read_recording(tmp_path / "no.csv")
     (tmp_path / "picture.csv").write_bytes(b"\x89PNG\0\0\0")
-    with pytest.raises(FileError, match="not text; expected CSV \\(UTF-8"):
+    with pytest.raises(FileError, match=r"picture\.csv:1: not UTF-8 text: a NUL byte; expected a text file"):
         read_recording(tmp_path / "picture.csv")
     (tmp_path / "latin.csv").write_bytes(GOOD.encode() + b"a,2,\xe9,1,in\n")
     with pytest.raises(

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
+from weakref import finalize
 
 import numpy as np
 
@@ -49,6 +50,7 @@ class ParquetFile(RowSource):
         super().__init__(path, repair_log)
         self._arrow = import_pyarrow()
         file = open_input(path, MAX_MAPPED_BYTES)
+        finalize(self, file.close)
         try:
             self._table = self._arrow.parquet.ParquetFile(file)
         except (OSError, ValueError) as error:  # pyarrow's own errors are both
