@@ -4,8 +4,8 @@
 
 Sentences of the intention domain and off-topic talk, by flite's voices and piper, and sounds without speech,
 in a mix of noises; half of the sentences and of the kinds of sounds are for tuning, the figures are of the
-other half. Then the voices of --unheard, by which
-nothing was tuned, say the sentences of the test in other noise. What was recognised is kept in OUT.
+other half. Then the voices of --unheard, by which nothing was tuned, say the sentences of the test in other
+noise. What was recognised is kept in OUT.
 """
 
 from __future__ import annotations
