@@ -1,4 +1,4 @@
-"""Cameras that are turned, depths of other units: no people of nobody, and notes that name the cause."""
+"""Turned cameras and depths in other units: no people are found, and notes name the cause."""
 
 import re
 
