@@ -119,7 +119,7 @@ def fit_factor(rows: Array, right: Flags, weights: Array) -> Factor:
 
     Args:
         rows: (n, F) features of recognised answers.
-        right: (n,) whether the case is positive, e.g. the answer is what was said.
+        right: (n,) labels of the cases, e.g. whether the recognised answer is the spoken one.
         weights: (n,) of the cases.
 
     Raises:
