@@ -93,12 +93,7 @@ def test_labels_by_persons_are_certain_and_say_how_good_the_classifier_is(intent
 def test_certain_labels_count_fully_and_uncertain_ones_less(intention):
     _, dataset, predictions = make_reports(300, error=0.3, certain=300)
     known = correct_labels(intention, "motion", dataset, predictions).confusion
-    np.testing.assert_allclose(
-        known.effective_cases, known.counts.sum(axis=1, keepdims=True) * np.ones((2, 2))
-    )
-    plain = ConfusionMatrix(known.classes, known.counts)
-    for own, other in zip(estimate_rates(known), estimate_rates(plain), strict=True):
-        assert [rate.interval.low for rate in own] == pytest.approx([rate.interval.low for rate in other])
+    assert known.effective_cases is None  # all count
     shares = []
     for error in (0.1, 0.2, 0.3, 0.4):
         _, dataset, predictions = make_reports(300, error=error, seed=1)
@@ -122,12 +117,16 @@ def test_the_weight_of_a_case_counts(intention):
     repeated = correct_labels(
         intention, "motion", dataset.take(twice), [predictions[row] for row in twice]
     ).confusion
-    np.testing.assert_allclose(weighted.counts, repeated.counts, atol=1e-4)
+    totals = weighted.counts.sum(axis=1)
+    np.testing.assert_allclose(totals, repeated.counts.sum(axis=1), atol=1e-4)
+    np.testing.assert_allclose(
+        normalise(weighted.counts), normalise(repeated.counts), atol=0.03
+    )  # by samples
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("n", [200, 1000])
-@pytest.mark.parametrize("error", [0.1, 0.2, 0.3])
+@pytest.mark.parametrize("error", [0.1, 0.2, 0.3, 0.4])
 def test_intervals_cover_the_true_rates(intention, n, error):
     """300 data sets: of 600 intervals 95 % contain the true rate, with three standard errors of .9 points."""
     hits = 0
@@ -213,7 +212,7 @@ def test_three_values_and_questions_that_distinguish_some_of_them():
     corrected = correct_labels(domain, "motion", dataset, predictions)
     confusion = corrected.confusion
     expected = normalise(count(true, predictions, confusion.classes))
-    np.testing.assert_allclose(normalise(confusion.counts), expected, atol=0.05)
+    np.testing.assert_allclose(normalise(confusion.counts), expected, atol=0.04)
 
 
 @pytest.mark.parametrize("answer", [("greet", "maybe"), ("sing", "pos")])

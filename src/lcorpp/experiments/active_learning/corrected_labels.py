@@ -13,7 +13,7 @@ from lcorpp.errors import DataError, expected_one_of
 from lcorpp.learning.label_noise.dawid_skene import AnswerSource, estimate_classes
 from lcorpp.values import Array, ConfusionMatrix, Dataset, Indices, LabelEvidence
 
-MODEL_WEIGHT, MATRIX_WEIGHT = 8.0, 1.0
+MODEL_WEIGHT, MATRIX_WEIGHT = 4.0, 1.0
 """The planner's observation model counts like this many answers to each action by people of each value, and
 the confusion matrix against the reports like this many people of each class. Few answers leave the rates of
 errors nearly open: the classes would follow the classifier, which would seem better than it is."""
@@ -79,10 +79,15 @@ def correct_labels(
     distributions: list[Mapping[str, float] | None] = [None] * len(dataset)
     for row, probabilities in zip(rows, estimate.posteriors @ np.eye(len(classes))[class_of], strict=True):
         distributions[row] = _drop_improbable(classes, probabilities)
-    counts, matrix = known + estimate.counts[-1], estimate.matrices[-1]
-    # a Beta distribution whose logit has the estimated variance; its last case is the pseudo-counts
-    cases = matrix * (1 - matrix) / estimate.variances[-1] - MATRIX_WEIGHT
-    effective = np.clip(cases, 0, counts.sum(axis=1, keepdims=True))
+    totals = (known + estimate.counts[-1]).sum(axis=1, keepdims=True)
+    if not rows:
+        return CorrectedLabels(tuple(distributions), ConfusionMatrix(classes, known))
+    # the Beta distribution with the mean and variance of each rate, less the pseudo-counts of its interval
+    means, variances = estimate.samples[-1].mean(axis=0), estimate.samples[-1].var(axis=0)
+    cases = means * (1 - means) / variances - 1
+    effective = np.clip(cases - 1, 0, totals)
+    rates = np.clip((means * cases - 0.5) / np.maximum(cases - 1, 0.5), 0, 1)
+    counts = totals * rates / rates.sum(axis=1, keepdims=True)
     return CorrectedLabels(tuple(distributions), ConfusionMatrix(classes, counts, effective))
 
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from lcorpp.arguments import check_arguments
 from lcorpp.errors import DataError
-from lcorpp.learning.label_noise.information import RateTable, compute_variances
+from lcorpp.learning.label_noise.rate_samples import sample_rates
 from lcorpp.values import Array, Indices, freeze
 
 CONTEXT_WEIGHT = 10.0
@@ -72,13 +72,13 @@ class ClassEstimate:
     posteriors: (N, K) P(class | context, all answers) of each case.
     matrices: (R, O) of each source, P(answer | class) by row.
     counts: (R, O) of each source, the expected number of the answers by row, without pseudo-counts.
-    variances: (R, O) of each source, the variances of the matrices' entries, see `compute_variances`.
+    samples: (S, R, O) of each source, samples of its matrix from the posterior, see `sample_rates`.
     """
 
     posteriors: Array
     matrices: tuple[Array, ...]
     counts: tuple[Array, ...]
-    variances: tuple[Array, ...]
+    samples: tuple[Array, ...]
 
 
 @check_arguments
@@ -113,7 +113,8 @@ def estimate_classes(
     weights = np.ones(N) if weights is None else np.asarray(weights, dtype=np.float64)
     if weights.shape != (N,) or not ((weights > 0) & np.isfinite(weights)).all():
         raise DataError(f"{N} cases need as many weights, finite and above 0, not {weights}")
-    kinds, kind_of, weights, sources = _join_equal_cases(sources, contexts, weights)
+    kinds, kind_of, cases, sources = _join_equal_cases(sources, contexts, weights)
+    weights = np.asarray(np.bincount(kind_of, weights, len(kinds)), dtype=np.float64)
     matrices = [_normalise(source.pseudo_counts) for source in sources]
     priors, posteriors = np.full((int(kinds.max(initial=-1)) + 1, K), 1 / K), np.zeros((len(kinds), K))
     for _ in range(MAX_STEPS):
@@ -127,39 +128,27 @@ def estimate_classes(
         priors = _normalise(totals)
         if np.abs(posteriors - before).max(initial=0) <= TOLERANCE:
             break
-    tables = [
-        RateTable(
-            matrix,
-            (own + source.pseudo_counts).sum(axis=1),
-            np.broadcast_to(source.rows[:, np.newaxis], (K, len(kinds))),
-            np.broadcast_to(source.counts, (K, *source.counts.shape)),
-        )
-        for source, matrix, own in zip(sources, matrices, expected, strict=True)
-    ]
-    classes = np.broadcast_to(np.eye(K)[:, np.newaxis], (K, len(kinds), K))
-    contexts_table = RateTable(priors, totals.sum(axis=1), np.broadcast_to(kinds, (K, len(kinds))), classes)
-    variances = compute_variances([*tables, contexts_table], posteriors, weights)[:-1]
-    return ClassEstimate(posteriors[kind_of], tuple(matrices), tuple(expected), variances)
+    answers = [(source.counts, source.rows, source.pseudo_counts) for source in sources]
+    samples = sample_rates(answers, kinds, cases, weights / cases, CONTEXT_WEIGHT, matrices, priors)
+    return ClassEstimate(posteriors[kind_of], tuple(matrices), tuple(expected), samples)
 
 
 def _join_equal_cases(
     sources: Sequence[AnswerSource], contexts: Indices, weights: Array
-) -> tuple[Indices, Indices, Array, list[AnswerSource]]:
-    """Return the kinds of cases with equal answers in equal contexts: they share one posterior.
+) -> tuple[Indices, Indices, Indices, list[AnswerSource]]:
+    """Return the kinds of cases with equal answers and weights in equal contexts: they share one posterior.
 
     Returns:
-        The number of each kind's context, from 0; the kind of each case; the weight of the cases of each
-        kind; and the sources with the answers of each kind.
+        The number of each kind's context, from 0; the kind of each case; the number of cases of each kind;
+        and the sources with the answers of each kind.
     """
     numbers = np.unique(contexts, return_inverse=True)[1]
-    columns = np.column_stack([numbers, *(source.counts for source in sources)])
-    kinds, kind_of = np.unique(columns, axis=0, return_inverse=True)
+    columns = np.column_stack([numbers, *(source.counts for source in sources), weights])
+    kinds, kind_of, cases = np.unique(columns, axis=0, return_inverse=True, return_counts=True)
     ends = np.cumsum([1, *(source.counts.shape[1] for source in sources)])
-    parts = np.split(kinds, ends[:-1], axis=1)[1:]
+    parts = np.split(kinds, ends, axis=1)[1:-1]
     joined = [AnswerSource(c, s.rows, s.pseudo_counts) for c, s in zip(parts, sources, strict=True)]
-    kind_of = kind_of.ravel()
-    sums = np.asarray(np.bincount(kind_of, weights, len(kinds)), dtype=np.float64)
-    return np.asarray(kinds[:, 0], dtype=np.intp), kind_of, sums, joined
+    return np.asarray(kinds[:, 0], dtype=np.intp), kind_of.ravel(), cases, joined
 
 
 def _infer_classes(sources: Sequence[AnswerSource], matrices: Sequence[Array], priors: Array) -> Array:
