@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from heapq import nsmallest
 from typing import TYPE_CHECKING
 
@@ -20,6 +21,7 @@ from lcorpp.errors import ProgramError, UndefinedError
 from lcorpp.log_output import show_log
 from lcorpp.reasoning.language.parser import parse_query, read_plog
 from lcorpp.reasoning.language.syntax import Query
+from lcorpp.reasoning.language.translation.names import is_auxiliary, restore_names
 from lcorpp.reasoning.reasoner import DEFAULT_SAMPLES, Reasoner
 
 if TYPE_CHECKING:
@@ -78,6 +80,7 @@ def print_answers(
             answer, without = _ask(reasoner, question, exact) if queries else None, ()
             best_worlds = reasoner.list_worlds(question, worlds) if worlds else ()
             listed = tuple([(world, ()) for world in best_worlds])
+        listed = _restore_worlds(listed, program.names)
         if best is not None and answer is not None:
             answer = _select_best(question, answer, best)
         report = _print_json if as_json else _print_report
@@ -89,6 +92,27 @@ def print_answers(
 def _format_query(query: Query) -> str:
     """Return the text of a query, that of its own language if the program was translated."""
     return query.written or str(query)
+
+
+def _restore_worlds(worlds: _Worlds, names: Mapping[str, str]) -> _Worlds:
+    """Replace the names of a translated program by those of its source, and omit auxiliary attributes."""
+    if not names:
+        return worlds
+    restored = []
+    for world, fired in worlds:
+        values = {
+            restore_names(term, names): restore_names(value, names)
+            for term, value in world.values.items()
+            if not is_auxiliary(term, names)
+        }
+        rules = [
+            replace(
+                rule, statement=restore_names(rule.statement, names), effect=restore_names(rule.effect, names)
+            )
+            for rule in fired
+        ]
+        restored.append((replace(world, values=values), rules))
+    return restored
 
 
 def _ask(reasoner: Reasoner, query: Query, exact: bool) -> QueryAnswer:

@@ -69,7 +69,7 @@ def with_classifier(
         for term, rate in zip(terms, row, strict=True):
             rules.append(Probability(Term(attribute), term, Number(rate), (condition,), at=places[0]))
     kept = [s for s in program.statements if not (isinstance(s, Probability) and s.term.name == attribute)]
-    return Program(program.file, (*kept, *rules), program.semantics)
+    return Program(program.file, (*kept, *rules), program.semantics, program.names)
 
 
 def _find_attribute(program: Program, name: str) -> Attribute:

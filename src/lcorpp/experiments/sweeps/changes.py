@@ -172,7 +172,7 @@ def _set_number(program: Program, atom: str, number: float) -> Program:
     statement = statements[index]
     assert isinstance(statement, Probability)
     statements[index] = replace(statement, number=Number(Fraction(str(number)), at=statement.at))
-    return Program(program.file, tuple(statements), program.semantics)
+    return Program(program.file, tuple(statements), program.semantics, program.names)
 
 
 def _with_program(domain: Domain, program: Program) -> Domain:

@@ -82,7 +82,7 @@ def parse_plog(
             translated = translate_other_system(text, file)
         if translated is None:
             raise
-    return Program(file, translated, semantics or "2009")
+    return Program(file, translated.statements, semantics or "2009", translated.names)
 
 
 def _parse_own(text: str, file: str, semantics: Semantics | None, strict: bool) -> Program:

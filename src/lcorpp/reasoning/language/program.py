@@ -25,6 +25,7 @@ class Program:
     file: the file name, for errors; equality ignores it.
     statements: the syntax tree.
     semantics: the meaning of `do` and Condition 1, "2009" or "2018"; see docs/plog.md.
+    names: of a translated program: its names with an apostrophe, and what they are in the source.
     signature: its declarations.
 
     Raises:
@@ -34,6 +35,7 @@ class Program:
     file: str = field(compare=False)
     statements: tuple[Statement, ...]
     semantics: Semantics = "2009"
+    names: Mapping[str, str] = field(default_factory=dict, compare=False)
     signature: Signature = field(init=False, compare=False)
 
     def __post_init__(self) -> None:
@@ -95,8 +97,15 @@ class Program:
             lines = [*lines[:SHOWN_STATEMENTS], f"% ... {len(lines) - SHOWN_STATEMENTS} more statements"]
         return f"<pre>{escape(chr(10).join(lines))}</pre>"
 
-    def __reduce__(self) -> tuple[type[Program], tuple[str, tuple[Statement, ...], Semantics]]:
-        return Program, (self.file, self.statements, self.semantics)  # mapping proxies cannot be pickled
+    def __reduce__(
+        self,
+    ) -> tuple[type[Program], tuple[str, tuple[Statement, ...], Semantics, Mapping[str, str]]]:
+        return Program, (
+            self.file,
+            self.statements,
+            self.semantics,
+            self.names,
+        )  # mapping proxies cannot be pickled
 
     def _format_lines(self) -> list[str]:
         """One line per statement; a directive selects the semantics if the text alone would not."""

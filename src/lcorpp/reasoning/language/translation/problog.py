@@ -9,14 +9,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from lcorpp.reasoning.language.syntax import Statement
+from lcorpp.reasoning.language.translation.names import Translation
 from lcorpp.reasoning.language.translation.problog_clauses import make_clauses
 from lcorpp.reasoning.language.translation.problog_grounded import translate_instances
 from lcorpp.reasoning.language.translation.problog_lifted import is_liftable, translate_clauses
 from lcorpp.reasoning.language.translation.prolog_reader import PrologReader, Token
 
 
-def translate_problog(text: str, file: str, tokens: Sequence[Token]) -> tuple[Statement, ...]:
+def translate_problog(text: str, file: str, tokens: Sequence[Token]) -> Translation:
     """Translate a ProbLog program, given by its text and its tokens.
 
     Raises:

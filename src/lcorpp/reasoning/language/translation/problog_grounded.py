@@ -10,6 +10,7 @@ are no names of P-log get names with an apostrophe, which names of ProbLog do no
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import replace
 from fractions import Fraction
 
 from lcorpp.reasoning.language.arithmetic import absorb_rounding
@@ -29,22 +30,29 @@ from lcorpp.reasoning.language.syntax import (
     Statement,
     Term,
 )
-from lcorpp.reasoning.language.translation.names import NameTable, is_made_name, make_choice_name
+from lcorpp.reasoning.language.translation.dependencies import find_dependents
+from lcorpp.reasoning.language.translation.names import (
+    NameTable,
+    Translation,
+    describe_case,
+    describe_choice,
+    is_made_name,
+    make_choice_name,
+)
 from lcorpp.reasoning.language.translation.problog_clauses import PrologClause
 from lcorpp.reasoning.language.translation.prolog_builtins import BUILTINS
 from lcorpp.reasoning.language.translation.prolog_terms import (
     Compound,
     PrologTerm,
     PrologVariable,
-    format_term,
-    iter_term_variables,
+    format_atom,
     unquote,
 )
-from lcorpp.reasoning.language.translation.tables import Choice, Derivation, GroundLiteral
+from lcorpp.reasoning.language.translation.tables import Choice, Derivation, GroundLiteral, Table
 from lcorpp.reasoning.language.translation.tabling import Evaluation
 
 
-def translate_instances(clauses: Sequence[PrologClause]) -> tuple[Statement, ...]:
+def translate_instances(clauses: Sequence[PrologClause]) -> Translation:
     """Translate a program to the ground clauses on which its queries and evidence depend.
 
     A program without queries is translated as if all its predicates were queried.
@@ -54,30 +62,31 @@ def translate_instances(clauses: Sequence[PrologClause]) -> tuple[Statement, ...
     """
     evaluation = Evaluation(clauses)
     queries = list(_list_asked(evaluation, "query"))
-    observed = [
-        (atom, negated, at)
-        for atom, negated, at in _list_asked(evaluation, "evidence")
-        if evaluation.solve(atom, at)
-    ]
-    asked: list[tuple[Compound, bool, Place]] = []
+    asked: list[tuple[GroundLiteral, Place]] = []
     for atom, negated, at in queries:
-        answers = evaluation.solve(atom, at).answers
-        asked.extend((answer, negated, at) for answer in answers or [atom])
-    if not asked and not observed:
+        table = evaluation.solve(atom, at)
+        answers = table.select_answers(atom) or [atom]
+        asked.extend((GroundLiteral(table, answer, negated), at) for answer in answers)
+    observed = [
+        (GroundLiteral(evaluation.solve(atom, at), atom, negated), at)
+        for atom, negated, at in _list_asked(evaluation, "evidence")
+    ]
+    required = [*asked, *observed]
+    if not required:
         _solve_all(evaluation, clauses)
     writer = _Writer(evaluation, clauses)
-    for answer, _, at in (*asked, *observed):
-        writer.require(answer, at)
-    if not asked and not observed:
-        for atom in writer.list_atoms():
-            writer.require(atom, atom.at)
+    for literal, at in required:
+        writer.require(literal, at)
+    if not required:
+        for literal in writer.list_answers():
+            writer.require(literal, literal.atom.at)
     statements = list(writer.iter_statements())
-    for atom, negated, at in observed:
-        statements.append(Observation(((writer.make_literal(atom, negated, at),),), at=at))
-    for answer, negated, at in asked:
-        written = ("\\+" if negated else "") + format_term(answer)
-        statements.append(Query(((writer.make_literal(answer, negated, at),),), written=written, at=at))
-    return tuple(resolve_overloads([*writer.declare(), *statements]))
+    for literal, at in observed:
+        statements.append(Observation(((writer.make_literal(literal, at),),), at=at))
+    for literal, at in asked:
+        written = ("\\+" if literal.negated else "") + format_atom(literal.atom)
+        statements.append(Query(((writer.make_literal(literal, at),),), written=written, at=at))
+    return Translation(tuple(resolve_overloads([*writer.declare(), *statements])), writer.list_names())
 
 
 def _solve_all(evaluation: Evaluation, clauses: Sequence[PrologClause]) -> None:
@@ -122,42 +131,62 @@ def _list_asked(evaluation: Evaluation, kind: str) -> Iterator[tuple[Compound, b
 
 
 class _Writer:
-    """Writes the atoms that were evaluated as attributes, and their derivations as statements."""
+    """Writes the answers that were evaluated as attributes, and their derivations as statements.
+
+    Answers of different calls are one atom, unless the calls are modal, see `Table`.
+    """
 
     def __init__(self, evaluation: Evaluation, clauses: Sequence[PrologClause]) -> None:
         self._clauses = clauses
-        self._certain: dict[Compound, None] = {}
+        self._modal = _find_modal(evaluation)
+        # answer -> the modal calls that have it, and None for all others, each with the name of its atom
+        self._atoms: dict[Compound, dict[Table | None, Compound]] = {}
+        self._certain: set[Compound] = set()
         self._derivations: dict[Compound, dict[Derivation, None]] = {}
+        self._answers: list[GroundLiteral] = []
         for table in evaluation.tables.values():
-            self._certain.update(dict.fromkeys(atom for atom, known in table.answers.items() if known))
-            for atom, derivations in table.derivations.items():
-                self._derivations.setdefault(atom, {}).update(derivations)
+            for answer, is_certain in table.answers.items():
+                self._answers.append(GroundLiteral(table, answer, False))
+                atom = self._name_answer(table, answer)
+                if is_certain:
+                    self._certain.add(atom)
+                else:
+                    self._derivations.setdefault(atom, {}).update(table.derivations[answer])
         self._required: dict[Compound, list[Derivation]] = {}
         self._names = NameTable()
         # attribute -> the values of its arguments and its own, in the order of their use
         self._uses: dict[str, dict[int, list[dict[str, Expression]]]] = {}
 
-    def list_atoms(self) -> list[Compound]:
-        """List all atoms that may be true, but those of negated conjunctions."""
-        atoms = dict.fromkeys((*self._certain, *self._derivations))
-        return [atom for atom in atoms if atom.is_ground and not is_made_name(atom.name)]
+    def _name_answer(self, table: Table, answer: Compound) -> Compound:
+        """Return the atom of an answer, whose predicate has a number if modal calls have the answer, too."""
+        atoms = self._atoms.setdefault(answer, {})
+        key = table if table in self._modal else None
+        if key not in atoms:
+            name = f"{answer.name}'{len(atoms) + 1}" if atoms else answer.name
+            atoms[key] = Compound(name, answer.arguments, answer.at)
+        return atoms[key]
 
-    def require(self, atom: Compound, at: Place) -> None:
-        """Add an atom, and those on which it depends.
+    def list_answers(self) -> list[GroundLiteral]:
+        """List all ground answers but those of negated conjunctions."""
+        return [one for one in self._answers if one.atom.is_ground and not is_made_name(one.atom.name)]
+
+    def require(self, literal: GroundLiteral, at: Place) -> None:
+        """Add the atom of an answer, and those on which it depends.
 
         Raises:
             SourceIssue: the atom is true, but has a variable.
         """
+        atom = self._name_answer(literal.table, literal.atom)
         if not atom.is_ground and (atom in self._certain or atom in self._derivations):
-            name = next(iter_term_variables(atom))
-            raise SourceIssue(at, f"the query has the answer {atom} with the variable {name}")
+            raise SourceIssue(at, f"the query has the answer {literal.atom} with a variable")
         waiting = [atom]
         while waiting:
             atom = waiting.pop()
             if atom not in self._required:
                 own = [] if atom in self._certain else self._list_derivations(atom)
                 self._required[atom] = own
-                waiting += [other for derivation in own for other, _ in derivation.literals][::-1]
+                needed = [other for derivation in own for other in derivation.literals]
+                waiting += [self._name_answer(other.table, other.atom) for other in needed][::-1]
 
     def _list_derivations(self, atom: Compound) -> list[Derivation]:
         """List the derivations of an atom without the literals that are decided."""
@@ -171,10 +200,10 @@ class _Writer:
 
     def _decide(self, literal: GroundLiteral) -> bool | None:
         """Return whether a literal is certainly true or false, None if that depends on chance."""
-        atom, negated = literal
+        atom = self._name_answer(literal.table, literal.atom)
         if atom in self._certain:
-            return not negated
-        return None if atom in self._derivations else negated
+            return not literal.negated
+        return None if atom in self._derivations else literal.negated
 
     def iter_statements(self) -> Iterator[Statement]:
         """Iterate over the selections, pr-atoms and rules of the required atoms."""
@@ -187,7 +216,7 @@ class _Writer:
         written: set[tuple[int, tuple[PrologTerm, ...]]] = set()
         for atom, derivations in self._required.items():
             if atom in self._certain:
-                yield Rule(self.make_literal(atom, False, atom.at), at=atom.at)
+                yield Rule(self._make_atom(atom, atom.at), at=atom.at)
             for own in derivations:
                 if own.choice is None:
                     yield self._make_rule(atom, own, ())
@@ -195,7 +224,7 @@ class _Writer:
                 key = own.choice.clause, own.choice.values
                 heads = groups[key]
                 if len(derivations) == len(heads) == users[own.choice] == 1 and not own.literals:
-                    literal = self.make_literal(atom, False, own.at)
+                    literal = self._make_atom(atom, own.at)
                     yield from self._make_selection(literal, [own.choice])
                     continue
                 literal = self._make_choice(own.choice, own.choice.head + 1, own.at)
@@ -206,8 +235,8 @@ class _Writer:
 
     def _make_rule(self, atom: Compound, derivation: Derivation, more: tuple[Literal, ...]) -> Rule:
         at = derivation.at
-        body = [self.make_literal(other, negated, at) for other, negated in derivation.literals]
-        return Rule(self.make_literal(atom, False, at), (*body, *more), at=at)
+        body = [self.make_literal(literal, at) for literal in derivation.literals]
+        return Rule(self._make_atom(atom, at), (*body, *more), at=at)
 
     def _make_selection(self, literal: Literal, choices: Sequence[Choice]) -> Iterator[Statement]:
         """Make the selection of a choice and its pr-atoms; `literal` is its atom, or a value of its own."""
@@ -231,11 +260,14 @@ class _Writer:
         name = make_choice_name(self._clauses[choice.clause].at)
         return self._make_literal(name, choice.values, Number(Fraction(value), at=at), at)
 
-    def make_literal(self, atom: Compound, negated: bool, at: Place) -> Literal:
-        """Make the literal that an atom is true, or its negation."""
+    def make_literal(self, literal: GroundLiteral, at: Place) -> Literal:
+        """Make the literal that an answer is true, or its negation."""
+        made = self._make_atom(self._name_answer(literal.table, literal.atom), at)
+        return replace(made, negated=literal.negated)
+
+    def _make_atom(self, atom: Compound, at: Place) -> Literal:
         name = self._names.name_predicate(atom.name)
-        literal = self._make_literal(name, atom.arguments, Term("true", at=at), at)
-        return Literal(literal.term, "=", literal.value, negated, at=at)
+        return self._make_literal(name, atom.arguments, Term("true", at=at), at)
 
     def _make_literal(
         self, name: str, arguments: Iterable[PrologTerm], value: Expression, at: Place
@@ -245,6 +277,12 @@ class _Writer:
         for known, expression in zip(uses, (*values, value), strict=True):
             known.setdefault(str(expression), expression)
         return Literal(Term(name, tuple(values), at=at), "=", value, at=at)
+
+    def list_names(self) -> dict[str, str]:
+        """List the names that differ from those of the source, see `Translation`."""
+        choices = {make_choice_name(clause.at): describe_choice(clause.at) for clause in self._clauses}
+        cases = {name: describe_case(name) for name in self._uses if is_made_name(name)}
+        return choices | cases | self._names.list_names()
 
     def declare(self) -> Iterator[Statement]:
         """Iterate over the declarations of the attributes in the literals made so far."""
@@ -261,3 +299,12 @@ class _Writer:
                         sorts[-1] += "'"
                     yield SortDefinition(sorts[-1], SortSet(tuple(values.values())))
                 yield AttributeDeclaration(name, tuple(sorts[:-1]), sorts[-1])
+
+
+def _find_modal(evaluation: Evaluation) -> set[Table]:
+    """Find the tables that are modal, or depend on one that is."""
+    users: dict[Table, list[Table]] = {}
+    for table in evaluation.tables.values():
+        for used in table.uses:
+            users.setdefault(used, []).append(table)
+    return find_dependents((table for table in evaluation.tables.values() if table.is_modal), users)

@@ -11,8 +11,8 @@ certain,
     q(X) :- r(X,Y), s(Y), choice'7_1(X,Y)=2.
 
 The selection does not depend on s, as s may depend on p; where s(Y) is false the choice has no effect.
-Where ProbLog has a well-founded model with two values it is the only stable model. It refuses programs with a
-ground cycle through a negation; here all stable models are possible worlds, as in P-log.
+Where ProbLog has a well-founded model with two values it is the only stable model. A predicate that depends
+on its own negation is left to `problog_grounded`, as ProbLog refuses atoms that do.
 
 Source: Fierens et al., TPLP 15(3), 2015, section 3.
 """
@@ -44,7 +44,14 @@ from lcorpp.reasoning.language.syntax import (
     Term,
     Variable,
 )
-from lcorpp.reasoning.language.translation.names import is_plain_name, make_choice_name
+from lcorpp.reasoning.language.translation.dependencies import find_dependents, has_negative_cycle
+from lcorpp.reasoning.language.translation.names import (
+    Translation,
+    describe_choice,
+    has_plain_letters,
+    is_plain_name,
+    make_choice_name,
+)
 from lcorpp.reasoning.language.translation.problog_clauses import Goal, PrologClause
 from lcorpp.reasoning.language.translation.prolog_arithmetic import compute_probability
 from lcorpp.reasoning.language.translation.prolog_terms import (
@@ -70,7 +77,7 @@ _Predicate = tuple[str, int]
 def is_liftable(clauses: Sequence[PrologClause]) -> bool:
     """Whether all clauses mean the same in P-log: constants and variables, without arithmetic."""
     defined = {head.key for clause in clauses for _, head in clause.heads}
-    return all(_is_liftable(clause, defined) for clause in clauses)
+    return all(_is_liftable(clause, defined) for clause in clauses) and not has_negative_cycle(clauses)
 
 
 def _is_liftable(clause: PrologClause, defined: set[_Predicate]) -> bool:
@@ -119,7 +126,7 @@ def _is_liftable_goal(goal: Goal, defined: set[_Predicate]) -> bool:
 
 
 def _is_flat(atom: Compound) -> bool:
-    return "'" not in atom.name and all(map(_is_simple, atom.arguments))
+    return has_plain_letters(atom.name) and all(map(_is_simple, atom.arguments))
 
 
 def _is_simple(term: PrologTerm) -> bool:
@@ -145,7 +152,7 @@ class _Clause:
         return self.heads[0][0] is not None
 
 
-def translate_clauses(clauses: Sequence[PrologClause]) -> tuple[Statement, ...]:
+def translate_clauses(clauses: Sequence[PrologClause]) -> Translation:
     """Translate the clauses of a program for which `is_liftable` is true.
 
     Raises:
@@ -159,7 +166,10 @@ def translate_clauses(clauses: Sequence[PrologClause]) -> tuple[Statement, ...]:
     inference = Inference([*statements, *questions])
     inference.add_missing(Term("none"))  # of predicates that are always false
     instances = chain.from_iterable(_instantiate(question, inference) for question in questions)
-    return tuple(resolve_overloads([*inference.declare([]), *statements, *instances]))
+    names = {make_choice_name(clause.at): describe_choice(clause.at) for clause in own}
+    predicates = {literal.term.name for clause in own for _, literal in clause.heads}
+    names |= {name: name.rstrip("'") for name in predicates if name.endswith("'")}
+    return Translation(tuple(resolve_overloads([*inference.declare([]), *statements, *instances])), names)
 
 
 def _convert_clause(clause: PrologClause) -> _Clause:
@@ -223,13 +233,7 @@ def _find_uncertain(clauses: Sequence[_Clause]) -> set[_Predicate]:
     for clause, name in heads:
         for part in _literals(clause.body):
             users.setdefault(_predicate(part), set()).add(name)
-    reached = [name for clause, name in heads if clause.is_random]
-    uncertain: set[_Predicate] = set()
-    while reached:
-        if (name := reached.pop()) not in uncertain:
-            uncertain.add(name)
-            reached.extend(users.get(name, ()))
-    return uncertain
+    return find_dependents((name for clause, name in heads if clause.is_random), users)
 
 
 def _predicate(literal: Literal) -> _Predicate:

@@ -36,7 +36,7 @@ def _test(condition: bool) -> Solutions:
 
 
 def _can_unify(left: PrologTerm, right: PrologTerm) -> bool:
-    return unify(left, right, {})
+    return unify(left, right, {}, quoted=False)
 
 
 def _compare(relation: Callable[[Any, Any], bool], arguments: Arguments, at: Place) -> Solutions:
@@ -140,7 +140,7 @@ _TYPES: dict[str, Callable[[PrologTerm], bool]] = {
     "number": _is_number,
     "integer": lambda term: isinstance(term, int),
     "float": lambda term: isinstance(term, Real),
-    "atomic": lambda term: _is_number(term) or _is_atom(term) or _is_text(term),
+    "atomic": lambda term: _is_number(term) or _is_atom(term),  # false for a string, as in ProbLog
     "compound": _is_compound,
     "callable": lambda term: _is_atom(term) or _is_compound(term),
     "ground": is_ground,
@@ -162,3 +162,6 @@ BUILTINS: dict[tuple[str, int], Callable[[Arguments, Place], Solutions]] = {
     **{(name, 1): partial(_test_type, has_type) for name, has_type in _TYPES.items()},
 }
 """Name and number of arguments of a predicate -> its solutions, given the arguments."""
+
+MODAL = {("\\=", 2), ("==", 2), ("\\==", 2), *((name, 1) for name in _TYPES)}
+"""Builtins that have other solutions after a variable in their arguments has a value."""

@@ -7,6 +7,7 @@ distinguishes `+(1,2)` from `1+2`, so the name of an operator before brackets ha
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from fractions import Fraction
@@ -109,13 +110,26 @@ EMPTY_LIST = Compound("[]")
 _INFIX = {
     ",", ";", "->", ":-", "::", "=", "\\=", "==", "\\==", "is", "=:=", "=\\=", "<", ">", "=<", ">=", "+", "-",
     "*", "/", "//", "mod", "rem", "div", "**", "^", "xor", "<<", ">>", "/\\", "\\/", "@<", "@>", "@=<", "@>=",
-    "=..", "\\",
+    "=..", "\\", ":",
 }  # fmt: skip
+
+
+_PLAIN = re.compile(r"(?![A-Z])[^\W\d_]\w*")
 
 
 def unquote(name: str) -> str:
     """Return a name without its quotes."""
     return name[1:-1] if name[0] == "'" and len(name) > 2 else name
+
+
+def quote(name: str) -> str:
+    """Return a name with quotes if Prolog needs them."""
+    return name if _PLAIN.fullmatch(name) or name in _INFIX else f"'{name}'"
+
+
+def format_atom(atom: Compound) -> str:
+    """Return the text of an atom, whose predicate has no quotes."""
+    return format_term(Compound(quote(atom.name), atom.arguments))
 
 
 def format_term(term: PrologTerm) -> str:
@@ -193,10 +207,14 @@ def substitute(term: PrologTerm, bindings: Bindings) -> PrologTerm:
     return Compound(term.name, tuple([substitute(x, bindings) for x in term.arguments]), term.at)
 
 
-def unify(left: PrologTerm, right: PrologTerm, bindings: dict[PrologVariable, PrologTerm]) -> bool:
+def unify(
+    left: PrologTerm, right: PrologTerm, bindings: dict[PrologVariable, PrologTerm], quoted: bool = True
+) -> bool:
     """Make two terms equal by adding bindings; return whether that is possible.
 
     A variable is not bound to a term that contains it, as such a term has no finite value.
+
+    quoted: whether `'a'` differs from `a`, as it does in ProbLog but for `=`.
     """
     left, right = dereference(left, bindings), dereference(right, bindings)
     if left is right:
@@ -212,10 +230,18 @@ def unify(left: PrologTerm, right: PrologTerm, bindings: dict[PrologVariable, Pr
         return True
     if not (isinstance(left, Compound) and isinstance(right, Compound)):
         return left == right
-    if left.is_ground and right.is_ground:
-        return left == right
-    return left.key == right.key and all(
-        unify(one, other, bindings) for one, other in zip(left.arguments, right.arguments, strict=True)
+    if left == right:
+        return True
+    if quoted and left.is_ground and right.is_ground:
+        return False
+    names = (left.name, right.name) if quoted else (unquote(left.name), unquote(right.name))
+    return (
+        names[0] == names[1]
+        and len(left.arguments) == len(right.arguments)
+        and all(
+            unify(one, other, bindings, quoted)
+            for one, other in zip(left.arguments, right.arguments, strict=True)
+        )
     )
 
 

@@ -6,7 +6,7 @@ import re
 
 from lcorpp.reasoning.language.issues import SourceIssue
 from lcorpp.reasoning.language.lexer import find_place, list_line_starts
-from lcorpp.reasoning.language.syntax import Statement
+from lcorpp.reasoning.language.translation.names import Translation
 from lcorpp.reasoning.language.translation.problog import translate_problog
 from lcorpp.reasoning.language.translation.prolog_reader import list_tokens
 
@@ -32,7 +32,7 @@ _PROBLOG = re.compile(
 """Marks in a text with spaces between its tokens. A P-log program has declarations beside query(...)."""
 
 
-def translate_other_system(text: str, file: str) -> tuple[Statement, ...] | None:
+def translate_other_system(text: str, file: str) -> Translation | None:
     """Translate a program of ProbLog; None if the text is neither of ProbLog nor of plingo.
 
     Raises:

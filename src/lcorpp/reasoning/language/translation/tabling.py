@@ -19,7 +19,7 @@ from typing import TypeAlias
 from lcorpp.reasoning.language.issues import Place, SourceIssue
 from lcorpp.reasoning.language.translation.problog_clauses import Goal, PrologClause
 from lcorpp.reasoning.language.translation.prolog_arithmetic import compute_probability
-from lcorpp.reasoning.language.translation.prolog_builtins import BUILTINS
+from lcorpp.reasoning.language.translation.prolog_builtins import BUILTINS, MODAL
 from lcorpp.reasoning.language.translation.prolog_terms import (
     Compound,
     PrologTerm,
@@ -58,6 +58,9 @@ class Evaluation:
 
     def __init__(self, clauses: Sequence[PrologClause]) -> None:
         self.tables: dict[Compound, Table] = {}
+        # ground atom -> the complete table of a call with variables that has this answer; as in ProbLog, the
+        # table answers later calls of the atom
+        self._shared: dict[Compound, Table] = {}
         self._clauses = clauses
         # predicate -> (index of the clause, index of the head); with the constant that is the first argument
         self._heads: dict[tuple[str, int], list[tuple[int, int]]] = {}
@@ -92,8 +95,8 @@ class Evaluation:
 
     def _enter(self, call: Compound, at: Place, stack: list[_Frame]) -> Table | None:
         """Return the table of a call, or push a frame that evaluates it."""
-        call = rename(call, {}, "V'")  # type: ignore[assignment]  # a compound term
-        table = self.tables.get(call)
+        call = rename(call, {}, "_''")  # type: ignore[assignment]  # a compound term
+        table = self._shared.get(call) or self.tables.get(call)
         if table is None:
             if not self.defines(call.key):
                 words = "has no clause; builtin and library predicates are not translated"
@@ -112,6 +115,7 @@ class Evaluation:
             return None
         if stack:
             stack[-1].low = min(stack[-1].low, low)
+            stack[-1].table.uses[table] = None
         return table
 
     def _leave(self, stack: list[_Frame]) -> Table | None:
@@ -132,9 +136,16 @@ class Evaluation:
             table.round, table.low, table.has_changed = self._round, frame.low, False
         else:
             for member in (table, *frame.members):
-                member.is_complete = True
+                self._complete(member)
         table.depth = None
+        if stack:
+            stack[-1].table.uses[table] = None
         return table
+
+    def _complete(self, table: Table) -> None:
+        table.is_complete = True
+        if not table.call.is_ground and all(answer.is_ground for answer in table.answers):
+            self._shared.update(dict.fromkeys(table.answers, table))
 
     def _count_steps(self, count: int, at: Place) -> None:
         self._steps += count
@@ -155,7 +166,7 @@ class Evaluation:
                     break
                 states: list[_State] = [(bindings, ())]
                 for goal in conjunction:
-                    states = yield from self._extend(states, goal)
+                    states = yield from self._extend(table, states, goal)
                     self._count_steps(1 + len(states), goal.at)
                     if not states:
                         break
@@ -184,30 +195,36 @@ class Evaluation:
         return index
 
     def _extend(
-        self, states: Iterable[_State], goal: Goal
+        self, table: Table, states: Iterable[_State], goal: Goal
     ) -> Generator[tuple[Compound, Place], Table, list[_State]]:
         """Extend the states by the solutions of a goal."""
         extended: list[_State] = []
         for bindings, literals in states:
             atom = substitute(goal.term, bindings)
             assert isinstance(atom, Compound)
+            if not atom.is_ground and (goal.negated or atom.key in MODAL):
+                table.is_modal = True
             if builtin := BUILTINS.get(atom.key):
                 solutions = [
                     new
                     for left, right in builtin(atom.arguments, goal.at)
-                    if unify(left, right, new := dict(bindings))
+                    if unify(left, right, new := dict(bindings), quoted=False)
                 ]
                 if goal.negated:
                     solutions = [] if solutions else [bindings]
                 extended.extend((new, literals) for new in solutions)
             elif goal.negated:
-                table = yield atom, goal.at
-                if not any(table.answers.values()):
-                    open_literals = [(_require_ground(x, goal.at), True) for x in table.answers]
-                    extended.append((bindings, (*literals, *open_literals)))
+                called = yield atom, goal.at
+                if not called.is_complete:
+                    words = "depends on its own negation; ProbLog has no answer for such a cycle"
+                    raise SourceIssue(goal.at, f"{atom} {words}")
+                answers = called.select_answers(atom)
+                if not any(answers.values()):
+                    added = [GroundLiteral(called, _require_ground(x, goal.at), True) for x in answers]
+                    extended.append((bindings, (*literals, *added)))
             else:
-                table = yield atom, goal.at
-                extended.extend(self._join(atom, table, bindings, literals, goal.at))
+                called = yield atom, goal.at
+                extended.extend(self._join(atom, called, bindings, literals, goal.at))
         return extended
 
     def _join(
@@ -218,7 +235,7 @@ class Evaluation:
         literals: tuple[GroundLiteral, ...],
         at: Place,
     ) -> Iterator[_State]:
-        for answer, is_certain in table.answers.items():
+        for answer, is_certain in table.select_answers(atom).items():
             new = dict(bindings)
             if not answer.is_ground:
                 self._names += 1
@@ -226,7 +243,10 @@ class Evaluation:
             else:
                 fresh = answer
             if unify(atom, fresh, new):
-                yield new, literals if is_certain else (*literals, (_require_ground(answer, at), False))
+                if is_certain:
+                    yield new, literals
+                else:
+                    yield new, (*literals, GroundLiteral(table, _require_ground(answer, at), False))
 
     def _add(
         self,
@@ -240,13 +260,11 @@ class Evaluation:
     ) -> None:
         """Add the answer of a clause."""
         bindings, literals = state
-        answer = rename(substitute(head, bindings), {}, "V'")
+        answer = rename(substitute(head, bindings), {}, "_''")
         assert isinstance(answer, Compound)
         choice = None
         if probability is not None:
             value = compute_probability(substitute(probability, bindings), clause.at)
-            if value == 0:
-                return
             values = tuple([substitute(name, bindings) for name in clause.variables])
             for name, term in zip(clause.variables, values, strict=True):
                 if not is_ground(term):
