@@ -80,11 +80,10 @@ def print_answers(
             answer, without = _ask(reasoner, question, exact) if queries else None, ()
             best_worlds = reasoner.list_worlds(question, worlds) if worlds else ()
             listed = tuple([(world, ()) for world in best_worlds])
-        listed = _restore_worlds(listed, program.names)
         if best is not None and answer is not None:
             answer = _select_best(question, answer, best)
         report = _print_json if as_json else _print_report
-        report(question, answer, without, listed, exact)
+        report(question, answer, without, _restore_worlds(listed, program.names), exact)
         if answer is None and (queries or not listed):
             raise UndefinedError(f"{file}: no possible world of positive measure has the evidence")
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pickle
 from fractions import Fraction
 
 import pytest
@@ -10,6 +11,7 @@ from lcorpp.errors import ParseError, ProgramError, UndefinedError
 from lcorpp.fitting import fit
 from lcorpp.reasoning import Enumeration, Reasoner, ReasoningWarning, parse_plog, program_text
 from lcorpp.reasoning.language.translation import tabling
+from lcorpp.reasoning.language.translation.names import is_auxiliary, restore_names
 
 ANSWERS = [
     # a fact, and noisy-or of two equal facts: 1 - 1/2 * 1/2
@@ -111,6 +113,20 @@ ANSWERS = [
     ("n(1). n(2). 0.5::a(X) :- n(X). query(a(X)) :- n(X), X > 1. evidence(a(X),true) :- X = 1.", "1/2"),
     ("0.25::a. query(\\+a).", "3/4"),
     ("a <- b. 0.5::b. :- use_module(library(lists)). query(a).", "1/2"),
+    # a goal that tests or negates an open variable: calls differ, and a complete call answers later ones
+    (
+        "0.5::p(1). 0.5::p(2). q(1). q(2). h(X) :- \\+ p(X), q(X). r :- h(1). query(r). query(h(X)).",
+        "1/2 1/4 1/4",
+    ),
+    ("0.5::p(1). 0.5::p(2). q(1). q(2). h(X) :- \\+ p(X), q(X). s :- h(1), h(X). query(s).", "1/4"),
+    ("0.1::p. c(A) :- p, A = u. f(A) :- A == u. f(A) :- c(A), f(A). q :- f(A). query(q).", "1/10"),
+    ("0.5::p(1). h(1) :- p(1). h(X) :- X == 1. r :- h(1). s :- h(X), r. query(s). query(r).", "1/2 1/2"),
+    # a predicate that depends on its own negation, but no atom that does
+    ("0.5::m(3,4). m(1,2). m(2,3). w(X) :- m(X,Y), \\+ w(Y). query(w(1)). query(w(2)).", "1/2 1/2"),
+    # a probability of 0 is an answer; quotes matter but for =; a string is not atomic
+    ("0.0::a(1). 0.5::a(2). query(a(X)).", "0 1/2"),
+    ("0.5::a('c'). b :- a(X), X = c. d :- a(X), X == c. e :- a(c). query(b). query(d). query(e).", "1/2 0 0"),
+    ('0.5::a("c"). b :- a(X), atomic(X). query(b). 0.5::s:c. query(s:c).', "0 1/2"),
 ]
 
 
@@ -175,6 +191,32 @@ def test_a_query_is_shown_as_it_is_written() -> None:
     assert [query.written for query in program.queries] == ["do", "\\+do", "h(1.5)", "h([1,'B'])"]
     lifted = parse_plog("0.4::do. 0.4::obs(a). query(do). query(obs(X)).")
     assert [query.written for query in lifted.queries] == ["do", "obs(a)"]
+    quoted = parse_plog(
+        "0.5::'two words'(a). 0.5::'Cap'. 0.5::s:t. query('two words'(X)). query('Cap'). query(s:t)."
+    )
+    assert [query.written for query in quoted.queries] == ["'two words'(a)", "'Cap'", "s:t"]
+
+
+def test_names_of_the_source_are_restored() -> None:
+    lifted = parse_plog("0.5::do. 0.2::a; 0.3::obs(b) :- do. query(a).")
+    assert lifted.names == {
+        "do'": "do", "obs'": "obs", "choice'1_1": "[choice 1:1]", "choice'1_10": "[choice 1:10]"
+    }  # fmt: skip
+    program = parse_plog(
+        "0.5::p(1). 0.5::p(2). q(1). q(2). h(X) :- \\+ p(X), q(X). r :- h(1), \\+ (p(2), p(1)).\n"
+        "0.5::'Ab'(1.5). query(r). query(h(X)). query('Ab'(X))."
+    )
+    text = restore_names(program_text(program), program.names)
+    for shown in (
+        "h(1)=true :- not p(1)=true.",
+        "[h, call 2](1)=true",
+        "not [negation 1:58]=true",
+        "'Ab'(1.5)",
+    ):
+        assert shown in text
+    assert is_auxiliary("h'2(1)", {"h'2": "[h, call 2]"})
+    assert not is_auxiliary("do'", lifted.names)
+    assert pickle.loads(pickle.dumps(program)).names == program.names
 
 
 def test_a_rounded_sum_is_named_once_and_made_1() -> None:
@@ -200,6 +242,11 @@ REFUSED = [
     ("a :- X is gcd(4,6). 0.3::b. query(a).", "1:6", "ProbLog", "gcd/2 is not an arithmetic function"),
     ("w(a,3). P::a(X) :- w(X,P).", "1:9", "ProbLog", "the probability 3 is not between 0 and 1"),
     ("P::a(P) :- w(X). w(1). query(a(P)).", "1:1", "ProbLog", "arithmetic with the variable"),
+    ("0.5::c. a :- \\+b, c. b :- \\+a. query(a).", "1:27", "ProbLog", "a depends on its own"),
+    ("0.5::m(1,2). m(2,1). w(X) :- m(X,Y), \\+ w(Y). query(w(1)).", "1:38", "ProbLog", "w(1) depends"),
+    (":- use_module('rules.pl'). 0.5::a. query(a).", "1:1", "ProbLog", "use_module('rules.pl') is not"),
+    (":- use_module(library(scope)). 0.5::a.", "1:1", "ProbLog", "use_module(library(scope)) is"),
+    (":- consult('rules').\na. query(a).", "1:1", "ProbLog", ":- consult('rules') is not translated"),
     ("a/2::b.", "1:1", "ProbLog", "a is not a number"),
     (":- initialization(main).\n0.3::a.", "1:1", "ProbLog", "the directive :- initialization(main) is not"),
     ("0.3::a. b :- (a -> c; d).", "1:15", "ProbLog", "if-then-else (->) is not translated"),

@@ -48,6 +48,12 @@ _REFUSED_STATEMENTS = {
     "&": "a conjunction with '&'",
 }
 
+_LIBRARIES = {
+    Compound("library", (Compound(name),))
+    for name in ("aggregate", "apply", "assert", "collect", "control", "cut", "lists", "record", "string")
+}
+"""Libraries of ProbLog whose import changes no other predicate."""
+
 _DENSITIES = {
     "normal", "gaussian", "uniform", "beta", "gamma", "poisson", "exponential", "exp", "bernoulli",
     "discrete", "finite", "dirichlet", "binomial", "geometric", "student_t", "laplace", "cauchy",
@@ -123,7 +129,9 @@ class _ClauseMaker:
     def _check_directive(self, directive: PrologTerm) -> list[PrologClause]:
         """Accept the import of a library, as a predicate of it that is used has no clause."""
         if isinstance(directive, Compound) and directive.name == "use_module":
-            return []
+            library = directive.arguments[0]
+            if isinstance(library, Compound) and library in _LIBRARIES:
+                return []
         raise SourceIssue(self._at, f"the directive :- {directive} is not translated")
 
     def _make_head(self, term: PrologTerm) -> tuple[PrologTerm | None, Compound]:

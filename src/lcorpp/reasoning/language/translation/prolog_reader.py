@@ -28,7 +28,7 @@ NAME, VARIABLE, NUMBER, QUOTED, STRING, SIGN, STOP, UNKNOWN, END = (
 """Token kinds; `STOP` is the full stop that ends a clause."""
 
 _TOKEN = re.compile(
-    r"\s+|%[^\r\n]*|/\*.*?\*/"
+    r"\s+|\A#![^\r\n]*|%[^\r\n]*|/\*.*?\*/"
     rf"|(?P<{NUMBER}>0x[0-9a-fA-F]+|[0-9]*\.?[0-9]+(?:[eE][-+]?[0-9]+)?)"
     rf"|(?P<{VARIABLE}>[A-Z_]\w*)"
     rf"|(?P<{NAME}>[^\W\d_]\w*)"

@@ -26,7 +26,8 @@ _PLOG_FORMS = {
 _PLINGO = re.compile(rf"& ({'|'.join(_PLOG_FORMS)}) [({{]")
 
 _PROBLOG = re.compile(
-    r"(?:\b[A-Z_]\w*|[\d.]|[)?]) :: |\\\+ |:- use_module |\A(?!.* : )(?:.* \. )?(?:query|evidence) \( ",
+    r"(?:\b[A-Z_]\w*|[\d.]|[)?]) :: |\\\+ |:- (?:use_module|consult|initialization) "
+    r"|\A(?!.* : )(?:.* \. )?(?:query|evidence) \( ",
     re.DOTALL,
 )
 """Marks in a text with spaces between its tokens. A P-log program has declarations beside query(...)."""
