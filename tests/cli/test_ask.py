@@ -271,3 +271,34 @@ def test_the_log_names_the_program_s_terms_only(lcorpp, caplog, tmp_path):
     ended = lcorpp("ask", file)
     assert ended.out == "?{p=true}.\n  0.500000\n"
     assert f"{file}: p, q depend on each other: clingo enumerates their values" in caplog.text
+
+
+def test_worlds_of_a_problog_program_have_its_names(lcorpp, tmp_path):
+    file = tmp_path / "program.pl"
+    file.write_text("0.4::do.\n0.9::a(1.5); 0.1::'B c' :- do.\nquery(a(X)).\n")
+    ended = lcorpp("ask", file, "--worlds", "2", "--exact")
+    assert ended.code == 0, ended.err
+    assert ended.out.split("\n\n")[1:] == [
+        "  world 1, probability 27/50:\n  do=false",
+        "  world 2, probability 9/25:\n  a(1.5)=true, do=true\n",
+    ]
+    ended = lcorpp("ask", file, "--why")
+    assert ended.code == 0, ended.err
+    assert "'" not in ended.out
+    assert "[choice 2:1]=1 with probability 9/10" in ended.out
+
+
+@pytest.mark.parametrize("name", ["\\e[31mred", "\x1b[31mred\x1b[2J"], ids=["escape code", "raw escape"])
+def test_escape_codes_in_quoted_names_do_not_reach_the_terminal(lcorpp, tmp_path, name):
+    file = tmp_path / "program.pl"
+    file.write_text(f"0.5::'{name}'('{name}').\nb :- '{name}'(X).\nquery('{name}'(X)).\nquery(b).\n")
+    for options in ([], ["--worlds", "2"], ["--why"], ["--json", "--worlds", "1"]):
+        ended = lcorpp("ask", file, *options)
+        assert ended.code == 0, ended.err
+        assert "\x1b" not in ended.out + ended.err
+        assert "[31mred" in ended.out
+    assert "\x1b" not in lcorpp("translate", file).out
+    file.write_text(f"0.5::a.\nb :- '{name}'(a), a.\nquery(b).\n")
+    ended = lcorpp("ask", file)
+    assert ended.code == 2
+    assert "\x1b" not in ended.out + ended.err
