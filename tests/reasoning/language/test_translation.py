@@ -308,6 +308,15 @@ def test_a_recursion_without_end_is_refused(monkeypatch: pytest.MonkeyPatch, goa
         parse_plog(f"0.3::n(0).\nn(X) :- {goal}.\nquery(n(1)).")
 
 
+def test_calls_without_end_are_refused_before_the_memory_is_full(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(tabling, "MAX_CALLS", 100)
+    with pytest.raises(ParseError, match=r"1:19: .* n/1 makes more than 100 calls .* perhaps without end"):
+        parse_plog("n(X) :- Y is X+1, n(Y). 0.5::a. b :- a, n(1). query(b).")
+    long = "n(X) :- Y is X*X, n(Y). 0.5::a. b :- a, n(2). query(b)."
+    with pytest.raises(ParseError, match=r"program: \d{70,77}\.\.\. has no value, or one that is too large"):
+        parse_plog(long)
+
+
 def test_many_instances_of_a_query_are_refused() -> None:
     facts = " ".join(f"0.5::p({number})." for number in range(101))
     with pytest.raises(ParseError, match="the query has 10201 instances; expected at most 10000"):

@@ -45,6 +45,7 @@ from lcorpp.reasoning.language.translation.prolog_terms import (
     Compound,
     PrologTerm,
     PrologVariable,
+    abbreviate,
     format_atom,
     unquote,
 )
@@ -178,7 +179,7 @@ class _Writer:
         """
         atom = self._name_answer(literal.table, literal.atom)
         if not atom.is_ground and (atom in self._certain or atom in self._derivations):
-            raise SourceIssue(at, f"the query has the answer {literal.atom} with a variable")
+            raise SourceIssue(at, f"the query has the answer {abbreviate(literal.atom)} with a variable")
         waiting = [atom]
         while waiting:
             atom = waiting.pop()

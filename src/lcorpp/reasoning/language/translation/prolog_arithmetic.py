@@ -21,6 +21,7 @@ from lcorpp.reasoning.language.translation.prolog_terms import (
     PrologTerm,
     PrologVariable,
     Real,
+    abbreviate,
     unquote,
 )
 
@@ -124,7 +125,7 @@ def compute_probability(term: PrologTerm, at: Place) -> Fraction:
     if isinstance(value, float) and math.isfinite(value):
         value = Fraction(repr(value))
     if isinstance(value, float) or not 0 <= value <= 1:
-        raise SourceIssue(at, f"the probability {term} is not between 0 and 1")
+        raise SourceIssue(at, f"the probability {abbreviate(term)} is not between 0 and 1")
     return Fraction(value)
 
 
@@ -144,16 +145,16 @@ def _evaluate(term: PrologTerm, at: Place, convert: Callable[[Real], Any]) -> An
     function = _FUNCTIONS.get((unquote(term.name), len(term.arguments)))
     if function is None:
         kind = f"{term.name}/{len(term.arguments)} is not an arithmetic function of ProbLog"
-        raise SourceIssue(at, kind if term.arguments else f"{term} is not a number")
+        raise SourceIssue(at, kind if term.arguments else f"{abbreviate(term)} is not a number")
     arguments = [_evaluate(argument, at, convert) for argument in term.arguments]
     try:
         value = function(*arguments)
         if isinstance(value, int) and value.bit_length() > MAX_BITS:
             raise OverflowError
     except ZeroDivisionError:
-        raise SourceIssue(at, f"division by zero in {term}") from None
+        raise SourceIssue(at, f"division by zero in {abbreviate(term)}") from None
     except (ValueError, TypeError, OverflowError):
-        raise SourceIssue(at, f"{term} has no value, or one that is too large") from None
+        raise SourceIssue(at, f"{abbreviate(term)} has no value, or one that is too large") from None
     if isinstance(value, complex):
-        raise SourceIssue(at, f"the value of {term} is not a real number")
+        raise SourceIssue(at, f"the value of {abbreviate(term)} is not a real number")
     return value

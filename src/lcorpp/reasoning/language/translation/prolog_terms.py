@@ -18,6 +18,9 @@ from lcorpp.reasoning.language.issues import SYNTHETIC_PLACE, Place, SourceIssue
 MAX_TERM_DEPTH = 200
 """Maximal nesting depth of a term, so that recursive functions are safe; a list has a level per element."""
 
+MAX_SHOWN = 80
+"""Maximal length of a term in a message."""
+
 DIGITS = 15
 """Decimal places to which ProbLog rounds the floating-point numbers in terms."""
 
@@ -149,6 +152,12 @@ def format_term(term: PrologTerm) -> str:
         return name
     shown = unquote(name) if unquote(name) in _INFIX else name
     return f"{shown}({','.join(map(_format_argument, arguments))})"
+
+
+def abbreviate(term: PrologTerm) -> str:
+    """Return the text of a term for a message, at most `MAX_SHOWN` characters."""
+    text = format_term(term)
+    return text if len(text) <= MAX_SHOWN else f"{text[: MAX_SHOWN - 3]}..."
 
 
 def _format_operand(term: PrologTerm) -> str:

@@ -24,6 +24,7 @@ from lcorpp.reasoning.language.translation.prolog_terms import (
     Compound,
     PrologTerm,
     PrologVariable,
+    abbreviate,
     is_ground,
     iter_term_variables,
     rename,
@@ -32,8 +33,11 @@ from lcorpp.reasoning.language.translation.prolog_terms import (
 )
 from lcorpp.reasoning.language.translation.tables import Choice, Derivation, GroundLiteral, Table
 
-MAX_STEPS = 3_000_000
+MAX_STEPS = 2_000_000
 """Maximal number of solutions of goals, counted again when a call is evaluated again."""
+
+MAX_CALLS = 100_000
+"""Maximal number of calls that wait for each other; each needs about a kilobyte."""
 
 
 @dataclass(eq=False)
@@ -111,6 +115,11 @@ class Evaluation:
             low = table.low
         else:
             table.depth = len(stack)
+            if table.depth >= MAX_CALLS:
+                words = "calls that wait for each other, perhaps without end"
+                raise SourceIssue(
+                    at, f"{call.name}/{len(call.arguments)} makes more than {MAX_CALLS} {words}"
+                )
             stack.append(_Frame(table, self._evaluate(table)))
             return None
         if stack:
@@ -217,7 +226,7 @@ class Evaluation:
                 called = yield atom, goal.at
                 if not called.is_complete:
                     words = "depends on its own negation; ProbLog has no answer for such a cycle"
-                    raise SourceIssue(goal.at, f"{atom} {words}")
+                    raise SourceIssue(goal.at, f"{abbreviate(atom)} {words}")
                 answers = called.select_answers(atom)
                 if not any(answers.values()):
                     added = [GroundLiteral(called, _require_ground(x, goal.at), True) for x in answers]
@@ -285,5 +294,7 @@ class Evaluation:
 def _require_ground(answer: Compound, at: Place) -> Compound:
     if not answer.is_ground:
         name = next(iter_term_variables(answer))
-        raise SourceIssue(at, f"the answer {answer} depends on chance and has the variable {name}")
+        raise SourceIssue(
+            at, f"the answer {abbreviate(answer)} depends on chance and has the variable {name}"
+        )
     return answer
