@@ -12,7 +12,6 @@ from joblib.externals.loky.process_executor import BrokenProcessPool
 
 from lcorpp.errors import LcorppError, WorkerError
 from lcorpp.log_output import find_log_level, show_log
-from lcorpp.work_units.cluster import evaluate_on_cluster
 from lcorpp.workers import run_in_workers
 
 LOG = logging.getLogger(__name__)
@@ -52,6 +51,8 @@ def evaluate_units(
         try:
             evaluation: AbstractContextManager[Iterator[tuple[str, Result | LcorppError]]]
             if cluster is not None:
+                from lcorpp.work_units.cluster import evaluate_on_cluster  # imports Dask
+
                 evaluation = closing(evaluate_on_cluster(calls, cluster))
             else:
                 evaluation = run_in_workers(calls, jobs=jobs, batch_size=1)

@@ -26,10 +26,10 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
+from scipy.linalg import solve
 from scipy.stats import rankdata
 from sklearn.kernel_approximation import Nystroem
-from sklearn.linear_model import Ridge
-from sklearn.model_selection import GroupKFold, cross_val_predict
+from sklearn.model_selection import GroupKFold
 from sklearn.pipeline import make_pipeline, make_union
 from sklearn.preprocessing import StandardScaler
 from threadpoolctl import threadpool_limits
@@ -258,17 +258,27 @@ def _predict_out_of_fold(
         *(Nystroem(gamma=g, n_components=landmarks, random_state=seed) for g in KERNEL_GAMMAS)
     )
     mapped = make_pipeline(StandardScaler(), kernels).fit_transform(ranks)
-    splitters = (
-        GroupKFold(min(MAX_FOLDS, len(set(groups))), shuffle=True, random_state=seed + split)
-        for split in range(n_splits)
-    )
-    # neither an intercept nor means over all cases: they depend on the labels of the test fold
-    model = make_pipeline(StandardScaler(with_std=False), Ridge(fit_intercept=False))
-    counts = {f"{step}__sample_weight": weights for step in ("standardscaler", "ridge")}
-    splits = [
-        cross_val_predict(model, mapped, targets, groups=groups, cv=cv, params=counts) for cv in splitters
-    ]
-    return np.asarray(np.mean(splits, axis=0))
+    predicted = np.zeros(targets.shape)
+    for split in range(n_splits):
+        folds = GroupKFold(min(MAX_FOLDS, len(set(groups))), shuffle=True, random_state=seed + split)
+        for training, test in folds.split(mapped, groups=groups):
+            # neither an intercept nor means over all cases: they depend on the labels of the test fold
+            centre = np.average(mapped[training], axis=0, weights=weights[training])
+            coefficients = _fit_ridge(mapped[training] - centre, targets[training], weights[training])
+            predicted[test] += (mapped[test] - centre) @ coefficients
+    return predicted / n_splits
+
+
+def _fit_ridge(features: Array, targets: Array, weights: Array) -> Array:
+    """(features, targets) coefficients of ridge regression with penalty 1 and no intercept.
+
+    weights: (cases,) of cases. The smaller of two equal systems is solved, over features or over cases.
+    """
+    root = np.sqrt(weights)[:, np.newaxis]
+    x, y = root * features, root * targets
+    if x.shape[0] < x.shape[1]:
+        return np.asarray(x.T @ solve(x @ x.T + np.eye(x.shape[0]), y, assume_a="pos"))
+    return np.asarray(solve(x.T @ x + np.eye(x.shape[1]), x.T @ y, assume_a="pos"))
 
 
 def _stratify_by_way(tracks: Sequence[Track]) -> Indices:
