@@ -1,10 +1,10 @@
 """`lcorpp robot` and `lcorpp check robot.toml`: a whole run against the stand-in, and what they refuse."""
 
 import json
+import os
 import re
 import signal
-import subprocess
-import sys
+import threading
 
 import pytest
 
@@ -46,20 +46,24 @@ def test_a_run_decides_and_writes_a_log_that_can_be_replayed(lcorpp, config, tmp
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_an_interrupt_stops_the_robot(config, number):
+def test_an_interrupt_stops_the_robot(lcorpp, config, number):
     robot = StandIn(navigation="hang")
     navigate = (
-        'skill = "navigate"\nname = "/navigate_to_pose"\ntype = "nav2_msgs/NavigateToPose"\ntimeout = 60'
+        'skill = "navigate"\nname = "/navigate_to_pose"\ntype = "nav2_msgs/NavigateToPose"\ntimeout = 600'
     )
     names = {"move": "move_forward", "greet": "greet", "turn": "turn"}
     file = config(robot.url, **{key: f"[actions.{name}]\n{navigate}" for key, name in names.items()})
-    program = "from lcorpp.cli.main import main; main()"
-    command = [sys.executable, "-c", program, "robot", "--config", str(file)]
-    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-    wait_until(lambda: robot.goals, timeout=60.0)
-    process.send_signal(number)
-    _, error = process.communicate(timeout=60)
-    assert process.returncode == 130
+
+    def interrupt_when_it_moves():
+        wait_until(lambda: robot.goals, timeout=600.0)
+        os.kill(os.getpid(), number)
+
+    interrupter = threading.Thread(target=interrupt_when_it_moves)
+    interrupter.start()
+    ended = lcorpp("robot", "--config", file)
+    interrupter.join()
+    assert ended.code == 130
+    error = ended.err
     begin = "lcorpp: interrupted after 0 decisions; an order to stop was sent"
     assert re.match(NOTE + re.escape(begin), error)
     assert "/navigate_to_pose has confirmed the cancellation" in error

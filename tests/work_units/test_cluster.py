@@ -26,11 +26,19 @@ SQUARES = {key: number**2 for key, number in UNITS.items()}
 Start = Callable[..., subprocess.Popen[bytes]]
 
 
+@pytest.fixture(autouse=True)
+def patience(monkeypatch) -> None:
+    """Dask's processes may start, answer and be starved as slowly as on a busy machine."""
+    for limit in ("CONNECT_SECONDS", "IDLE_SECONDS", "STUCK_SECONDS"):
+        monkeypatch.setattr(cluster, limit, 600)
+
+
 @pytest.fixture
 def start(tmp_path) -> Iterator[Start]:
     """Start a process of Dask; all are killed at the end."""
     paths = [str(ROOT), *filter(None, sys.path)]
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(paths)}
+    environment["DASK_DISTRIBUTED__COMM__TIMEOUTS__CONNECT"] = "600s"
     started: list[subprocess.Popen[bytes]] = []
 
     def run(kind: str, *arguments: str) -> subprocess.Popen[bytes]:
@@ -114,7 +122,8 @@ def give_up_at_once(monkeypatch):
 
 
 @pytest.mark.slow
-def test_a_unit_that_ends_its_workers_is_given_up(give_up_at_once, start, scheduler):
+def test_a_unit_that_ends_its_workers_is_given_up(give_up_at_once, start, scheduler, monkeypatch):
+    monkeypatch.setattr(cluster, "STUCK_SECONDS", 5)
     _, address = scheduler
     for _ in range(2):
         start_worker(start, address)
@@ -145,8 +154,14 @@ def test_a_program_that_never_answers_is_no_cluster(monkeypatch):
 
 
 def test_a_cluster_without_workers_is_named(scheduler, monkeypatch):
-    monkeypatch.setattr(cluster, "CONNECT_SECONDS", 1)
-    address = scheduler[1]
+    connect, address = cluster._connect, scheduler[1]
+
+    def connect_patiently(address):
+        client = connect(address)
+        monkeypatch.setattr(cluster, "CONNECT_SECONDS", 1)
+        return client
+
+    monkeypatch.setattr(cluster, "_connect", connect_patiently)
     with pytest.raises(WorkerError, match=f"{address} has no worker after 1 seconds; expected `dask worker"):
         dict(evaluate_units(functions.square, UNITS, cluster=address))
 
