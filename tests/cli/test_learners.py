@@ -11,7 +11,7 @@ pytestmark = pytest.mark.usefixtures("unrendered")
 
 ROOMS = Path(__file__).parents[1] / "domains/rooms"
 FEW = ("--trials", 60, "--tracks", 60, "--jobs", 1, "--strategy", "L+R")
-NAMES = ["summaries", "forest", "lstm", "lstm-fast", "minirocket"]
+NAMES = ["summaries", "forest", "lstm", "lstm-fast"]
 
 
 @pytest.mark.parametrize("name", NAMES)

@@ -266,7 +266,7 @@ def test_no_header_is_cut_at_80_columns(monkeypatch, capsys):
 
 def test_the_table_fits_into_80_columns(lcorpp, monkeypatch):
     monkeypatch.setenv("COLUMNS", "80")
-    lines = lcorpp("run", "--classifier", "channel", "--trials", 300, "--jobs", 1).out.splitlines()
+    lines = lcorpp("run", "--classifier", "channel", "--trials", 40, "--jobs", 1).out.splitlines()
     (head,) = (line.split() for line in lines if line.split()[:1] == ["strategy"])
     assert head == ["strategy", "F1", "precision", "recall", "accuracy", "cost", "return"]
     after = next(i for i, line in enumerate(lines) if line.split()[:1] == ["LCORPP"]) + 1
@@ -278,10 +278,10 @@ def test_tables_of_several_variables_and_senses_fit_into_80_columns(lcorpp, monk
     monkeypatch.setenv("COLUMNS", "80")
     rows = [f"--strategy={name}" for name in ("P", "R+P")]
     small = lcorpp(
-        "run", "shopping", "--preset", "small", "--trials", 200, "--jobs", 1, *rows
+        "run", "shopping", "--preset", "small", "--trials", 50, "--jobs", 1, *rows
     ).out.splitlines()
     rows = [f"--strategy={name}" for name in ("L", "LCORPP", "LCORPP-motion", "LCORPP-gaze")]
-    museum = lcorpp("run", "museum", "--trials", 200, "--jobs", 1, *rows).out.splitlines()
+    museum = lcorpp("run", "museum", "--trials", 50, "--jobs", 1, *rows).out.splitlines()
     for lines, reference, worse in ((small, "R+P", "P"), (museum, "LCORPP", "LCORPP-motion")):
         tables = lines[: next(i for i, line in enumerate(lines) if re.match("classifier|SARSOP", line))]
         assert max(map(len, tables)) <= 80
@@ -307,7 +307,7 @@ def test_the_table_precedes_the_classifier_s_evaluation(lcorpp):
 
 
 def test_figures_in_other_formats(lcorpp, tmp_path):
-    options = ("run", "--classifier", "channel", "--trials", 100, "--strategy", "L", "--out", tmp_path)
+    options = ("run", "--classifier", "channel", "--trials", 20, "--strategy", "L", "--out", tmp_path)
     assert lcorpp(*options, "--format", "svg").code == 0
     assert {path.name for path in tmp_path.iterdir()} == {"results.csv", "results.json", "results.svg"}
     assert lcorpp(*options).code == 0

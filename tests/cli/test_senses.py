@@ -67,7 +67,7 @@ def test_a_table_of_features_with_an_own_pipeline(lcorpp, tmp_path, gaze):
         "--learner",
         own,
         "--trials",
-        200,
+        60,
         "--jobs",
         1,
         "--out",
@@ -185,17 +185,19 @@ def two(tmp_path):
 
 
 def test_each_sense_has_its_own_data_learner_and_report(lcorpp, tmp_path, two):
+    (tmp_path / "my.py").write_text(PIPELINE)
+    own = f"{tmp_path / 'my.py'}:pipeline"
     options = (
         *("--data", f"gaze={tmp_path / 'gaze.csv'}", "--data", f"voice={tmp_path / 'voice.csv'}"),
-        *("--learner", "voice=forest", "--strategy", "LCORPP", "--strategy", "LCORPP-gaze"),
+        *("--learner", f"voice={own}", "--strategy", "LCORPP", "--strategy", "LCORPP-gaze"),
         *("--trials", 60, "--jobs", 1, "--format", "svg"),
     )
     ended = lcorpp("run", two, *options, "--out", tmp_path / "out")
     assert ended.code == 0, ended.err
     assert "classifier of gaze: logistic, five-fold cross-validation on gaze.csv" in ended.out
-    assert "classifier of voice: forest, five-fold cross-validation on voice.csv" in ended.out
+    assert "my.py:pipeline, five-fold cross-validation on voice.csv" in ended.out
     found = read_results(tmp_path / "out")
-    assert [found[name]["classifier"] for name in ("gaze", "voice")] == ["logistic", "forest"]
+    assert [found[name]["classifier"] for name in ("gaze", "voice")] == ["logistic", own]
     assert [Path(found[name]["data"]).name for name in ("gaze", "voice")] == ["gaze.csv", "voice.csv"]
     for name in ("gaze", "voice"):
         assert (tmp_path / "out" / name / "report.json").exists()

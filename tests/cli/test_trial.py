@@ -42,10 +42,10 @@ def read_logged(decision, shared):
 def test_a_trial_is_that_of_the_log(lcorpp, tmp_path, domain, shared, options):
     """Also one of the last chunk, which is not full, and with actions that are drawn."""
     log = tmp_path / "log.jsonl"
-    command = ("run", domain, "--trials", 130, "--jobs", 1, *options)
+    command = ("run", domain, "--trials", 110, "--jobs", 1, *options)
     assert lcorpp(*command, "--log", log).code == 0
     lines = [json.loads(line) for line in log.read_text().splitlines()]
-    for trial in (0, 17, 129):
+    for trial in (17, 109):
         ended = lcorpp(*command, "--trial", trial)
         assert ended.code == 0, ended.err
         _, *printed = re.split(rf"^trial {trial}, (.*)$", ended.out, flags=re.M)
@@ -59,8 +59,8 @@ def test_a_trial_is_that_of_the_log(lcorpp, tmp_path, domain, shared, options):
 
 def test_a_strategy_meets_the_same_people_alone(lcorpp):
     """Also without the first sense, whose signals are drawn before those of the second."""
-    command = ("run", "museum", *CHANNEL, "--trials", 60)
-    for trial in (0, 59):
+    command = ("run", "museum", *CHANNEL, "--trials", 20)
+    for trial in (0, 19):
         both = lcorpp(*command, "--strategy", "L", "--strategy", "LCORPP-motion", "--trial", trial)
         alone = lcorpp(*command, "--strategy", "LCORPP-motion", "--trial", trial)
         title = f"\ntrial {trial}, LCORPP-motion\n"
