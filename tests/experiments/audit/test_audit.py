@@ -82,6 +82,7 @@ def test_the_identity_as_a_fact_of_some_people_identifies_the_swap(tmp_path: Pat
     assert result.n_undetermined == 0
 
 
+@pytest.mark.slow
 def test_many_wrong_numbers_are_found_though_single_ones_make_up_for_each_other(tmp_path: Path) -> None:
     """Forward selection alone would end at five numbers, of which three are right."""
     log = tmp_path / "log"

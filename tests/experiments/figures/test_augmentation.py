@@ -67,7 +67,7 @@ def test_each_person_s_track_is_simulated_once_for_all_runs():
 
     counted = replace(domain, simulation=replace(domain.simulation, signals={"motion": count}))
     planner = Planner(solve_domain(domain, cache=find_cache_folder()))
-    run_from_no_data(counted, planner, 0, **{**SIZES, "batch_size": 50})
+    run_from_no_data(counted, planner, 0, **{**SIZES, "batch_size": 50, "test_size": 40})
     assert simulated.count(50) == 2
 
 

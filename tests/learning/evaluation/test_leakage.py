@@ -72,7 +72,7 @@ def test_classes_of_equal_distribution_do_not_leak():
     assert format_leakage_warning(crowd(60)) is None
 
 
-@pytest.mark.parametrize("walks", [1, 3])
+@pytest.mark.parametrize("walks", [pytest.param(1, marks=pytest.mark.slow), 3])
 def test_chance_raises_an_alarm_in_at_most_five_percent_of_small_data_sets(walks):
     """Labels drawn at random for each of 20 people, who always walk to the same place."""
     rng, scores = np.random.default_rng(0), []

@@ -59,7 +59,9 @@ def measure_coverage(sets: PrefixSets, timeline: PredictionTimeline) -> np.ndarr
     return found
 
 
-@pytest.mark.parametrize(("coverage", "tracks_each"), [(0.9, 1), (0.8, 3)])
+@pytest.mark.parametrize(
+    ("coverage", "tracks_each"), [(0.9, 1), pytest.param(0.8, 3, marks=pytest.mark.slow)]
+)
 def test_each_class_is_covered_at_each_age(coverage, tracks_each):
     by_age, whole = [], []
     for seed in range(100):
