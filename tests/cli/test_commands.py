@@ -73,7 +73,7 @@ def test_explain_asks_you(lcorpp, monkeypatch):
 
 def test_run_writes_table_figure_and_configuration(lcorpp, tmp_path):
     ended = lcorpp(
-        "run", "--classifier", "channel", "--trials", 150, "--seed", 4, "--jobs", 1, "--out", tmp_path
+        "run", "--classifier", "channel", "--trials", 40, "--seed", 4, "--jobs", 1, "--out", tmp_path
     )
     assert ended.code == 0
     with (tmp_path / "results.csv").open() as file:
@@ -85,7 +85,7 @@ def test_run_writes_table_figure_and_configuration(lcorpp, tmp_path):
             assert float(row[f"{name}_low"]) <= float(row[name]) <= float(row[f"{name}_high"])
     content = json.loads((tmp_path / "results.json").read_text())
     assert content["configuration"]["seed"] == 4
-    assert content["configuration"]["trials"] == 150
+    assert content["configuration"]["trials"] == 40
     assert content["configuration"]["senses"]["motion"]["rates"]["interested"]["interested"] == pytest.approx(
         0.76
     )

@@ -28,7 +28,7 @@ ROWS = (*strategies(["L"]), WITH_TRUST[0], *strategies(["LCORPP"]), WITH_TRUST[2
 
 
 def compare(domain, rows=ROWS, **options):
-    chosen = {"trials": 130, "seed": 7} | options
+    chosen = {"trials": 110, "seed": 7} | options
     return compare_strategies(domain, ComparisonOptions(rows, **chosen))
 
 
@@ -71,9 +71,9 @@ def test_scores_and_log_do_not_depend_on_the_processes(whole, tmp_path):
     assert [row.strategy for row in one.scores] == [row.name for row in ROWS]
     lines = read_lines(log)
     assert lines == read_lines(tmp_path / "two")
-    assert [line["strategy"]["name"] for line in lines] == [row.name for row in ROWS] * 130
+    assert [line["strategy"]["name"] for line in lines] == [row.name for row in ROWS] * 110
     persons = [line["strategy"]["person"] for line in lines if line["strategy"]["name"] == TRUST.name]
-    assert persons == [line["simulated"]["trial"] for line in lines[:: len(ROWS)]] == list(range(130))
+    assert persons == [line["simulated"]["trial"] for line in lines[:: len(ROWS)]] == list(range(110))
 
 
 @pytest.mark.parametrize("logged", [False, True])
@@ -109,11 +109,11 @@ def test_other_strategies_are_not_changed(whole):
 def test_a_trial_follows_those_before_it():
     experiment, *_ = set_up_experiment(load_domain(ROOMS), ComparisonOptions((TRUST,), seed=7))
     session, source = TRUST.start(experiment.robot, {}), ChunkSource(experiment)
-    for trial in range(110):
+    for trial in range(103):
         drawn = source.draw(trial // 100, 100).find_trial(trial % 100)
         episode = dt_control(session.robot(drawn.robot), drawn.instance, drawn.make_world())
         session.learn(episode)
-    found = replay_trial(experiment, 109, TRUST, trials=200)
+    found = replay_trial(experiment, 102, TRUST, trials=200)
     np.testing.assert_array_equal(found.prior, episode.prior)
     assert [step.action for step in found.steps] == [step.action for step in episode.steps]
     first = replay_trial(experiment, 0, TRUST, trials=200)
@@ -154,15 +154,15 @@ def test_an_interrupt_keeps_the_people_about_whom_all_strategies_decided(whole, 
     domain, learn, calls = load_domain(ROOMS), trust_strategies.TrustSession.learn, iter(range(10_000))
 
     def interrupt(session, episode):
-        if next(calls) == 2 * 113 + 1:
+        if next(calls) == 2 * 104 + 1:
             raise KeyboardInterrupt
         learn(session, episode)
 
     monkeypatch.setattr(trust_strategies.TrustSession, "learn", interrupt)
     part = compare(domain, jobs=2, log=tmp_path / "part")
-    assert (whole[0].trials, part.trials) == (130, 113)
-    assert all(row.counts.sum() == 113 for row in part.scores)
-    assert read_lines(tmp_path / "part") == read_lines(whole[1])[: 113 * len(ROWS)]
+    assert (whole[0].trials, part.trials) == (110, 104)
+    assert all(row.counts.sum() == 104 for row in part.scores)
+    assert read_lines(tmp_path / "part") == read_lines(whole[1])[: 104 * len(ROWS)]
 
 
 def test_a_strategy_that_learns_has_no_exact_scores():

@@ -130,11 +130,11 @@ def check_histories(robot, node, folder, count, seed=0):
 
 
 def test_trials_of_the_paper(intention, node, tmp_path):
-    check_histories(intention, node, tmp_path, 60)
+    check_histories(intention, node, tmp_path, 30)
 
 
 def test_trials_with_chosen_labels(museum, node, tmp_path):
-    check_histories(museum, node, tmp_path, 60)
+    check_histories(museum, node, tmp_path, 20)
 
 
 BAD_REQUESTS = [

@@ -165,6 +165,6 @@ def test_impossible_durations_are_rejected(seconds):
 
 
 def test_durations_are_alike_for_both_classes():
-    tables = people.recordings(crowd(1500), np.random.default_rng(4))
+    tables = people.recordings(crowd(400), np.random.default_rng(4))
     lasting = np.array([table[-1, 0] for table in tables])
     assert ks_2samp(lasting[::2], lasting[1::2]).pvalue > 0.001
