@@ -70,7 +70,7 @@ def test_another_sweep_in_the_same_folder_is_refused(lcorpp, file, tmp_path):
 
 
 def test_simulated_scores_do_not_depend_on_the_processes(file, tmp_path):
-    file.write_text("trials = 200" + SWEEP)
+    file.write_text("trials = 110" + SWEEP)
     sweep = read_sweep(file)
     one, two = (run_sweep(sweep, tmp_path / str(jobs), jobs=jobs).rows for jobs in (1, 2))
     assert one == two
