@@ -396,3 +396,81 @@ def test_cases_from_the_field():
     assert read_recording(CASES / "13_pandas_index.csv").notes == (
         "columns that are not used: column 1 (no name)",
     )
+
+
+def long_rows(write_time, head="track,time,x,y"):
+    lines = [f"{p},{write_time(f / 10)},{x:.3f},{y}" for f, p, x, y in walks(10)]
+    return [head, *lines]
+
+
+@pytest.mark.parametrize(
+    ("form", "words"),
+    [
+        ("2026-03-01T23:59:5{:.3f}", "dates without a zone, taken for UTC"),
+        ("2026-03-01 23:59:5{:.6f}+01:00", "dates"),
+        ("2026-03-01 23:59:5{:.1f} UTC", "dates"),
+        ("9:59:5{:.2f}", "times of day"),
+    ],
+)
+def test_times_may_be_dates(tmp_path, form, words):
+    path = write(tmp_path, "dates.csv", long_rows(form.format))
+    assert check_walks(path) == (f"times are {words}, read as seconds",)
+    recording = read_recording(path)
+    np.testing.assert_allclose(recording.tracks[0].times % 60, 50 + np.arange(20) / 10, atol=1e-5)
+    with pytest.raises(ParseError, match=r":2:3: .*as --time-unit and --fps are not for dates"):
+        read_recording(path, time_unit="ms")
+
+
+def test_dates_are_seconds_since_1970_and_of_one_kind(tmp_path):
+    lines = long_rows("1970-01-02T00:00:0{:.1f}+01:00".format)
+    recording = read_recording(write(tmp_path, "zone.csv", lines))
+    assert recording.tracks[0].times[:2].tolist() == [23 * 3600, 23 * 3600 + 0.1]
+    path = write(tmp_path, "mixed.csv", [*lines, "1,82802.5,4.5,3.0"])
+    with pytest.raises(ParseError, match=r":42:3: the time '82802.5' is of another kind \(numbers\) than"):
+        read_recording(path)
+    assert len(read_recording(path, repair=["rows"]).tracks[0]) == 20
+
+
+def test_parquet_has_times_as_dates(tmp_path):
+    pyarrow, parquet = pytest.importorskip("pyarrow"), pytest.importorskip("pyarrow.parquet")
+    frames, people, x, y = zip(*walks(10), strict=True)
+    for unit, size in (("ms", 1000), ("ns", 10**9)):
+        stamps = pyarrow.array(
+            [size * 1_700_000_000 + size * f // 10 for f in frames], pyarrow.timestamp(unit)
+        )
+        table = pyarrow.table({"track": people, "time": stamps, "x": x, "y": y})
+        parquet.write_table(table, tmp_path / "dates.parquet")
+        check_walks(tmp_path / "dates.parquet")
+        assert read_recording(tmp_path / "dates.parquet").tracks[0].times[0] == 1_700_000_000
+        with pytest.raises(DataError, match="the times are dates; expected no --time-unit"):
+            read_recording(tmp_path / "dates.parquet", fps=10)
+
+
+def test_comments_before_the_heading(tmp_path):
+    lines = long_rows("{:.1f}".format)
+    check_walks(write(tmp_path, "comments.csv", ["# tracker 3", "#", "", *lines]))
+    swapped = [",".join(line.split(",")[cell] for cell in (3, 2, 1, 0)) for line in lines]
+    check_walks(write(tmp_path, "names.csv", ["# metres", f"# {swapped[0]}", *swapped[1:]]))
+    path = write(tmp_path, "fault.csv", ["# tracker 3", *lines, "1,5.0,?,1"])
+    with pytest.raises(ParseError, match=":43:7: '\\?' is not a number; expected the x"):
+        read_recording(path)
+    table = write(tmp_path, "table.csv", ["# people", "speed,label", "1.5,a", "0.5,b"])
+    assert read_data(table).channels == ("speed",)
+
+
+def test_eight_columns_with_zeros_are_no_tracking_data_of_atc(tmp_path):
+    lines = [f"{f / 10},{p},{x},{y},0,0,0,0" for f, p, x, y in walks(10)]
+    with pytest.raises(ParseError, match=r"nor ATC .* column 5, the height of a head, is 0"):
+        read_recording(write(tmp_path, "zeros.csv", lines), repair=["all"])
+    lines = [f"{f / 10},{p},{x},{y},1700,0,0,0" for f, p, x, y in walks(10)]
+    with pytest.raises(ParseError, match=r"nor ATC .* column 6, a speed, is 0 for people who move"):
+        read_recording(write(tmp_path, "speed.csv", lines), repair=["all"])
+
+
+def test_bodies_beside_helmets_are_no_people(tmp_path):
+    axes = [f"{body} Centroid_{axis}" for body in ("DARKO", "Helmet_1") for axis in "XYZ"]
+    rows = [f"{f},{f / 10},{50 * f},9,9,{100 * f},9,1700" for f in range(1, 20)]
+    head = ["FILE_ID,R1", "BODY_NAMES,DARKO,Helmet_1", ",".join(["Frame", "Time", *axes])]
+    recording = read_recording(write(tmp_path, "bodies.csv", [*head, *rows]))
+    assert [track.id for track in recording.tracks] == ["Helmet_1"]
+    assert "left out, as others are named helmet: DARKO" in recording.notes

@@ -250,3 +250,9 @@ def test_malformed_tracks_are_rejected_at_construction():
             Track("a", at, columns)
     with pytest.raises(DataError, match="two tracks have the id 'a'"):
         Recording((Track("a", times, good), Track("a", times, good)))
+
+
+def test_a_file_of_which_no_row_can_be_read_is_an_error(tmp_path):
+    text = "track;time;x;y\n" + "".join(f"a;{i};1,{i:03}.5;2\n" for i in range(9))
+    with pytest.raises(ParseError, match=r":2:1: no row can be read; '1,000.5' is not a number"):
+        read(tmp_path, text, repair=["all"])

@@ -31,6 +31,18 @@ def test_metres_taken_for_millimetres_in_tracking_data(tmp_path):
     assert np.median(recording.tracks[0].speeds) == pytest.approx(1.0, rel=0.01)
 
 
+def test_velocities_are_converted_with_positions_that_are_too_slow(tmp_path):
+    text = precise("".join(atc_rows(name) for name in range(2))).replace(",1000,0.000", ",1.0,0.000")
+    for track in read(tmp_path, text, repair=["units"]).tracks:
+        np.testing.assert_allclose(track.columns["velocity"], 1.0)
+
+
+def test_degrees_of_longitude_are_not_taken_for_kilometres(tmp_path):
+    text = HEADING + "".join(f"a,{i / 10},{50 + 1e-6 * i:.6f},8.0,in\n" for i in range(20))
+    with pytest.raises(ParseError, match=r"no unit of length explains it; .* have to be projected"):
+        read(tmp_path, text, repair=["all"])
+
+
 def precise(text):
     """ATC rows whose x is in metres, with decimals."""
     lines = []

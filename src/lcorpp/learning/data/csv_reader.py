@@ -18,6 +18,7 @@ import numpy.typing as npt
 
 from lcorpp.errors import FileError, LcorppError, ParseError
 from lcorpp.files import locate_bad_byte, open_text
+from lcorpp.learning.data.dates import parse_date
 from lcorpp.learning.data.repairs import RepairLog, RowSource
 from lcorpp.notebook import join_some
 from lcorpp.values import Array
@@ -33,6 +34,9 @@ DELIMITERS = ",;\t|"
 
 WHITESPACE = " "
 """Delimiter of a line without any of `DELIMITERS`: spaces, any number of them."""
+
+NUMBERS = "numbers"
+"""Kind of times that are no dates."""
 
 Progress = Callable[[int, int], None]
 """Callback with (bytes read, bytes in all)."""
@@ -70,6 +74,7 @@ class CsvFile(RowSource):
         names: all columns. numbers, words: those that are read.
         repair_log: the requested repairs. header: number of lines before the first row.
         delimiter: the character between columns, or `WHITESPACE`.
+        allows_dates: whether the time may be dates, which become seconds.
     """
 
     def __init__(
@@ -82,9 +87,11 @@ class CsvFile(RowSource):
         *,
         header: int = 0,
         delimiter: str = ",",
+        allows_dates: bool = False,
     ) -> None:
         super().__init__(path, repair_log)
-        self._numbers, self._texts, self._header = numbers, words, header
+        self._allows_dates, self._clock = allows_dates, ""
+        self._numbers, self._texts, self.header = numbers, words, header
         self._delimiter = delimiter
         self._names = names
         self._cells = {name: cell for cell, name in enumerate(names) if name in (*numbers, *self._texts)}
@@ -94,6 +101,10 @@ class CsvFile(RowSource):
 
     def notes(self) -> tuple[str, ...]:
         """Return warnings about a file that was read."""
+        dates = () if self._clock in ("", NUMBERS) else (f"times are {self._clock}, read as seconds",)
+        return (*dates, *self._note_end())
+
+    def _note_end(self) -> tuple[str, ...]:
         if self.ended or any(repair.reason == "cut" for repair in self.repair_log.repairs):
             return ()
         return ("the last line has no line end: its last number may have been cut",)
@@ -113,7 +124,7 @@ class CsvFile(RowSource):
             size = os.fstat(file.fileno()).st_size
             while lines := self._read_lines(file):
                 self.ended = lines[-1].endswith("\n")
-                first = min(max(0, self._header + 1 - number), len(lines))
+                first = min(max(0, self.header + 1 - number), len(lines))
                 yield self._parse_batch(lines[first:], number + first)
                 number += len(lines)
                 read += sum(map(len, lines))
@@ -143,7 +154,7 @@ class CsvFile(RowSource):
 
     def _parse_at_once(self, lines: list[str], number: int) -> RowBatch | None:
         """Convert all lines with numpy, in a tenth of the time; return None if that fails."""
-        if not lines or not lines[0].strip():
+        if not lines or not lines[0].strip() or self._clock not in ("", NUMBERS):
             return None
         try:
             delimiter = None if self._delimiter == WHITESPACE else self._delimiter
@@ -155,6 +166,8 @@ class CsvFile(RowSource):
         texts = {name: table[name].tolist() for name in self._texts}
         if len(table) != len(lines) or any(max(map(len, words)) >= MAX_WORD for words in texts.values()):
             return None
+        if "time" in self._numbers:
+            self._clock = NUMBERS
         return RowBatch(
             np.arange(number, number + len(lines), dtype=np.int64),
             {name: np.ascontiguousarray(table[name]) for name in self._numbers},
@@ -173,13 +186,13 @@ class CsvFile(RowSource):
             self.repair_or_raise(reason, line, f"not a row of CSV ({error}){aside}")
             return None
         width = len(self._names)
-        if len(row) > width and line == self._header + 1 > 1 and reason not in self.repair_log.requested:
+        if len(row) > width and line == self.header + 1 > 1 and reason not in self.repair_log.requested:
             names = join_some(self._names, width if width < 12 else 6)
             message = (
                 f"{width} columns, {names}, but the first row has {len(row)}: {row[width].strip()!r} has no"
             )
             raise self.error_at(
-                self._header, "", f"{message} name; expected a name for each column, and decimal points"
+                self.header, "", f"{message} name; expected a name for each column, and decimal points"
             )
         if len(row) != width:
             message = f"{len(row)} columns; expected {width}, with {join_some(list(self._cells))}{aside}"
@@ -189,10 +202,31 @@ class CsvFile(RowSource):
             cell = row[self._cells[name]]
             if not cell.strip():
                 row[self._cells[name]] = "nan"
+                continue
+            date = parse_date(cell) if name == "time" else None
+            if date is not None and self._allows_dates:
+                row[self._cells[name]] = repr(date[1])
+            if name == "time" and (is_number(cell) or (date is not None and self._allows_dates)):
+                kind = NUMBERS if date is None else date[0]
+                self._clock = self._clock or kind
+                if kind != self._clock:
+                    message = (
+                        f"the time {cell!r} is of another kind ({kind}) than those before ({self._clock})"
+                    )
+                    self.repair_or_raise(reason, line, f"{message}; expected one kind{aside}", field=name)
+                    return None
             elif not is_number(cell):
                 message = f"{cell!r} is not a number; expected the {name}{aside}"
+                if date is not None:
+                    raise self.error_at(
+                        line, name, f"{message} in numbers, as --time-unit and --fps are not for dates"
+                    )
                 if re.fullmatch(r"\s*-?\d+,\d+\s*", cell):  # so is every row
-                    raise self.error_at(line, name, f"{message}, with a decimal point instead of the comma")
+                    raise self.error_at(
+                        line,
+                        name,
+                        f"{message}, with a decimal point instead of the comma, e.g. by tr , . < IN > OUT",
+                    )
                 self.repair_or_raise(reason, line, message, field=name)
                 return None
         return row

@@ -61,6 +61,9 @@ def assemble_tracks(
     assembler = TrackAssembler(names, words, length, given.per_second or measures.per_second or 1.0)
     for batch in batches:
         assembler.add(_select_rows(batch, source, options.only))
+    lost = next((repair for repair in options.repair_log.repairs if repair.reason == "rows"), None)
+    if options.only is None and lost is not None and not assembler.sample(1):
+        raise source.error_at(lost.line, "", f"no row can be read; {lost.done.removesuffix(': left out')}")
     if not source.ended:
         assembler.drop_cut_word(source)
     check_times(assembler.sample(), source, options.gap)

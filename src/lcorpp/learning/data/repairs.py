@@ -51,8 +51,10 @@ class RepairLog:
 class RowSource:
     """A file of rows that locates its errors; faults whose repair was requested go to its log.
 
-    file: its name. ended: whether its last line, once read, has a line end.
+    file: its name. ended: whether its last line, once read, has a line end. header: the line before the rows.
     """
+
+    header = 1
 
     def __init__(self, path: Path, repair_log: RepairLog) -> None:
         self.file, self.repair_log, self.ended = str(path), repair_log, True

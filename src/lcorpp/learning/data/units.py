@@ -62,11 +62,13 @@ def convert_units(
     speed = np.array([np.median(track.speeds) for track in tracks])
     written = np.array([np.median(t.columns["velocity"]) if "velocity" in t.columns else 0.0 for t in tracks])
     slow = 0 < np.median(speed) < MIN_SPEED and speed.max() < 10 * MIN_SPEED
-    length_factors = np.full(len(tracks), 1 / length if length < 1 else 1000.0) if slow else _factors(speed)
+    length_factors = _factors_of_slow(speed, length) if slow else _factors(speed)
+    slow_too = slow and 0 < np.median(written) < MIN_SPEED
+    speed_factors = length_factors if slow_too else _factors(written)
     degrees = _find_degrees(tracks)
     converted = []
     for row, (track, length_factor, speed_factor) in enumerate(
-        zip(tracks, length_factors.tolist(), _factors(written).tolist(), strict=True)
+        zip(tracks, length_factors.tolist(), speed_factors.tolist(), strict=True)
     ):
         factors = dict.fromkeys(LENGTHS, length_factor) | {"velocity": speed_factor}
         factors |= dict.fromkeys(degrees, np.pi / 180)
@@ -74,6 +76,7 @@ def convert_units(
             fault = f"the median {what} is {value:.3g} m/s, which no human has"
             if np.isnan(factors[name]) or (is_given and factors[name] != 1):
                 other = f"no unit of length explains it; expected {OTHER_UNIT}"
+                other += "; degrees of longitude and latitude have to be projected" if slow else ""
                 if is_given:
                     other = f"expected another --unit than {length:g} m, or another --time-unit"
                 raise source.error_at(first_lines[row], name, f"track {track.id!r}: {fault}; {other}")
@@ -119,6 +122,13 @@ def _factors(speed: Array) -> Array:
         return np.where(fast, [_factor(value) for value in speed], 1.0)
     factor = _factor(float(np.quantile(speed, WALKING_QUANTILE)))
     return np.where(speed * factor > MAX_SPEED, np.nan, factor)
+
+
+def _factors_of_slow(speed: Array, length: float) -> Array:
+    """(tracks,) what converts speeds that are too slow in units of `length` metres; NaN if nothing does."""
+    factor = 1 / length if length < 1 else 1000.0
+    fits = MIN_WALK <= factor * np.quantile(speed, WALKING_QUANTILE) <= MAX_SPEED
+    return np.full(len(speed), factor if fits else np.nan)
 
 
 def _factor(speed: float) -> float:

@@ -8,6 +8,8 @@ from __future__ import annotations
 
 import re
 from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import islice
 from pathlib import Path
 
 from lcorpp.errors import DataError, ParseError, expected_one_of
@@ -17,6 +19,8 @@ from lcorpp.learning.data.measures import LENGTHS, TIMES
 from lcorpp.learning.data.tracks import COLUMNS
 
 REQUIRED = ("track", "time", "x", "y")
+COMMENT, MAX_COMMENTS = "#", 1000
+"""What begins a comment before the heading, and the maximum number of its lines."""
 WORD_COLUMNS = ("label", "group")
 LONG_COLUMNS = dict.fromkeys((*REQUIRED, *COLUMNS, *WORD_COLUMNS))
 """All columns of the long format, in the order in which they are written."""
@@ -156,10 +160,23 @@ def describe_missing_column(name: str, names: Sequence[str]) -> str:
     )
 
 
+@dataclass(frozen=True)
+class Heading:
+    """The line that names the columns: its number, its text without a comment sign, and the delimiter.
+
+    is_comment: whether it has a comment sign.
+    """
+
+    line: int
+    text: str
+    delimiter: str
+    is_comment: bool = False
+
+
 def read_header(
     path: Path, required: tuple[str, ...] = (), columns: Mapping[str, str] | None = None
-) -> tuple[list[str], str]:
-    """Read the names of the columns, in lower case, and the delimiter between them.
+) -> tuple[list[str], Heading]:
+    """Read the names of the columns, in lower case, and the line that has them.
 
     Args:
         columns: as in `rename_columns`.
@@ -169,28 +186,45 @@ def read_header(
         ParseError: a required column is missing, or a name is repeated.
         DataError: as `rename_columns`.
     """
-    text = read_first_line(path)
-    delimiter = detect_delimiter(text)
-    names = [name.lower() for name in parse_line(str(path), 1, text, delimiter)]
+    heading = find_heading(path)
+    text, delimiter = heading.text, heading.delimiter
+    names = [name.lower() for name in parse_line(str(path), heading.line, text, delimiter)]
     names = rename_columns(names, columns or {})
     for name in required:
         if name not in names:
-            raise ParseError(str(path), 1, 1, describe_missing_column(name, names), text)
+            raise ParseError(str(path), heading.line, 1, describe_missing_column(name, names), text)
     for cell, name in enumerate(names):
         if name and name in names[:cell]:
             message = f"column {name!r} for the second time; expected every name once"
-            raise ParseError(str(path), 1, column_of(text, cell, delimiter), message, text)
-    return names, delimiter
+            raise ParseError(str(path), heading.line, column_of(text, cell, delimiter), message, text)
+    return names, heading
 
 
-def read_first_line(path: Path) -> str:
-    """Read the first line of a text file.
+def find_heading(path: Path) -> Heading:
+    """Return the first line that is no comment, or a comment that names all columns of `REQUIRED`.
 
     Raises:
         FileError: the file cannot be read.
     """
+    first = Heading(1, "", ",")
     with open_text(path) as file:
         try:
-            return file.readline()
+            for number, text in enumerate(islice(file, MAX_COMMENTS), start=1):
+                is_comment = text.lstrip().startswith(COMMENT)
+                bare = text.lstrip().removeprefix(COMMENT) if is_comment else text
+                heading = Heading(number, bare, detect_delimiter(bare), is_comment)
+                first = heading if number == 1 else first
+                if not is_comment and text.strip():
+                    return heading
+                if is_comment and _names_all(bare, heading.delimiter):
+                    return heading
         except UnicodeDecodeError:
             raise locate_bad_byte(path) from None
+    return first
+
+
+def _names_all(text: str, delimiter: str) -> bool:
+    """Whether a line has the names of all columns of `REQUIRED`."""
+    return set(REQUIRED) <= {
+        name.strip().strip('"').lower() for name in text.split(delimiter.strip() or None)
+    }

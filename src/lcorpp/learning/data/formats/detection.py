@@ -11,10 +11,13 @@ from typing import Literal
 
 from lcorpp.errors import DataError, FileError, ParseError
 from lcorpp.files import locate_bad_byte, open_text
-from lcorpp.learning.data.csv_reader import detect_delimiter, is_number, parse_line
+from lcorpp.learning.data.csv_reader import is_number, parse_line
+from lcorpp.learning.data.dates import parse_date
 from lcorpp.learning.data.formats.columns import (
     REQUIRED,
+    Heading,
     describe_missing_column,
+    find_heading,
     format_guess,
     guess_columns,
     read_header,
@@ -111,31 +114,33 @@ def _read_start(file: Path) -> str:
 
 
 def _detect_rows(file: Path, start: str, columns: Mapping[str, str], measures: Measures) -> FileFormat:
-    sample = read_sample(str(file), start, measures.per_second)
+    heading = find_heading(file)
+    sample = None if heading.is_comment else read_sample(str(file), start, measures.per_second)
     if sample is not None:
         layout = _find_layout(file, sample, columns)
         return FileFormat("rows", RowFile(file, layout, sample.delimiter, sample.line - 1))
-    first = next(filter(str.strip, start.splitlines()))
+    delimiter = heading.delimiter
     if columns and all(
         name.isdecimal() for name in columns.values()
     ):  # ids are words, and there is no heading
-        delimiter = detect_delimiter(first)
-        layout = _number_columns(file, len(parse_line(str(file), 1, first, delimiter)), columns)
-        return FileFormat("rows", RowFile(file, layout, delimiter, 0))
-    names, delimiter = read_header(file, (), columns)
+        width = len(parse_line(str(file), heading.line, heading.text, delimiter))
+        layout = _number_columns(file, width, columns)
+        return FileFormat("rows", RowFile(file, layout, delimiter, heading.line - 1))
+    names, heading = read_header(file, (), columns)
     known = None if columns else recognise_heading(names)
     if known is not None:
-        return FileFormat("rows", RowFile(file, known, delimiter, 1))
+        return FileFormat("rows", RowFile(file, known, delimiter, heading.line))
     if has_table_columns(names):
-        if not columns and _repeats_ids(file, start, names, delimiter):
+        if not columns and _repeats_ids(file, start, names, heading):
             options = format_guess(guess_columns(names))
             message = f"rows of tracks with other names of columns; expected {options}"
-            raise ParseError(str(file), 1, 1, message, first)
+            raise ParseError(str(file), heading.line, 1, message, heading.text)
         return FileFormat("table")
     for name in REQUIRED:
         if name not in names:
-            raise ParseError(str(file), 1, 1, describe_missing_column(name, names), first)
-    return FileFormat("rows", RowFile(file, replace(LONG, columns=tuple(names)), delimiter, 1))
+            message = describe_missing_column(name, names)
+            raise ParseError(str(file), heading.line, 1, message, heading.text)
+    return FileFormat("rows", RowFile(file, replace(LONG, columns=tuple(names)), delimiter, heading.line))
 
 
 def _find_layout(file: Path, sample: Sample, columns: Mapping[str, str]) -> Layout:
@@ -166,15 +171,19 @@ def _number_columns(file: Path, width: int, columns: Mapping[str, str]) -> Layou
     return replace(LONG, columns=tuple(names))
 
 
-def _repeats_ids(file: Path, start: str, names: Sequence[str], delimiter: str) -> bool:
+def _repeats_ids(file: Path, start: str, names: Sequence[str], heading: Heading) -> bool:
     """Whether a table has columns of ids, times and positions, and an id has several rows of rising time."""
     guessed = guess_columns(names)
     if not set(REQUIRED) <= set(guessed):
         return False
     track, time = (names.index(guessed[name]) for name in ("track", "time"))
     times: dict[str, list[float]] = {}
-    for number, text in enumerate(start.splitlines()[1:-1], start=2):
-        cells = parse_line(str(file), number, text, delimiter)
-        if len(cells) == len(names) and is_number(cells[time]):
+    for number, text in enumerate(start.splitlines()[heading.line : -1], start=heading.line + 1):
+        cells = parse_line(str(file), number, text, heading.delimiter)
+        if len(cells) != len(names):
+            continue
+        if is_number(cells[time]):
             times.setdefault(cells[track], []).append(float(cells[time]))
+        elif (date := parse_date(cells[time])) is not None:
+            times.setdefault(cells[track], []).append(date[1])
     return any(len(own) > 2 and all(a < b for a, b in pairwise(own)) for own in times.values())

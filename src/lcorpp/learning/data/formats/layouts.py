@@ -231,6 +231,10 @@ def _find_atc(sample: Sample) -> Layout | str:
         return f"{name}: column 6, a speed, is negative"
     if np.abs(table[:, 6:]).max() > 360:
         return f"{name}: columns 7 and 8, angles, are up to {np.abs(table[:, 6:]).max():.4g}"
+    if not table[:, 4].any():
+        return f"{name}: column 5, the height of a head, is 0"
+    if not table[:, 5].any() and sample.steps(1, 0, 2, 3)[1].any():
+        return f"{name}: column 6, a speed, is 0 for people who move"
     rates = replace(sample, table=table).stated_rates(1, 0, 2, 3, table[:, 5])
     rate = float(np.median(rates)) / (sample.per_second or 1.0) if len(rates) else 1.0
     if not 0.1 <= rate <= 10:

@@ -24,10 +24,14 @@ from lcorpp.learning.data.ingest import ReadOptions, assemble_tracks
 from lcorpp.learning.data.measures import Measures
 from lcorpp.learning.data.repairs import RepairLog
 from lcorpp.learning.data.tracks import Track
+from lcorpp.notebook import join_some
 from lcorpp.values import Array
 
 MAX_HEADER = 40
 """Maximum number of lines before the heading."""
+
+PERSON = "helmet"
+"""Beginning of the names of people, in lower case; where there are any, other bodies are no people."""
 
 AXES = ("x", "y", "z")
 
@@ -49,6 +53,7 @@ class MarkerTable:
     """The heading of a table. columns: name of each. bodies: body -> indices (markers, 3) of its positions.
 
     header: number of lines before the first row. frequency: rows per second, if stated.
+    others: the bodies that are no people.
     """
 
     columns: tuple[str, ...]
@@ -56,6 +61,7 @@ class MarkerTable:
     delimiter: str
     header: int
     frequency: float | None
+    others: tuple[str, ...]
 
 
 def read_marker_table(path: Path, options: ReadOptions) -> tuple[list[Track], tuple[str, ...]]:
@@ -98,7 +104,10 @@ def read_marker_table(path: Path, options: ReadOptions) -> tuple[list[Track], tu
     tracks = assemble_tracks(file, batches, options, empty, AXES, measures=measures)
     several = sum(len(own) > 1 for own in table.bodies.values())
     note = f"the position of {several} bodies is that of the marker that is visible most often"
-    return tracks, (*([note] if several else []), *file.notes())
+    notes = [note] if several else []
+    if table.others:
+        notes.append(f"left out, as others are named {PERSON}: {join_some(table.others)}")
+    return tracks, (*notes, *file.notes())
 
 
 def _read_heading(path: Path) -> MarkerTable:
@@ -131,7 +140,9 @@ def _read_heading(path: Path) -> MarkerTable:
         message = f"no columns of positions; expected e.g. 'Helmet_1 - 1 X', not {', '.join(names[:6])}"
         raise ParseError(str(path), header, 1, f"a table of markers (QTM): {message}")
     bodies = {name: kinds.get("body") or kinds["marker"] for name, kinds in markers.items()}
-    return MarkerTable(tuple(name.lower() for name in names), bodies, delimiter, header, frequency)
+    people = {name: cells for name, cells in bodies.items() if name.lower().startswith(PERSON)} or bodies
+    others = tuple(name for name in bodies if name not in people)
+    return MarkerTable(tuple(name.lower() for name in names), people, delimiter, header, frequency, others)
 
 
 def _choose_markers(

@@ -21,6 +21,7 @@ from lcorpp.learning.data.formats.columns import (
     rename_columns,
 )
 from lcorpp.learning.data.ingest import ReadOptions, assemble_tracks
+from lcorpp.learning.data.measures import TIMES
 from lcorpp.learning.data.repairs import RepairLog, RowSource
 from lcorpp.learning.data.tracks import Track
 from lcorpp.notebook import join_some
@@ -65,6 +66,11 @@ class ParquetFile(RowSource):
         column = f", column {field!r}" if field else ""
         return DataError(f"{self.file}: row {line}{column}: {message}")
 
+    def has_dates(self, name: str) -> bool:
+        """Whether a column has dates with a time."""
+        column = self._table.schema_arrow.field(self.names.index(name))
+        return bool(self._arrow.types.is_timestamp(column.type))
+
     def batches(
         self, numbers: tuple[str, ...], words: tuple[str, ...], progress: Progress | None = None
     ) -> Iterator[RowBatch]:
@@ -86,6 +92,9 @@ class ParquetFile(RowSource):
 
     def _numbers(self, column: Any, name: str) -> Any:
         types = self._arrow.types
+        if types.is_timestamp(column.type) and name == "time":
+            per_second = TIMES[column.type.unit]
+            return self._numbers(self._arrow.compute.cast(column, self._arrow.int64()), name) / per_second
         if not (types.is_integer(column.type) or types.is_floating(column.type)):
             raise self.error_at(1, name, f"the column is of type {column.type}; expected numbers")
         values = self._arrow.compute.cast(column, self._arrow.float64(), safe=False)
@@ -115,6 +124,8 @@ def read_parquet(path: Path, options: ReadOptions) -> tuple[list[Track], tuple[s
             raise DataError(
                 f"{path}: {describe_missing_column(name, file.names)}; not {join_some(file.names)}"
             )
+    if options.measures.per_second is not None and file.has_dates("time"):
+        raise file.error_at(1, "time", "the times are dates; expected no --time-unit or --fps")
     numbers, words = find_columns(file.names)
     batches = file.batches(numbers, ("track", *words), options.progress)
     tracks = assemble_tracks(file, batches, options, DataError(f"{path}: no rows"), numbers[1:], words)

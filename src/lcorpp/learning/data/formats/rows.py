@@ -52,6 +52,7 @@ def read_rows(file: RowFile, options: ReadOptions) -> tuple[list[Track], tuple[s
         options.repair_log,
         header=file.header,
         delimiter=file.delimiter,
+        allows_dates=not layout.is_frames and options.measures.per_second is None,
     )
     expected = f"expected rows of {', '.join(names)}"
     message = "no rows after the heading" if file.header else "no rows"

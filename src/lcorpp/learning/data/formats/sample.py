@@ -9,12 +9,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from lcorpp.learning.data.csv_reader import detect_delimiter, is_number, parse_line
+from lcorpp.learning.data.formats.columns import COMMENT
 from lcorpp.values import Array
 
 MAX_ROWS = 400
 """Maximum number of rows in a sample."""
-
-COMMENT = "#"
 
 
 @dataclass(frozen=True, eq=False)

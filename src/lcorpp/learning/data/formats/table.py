@@ -42,9 +42,11 @@ def read_table(
         parquet = ParquetFile(path, repair_log)
         features, words = _find_columns(parquet, parquet.names)
         return _assemble(parquet, parquet.batches(features, words, progress), features, labels)
-    names, delimiter = read_header(path, (LABEL,))
-    features, words = _find_columns(CsvFile(path, names, (), (), repair_log, delimiter=delimiter), names)
-    file = CsvFile(path, names, features, words, repair_log, header=1, delimiter=delimiter)
+    names, heading = read_header(path, (LABEL,))
+    line, delimiter = heading.line, heading.delimiter
+    unread = CsvFile(path, names, (), (), repair_log, header=line, delimiter=delimiter)
+    features, words = _find_columns(unread, names)
+    file = CsvFile(path, names, features, words, repair_log, header=line, delimiter=delimiter)
     return _assemble(file, file.batches(progress), features, labels)
 
 
@@ -52,13 +54,15 @@ def _find_columns(file: RowSource, names: list[str]) -> tuple[tuple[str, ...], t
     """Return the columns of features, and those of words: the label, and the group if there is one."""
     for cell, name in enumerate(names, start=1):
         if not name:
-            raise file.error_at(1, "", f"column {cell} has no name; expected the name of a feature")
+            raise file.error_at(file.header, "", f"column {cell} has no name; expected the name of a feature")
     groups = [name for name in GROUPS if name in names]
     if len(groups) > 1:
-        raise file.error_at(1, groups[1], f"columns {' and '.join(groups)}; expected one of them")
+        raise file.error_at(file.header, groups[1], f"columns {' and '.join(groups)}; expected one of them")
     features = tuple(name for name in names if name not in (LABEL, *GROUPS))
     if not features:
-        raise file.error_at(1, "", f"no features; expected columns of numbers beside {', '.join(names)}")
+        raise file.error_at(
+            file.header, "", f"no features; expected columns of numbers beside {', '.join(names)}"
+        )
     return features, (LABEL, *groups)
 
 
@@ -85,7 +89,7 @@ def _assemble(
     if not classes:
         if file.repair_log.repairs:
             raise DataError(f"{file.file}: no row remains")
-        raise file.error_at(2, "", "no rows; expected a row for each case")
+        raise file.error_at(file.header + 1, "", "no rows; expected a row for each case")
     notes = list(file.notes()) if isinstance(file, CsvFile) else []
     if not has_groups:
         notes.append(
