@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import replace
+from collections import deque
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -31,6 +32,12 @@ DEPTH_SCALES: Mapping[float, str] = {
 
 MIN_USUAL_HEIGHT, MAX_USUAL_HEIGHT = 0.25, 2.5
 """Of a robot's camera above the floor, in metres; others are legal but rare."""
+
+MAX_VIEWED = 8
+"""Images that are turned to see whether they show people then."""
+
+MIN_MORE_PEOPLE = 3
+"""Fewer people in turned images are by chance."""
 
 MEDIAN_DEPTH = 3.0
 """Metres to which depths of an unknown unit are scaled before the floor is sought."""
@@ -115,6 +122,47 @@ def is_usual(height: float) -> bool:
     return MIN_USUAL_HEIGHT <= height <= MAX_USUAL_HEIGHT
 
 
+@dataclass(frozen=True)
+class View:
+    """What images show that are turned: the height of the camera above the floor, and how many people."""
+
+    degrees: int
+    height: float
+    people: int
+
+
+def _view(frames: Sequence[Frame], intrinsics: Intrinsics, degrees: int) -> View | None:
+    """Return what turned images show; None if less than half of them show a floor."""
+    size = (frames[0].image.shape[1], frames[0].image.shape[0])
+    locator, people, seen = DepthLocator(rotate_intrinsics(intrinsics, degrees, size)), 0, 0
+    for frame in rotate_frames(frames, degrees):
+        people += len(locator.locate(frame.image)[0])
+        seen += locator.sees_floor
+    if locator.floor is None or 2 * seen < len(frames):
+        return None
+    return View(degrees, locator.floor.height, people)
+
+
+def find_better_view(frames: Sequence[Frame], intrinsics: Intrinsics) -> tuple[View, View] | None:
+    """Return what the images show as they are, and turned, if a floor and people are more likely there.
+
+    Between walls each of them is a floor to a camera that is turned. More likely is a floor at a usual height
+    of the camera, one that is nearer and shows as many people, or one that shows more than twice as many.
+
+    Args:
+        frames: of depths that show a floor, in order.
+    """
+    views = {degrees: _view(frames, intrinsics, degrees) for degrees in ROTATIONS}
+    now = views.pop(0)
+    others = [view for view in views.values() if view is not None and is_usual(view.height) and view.people]
+    if now is None or not others:
+        return None
+    best = max(others, key=lambda view: (view.people, -view.height))
+    is_nearer = best.height < now.height and best.people >= now.people
+    shows_more = best.people >= max(MIN_MORE_PEOPLE, 2 * now.people + 1)
+    return (now, best) if is_nearer or shows_more or not is_usual(now.height) else None
+
+
 class FloorObserver:
     """Observes in how many images a locator finds the floor, and explains why not.
 
@@ -127,23 +175,31 @@ class FloorObserver:
         self._images, self._found = 0, 0
         self._without: Frame | None = None
         self._last: Frame | None = None
+        self._some = deque[Frame](maxlen=MAX_VIEWED)  # the first ones, then images 16, 32, 64, ...
 
     def observe(self, frame: Frame) -> None:
         """Count an image after the locator has seen it."""
         self._images += 1
         self._last = frame
+        if self._images & (self._images - 1) == 0 or self._images <= MAX_VIEWED:
+            self._some.append(frame)
         if self._locator.sees_floor:
             self._found += 1
         elif self._without is None and np.isfinite(frame.image).any():
             self._without = frame
 
     def explain(self, *, has_people: bool) -> str | None:
-        """Return a note if the floor was found in less than half of the images, or is at an unusual height.
+        """Return a note about a floor that is in few images, at an unusual height, or more likely elsewhere.
 
         Args:
             has_people: whether people were tracked: then the height is not in doubt.
         """
         floor: Floor | None = self._locator.floor
+        better = None
+        if 2 * self._found >= self._images and self._some:
+            better = find_better_view(self._some, self._intrinsics)
+        if better is not None:
+            return _describe_views(*better, len(self._some))
         if 2 * self._found < self._images:
             found = f"the floor was found in {self._found} of {self._images} images"
             frame = self._without or self._last
@@ -153,3 +209,12 @@ class FloorObserver:
             return None
         suggestion = None if frame is None else suggest_options(frame, self._intrinsics)
         return found if suggestion is None else f"{found}; {suggestion}"
+
+
+def _describe_views(now: View, turned: View, images: int) -> str:
+    mounted = "upside down" if turned.degrees == 180 else "sideways"
+    return (
+        f"the floor is {now.height:.3g} m below the camera and {images} images show {now.people} people;"
+        f" turned, they show one {turned.height:.3g} m below it and {turned.people} people: is the camera mounted"
+        f" {mounted}? --rotate {turned.degrees} turns the images"
+    )

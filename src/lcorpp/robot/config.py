@@ -12,6 +12,7 @@ from lcorpp.worlds.ros.belief_messages import BeliefTopics
 from lcorpp.worlds.ros.perception import Frames
 from lcorpp.worlds.ros.pose import Pose
 from lcorpp.worlds.ros.ros_world import Behaviour
+from lcorpp.worlds.ros.sensor_messages import CLASSES
 
 Topic = tuple[str, str]
 """Name of a topic and type of its messages."""
@@ -43,11 +44,13 @@ class PeopleConfig:
 
     topic: of the tracker. decide_after: seconds of a track before the robot decides.
     max_silence: seconds without a sample after which a person has left.
+    classes: of detections that are people, in lower case.
     """
 
     topic: Topic
     decide_after: float = 10.0
     max_silence: float = 3.0
+    classes: tuple[str, ...] = CLASSES
 
 
 @dataclass(frozen=True)

@@ -81,7 +81,12 @@ class RobotLoop:
         self._show_step, self._attention = show_step, Attention(parts.domain, config.value)
         timeout = config.connection.timeout
         self._perception = Perception(
-            connection, config.people.topic, config.pose, config.frames, timeout=timeout
+            connection,
+            config.people.topic,
+            config.pose,
+            config.frames,
+            timeout=timeout,
+            classes=config.people.classes,
         )
         self._tracks = PeopleTracks(classifiers, max_silence=config.people.max_silence)
         self._full = replace(parts.robot, classifiers={})

@@ -189,6 +189,7 @@ def _read_people(table: TomlTable) -> PeopleConfig:
         read_topic(table, PEOPLE),
         table.number("decide_after", 0.1, MAX_SECONDS, default.decide_after),
         table.number("max_silence", MIN_SILENCE, MAX_SECONDS, default.max_silence),
+        tuple(name.lower() for name in table.names("classes")) if "classes" in table else default.classes,
     )
     table.reject_unknown_keys()
     return config

@@ -5,6 +5,7 @@ import time
 import pytest
 
 from lcorpp.errors import WorldError
+from lcorpp.worlds.ros import perception as perception_module
 from lcorpp.worlds.ros.connection import Subscription
 from lcorpp.worlds.ros.perception import Frames, Perception
 from lcorpp.worlds.ros.pose import Pose
@@ -65,8 +66,33 @@ def test_poses_that_are_not_finite_are_left_out_with_one_warning(caplog):
     robot.put("/odom", odometry(2.0))
     assert perception.pose == Pose(2.0, 0.0, 0.0)
     not_finite, half = caplog.messages
-    assert not_finite == "/odom: a pose that is not finite is left out; the pose does not change"
+    assert not_finite == (
+        "/odom: a pose that is not finite, or whose quaternion is 0, is left out; the pose does not change"
+    )
     assert half.startswith("/odom: a message that is no nav_msgs/Odometry: it has no field 'pose.pose'")
+
+
+def test_a_pose_that_is_not_valid_for_seconds_is_unknown(monkeypatch, caplog):
+    now = [100.0]
+    monkeypatch.setattr(perception_module, "monotonic", lambda: now[0])
+    robot, perception = localised(odometry(1.0))
+    now[0] = 200.0  # a localisation may be silent while the robot stands
+    assert perception.pose == Pose(1.0, 0.0, 0.0)
+    for seconds in (0.0, 2.9):
+        now[0] = 200.0 + seconds
+        robot.put("/odom", odometry(None))
+        assert perception.pose == Pose(1.0, 0.0, 0.0)
+    now[0] = 203.1
+    robot.put("/odom", odometry(None))
+    with pytest.raises(WorldError, match="the robot's pose is unknown: no valid one for 3 s"):
+        _ = perception.pose
+    robot.put("/p", people("base_link", ann=(1.0, 0.0)))
+    assert perception.update(0.0) == []
+    robot.put("/p", people("map", ann=(1.0, 0.0)))
+    assert len(perception.update(0.0)) == 1
+    assert "/p: people in the frame of the robot are left out while its pose is unknown" in caplog.messages
+    robot.put("/odom", odometry(2.0))
+    assert perception.pose == Pose(2.0, 0.0, 0.0)
 
 
 def test_the_first_pose_is_the_first_that_is_finite():

@@ -9,6 +9,7 @@ from lcorpp.errors import WorldError
 from lcorpp.worlds.ros.fields import read_stamp
 from lcorpp.worlds.ros.pose import Pose
 from lcorpp.worlds.ros.sensor_messages import (
+    CLASSES,
     PEOPLE,
     POSES,
     Detection,
@@ -224,6 +225,51 @@ def test_detections_of_each_version_of_vision_msgs(fields, ids, warnings, caplog
     assert len(caplog.messages) == warnings
 
 
+def result(kind, score, later=True, name="class_id"):
+    hypothesis = {name: kind, "score": score}
+    return {"hypothesis": hypothesis, "pose": {}} if later else {**hypothesis, "pose": {}}
+
+
+@pytest.mark.parametrize(
+    ("results", "classes", "is_person"),
+    [
+        ([], CLASSES, True),
+        (None, CLASSES, True),
+        ([result("chair", 0.9)], CLASSES, False),
+        ([result("Person", 0.4)], CLASSES, True),
+        ([result("chair", 0.9), result("person", 0.4)], CLASSES, False),
+        ([result("chair", 0.3), result("person", 0.4)], CLASSES, True),
+        ([result("chair", None), result("person", 0.4)], CLASSES, True),
+        ([result("chair", 0.9, name="id")], CLASSES, False),
+        ([result("person", 0.9, later=False, name="id")], CLASSES, True),
+        ([result(62, 0.9, later=False, name="id")], CLASSES, False),
+        ([result(1, 0.9, later=False, name="id")], ("1",), True),
+        ([result("1", 0.9)], ("0",), False),
+        ([result("", 0.9)], CLASSES, True),
+        ([{"score": 1.0}], CLASSES, False),
+        ([3], CLASSES, False),
+        ("x", CLASSES, False),
+    ],
+)
+def test_a_detection_is_a_person_by_its_most_probable_class(results, classes, is_person, caplog):
+    reader = PeopleReader("vision_msgs/Detection3DArray", "/objects", classes=classes)
+    fields = {"id": "7"} if results is None else {"id": "7", "results": results}
+    message = {"header": HEADER_2, "detections": [DETECTION | fields]}
+    for _ in range(2):
+        assert len(reader.read(message)) == is_person
+    assert len(caplog.messages) == (not is_person)
+
+
+def test_the_class_that_is_left_out_is_named(caplog):
+    message = {"header": HEADER_2, "detections": [DETECTION | {"id": "7", "results": [result("chair", 1)]}]}
+    PeopleReader("vision_msgs/Detection3DArray", "/objects").read(message)
+    (text,) = caplog.messages
+    assert text.startswith(
+        "/objects: detections of the class 'chair' are left out; the classes of people are"
+    )
+    assert text.endswith("human, pedestrian, people, person (robot.toml: [people] classes)")
+
+
 def test_a_stamp_of_zero_is_none():
     assert read_stamp({"stamp": {"sec": 0, "nanosec": 0}}, "stamp") is None
     assert read_stamp({"secs": 3, "nsecs": 250_000_000}) == 3.25
@@ -239,10 +285,17 @@ def test_the_heading_is_that_of_the_quaternion(kind):
     for field in ("x", "z", "w"):
         for number in (None, float("nan"), float("inf"), 10**400):
             assert read_pose(kind, change(message, field, number)) is None or field == "z"
+        assert read_pose(kind, change(message, "w", 0.0)) is not None  # half a turn, with z
         with pytest.raises(WorldError, match=f"a message that is no {kind}: .*{field}"):
             read_pose(kind, change(message, field, "0.5"))
     with pytest.raises(WorldError, match=f"a message that is no {kind}"):
         read_pose(kind, {"pose": 3})
+
+
+@pytest.mark.parametrize("kind", POSES)
+def test_a_quaternion_of_zeros_is_no_heading(kind):
+    pose = {"position": POSITION, "orientation": dict.fromkeys("xyzw", 0.0)}
+    assert read_pose(kind, {"pose": pose if len(POSES[kind]) == 1 else {"pose": pose}}) is None
 
 
 def test_a_pose_that_is_not_finite_is_an_error():

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+from collections.abc import Collection
 from dataclasses import dataclass
 from math import inf, pi
 from time import monotonic, time
@@ -12,6 +13,7 @@ from lcorpp.worlds.ros.connection import Message, RosConnection, Subscription
 from lcorpp.worlds.ros.fields import FaultLog
 from lcorpp.worlds.ros.pose import Pose
 from lcorpp.worlds.ros.sensor_messages import (
+    CLASSES,
     TRANSFORMS,
     Detection,
     PeopleReader,
@@ -24,6 +26,10 @@ Sample = tuple[float, str, float, float]
 
 MAX_AGE = 3.0
 """Seconds after which the position of a person who is no longer detected is unknown."""
+
+
+MAX_BAD_POSES = 3.0
+"""Seconds of messages without a valid pose after which the robot's pose is unknown."""
 
 
 @dataclass(frozen=True)
@@ -52,7 +58,7 @@ class Perception:
         connection: of the robot.
         people: topic and type of the tracker's messages, see `PEOPLE`.
         pose: topic and type of the localisation's messages, see `POSES`; or the pose of a robot that stays.
-        timeout: seconds to wait for the first pose.
+        timeout: seconds to wait for the first pose. classes: of detections that are people.
 
     Raises:
         WorldError: no pose comes. ConnectionLostError: there is no connection.
@@ -66,14 +72,19 @@ class Perception:
         frames: Frames,
         *,
         timeout: float = 5.0,
+        classes: Collection[str] = CLASSES,
     ) -> None:
         self.frames, self._people_kind = frames, people[1]
         self._lock = threading.Lock()
-        self._reader, self._faults = PeopleReader(people[1], people[0]), FaultLog(people[0])
+        self._reader, self._faults = PeopleReader(*reversed(people), classes=classes), FaultLog(people[0])
         self._has_located = False
         self._positions = dict[str, tuple[float, float, float]]()  # in the fixed frame, and when it was seen
         self._poses: Subscription | None = None
         self._pose_kind = ""
+        self._bad_since: float | None = (
+            None  # the first message without a valid pose after the last valid one
+        )
+        self._is_lost = False
         self._speed: tuple[float, float] | None = None  # m/s plus rad/s, and when it was received
         if isinstance(pose, Pose):
             self._pose = pose
@@ -108,9 +119,15 @@ class Perception:
 
     @property
     def pose(self) -> Pose:
-        """The robot's pose in the fixed frame."""
+        """The robot's pose in the fixed frame.
+
+        Raises:
+            WorldError: the localisation has sent no valid pose for `MAX_BAD_POSES` seconds.
+        """
         self._update_pose()
         with self._lock:
+            if self._is_lost:
+                raise WorldError(f"the robot's pose is unknown: no valid one for {MAX_BAD_POSES:g} s")
             return self._pose
 
     def locate(self, person: str) -> tuple[float, float] | None:
@@ -160,6 +177,9 @@ class Perception:
             self._has_located = True
             if is_fixed:
                 return detection.x, detection.y
+            if self._is_lost:
+                self._faults.warn("people in the frame of the robot are left out while its pose is unknown")
+                return None
             return self._pose.place(detection.x, detection.y)
         fault = (
             f"people are in the frame {detection.frame!r}; expected {self.frames.fixed!r} or"
@@ -188,7 +208,13 @@ class Perception:
         if self._poses is not None:
             with self._lock:
                 for message in self._poses.take():
-                    self._pose = self._read_pose(message) or self._pose
+                    pose = self._read_pose(message)
+                    if pose is not None:
+                        self._pose, self._bad_since, self._is_lost = pose, None, False
+                        continue
+                    now = monotonic()
+                    self._bad_since = now if self._bad_since is None else self._bad_since
+                    self._is_lost = now - self._bad_since > MAX_BAD_POSES
 
     def _read_pose(self, message: Message) -> Pose | None:
         """Return the pose in a message, and keep its speed; None for a pose that is left out."""
@@ -201,5 +227,7 @@ class Perception:
             self._pose_faults.warn(f"{fault}; it is left out, the pose does not change")
             return None
         if pose is None:
-            self._pose_faults.warn("a pose that is not finite is left out; the pose does not change")
+            self._pose_faults.warn(
+                "a pose that is not finite, or whose quaternion is 0, is left out; the pose does not change"
+            )
         return pose

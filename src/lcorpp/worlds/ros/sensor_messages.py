@@ -6,8 +6,8 @@ person in it, that lacks a field or has one of another type is left out with a w
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable, Collection, Iterable, Mapping
+from dataclasses import dataclass, field, replace
 from math import atan2, hypot, inf, isfinite
 from typing import Any
 
@@ -33,6 +33,9 @@ ARROW, BODIES = 0, (1, 2, 3, 10)
 FRAMES = ("person_", "face_", "gaze_")
 """Prefixes of the frames of people (ROS4HRI, REP 155); a person, or a face, counts and not its parts."""
 
+CLASSES = ("person", "people", "pedestrian", "human")
+"""Classes of detections that are people, in lower case."""
+
 TRANSFORMS = "tf2_msgs/TFMessage"
 """The type of frames, most of which are of no people."""
 
@@ -45,6 +48,7 @@ class Detection:
         optical frame of a camera (REP 103), whose z axis is ahead, x is ahead and y to the left.
     rank: of what was detected; if there are several ranks, only the lowest counts.
     group: parts of different groups at one place are one person.
+    kind: the class of what was detected, in lower case; empty if the tracker gives none.
     """
 
     id: str
@@ -54,6 +58,7 @@ class Detection:
     y: float
     rank: int = field(default=0, compare=False)
     group: str = field(default="", compare=False)
+    kind: str = field(default="", compare=False)
 
     @property
     def is_valid(self) -> bool:
@@ -98,7 +103,22 @@ def _read_detection(detection: Any, message: Message) -> Detection | None:
     id_ = read_id(detection.get("id"))
     if id_ is None and detection.get("is_tracking", True):  # Foxy and Galactic
         id_ = read_id(detection.get("tracking_id"))
-    return _detect(id_, message, position)
+    return replace(_detect(id_, message, position), kind=_read_class(detection))
+
+
+def _read_class(detection: Mapping[str, Any]) -> str:
+    """Return the most probable class of a detection, in lower case; empty if there is none."""
+    best, chosen = -inf, ""
+    for result in read_list(detection, "results") if detection.get("results") is not None else ():
+        hypothesis = result.get("hypothesis", result) if isinstance(result, Mapping) else None
+        if not isinstance(hypothesis, Mapping):
+            raise WorldError("a result has no hypothesis")
+        names = (name for name in ("class_id", "id") if name in hypothesis)  # before Galactic: id
+        kind = read_id(read_field(hypothesis, next(names, "class_id")))
+        score = read_number(hypothesis, "score") if "score" in hypothesis else 0.0
+        if kind is not None and (score > best or not chosen):
+            best, chosen = score if isfinite(score) else -inf, kind.strip().lower()
+    return chosen
 
 
 def _read_transform(transform: Any, message: Message) -> Detection | None:
@@ -137,9 +157,11 @@ class PeopleReader:
 
     Args:
         kind: a key of `PEOPLE`. place: the topic or file that warnings name; by default the type.
+        classes: of detections that are people, in lower case; others are left out.
     """
 
-    def __init__(self, kind: str, place: str | None = None) -> None:
+    def __init__(self, kind: str, place: str | None = None, *, classes: Collection[str] = CLASSES) -> None:
+        self._classes = frozenset(classes)
         self._kind, self._format = kind, PEOPLE[kind]
         self._faults = FaultLog(place or kind)
         self._rank: float = inf  # the lowest so far
@@ -166,6 +188,13 @@ class PeopleReader:
         except WorldError as fault:
             self._faults.warn(f"a part of {self._format.items!r} is left out: {fault}")
             return None
+        if found is not None and found.kind and found.kind not in self._classes:
+            people = ", ".join(sorted(self._classes))
+            self._faults.warn(
+                f"detections of the class {found.kind!r} are left out; the classes of people are {people}"
+                " (robot.toml: [people] classes)"
+            )
+            return None
         return found if found is not None and found.is_valid else None
 
     def _choose(self, detections: Iterable[Detection]) -> list[Detection]:
@@ -187,6 +216,9 @@ POSES: Mapping[str, tuple[str, ...]] = {
     "geometry_msgs/PoseStamped": ("pose",),
 }
 """Type of the messages of a localisation -> the fields that lead to the pose."""
+
+MIN_QUATERNION = 0.1
+"""Minimum length of a quaternion, which is 1 but for rounding; of zeros it is no heading."""
 
 TEXTS: Mapping[str, str] = {
     "std_msgs/String": "data",
@@ -225,7 +257,7 @@ def _detect(id_: object, message: Message, position: Any, *, rank: int = 0, grou
 
 
 def read_pose(kind: str, message: Message) -> Pose | None:
-    """Return the pose in a message of the localisation; None if a number is not finite.
+    """Return the pose in a message of the localisation; None if numbers are not finite or all 0.
 
     Args:
         kind: a key of `POSES`.
@@ -239,7 +271,8 @@ def read_pose(kind: str, message: Message) -> Pose | None:
         qx, qy, qz, qw = (read_number(pose, "orientation", name) for name in ("x", "y", "z", "w"))
     except WorldError as fault:
         raise WorldError(f"a message that is no {kind}: {fault}") from None
-    if not all(map(isfinite, (x, y, qx, qy, qz, qw))):
+    size = hypot(qx, qy, qz, qw)  # 0 without a heading
+    if not all(map(isfinite, (x, y, size))) or size < MIN_QUATERNION:
         return None
     return Pose(x, y, atan2(2 * (qw * qz + qx * qy), qw * qw + qx * qx - qy * qy - qz * qz))
 
