@@ -46,6 +46,41 @@ def test_a_turned_camera_tracks_no_people_and_the_note_names_the_rotation(degree
     assert f"--rotate {degrees} " in note
 
 
+def follow(degrees, half_width, images=6):
+    """Return the samples, the floors and the note of a camera that is turned between two walls."""
+    mount, hall = Mount(160, 120, 142.0, 1.1, 0.1), Corridor(half_width=half_width, end=9)
+    tracker, samples = Tracker(), []
+    k = turn(see(mount), degrees, mount)[1]
+    locator = DepthLocator(k)
+    observer = FloorObserver(locator, k)
+    for index in range(images):
+        depths = render(mount, [Person(4.5 - 0.1 * index, 0.3)], hall)
+        frame, _ = turn(add_noise(depths, np.random.default_rng(index)), degrees, mount)
+        samples += tracker.update(index / 10, *locator.locate(frame.image))
+        observer.observe(frame)
+    return samples, locator.floor, observer.explain(has_people=bool(samples))
+
+
+@pytest.mark.parametrize("half_width", [1.0, 1.6])
+@pytest.mark.parametrize("degrees", [90, 270])
+def test_a_wall_is_no_floor(degrees, half_width):
+    """In a narrow corridor the other wall is too low for a ceiling; in a wide one the floor is nearer."""
+    samples, floor, note = follow(degrees, half_width)
+    assert f"is the camera mounted sideways? --rotate {degrees} turns" in note
+    if half_width < 1.05:
+        assert (samples, floor) == ([], None)
+    else:
+        assert re.match(r"the floor is 1\.6\d? m below .* one 1\.1\d? m below it and \d people", note)
+
+
+@pytest.mark.parametrize("half_width", [1.0, 1.6])
+def test_no_note_between_walls_if_the_camera_is_upright(half_width):
+    samples, floor, note = follow(0, half_width)
+    assert {person for _, person, _, _ in samples} == {1}
+    assert floor.height == pytest.approx(1.1, abs=0.05)
+    assert note is None
+
+
 @pytest.mark.parametrize("degrees", [0, 90, 180, 270])
 def test_turning_the_images_and_the_intrinsics_undoes_the_mounting(degrees):
     mount = Mount(160, 120, 142.0)

@@ -41,6 +41,14 @@ floor there; a plane that cuts through other surfaces has half of its points the
 MAX_BELOW_SHARE = 0.25
 """Maximum number of points below the floor, relative to those on it: reflections."""
 
+MIN_CEILING = 2.15
+"""Minimum height of a ceiling above the floor, in metres: to a camera that is turned in a corridor, one wall
+is the floor, and the other the ceiling."""
+
+CEILING_RANGE, MIN_CEILING_SHARE, CEILING_BIN = 4.0, 0.15, 0.1
+"""Range in metres in which a low ceiling is sought, its minimum share of the known points, and the size of
+the bins of heights. A group of heads is less."""
+
 CANDIDATES = 5
 """Hypotheses with the most points that are refined, until one is a floor."""
 
@@ -124,8 +132,8 @@ def find_floor(rays: Array, disparities: Array, rng: np.random.Generator) -> Flo
 def refine_floor(rays: Array, disparities: Array, plane: Array) -> Floor | None:
     """Fit the floor to the points near a plane by least squares, three times.
 
-    None if the points on it are too few, too far from it for noise, or too many are below it; or if the plane
-    is inclined, or too near or far, for a floor.
+    None if the points on it are too few, too far from it for noise, or too many are below it; if the plane
+    is inclined, or too near or far, for a floor; or if there is a ceiling lower than `MIN_CEILING` above it.
 
     plane: (3,) the disparity of a ray (a, b) is its product with (a, b, 1).
     """
@@ -147,9 +155,20 @@ def refine_floor(rays: Array, disparities: Array, plane: Array) -> Floor | None:
         return None
     if (residuals < -TOLERANCE).sum() > MAX_BELOW_SHARE * on.sum():
         return None
+    if _has_low_ceiling(points, disparities, plane):
+        return None
     length = float(np.linalg.norm(plane))
     x, y, z = (-plane / length).tolist()
     return Floor((x, y, z), 1 / length)
+
+
+def _has_low_ceiling(points: Array, disparities: Array, plane: Array) -> bool:
+    """Return whether many points above the camera are at one height that is too low for a ceiling."""
+    length = float(np.linalg.norm(plane))
+    heights = 1 / length - points @ plane / length / disparities  # above the floor
+    above = heights[(heights > 1 / length + CEILING_BIN) & (disparities > 1 / CEILING_RANGE)]
+    counts = np.histogram(above, np.arange(0, MIN_CEILING + CEILING_BIN / 2, CEILING_BIN))[0]
+    return bool((counts[1:] + counts[:-1]).max() >= MIN_CEILING_SHARE * len(disparities))
 
 
 def to_plane(floor: Floor) -> Array:

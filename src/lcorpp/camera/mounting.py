@@ -36,8 +36,9 @@ MIN_USUAL_HEIGHT, MAX_USUAL_HEIGHT = 0.25, 2.5
 MAX_VIEWED = 8
 """Images that are turned to see whether they show people then."""
 
-MIN_MORE_PEOPLE = 3
-"""Fewer people in turned images are by chance."""
+NEARER, SIMILAR, MORE = 0.95, 0.25, 6.0
+"""Of a floor that is likelier than another: maximum ratio of the heights if it is nearer, minimum ratio of
+the numbers of people then, and ratio of these numbers from which it need not be nearer."""
 
 MEDIAN_DEPTH = 3.0
 """Metres to which depths of an unknown unit are scaled before the floor is sought."""
@@ -143,24 +144,28 @@ def _view(frames: Sequence[Frame], intrinsics: Intrinsics, degrees: int) -> View
     return View(degrees, locator.floor.height, people)
 
 
-def find_better_view(frames: Sequence[Frame], intrinsics: Intrinsics) -> tuple[View, View] | None:
+def find_better_view(
+    frames: Sequence[Frame], intrinsics: Intrinsics, height: float
+) -> tuple[View, View] | None:
     """Return what the images show as they are, and turned, if a floor and people are more likely there.
 
-    Between walls each of them is a floor to a camera that is turned. More likely is a floor at a usual height
-    of the camera, one that is nearer and shows as many people, or one that shows more than twice as many.
+    Between walls each of them is a floor to a camera that is turned, and what is on the floor may look like
+    people. More likely is a floor at a usual height of the camera with people in most images, if it is nearer
+    and shows nearly as many people, or if there are few on the other one.
 
     Args:
-        frames: of depths that show a floor, in order.
+        frames: of depths, in order. height: of the camera above the floor that other images show.
     """
-    views = {degrees: _view(frames, intrinsics, degrees) for degrees in ROTATIONS}
-    now = views.pop(0)
-    others = [view for view in views.values() if view is not None and is_usual(view.height) and view.people]
-    if now is None or not others:
-        return None
-    best = max(others, key=lambda view: (view.people, -view.height))
-    is_nearer = best.height < now.height and best.people >= now.people
-    shows_more = best.people >= max(MIN_MORE_PEOPLE, 2 * now.people + 1)
-    return (now, best) if is_nearer or shows_more or not is_usual(now.height) else None
+    now = _view(frames, intrinsics, 0) or View(0, height, 0)
+    likely = list[View]()
+    for degrees in ROTATIONS[1:]:
+        view = _view(frames, intrinsics, degrees)
+        if view is None or not is_usual(view.height) or 2 * view.people < len(frames):
+            continue
+        is_nearer = view.height < NEARER * now.height and view.people >= SIMILAR * now.people
+        if is_nearer or view.people > MORE * now.people or not is_usual(now.height):
+            likely.append(view)
+    return (now, min(likely, key=lambda view: view.height)) if likely else None
 
 
 class FloorObserver:
@@ -196,8 +201,8 @@ class FloorObserver:
         """
         floor: Floor | None = self._locator.floor
         better = None
-        if 2 * self._found >= self._images and self._some:
-            better = find_better_view(self._some, self._intrinsics)
+        if floor is not None and 2 * self._found >= self._images:
+            better = find_better_view(self._some, self._intrinsics, floor.height)
         if better is not None:
             return _describe_views(*better, len(self._some))
         if 2 * self._found < self._images:
@@ -214,7 +219,7 @@ class FloorObserver:
 def _describe_views(now: View, turned: View, images: int) -> str:
     mounted = "upside down" if turned.degrees == 180 else "sideways"
     return (
-        f"the floor is {now.height:.3g} m below the camera and {images} images show {now.people} people;"
-        f" turned, they show one {turned.height:.3g} m below it and {turned.people} people: is the camera mounted"
-        f" {mounted}? --rotate {turned.degrees} turns the images"
+        f"the floor is {now.height:.3g} m below the camera and {images} images show {now.people}"
+        f" people; turned, they show one {turned.height:.3g} m below it and {turned.people} people:"
+        f" is the camera mounted {mounted}? --rotate {turned.degrees} turns the images"
     )

@@ -143,3 +143,12 @@ def test_own_channels_over_time_come_back_and_are_no_motion(tmp_path):
     assert read_features(tmp_path / "voice.npz", labels=None, repair_log=RepairLog()).kind == "series"
     with pytest.raises(LcorppError, match="no tracks of motion, but pitch, loudness"):
         read_recording(tmp_path / "voice.npz")
+
+
+def test_an_index_of_a_data_frame_is_no_feature(tmp_path):
+    for number, head in enumerate((",speed,label", "Unnamed: 0,speed,label")):
+        path = tmp_path / f"{number}.csv"
+        path.write_text(f"{head}\n0,1.5,a\n1,0.5,b\n2,1.0,a\n")
+        data = read_data(path)
+        assert data.channels == ("speed",)
+        assert data.notes[0] == "columns that are not used, as they number the rows: unnamed: 0"

@@ -43,11 +43,26 @@ def test_univariate_series_of_equal_length_without_listed_classes(tmp_path):
     )
     data = read(tmp_path, header + "1,2,3:1\n4,5,6:2\n")
     assert (data.trajectories.shape, data.labels) == ((2, 1, 3), ("1", "2"))
-    with pytest.raises(ParseError, match=r"a\.ts:7:1: 2 time points; expected 3 \(@seriesLength\)"):
+    with pytest.raises(ParseError, match=r"a\.ts:7:1: 2 time points; expected 3 \(@equalLength true\)"):
         read(tmp_path, header + "1,2:1\n")
     (tmp_path / "b.ts").write_text(header + "1,2,3:1\n")
     with pytest.raises(DataError, match="has no tracks of motion, but dim_0"):
         read_recording(tmp_path / "b.ts")
+
+
+def test_series_that_are_not_of_the_stated_equal_length(tmp_path):
+    header = "@problemName\tBeat\n@univariate\ttrue\n@equalLength true\n@classLabel true\ta b\n@data\n"
+    assert read(tmp_path, header + "1,2,3:a\n4,5,6:b\n").labels == ("a", "b")
+    with pytest.raises(ParseError, match=r"a\.ts:7:1: 2 time points; expected 3"):
+        read(tmp_path, header + "1,2,3:a\n4,5:b\n")
+    data = read(tmp_path, header + "1,2,?:a\n4,5,6:b\n")
+    assert data.lengths.tolist() == [2, 3]
+    assert data.notes[0] == "1 missing values at the end of series end them"
+
+
+def test_an_arff_file_is_named(tmp_path):
+    with pytest.raises(ParseError, match=r"an ARFF file; expected the \.ts file"):
+        read(tmp_path, "@relation toy\n@attribute a numeric\n@data\n1,2\n")
 
 
 CLASSES = "@classLabel true up down"
@@ -66,7 +81,7 @@ CLASSES = "@classLabel true up down"
         ),
         (
             "@problemName",
-            "@relation",
+            "@problem",
             2,
             "unknown line before @data; expected a line that begins with @ and one of",
         ),

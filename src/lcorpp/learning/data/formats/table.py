@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Collection, Iterable, Mapping
 from pathlib import Path
 
@@ -17,6 +18,13 @@ from lcorpp.values import Array, Dataset
 
 LABEL, GROUPS = "label", ("group", "person")
 """The column of the classes, and the possible names of the column of the groups; all others are features."""
+
+
+UNNAMED = "unnamed: 0"
+"""Name of the first column of a data frame's CSV, if it is an index without a name."""
+
+INDEX = re.compile(r"unnamed: \d+|__index_level_\d+__")
+"""Names of columns that are the index of a data frame, which numbers its rows."""
 
 
 def has_table_columns(names: Collection[str]) -> bool:
@@ -41,24 +49,33 @@ def read_table(
     if path.suffix.lower() in SUFFIXES:
         parquet = ParquetFile(path, repair_log)
         features, words = _find_columns(parquet, parquet.names)
-        return _assemble(parquet, parquet.batches(features, words, progress), features, labels)
+        batches = parquet.batches(features, words, progress)
+        return _assemble(parquet, batches, features, labels, _note_index(parquet.names))
     names, heading = read_header(path, (LABEL,))
     line, delimiter = heading.line, heading.delimiter
     unread = CsvFile(path, names, (), (), repair_log, header=line, delimiter=delimiter)
+    if not names[0]:
+        names[0] = UNNAMED
     features, words = _find_columns(unread, names)
     file = CsvFile(path, names, features, words, repair_log, header=line, delimiter=delimiter)
-    return _assemble(file, file.batches(progress), features, labels)
+    return _assemble(file, file.batches(progress), features, labels, _note_index(names))
+
+
+def _note_index(names: list[str]) -> list[str]:
+    """Return a note about columns that are the index of a data frame, if there are any."""
+    indices = [name for name in names if INDEX.fullmatch(name)]
+    return [f"columns that are not used, as they number the rows: {', '.join(indices)}"] if indices else []
 
 
 def _find_columns(file: RowSource, names: list[str]) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Return the columns of features, and those of words: the label, and the group if there is one."""
+    """Return the columns of features, without an index, and of words: the label, and perhaps the group."""
     for cell, name in enumerate(names, start=1):
         if not name:
             raise file.error_at(file.header, "", f"column {cell} has no name; expected the name of a feature")
     groups = [name for name in GROUPS if name in names]
     if len(groups) > 1:
         raise file.error_at(file.header, groups[1], f"columns {' and '.join(groups)}; expected one of them")
-    features = tuple(name for name in names if name not in (LABEL, *GROUPS))
+    features = tuple(n for n in names if n not in (LABEL, *GROUPS) and not INDEX.fullmatch(n))
     if not features:
         raise file.error_at(
             file.header, "", f"no features; expected columns of numbers beside {', '.join(names)}"
@@ -67,7 +84,11 @@ def _find_columns(file: RowSource, names: list[str]) -> tuple[tuple[str, ...], t
 
 
 def _assemble(
-    file: RowSource, batches: Iterable[RowBatch], features: tuple[str, ...], labels: Mapping[str, str] | None
+    file: RowSource,
+    batches: Iterable[RowBatch],
+    features: tuple[str, ...],
+    labels: Mapping[str, str] | None,
+    notes: list[str],
 ) -> Dataset:
     """Return the rows of all batches that have no fault, or one that a requested repair leaves out."""
     tables: list[Array] = []
@@ -90,7 +111,7 @@ def _assemble(
         if file.repair_log.repairs:
             raise DataError(f"{file.file}: no row remains")
         raise file.error_at(file.header + 1, "", "no rows; expected a row for each case")
-    notes = list(file.notes()) if isinstance(file, CsvFile) else []
+    notes = [*notes, *(file.notes() if isinstance(file, CsvFile) else ())]
     if not has_groups:
         notes.append(
             f"no column {' or '.join(GROUPS)}: each row counts as a person of its own, also when people are"

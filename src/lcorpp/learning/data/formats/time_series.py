@@ -38,12 +38,14 @@ class Header:
     """The header of a .ts file.
 
     name: of the problem. channels, points: their number, None if not stated; points only of equal lengths.
-    classes: empty if they are not listed. first: the line of the first case.
+    is_equal: whether all series are of one length. classes: empty if they are not listed.
+    first: the line of the first case.
     """
 
     name: str
     channels: int | None
     points: int | None
+    is_equal: bool
     classes: tuple[str, ...]
     first: int
 
@@ -66,19 +68,24 @@ def read_time_series(path: Path, measures: Measures) -> Dataset:
         raise DataError(f"{path}: time series have no unit of length; expected no --unit")
     lines = read_text(path).splitlines()
     header = _read_header(str(path), lines)
-    signals, labels, missing = list[Array](), list[str](), 0
+    signals, labels, missing, ends = list[Array](), list[str](), 0, 0
     for number, text in enumerate(lines[header.first - 1 :], start=header.first):
         if text.strip() and text[0] not in "#%":
-            signal, label, holes = _read_case(str(path), number, text, header)
+            signal, label, holes, points = _read_case(str(path), number, text, header)
             signals.append(signal)
             labels.append(label)
             missing += holes
+            ends += len(signal) * (points - signal.shape[1])
             header = replace(header, channels=len(signal))
+            if header.is_equal:
+                header = replace(header, points=points)
     if not signals:
         raise ParseError(str(path), header.first, 1, "no cases after @data; expected a line for each")
     notes = []
     if missing:
         notes.append(f"{missing} missing values inside of series are interpolated linearly")
+    if ends:
+        notes.append(f"{ends} missing values at the end of series end them")
     if measures.per_second is None:
         notes.append(
             "no interval between time points is known, so each lasts 1 s; --fps gives points per second"
@@ -100,9 +107,12 @@ def _read_header(file: str, lines: list[str]) -> Header:
         text = line.strip()
         if not text or text[0] in "#%":
             continue
-        tag, _, value = text.partition(" ")
+        tag, value = (*text.split(None, 1), "")[:2]
         tag = tag.lower().removeprefix("@")
         if not text.startswith("@") or tag not in TAGS:
+            if tag == "relation":
+                message = "an ARFF file; expected the .ts file of the same archive, or CSV"
+                raise ParseError(file, number, 1, message, line)
             expected = (
                 f"expected a line that begins with @ and {expected_one_of(TAGS).removeprefix('expected ')}"
             )
@@ -138,13 +148,15 @@ def _make_header(given: Mapping[str, str], first: int) -> Header:
         given.get("problemname", ""),
         None if channels is None else int(channels),
         int(given["serieslength"]) if has_length else None,
+        given.get("equallength", "").lower() == "true",
         tuple(given.get("classlabel", "").split()[1:]),
         first,
     )
 
 
-def _read_case(file: str, line: int, text: str, header: Header) -> tuple[Array, str, int]:
-    """Return the signal (channels, points) of a case, its class, and how many values were missing inside."""
+def _read_case(file: str, line: int, text: str, header: Header) -> tuple[Array, str, int, int]:
+    """Return the signal (channels, points) of a case, its class, how many values were missing inside, and the
+    number of time points with those missing at the end."""
     *channels, label = text.strip().split(":")
     label = label.strip()
     if not channels or (header.channels is not None and len(channels) != header.channels):
@@ -170,7 +182,7 @@ def _read_case(file: str, line: int, text: str, header: Header) -> tuple[Array, 
     points = int(np.flatnonzero(known.any(axis=0))[-1]) + 1
     signal, known = signal[:, :points], known[:, :points]
     if header.points is not None and len(rows[0]) != header.points:
-        message = f"{len(rows[0])} time points; expected {header.points} (@seriesLength)"
+        message = f"{len(rows[0])} time points; expected {header.points} (@equalLength true)"
         raise ParseError(file, line, 1, message, text)
     if points < 2:
         raise ParseError(file, line, 1, f"{points} time points; expected at least 2", text)
@@ -178,7 +190,7 @@ def _read_case(file: str, line: int, text: str, header: Header) -> tuple[Array, 
     whole = np.stack(
         [np.interp(at, at[is_known], row[is_known]) for row, is_known in zip(signal, known, strict=True)]
     )
-    return whole, label, int((~known).sum())
+    return whole, label, int((~known).sum()), len(rows[0])
 
 
 def _read_numbers(file: str, line: int, text: str, channel: int, part: str) -> Array:
