@@ -102,6 +102,17 @@ def test_a_header_without_a_size_is_read_to_the_end(tmp_path, claimed, total):
     np.testing.assert_allclose(read_wave(tmp_path / "a.wav")[0], samples, atol=1e-4)
 
 
+@pytest.mark.parametrize(("kind", "bits", "channels"), [(1, 16, 2), (1, 24, 2), (3, 32, 6), (1, 8, 2)])
+def test_of_several_channels_the_mean_is_read(tmp_path, kind, bits, channels):
+    samples = np.linspace(-0.5, 0.5, 5)
+    parts = samples[:, None] * np.linspace(0, 1, channels)
+    content = make_file(
+        encode(parts.ravel(), kind, bits), kind=kind, bits=bits, channels=channels, extensible=True
+    )
+    (tmp_path / "a.wav").write_bytes(content)
+    np.testing.assert_allclose(read_wave(tmp_path / "a.wav")[0], samples / 2, atol=1e-2)
+
+
 def test_other_chunks_are_skipped(tmp_path):
     samples, notes = np.linspace(-0.5, 0.5, 5), make_chunk(b"LIST", b"odd")
     content = make_file(encode(samples, 1, 8), bits=8, before=notes, after=notes)
@@ -135,7 +146,7 @@ def test_another_rate_keeps_the_pitch(rate):
         (make_file(bytes(8), extensible=True).replace(GUID, bytes(14)), "extensible format of unknown kind"),
         (make_file(bytes(8), kind=3), "no wave file of PCM: float with 1 channels, 16 bits and 2 bytes"),
         (make_file(bytes(8), bits=40), "no wave file of PCM: PCM with 1 channels, 40 bits"),
-        (make_file(bytes(8), channels=2), "2 channels of 16 bits; expected a wave file of mono PCM"),
+        (make_file(bytes(8), channels=2, claimed=80), "the file is cut: 2 of 20 samples"),
         (make_file(bytes(8), channels=0), "PCM with 0 channels"),
         (make_file(bytes(8), bits=0), "no wave file of PCM"),
         (make_file(bytes(8)).replace(b"fmt ", b"junk"), "the samples precede their format"),

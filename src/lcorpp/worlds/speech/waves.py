@@ -1,4 +1,4 @@
-"""Wave files: samples of mono PCM or float files, and their conversion to the rate of the recogniser."""
+"""Wave files: samples of PCM or float files, and their conversion to the rate of the recogniser."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ CONTAINERS = {
 }
 """First bytes of a file -> name of a format that is not read."""
 
-EXPECTED = "expected a wave file of mono PCM or float samples, e.g. by sox IN -c 1 -b 16 OUT.wav"
+EXPECTED = "expected a wave file of PCM or float samples, e.g. by sox IN -c 1 -b 16 OUT.wav"
 
 
 @dataclass(frozen=True)
@@ -79,10 +79,10 @@ class Form:
 
 
 def read_wave(path: str | Path) -> tuple[Array, int]:
-    """Read a wave file of mono PCM with up to 32 bits, or of float samples with 32 or 64 bits.
+    """Read a wave file of PCM with up to 32 bits, or of float samples with 32 or 64 bits.
 
-    The format may be extensible. A header that states no size, as programs write it to a pipe, is read to
-    the end of the file. Float samples beyond -1 and 1 are clipped.
+    Of several channels the mean is returned. The format may be extensible. A header that states no size, as
+    programs write it to a pipe, is read to the end of the file. Float samples beyond -1 and 1 are clipped.
 
     Returns:
         (n,) the samples, from -1 to 1, and their number per second.
@@ -97,15 +97,14 @@ def read_wave(path: str | Path) -> tuple[Array, int]:
     try:
         form, data, stated = _find_samples(content)
         n = stated // form.frame
-        if form.channels != 1:
-            raise DataError(f"{form.channels} channels of {8 * form.width} bits; {EXPECTED}")
         if not MIN_RATE <= form.rate <= MAX_RATE:
             raise DataError(f"{form.rate} samples per second; expected {MIN_RATE} to {MAX_RATE}")
         if len(data) < n * form.frame:
             raise DataError(f"the file is cut: {len(data) // form.frame} of {n} samples; copy it again")
         if n > MAX_SECONDS * form.rate:
             raise DataError(f"{n / form.rate:.0f} seconds; expected at most {MAX_SECONDS}")
-        return _decode(data[: n * form.frame], form), form.rate
+        channels = _decode(data[: n * form.frame], form).reshape(n, form.channels)
+        return channels[:, 0] if form.channels == 1 else channels.mean(axis=1), form.rate
     except DataError as error:
         raise DataError(f"{path}: {error}") from None
 
@@ -159,7 +158,7 @@ def _read_form(chunk: bytes) -> Form:
 
 
 def _decode(data: bytes, form: Form) -> Array:
-    """Return the samples (n,) of a channel."""
+    """Return the samples (n * channels,) of all channels, in the order of the file."""
     if form.tag == FLOAT:
         samples = np.frombuffer(data, f"<f{form.width}").astype(np.float64)
         if not np.isfinite(samples).all():
