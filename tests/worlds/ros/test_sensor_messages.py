@@ -298,6 +298,14 @@ def test_a_quaternion_of_zeros_is_no_heading(kind):
     assert read_pose(kind, {"pose": pose if len(POSES[kind]) == 1 else {"pose": pose}}) is None
 
 
+@pytest.mark.parametrize("x", [1e9, -1e308, 10**400])
+def test_a_position_that_is_no_place_is_left_out(x):
+    kind, message = "people_msgs/People", EXAMPLES["people_msgs/People"]
+    assert read_people(kind, change(message, "x", x)) == []
+    pose = {"position": {**POSITION, "x": x}, "orientation": dict(zip("xyzw", (0, 0, 0, 1), strict=True))}
+    assert read_pose("geometry_msgs/PoseStamped", {"pose": pose}) is None
+
+
 def test_a_pose_that_is_not_finite_is_an_error():
     with pytest.raises(WorldError, match="expected finite numbers"):
         Pose(0, float("nan"), 0)

@@ -24,6 +24,9 @@ from lcorpp.worlds.ros.fields import (
 )
 from lcorpp.worlds.ros.pose import Pose
 
+MAX_COORDINATE = 1e8
+"""Maximum of a position in metres: UTM coordinates reach 1e7, what is larger is no place on earth."""
+
 SAME_PLACE = 0.3
 """Metres within which markers of different namespaces are of one person."""
 
@@ -62,8 +65,8 @@ class Detection:
 
     @property
     def is_valid(self) -> bool:
-        """Whether its numbers are finite; some trackers send NaN for a person they lost."""
-        return all(map(isfinite, (self.x, self.y, self.time or 0.0)))
+        """Whether it has a place and a finite time; some trackers send NaN for a person they lost."""
+        return _is_place(self.x, self.y) and isfinite(self.time or 0.0)
 
     def is_part_of(self, other: Detection) -> bool:
         """Return whether it is a part of another group of the same person."""
@@ -72,6 +75,10 @@ class Detection:
             and self.frame == other.frame
             and hypot(self.x - other.x, self.y - other.y) <= SAME_PLACE
         )
+
+
+def _is_place(x: float, y: float) -> bool:
+    return abs(x) <= MAX_COORDINATE and abs(y) <= MAX_COORDINATE  # False for NaN
 
 
 def _read_person(person: Any, message: Message) -> Detection | None:
@@ -272,7 +279,7 @@ def read_pose(kind: str, message: Message) -> Pose | None:
     except WorldError as fault:
         raise WorldError(f"a message that is no {kind}: {fault}") from None
     size = hypot(qx, qy, qz, qw)  # 0 without a heading
-    if not all(map(isfinite, (x, y, size))) or size < MIN_QUATERNION:
+    if not (_is_place(x, y) and isfinite(size) and size >= MIN_QUATERNION):
         return None
     return Pose(x, y, atan2(2 * (qw * qz + qx * qy), qw * qw + qx * qx - qy * qy - qz * qz))
 
