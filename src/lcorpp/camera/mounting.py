@@ -25,8 +25,10 @@ DEPTH_SCALES: Mapping[float, str] = {
     1.0: "metres",
     100.0: "centimetres",
     1000.0: "millimetres",
+    4000.0: "RealSense L515",
     5000.0: "TUM RGB-D",
     8000.0: "RealSense SR300",
+    10000.0: "RealSense D405",
 }
 """Common values of depth images for a metre, and where they occur."""
 
@@ -36,9 +38,9 @@ MIN_USUAL_HEIGHT, MAX_USUAL_HEIGHT = 0.25, 2.5
 MAX_VIEWED = 8
 """Images that are turned to see whether they show people then."""
 
-NEARER, SIMILAR, MORE = 0.95, 0.25, 6.0
-"""Of a floor that is likelier than another: maximum ratio of the heights if it is nearer, minimum ratio of
-the numbers of people then, and ratio of these numbers from which it need not be nearer."""
+NEARER, MORE = 0.9, 6.0
+"""Of a floor that is likelier than another: maximum ratio of the heights if it is nearer, or minimum ratio of
+the numbers of people."""
 
 MEDIAN_DEPTH = 3.0
 """Metres to which depths of an unknown unit are scaled before the floor is sought."""
@@ -150,8 +152,8 @@ def find_better_view(
     """Return what the images show as they are, and turned, if a floor and people are more likely there.
 
     Between walls each of them is a floor to a camera that is turned, and what is on the floor may look like
-    people. More likely is a floor at a usual height of the camera with people in most images, if it is nearer
-    and shows nearly as many people, or if there are few on the other one.
+    people. More likely is a floor at a usual height of the camera with people in most images, if it is
+    nearer, or if there are few people on the other one.
 
     Args:
         frames: of depths, in order. height: of the camera above the floor that other images show.
@@ -162,7 +164,7 @@ def find_better_view(
         view = _view(frames, intrinsics, degrees)
         if view is None or not is_usual(view.height) or 2 * view.people < len(frames):
             continue
-        is_nearer = view.height < NEARER * now.height and view.people >= SIMILAR * now.people
+        is_nearer = view.height < NEARER * now.height
         if is_nearer or view.people > MORE * now.people or not is_usual(now.height):
             likely.append(view)
     return (now, min(likely, key=lambda view: view.height)) if likely else None
