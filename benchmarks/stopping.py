@@ -16,12 +16,13 @@ import numpy as np
 import typer
 from rich.console import Console
 
+from lcorpp.assembly import TrainingOptions
+from lcorpp.assembly.setup import solve_domain
 from lcorpp.decision.stopping import choose_epsilon, compute_change
 from lcorpp.domains import load_domain
-from lcorpp.experiments import ActiveLearningOptions, TrainingOptions, run_active_learning, set_up_learning
-from lcorpp.experiments.setup import solve_domain
 from lcorpp.files import make_folder, write_atomically
 from lcorpp.planning import Planner
+from lcorpp.runs import ActiveLearningOptions, run_active_learning, set_up_learning
 from lcorpp.values import ConfusionMatrix
 
 RULES = ((0.0, 0.05), (0.0, 0.18), (0.95, 0.25), (0.95, 0.2), (0.95, None), (0.95, 0.15))

@@ -6,7 +6,7 @@ The same from the command line: `lcorpp run examples/drinks`; `lcorpp check exam
 from pathlib import Path
 
 from lcorpp import STRATEGIES, Planner, Reasoner, Robot, load_domain, solve
-from lcorpp.experiments import evaluate_exactly
+from lcorpp.scoring import evaluate_exactly
 from lcorpp.simulation import NoisyChannel
 
 domain = load_domain(Path(__file__).parent / "drinks")

@@ -8,9 +8,10 @@ from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import StandardScaler
 
 from lcorpp import Planner, Reasoner, Robot, load_domain, solve
+from lcorpp.assembly import simulate_training_data
 from lcorpp.decision import strategies
-from lcorpp.experiments import Experiment, run_trials, simulate_training_data
 from lcorpp.learning import Motion, SummaryFeatures, build_report, train_and_validate
+from lcorpp.scoring import Experiment, run_trials
 
 
 def nearest(interval: float):

@@ -9,12 +9,12 @@ from collections.abc import Iterator
 import numpy as np
 
 from lcorpp import load_domain
+from lcorpp.assembly import solve_domain
 from lcorpp.decision import Robot
 from lcorpp.decision.dt_control import act_until_report, infer_prior
-from lcorpp.experiments import solve_domain
-from lcorpp.experiments.early_decision.extension import extend_domain
-from lcorpp.experiments.early_decision.stream_model import fit_stream_model
-from lcorpp.experiments.early_decision.stream_world import StreamWorld
+from lcorpp.early_decision.extension import extend_domain
+from lcorpp.early_decision.stream_model import fit_stream_model
+from lcorpp.early_decision.stream_world import StreamWorld
 from lcorpp.learning import (
     Prediction,
     StreamingClassifier,

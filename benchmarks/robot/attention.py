@@ -23,7 +23,7 @@ from training import train_streams
 from walkers import Patience
 
 from lcorpp import Planner, Reasoner, load_domain
-from lcorpp.experiments import solve_domain
+from lcorpp.assembly import solve_domain
 from lcorpp.files import make_folder, write_atomically
 
 CONFIDENCE, RESAMPLES = 0.95, 10_000

@@ -21,9 +21,9 @@ from rich.console import Console
 from scipy.special import expit, logit
 
 from lcorpp import Planner, load_domain
+from lcorpp.assembly import solve_domain
 from lcorpp.decision.attention import Candidate, ServedShare, choose_candidate, find_delay
 from lcorpp.decision.patience import Patience
-from lcorpp.experiments import solve_domain
 from lcorpp.values import Array
 
 GROUPS, SPREAD = ((0.85, 0.6, 0.3, 0.1), (0.25, 0.25, 0.3, 0.2)), 0.3

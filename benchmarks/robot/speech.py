@@ -17,14 +17,14 @@ import numpy as np
 import typer
 
 from lcorpp.domains import load_domain
-from lcorpp.experiments.hearing.answers import SILENCE, SYNTHETIC_SAID
-from lcorpp.experiments.hearing.bins import collect_cases
-from lcorpp.experiments.hearing.cases import SyntheticCases, parse_voices
-from lcorpp.experiments.hearing.measurement import describe_recogniser, measure
-from lcorpp.experiments.hearing.noises import parse_noises
-from lcorpp.experiments.hearing.observing import Observed, observe
-from lcorpp.experiments.hearing.rates import HeardCases
-from lcorpp.experiments.hearing.results import (
+from lcorpp.hearing.answers import SILENCE, SYNTHETIC_SAID
+from lcorpp.hearing.bins import collect_cases
+from lcorpp.hearing.cases import SyntheticCases, parse_voices
+from lcorpp.hearing.measurement import describe_recogniser, measure
+from lcorpp.hearing.noises import parse_noises
+from lcorpp.hearing.observing import Observed, observe
+from lcorpp.hearing.rates import HeardCases
+from lcorpp.hearing.results import (
     describe_origin,
     find_answer_bins,
     find_wrong_share,

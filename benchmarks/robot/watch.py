@@ -4,7 +4,7 @@
         [--cost .25 --cost 1 --cost 4] [--out TABLE.md] [--picture FILE.svg]
 
 Each seed trains a classifier on simulated people and scores all rules on others. See
-`lcorpp.experiments.early_decision.comparison` for the rules.
+`lcorpp.early_decision.comparison` for the rules.
 """
 
 from __future__ import annotations
@@ -24,16 +24,16 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from rich.console import Console
 
+from lcorpp.assembly.setup import solve_domain
 from lcorpp.domains import Domain, load_domain
-from lcorpp.experiments.early_decision.comparison import (
+from lcorpp.early_decision.comparison import (
     choose_best,
     score_rules,
     score_watching,
     simulate_study,
 )
-from lcorpp.experiments.early_decision.extension import WATCH, extend_domain
-from lcorpp.experiments.early_decision.stream_model import StreamModel, fit_stream_model
-from lcorpp.experiments.setup import solve_domain
+from lcorpp.early_decision.extension import WATCH, extend_domain
+from lcorpp.early_decision.stream_model import StreamModel, fit_stream_model
 from lcorpp.files import make_folder, write_atomically
 from lcorpp.planning import Planner, SparseTables
 from lcorpp.plot_style import BLUE, COLOURS, INK, MUTED, ORANGE, despine, save_figure, with_style

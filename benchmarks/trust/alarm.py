@@ -24,10 +24,10 @@ from zlib import crc32
 import numpy as np
 import typer
 
+from lcorpp.assembly.strategies.trust_setup import set_up_trust
 from lcorpp.decision import Robot, dt_control
 from lcorpp.domains import Domain, load_domain
-from lcorpp.experiments.trust.setup import set_up_trust
-from lcorpp.experiments.watching import make_alarm, make_hypotheses
+from lcorpp.logs.watching import make_alarm, make_hypotheses
 from lcorpp.planning import Planner, Pomdp, solve
 from lcorpp.reasoning import Program, Reasoner, parse_plog
 from lcorpp.simulation.people import Population

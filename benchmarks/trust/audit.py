@@ -21,11 +21,11 @@ from typing import Annotated, NamedTuple
 import numpy as np
 import typer
 
+from lcorpp.audit.audit import audit_people
+from lcorpp.audit.estimates import Audit
+from lcorpp.audit.logged_people import LoggedPeople
 from lcorpp.domains import Domain, load_domain
 from lcorpp.domains.dialogue import DomainDialogue
-from lcorpp.experiments.audit.audit import audit_people
-from lcorpp.experiments.audit.estimates import Audit
-from lcorpp.experiments.audit.logged_people import LoggedPeople
 from lcorpp.files import write_atomically
 from lcorpp.planning import Planner, SparseTables, solve
 from lcorpp.reasoning import Program, Reasoner

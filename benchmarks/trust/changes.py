@@ -18,9 +18,9 @@ import typer
 from grid import invert
 from joblib import Parallel, delayed
 
+from lcorpp.assembly.strategies.trust_setup import set_up_trust
 from lcorpp.decision import strategies
 from lcorpp.domains import Domain
-from lcorpp.experiments.trust.setup import set_up_trust
 from lcorpp.reasoning import Reasoner
 from worlds import (
     INTENTION_NUMBERS,

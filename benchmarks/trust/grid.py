@@ -28,8 +28,8 @@ import numpy as np
 import typer
 from joblib import Parallel, delayed
 
+from lcorpp.assembly.strategies.trust_setup import set_up_trust
 from lcorpp.decision import strategies
-from lcorpp.experiments.trust.setup import set_up_trust
 from lcorpp.files import make_folder, write_atomically
 from lcorpp.reasoning import Reasoner
 from worlds import (

@@ -31,9 +31,9 @@ import numpy as np
 import typer
 from joblib import Parallel, delayed
 
+from lcorpp.assembly.strategies.trust_setup import set_up_trust
 from lcorpp.decision import strategies
 from lcorpp.domains import Domain
-from lcorpp.experiments.trust.setup import set_up_trust
 from lcorpp.files import write_atomically
 from lcorpp.planning import Planner, Pomdp
 from lcorpp.planning.planner import TransferPlanner

@@ -17,9 +17,9 @@ import numpy as np
 import typer
 from joblib import Parallel, delayed
 
+from lcorpp.assembly.strategies.trust_setup import set_up_trust
 from lcorpp.decision import Robot, dt_control, strategies
 from lcorpp.domains import Domain, load_domain
-from lcorpp.experiments.trust.setup import set_up_trust
 from lcorpp.planning import Planner, solve
 from lcorpp.reasoning import Program, Reasoner, parse_plog
 from lcorpp.simulation.people import Population

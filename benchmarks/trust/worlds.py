@@ -9,10 +9,10 @@ import numpy as np
 
 from lcorpp.decision import Robot, Strategy, dt_control
 from lcorpp.domains import Domain, load_domain
-from lcorpp.experiments.scoring.exact_evaluation import evaluate_exactly
 from lcorpp.planning import Planner, SparseTables, solve
 from lcorpp.protocols import Planner as PlannerProtocol, Reasoner as ReasonerProtocol
 from lcorpp.reasoning import Program, parse_plog
+from lcorpp.scoring.exact_evaluation import evaluate_exactly
 from lcorpp.simulation import NoisyChannel
 from lcorpp.simulation.people import Population
 from lcorpp.simulation.world import SimulationModel

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from lcorpp import Instance, Planner, Reasoner, Robot, dt_control, load_domain, solve
+from lcorpp.assembly import simulate_training_data
 from lcorpp.camera import DepthLocator, Intrinsics, Tracker, score_tracks
 from lcorpp.camera.floor import find_floor
 from lcorpp.errors import DataError
-from lcorpp.experiments import simulate_training_data
 from lcorpp.learning import StreamingClassifier, learner, train
 from lcorpp.values import Distribution
 from tests.camera.corridor import Corridor, Mount, Person, add_noise, render, walk, walk_side_by_side

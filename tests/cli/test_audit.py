@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from lcorpp.reasoning import read_plog
-from tests.experiments.audit.logs import write_log
+from tests.audit.logs import write_log
 
 
 @pytest.fixture

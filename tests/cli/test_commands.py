@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from lcorpp.experiments.scoring.metrics import METRICS
 from lcorpp.planning import read_policy, read_pomdp
+from lcorpp.scoring.metrics import METRICS
 
 COLUMNS = ("strategy", *(f"{name}{end}" for name in METRICS for end in ("", "_low", "_high")))
 """The columns of results.csv."""

@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from lcorpp.experiments.active_learning.run_store import RunStore
 from lcorpp.learning.store import Store, TrackSchema, read_store
+from lcorpp.runs.run_store import RunStore
 
 pytestmark = pytest.mark.usefixtures("unrendered")
 

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from lcorpp.domains import load_domain
-from lcorpp.experiments.active_learning.run_store import RunStore
 from lcorpp.learning import learner, read_data, train_and_validate
 from lcorpp.learning.store import Store, read_store
+from lcorpp.runs.run_store import RunStore
 from tests.cli.test_bad_input import refused
 from tests.cli.test_learn import stored
 from tests.domains.deliveries import write_learning_domain
@@ -59,8 +59,8 @@ def test_each_sense_is_retrained_on_its_own_labels(lcorpp, domain, tmp_path):
 
 def test_the_last_matrix_is_that_of_all_labels(lcorpp, domain, tmp_path):
     """The initial data and the store, trained and cross-validated here, give the command's matrix."""
-    from lcorpp.experiments import TrainingOptions
-    from lcorpp.experiments.training_data import make_training_data
+    from lcorpp.assembly import TrainingOptions
+    from lcorpp.assembly.training_data import make_training_data
 
     path = tmp_path / "s.tracks"
     ended = lcorpp("learn", domain, *LEARN, *BATCHES, "--max-batches", 2, "--store", path)

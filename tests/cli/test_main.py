@@ -107,7 +107,7 @@ def test_ctrl_c_names_the_step(lcorpp, monkeypatch, function, command, words):
 
 
 def test_ctrl_c_in_the_first_training_of_learn(lcorpp, monkeypatch, tmp_path):
-    monkeypatch.setattr("lcorpp.experiments.active_learning.training.train_and_validate", interrupt)
+    monkeypatch.setattr("lcorpp.runs.training.train_and_validate", interrupt)
     ended = lcorpp("learn", ROOMS, *SMALL)
     assert ended.code == 130
     assert ended.err.endswith("\ninterrupted: no batch is complete\n")
@@ -137,7 +137,7 @@ def test_outputs_are_checked_before_the_work(lcorpp, monkeypatch, tmp_path):
 
     for name in ("classifier_training.train_and_validate", "comparison.solve_domain"):
         monkeypatch.setattr(f"lcorpp.experiments.{name}", fail)
-    monkeypatch.setattr("lcorpp.experiments.active_learning.training.train_and_validate", fail)
+    monkeypatch.setattr("lcorpp.runs.training.train_and_validate", fail)
     (tmp_path / "file").write_text("")
     for out in (tmp_path / "file", tmp_path / "file" / "below"):
         refused(lcorpp("run", *SMALL, "--out", out), "is a file")
@@ -146,7 +146,7 @@ def test_outputs_are_checked_before_the_work(lcorpp, monkeypatch, tmp_path):
 
 
 def test_the_options_of_learn_are_checked_before_the_work(lcorpp, monkeypatch, tmp_path):
-    monkeypatch.setattr("lcorpp.experiments.setup.solve_cached", None)
+    monkeypatch.setattr("lcorpp.assembly.setup.solve_cached", None)
     (tmp_path / "file").write_text("")
     refused(lcorpp("learn", *SMALL, "--store", tmp_path / "file" / "x.tracks"), "file is a file")
     refused(lcorpp("learn", *SMALL, "--store", tmp_path / "no" / "x.tracks"), "there is no folder")
@@ -193,7 +193,7 @@ def test_numbers_have_an_upper_limit(lcorpp, tiger, number):
 
 
 def test_a_classifier_that_cannot_be_saved_is_reported_before_the_training(lcorpp, monkeypatch, tmp_path):
-    monkeypatch.setattr("lcorpp.experiments.classifier_training.train_and_validate", interrupt)
+    monkeypatch.setattr("lcorpp.assembly.classifier_training.train_and_validate", interrupt)
     file = tmp_path / "mine.py"
     file.write_text(
         "from sklearn.base import BaseEstimator, ClassifierMixin\n"
@@ -209,7 +209,7 @@ def test_a_classifier_that_cannot_be_saved_is_reported_before_the_training(lcorp
 
 
 def test_a_search_that_has_not_converged_is_reported(lcorpp, monkeypatch):
-    from lcorpp.experiments import setup
+    from lcorpp.assembly import setup
     from lcorpp.planning import solve
 
     def stop_early(pomdp, beliefs, options, **_):
@@ -246,7 +246,7 @@ def test_no_header_is_cut_at_80_columns(monkeypatch, capsys):
     from rich.console import Console
 
     from lcorpp.cli import console, robot_output
-    from lcorpp.experiments.scoring.metrics import METRICS, Scores
+    from lcorpp.scoring.metrics import METRICS, Scores
 
     monkeypatch.setattr(console, "out", Console(width=80, highlight=False), raising=False)
     wide = [Interval(-12345.678, -23456.789, 98765.432)] * len(METRICS)

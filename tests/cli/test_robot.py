@@ -72,7 +72,7 @@ def test_an_interrupt_stops_the_robot(lcorpp, config, number):
 
 
 def test_no_robot_is_one_message_before_the_training(lcorpp, config, monkeypatch):
-    monkeypatch.setattr("lcorpp.experiments.track_robot.set_up_track_robot", None)  # is not called
+    monkeypatch.setattr("lcorpp.assembly.track_robot.set_up_track_robot", None)  # is not called
     ended = lcorpp("robot", "--config", config())
     assert ended.code == 2
     words = r"lcorpp: ws://127\.0\.0\.1:9: no rosbridge server can be reached.*\n"

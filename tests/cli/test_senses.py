@@ -9,10 +9,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from lcorpp.assembly import TrainingOptions, train_classifier
 from lcorpp.cli.options.senses import choose_evidence
 from lcorpp.domains import load_domain
 from lcorpp.errors import DomainError, LcorppError
-from lcorpp.experiments import TrainingOptions, train_classifier
 from lcorpp.reasoning import Reasoner
 from lcorpp.values import ConfusionMatrix, EvidenceKind
 from tests.cli.test_bad_input import refused

@@ -6,9 +6,10 @@ from pathlib import Path
 
 import pytest
 
+from lcorpp.assembly import solve_domain
 from lcorpp.domains import load_domain
 from lcorpp.errors import DomainError
-from lcorpp.experiments import ComparisonOptions, compare_strategies, solve_domain
+from lcorpp.experiments import ComparisonOptions, compare_strategies
 from lcorpp.planning import SolverOptions, solve, write_policy
 from tests.cli.planner import refused
 from tests.domains.test_loading import edit, folder as rooms  # noqa: F401
@@ -129,7 +130,7 @@ def test_ctrl_c_goes_on_with_the_best_policy_so_far(lcorpp, monkeypatch, command
     def interrupted(pomdp, starts, options, **_):
         return solve(pomdp, starts, callback=stop)
 
-    monkeypatch.setattr("lcorpp.experiments.setup.solve_cached", interrupted)
+    monkeypatch.setattr("lcorpp.assembly.setup.solve_cached", interrupted)
     ended = lcorpp(*command)
     assert ended.code == 0
     assert "has not converged (interrupted; this is the best policy so far): a gap of" in ended.err

@@ -7,11 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from lcorpp.assembly import TrainingOptions, train_classifier
+from lcorpp.assembly.training_data import simulate_training_data
 from lcorpp.domains import list_domains, load_domain
 from lcorpp.domains.toml import read_toml
 from lcorpp.errors import DomainError, FileError, LcorppError, ParseError
-from lcorpp.experiments import TrainingOptions, train_classifier
-from lcorpp.experiments.training_data import simulate_training_data
 from lcorpp.planning import solve
 from lcorpp.reasoning import Reasoner
 from lcorpp.values import ConfusionMatrix, Distribution, Likelihood, strip_padding

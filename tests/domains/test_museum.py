@@ -10,11 +10,11 @@ from sklearn.model_selection import cross_val_predict
 
 from lcorpp.decision import Robot, strategies
 from lcorpp.domains import load_domain
-from lcorpp.experiments import Scores, evaluate_exactly
-from lcorpp.experiments.scoring.metrics import find_reference
 from lcorpp.learning import learner
 from lcorpp.planning import Planner, solve
 from lcorpp.reasoning import Enumeration, Reasoner
+from lcorpp.scoring import Scores, evaluate_exactly
+from lcorpp.scoring.metrics import find_reference
 from lcorpp.simulation import NoisyChannel, Population
 from lcorpp.simulation.people import SimulatedSignals
 

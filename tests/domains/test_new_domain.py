@@ -15,8 +15,8 @@ from lcorpp.domains import load_domain
 from lcorpp.domains.new_domain import RESERVED, NewDomain, NewQuestion, NewSense, NewVariable
 from lcorpp.domains.new_folder import write_new_domain
 from lcorpp.errors import DomainError, FileError
-from lcorpp.experiments.scoring.exact_evaluation import compute_joint_distribution, evaluate_exactly
 from lcorpp.reasoning import Enumeration, Reasoner
+from lcorpp.scoring.exact_evaluation import compute_joint_distribution, evaluate_exactly
 from lcorpp.simulation import NoisyChannel
 
 RATES = st.sampled_from(["0.25", ".5", "0.125"])

@@ -5,8 +5,8 @@ import pytest
 
 from lcorpp.domains import load_domain
 from lcorpp.errors import DomainError
-from lcorpp.experiments.active_learning.recording import find_class_marginal
-from lcorpp.experiments.active_learning.senses import find_learning_senses
+from lcorpp.runs.recording import find_class_marginal
+from lcorpp.runs.senses import find_learning_senses
 from lcorpp.values import Distribution
 
 from .deliveries import GAZE, PLOG, VOICE, write_domain

@@ -8,18 +8,12 @@ import pytest
 
 from lcorpp.decision import Robot, strategies
 from lcorpp.domains import load_domain
-from lcorpp.experiments import (
-    ComparisonOptions,
-    Experiment,
-    Scores,
-    compare_strategies,
-    evaluate_exactly,
-    run_trials,
-)
-from lcorpp.experiments.scoring.exact_evaluation import compute_joint_distribution
-from lcorpp.experiments.scoring.metrics import find_reference
+from lcorpp.experiments import ComparisonOptions, compare_strategies
 from lcorpp.planning import Planner, SolverOptions, solve
 from lcorpp.reasoning import Enumeration, Reasoner
+from lcorpp.scoring import Experiment, Scores, evaluate_exactly, run_trials
+from lcorpp.scoring.exact_evaluation import compute_joint_distribution
+from lcorpp.scoring.metrics import find_reference
 
 SHARED = ["item", "person", "room"]
 

@@ -5,27 +5,24 @@ from pathlib import Path
 
 import pytest
 
-from lcorpp.decision import strategies
-from lcorpp.domains import load_domain
-from lcorpp.errors import DomainError, LcorppError
-from lcorpp.experiments import (
-    ComparisonOptions,
-    Experiment,
+from lcorpp.assembly import (
     StoredOptions,
     TrainingOptions,
-    compare_strategies,
-    evaluate_exactly,
     load_trained,
-    run_active_learning,
-    run_trials,
     simulate_training_data,
     solve_domain,
     train_classifier,
 )
+from lcorpp.assembly.setup import EvidenceOptions
+from lcorpp.decision import strategies
+from lcorpp.domains import load_domain
+from lcorpp.errors import DomainError, LcorppError
+from lcorpp.experiments import ComparisonOptions, compare_strategies
 from lcorpp.experiments.comparison import set_up_experiment
-from lcorpp.experiments.replay import replay_log
-from lcorpp.experiments.setup import EvidenceOptions
+from lcorpp.logs.replay import replay_log
 from lcorpp.planning import Planner
+from lcorpp.runs import run_active_learning
+from lcorpp.scoring import Experiment, evaluate_exactly, run_trials
 from lcorpp.values import EvidenceKind
 
 ROOMS = Path(__file__).parents[1] / "domains" / "rooms"

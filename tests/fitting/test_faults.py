@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from lcorpp.domains import load_domain
-from lcorpp.experiments.watching import make_hypotheses
 from lcorpp.fitting import list_faults
 from lcorpp.fitting.fault_tables import MAX_TABLES, make_lattice
 from lcorpp.fitting.faults import PROGRAM_PRIOR, SIMPLE_PRIOR, TABLE_CHANGE
+from lcorpp.logs.watching import make_hypotheses
 from lcorpp.reasoning import Reasoner, parse_plog
 
 COIN = """

@@ -16,11 +16,10 @@ from lcorpp import learning
 from lcorpp.decision import stopping
 from lcorpp.domains import load_domain
 from lcorpp.errors import LcorppError
-from lcorpp.experiments import ActiveLearningOptions, run_active_learning, set_up_learning
-from lcorpp.experiments.active_learning import drift
-from lcorpp.experiments.active_learning.corrected_labels import correct_labels
-from lcorpp.experiments.active_learning.senses import find_learning_senses
-from lcorpp.experiments.active_learning.untrained import is_trainable
+from lcorpp.runs import ActiveLearningOptions, drift, run_active_learning, set_up_learning
+from lcorpp.runs.corrected_labels import correct_labels
+from lcorpp.runs.senses import find_learning_senses
+from lcorpp.runs.untrained import is_trainable
 from lcorpp.values import ConfusionMatrix
 from tests.learning.test_bad_arguments import CALLS, DATA, RECORDING, SCHEMA, TIMES, TRAINED, VALIDATION
 

@@ -11,8 +11,8 @@ from sklearn.neighbors import KNeighborsClassifier
 from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import StandardScaler
 
+from lcorpp.early_decision.stream_model import fit_stream_model
 from lcorpp.errors import DataError
-from lcorpp.experiments.early_decision.stream_model import fit_stream_model
 from lcorpp.learning import (
     LstmClassifier,
     build_report,

@@ -3,8 +3,8 @@
 import pytest
 
 from lcorpp import load_domain
-from lcorpp.experiments.setup import TrainingOptions
-from lcorpp.experiments.track_robot import set_up_track_robot
+from lcorpp.assembly.setup import TrainingOptions
+from lcorpp.assembly.track_robot import set_up_track_robot
 from lcorpp.planning.policy_cache import find_cache_folder
 from tests.worlds.ros.stand_in import heard_domain
 

@@ -5,9 +5,9 @@ from contextlib import contextmanager
 
 import pytest
 
+from lcorpp.assembly.strategies.trust import TRUST
 from lcorpp.decision.strategies import STRATEGIES
 from lcorpp.errors import ActionFailedError, ConnectionLostError, NoReportError, WorldError
-from lcorpp.experiments.strategies.trust import TRUST
 from lcorpp.robot.connecting import connect
 from lcorpp.robot.loop import MAX_FAILURES, RobotLoop
 from lcorpp.robot.reading import read_robot_config

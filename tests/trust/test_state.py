@@ -5,12 +5,12 @@ import json
 import numpy as np
 import pytest
 
+from lcorpp.assembly.strategies.trust import WITH_TRUST
 from lcorpp.decision import dt_control, strategies
 from lcorpp.domains import load_domain
 from lcorpp.errors import DecisionError
 from lcorpp.experiments.comparison import ComparisonOptions, set_up_experiment
-from lcorpp.experiments.scoring.experiment import ChunkSource
-from lcorpp.experiments.strategies.trust import WITH_TRUST
+from lcorpp.scoring.experiment import ChunkSource
 from lcorpp.trust import Trust, TrustOptions, latent_class
 from lcorpp.values import Step
 from tests.decision.fakes import FakeDomain, FakePlanner

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from lcorpp import load_domain
-from lcorpp.experiments.setup import TrainingOptions
-from lcorpp.experiments.track_robot import find_track_senses
+from lcorpp.assembly.setup import TrainingOptions
+from lcorpp.assembly.track_robot import find_track_senses
 from lcorpp.planning.policy_cache import find_cache_folder
 from lcorpp.web.export import bundle_page
 from lcorpp.web.model import make_model, write_model

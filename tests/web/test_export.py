@@ -7,8 +7,8 @@ from html.parser import HTMLParser
 
 import pytest
 
+from lcorpp.assembly.setup import TrainingOptions
 from lcorpp.errors import DataError, FileError, TooLargeError
-from lcorpp.experiments.setup import TrainingOptions
 from lcorpp.web import model as web_model
 from lcorpp.web.export import bundle_modules, bundle_page
 from lcorpp.web.model import check_classifiers, check_evidence, make_model

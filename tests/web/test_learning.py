@@ -8,9 +8,9 @@ from concurrent.futures import BrokenExecutor, Executor, Future
 import numpy as np
 import pytest
 
+from lcorpp.assembly.setup import TrainingOptions
+from lcorpp.assembly.training_data import make_training_data
 from lcorpp.errors import DataError
-from lcorpp.experiments.setup import TrainingOptions
-from lcorpp.experiments.training_data import make_training_data
 from lcorpp.learning.store import read_store
 from lcorpp.learning.streaming.people_predictor import PeoplePredictor
 from lcorpp.web.learning import (

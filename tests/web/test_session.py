@@ -122,7 +122,7 @@ def test_a_draw_above_a_rounded_sum_is_the_last_possible_index():
 def test_a_record_is_a_line_of_the_decision_log(page, tmp_path):
     import json
 
-    from lcorpp.experiments.decision_log import read_log
+    from lcorpp.logs.decision_log import read_log
 
     page.send("observe", facts=FACTS, labels={})
     page.answer_all("pos")

@@ -21,12 +21,12 @@ from lcorpp.cli.options.senses import reject_given
 from lcorpp.errors import DataError, expected_one_of
 
 if TYPE_CHECKING:
+    from lcorpp.assembly.setup import ClassifierOptions
     from lcorpp.domains import Domain
-    from lcorpp.experiments.active_learning.batches import BatchResult
-    from lcorpp.experiments.active_learning.run_store import RunStore
-    from lcorpp.experiments.active_learning.senses import ActiveLearningOptions, LearningSenses
-    from lcorpp.experiments.setup import ClassifierOptions
     from lcorpp.planning import Planner, Policy, Solution, SolverOptions
+    from lcorpp.runs.batches import BatchResult
+    from lcorpp.runs.run_store import RunStore
+    from lcorpp.runs.senses import ActiveLearningOptions, LearningSenses
     from lcorpp.trust import Finding
 
 TRACKS, MIN_TRACKS = 100, 20
@@ -118,13 +118,13 @@ def learn(
     solver stops only the solver; the command continues with the best policy so far. With --store every
     decision survives any interruption, and the same command resumes the run.
     """
+    from lcorpp.assembly.robot_parts import RobotParts
+    from lcorpp.assembly.setup import explain_missing_reports
     from lcorpp.cli.robot_output import note_storage_problems, print_domain, print_gap
-    from lcorpp.experiments.active_learning.run import open_run_store, run_active_learning
-    from lcorpp.experiments.active_learning.senses import ActiveLearningOptions, set_up_learning
-    from lcorpp.experiments.decision_log import DecisionLog
     from lcorpp.experiments.results import FORMATS, write_batches
-    from lcorpp.experiments.robot_parts import RobotParts
-    from lcorpp.experiments.setup import explain_missing_reports
+    from lcorpp.logs.decision_log import DecisionLog
+    from lcorpp.runs.run import open_run_store, run_active_learning
+    from lcorpp.runs.senses import ActiveLearningOptions, set_up_learning
 
     loaded = given.load_domain()
     sources = _choose_sources(loaded, given, tracks)
@@ -198,8 +198,8 @@ def learn(
 
 def _choose_sources(domain: Domain, given: RobotOptions, tracks: int | None) -> dict[str, ClassifierOptions]:
     """Return the options of the classifier of each sense; `tracks` is for those that learn."""
-    from lcorpp.experiments.active_learning.senses import find_learning_senses
-    from lcorpp.experiments.setup import TrainingOptions
+    from lcorpp.assembly.setup import TrainingOptions
+    from lcorpp.runs.senses import find_learning_senses
 
     sources = given.choose_classifiers(
         domain, domain.senses, tracks, trained=find_learning_senses(domain, {})
@@ -222,8 +222,8 @@ def _make_planner(
     domain: Domain, policy: Policy | None, solver: SolverOptions, cache: Path | None
 ) -> tuple[Planner, Solution | None]:
     """Return the planner of a given policy, or solve the POMDP and print how well."""
+    from lcorpp.assembly.setup import solve_domain
     from lcorpp.cli.robot_output import print_solution
-    from lcorpp.experiments.setup import solve_domain
     from lcorpp.planning import Planner
 
     if policy is not None:
@@ -238,7 +238,7 @@ def _print_batches(
     results: Iterable[BatchResult], chosen: ActiveLearningOptions, run_store: RunStore | None
 ) -> Iterator[BatchResult]:
     """Print each batch, the new notes of the store and the reason of the end; and yield the batch."""
-    from lcorpp.experiments.active_learning.batches import explain_end
+    from lcorpp.runs.batches import explain_end
 
     printed = len(run_store.notes) if run_store else 0
     for result in results:
@@ -254,7 +254,7 @@ def _print_batches(
 
 
 def _print_alarm(domain: Domain, batch: int, person: int, finding: Finding) -> None:
-    from lcorpp.experiments.watching import describe_finding
+    from lcorpp.logs.watching import describe_finding
 
     console.print_note(f"batch {batch}, person {person}: {describe_finding(finding, domain)}")
 
@@ -267,9 +267,9 @@ def _check_options(domain: Domain, chosen: ActiveLearningOptions, tracks: int | 
             learner or the device is unknown, or a learner cannot learn from weighted cases.
         DomainError: trust cannot follow the dialogue of the domain.
     """
-    from lcorpp.experiments.classifier_training import make_untrained
-    from lcorpp.experiments.setup import TrainingOptions
-    from lcorpp.experiments.strategies.trust import TRUST, check_dialogue
+    from lcorpp.assembly.classifier_training import make_untrained
+    from lcorpp.assembly.setup import TrainingOptions
+    from lcorpp.assembly.strategies.trust import TRUST, check_dialogue
     from lcorpp.learning.classifiers.registry import DEFAULTS, check_weighted
 
     if chosen.epsilon is not None and math.isnan(chosen.epsilon):

@@ -14,11 +14,11 @@ if TYPE_CHECKING:
     from rich.table import Table
     from rich.text import Text
 
+    from lcorpp.assembly.setup import ClassifierOptions, Senses, SenseSetup
     from lcorpp.domains import Domain
-    from lcorpp.experiments.scoring.metrics import Scores
-    from lcorpp.experiments.setup import ClassifierOptions, Senses, SenseSetup
     from lcorpp.learning import EvaluationReport, PredictionSets
     from lcorpp.planning import Solution
+    from lcorpp.scoring.metrics import Scores
     from lcorpp.values import Interval
 
 STACKED, INLINE = "\n[{},{}]", " [{}, {}]"
@@ -36,8 +36,8 @@ def print_domain(domain: Domain) -> None:
 
 def note_storage_problems(classifiers: Iterable[ClassifierOptions]) -> bool:
     """Print, before the training, why a classifier cannot be saved; return whether there is such a one."""
-    from lcorpp.experiments.classifier_training import find_storage_problem
-    from lcorpp.experiments.setup import TrainingOptions
+    from lcorpp.assembly.classifier_training import find_storage_problem
+    from lcorpp.assembly.setup import TrainingOptions
 
     trained = [options for options in classifiers if isinstance(options, TrainingOptions)]
     problems = [problem for options in trained if (problem := find_storage_problem(options)) is not None]
@@ -52,7 +52,7 @@ def print_scores(scores: Sequence[Scores], positive: str | None, trials: int | N
     Args:
         positive: the positive class, None for macro averages. trials: their number, None for exact scores.
     """
-    from lcorpp.experiments.scoring.metrics import find_reference, get_format
+    from lcorpp.scoring.metrics import find_reference, get_format
 
     if scores[0].variables:
         metrics = "accuracy of each variable and of all"

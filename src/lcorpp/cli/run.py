@@ -56,7 +56,7 @@ def run(
     """
     from lcorpp.cli.robot_output import note_storage_problems, print_domain
     from lcorpp.experiments.comparison import compare_strategies
-    from lcorpp.experiments.decision_log import DecisionLog
+    from lcorpp.logs.decision_log import DecisionLog
 
     if exact:
         reason = "--exact needs the probabilities of the answers, which a world of your own does not state"
@@ -94,9 +94,9 @@ def _choose_comparison(
     domain: Domain, given: RobotOptions, strategies: list[str], trials: int | None, tracks: int | None
 ) -> ComparisonOptions:
     """Return the options of the comparison; without trials it is exact."""
+    from lcorpp.assembly.strategies.baselines import find_strategies
+    from lcorpp.assembly.strategies.trust import TRUST, check_dialogue
     from lcorpp.experiments.comparison import ComparisonOptions
-    from lcorpp.experiments.strategies.baselines import find_strategies
-    from lcorpp.experiments.strategies.trust import TRUST, check_dialogue
 
     rows = find_strategies(strategies, [sense.name for sense in domain.senses])
     if not strategies and trials is not None:
@@ -156,10 +156,10 @@ def _write_results(
 
 def _print_trial(domain: Domain, chosen: ComparisonOptions, number: int, policy: Policy | None) -> None:
     """Set up the comparison and print one of its trials."""
+    from lcorpp.assembly.setup import explain_missing_reports
     from lcorpp.cli.explanation.trials import print_trial
     from lcorpp.cli.robot_output import print_classifiers, print_solution
     from lcorpp.experiments.comparison import set_up_experiment
-    from lcorpp.experiments.setup import explain_missing_reports
 
     experiment, senses, solution = set_up_experiment(
         domain, chosen, policy=policy, progress=console.show_progress

@@ -134,7 +134,7 @@ def lcorpp(
     the result.
 
     To survive a crash, store each decision in `listener` and each batch when it is yielded, and pass both to
-    the next run, as `experiments.RunStore` does.
+    the next run, as `runs.RunStore` does.
 
     Args:
         datasets: sense -> Omega, its initial training data, for each sense that learns.

@@ -241,3 +241,8 @@ class ImmediateReport:
 
     def update(self, belief: Belief, action: str, observation: str) -> Belief:
         return self.planner.update(belief, action, observation)
+
+
+def make_generator(*seed: int) -> np.random.Generator:
+    """Return the generator of a strategy that draws its actions, independent of the world's answers."""
+    return np.random.default_rng([*seed, 1])

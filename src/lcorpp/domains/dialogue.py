@@ -46,7 +46,7 @@ class DomainDialogue:
     determine the next situation, e.g. whether the robot has turned, whatever the shared value is.
 
     Args:
-        make_planner: makes the planners, e.g. `lcorpp.experiments.trust.replanning.Replanner`; None for a
+        make_planner: makes the planners, e.g. `lcorpp.assembly.strategies.replanning.Replanner`; None for a
             dialogue that only reads answers.
 
     Raises:

@@ -7,18 +7,9 @@ from contextlib import ExitStack
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from lcorpp.decision import Strategy
-from lcorpp.decision.strategies import list_strategies
-from lcorpp.domains import Domain
-from lcorpp.errors import DecisionError, DomainError, check_type
-from lcorpp.experiments.decision_log import DecisionLog
-from lcorpp.experiments.robot_parts import RobotParts
-from lcorpp.experiments.scoring.exact_evaluation import check_enumerable, evaluate_exactly
-from lcorpp.experiments.scoring.experiment import Experiment
-from lcorpp.experiments.scoring.metrics import Scores, scores_to_html
-from lcorpp.experiments.scoring.trials import check_numbers, run_trials
-from lcorpp.experiments.sense_setup import describe_classifiers, set_up_senses
-from lcorpp.experiments.setup import (
+from lcorpp.assembly.robot_parts import RobotParts
+from lcorpp.assembly.senses import describe_classifiers, set_up_senses
+from lcorpp.assembly.setup import (
     HARD_LABELS,
     ClassifierOptions,
     EvidenceOptions,
@@ -33,8 +24,17 @@ from lcorpp.experiments.setup import (
     no_progress,
     solve_domain,
 )
-from lcorpp.experiments.strategies.trust import check_dialogue, compute_soft_rates
+from lcorpp.assembly.strategies.trust import check_dialogue, compute_soft_rates
+from lcorpp.decision import Strategy
+from lcorpp.decision.strategies import list_strategies
+from lcorpp.domains import Domain
+from lcorpp.errors import DecisionError, DomainError, check_type
+from lcorpp.logs.decision_log import DecisionLog
 from lcorpp.planning import Planner, Policy, Solution, SolverOptions
+from lcorpp.scoring.exact_evaluation import check_enumerable, evaluate_exactly
+from lcorpp.scoring.experiment import Experiment
+from lcorpp.scoring.metrics import Scores, scores_to_html
+from lcorpp.scoring.trials import check_numbers, run_trials
 from lcorpp.simulation import NoisyChannel
 
 

@@ -7,21 +7,21 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
+from lcorpp.assembly.setup import ClassifierOptions, SenseSetup, TrainingOptions
 from lcorpp.domains.own_world import OwnWorlds
 from lcorpp.errors import DataError
 from lcorpp.experiments.comparison import Comparison, ComparisonOptions
-from lcorpp.experiments.scoring.metrics import METRICS, Scores, find_reference, make_cells
-from lcorpp.experiments.setup import ClassifierOptions, SenseSetup, TrainingOptions
 from lcorpp.experiments.tables import write_csv, write_json
 from lcorpp.files import make_folder
 from lcorpp.planning import Solution
 from lcorpp.planning.solution import describe_start
+from lcorpp.scoring.metrics import METRICS, Scores, find_reference, make_cells
 from lcorpp.values import LAPLACE, Interval
 
 if TYPE_CHECKING:
     from lcorpp.domains import Domain
-    from lcorpp.experiments.active_learning.batches import BatchResult, Row
     from lcorpp.protocols import Classifier
+    from lcorpp.runs.batches import BatchResult, Row
 
 T = TypeVar("T")
 

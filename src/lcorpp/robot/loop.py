@@ -8,11 +8,11 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from time import monotonic, sleep
 
+from lcorpp.assembly.robot_parts import RobotParts
 from lcorpp.decision import Robot, Strategy
 from lcorpp.decision.dt_control import dt_control, infer_prior
 from lcorpp.decision.strategies import Session
 from lcorpp.errors import ConnectionLostError, LcorppError, PersonLeftError, WorldError
-from lcorpp.experiments.robot_parts import RobotParts
 from lcorpp.learning import TrainedClassifier
 from lcorpp.robot.attending import Attention
 from lcorpp.robot.config import AFTER, RobotConfig

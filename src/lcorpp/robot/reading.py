@@ -7,11 +7,11 @@ from math import pi
 from pathlib import Path
 from urllib.parse import urlsplit
 
+from lcorpp.assembly.strategies.baselines import find_strategies
+from lcorpp.assembly.strategies.trust import check_dialogue
 from lcorpp.domains import Domain, load_domain
 from lcorpp.domains.toml import TomlTable, read_toml
 from lcorpp.errors import DomainError, LcorppError, WorldError, expected_one_of
-from lcorpp.experiments.strategies.baselines import find_strategies
-from lcorpp.experiments.strategies.trust import check_dialogue
 from lcorpp.robot.behaviours import read_behaviours, read_type
 from lcorpp.robot.config import (
     CONNECTIONS,

@@ -68,3 +68,13 @@ class NoisyChannel:
 
     def classify_many(self, signals: Array) -> Sequence[str]:
         return [self.classes[int(index)] for index in signals[:, 0, 0]]
+
+
+@dataclass(frozen=True)
+class PrecomputedLabel:
+    """A classifier that returns a label that is known."""
+
+    label: Label | None
+
+    def classify(self, signal: Array) -> Label | None:
+        return self.label

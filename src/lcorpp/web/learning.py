@@ -11,10 +11,10 @@ from typing import Any
 
 import numpy as np
 
+from lcorpp.assembly.robot_parts import ClassifierPart
+from lcorpp.assembly.track_robot import find_track_senses
 from lcorpp.domains import Domain, Sense
 from lcorpp.errors import DataError, LcorppError
-from lcorpp.experiments.robot_parts import ClassifierPart
-from lcorpp.experiments.track_robot import find_track_senses
 from lcorpp.learning import StreamingClassifier, TrainedClassifier, train_and_validate
 from lcorpp.learning.features.resampling import resample
 from lcorpp.learning.store import NewTrack, Store, TrackSchema

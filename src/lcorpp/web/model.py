@@ -11,14 +11,13 @@ from typing import Any
 
 import numpy as np
 
+from lcorpp.assembly.classifier_training import make_untrained
+from lcorpp.assembly.robot_parts import describe_strategy
+from lcorpp.assembly.setup import ClassifierOptions, StoredOptions
+from lcorpp.assembly.track_robot import LEARNER, POSITION
 from lcorpp.decision import STRATEGIES
 from lcorpp.domains import Domain
 from lcorpp.errors import DataError, TooLargeError, UndefinedError
-from lcorpp.experiments.classifier_training import make_untrained
-from lcorpp.experiments.decision_log import FORMAT as LOG_FORMAT, VERSION as LOG_VERSION
-from lcorpp.experiments.robot_parts import describe_strategy
-from lcorpp.experiments.setup import ClassifierOptions, StoredOptions
-from lcorpp.experiments.track_robot import LEARNER, POSITION
 from lcorpp.learning import (
     ChannelStandardizer,
     LstmClassifier,
@@ -28,6 +27,7 @@ from lcorpp.learning import (
     load_classifier,
 )
 from lcorpp.learning.contract import name_of
+from lcorpp.logs.decision_log import FORMAT as LOG_FORMAT, VERSION as LOG_VERSION
 from lcorpp.planning import AlphaVectors, Policy
 from lcorpp.planning.sparse import SparseTables
 from lcorpp.values import Array

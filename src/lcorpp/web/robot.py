@@ -6,9 +6,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
+from lcorpp.assembly.robot_parts import RobotParts
 from lcorpp.decision import Robot
 from lcorpp.domains import Domain
-from lcorpp.experiments.robot_parts import RobotParts
 from lcorpp.learning import TrainedClassifier
 from lcorpp.planning import Planner
 from lcorpp.reasoning import Program

@@ -19,8 +19,8 @@ from lcorpp.errors import (
     UndefinedError,
     expected_one_of,
 )
-from lcorpp.experiments.decision_log import format_decision
 from lcorpp.learning import StreamingClassifier
+from lcorpp.logs.decision_log import format_decision
 from lcorpp.values import Belief, Episode, SharedValue, Step
 from lcorpp.web.description import describe_domain, list_hearing
 from lcorpp.web.requests import Request, RequestError, parse_request

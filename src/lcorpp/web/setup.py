@@ -7,9 +7,9 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
+from lcorpp.assembly.setup import ClassifierOptions
+from lcorpp.assembly.track_robot import set_up_track_robot
 from lcorpp.domains import Domain
-from lcorpp.experiments.setup import ClassifierOptions
-from lcorpp.experiments.track_robot import set_up_track_robot
 from lcorpp.planning import SolverOptions
 from lcorpp.web.robot import PlayRobot
 

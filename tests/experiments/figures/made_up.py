@@ -6,11 +6,11 @@ from functools import partial
 import numpy as np
 from matplotlib.figure import Figure
 
+from lcorpp.assembly.setup import ProgressDisplay
 from lcorpp.experiments.figures.evaluation import Evaluation
 from lcorpp.experiments.figures.published import Deviation
 from lcorpp.experiments.figures.result import FigureOptions, FigureResult, Finding, Layout, Verdict
-from lcorpp.experiments.scoring.metrics import Scores
-from lcorpp.experiments.setup import ProgressDisplay
+from lcorpp.scoring.metrics import Scores
 from lcorpp.values import Interval
 
 

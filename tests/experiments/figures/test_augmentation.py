@@ -6,15 +6,15 @@ import numpy as np
 import pytest
 
 from lcorpp import load_domain
-from lcorpp.experiments.active_learning.from_no_data import NONE, BatchOutcome, run_from_no_data
-from lcorpp.experiments.active_learning.senses import CORRECTED, HARD, SOFT
+from lcorpp.assembly.setup import solve_domain
 from lcorpp.experiments.figures.augmentation import BATCHES, make_result
-from lcorpp.experiments.setup import solve_domain
 from lcorpp.planning import Planner
 from lcorpp.planning.policy_cache import find_cache_folder
+from lcorpp.runs.from_no_data import NONE, BatchOutcome, run_from_no_data
+from lcorpp.runs.senses import CORRECTED, HARD, SOFT
 from lcorpp.values import ConfusionMatrix
 from tests.experiments.figures.made_up import make_scores
-from tests.experiments.scoring.test_exact_evaluation import TABLE
+from tests.scoring.test_exact_evaluation import TABLE
 
 CLASSES = ("interested", "not_interested")
 SIZES = {"learner": "summaries", "batches": 2, "batch_size": 300, "test_size": 200}

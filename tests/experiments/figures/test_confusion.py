@@ -2,9 +2,9 @@
 
 import pytest
 
+from lcorpp.assembly.setup import no_progress
 from lcorpp.experiments.figures.confusion import make_figure, make_result, subtract_rates
 from lcorpp.experiments.figures.result import FigureOptions
-from lcorpp.experiments.setup import no_progress
 from lcorpp.learning import estimate_rates
 from lcorpp.values import ConfusionMatrix, Interval
 

@@ -2,6 +2,7 @@
 
 import pytest
 
+from lcorpp.assembly.setup import no_progress
 from lcorpp.domains import load_domain
 from lcorpp.experiments.figures.knowledge import (
     LEVELS,
@@ -11,9 +12,8 @@ from lcorpp.experiments.figures.knowledge import (
     make_result,
 )
 from lcorpp.experiments.figures.result import FigureOptions
-from lcorpp.experiments.setup import no_progress
 from tests.experiments.figures.made_up import make_evaluation
-from tests.experiments.scoring.test_exact_evaluation import TABLE
+from tests.scoring.test_exact_evaluation import TABLE
 
 
 @pytest.fixture(scope="module")

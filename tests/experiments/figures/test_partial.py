@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 from lcorpp import load_domain
+from lcorpp.assembly.setup import solve_domain
 from lcorpp.experiments.figures.partial import NAMES, PARTS, PartResult, make_result, run_seed
 from lcorpp.experiments.figures.seeds import compute_seed_interval, run_seeds, subtract
-from lcorpp.experiments.setup import solve_domain
 from lcorpp.planning import Planner
 from lcorpp.planning.policy_cache import find_cache_folder
 from tests.experiments.figures.made_up import make_scores
-from tests.experiments.scoring.test_exact_evaluation import TABLE
+from tests.scoring.test_exact_evaluation import TABLE
 
 TRIALS = 600
 

@@ -8,11 +8,11 @@ from html import unescape
 
 import pytest
 
+from lcorpp.assembly.setup import no_progress
 from lcorpp.experiments.figures import running
 from lcorpp.experiments.figures.registry import FIGURES
 from lcorpp.experiments.figures.result import FigureOptions
 from lcorpp.experiments.figures.running import FigureRun
-from lcorpp.experiments.setup import no_progress
 
 CHROMIUM = shutil.which("chromium")
 pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="chromium is not installed")

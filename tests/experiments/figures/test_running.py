@@ -8,6 +8,7 @@ from html.parser import HTMLParser
 
 import pytest
 
+from lcorpp.assembly.setup import no_progress, solve_domain
 from lcorpp.domains import load_domain
 from lcorpp.errors import DataError, FileError
 from lcorpp.experiments.figures import evaluation, running, storage
@@ -15,7 +16,6 @@ from lcorpp.experiments.figures.registry import PaperFigure
 from lcorpp.experiments.figures.remaining import RemainingTime
 from lcorpp.experiments.figures.result import FigureOptions
 from lcorpp.experiments.figures.running import FigureRun
-from lcorpp.experiments.setup import no_progress, solve_domain
 from lcorpp.planning.policy_cache import find_cache_folder
 from tests.experiments.figures.made_up import make_figure
 

@@ -2,11 +2,11 @@
 
 import pytest
 
+from lcorpp.assembly.setup import no_progress
 from lcorpp.experiments.figures.result import FigureOptions
 from lcorpp.experiments.figures.strategies import make_figure, make_result
-from lcorpp.experiments.setup import no_progress
 from tests.experiments.figures.made_up import make_evaluation
-from tests.experiments.scoring.test_exact_evaluation import TABLE
+from tests.scoring.test_exact_evaluation import TABLE
 
 SCORES = {
     "L": (0.6, 0.7, 0, 30),

@@ -2,9 +2,9 @@
 
 import pytest
 
+from lcorpp.assembly.setup import no_progress
 from lcorpp.experiments.figures.result import FigureOptions
 from lcorpp.experiments.figures.trial import TrialStep, make_figure, make_result
-from lcorpp.experiments.setup import no_progress
 
 EVENTS = [
     ("reasoning", "no evidence"),

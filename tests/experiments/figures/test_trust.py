@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from lcorpp.assembly.setup import no_progress
 from lcorpp.experiments.figures.evaluation import make_planner
 from lcorpp.experiments.figures.trust import (
     BASELINES,
@@ -14,7 +15,6 @@ from lcorpp.experiments.figures.trust import (
     make_result,
     run_stream,
 )
-from lcorpp.experiments.setup import no_progress
 from lcorpp.reasoning import Reasoner, parse_plog
 from tests.experiments.figures.made_up import make_evaluation
 

@@ -26,10 +26,10 @@ from pathlib import Path
 import numpy as np
 
 from lcorpp.decision import lcorpp
-from lcorpp.experiments.active_learning.run_store import RunStore
 from lcorpp.learning import train_and_validate
 from lcorpp.learning.classifiers.registry import learner
 from lcorpp.learning.store import database, read_store
+from lcorpp.runs.run_store import RunStore
 from lcorpp.values import Dataset, Distribution, Episode, Instance
 from tests.decision.fakes import VALUES, FakeDomain, FakePlanner, FakeReasoner, FakeWorld
 

@@ -7,7 +7,7 @@ import pytest
 
 from lcorpp.domains import load_domain
 from lcorpp.errors import DataError
-from lcorpp.experiments.hearing.sounds import SOUNDS, make_sound
+from lcorpp.hearing.sounds import SOUNDS, make_sound
 from lcorpp.planning import update
 from lcorpp.worlds.speech import FEATURES, Confidence, Listener, Recogniser, WaveSource, read_confidence
 from lcorpp.worlds.speech.activity import find_speech

@@ -9,8 +9,8 @@ from lcorpp.cli import console
 from lcorpp.errors import DecisionError
 
 if TYPE_CHECKING:
+    from lcorpp.assembly.setup import Senses
     from lcorpp.domains import Domain, Sense
-    from lcorpp.experiments.setup import Senses
     from lcorpp.protocols import World
     from lcorpp.values import Label, SharedValue
 
@@ -74,7 +74,7 @@ def simulate_case(
     """
     import numpy as np
 
-    from lcorpp.experiments.setup import from_channel
+    from lcorpp.assembly.setup import from_channel
     from lcorpp.simulation import Population, SimulationModel
 
     rng = np.random.default_rng([seed, 0])

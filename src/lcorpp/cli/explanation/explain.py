@@ -27,7 +27,7 @@ from lcorpp.cli.options.senses import (
 from lcorpp.errors import DecisionError, DomainError
 
 if TYPE_CHECKING:
-    from lcorpp.experiments.setup import ClassifierOptions
+    from lcorpp.assembly.setup import ClassifierOptions
     from lcorpp.values import EvidenceKind, Label
 
 
@@ -102,22 +102,22 @@ def explain(
     A classifier is a noisy channel, unless --learner, --classifier or --data asks for a trained one.
     Ctrl-C stops the solver; the command continues with the best policy so far.
     """
-    from lcorpp.cli.robot_output import print_classifiers, print_domain, print_gap, print_solution
-    from lcorpp.decision import STRATEGIES
-    from lcorpp.decision.dt_control import log_decision
-    from lcorpp.domains import load_domain, with_world
-    from lcorpp.experiments.decision_log import DecisionLog
-    from lcorpp.experiments.robot_parts import RobotParts
-    from lcorpp.experiments.scoring.experiment import make_generator
-    from lcorpp.experiments.sense_setup import describe_classifiers, set_up_senses
-    from lcorpp.experiments.setup import (
+    from lcorpp.assembly.robot_parts import RobotParts
+    from lcorpp.assembly.senses import describe_classifiers, set_up_senses
+    from lcorpp.assembly.setup import (
         EvidenceOptions,
         explain_missing_reports,
         have_own_rates,
         make_robot,
         solve_domain,
     )
-    from lcorpp.experiments.strategies.baselines import find_strategies
+    from lcorpp.assembly.strategies.baselines import find_strategies
+    from lcorpp.cli.robot_output import print_classifiers, print_domain, print_gap, print_solution
+    from lcorpp.decision import STRATEGIES
+    from lcorpp.decision.dt_control import log_decision
+    from lcorpp.decision.strategies import make_generator
+    from lcorpp.domains import load_domain, with_world
+    from lcorpp.logs.decision_log import DecisionLog
     from lcorpp.planning import Planner
     from lcorpp.planning.policy_cache import find_cache_folder
 

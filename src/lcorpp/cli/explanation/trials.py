@@ -9,7 +9,7 @@ from lcorpp.cli.explanation.cases import print_person
 from lcorpp.cli.explanation.steps import decide_and_print
 
 if TYPE_CHECKING:
-    from lcorpp.experiments.scoring.experiment import Experiment
+    from lcorpp.scoring.experiment import Experiment
 
 
 def print_trial(experiment: Experiment, number: int, trials: int) -> None:
@@ -19,7 +19,7 @@ def print_trial(experiment: Experiment, number: int, trials: int) -> None:
         number: of the trial, from 0. trials: the number of all trials.
     """
     from lcorpp.decision.dt_control import log_decision
-    from lcorpp.experiments.scoring.experiment import draw_trial, start_session
+    from lcorpp.scoring.experiment import draw_trial, start_session
 
     domain, trial = experiment.domain, draw_trial(experiment, number, trials=trials)
     truth = domain.reasoning.join(trial.person)

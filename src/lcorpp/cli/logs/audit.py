@@ -41,10 +41,10 @@ def audit(
 
     Without --strategy, the people are those of the strategy with most decisions, or the last of these.
     """
+    from lcorpp.audit.audit import audit_people
+    from lcorpp.audit.logged_people import read_people
+    from lcorpp.audit.report import format_audit, format_patch
     from lcorpp.cli.output_files import check_figure, check_writable
-    from lcorpp.experiments.audit.audit import audit_people
-    from lcorpp.experiments.audit.logged_people import read_people
-    from lcorpp.experiments.audit.report import format_audit, format_patch
     from lcorpp.files import write_atomically
 
     if output is not None:
@@ -60,7 +60,7 @@ def audit(
     if output is not None:
         write_atomically(output, format_patch(result))
     if figure is not None:
-        from lcorpp.experiments.audit.figure import plot_audit
+        from lcorpp.audit.figure import plot_audit
         from lcorpp.plot_style import save_figure
 
         save_figure(plot_audit(result), figure)

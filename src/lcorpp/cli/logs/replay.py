@@ -12,7 +12,7 @@ from lcorpp.cli.options import common as options
 from lcorpp.errors import DataError
 
 if TYPE_CHECKING:
-    from lcorpp.experiments.replay import ReplayedDecision
+    from lcorpp.logs.replay import ReplayedDecision
 
 
 def replay(
@@ -29,7 +29,7 @@ def replay(
     facts, labels and observations of the log; its evidence, marginal, prior, actions, beliefs and report must
     be those of the log. Exit code 1: there are differences; 2: lines that cannot be replayed.
     """
-    from lcorpp.experiments.replay import ChangedPart, replay_log
+    from lcorpp.logs.replay import ChangedPart, replay_log
     from lcorpp.planning.policy_cache import find_cache_folder
 
     count = different = differences = 0

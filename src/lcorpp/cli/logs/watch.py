@@ -47,7 +47,7 @@ def watch(
     from time import sleep
 
     from lcorpp.cli.output_files import check_figure
-    from lcorpp.experiments.watching import LogWatch, describe_finding
+    from lcorpp.logs.watching import LogWatch, describe_finding
     from lcorpp.plot_style import save_figure
 
     if plot is not None:
@@ -77,7 +77,7 @@ def watch(
         of = f" of {watching.strategy}" if watching.strategy else ""
         console.out.print(f"{watching.n_decisions} decisions{of}, {alarms or 'no'} alarm{'s' * (alarms > 1)}")
     if plot is not None and watching.log_e:
-        from lcorpp.experiments.watching_figure import plot_alarm
+        from lcorpp.logs.watching_figure import plot_alarm
 
         save_figure(plot_alarm(watching.log_e, rate), plot)
     if damaged:

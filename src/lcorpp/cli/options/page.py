@@ -9,8 +9,8 @@ from lcorpp.cli.options import common as options
 from lcorpp.cli.options.senses import choose_classifiers, reject_given
 
 if TYPE_CHECKING:
+    from lcorpp.assembly.setup import ClassifierOptions
     from lcorpp.domains import Domain
-    from lcorpp.experiments.setup import ClassifierOptions
     from lcorpp.planning import SolverOptions
     from lcorpp.web.robot import PlayRobot
 
@@ -26,9 +26,9 @@ def choose_page_classifiers(
     Raises:
         DomainError: as `choose_classifiers`. DataError: an unknown learner, or options that it does not take.
     """
-    from lcorpp.experiments.classifier_training import make_untrained
-    from lcorpp.experiments.setup import READ_AS_IT_IS, TrainingOptions
-    from lcorpp.experiments.track_robot import LEARNER, find_track_senses
+    from lcorpp.assembly.classifier_training import make_untrained
+    from lcorpp.assembly.setup import READ_AS_IT_IS, TrainingOptions
+    from lcorpp.assembly.track_robot import LEARNER, find_track_senses
 
     tracked = {sense.name for sense in find_track_senses(domain)}
     if not tracked:

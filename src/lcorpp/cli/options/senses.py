@@ -13,9 +13,9 @@ from lcorpp.errors import DataError, DomainError
 from lcorpp.values import EvidenceKind
 
 if TYPE_CHECKING:
+    from lcorpp.assembly.setup import ClassifierOptions, ReadingOptions
     from lcorpp.domains import Domain
     from lcorpp.domains.sections.learning import Sense
-    from lcorpp.experiments.setup import ClassifierOptions, ReadingOptions
 
 ClassifiersOption = Annotated[
     list[str] | None,
@@ -75,8 +75,8 @@ def choose_classifiers(
     Raises:
         DomainError: a sense is unknown, options exclude each other, or an option has no effect.
     """
+    from lcorpp.assembly.setup import READ_AS_IT_IS, StoredOptions, TrainingOptions
     from lcorpp.domains.sections.learning import CLASSIFIERS
-    from lcorpp.experiments.setup import READ_AS_IT_IS, StoredOptions, TrainingOptions
 
     names = [sense.name for sense in used]
     learner_of, general_learner = _split_by_sense(domain, names, "--learner", learners)
@@ -172,7 +172,7 @@ def _reject_unused(
     training: Mapping[str, Any],
 ) -> None:
     """Reject options without effect on the chosen classifiers."""
-    from lcorpp.experiments.setup import TrainingOptions
+    from lcorpp.assembly.setup import TrainingOptions
 
     kinds = {type(options) for options in chosen.values()}
     if not domain.senses:

@@ -19,9 +19,9 @@ from lcorpp.cli.options.senses import ClassifiersOption, LearnersOption
 from lcorpp.errors import DomainError, FileError
 
 if TYPE_CHECKING:
+    from lcorpp.assembly.setup import ClassifierOptions
     from lcorpp.domains import Domain, Sense
-    from lcorpp.experiments.decision_log import DecisionLog
-    from lcorpp.experiments.setup import ClassifierOptions
+    from lcorpp.logs.decision_log import DecisionLog
     from lcorpp.values import Dataset
     from lcorpp.web.learning import BatchLearner
     from lcorpp.web.robot import PlayRobot
@@ -65,7 +65,7 @@ def play(
     classifier is trained again with your tracks. The page is served to this computer only. Ctrl-C ends it.
     """
     from lcorpp.domains import load_domain
-    from lcorpp.experiments.decision_log import DecisionLog
+    from lcorpp.logs.decision_log import DecisionLog
     from lcorpp.web.learning import BatchLearner, find_learning_sense, open_store
 
     require_server()
@@ -180,8 +180,8 @@ async def serve(
 
 def find_initial_data(domain: Domain, sense: Sense, source: ClassifierOptions, seed: int) -> Dataset:
     """Return the data that the classifier of a sense was trained on; those of a file are simulated."""
-    from lcorpp.experiments.setup import TrainingOptions
-    from lcorpp.experiments.training_data import make_training_data
+    from lcorpp.assembly.setup import TrainingOptions
+    from lcorpp.assembly.training_data import make_training_data
 
     training = source if isinstance(source, TrainingOptions) else TrainingOptions()
     return make_training_data(domain, sense, training, seed).dataset

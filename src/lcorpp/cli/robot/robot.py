@@ -14,8 +14,8 @@ from lcorpp.cli import console
 from lcorpp.cli.options import common as options
 
 if TYPE_CHECKING:
+    from lcorpp.assembly.setup import ClassifierOptions
     from lcorpp.domains import Domain
-    from lcorpp.experiments.setup import ClassifierOptions
     from lcorpp.robot.config import RobotConfig
     from lcorpp.robot.loop import Decision
     from lcorpp.values import Step
@@ -40,10 +40,10 @@ def robot(
     `lcorpp check robot.toml` checks the configuration without a robot. After a failed action, a lost
     connection or Ctrl-C the robot is ordered to stop.
     """
-    from lcorpp.experiments.decision_log import DecisionLog
-    from lcorpp.experiments.strategies.baselines import find_strategies
-    from lcorpp.experiments.strategies.trust import check_dialogue
-    from lcorpp.experiments.track_robot import set_up_track_robot
+    from lcorpp.assembly.strategies.baselines import find_strategies
+    from lcorpp.assembly.strategies.trust import check_dialogue
+    from lcorpp.assembly.track_robot import set_up_track_robot
+    from lcorpp.logs.decision_log import DecisionLog
     from lcorpp.planning.policy_cache import find_cache_folder
     from lcorpp.robot.connecting import connect
     from lcorpp.robot.loop import RobotLoop
@@ -91,8 +91,8 @@ def robot(
 
 def choose_robot_classifiers(config: RobotConfig, domain: Domain) -> dict[str, ClassifierOptions]:
     """Return sense -> its stored classifier, or the default learner on simulated tracks, or None."""
-    from lcorpp.experiments.setup import StoredOptions, TrainingOptions
-    from lcorpp.experiments.track_robot import LEARNER, find_track_senses
+    from lcorpp.assembly.setup import StoredOptions, TrainingOptions
+    from lcorpp.assembly.track_robot import LEARNER, find_track_senses
 
     tracked = {sense.name for sense in find_track_senses(domain)}
     chosen: dict[str, ClassifierOptions] = {

@@ -11,7 +11,7 @@ from lcorpp.cli import console, output_files
 from lcorpp.cli.options import common as options
 
 if TYPE_CHECKING:
-    from lcorpp.experiments.hearing.observing import Observed
+    from lcorpp.hearing.observing import Observed
 
 
 def observe(
@@ -58,7 +58,7 @@ def observe(
     (heard.json), tables and a figure. After Ctrl-C the same command continues.
     """
     from lcorpp.domains import load_domain
-    from lcorpp.experiments.hearing import answers, cases, noises, observing, results
+    from lcorpp.hearing import answers, cases, noises, observing, results
     from lcorpp.worlds.speech import Recogniser, parse_voice
 
     folder = out or Path("out") / "observe"
@@ -95,7 +95,7 @@ def observe(
 
 def print_observed(observed: Observed) -> None:
     """Print the recall, the bins and the values."""
-    from lcorpp.experiments.hearing.results import describe_origin, find_wrong_share, list_recalls
+    from lcorpp.hearing.results import describe_origin, find_wrong_share, list_recalls
 
     out = console.out
     out.print(describe_origin(observed))

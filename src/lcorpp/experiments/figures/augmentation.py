@@ -10,13 +10,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from lcorpp.assembly.setup import ProgressDisplay
 from lcorpp.domains import load_domain
-from lcorpp.experiments.active_learning.from_no_data import (
-    NONE,
-    BatchOutcome,
-    run_from_no_data,
-)
-from lcorpp.experiments.active_learning.senses import CORRECTED, HARD, LABEL_KINDS, SOFT
 from lcorpp.experiments.figures import published
 from lcorpp.experiments.figures.evaluation import METRICS, make_planner
 from lcorpp.experiments.figures.panels import LABELS, PUBLISHED, add_legend, draw_line, make_panels
@@ -42,9 +37,14 @@ from lcorpp.experiments.figures.seeds import (
     run_seeds,
     subtract,
 )
-from lcorpp.experiments.scoring.metrics import Scores
-from lcorpp.experiments.setup import ProgressDisplay
 from lcorpp.plot_style import BLUE, COLOURS as PALETTE, MUTED, ORANGE, with_style
+from lcorpp.runs.from_no_data import (
+    NONE,
+    BatchOutcome,
+    run_from_no_data,
+)
+from lcorpp.runs.senses import CORRECTED, HARD, LABEL_KINDS, SOFT
+from lcorpp.scoring.metrics import Scores
 
 LEARNER = "summaries"
 """The learner: better than the LSTM on some hundred simulated tracks, and it takes a tenth of a second."""

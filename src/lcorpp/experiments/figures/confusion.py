@@ -10,8 +10,9 @@ from math import hypot, sqrt
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from lcorpp.assembly.classifier_training import train_classifier
+from lcorpp.assembly.setup import ProgressDisplay, TrainingOptions
 from lcorpp.domains import load_domain
-from lcorpp.experiments.classifier_training import train_classifier
 from lcorpp.experiments.figures import published
 from lcorpp.experiments.figures.panels import make_panels
 from lcorpp.experiments.figures.published import Deviation, deviate
@@ -22,10 +23,9 @@ from lcorpp.experiments.figures.result import (
     Layout,
     judge,
 )
-from lcorpp.experiments.scoring.metrics import make_cells
-from lcorpp.experiments.setup import ProgressDisplay, TrainingOptions
 from lcorpp.learning import Rate
 from lcorpp.plot_style import INK, with_style
+from lcorpp.scoring.metrics import make_cells
 from lcorpp.values import Interval
 
 FAST = TrainingOptions(learner="lstm-fast", tracks=600)

@@ -5,15 +5,15 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
+from lcorpp.assembly.setup import ProgressDisplay, solve_domain
 from lcorpp.decision.strategies import strategies
 from lcorpp.domains import Domain
 from lcorpp.experiments.comparison import ComparisonOptions, compare_strategies
 from lcorpp.experiments.figures import published
 from lcorpp.experiments.figures.result import FigureOptions, Row
-from lcorpp.experiments.scoring.metrics import Scores, make_cells
-from lcorpp.experiments.setup import ProgressDisplay, solve_domain
 from lcorpp.planning import Planner
 from lcorpp.planning.policy_cache import find_cache_folder
+from lcorpp.scoring.metrics import Scores, make_cells
 from lcorpp.values import Z95, Interval
 
 METRICS = ("f1", "accuracy", "cost", "return")

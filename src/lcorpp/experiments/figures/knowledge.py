@@ -15,6 +15,7 @@ from typing import Any
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
+from lcorpp.assembly.setup import ProgressDisplay
 from lcorpp.domains import Domain, load_domain
 from lcorpp.experiments.figures import published
 from lcorpp.experiments.figures.evaluation import Evaluation, evaluate
@@ -28,7 +29,6 @@ from lcorpp.experiments.figures.result import (
     judge,
     subtract_from,
 )
-from lcorpp.experiments.setup import ProgressDisplay
 from lcorpp.plot_style import COLOURS, INK, ORANGE, with_style
 from lcorpp.values import Interval
 

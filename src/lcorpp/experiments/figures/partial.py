@@ -9,6 +9,14 @@ from functools import partial
 import numpy as np
 from matplotlib.figure import Figure
 
+from lcorpp.assembly.setup import (
+    ProgressDisplay,
+    SenseSetup,
+    make_program,
+    make_robot,
+    nest_rates,
+)
+from lcorpp.assembly.training_data import FOLDS, simulate_training_data
 from lcorpp.decision.strategies import strategies
 from lcorpp.domains import Domain, load_domain
 from lcorpp.experiments.figures import published
@@ -30,20 +38,12 @@ from lcorpp.experiments.figures.seeds import (
     run_seeds,
     subtract,
 )
-from lcorpp.experiments.scoring.experiment import Experiment
-from lcorpp.experiments.scoring.metrics import Scores
-from lcorpp.experiments.scoring.trials import run_trials
-from lcorpp.experiments.setup import (
-    ProgressDisplay,
-    SenseSetup,
-    make_program,
-    make_robot,
-    nest_rates,
-)
-from lcorpp.experiments.training_data import FOLDS, simulate_training_data
 from lcorpp.learning import learner, train_and_validate, truncate
 from lcorpp.plot_style import BLUE, INK, MUTED, ORANGE, with_style
 from lcorpp.protocols import Planner
+from lcorpp.scoring.experiment import Experiment
+from lcorpp.scoring.metrics import Scores
+from lcorpp.scoring.trials import run_trials
 from lcorpp.simulation.people import CutSignals
 
 PARTS: Mapping[str, float] = {"quarter": 0.25, "half": 0.5, "whole": 1.0}

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from decimal import Decimal
 from math import hypot, sqrt
 
-from lcorpp.experiments.scoring.metrics import Scores
+from lcorpp.scoring.metrics import Scores
 from lcorpp.values import Z95, Interval
 
 TRIALS = 5000

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING
 from lcorpp.errors import DecisionError, expected_one_of
 
 if TYPE_CHECKING:
+    from lcorpp.assembly.setup import ProgressDisplay
     from lcorpp.experiments.figures.result import FigureOptions, FigureResult
-    from lcorpp.experiments.setup import ProgressDisplay
 
 
 @dataclass(frozen=True)

@@ -8,13 +8,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from time import perf_counter
 
+from lcorpp.assembly.setup import Advance, ProgressDisplay
 from lcorpp.errors import DataError, FileError
 from lcorpp.experiments.figures.registry import FIGURES
 from lcorpp.experiments.figures.remaining import RemainingTime
 from lcorpp.experiments.figures.report import write_report
 from lcorpp.experiments.figures.result import FigureOptions
 from lcorpp.experiments.figures.storage import StoredFigure, load_figure, store_figure
-from lcorpp.experiments.setup import Advance, ProgressDisplay
 from lcorpp.files import make_folder
 
 

@@ -8,9 +8,9 @@ from typing import TypeVar
 import numpy as np
 from scipy.stats import t
 
+from lcorpp.assembly.setup import Advance
 from lcorpp.experiments.figures.result import Row
-from lcorpp.experiments.scoring.metrics import make_cells
-from lcorpp.experiments.setup import Advance
+from lcorpp.scoring.metrics import make_cells
 from lcorpp.values import Interval
 from lcorpp.work_units.running import evaluate_units
 

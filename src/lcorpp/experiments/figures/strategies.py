@@ -8,6 +8,7 @@ from functools import partial
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from lcorpp.assembly.setup import ProgressDisplay
 from lcorpp.domains import load_domain
 from lcorpp.experiments.figures import published
 from lcorpp.experiments.figures.evaluation import Evaluation, evaluate
@@ -21,9 +22,8 @@ from lcorpp.experiments.figures.result import (
     judge,
     subtract_from,
 )
-from lcorpp.experiments.scoring.metrics import Scores
-from lcorpp.experiments.setup import ProgressDisplay
 from lcorpp.plot_style import BLUE, ORANGE, with_style
+from lcorpp.scoring.metrics import Scores
 from lcorpp.values import Interval
 
 PRESETS = {"paper": BLUE, "authors": ORANGE}

@@ -9,6 +9,7 @@ from typing import NamedTuple
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
+from lcorpp.assembly.setup import ProgressDisplay, from_channel, make_program, make_robot
 from lcorpp.decision.dt_control import act_until_report, infer_prior
 from lcorpp.domains import load_domain
 from lcorpp.experiments.figures import published
@@ -22,7 +23,6 @@ from lcorpp.experiments.figures.result import (
     Layout,
     Verdict,
 )
-from lcorpp.experiments.setup import ProgressDisplay, from_channel, make_program, make_robot
 from lcorpp.plot_style import BLUE, INK, ORANGE, PALE, with_style
 from lcorpp.values import Interval
 

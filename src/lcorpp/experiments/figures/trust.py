@@ -16,6 +16,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
+from lcorpp.assembly.setup import ProgressDisplay, from_channel
+from lcorpp.assembly.strategies.trust import TRUST
+from lcorpp.assembly.strategies.trust_setup import set_up_trust
 from lcorpp.decision import Robot, dt_control
 from lcorpp.domains import Domain
 from lcorpp.experiments.figures import knowledge
@@ -31,15 +34,12 @@ from lcorpp.experiments.figures.result import (
     subtract_from,
 )
 from lcorpp.experiments.figures.seeds import compute_seed_interval, run_seeds, subtract
-from lcorpp.experiments.scoring.metrics import make_cells
-from lcorpp.experiments.setup import ProgressDisplay, from_channel
-from lcorpp.experiments.strategies.trust import TRUST
-from lcorpp.experiments.trust.setup import set_up_trust
 from lcorpp.fitting.pr_atoms import find_number, map_pr_atoms
 from lcorpp.planning import Planner
 from lcorpp.plot_style import BLUE, COLOURS, MUTED, ORANGE, with_style
 from lcorpp.reasoning import Program, Reasoner
 from lcorpp.reasoning.language.syntax import Number, Probability
+from lcorpp.scoring.metrics import make_cells
 from lcorpp.simulation.people_stream import PeopleStream
 from lcorpp.values import Array, Interval
 

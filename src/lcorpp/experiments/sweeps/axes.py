@@ -10,10 +10,10 @@ from pathlib import Path
 from typing import Any
 
 import lcorpp
+from lcorpp.assembly.robot_parts import hash_bytes
 from lcorpp.domains import Domain, load_domain
 from lcorpp.domains.sections.learning import Sense
 from lcorpp.errors import DomainError, WorkerError
-from lcorpp.experiments.robot_parts import hash_bytes
 from lcorpp.experiments.sweeps import changes
 from lcorpp.experiments.tables import hash_code
 

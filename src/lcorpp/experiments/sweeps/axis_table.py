@@ -10,11 +10,11 @@ from math import isfinite
 from pathlib import Path
 from typing import Any
 
+from lcorpp.assembly.robot_parts import hash_bytes
 from lcorpp.domains import Domain
 from lcorpp.domains.sections.names import check_defined
 from lcorpp.domains.toml import TomlTable
 from lcorpp.errors import DomainError, LcorppError, expected_one_of
-from lcorpp.experiments.robot_parts import hash_bytes
 from lcorpp.experiments.sweeps.axes import SECTIONS, Axis, Problem, Setting, Value, configure, list_axes
 from lcorpp.experiments.sweeps.changes import normalise_atom
 from lcorpp.files import read_bytes

@@ -9,14 +9,14 @@ from itertools import chain, product
 from math import prod
 from pathlib import Path
 
+from lcorpp.assembly.robot_parts import describe_strategy
 from lcorpp.domains import load_domain
 from lcorpp.domains.toml import TomlTable, read_toml
 from lcorpp.errors import DomainError
-from lcorpp.experiments.robot_parts import describe_strategy
-from lcorpp.experiments.scoring.exact_evaluation import check_enumerable
 from lcorpp.experiments.sweeps.axes import Axis, Configuration, Problem, Setting, hash_domain
 from lcorpp.experiments.sweeps.axis_table import find_axis, locate_failures, read_axes
 from lcorpp.experiments.sweeps.evaluation import find_rows
+from lcorpp.scoring.exact_evaluation import check_enumerable
 from lcorpp.simulation import NoisyChannel
 from lcorpp.user_code import split_function
 

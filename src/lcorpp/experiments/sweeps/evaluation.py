@@ -8,16 +8,16 @@ from functools import lru_cache
 from itertools import pairwise
 from typing import Any
 
+from lcorpp.assembly.setup import solve_domain
+from lcorpp.assembly.strategies.baselines import find_strategies
 from lcorpp.decision import Strategy
 from lcorpp.decision.strategies import list_strategies
 from lcorpp.domains import Domain
 from lcorpp.errors import DecisionError, LcorppError, WorkerError
 from lcorpp.experiments.comparison import ComparisonOptions, compare_strategies
-from lcorpp.experiments.scoring.metrics import Scores, find_reference, make_cells
-from lcorpp.experiments.setup import solve_domain
-from lcorpp.experiments.strategies.baselines import find_strategies
 from lcorpp.experiments.sweeps.axes import Configuration, Problem, configure
 from lcorpp.planning import Solution
+from lcorpp.scoring.metrics import Scores, find_reference, make_cells
 from lcorpp.work_units.store import hash_unit, make_seed
 
 Rows = list[dict[str, Any]]

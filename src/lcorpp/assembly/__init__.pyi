@@ -1,0 +1,26 @@
+from .classifier_training import (
+    load_trained as load_trained,
+    train_classifier as train_classifier,
+)
+from .robot_parts import (
+    ClassifierPart as ClassifierPart,
+    RobotParts as RobotParts,
+)
+from .setup import (
+    EvidenceOptions as EvidenceOptions,
+    SenseSetup as SenseSetup,
+    StoredOptions as StoredOptions,
+    TrainingOptions as TrainingOptions,
+    make_robot as make_robot,
+    solve_domain as solve_domain,
+)
+from .strategies.baselines import (
+    BASELINES as BASELINES,
+    find_strategies as find_strategies,
+)
+from .strategies.own import load_strategy as load_strategy
+from .training_data import (
+    TrainingData as TrainingData,
+    read_training_data as read_training_data,
+    simulate_training_data as simulate_training_data,
+)

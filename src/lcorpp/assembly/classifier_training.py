@@ -1,0 +1,190 @@
+"""Setup of a trained classifier: trained now, or loaded from a file; its error rates become rules."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+from lcorpp.assembly.setup import (
+    HARD_LABELS,
+    EvidenceOptions,
+    ProgressDisplay,
+    SenseSetup,
+    StoredOptions,
+    TrainingOptions,
+    nest_rates,
+    no_progress,
+)
+from lcorpp.assembly.thresholds import (
+    compute_class_prevalence,
+    find_positive_class,
+    parse_goal,
+    set_threshold,
+)
+from lcorpp.assembly.training_data import (
+    FOLDS,
+    choose_learner,
+    make_estimator,
+    make_signal_source,
+    make_training_data,
+    read_training_data,
+)
+from lcorpp.domains import Domain
+from lcorpp.domains.sections.learning import Sense
+from lcorpp.errors import DataError, DomainError, check_type
+from lcorpp.learning import (
+    Motion,
+    TrainedClassifier,
+    build_report,
+    estimate_rates,
+    learner,
+    load_classifier,
+    train_and_validate,
+)
+from lcorpp.learning.classifiers.registry import DEFAULTS
+from lcorpp.learning.classifiers.storage import check_storable
+from lcorpp.notebook import join_some
+from lcorpp.simulation.people import SignalSource
+from lcorpp.values import COVERAGE, ConfusionMatrix
+
+
+def train_classifier(
+    domain: Domain,
+    sense: Sense,
+    options: TrainingOptions,
+    evidence: EvidenceOptions = HARD_LABELS,
+    *,
+    seed: int = 0,
+    jobs: int = 1,
+    progress: ProgressDisplay = no_progress,
+) -> SenseSetup:
+    """Train and cross-validate the classifier of a sense; its confusion matrix becomes the rules.
+
+    Raises:
+        DataError, FileError: an option or the data are wrong.
+        DomainError: the domain cannot simulate signals.
+    """
+    check_type(domain, Domain, "the domain", DomainError)
+    goal = None if options.threshold is None else parse_goal(sense, options.threshold)
+    make_untrained(options)  # reject options before the work
+    coverage = evidence.kind(sense.name).coverage or COVERAGE
+    data = make_training_data(domain, sense, options, seed)
+    options = choose_learner(options, data.dataset)
+    estimator = make_estimator(data, options, seed)
+    with progress(f"training and cross-validating {options.learner}", FOLDS + 1) as advance:
+        trained, validation = train_and_validate(
+            estimator, data.dataset, folds=FOLDS, seed=seed, jobs=jobs, progress=advance, coverage=coverage
+        )
+    positive = find_positive_class(sense)
+    prevalence = compute_class_prevalence(domain, sense, options.prevalence)
+    trained, validation = set_threshold(domain, sense, options, trained, validation)
+    report = build_report(
+        validation,
+        positive=positive,
+        prevalence=prevalence,
+        costs=goal if isinstance(goal, tuple) else None,
+        learner=options.learner or "",
+        source=data.dataset.source,
+        coverage=coverage,
+    )
+    return replace(
+        _make_setup(sense, trained, validation.confusion, evidence, data.signals, options.learner or ""),
+        n_tracks=len(data.dataset),
+        report=report,
+        unit=data.dataset.unit,
+        data=data.path,
+        notes=data.dataset.notes,
+    )
+
+
+def load_trained(
+    domain: Domain,
+    sense: Sense,
+    options: StoredOptions,
+    evidence: EvidenceOptions = HARD_LABELS,
+    *,
+    seed: int = 0,
+) -> SenseSetup:
+    """Load a stored classifier of a sense; its confusion matrix becomes the rules.
+
+    Raises:
+        DataError, FileError: the file is no classifier of the sense's classes, or the recorded data have
+            another interval, other channels or other features than its training data.
+    """
+    check_type(domain, Domain, "the domain", DomainError)
+    trained = load_classifier(options.file)
+    confusion = trained.confusion
+    if confusion is None or set(confusion.classes) != set(sense.classes):
+        classes = "unknown classes" if confusion is None else ", ".join(confusion.classes)
+        raise DataError(
+            f"{options.file}: the classifier's classes are {classes}; {domain.name} needs"
+            f" {', '.join(sense.classes)}"
+        )
+    path, source = options.data or sense.data, str(options.file)
+    if path is None:
+        signals = make_signal_source(domain, sense, options.seconds)
+        return _make_setup(sense, trained, confusion, evidence, signals, source)
+    motion = trained.estimator.steps[0][1]
+    inputs = trained.inputs or getattr(motion, "inputs", ("x", "y"))
+    recorded = read_training_data(
+        domain, sense, path, seed, features=inputs, reading=options.reading, seconds=options.seconds
+    )
+    interval, channels = recorded.dataset.interval, recorded.dataset.channels
+    if isinstance(motion, Motion) and (motion.interval, tuple(motion.inputs)) != (interval, channels):
+        raise DataError(
+            f"{options.file}: trained on {', '.join(motion.inputs)} every {motion.interval:g} s;"
+            f" the data have {', '.join(channels)} every {interval:g} s"
+        )
+    if trained.inputs and trained.inputs != channels:
+        raise DataError(
+            f"{options.file}: trained on {join_some(trained.inputs)}; the data have {join_some(channels)}"
+        )
+    setup = _make_setup(sense, trained, confusion, evidence, recorded.signals, source)
+    return replace(setup, data=path, notes=recorded.dataset.notes)
+
+
+def find_storage_problem(options: TrainingOptions) -> str | None:
+    """Return the reason why the classifier cannot be stored after training; None if it can."""
+    try:
+        check_storable(make_untrained(options))
+    except DataError as error:
+        return str(error)
+    return None
+
+
+def make_untrained(options: TrainingOptions) -> Any:
+    """Return an estimator of the learner before the data are known; raises as `learner`."""
+    return learner(
+        options.learner or DEFAULTS["motion"],
+        epochs=options.epochs,
+        device=options.device,
+        features=options.features,
+        rate=options.rate,
+    )
+
+
+def _make_setup(
+    sense: Sense,
+    trained: TrainedClassifier,
+    confusion: ConfusionMatrix,
+    evidence: EvidenceOptions,
+    signals: SignalSource,
+    source: str,
+) -> SenseSetup:
+    """Return the setup of a trained classifier: its rates become rules, or likelihoods replace its labels.
+
+    Args:
+        source: the learner, or the file of the classifier.
+    """
+    kind = evidence.kind(sense.name)
+    rows = [[float(rate) for rate in row] for row in confusion.rates(evidence.smoothing)]
+    return SenseSetup(
+        trained.as_evidence(kind),
+        signals,
+        nest_rates(confusion.classes, rows),
+        confusion,
+        estimate_rates(confusion, smoothing=evidence.smoothing),
+        source=source,
+        trained=trained,
+        evidence=kind,
+    )

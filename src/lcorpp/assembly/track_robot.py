@@ -1,0 +1,68 @@
+"""Setup of a robot that classifies tracks while they are recorded: classifiers, knowledge and policy."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+
+from lcorpp.assembly.robot_parts import RobotParts
+from lcorpp.assembly.senses import describe_classifiers, set_up_senses
+from lcorpp.assembly.setup import (
+    HARD_LABELS,
+    ClassifierOptions,
+    ProgressDisplay,
+    have_own_rates,
+    no_progress,
+    solve_domain,
+)
+from lcorpp.domains import Domain, Sense
+from lcorpp.learning import StreamingClassifier, TrainedClassifier
+from lcorpp.planning import SolverOptions
+
+LEARNER = "lstm-fast"
+"""The learner of senses of tracks, unless another one is chosen; the exported page can run it."""
+POSITION = ("x", "y")
+"""The inputs of a track that a pointer or a people tracker can give."""
+
+
+def find_track_senses(domain: Domain) -> list[Sense]:
+    """Return the senses whose signals are tracks of positions."""
+    return [
+        sense
+        for sense in domain.senses
+        if sense.channels in ((), POSITION) and (sense.name in domain.simulation.signals or sense.data)
+    ]
+
+
+def set_up_track_robot(
+    domain: Domain,
+    classifiers: Mapping[str, ClassifierOptions],
+    solver: SolverOptions,
+    *,
+    cache: Path | None = None,
+    progress: ProgressDisplay = no_progress,
+    seed: int = 0,
+    jobs: int = 1,
+) -> tuple[RobotParts, dict[str, TrainedClassifier]]:
+    """Train or load the classifiers, and solve the POMDP.
+
+    Args:
+        classifiers: sense -> how to get its classifier, None for a sense without one.
+
+    Returns:
+        Domain, policy and error rates; and sense -> its classifier of tracks.
+
+    Raises:
+        DataError: a classifier is not one of tracks; or as `set_up_senses`.
+        ModelError, DomainError: as `solve_domain`.
+    """
+    senses = set_up_senses(domain, domain.senses, classifiers, HARD_LABELS, progress, seed=seed, jobs=jobs)
+    trained = {name: setup.trained for name, setup in senses.items() if setup.trained is not None}
+    for classifier in trained.values():
+        StreamingClassifier.from_trained(classifier)  # raises an error before the POMDP is solved
+    known_as = describe_classifiers(senses)
+    with progress("solving the POMDP") as advance:
+        solution = solve_domain(
+            domain, solver, any_prior=have_own_rates(known_as), cache=cache, advance=advance
+        )
+    return RobotParts(domain, solution.policy, known_as, solver=solver), trained

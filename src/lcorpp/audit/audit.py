@@ -1,0 +1,300 @@
+"""Audit: what the people of a log suggest for each number that was stated."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Iterable
+from dataclasses import replace
+from itertools import combinations
+from math import log
+
+import numpy as np
+from scipy.special import logit
+from scipy.stats import chi2
+
+from lcorpp.audit.answer_rates import AnswerRates, invert
+from lcorpp.audit.estimates import (
+    MAX_CHANGE_P_VALUE,
+    MAX_P_VALUE,
+    AttributeTest,
+    Audit,
+    NumberEstimate,
+)
+from lcorpp.audit.intervals import bound_stated, compare_log_odds
+from lcorpp.audit.knowledge import KnowledgeFits, NumbersFit
+from lcorpp.audit.logged_people import LoggedPeople
+from lcorpp.audit.missing_rules import add_missing_rules
+from lcorpp.audit.rates import list_rates
+from lcorpp.errors import ProgramError
+from lcorpp.fitting.number_model import list_free_numbers
+from lcorpp.fitting.uncertainty import NULL_SCORE
+from lcorpp.reasoning.language.syntax import Probability, Selection
+from lcorpp.reasoning.resolve import resolve_evidence
+from lcorpp.trust.answers import AnswerModel
+from lcorpp.values import Array
+
+MAX_PRIOR_SHARE = 0.5
+"""A number is not determined if its variance is more than this share of the variance of its weak prior."""
+
+N_STARTS = 5
+"""Number of searches if all numbers of an attribute are free, as the likelihood may have several maxima."""
+
+Progress = Callable[[int, int], None]
+
+
+def audit_people(
+    people: LoggedPeople, progress: Progress = lambda done, total: None, *, given: bool = False
+) -> Audit:
+    """Audit the knowledge, the senses and the observation model.
+
+    First, the rates of senses and answers are estimated without the knowledge; they give the likelihood of
+    each person's shared value. Then each number is fitted alone, and each attribute with all its numbers.
+    From these the fewest numbers are chosen whose change explains the data (BIC): an attribute or a number
+    at a time, and of an attribute the numbers that are needed. Attributes without rules are
+    audited as if equal probabilities were stated, see `add_missing_rules`. If the stated numbers exclude
+    people of the log, those that are 0 are taken as a little more, see `EXCLUDED_SHARE`.
+
+    Args:
+        progress: is called with the number of fits done, and the number of all.
+        given: whether the facts are given, e.g. by the robot's own schedule, so that the likelihood
+            conditions on them.
+
+    Raises:
+        ProgramError: the program has no numbers to audit, or they cannot be fitted.
+        UndefinedError: what is known of a person is impossible by the program, whatever its numbers.
+        TooLargeError: the program is too large to be compiled, or there are too many contexts.
+    """
+    return _Auditor(people, progress, given).audit()
+
+
+class _Auditor:
+    def __init__(self, people: LoggedPeople, progress: Progress, given: bool) -> None:
+        cases, domain = people.cases, people.domain
+        used = [*domain.observed, *domain.reasoning.shared]
+        program = add_missing_rules(people.program, used, domain.label_attributes)
+        self._people, self._program, self._progress, self._given = people, program, progress, given
+        self._n_people = float(cases.weights.sum())
+        senses = set(domain.label_attributes)
+        free = list_free_numbers(program, (), with_certain=True)
+        ranges = {s.term.name for s in program.statements if isinstance(s, Selection) and s.range}
+        free = {
+            i: x
+            for i, x in free.items()
+            if (name := self._atom(i).term.name) not in senses and (0 < x < 1 or name not in ranges)
+        }
+        if not free:
+            raise ProgramError(f"{program.file}: no number of a pr-atom to audit, apart from those of senses")
+        answers = AnswerModel.of_tables(people.dialogue.tables)
+        tables = [
+            _guess_rates(people, place) if rates is None else rates
+            for place, rates in enumerate(people.stated_rates)
+        ]
+        self._rates = AnswerRates(answers, tables, cases, len(people.contexts))
+        values = [domain.reasoning.split(value) for value in domain.values]
+        records = [
+            resolve_evidence(program, {**facts, **value}) for facts in people.contexts for value in values
+        ]
+        parts = cases.contexts[:, None] * len(values) + np.arange(len(values))
+        self._fits = KnowledgeFits(program, free, records, parts, self._rates, given=given)
+        self._groups: dict[str, tuple[int, ...]] = {}
+        for i in free:
+            name = self._atom(i).term.name
+            self._groups[name] = (*self._groups.get(name, ()), i)
+        self._stated = self._fits.compute_stated()
+
+    def audit(self) -> Audit:
+        people, free = self._people, list(self._fits.free)
+        n_fits = len(free) + len(self._groups)
+        for done, key in enumerate([*[(i,) for i in free], *self._groups.values()]):
+            self._progress(done, n_fits)
+            self._fits.fit(self._complete(key), N_STARTS if len(key) > 1 else 1)
+        self._progress(n_fits, n_fits)
+        chosen = self._choose()
+        n_undetermined, undetermined = self._fits.find_undetermined(NULL_SCORE)
+        return Audit(
+            people.program.file,
+            people.domain.pomdp.file or str(people.domain.folder),
+            round(self._n_people),
+            people.strategy,
+            people.n_others,
+            people.skipped,
+            self._given,
+            [self._describe(i, self._fits.fit(self._complete((i,)))) for i in free],
+            [self._describe_attribute(name) for name in self._groups],
+            list_rates(people, self._rates, MAX_PRIOR_SHARE),
+            [self._describe(i, self._fits.fit(chosen)) for i in chosen],
+            self._list_rivals(chosen) if chosen else [],
+            n_undetermined,
+            [_name(self._atom(i)) for i in undetermined],
+            self._count_excluded(),
+        )
+
+    def _count_excluded(self) -> dict[str, int]:
+        """Return the number of excluded people by their facts."""
+        cases, counts = self._people.cases, dict[str, int]()
+        for case in np.flatnonzero(self._fits.is_excluded):
+            facts = ", ".join(f"{n}={v}" for n, v in self._people.contexts[cases.contexts[case]].items())
+            counts[facts] = counts.get(facts, 0) + round(float(cases.weights[case]))
+        return counts
+
+    def _atom(self, statement: int) -> Probability:
+        atom = self._program.statements[statement]
+        assert isinstance(atom, Probability)
+        return atom
+
+    def _complete(self, statements: Iterable[int]) -> tuple[int, ...]:
+        """Add the numbers that have to change, too: those of a case that sum to 1, and all of missing rules.
+
+        As nothing is stated by missing rules, there is nothing to return to for one of them.
+        """
+        own = set(statements)
+        for group in self._groups.values():
+            if any(self._is_missing(i) for i in own.intersection(group)):
+                own.update(group)
+        return self._fits.complete(own)
+
+    def _is_missing(self, statement: int) -> bool:
+        return statement >= len(self._people.program.statements)
+
+    def _find_gain(self, statements: Collection[int]) -> float:
+        """Return twice the gain in log likelihood if these numbers are free."""
+        if not statements:
+            return 0.0
+        return max(2 * (self._fits.fit(statements).log_likelihood - self._stated), 0.0)
+
+    def _find_bic(self, statements: Collection[int]) -> float:
+        return self._find_gain(statements) - len(statements) * log(self._n_people)
+
+    def _choose(self) -> tuple[int, ...]:
+        """Choose the fewest numbers that have to change: forward and backward selection.
+
+        If numbers of several attributes are wrong, others may make up for them, so that forward selection
+        ends in a wrong set. Then the choice begins at all numbers, too.
+        """
+        chosen = self._select_forward()
+        if len({self._atom(i).term.name for i in chosen}) < 2:
+            return chosen
+        everything = tuple(self._fits.free)
+        self._fits.fit(everything, N_STARTS, near=self._fits.fit(chosen))
+        return max(chosen, self._reduce(everything), key=self._find_bic)
+
+    def _select_forward(self) -> tuple[int, ...]:
+        candidates = self._list_candidates()
+        chosen: tuple[int, ...] = ()
+        while True:
+            refuted = []
+            for own in candidates:
+                larger = tuple(sorted({*chosen, *own}))
+                if larger != chosen:
+                    statistic, rank = self._compare(larger, chosen)
+                    if self._is_refuted(statistic, rank):
+                        refuted.append(larger)
+            best = self._reduce(max(refuted, key=self._find_bic, default=chosen))
+            if self._find_bic(best) <= self._find_bic(chosen):
+                return chosen
+            chosen = best
+
+    def _list_candidates(self) -> list[tuple[int, ...]]:
+        """List single numbers, and all numbers of an attribute."""
+        singles = [self._complete((i,)) for i in self._fits.free]
+        return list(dict.fromkeys([*singles, *self._groups.values()]))
+
+    def _is_refuted(self, statistic: float, rank: int) -> bool:
+        """Whether numbers are refuted by BIC, and by a test that counts all candidates (Bonferroni)."""
+        p_value = float(chi2.sf(statistic, rank)) * len(self._list_candidates())
+        return statistic > rank * log(self._n_people) and p_value < MAX_CHANGE_P_VALUE
+
+    def _reduce(self, chosen: tuple[int, ...]) -> tuple[int, ...]:
+        """Return to the stated numbers one by one, as long as the data do not refute the next."""
+        while len(chosen) > 1:
+            smaller = [tuple(i for i in chosen if i != own) for own in chosen]
+            smaller = [own for own in smaller if self._complete(own) == own]
+            for own in smaller:
+                self._fits.fit(own, near=self._fits.fit(chosen))
+            tests = {own: self._compare(chosen, own) for own in smaller}
+            reduced = min(tests, key=lambda own: tests[own][0], default=())
+            if not reduced or self._is_refuted(*tests[reduced]):
+                break
+            chosen = reduced
+        return chosen
+
+    def _compare(self, free: Collection[int], known: Collection[int]) -> tuple[float, int]:
+        """Test the stated numbers that are free, apart from the known ones, against the fit of the free ones.
+
+        Wald's statistic takes the uncertainty of senses and answers into account, but is small if numbers are
+        weakly determined and correlated, however wrong they are together (Hauck and Donner, JASA 72, 1977).
+        So the likelihood ratio is used if it is larger, even divided by the largest inflation of a variance.
+
+        Returns:
+            The larger statistic, and the number of free directions.
+        """
+        fit = self._fits.fit(free)
+        wald, rank = _compute_wald(fit, known)
+        ratio = (self._find_gain(free) - self._find_gain(known)) / fit.inflation
+        return max(wald, ratio), rank
+
+    def _list_rivals(self, chosen: tuple[int, ...]) -> list[str]:
+        """List other changes that explain the data as well: single numbers, or whole other attributes.
+
+        The chosen numbers fit the data better than the truth by chance, and the others may not.
+        """
+        by_chance = self._fits.fit(chosen).inflation * float(chi2.isf(MAX_P_VALUE, len(chosen)))
+        min_gain, rivals = self._find_gain(chosen) - by_chance, list[str]()
+        for i in self._fits.free:
+            own = self._complete((i,))
+            if i not in chosen and self._find_gain(own) > min_gain:
+                rivals.append(_name(self._atom(i)))
+        changed = {self._atom(i).term.name for i in chosen}
+        worst = max(changed, key=lambda name: self._find_bic(self._groups[name]))
+        others = [name for name in self._groups if name != worst]
+        if not rivals:
+            for size in (1, 2):
+                for names in combinations(others, size):
+                    if any(set(r.split(" and ")) <= set(names) for r in rivals):
+                        continue
+                    own = tuple(sorted(i for name in names for i in self._groups[name]))
+                    self._fits.fit(own, N_STARTS)
+                    if self._find_gain(own) > min_gain:
+                        rivals.append(" and ".join(names))
+        return rivals
+
+    def _describe(self, statement: int, fit: NumbersFit) -> NumberEstimate:
+        place = fit.statements.index(statement)
+        stated, estimate = float(fit.stated[place]), float(fit.estimates[place])
+        variance = float(fit.covariance[place, place])
+        atom, gain = self._atom(statement), self._find_gain(fit.statements)
+        found = NumberEstimate(
+            _name(atom), stated, estimate, None, 1.0, atom, gain, self._is_missing(statement)
+        )
+        if variance > MAX_PRIOR_SHARE * fit.prior_variance[place]:
+            return found
+        interval, p_value = compare_log_odds(stated, estimate, variance)
+        return replace(found, interval=interval, p_value=p_value)
+
+    def _describe_attribute(self, name: str) -> AttributeTest:
+        own = self._groups[name]
+        p_value = float(chi2.sf(*self._compare(own, ())))
+        return AttributeTest(name, len(own), self._find_gain(own), self._find_bic(own), p_value)
+
+
+def _name(atom: Probability) -> str:
+    """Return a pr-atom without its number."""
+    return str(atom).rpartition(" = ")[0]
+
+
+def _compute_wald(fit: NumbersFit, known: Collection[int]) -> tuple[float, int]:
+    """Compare the stated numbers with the fit, apart from the known ones: Wald's statistic, and its rank."""
+    places = [k for k, i in enumerate(fit.statements) if i not in known]
+    slopes = fit.estimates * (1 - fit.estimates)  # of the log-odds
+    shift = (logit(fit.estimates) - logit(bound_stated(fit.stated)))[places]
+    covariance = (fit.covariance / np.outer(slopes, slopes))[np.ix_(places, places)]
+    rank = int(np.linalg.matrix_rank(covariance, tol=1e-9 * np.abs(covariance).max(), hermitian=True))
+    return float(shift @ invert(covariance) @ shift), rank
+
+
+def _guess_rates(people: LoggedPeople, place: int) -> Array:
+    """Return (V, L) rates of a sense of which none are stated: its label is rather right than wrong."""
+    sense, labels = people.domain.senses[place], people.labels[place]
+    rates = np.full((len(people.domain.values), len(labels)), 0.3 / max(len(labels) - 1, 1))
+    for row, value in zip(rates, people.domain.values, strict=True):
+        row[labels.index(sense.label_of[people.domain.class_of(sense.name, value)])] = 0.7
+    return rates

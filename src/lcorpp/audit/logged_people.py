@@ -1,0 +1,161 @@
+"""The people of a log of decisions: their facts, labels and answers."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from lcorpp.assembly.robot_parts import load_logged_domain, read_program
+from lcorpp.domains import Domain
+from lcorpp.domains.dialogue import DomainDialogue
+from lcorpp.errors import DataError
+from lcorpp.logs.decision_log import DAMAGE, LoggedDecision, describe_damage, read_log
+from lcorpp.reasoning import Program, Reasoner
+from lcorpp.trust.cases import NO_LABEL, Cases
+from lcorpp.trust.sources import StatedSources
+from lcorpp.values import Array, Label, Likelihood
+
+
+@dataclass(frozen=True, eq=False)
+class LoggedPeople:
+    """The people about whom one strategy decided.
+
+    program: with the rules of the log's last classifiers. contexts: the facts of each. labels: those of each
+    sense. stated_rates: for each sense (V, L) the program's; None for a sense with soft evidence.
+    cases: the distinct people. strategy: its name. n_others: number of decisions of other strategies.
+    skipped: why lines are left out -> how many.
+    """
+
+    domain: Domain
+    program: Program
+    dialogue: DomainDialogue
+    contexts: Sequence[Mapping[str, str]]
+    labels: Sequence[Sequence[str]]
+    stated_rates: Sequence[Array | None]
+    cases: Cases
+    strategy: str
+    n_others: int
+    skipped: Mapping[str, int]
+
+
+def read_people(path: Path, *, folder: Path | None = None, strategy: str | None = None) -> LoggedPeople:
+    """Read the people of a log.
+
+    The knowledge, model and classifiers are those of the log's last decision, from the files as they are now.
+    Labels of other classifiers are left out.
+
+    Args:
+        folder: of the domain, if it is not the one of the log.
+        strategy: whose decisions are read; None: the one with the most decisions, of equal ones the last in
+            the log, as strategies of one run decide about the same people.
+
+    Raises:
+        FileError: the log cannot be read.
+        DataError: it has no decision of the strategy, or none that can be read.
+        LcorppError: the domain cannot be loaded, or its dialogue cannot be followed.
+    """
+    skipped, decisions = Counter[str](), list[LoggedDecision]()
+    for line in read_log(path):
+        if isinstance(line, DataError):
+            skipped[str(line).partition(": ")[2]] += 1
+        else:
+            decisions.append(line)
+    try:
+        counts = Counter([str(line.strategy["name"]) for line in decisions])
+        chosen = strategy or max(counts, key=lambda name: counts[name], default="")
+        largest = [name for name in counts if counts[name] == counts.get(chosen)]
+        chosen = strategy or (largest[-1] if largest else "")
+        own = [line for line in decisions if line.strategy["name"] == chosen]
+        if not own:
+            found = ", ".join(counts) or "none"
+            raise DataError(
+                f"{path}: no decision{f' of {strategy}' if strategy else ''}; strategies in it: {found}"
+            )
+        parts = own[-1].content["parts"]
+        domain = load_logged_domain(parts, folder)
+        program = read_program(parts, domain)
+    except DataError:
+        raise
+    except DAMAGE as error:
+        raise DataError(f"{path}: cannot be read: {describe_damage(error)}") from error
+    return _Reader(domain, program, parts).read(own, chosen, len(decisions) - len(own), skipped, path)
+
+
+class _Reader:
+    """Reads decisions as cases."""
+
+    def __init__(self, domain: Domain, program: Program, parts: Mapping[str, object]) -> None:
+        self._domain, self._program, self._parts = domain, program, parts
+        self._dialogue = DomainDialogue(domain)
+        self._senses = [sense.name for sense in domain.senses]
+        self._labels: list[list[str]] = []
+        self._rates: list[Array | None] = []
+        self._contexts: dict[frozenset[tuple[str, str]], int] = {}
+        start = domain.marginal(domain.pomdp.start)
+        stated = StatedSources(Reasoner(program), domain, start)
+        descriptions = parts["classifiers"]
+        assert isinstance(descriptions, Mapping)
+        for sense in domain.senses:
+            if descriptions.get(sense.name, {}).get("soft"):
+                self._labels.append(list(sense.label_of.values()))
+                self._rates.append(None)
+            else:
+                labels, rates = stated.compute_rates(sense.attribute)
+                self._labels.append(list(labels))
+                self._rates.append(rates)
+
+    def read(
+        self,
+        decisions: Sequence[LoggedDecision],
+        strategy: str,
+        n_others: int,
+        skipped: Counter[str],
+        path: Path,
+    ) -> LoggedPeople:
+        n_answers = self._dialogue.tables.shape[0] * self._dialogue.tables.shape[2]
+        cases = Cases(len(self._senses), n_answers)
+        for line in decisions:
+            try:
+                cases.add(*self._read(line))
+            except DAMAGE as error:
+                skipped[describe_damage(error)] += 1
+        if not cases.n:
+            reason = next(iter(skipped), "it is empty")
+            raise DataError(f"{path}: no decision can be read: {reason}")
+        return LoggedPeople(
+            self._domain,
+            self._program,
+            self._dialogue,
+            [dict(context) for context in self._contexts],
+            self._labels,
+            self._rates,
+            cases,
+            strategy,
+            n_others,
+            skipped,
+        )
+
+    def _read(self, line: LoggedDecision) -> tuple[int, list[int], list[int]]:
+        """Return the context, labels and answers of a decision."""
+        content = line.content
+        history = [(s["action"], s["observation"]) for s in content["steps"] if s["observation"] is not None]
+        answers = self._dialogue.find_answers(history)
+        labels = [self._read_label(line, sense) for sense in range(len(self._senses))]
+        facts = frozenset({str(name): str(value) for name, value in content["facts"].items()}.items())
+        return self._contexts.setdefault(facts, len(self._contexts)), labels, answers
+
+    def _read_label(self, line: LoggedDecision, place: int) -> int:
+        """Return the index of a label; `NO_LABEL` if there is none, or another classifier's."""
+        name, attribute = self._senses[place], self._domain.label_attributes[place]
+        own, last = line.content["parts"]["classifiers"], self._parts["classifiers"]
+        assert isinstance(last, Mapping)
+        label: Label | None = line.content["evidence"].get(attribute)
+        if label is None or own.get(name) != last.get(name):
+            return NO_LABEL
+        if isinstance(label, Mapping):
+            label = Likelihood(tuple(label), np.array(list(label.values()))).most_likely()
+        return self._labels[place].index(str(label))

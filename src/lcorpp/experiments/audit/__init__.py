@@ -1,1 +1,0 @@
-"""The audit of what is stated: knowledge, rates of classifiers, observation model."""

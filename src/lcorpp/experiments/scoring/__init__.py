@@ -1,1 +1,0 @@
-"""Scores of strategies, by simulated trials and exactly."""

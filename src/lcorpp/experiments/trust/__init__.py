@@ -1,1 +1,0 @@
-"""Trust in a domain: its composition, and policies for the estimated observation model."""

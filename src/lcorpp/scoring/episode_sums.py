@@ -1,0 +1,194 @@
+"""All episodes of a strategy at once: probabilities, costs and returns, summed step by step.
+
+After the same number of actions, the episodes that are at the same point of the decision, with the same true
+value and the same hidden state, are one entry: their probability and the first two moments of their cost.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from lcorpp.decision.dt_control import MAX_STEPS
+from lcorpp.errors import NoReportError
+from lcorpp.scoring.decision_graph import ENDED, DecisionGraph
+from lcorpp.scoring.episode_model import EpisodeModel
+from lcorpp.scoring.episode_totals import EpisodeTotals
+from lcorpp.values import Array, Indices, Interval
+
+MIN_PROBABILITY = 1e-12
+"""Branches of an episode less likely than this are pruned."""
+
+MAX_POINTS = 200_000
+"""Maximum number of points at which the episodes of a strategy are continued: some ten seconds.
+
+The less likely episodes are dropped."""
+
+MAX_ENTRIES = 4_000_000
+"""Maximum number of entries after the same number of actions, times three numbers of 8 bytes."""
+
+
+@dataclass(frozen=True, eq=False)
+class EpisodeSums:
+    """The sums over all episodes.
+
+    joint: (V, V + 1) probability of true value i and reported value j; the last column is for no report.
+    cost, squared_cost: the expectation of the cost of the actions before the report, and of its square.
+    return_: the expectation of the undiscounted return.
+    dropped: (V,) probability of the episodes of each true value that are not in these sums.
+    cost_range, return_range: bounds of what the dropped episodes add to the expectations.
+    """
+
+    joint: Array
+    cost: float
+    squared_cost: float
+    return_: float
+    dropped: Array
+    cost_range: tuple[float, float]
+    return_range: tuple[float, float]
+
+    def bound(self, known: float, rest: tuple[float, float]) -> Interval:
+        """Return bounds of an expectation, from its sum over the known episodes and the range of the rest.
+
+        The estimate is the mean of the known episodes.
+        """
+        share = float(self.dropped.sum())
+        if not share:
+            return Interval.exact(known)
+        low, high = known + rest[0], known + rest[1]
+        return Interval(min(max(known / (1 - share), low), high), low, high, confidence=1.0)
+
+
+class _Sums:
+    """The `EpisodeSums` of K strategies while they grow."""
+
+    def __init__(self, model: EpisodeModel, count: int) -> None:
+        v = model.n_values
+        self._model, self._joint, self._dropped = model, np.zeros((count, v, v + 1)), np.zeros((count, v))
+        self._known = np.zeros((count, 3))  # cost, squared cost, return
+        self._ranges = np.zeros((count, 2, 2))  # of cost and return
+
+    def end(self, owners: Indices, moments: Array, actions: Indices) -> None:
+        """Add episodes that end with an action: (n,) strategies, (n, 3, J) moments, (n,) actions."""
+        model, probability = self._model, moments[:, 0]
+        cells = owners[:, None], model.values, model.reports[actions][:, None]
+        np.add.at(self._joint, cells, probability)
+        reward = (probability * model.reward[actions]).sum(axis=1)
+        cost, squared_cost = moments[:, 1:].sum(axis=2).T
+        np.add.at(self._known, owners, np.stack([cost, squared_cost, reward - cost], axis=1))
+
+    def drop(self, owners: Indices, moments: Array, steps_left: int) -> None:
+        """Add episodes that are dropped before their end, with at most `steps_left` further actions."""
+        model, ends = self._model, np.array(self._model.end_range)
+        np.add.at(self._dropped, (owners[:, None], model.values), moments[:, 0])
+        mass, cost = moments[:, :2].sum(axis=2).T[:, :, None]
+        steps = steps_left * np.array(model.step_range)
+        costs, returns = cost - mass * steps[::-1], mass * (steps + ends) - cost
+        np.add.at(self._ranges, owners, np.stack([costs, returns], axis=1))
+
+    def list_sums(self) -> list[EpisodeSums]:
+        """Return the sums of each strategy."""
+        rows = zip(self._joint, self._known.tolist(), self._dropped, self._ranges.tolist(), strict=True)
+        return [
+            EpisodeSums(joint, cost, squared_cost, return_, dropped, (a, b), (c, d))
+            for joint, (cost, squared_cost, return_), dropped, ((a, b), (c, d)) in rows
+        ]
+
+
+def sum_episodes(
+    model: EpisodeModel,
+    graph: DecisionGraph,
+    roots: Mapping[tuple[int, int], Array],
+    names: Sequence[str],
+    progress: Callable[[int, int], None],
+) -> list[EpisodeSums]:
+    """Sum over all episodes of K strategies that act alike at the same points.
+
+    Args:
+        graph: the strategies' decisions.
+        roots: (node before the first action, index of the strategy) -> (V,) probability of each true value.
+        names: of the strategies, for messages.
+        progress: called with the percentage of the episodes that have ended, and 100.
+
+    Raises:
+        NoReportError: there is no report after `MAX_STEPS` actions.
+    """
+    sums, count = _Sums(model, len(names)), len(names)
+    nodes, owners = np.array(list(roots), np.intp).T
+    moments = np.zeros((len(nodes), 3, len(model.values)))
+    moments[:, 0] = np.array(list(roots.values())) @ model.starts
+    points, max_width = 0, max(1, MAX_ENTRIES // len(model.values))
+    totals: EpisodeTotals | None = None  # of the graph when no new point was reached
+    for step in range(MAX_STEPS + 1):
+        actions = graph.find_actions(nodes)
+        ends = _find_ends(model, actions)
+        if ends.any():
+            sums.end(owners[ends], moments[ends], actions[ends])
+        sources, observations, parts = [nodes[:0]], [nodes[:0]], [moments[:0]]
+        moments = _add_cost(moments, -model.reward[actions])
+        for a in sorted(set(actions[~ends].tolist())):
+            rows = np.flatnonzero(actions == a)
+            part = moments[rows]  # (n, 3, J); a sparse matrix takes two dimensions
+            after = (part.reshape(-1, part.shape[2]) @ model.transition[a]).reshape(part.shape)
+            possible, probabilities = model.feedback[a]
+            n, o = np.nonzero(after[:, 0] @ probabilities.T >= MIN_PROBABILITY)
+            sources.append(rows[n])
+            observations.append(possible[o])
+            parts.append(after[n] * probabilities[o, None])
+        source, observation = np.concatenate(sources), np.concatenate(observations)
+        moments = np.concatenate(parts)
+        if not len(source):
+            return sums.list_sums()
+        if step == MAX_STEPS:
+            break
+        width = min(max_width, count * MAX_POINTS - points)
+        if len(source) > width:
+            order = np.argsort(-moments[:, 0].sum(axis=1), kind="stable")
+            rest, kept = order[width:], np.sort(order[:width])
+            sums.drop(owners[source[rest]], moments[rest], MAX_STEPS - step)
+            source, observation, moments = source[kept], observation[kept], moments[kept]
+        points += len(source)
+        progress(100 - round(100 * float(moments[:, 0].sum()) / count), 100)
+        n_known, children = len(graph), graph.find_children(nodes[source], observation)
+        nodes, owners, moments = _merge(children * count + owners[source], moments, count)
+        if len(graph) == n_known:
+            if totals is None or totals.n_arcs != graph.n_arcs:
+                totals = EpisodeTotals(model, graph)
+            total = totals.find(nodes, owners, moments, count)
+            if total is not None:
+                nodes, owners = np.divmod(np.arange(len(graph) * count), count)
+                actions = graph.find_actions(nodes)
+                ends = _find_ends(model, actions)
+                sums.end(owners[ends], total.reshape(-1, *total.shape[2:])[ends], actions[ends])
+                return sums.list_sums()
+    owner, node = int(owners[source[0]]), int(nodes[source[0]])
+    root = graph.describe_root([first for first, k in roots if k == owner], node)
+    raise NoReportError(
+        f"{names[owner]}: no report after {MAX_STEPS} actions; the policy does not report from {root}"
+    )
+
+
+def _find_ends(model: EpisodeModel, actions: Indices) -> npt.NDArray[np.bool_]:
+    """Return whether a decision ends with each action, (n,)."""
+    ends: npt.NDArray[np.bool_] = (model.reports[actions] < model.n_values) | (actions == ENDED)
+    return ends
+
+
+def _add_cost(moments: Array, cost: Array) -> Array:
+    """Add a further cost (n, J) to the moments (n, 3, J) of episodes, in place."""
+    probability, first, second = moments[:, 0], moments[:, 1], moments[:, 2]
+    second += cost * (2 * first + cost * probability)
+    first += cost * probability
+    return moments
+
+
+def _merge(keys: Indices, moments: Array, count: int) -> tuple[Indices, Indices, Array]:
+    """Return the nodes and owners of the distinct keys, node * count + owner, and their summed moments."""
+    order = np.argsort(keys, kind="stable")
+    ordered = keys[order]
+    first = np.flatnonzero(np.diff(ordered, prepend=-1))
+    nodes, owners = np.divmod(ordered[first], count)
+    return nodes, owners, np.add.reduceat(moments[order], first, axis=0)

@@ -1,0 +1,199 @@
+"""An experiment and its trials: people, drawn by chunks, with their signals and the classifiers' output."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import lru_cache
+from time import perf_counter
+from typing import NamedTuple
+
+import numpy as np
+
+from lcorpp.assembly.robot_parts import RobotParts
+from lcorpp.decision import Robot, Strategy, dt_control
+from lcorpp.decision.strategies import Rates, Session, make_generator
+from lcorpp.domains import Domain
+from lcorpp.errors import DecisionError, check_type
+from lcorpp.planning import Planner, Policy
+from lcorpp.simulation.people import Person, Population, SignalSource
+from lcorpp.simulation.simulated_classifier import BatchClassifier, PrecomputedLabel
+from lcorpp.simulation.world import SimulatedWorld, SimulationModel
+from lcorpp.values import Array, Belief, Episode, Indices, Instance, Label
+
+CHUNK_SIZE = 100
+"""Trials per chunk. Each chunk has its own random generator, so this number is part of every result."""
+
+
+@dataclass(frozen=True, eq=False)
+class Experiment:
+    """The full robot, the sources of its signals and the strategies to compare.
+
+    classifiers, signals: sense -> its classifier for many people at once, and the source of its signals.
+    seed: of the people and their answers. All strategies get the same people and the same random numbers, so
+        that differences between strategies are not differences between samples.
+    parts: what determines the robot's decisions, for a log.
+    rates: of senses with soft evidence, for strategies that learn from earlier people.
+    """
+
+    domain: Domain
+    robot: Robot
+    classifiers: Mapping[str, BatchClassifier]
+    signals: Mapping[str, SignalSource]
+    strategies: tuple[Strategy, ...]
+    seed: int
+    parts: RobotParts | None = None
+    rates: Rates = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        check_type(self.domain, Domain, "the domain of an experiment", DecisionError)
+        check_type(self.robot, Robot, "the robot of an experiment", DecisionError)
+        for strategy in self.strategies:
+            check_type(strategy, Strategy, "a strategy of an experiment", DecisionError)
+
+
+NO_GAP = -1.0
+"""Instead of a gap: a decision without the experiment's policy, or a policy without an upper bound."""
+
+
+def find_gap(robot: Robot, strategy: Strategy, prior: Belief) -> float:
+    """Return the gap between the bounds of the full robot's policy at a prior (S,), or `NO_GAP`."""
+    planner, is_own = robot.planner, strategy.start is not None or strategy.change is not None
+    if is_own or not strategy.plans or not isinstance(planner, Planner):
+        return NO_GAP
+    return NO_GAP if planner.policy.upper_bound is None else _compute_gap(planner.policy, prior.tobytes())
+
+
+@lru_cache(maxsize=1000)
+def _compute_gap(policy: Policy, prior: bytes) -> float:
+    """Compute a gap, once for all people with equal facts and labels."""
+    return policy.gap(np.frombuffer(prior))
+
+
+class Trial(NamedTuple):
+    """One trial before a decision.
+
+    robot: the full one, whose classifiers return their output about the person.
+    instance: what the robot perceives. seed: of the person's answers.
+    """
+
+    model: SimulationModel
+    robot: Robot
+    instance: Instance
+    person: Person
+    seed: tuple[int, ...]
+
+    def make_robot(self, strategy: Strategy, session: Session | None = None) -> Robot:
+        """Return the robot of a strategy; session: of a strategy that learns from earlier trials."""
+        if session is not None:
+            return session.robot(self.robot)
+        return strategy.robot(self.robot, make_generator(*self.seed) if strategy.draws else None)
+
+    def make_world(self) -> SimulatedWorld:
+        """Return the world before any action; each one draws the same random numbers."""
+        return self.model.make_world(self.person, np.random.default_rng(self.seed))
+
+
+@dataclass(frozen=True, eq=False)
+class Chunk:
+    """The n people of a chunk of trials.
+
+    robot: the full one. seed: of the experiment and the chunk; each person's has the place in the chunk, too.
+    signals: sense -> (n, ...). labels: sense -> output of the classifier about each person.
+    seconds: of the classifiers, for each person.
+    """
+
+    model: SimulationModel
+    robot: Robot
+    seed: tuple[int, int]
+    people: Sequence[Person]
+    signals: Mapping[str, Array]
+    labels: Mapping[str, Sequence[Label | None]]
+    seconds: float
+
+    def index_values(self) -> Indices:
+        """Return the index of each person's shared value, (n,)."""
+        domain = self.model.domain
+        return np.array([domain.values.index(domain.reasoning.join(p)) for p in self.people], np.intp)
+
+    def find_trial(self, i: int) -> Trial:
+        """Return the trial of person i."""
+        person, observed = self.people[i], self.model.domain.observed
+        classifiers = {sense: PrecomputedLabel(labels[i]) for sense, labels in self.labels.items()}
+        signals = {sense: signals[i] for sense, signals in self.signals.items()}
+        instance = Instance(signals, {name: person[name] for name in observed})
+        robot = replace(self.robot, classifiers=classifiers)
+        return Trial(self.model, robot, instance, person, (*self.seed, i))
+
+
+class ChunkSource:
+    """Draws the chunks of an experiment; its seed and the number of a chunk determine every random draw."""
+
+    def __init__(self, experiment: Experiment) -> None:
+        self._experiment = experiment
+        self._model, self._population = SimulationModel(experiment.domain), Population(experiment.domain)
+
+    def draw(self, number: int, count: int) -> Chunk:
+        """Draw a chunk of some people."""
+        experiment, seed = self._experiment, (self._experiment.seed, number)
+        rng = np.random.default_rng(seed)
+        people = self._population.sample(count, rng)
+        signals = {}
+        for place, sense in enumerate(experiment.domain.senses):
+            if sense.name in experiment.signals:  # the same, whatever other senses the strategies use
+                own = rng if place == 0 else np.random.default_rng([*seed, place, 2])
+                signals[sense.name] = experiment.signals[sense.name].simulate(people, own)
+        began = perf_counter()
+        labels = {
+            sense: classifier.classify_many(signals[sense])
+            for sense, classifier in experiment.classifiers.items()
+        }
+        seconds = (perf_counter() - began) / count
+        return Chunk(self._model, experiment.robot, seed, people, signals, labels, seconds)
+
+
+def draw_trial(experiment: Experiment, trial: int, *, trials: int) -> Trial:
+    """Draw the person of one trial again.
+
+    Args:
+        trial: its number, from 0. trials: the number of all trials.
+
+    Raises:
+        DecisionError: there is no such trial.
+    """
+    if not 0 <= trial < trials:
+        raise DecisionError(f"there is no trial {trial}; expected 0 to {trials - 1}")
+    number, i = divmod(trial, CHUNK_SIZE)
+    count = min(CHUNK_SIZE, trials - number * CHUNK_SIZE)
+    return ChunkSource(experiment).draw(number, count).find_trial(i)
+
+
+def replay_trial(experiment: Experiment, trial: int, strategy: Strategy, *, trials: int) -> Episode:
+    """Decide about the person of one trial again.
+
+    Args:
+        trial: its number, from 0. strategy: one of the experiment's. trials: the number of all trials.
+
+    Raises:
+        DecisionError: there is no such trial; and whatever the robot's parts raise.
+    """
+    drawn = draw_trial(experiment, trial, trials=trials)
+    robot = drawn.make_robot(strategy, start_session(experiment, strategy, trial, trials=trials))
+    return dt_control(robot, drawn.instance, drawn.make_world())
+
+
+def start_session(experiment: Experiment, strategy: Strategy, trial: int, *, trials: int) -> Session | None:
+    """Return the session of a strategy after the trials before `trial`; None if it does not learn from them.
+
+    Arguments and errors: as of `replay_trial`.
+    """
+    if strategy.start is None:
+        return None
+    session, source = strategy.start(experiment.robot, experiment.rates), ChunkSource(experiment)
+    for first in range(0, trial, CHUNK_SIZE):
+        chunk = source.draw(first // CHUNK_SIZE, min(CHUNK_SIZE, trials - first))
+        for i in range(min(CHUNK_SIZE, trial - first)):
+            drawn = chunk.find_trial(i)
+            episode = dt_control(drawn.make_robot(strategy, session), drawn.instance, drawn.make_world())
+            session.learn(episode)
+    return session
