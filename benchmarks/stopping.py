@@ -17,7 +17,7 @@ import typer
 from rich.console import Console
 
 from lcorpp.assembly import TrainingOptions
-from lcorpp.assembly.setup import solve_domain
+from lcorpp.assembly.solving import solve_domain
 from lcorpp.decision.stopping import choose_epsilon, compute_change
 from lcorpp.domains import load_domain
 from lcorpp.files import make_folder, write_atomically

@@ -24,7 +24,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from rich.console import Console
 
-from lcorpp.assembly.setup import solve_domain
+from lcorpp.assembly.solving import solve_domain
 from lcorpp.domains import Domain, load_domain
 from lcorpp.early_decision.comparison import (
     choose_best,

@@ -1,3 +1,4 @@
+from .assembly import decide as decide, load_robot as load_robot
 from .decision import STRATEGIES as STRATEGIES, Robot as Robot, dt_control as dt_control, lcorpp as lcorpp
 from .domains import Domain as Domain, load_domain as load_domain
 from .errors import LcorppError as LcorppError

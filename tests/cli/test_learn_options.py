@@ -6,7 +6,7 @@ import re
 import pytest
 
 from lcorpp import load_domain
-from lcorpp.assembly.setup import solve_domain
+from lcorpp.assembly.solving import solve_domain
 from lcorpp.planning import write_policy
 
 pytestmark = pytest.mark.usefixtures("unrendered")

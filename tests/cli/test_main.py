@@ -146,7 +146,7 @@ def test_outputs_are_checked_before_the_work(lcorpp, monkeypatch, tmp_path):
 
 
 def test_the_options_of_learn_are_checked_before_the_work(lcorpp, monkeypatch, tmp_path):
-    monkeypatch.setattr("lcorpp.assembly.setup.solve_cached", None)
+    monkeypatch.setattr("lcorpp.assembly.solving.solve_cached", None)
     (tmp_path / "file").write_text("")
     refused(lcorpp("learn", *SMALL, "--store", tmp_path / "file" / "x.tracks"), "file is a file")
     refused(lcorpp("learn", *SMALL, "--store", tmp_path / "no" / "x.tracks"), "there is no folder")
@@ -209,14 +209,14 @@ def test_a_classifier_that_cannot_be_saved_is_reported_before_the_training(lcorp
 
 
 def test_a_search_that_has_not_converged_is_reported(lcorpp, monkeypatch):
-    from lcorpp.assembly import setup
+    from lcorpp.assembly import solving
     from lcorpp.planning import solve
 
     def stop_early(pomdp, beliefs, options, **_):
         solution = solve(pomdp, beliefs)
         return replace(solution, reason="time limit", upper=solution.lower + 0.25, solver=options.name)
 
-    monkeypatch.setattr(setup, "solve_cached", stop_early)
+    monkeypatch.setattr(solving, "solve_cached", stop_early)
     for command in (("run", "--exact", "--strategy", "P"), ("explain", "--label", "zero")):
         ended = lcorpp(*command, "--preset", "authors")
         assert ended.code == 0

@@ -130,7 +130,7 @@ def test_ctrl_c_goes_on_with_the_best_policy_so_far(lcorpp, monkeypatch, command
     def interrupted(pomdp, starts, options, **_):
         return solve(pomdp, starts, callback=stop)
 
-    monkeypatch.setattr("lcorpp.assembly.setup.solve_cached", interrupted)
+    monkeypatch.setattr("lcorpp.assembly.solving.solve_cached", interrupted)
     ended = lcorpp(*command)
     assert ended.code == 0
     assert "has not converged (interrupted; this is the best policy so far): a gap of" in ended.err

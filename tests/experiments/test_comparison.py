@@ -13,7 +13,7 @@ from lcorpp.assembly import (
     solve_domain,
     train_classifier,
 )
-from lcorpp.assembly.setup import EvidenceOptions
+from lcorpp.assembly.options import EvidenceOptions
 from lcorpp.decision import strategies
 from lcorpp.domains import load_domain
 from lcorpp.errors import DomainError, LcorppError

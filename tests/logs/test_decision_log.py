@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from lcorpp.assembly.robot_parts import ClassifierPart, RobotParts, find_fingerprint, read_parts
-from lcorpp.assembly.setup import make_program, solve_domain
+from lcorpp.assembly.robot_parts import ClassifierPart, RobotParts, find_fingerprint, make_program, read_parts
+from lcorpp.assembly.solving import solve_domain
 from lcorpp.assembly.strategies.baselines import find_strategies
 from lcorpp.decision import STRATEGIES, strategies
 from lcorpp.domains import load_domain

@@ -3,7 +3,7 @@
 import pytest
 
 from lcorpp import load_domain
-from lcorpp.assembly.setup import TrainingOptions
+from lcorpp.assembly.options import TrainingOptions
 from lcorpp.assembly.track_robot import set_up_track_robot
 from lcorpp.planning.policy_cache import find_cache_folder
 from tests.worlds.ros.stand_in import heard_domain

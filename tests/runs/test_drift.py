@@ -9,7 +9,7 @@ from scipy.integrate import quad
 
 from lcorpp import load_domain
 from lcorpp.assembly import TrainingOptions
-from lcorpp.assembly.setup import solve_domain
+from lcorpp.assembly.solving import solve_domain
 from lcorpp.planning import Planner
 from lcorpp.planning.policy_cache import find_cache_folder
 from lcorpp.runs import ActiveLearningOptions, run_active_learning, set_up_learning

@@ -6,8 +6,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from lcorpp.assembly.options import EvidenceOptions, TrainingOptions
 from lcorpp.assembly.robot_parts import RobotParts
-from lcorpp.assembly.setup import EvidenceOptions, TrainingOptions, solve_domain
+from lcorpp.assembly.solving import solve_domain
 from lcorpp.decision.lcorpp import Training
 from lcorpp.domains import load_domain
 from lcorpp.errors import DataError, DecisionError, FileError

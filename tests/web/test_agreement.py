@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from lcorpp import load_domain
-from lcorpp.assembly.setup import TrainingOptions
+from lcorpp.assembly.options import TrainingOptions
 from lcorpp.assembly.track_robot import find_track_senses
 from lcorpp.planning.policy_cache import find_cache_folder
 from lcorpp.web.export import bundle_page

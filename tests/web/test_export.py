@@ -7,7 +7,7 @@ from html.parser import HTMLParser
 
 import pytest
 
-from lcorpp.assembly.setup import TrainingOptions
+from lcorpp.assembly.options import TrainingOptions
 from lcorpp.errors import DataError, FileError, TooLargeError
 from lcorpp.web import model as web_model
 from lcorpp.web.export import bundle_modules, bundle_page

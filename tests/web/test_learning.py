@@ -8,7 +8,7 @@ from concurrent.futures import BrokenExecutor, Executor, Future
 import numpy as np
 import pytest
 
-from lcorpp.assembly.setup import TrainingOptions
+from lcorpp.assembly.options import TrainingOptions
 from lcorpp.assembly.training_data import make_training_data
 from lcorpp.errors import DataError
 from lcorpp.learning.store import read_store

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from lcorpp import load_domain
-from lcorpp.assembly.setup import solve_domain
+from lcorpp.assembly.solving import solve_domain
 from lcorpp.planning.belief import observation_probabilities, update
 from lcorpp.planning.policy_cache import find_cache_folder
 from lcorpp.web import reachable

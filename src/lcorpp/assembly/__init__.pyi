@@ -2,18 +2,23 @@ from .classifier_training import (
     load_trained as load_trained,
     train_classifier as train_classifier,
 )
+from .options import (
+    EvidenceOptions as EvidenceOptions,
+    StoredOptions as StoredOptions,
+    TrainingOptions as TrainingOptions,
+)
+from .robot import (
+    DomainRobot as DomainRobot,
+    compose_robot as compose_robot,
+    decide as decide,
+    load_robot as load_robot,
+)
 from .robot_parts import (
     ClassifierPart as ClassifierPart,
     RobotParts as RobotParts,
 )
-from .setup import (
-    EvidenceOptions as EvidenceOptions,
-    SenseSetup as SenseSetup,
-    StoredOptions as StoredOptions,
-    TrainingOptions as TrainingOptions,
-    make_robot as make_robot,
-    solve_domain as solve_domain,
-)
+from .senses import SenseSetup as SenseSetup
+from .solving import solve_domain as solve_domain
 from .strategies.baselines import (
     BASELINES as BASELINES,
     find_strategies as find_strategies,

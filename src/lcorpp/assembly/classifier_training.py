@@ -5,16 +5,9 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any
 
-from lcorpp.assembly.setup import (
-    HARD_LABELS,
-    EvidenceOptions,
-    ProgressDisplay,
-    SenseSetup,
-    StoredOptions,
-    TrainingOptions,
-    nest_rates,
-    no_progress,
-)
+from lcorpp.assembly.options import HARD_LABELS, EvidenceOptions, StoredOptions, TrainingOptions
+from lcorpp.assembly.progress import ProgressDisplay, no_progress
+from lcorpp.assembly.senses import SenseSetup, nest_rates
 from lcorpp.assembly.thresholds import (
     compute_class_prevalence,
     find_positive_class,

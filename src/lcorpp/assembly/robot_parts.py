@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import lcorpp
-from lcorpp.assembly.setup import solve_domain
+from lcorpp.assembly.solving import RatesSource, solve_domain
 from lcorpp.assembly.strategies.baselines import BASELINES, find_strategies
 from lcorpp.assembly.strategies.trust import WITH_TRUST, compute_soft_rates
 from lcorpp.decision import STRATEGIES, Robot, Strategy
@@ -76,7 +76,7 @@ class RobotParts:
     @cached_property
     def program(self) -> Program:
         """The robot's program with the classifiers' rules."""
-        return _make_program(self.domain, self.classifiers, self.smoothing)
+        return make_program(self.domain, self.classifiers, self.smoothing)
 
     @cached_property
     def rates(self) -> Rates:
@@ -209,7 +209,7 @@ def read_program(description: Json, domain: Domain) -> Program:
     Raises:
         LcorppError, LookupError, TypeError, ValueError: as `read_parts`.
     """
-    return _make_program(domain, *_read_classifiers(description, domain))
+    return make_program(domain, *_read_classifiers(description, domain))
 
 
 def _read_classifiers(description: Json, domain: Domain) -> tuple[dict[str, ClassifierPart], Fraction]:
@@ -220,7 +220,14 @@ def _read_classifiers(description: Json, domain: Domain) -> tuple[dict[str, Clas
     return classifiers, Fraction(description["smoothing"])
 
 
-def _make_program(domain: Domain, classifiers: Mapping[str, ClassifierPart], smoothing: Fraction) -> Program:
+def make_program(
+    domain: Domain, classifiers: Mapping[str, RatesSource], smoothing: Fraction = JEFFREYS
+) -> Program:
+    """Return the domain's program with the error rates of classifiers as rules.
+
+    Args:
+        classifiers: sense -> its classifier. smoothing: of their confusion matrices.
+    """
     parts = classifiers.items()
     confusions = {name: part.confusion for name, part in parts if part.confusion is not None}
     return domain.program_for(confusions, smoothing, soft=[name for name, part in parts if part.soft])

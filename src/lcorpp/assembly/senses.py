@@ -2,66 +2,76 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
 
-from lcorpp.assembly.robot_parts import ClassifierPart
-from lcorpp.assembly.setup import (
-    ClassifierOptions,
-    EvidenceOptions,
-    ProgressDisplay,
-    Senses,
-    SenseSetup,
-    StoredOptions,
-    from_channel,
-    no_progress,
-)
-from lcorpp.domains import Domain, Sense
+from lcorpp.domains import Domain
+from lcorpp.domains.sections.learning import Sense
+from lcorpp.simulation.people import SignalSource
+from lcorpp.simulation.simulated_classifier import BatchClassifier, NoisyChannel
+from lcorpp.values import ConfusionMatrix, EvidenceKind
+
+if TYPE_CHECKING:  # scikit-learn takes seconds to load, and a noisy channel does without
+    from lcorpp.learning import EvaluationReport, Rate, TrainedClassifier
+from lcorpp.assembly.options import LABEL
 
 
-def set_up_senses(
-    domain: Domain,
-    senses: Iterable[Sense],
-    classifiers: Mapping[str, ClassifierOptions],
-    evidence: EvidenceOptions,
-    progress: ProgressDisplay = no_progress,
-    *,
-    seed: int = 0,
-    jobs: int = 1,
-) -> dict[str, SenseSetup]:
-    """Train or load the classifiers of some senses, or make their noisy channels.
+@dataclass(frozen=True, eq=False)
+class SenseSetup:
+    """The classifier of a sense, the source of its test signals, and its error rates.
 
-    Args:
-        classifiers: sense -> how to get its classifier; others are noisy channels.
-        evidence: of trained and loaded classifiers. seed, jobs: of the training.
+    rates: true class -> predicted class -> probability, as the rules contain them.
+    confusion: the matrix that replaces the rules; None for a noisy channel, whose rules the program has.
+    intervals: one row of rates with intervals per true class; () for a noisy channel.
+    source: "channel", the learner, or the file of the classifier.
+    trained: the trained classifier, without soft evidence; None for a noisy channel.
+    evidence: its kind of evidence; if a likelihood, the program does without its rates.
+    n_tracks: number of training cases, report: evaluation of the classifier; None if it was not trained now.
+    unit: plural noun of the cases. data: the recorded data, None if they are simulated.
+    notes: warnings about the data.
+    """
 
-    Returns:
-        sense -> its setup, in the order of `senses`.
+    classifier: BatchClassifier
+    signals: SignalSource
+    rates: dict[str, dict[str, float]]
+    confusion: ConfusionMatrix | None = None
+    intervals: Sequence[Sequence[Rate]] = ()
+    source: str = "channel"
+    trained: TrainedClassifier | None = None
+    evidence: EvidenceKind = LABEL
+    n_tracks: int | None = None
+    report: EvaluationReport | None = None
+    unit: str = "tracks"
+    data: Path | None = None
+    notes: tuple[str, ...] = ()
+
+    @property
+    def soft(self) -> bool:
+        """Whether its evidence is a likelihood."""
+        return self.evidence.is_likelihood
+
+    def __repr__(self) -> str:
+        kind = "channel" if self.trained is None else "trained"
+        rates = ", ".join(f"{value} {row[value]:.3f}" for value, row in self.rates.items())
+        return f"<SenseSetup {kind}; recall: {rates}>"
+
+
+Senses = Mapping[str, SenseSetup]
+"""Name of a sense -> its setup, for the senses that some strategy uses."""
+
+
+def from_channel(domain: Domain, sense: Sense) -> SenseSetup:
+    """Return the noisy channel of a sense; the program keeps its own rules.
 
     Raises:
-        DomainError: a sense has no noisy channel, or no signals to train on.
-        DataError, FileError: the options or files are wrong.
+        DomainError: the domain has no noisy channel.
     """
-    setups = {}
-    for sense in senses:
-        how = classifiers.get(sense.name)
-        if how is None:
-            setups[sense.name] = from_channel(domain, sense)
-            continue
-        # loads scikit-learn
-        from lcorpp.assembly.classifier_training import load_trained, train_classifier
-
-        if isinstance(how, StoredOptions):
-            setups[sense.name] = load_trained(domain, sense, how, evidence, seed=seed)
-        else:
-            setups[sense.name] = train_classifier(
-                domain, sense, how, evidence, seed=seed, jobs=jobs, progress=progress
-            )
-    return setups
+    channel = NoisyChannel.from_domain(domain, sense)
+    return SenseSetup(channel, channel, nest_rates(sense.classes, channel.rates.tolist()))
 
 
-def describe_classifiers(senses: Senses) -> dict[str, ClassifierPart]:
-    """Return the classifiers of some senses as parts of a robot, for the log."""
-    return {
-        name: ClassifierPart.of(setup.source, setup.classifier, confusion=setup.confusion, soft=setup.soft)
-        for name, setup in senses.items()
-    }
+def nest_rates(classes: Sequence[str], rows: Iterable[Iterable[float]]) -> dict[str, dict[str, float]]:
+    """Return rates (V, V) as true class -> predicted class -> probability."""
+    return {actual: dict(zip(classes, row, strict=True)) for actual, row in zip(classes, rows, strict=True)}

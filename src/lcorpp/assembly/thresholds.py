@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from lcorpp.assembly.setup import TrainingOptions
+from lcorpp.assembly.options import TrainingOptions
 from lcorpp.domains import Domain
 from lcorpp.domains.sections.learning import Sense
 from lcorpp.errors import DataError

@@ -5,16 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from pathlib import Path
 
+from lcorpp.assembly.options import HARD_LABELS, ClassifierOptions
+from lcorpp.assembly.progress import ProgressDisplay, no_progress
+from lcorpp.assembly.robot import compose_robot, set_up_senses
 from lcorpp.assembly.robot_parts import RobotParts
-from lcorpp.assembly.senses import describe_classifiers, set_up_senses
-from lcorpp.assembly.setup import (
-    HARD_LABELS,
-    ClassifierOptions,
-    ProgressDisplay,
-    have_own_rates,
-    no_progress,
-    solve_domain,
-)
 from lcorpp.domains import Domain, Sense
 from lcorpp.learning import StreamingClassifier, TrainedClassifier
 from lcorpp.planning import SolverOptions
@@ -60,9 +54,4 @@ def set_up_track_robot(
     trained = {name: setup.trained for name, setup in senses.items() if setup.trained is not None}
     for classifier in trained.values():
         StreamingClassifier.from_trained(classifier)  # raises an error before the POMDP is solved
-    known_as = describe_classifiers(senses)
-    with progress("solving the POMDP") as advance:
-        solution = solve_domain(
-            domain, solver, any_prior=have_own_rates(known_as), cache=cache, advance=advance
-        )
-    return RobotParts(domain, solution.policy, known_as, solver=solver), trained
+    return compose_robot(domain, senses, solver, cache=cache, progress=progress).parts, trained

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from lcorpp.assembly.setup import READ_AS_IT_IS, ReadingOptions, TrainingOptions
+from lcorpp.assembly.options import READ_AS_IT_IS, ReadingOptions, TrainingOptions
 from lcorpp.domains import Domain
 from lcorpp.domains.sections.learning import Sense
 from lcorpp.errors import DataError, DomainError, check_type, expected_one_of

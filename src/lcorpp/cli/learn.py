@@ -21,7 +21,7 @@ from lcorpp.cli.options.senses import reject_given
 from lcorpp.errors import DataError, expected_one_of
 
 if TYPE_CHECKING:
-    from lcorpp.assembly.setup import ClassifierOptions
+    from lcorpp.assembly.options import ClassifierOptions
     from lcorpp.domains import Domain
     from lcorpp.planning import Planner, Policy, Solution, SolverOptions
     from lcorpp.runs.batches import BatchResult
@@ -119,7 +119,7 @@ def learn(
     decision survives any interruption, and the same command resumes the run.
     """
     from lcorpp.assembly.robot_parts import RobotParts
-    from lcorpp.assembly.setup import explain_missing_reports
+    from lcorpp.assembly.solving import explain_missing_reports
     from lcorpp.cli.robot_output import note_storage_problems, print_domain, print_gap
     from lcorpp.experiments.results import FORMATS, write_batches
     from lcorpp.logs.decision_log import DecisionLog
@@ -198,7 +198,7 @@ def learn(
 
 def _choose_sources(domain: Domain, given: RobotOptions, tracks: int | None) -> dict[str, ClassifierOptions]:
     """Return the options of the classifier of each sense; `tracks` is for those that learn."""
-    from lcorpp.assembly.setup import TrainingOptions
+    from lcorpp.assembly.options import TrainingOptions
     from lcorpp.runs.senses import find_learning_senses
 
     sources = given.choose_classifiers(
@@ -222,7 +222,7 @@ def _make_planner(
     domain: Domain, policy: Policy | None, solver: SolverOptions, cache: Path | None
 ) -> tuple[Planner, Solution | None]:
     """Return the planner of a given policy, or solve the POMDP and print how well."""
-    from lcorpp.assembly.setup import solve_domain
+    from lcorpp.assembly.solving import solve_domain
     from lcorpp.cli.robot_output import print_solution
     from lcorpp.planning import Planner
 
@@ -268,7 +268,7 @@ def _check_options(domain: Domain, chosen: ActiveLearningOptions, tracks: int | 
         DomainError: trust cannot follow the dialogue of the domain.
     """
     from lcorpp.assembly.classifier_training import make_untrained
-    from lcorpp.assembly.setup import TrainingOptions
+    from lcorpp.assembly.options import TrainingOptions
     from lcorpp.assembly.strategies.trust import TRUST, check_dialogue
     from lcorpp.learning.classifiers.registry import DEFAULTS, check_weighted
 

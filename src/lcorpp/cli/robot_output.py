@@ -14,7 +14,8 @@ if TYPE_CHECKING:
     from rich.table import Table
     from rich.text import Text
 
-    from lcorpp.assembly.setup import ClassifierOptions, Senses, SenseSetup
+    from lcorpp.assembly.options import ClassifierOptions
+    from lcorpp.assembly.senses import Senses, SenseSetup
     from lcorpp.domains import Domain
     from lcorpp.learning import EvaluationReport, PredictionSets
     from lcorpp.planning import Solution
@@ -37,7 +38,7 @@ def print_domain(domain: Domain) -> None:
 def note_storage_problems(classifiers: Iterable[ClassifierOptions]) -> bool:
     """Print, before the training, why a classifier cannot be saved; return whether there is such a one."""
     from lcorpp.assembly.classifier_training import find_storage_problem
-    from lcorpp.assembly.setup import TrainingOptions
+    from lcorpp.assembly.options import TrainingOptions
 
     trained = [options for options in classifiers if isinstance(options, TrainingOptions)]
     problems = [problem for options in trained if (problem := find_storage_problem(options)) is not None]

@@ -156,7 +156,7 @@ def _write_results(
 
 def _print_trial(domain: Domain, chosen: ComparisonOptions, number: int, policy: Policy | None) -> None:
     """Set up the comparison and print one of its trials."""
-    from lcorpp.assembly.setup import explain_missing_reports
+    from lcorpp.assembly.solving import explain_missing_reports
     from lcorpp.cli.explanation.trials import print_trial
     from lcorpp.cli.robot_output import print_classifiers, print_solution
     from lcorpp.experiments.comparison import set_up_experiment

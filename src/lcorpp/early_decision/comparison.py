@@ -14,7 +14,7 @@ from functools import cached_property
 
 import numpy as np
 
-from lcorpp.assembly.setup import solve_domain
+from lcorpp.assembly.solving import solve_domain
 from lcorpp.domains import Domain
 from lcorpp.early_decision.evaluation import (
     EarlyReturns,

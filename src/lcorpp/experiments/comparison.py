@@ -7,30 +7,24 @@ from contextlib import ExitStack
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from lcorpp.assembly.robot_parts import RobotParts
-from lcorpp.assembly.senses import describe_classifiers, set_up_senses
-from lcorpp.assembly.setup import (
+from lcorpp.assembly.options import (
     HARD_LABELS,
     ClassifierOptions,
     EvidenceOptions,
-    ProgressDisplay,
-    Senses,
     StoredOptions,
     TrainingOptions,
-    explain_missing_reports,
-    have_own_rates,
-    make_program,
-    make_robot,
-    no_progress,
-    solve_domain,
 )
-from lcorpp.assembly.strategies.trust import check_dialogue, compute_soft_rates
+from lcorpp.assembly.progress import ProgressDisplay, no_progress
+from lcorpp.assembly.robot import compose_robot, set_up_senses
+from lcorpp.assembly.senses import Senses
+from lcorpp.assembly.solving import explain_missing_reports
+from lcorpp.assembly.strategies.trust import check_dialogue
 from lcorpp.decision import Strategy
 from lcorpp.decision.strategies import list_strategies
 from lcorpp.domains import Domain
 from lcorpp.errors import DecisionError, DomainError, check_type
 from lcorpp.logs.decision_log import DecisionLog
-from lcorpp.planning import Planner, Policy, Solution, SolverOptions
+from lcorpp.planning import Policy, Solution, SolverOptions
 from lcorpp.scoring.exact_evaluation import check_enumerable, evaluate_exactly
 from lcorpp.scoring.experiment import Experiment
 from lcorpp.scoring.metrics import Scores, scores_to_html
@@ -188,37 +182,20 @@ def set_up_experiment(
     senses = set_up_senses(
         domain, used, options.classifiers, options.evidence, progress, seed=options.seed, jobs=options.jobs
     )
-    solution = None
-    if policy is not None:
-        planner = Planner(policy, domain.pomdp)
-    else:
-        with progress("solving the POMDP") as advance:
-            solution = solve_domain(
-                domain,
-                options.solver,
-                any_prior=have_own_rates(senses),
-                cache=options.cache,
-                advance=advance,
-            )
-        planner = Planner(solution)
-    robot = make_robot(domain, senses, make_program(domain, senses, options.evidence.smoothing), planner)
-    parts = None
-    if options.log is not None:
-        parts = RobotParts(
-            domain,
-            planner.policy,
-            describe_classifiers(senses),
-            options.evidence.smoothing,
-            None if solution is None else options.solver or domain.planning.solver,
-            policy_file,
-        )
+    robot = compose_robot(
+        domain,
+        senses,
+        options.solver,
+        policy=policy,
+        policy_file=policy_file,
+        smoothing=options.evidence.smoothing,
+        cache=options.cache,
+        progress=progress,
+    )
     classifiers = {name: setup.classifier for name, setup in senses.items()}
     signals = {name: setup.signals for name, setup in senses.items()}
-    rates = compute_soft_rates(
-        domain,
-        {name: setup.confusion for name, setup in senses.items() if setup.confusion is not None},
-        options.evidence.smoothing,
-        soft=[name for name, setup in senses.items() if setup.soft],
+    parts = robot.parts
+    experiment = Experiment(
+        domain, robot.robot, classifiers, signals, strategies, options.seed, parts, parts.rates
     )
-    experiment = Experiment(domain, robot, classifiers, signals, strategies, options.seed, parts, rates)
-    return experiment, senses, solution
+    return experiment, senses, robot.solution

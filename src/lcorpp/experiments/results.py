@@ -7,7 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from lcorpp.assembly.setup import ClassifierOptions, SenseSetup, TrainingOptions
+from lcorpp.assembly.options import ClassifierOptions, TrainingOptions
+from lcorpp.assembly.senses import SenseSetup
 from lcorpp.domains.own_world import OwnWorlds
 from lcorpp.errors import DataError
 from lcorpp.experiments.comparison import Comparison, ComparisonOptions

@@ -9,7 +9,7 @@ from typing import Any, cast
 
 import numpy as np
 
-from lcorpp.assembly.setup import TrainingOptions
+from lcorpp.assembly.options import TrainingOptions
 from lcorpp.decision import Robot, dt_control
 from lcorpp.domains import Domain
 from lcorpp.domains.sections.simulation import Simulate

@@ -7,8 +7,9 @@ from dataclasses import replace
 from pathlib import Path
 
 from lcorpp.arguments import check_arguments
+from lcorpp.assembly.options import TrainingOptions
+from lcorpp.assembly.progress import ProgressDisplay, no_progress
 from lcorpp.assembly.robot_parts import RobotParts
-from lcorpp.assembly.setup import ProgressDisplay, TrainingOptions, no_progress
 from lcorpp.assembly.strategies.trust import TRUST
 from lcorpp.decision import lcorpp
 from lcorpp.domains import Domain

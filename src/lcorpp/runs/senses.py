@@ -6,16 +6,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from lcorpp.arguments import check_arguments, check_fields
-from lcorpp.assembly.senses import set_up_senses
-from lcorpp.assembly.setup import (
-    HARD_LABELS,
-    ClassifierOptions,
-    EvidenceOptions,
-    ProgressDisplay,
-    Senses,
-    TrainingOptions,
-    no_progress,
-)
+from lcorpp.assembly.options import HARD_LABELS, ClassifierOptions, EvidenceOptions, TrainingOptions
+from lcorpp.assembly.progress import ProgressDisplay, no_progress
+from lcorpp.assembly.robot import set_up_senses
+from lcorpp.assembly.senses import Senses
 from lcorpp.assembly.thresholds import parse_goal
 from lcorpp.assembly.training_data import TrainingData, choose_learner, make_training_data
 from lcorpp.decision.lcorpp import CONFIDENCE

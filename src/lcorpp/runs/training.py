@@ -8,9 +8,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from lcorpp.assembly.progress import Advance, ProgressDisplay
+from lcorpp.assembly.robot import describe_classifiers
 from lcorpp.assembly.robot_parts import ClassifierPart
-from lcorpp.assembly.senses import describe_classifiers
-from lcorpp.assembly.setup import Advance, ProgressDisplay
 from lcorpp.assembly.strategies.trust import compute_soft_rates
 from lcorpp.assembly.thresholds import set_threshold
 from lcorpp.assembly.training_data import FOLDS, make_estimator

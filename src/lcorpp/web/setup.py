@@ -7,7 +7,7 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
-from lcorpp.assembly.setup import ClassifierOptions
+from lcorpp.assembly.options import ClassifierOptions
 from lcorpp.assembly.track_robot import set_up_track_robot
 from lcorpp.domains import Domain
 from lcorpp.planning import SolverOptions

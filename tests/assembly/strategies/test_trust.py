@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from lcorpp.assembly.setup import EvidenceOptions, TrainingOptions
+from lcorpp.assembly.options import EvidenceOptions, TrainingOptions
 from lcorpp.assembly.strategies import trust as trust_strategies
 from lcorpp.assembly.strategies.baselines import find_strategies
 from lcorpp.assembly.strategies.trust import TRUST, WITH_TRUST, compute_soft_rates

@@ -6,7 +6,7 @@ from functools import partial
 import numpy as np
 from matplotlib.figure import Figure
 
-from lcorpp.assembly.setup import ProgressDisplay
+from lcorpp.assembly.progress import ProgressDisplay
 from lcorpp.experiments.figures.evaluation import Evaluation
 from lcorpp.experiments.figures.published import Deviation
 from lcorpp.experiments.figures.result import FigureOptions, FigureResult, Finding, Layout, Verdict

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from lcorpp import load_domain
-from lcorpp.assembly.setup import solve_domain
+from lcorpp.assembly.solving import solve_domain
 from lcorpp.experiments.figures.augmentation import BATCHES, make_result
 from lcorpp.planning import Planner
 from lcorpp.planning.policy_cache import find_cache_folder

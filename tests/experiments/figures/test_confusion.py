@@ -2,7 +2,7 @@
 
 import pytest
 
-from lcorpp.assembly.setup import no_progress
+from lcorpp.assembly.progress import no_progress
 from lcorpp.experiments.figures.confusion import make_figure, make_result, subtract_rates
 from lcorpp.experiments.figures.result import FigureOptions
 from lcorpp.learning import estimate_rates

@@ -2,7 +2,7 @@
 
 import pytest
 
-from lcorpp.assembly.setup import no_progress
+from lcorpp.assembly.progress import no_progress
 from lcorpp.domains import load_domain
 from lcorpp.experiments.figures.knowledge import (
     LEVELS,

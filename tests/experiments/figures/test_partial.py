@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from lcorpp import load_domain
-from lcorpp.assembly.setup import solve_domain
+from lcorpp.assembly.solving import solve_domain
 from lcorpp.experiments.figures.partial import NAMES, PARTS, PartResult, make_result, run_seed
 from lcorpp.experiments.figures.seeds import compute_seed_interval, run_seeds, subtract
 from lcorpp.planning import Planner

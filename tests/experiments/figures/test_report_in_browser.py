@@ -8,7 +8,7 @@ from html import unescape
 
 import pytest
 
-from lcorpp.assembly.setup import no_progress
+from lcorpp.assembly.progress import no_progress
 from lcorpp.experiments.figures import running
 from lcorpp.experiments.figures.registry import FIGURES
 from lcorpp.experiments.figures.result import FigureOptions

@@ -8,7 +8,8 @@ from html.parser import HTMLParser
 
 import pytest
 
-from lcorpp.assembly.setup import no_progress, solve_domain
+from lcorpp.assembly.progress import no_progress
+from lcorpp.assembly.solving import solve_domain
 from lcorpp.domains import load_domain
 from lcorpp.errors import DataError, FileError
 from lcorpp.experiments.figures import evaluation, running, storage

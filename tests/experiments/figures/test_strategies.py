@@ -2,7 +2,7 @@
 
 import pytest
 
-from lcorpp.assembly.setup import no_progress
+from lcorpp.assembly.progress import no_progress
 from lcorpp.experiments.figures.result import FigureOptions
 from lcorpp.experiments.figures.strategies import make_figure, make_result
 from tests.experiments.figures.made_up import make_evaluation

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from lcorpp.assembly.setup import no_progress
+from lcorpp.assembly.progress import no_progress
 from lcorpp.experiments.figures.evaluation import make_planner
 from lcorpp.experiments.figures.trust import (
     BASELINES,

@@ -3,37 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 from lcorpp.cli import console
-from lcorpp.errors import DecisionError
 
 if TYPE_CHECKING:
-    from lcorpp.assembly.setup import Senses
+    from lcorpp.assembly.case import Case
     from lcorpp.domains import Domain, Sense
-    from lcorpp.protocols import World
-    from lcorpp.values import Label, SharedValue
-
-
-class Case(NamedTuple):
-    """One person to decide about.
-
-    facts: observed attribute -> value. predicted: sense -> its output, a class or a likelihood.
-    world: answers the robot's actions. truth: the true shared value, None if it is unknown.
-    person: all that a simulation knows of the person, None without one.
-    """
-
-    facts: Mapping[str, str]
-    predicted: Mapping[str, Label]
-    world: World
-    truth: SharedValue | None
-    person: Mapping[str, str] | None
+    from lcorpp.values import Label
 
 
 def ask_case(
     domain: Domain, senses: Sequence[Sense], facts: Mapping[str, str], predicted: Mapping[str, Label]
 ) -> Case:
     """Ask the user, who is the person, for the facts and the labels that no option gives."""
+    from lcorpp.assembly.case import Case
     from lcorpp.worlds import ConsoleWorld, choose
 
     complete = dict(facts)
@@ -58,40 +42,6 @@ def ask_case(
     )
 
 
-def simulate_case(
-    domain: Domain,
-    senses: Senses,
-    facts: Mapping[str, str],
-    predicted: Mapping[str, Label],
-    truth: SharedValue | None,
-    answers: Sequence[str] | None,
-    seed: int,
-) -> Case:
-    """Draw what is None, and the facts and labels that are not given; print what the robot cannot observe.
-
-    Args:
-        senses: those that the robot uses; the labels of the others are drawn, too, and not used.
-    """
-    import numpy as np
-
-    from lcorpp.assembly.setup import from_channel
-    from lcorpp.simulation import Population, SimulationModel
-
-    rng = np.random.default_rng([seed, 0])
-    given = facts if truth is None else {**facts, **domain.reasoning.split(truth)}
-    person = Population(domain).sample(1, rng, given)[0]
-    labels = dict(predicted)
-    for sense in domain.senses:
-        if sense.name not in labels:
-            setup = senses.get(sense.name) or from_channel(domain, sense)
-            labels[sense.name] = setup.classifier.classify_many(setup.signals.simulate([person], rng))[0]
-    world = SimulationModel(domain).make_world(person, rng) if answers is None else ScriptedWorld(answers)
-    print_person(domain, person)
-    context = {name: person[name] for name in domain.observed}
-    known = {name: labels[name] for name in senses}
-    return Case(context, known, world, domain.reasoning.join(person), person)
-
-
 def print_person(domain: Domain, person: Mapping[str, str]) -> None:
     """Print what the robot cannot observe of a simulated person."""
     observable = (*domain.observed, *[sense.attribute for sense in domain.senses])
@@ -109,21 +59,3 @@ def describe_simulation(case: Case) -> dict[str, object] | None:
     if isinstance(case.world, SimulatedWorld):
         known |= {"cost": case.world.cost, "return": case.world.return_}
     return known
-
-
-class ScriptedWorld:
-    """A world whose person gives prepared answers (`lcorpp.protocols.World`)."""
-
-    def __init__(self, answers: Sequence[str]) -> None:
-        self._count, self._rest = len(answers), iter(answers)
-
-    def act(self, action: str) -> str:
-        answer = next(self._rest, None)
-        if answer is None:
-            raise DecisionError(
-                f"--answers has {self._count} answers, and the robot needs another one, to {action}"
-            )
-        return answer
-
-    def report(self, action: str) -> None:
-        pass

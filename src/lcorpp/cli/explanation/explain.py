@@ -5,13 +5,12 @@ from __future__ import annotations
 import sys
 from collections.abc import Collection, Mapping
 from contextlib import nullcontext
-from dataclasses import replace
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from lcorpp.cli import console
-from lcorpp.cli.explanation.cases import ask_case, describe_simulation, simulate_case
+from lcorpp.cli.explanation.cases import ask_case, describe_simulation, print_person
 from lcorpp.cli.explanation.steps import decide_and_print
 from lcorpp.cli.options import common as options, decision
 from lcorpp.cli.options.groups import take_options
@@ -27,7 +26,7 @@ from lcorpp.cli.options.senses import (
 from lcorpp.errors import DecisionError, DomainError
 
 if TYPE_CHECKING:
-    from lcorpp.assembly.setup import ClassifierOptions
+    from lcorpp.assembly.options import ClassifierOptions
     from lcorpp.values import EvidenceKind, Label
 
 
@@ -102,15 +101,10 @@ def explain(
     A classifier is a noisy channel, unless --learner, --classifier or --data asks for a trained one.
     Ctrl-C stops the solver; the command continues with the best policy so far.
     """
-    from lcorpp.assembly.robot_parts import RobotParts
-    from lcorpp.assembly.senses import describe_classifiers, set_up_senses
-    from lcorpp.assembly.setup import (
-        EvidenceOptions,
-        explain_missing_reports,
-        have_own_rates,
-        make_robot,
-        solve_domain,
-    )
+    from lcorpp.assembly.case import draw_case
+    from lcorpp.assembly.options import EvidenceOptions
+    from lcorpp.assembly.robot import compose_robot, set_up_senses
+    from lcorpp.assembly.solving import explain_missing_reports
     from lcorpp.assembly.strategies.baselines import find_strategies
     from lcorpp.cli.robot_output import print_classifiers, print_domain, print_gap, print_solution
     from lcorpp.decision import STRATEGIES
@@ -118,8 +112,8 @@ def explain(
     from lcorpp.decision.strategies import make_generator
     from lcorpp.domains import load_domain, with_world
     from lcorpp.logs.decision_log import DecisionLog
-    from lcorpp.planning import Planner
     from lcorpp.planning.policy_cache import find_cache_folder
+    from lcorpp.worlds import ScriptedWorld
 
     if interactive and sys.stdin is None:
         raise DecisionError("--interactive needs an input to read your answers from; it is closed")
@@ -169,23 +163,26 @@ def explain(
             loaded, used, sources, EvidenceOptions(kinds), console.show_progress, seed=seed, jobs=processes
         )
         print_classifiers(loaded, senses)
-        known_as = describe_classifiers(senses)
-        for name in predicted:
-            soft = name in likelihoods
-            known_as[name] = replace(known_as[name], source="given", fingerprint="", soft=soft)
-        with console.show_progress("solving the POMDP") as advance:
-            solution = solve_domain(
-                loaded, chosen, any_prior=have_own_rates(known_as), cache=cache, advance=advance
-            )
+        robot = compose_robot(
+            loaded,
+            senses,
+            chosen,
+            given={name: name in likelihoods for name in predicted},
+            cache=cache,
+            progress=console.show_progress,
+        )
+        parts, solution = robot.parts, robot.solution
+        assert solution is not None
         print_solution(solution)
-        parts = RobotParts(loaded, solution.policy, known_as, solver=chosen)
-        full_robot = make_robot(loaded, senses, parts.program, Planner(solution))
         if interactive:
             case = ask_case(loaded, used, facts, predicted)
         else:
-            case = simulate_case(loaded, senses, facts, predicted, value, script, seed)
+            case = draw_case(loaded, senses, facts, predicted, value, seed=seed)
+            if script is not None:
+                case = case._replace(world=ScriptedWorld(script, "--answers"))
+            print_person(loaded, case.person or {})
         with explain_missing_reports(solution), row.locate_failures():
-            own = row.robot(full_robot, make_generator(seed, 0), rates=parts.rates)
+            own = row.robot(robot.robot, make_generator(seed, 0), rates=parts.rates)
             known = {name: label for name, label in case.predicted.items() if name in own.classifiers}
             episode = decide_and_print(loaded, own, case.facts, known, case.world, case.truth)
         if row.plans and row.change is None and row.start is None:

@@ -100,8 +100,8 @@ def _find_sense(domain: Domain, option: str, text: str, name: str | None) -> Sen
 
 
 def _parse_class(sense: Sense, text: str, option: str) -> str:
-    """Return the class that a text names: by itself, or by its label in the program."""
-    for class_name, label in sense.label_of.items():
-        if text in (label, class_name):
-            return class_name
-    raise DomainError(f"{option} {text!r}: {expected_one_of(sense.label_of.values())}")
+    """Return the class that a text names."""
+    try:
+        return sense.find_class(text)
+    except DomainError:
+        raise DomainError(f"{option} {text!r}: {expected_one_of(sense.label_of.values())}") from None

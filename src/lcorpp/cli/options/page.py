@@ -9,7 +9,7 @@ from lcorpp.cli.options import common as options
 from lcorpp.cli.options.senses import choose_classifiers, reject_given
 
 if TYPE_CHECKING:
-    from lcorpp.assembly.setup import ClassifierOptions
+    from lcorpp.assembly.options import ClassifierOptions
     from lcorpp.domains import Domain
     from lcorpp.planning import SolverOptions
     from lcorpp.web.robot import PlayRobot
@@ -27,7 +27,7 @@ def choose_page_classifiers(
         DomainError: as `choose_classifiers`. DataError: an unknown learner, or options that it does not take.
     """
     from lcorpp.assembly.classifier_training import make_untrained
-    from lcorpp.assembly.setup import READ_AS_IT_IS, TrainingOptions
+    from lcorpp.assembly.options import READ_AS_IT_IS, TrainingOptions
     from lcorpp.assembly.track_robot import LEARNER, find_track_senses
 
     tracked = {sense.name for sense in find_track_senses(domain)}

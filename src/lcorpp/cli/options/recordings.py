@@ -12,7 +12,7 @@ import typer
 from lcorpp.errors import DataError
 
 if TYPE_CHECKING:
-    from lcorpp.assembly.setup import ReadingOptions
+    from lcorpp.assembly.options import ReadingOptions
 
 LabelOption = Annotated[
     list[str] | None, typer.Option(metavar="WORD=CLASS", help="The class of a written label; repeatable.")
@@ -85,7 +85,7 @@ class RecordingOptions:
 
     def choose_reading(self, labels: Mapping[str, str]) -> ReadingOptions:
         """Return the options of an experiment for reading recordings with these labels."""
-        from lcorpp.assembly.setup import ReadingOptions
+        from lcorpp.assembly.options import ReadingOptions
 
         repair = tuple(self.repair or ())
         return ReadingOptions(labels, self.label_file, repair, self.robot, self.gap, **self.layout)

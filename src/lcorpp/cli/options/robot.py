@@ -23,7 +23,7 @@ from lcorpp.cli.options.senses import (
 from lcorpp.errors import DomainError
 
 if TYPE_CHECKING:
-    from lcorpp.assembly.setup import ClassifierOptions, EvidenceOptions
+    from lcorpp.assembly.options import ClassifierOptions, EvidenceOptions
     from lcorpp.domains import Domain
     from lcorpp.domains.sections.learning import Sense
     from lcorpp.planning import Policy, SolverOptions
@@ -113,7 +113,7 @@ class RobotOptions:
         Raises:
             DomainError: as `senses.choose_evidence`; or --threshold or --smoothing has no effect on it.
         """
-        from lcorpp.assembly.setup import EvidenceOptions
+        from lcorpp.assembly.options import EvidenceOptions
         from lcorpp.values import JEFFREYS, LAPLACE
 
         kinds = choose_evidence(domain, sources, self.evidence or [])

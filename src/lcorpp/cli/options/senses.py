@@ -13,7 +13,7 @@ from lcorpp.errors import DataError, DomainError
 from lcorpp.values import EvidenceKind
 
 if TYPE_CHECKING:
-    from lcorpp.assembly.setup import ClassifierOptions, ReadingOptions
+    from lcorpp.assembly.options import ClassifierOptions, ReadingOptions
     from lcorpp.domains import Domain
     from lcorpp.domains.sections.learning import Sense
 
@@ -75,7 +75,7 @@ def choose_classifiers(
     Raises:
         DomainError: a sense is unknown, options exclude each other, or an option has no effect.
     """
-    from lcorpp.assembly.setup import READ_AS_IT_IS, StoredOptions, TrainingOptions
+    from lcorpp.assembly.options import READ_AS_IT_IS, StoredOptions, TrainingOptions
     from lcorpp.domains.sections.learning import CLASSIFIERS
 
     names = [sense.name for sense in used]
@@ -172,7 +172,7 @@ def _reject_unused(
     training: Mapping[str, Any],
 ) -> None:
     """Reject options without effect on the chosen classifiers."""
-    from lcorpp.assembly.setup import TrainingOptions
+    from lcorpp.assembly.options import TrainingOptions
 
     kinds = {type(options) for options in chosen.values()}
     if not domain.senses:

@@ -19,7 +19,7 @@ from lcorpp.cli.options.senses import ClassifiersOption, LearnersOption
 from lcorpp.errors import DomainError, FileError
 
 if TYPE_CHECKING:
-    from lcorpp.assembly.setup import ClassifierOptions
+    from lcorpp.assembly.options import ClassifierOptions
     from lcorpp.domains import Domain, Sense
     from lcorpp.logs.decision_log import DecisionLog
     from lcorpp.values import Dataset
@@ -180,7 +180,7 @@ async def serve(
 
 def find_initial_data(domain: Domain, sense: Sense, source: ClassifierOptions, seed: int) -> Dataset:
     """Return the data that the classifier of a sense was trained on; those of a file are simulated."""
-    from lcorpp.assembly.setup import TrainingOptions
+    from lcorpp.assembly.options import TrainingOptions
     from lcorpp.assembly.training_data import make_training_data
 
     training = source if isinstance(source, TrainingOptions) else TrainingOptions()

@@ -14,7 +14,7 @@ from lcorpp.cli import console
 from lcorpp.cli.options import common as options
 
 if TYPE_CHECKING:
-    from lcorpp.assembly.setup import ClassifierOptions
+    from lcorpp.assembly.options import ClassifierOptions
     from lcorpp.domains import Domain
     from lcorpp.robot.config import RobotConfig
     from lcorpp.robot.loop import Decision
@@ -91,7 +91,7 @@ def robot(
 
 def choose_robot_classifiers(config: RobotConfig, domain: Domain) -> dict[str, ClassifierOptions]:
     """Return sense -> its stored classifier, or the default learner on simulated tracks, or None."""
-    from lcorpp.assembly.setup import StoredOptions, TrainingOptions
+    from lcorpp.assembly.options import StoredOptions, TrainingOptions
     from lcorpp.assembly.track_robot import LEARNER, find_track_senses
 
     tracked = {sense.name for sense in find_track_senses(domain)}

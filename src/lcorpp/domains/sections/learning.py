@@ -66,6 +66,17 @@ class Sense:
     seconds: float | None
     rate: float | None
 
+    def find_class(self, text: str) -> str:
+        """Return the class that a text names: by itself, or by its label in the program.
+
+        Raises:
+            DomainError: the text names none.
+        """
+        for name, label in self.label_of.items():
+            if text in (label, name):
+                return name
+        raise DomainError(f"{text!r} is no label of {self.name}; {expected_one_of(self.label_of.values())}")
+
 
 def read_senses(
     tables: tuple[TomlTable, ...], reasoning: ReasoningSection, folder: Path

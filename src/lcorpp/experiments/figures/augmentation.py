@@ -10,7 +10,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from lcorpp.assembly.setup import ProgressDisplay
+from lcorpp.assembly.progress import ProgressDisplay
 from lcorpp.domains import load_domain
 from lcorpp.experiments.figures import published
 from lcorpp.experiments.figures.evaluation import METRICS, make_planner

@@ -11,7 +11,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from lcorpp.assembly.classifier_training import train_classifier
-from lcorpp.assembly.setup import ProgressDisplay, TrainingOptions
+from lcorpp.assembly.options import TrainingOptions
+from lcorpp.assembly.progress import ProgressDisplay
 from lcorpp.domains import load_domain
 from lcorpp.experiments.figures import published
 from lcorpp.experiments.figures.panels import make_panels

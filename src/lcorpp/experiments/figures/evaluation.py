@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from lcorpp.assembly.setup import ProgressDisplay, solve_domain
+from lcorpp.assembly.progress import ProgressDisplay
+from lcorpp.assembly.solving import solve_domain
 from lcorpp.decision.strategies import strategies
 from lcorpp.domains import Domain
 from lcorpp.experiments.comparison import ComparisonOptions, compare_strategies

@@ -15,7 +15,7 @@ from typing import Any
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from lcorpp.assembly.setup import ProgressDisplay
+from lcorpp.assembly.progress import ProgressDisplay
 from lcorpp.domains import Domain, load_domain
 from lcorpp.experiments.figures import published
 from lcorpp.experiments.figures.evaluation import Evaluation, evaluate

@@ -9,13 +9,9 @@ from functools import partial
 import numpy as np
 from matplotlib.figure import Figure
 
-from lcorpp.assembly.setup import (
-    ProgressDisplay,
-    SenseSetup,
-    make_program,
-    make_robot,
-    nest_rates,
-)
+from lcorpp.assembly.progress import ProgressDisplay
+from lcorpp.assembly.robot import compose_robot
+from lcorpp.assembly.senses import SenseSetup, nest_rates
 from lcorpp.assembly.training_data import FOLDS, simulate_training_data
 from lcorpp.decision.strategies import strategies
 from lcorpp.domains import Domain, load_domain
@@ -39,8 +35,8 @@ from lcorpp.experiments.figures.seeds import (
     subtract,
 )
 from lcorpp.learning import learner, train_and_validate, truncate
+from lcorpp.planning import Planner
 from lcorpp.plot_style import BLUE, INK, MUTED, ORANGE, with_style
-from lcorpp.protocols import Planner
 from lcorpp.scoring.experiment import Experiment
 from lcorpp.scoring.metrics import Scores
 from lcorpp.scoring.trials import run_trials
@@ -99,7 +95,7 @@ def run_seed(domain: Domain, planner: Planner, seed: int, *, tracks: int, trials
         signals = CutSignals(data.signals, slice(dataset.trajectories.shape[2]))
         rates = nest_rates(confusion.classes, confusion.probabilities.tolist())
         setups = {sense.name: SenseSetup(classifier, signals, rates, confusion)}
-        robot = make_robot(domain, setups, make_program(domain, setups), planner)
+        robot = compose_robot(domain, setups, policy=planner.policy).robot
         experiment = Experiment(
             domain, robot, {sense.name: classifier}, {sense.name: signals}, strategies(NAMES), seed
         )

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from lcorpp.errors import DecisionError, expected_one_of
 
 if TYPE_CHECKING:
-    from lcorpp.assembly.setup import ProgressDisplay
+    from lcorpp.assembly.progress import ProgressDisplay
     from lcorpp.experiments.figures.result import FigureOptions, FigureResult
 
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from time import perf_counter
 
-from lcorpp.assembly.setup import Advance, ProgressDisplay
+from lcorpp.assembly.progress import Advance, ProgressDisplay
 from lcorpp.errors import DataError, FileError
 from lcorpp.experiments.figures.registry import FIGURES
 from lcorpp.experiments.figures.remaining import RemainingTime

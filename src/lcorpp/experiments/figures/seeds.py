@@ -8,7 +8,7 @@ from typing import TypeVar
 import numpy as np
 from scipy.stats import t
 
-from lcorpp.assembly.setup import Advance
+from lcorpp.assembly.progress import Advance
 from lcorpp.experiments.figures.result import Row
 from lcorpp.scoring.metrics import make_cells
 from lcorpp.values import Interval

@@ -9,7 +9,9 @@ from typing import NamedTuple
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
-from lcorpp.assembly.setup import ProgressDisplay, from_channel, make_program, make_robot
+from lcorpp.assembly.progress import ProgressDisplay
+from lcorpp.assembly.robot import compose_robot
+from lcorpp.assembly.senses import from_channel
 from lcorpp.decision.dt_control import act_until_report, infer_prior
 from lcorpp.domains import load_domain
 from lcorpp.experiments.figures import published
@@ -60,7 +62,7 @@ def decide(preset: str, progress: ProgressDisplay) -> list[TrialStep]:
     sense = domain.senses[0]
     planner = make_planner(domain, progress)
     senses = {sense.name: from_channel(domain, sense)}
-    robot = make_robot(domain, senses, make_program(domain, senses), planner)
+    robot = compose_robot(domain, senses, policy=planner.policy).robot
     events, beliefs = [("reasoning", "no evidence")], [infer_prior(robot, {}, {})[2]]
     facts: dict[str, str] = {}
     for name, value in FACTS.items():

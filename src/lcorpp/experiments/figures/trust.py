@@ -16,7 +16,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from lcorpp.assembly.setup import ProgressDisplay, from_channel
+from lcorpp.assembly.progress import ProgressDisplay
+from lcorpp.assembly.senses import from_channel
 from lcorpp.assembly.strategies.trust import TRUST
 from lcorpp.assembly.strategies.trust_setup import set_up_trust
 from lcorpp.decision import Robot, dt_control

@@ -8,7 +8,7 @@ from functools import lru_cache
 from itertools import pairwise
 from typing import Any
 
-from lcorpp.assembly.setup import solve_domain
+from lcorpp.assembly.solving import solve_domain
 from lcorpp.assembly.strategies.baselines import find_strategies
 from lcorpp.decision import Strategy
 from lcorpp.decision.strategies import list_strategies

@@ -1,0 +1,86 @@
+"""One person to decide about: facts, the classifiers' output, and a world that answers."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import NamedTuple
+
+import numpy as np
+
+from lcorpp.assembly.senses import Senses, from_channel
+from lcorpp.domains import Domain
+from lcorpp.errors import DomainError
+from lcorpp.protocols import World
+from lcorpp.simulation import Population, SimulationModel
+from lcorpp.values import Label, SharedValue
+
+
+class Case(NamedTuple):
+    """One person to decide about.
+
+    facts: observed attribute -> value. predicted: sense -> its output, a class or a likelihood.
+    world: answers the robot's actions. truth: the true shared value, None if it is unknown.
+    person: all that a simulation knows of the person, None without one.
+    """
+
+    facts: Mapping[str, str]
+    predicted: Mapping[str, Label]
+    world: World
+    truth: SharedValue | None
+    person: Mapping[str, str] | None
+
+
+def choose_labels(domain: Domain, label: Label | None, labels: Mapping[str, Label]) -> dict[str, Label]:
+    """Return sense -> output, with the class of each label.
+
+    Args:
+        label: of the only sense.
+
+    Raises:
+        DomainError: a sense or label is unknown, or `label` does not show its sense.
+    """
+    if label is not None:
+        names = [sense.name for sense in domain.senses]
+        if len(names) != 1 or labels:
+            raise DomainError(
+                f"the label {label!r} is that of one sense, and the domain {domain.name} has"
+                f" {', '.join(names) or 'none'}; expected labels={{sense: label}}"
+            )
+        labels = {names[0]: label}
+    return {
+        name: domain.find_sense(name).find_class(own) if isinstance(own, str) else own
+        for name, own in labels.items()
+    }
+
+
+def draw_case(
+    domain: Domain,
+    senses: Senses,
+    facts: Mapping[str, str],
+    predicted: Mapping[str, Label],
+    truth: SharedValue | None = None,
+    *,
+    seed: int = 0,
+) -> Case:
+    """Draw a simulated person, with the facts and labels that are not given.
+
+    Args:
+        senses: those that the robot uses; the labels of the others are drawn, too, and not used.
+        truth: the person's shared value; None draws it.
+        seed: of the person, the labels and the answers.
+
+    Raises:
+        DomainError: no such person is possible, or a sense has no noisy channel.
+    """
+    rng = np.random.default_rng([seed, 0])
+    given = facts if truth is None else {**facts, **domain.reasoning.split(truth)}
+    person = Population(domain).sample(1, rng, given)[0]
+    labels = dict(predicted)
+    for sense in domain.senses:
+        if sense.name not in labels:
+            setup = senses.get(sense.name) or from_channel(domain, sense)
+            labels[sense.name] = setup.classifier.classify_many(setup.signals.simulate([person], rng))[0]
+    context = {name: person[name] for name in domain.observed}
+    known = {name: labels[name] for name in senses}
+    world = SimulationModel(domain).make_world(person, rng)
+    return Case(context, known, world, domain.reasoning.join(person), person)

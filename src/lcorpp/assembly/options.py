@@ -1,0 +1,111 @@
+"""Options of classifiers: how they are trained or loaded, how data are read, and what evidence they give."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from fractions import Fraction
+from pathlib import Path
+
+from lcorpp.learning.features.resampling import RATE
+from lcorpp.values import JEFFREYS, EvidenceKind
+
+
+@dataclass(frozen=True)
+class ReadingOptions:
+    """How to read recorded data; see `read_data`.
+
+    labels: label in the file -> class, besides the domain's `data_labels`.
+    label_file: a CSV of ids and labels. repair: the kinds of faults to repair.
+    robot: the robot's pose in the frame of the file.
+    gap: maximum number of seconds between two samples of one person; None for the default.
+    columns, unit, time_unit, fps: names of columns, and units.
+    """
+
+    labels: Mapping[str, str] = field(default_factory=dict)
+    label_file: Path | None = None
+    repair: tuple[str, ...] = ()
+    robot: tuple[float, float, float] | None = None
+    gap: float | None = None
+    columns: Mapping[str, str] = field(default_factory=dict)
+    unit: str | float | None = None
+    time_unit: str | float | None = None
+    fps: float | None = None
+
+
+READ_AS_IT_IS = ReadingOptions()
+"""Without repairs or other frames."""
+
+
+@dataclass(frozen=True)
+class TrainingOptions:
+    """Options for training a classifier.
+
+    learner: a name in `lcorpp.learning.learner`'s table, MODULE:FUNCTION or FILE.py:FUNCTION; None takes the
+        one that suits the data.
+    epochs: None takes the number that suits the data. device: "cpu" or "cuda".
+    features: the classifier's features of the motion; None takes those that suit the learner.
+    threshold: the decision threshold of the positive class: a number, the name of a metric to optimise, or
+        the costs of a miss and of a false alarm as MISS:ALARM; None predicts the most probable class.
+    prevalence: of the positive class, for thresholds; None takes it from the domain's knowledge.
+    tracks: number of simulated training tracks; None takes the domain's number.
+    data: recorded data for training and trials; None takes the domain's, or simulates them.
+    reading: how to read them.
+    rate: points of motion per second, see `Motion`.
+    seconds: the last seconds of each track that are used; None takes those of the domain, or all.
+    """
+
+    learner: str | None = None
+    epochs: int | None = None
+    device: str = "cpu"
+    features: tuple[str, ...] | None = None
+    threshold: str | None = None
+    prevalence: float | None = None
+    tracks: int | None = None
+    data: Path | None = None
+    reading: ReadingOptions = READ_AS_IT_IS
+    rate: float = RATE
+    seconds: float | None = None
+
+
+@dataclass(frozen=True)
+class StoredOptions:
+    """Options for loading a stored classifier.
+
+    file: the classifier.
+    data: recorded data for the trials; None takes the domain's, or simulates them. reading: how to read them.
+    seconds: as in `TrainingOptions`.
+    """
+
+    file: Path
+    data: Path | None = None
+    reading: ReadingOptions = READ_AS_IT_IS
+    seconds: float | None = None
+
+
+ClassifierOptions = TrainingOptions | StoredOptions | None
+"""How to get a classifier; None is the domain's noisy channel."""
+
+
+@dataclass(frozen=True)
+class EvidenceOptions:
+    """The classifier's evidence for the reasoner.
+
+    kinds: sense -> kind of evidence; the others give labels, as noisy channels always do.
+    smoothing: added to the counts of the confusion matrix that becomes the rules for labels.
+    """
+
+    kinds: Mapping[str, EvidenceKind] = field(default_factory=dict)
+    smoothing: Fraction = JEFFREYS
+
+    def kind(self, sense: str) -> EvidenceKind:
+        """Return the kind of evidence of a trained sense."""
+        return self.kinds.get(sense, LABEL)
+
+
+LABEL = EvidenceKind()
+"""A label as evidence."""
+
+
+HARD_LABELS = EvidenceOptions()
+"""Labels as evidence, with Jeffreys' smoothing."""

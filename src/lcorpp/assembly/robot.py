@@ -1,0 +1,260 @@
+"""The robot of a domain: classifiers, knowledge with their rates, and policy, composed for every command."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from fractions import Fraction
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+
+from lcorpp.assembly.case import choose_labels, draw_case
+from lcorpp.assembly.options import (
+    HARD_LABELS,
+    ClassifierOptions,
+    EvidenceOptions,
+    StoredOptions,
+    TrainingOptions,
+)
+from lcorpp.assembly.progress import ProgressDisplay, no_progress
+from lcorpp.assembly.robot_parts import ClassifierPart, RobotParts
+from lcorpp.assembly.senses import Senses, SenseSetup, from_channel
+from lcorpp.assembly.solving import explain_missing_reports, have_own_rates, solve_domain
+from lcorpp.decision import Robot, dt_control
+from lcorpp.domains import Domain, load_domain
+from lcorpp.domains.sections.learning import Sense
+from lcorpp.planning import Policy, Solution, SolverOptions
+from lcorpp.planning.policy_cache import find_cache_folder
+from lcorpp.protocols import World
+from lcorpp.simulation.simulated_classifier import PrecomputedLabel
+from lcorpp.values import JEFFREYS, Array, Episode, Instance, Label, Step
+from lcorpp.worlds import ScriptedWorld
+
+
+@dataclass(frozen=True, eq=False)
+class DomainRobot:
+    """A robot that was composed from a domain, and what it was composed of.
+
+    senses: sense -> the setup of its classifier.
+    parts: what determines its decisions, for a log.
+    solution: of the POMDP; None if the policy was given.
+    """
+
+    senses: Senses
+    parts: RobotParts
+    solution: Solution | None = None
+
+    @property
+    def domain(self) -> Domain:
+        return self.parts.domain
+
+    @cached_property
+    def robot(self) -> Robot:
+        """The full robot of Algorithm 2."""
+        classifiers = {name: setup.classifier for name, setup in self.senses.items()}
+        return replace(self.parts.robot, classifiers=classifiers)
+
+    def decide(
+        self,
+        facts: Mapping[str, str],
+        *,
+        label: Label | None = None,
+        labels: Mapping[str, Label] | None = None,
+        signals: Mapping[str, Array] | None = None,
+        world: World | Sequence[str] | None = None,
+        seed: int = 0,
+        listener: Callable[[Step], None] = lambda _: None,
+    ) -> Episode:
+        """Decide about one person: Algorithm 2.
+
+        Args:
+            facts: observed attribute -> value.
+            label: the output of the classifier of the only sense, instead of a signal: a class, the value of
+                its attribute, or a `Likelihood`.
+            labels: sense -> output, of several senses.
+            signals: sense -> what it perceived of the person, which its classifier receives.
+            world: executes the actions; the prepared answers of a person; or None, for a simulated person
+                who fits the facts. What the classifiers of such a person output is drawn, too, for senses
+                without label and signal.
+            seed: of the simulated person.
+            listener: called after every step.
+
+        Raises:
+            DomainError: a fact, sense or label is unknown.
+            DecisionError: the robot needs more answers than are prepared.
+            NoReportError: the policy never reports.
+        """
+        known = choose_labels(self.domain, label, labels or {})
+        instance = Instance(signals or {}, facts)
+        self.domain.evidence(facts, known)  # rejects what is unknown
+        if world is None:
+            case = draw_case(self.domain, self.senses, facts, known, seed=seed)
+            known = {name: own for name, own in case.predicted.items() if name not in instance.signals}
+            world, instance = case.world, Instance(instance.signals, case.facts)
+        elif isinstance(world, Sequence):
+            world = ScriptedWorld(world)
+        given = {name: PrecomputedLabel(own) for name, own in known.items()}
+        blanks = dict.fromkeys(known, np.zeros(0))  # a classifier is asked only if there is a signal
+        robot = replace(self.robot, classifiers={**self.robot.classifiers, **given})
+        with explain_missing_reports(self.solution):
+            return dt_control(
+                robot, Instance({**instance.signals, **blanks}, instance.context), world, listener=listener
+            )
+
+
+def set_up_senses(
+    domain: Domain,
+    senses: Iterable[Sense],
+    classifiers: Mapping[str, ClassifierOptions],
+    evidence: EvidenceOptions,
+    progress: ProgressDisplay = no_progress,
+    *,
+    seed: int = 0,
+    jobs: int = 1,
+) -> dict[str, SenseSetup]:
+    """Train or load the classifiers of some senses, or make their noisy channels.
+
+    Args:
+        classifiers: sense -> how to get its classifier; others are noisy channels.
+        evidence: of trained and loaded classifiers. seed, jobs: of the training.
+
+    Returns:
+        sense -> its setup, in the order of `senses`.
+
+    Raises:
+        DomainError: a sense has no noisy channel, or no signals to train on.
+        DataError, FileError: the options or files are wrong.
+    """
+    setups = {}
+    for sense in senses:
+        how = classifiers.get(sense.name)
+        if how is None:
+            setups[sense.name] = from_channel(domain, sense)
+            continue
+        # loads scikit-learn
+        from lcorpp.assembly.classifier_training import load_trained, train_classifier
+
+        if isinstance(how, StoredOptions):
+            setups[sense.name] = load_trained(domain, sense, how, evidence, seed=seed)
+        else:
+            setups[sense.name] = train_classifier(
+                domain, sense, how, evidence, seed=seed, jobs=jobs, progress=progress
+            )
+    return setups
+
+
+def describe_classifiers(senses: Senses) -> dict[str, ClassifierPart]:
+    """Return the classifiers of some senses as parts of a robot, for the log."""
+    return {
+        name: ClassifierPart.of(setup.source, setup.classifier, confusion=setup.confusion, soft=setup.soft)
+        for name, setup in senses.items()
+    }
+
+
+def compose_robot(
+    domain: Domain,
+    senses: Senses,
+    solver: SolverOptions | None = None,
+    *,
+    policy: Policy | None = None,
+    policy_file: Path | None = None,
+    given: Mapping[str, bool] | None = None,
+    smoothing: Fraction = JEFFREYS,
+    cache: Path | None = None,
+    progress: ProgressDisplay = no_progress,
+) -> DomainRobot:
+    """Compose the robot of a domain from its classifiers: knowledge with their rates, and the policy.
+
+    Args:
+        senses: of `set_up_senses`.
+        solver: None takes that of the domain.
+        policy: None solves the POMDP. policy_file: its file, for a log.
+        given: sense -> whether its evidence is a likelihood, for senses whose evidence comes from elsewhere.
+        smoothing: of the confusion matrices that become rules.
+        cache: a folder that keeps policies, None for none.
+
+    Raises:
+        ModelError, DomainError: as `solve_domain`.
+    """
+    classifiers = describe_classifiers(senses)
+    for name, soft in (given or {}).items():
+        classifiers[name] = replace(classifiers[name], source="given", fingerprint="", soft=soft)
+    if policy is not None:
+        return DomainRobot(senses, RobotParts(domain, policy, classifiers, smoothing, None, policy_file))
+    options = solver or domain.planning.solver
+    with progress("solving the POMDP") as advance:
+        solution = solve_domain(
+            domain, options, any_prior=have_own_rates(classifiers), cache=cache, advance=advance
+        )
+    return DomainRobot(senses, RobotParts(domain, solution.policy, classifiers, smoothing, options), solution)
+
+
+def load_robot(
+    domain: Domain | str | Path = "intention",
+    *,
+    preset: str | None = None,
+    classifiers: Mapping[str, ClassifierOptions | str | Path] | None = None,
+    evidence: EvidenceOptions = HARD_LABELS,
+    solver: SolverOptions | None = None,
+    policy: Policy | None = None,
+    cache: bool = True,
+    progress: ProgressDisplay = no_progress,
+    seed: int = 0,
+    jobs: int = 1,
+) -> DomainRobot:
+    """Load a domain and compose its robot, as the commands do.
+
+    Args:
+        domain: a domain, its folder, or the name of a shipped one. preset: of a domain that is loaded.
+        classifiers: sense -> how to get its classifier: the file of a stored one, the name of a learner that
+            is trained now, or options; others are noisy channels with the domain's rates.
+        evidence: of trained and loaded classifiers.
+        solver: None takes that of the domain. policy: None solves the POMDP.
+        cache: whether solved policies are kept in the user's cache.
+        seed, jobs: of the training.
+
+    Raises:
+        DomainError: the domain or a sense is wrong.
+        DataError, FileError: a file or an option of a classifier is wrong.
+        ModelError: the solver fails.
+    """
+    loaded = domain if isinstance(domain, Domain) else load_domain(domain, preset=preset)
+    chosen = {name: _read_options(how) for name, how in (classifiers or {}).items()}
+    for name in chosen:
+        loaded.find_sense(name)
+    senses = set_up_senses(loaded, loaded.senses, chosen, evidence, progress, seed=seed, jobs=jobs)
+    folder = find_cache_folder() if cache else None
+    return compose_robot(
+        loaded,
+        senses,
+        solver,
+        policy=policy,
+        smoothing=evidence.smoothing,
+        cache=folder,
+        progress=progress,
+    )
+
+
+def _read_options(how: ClassifierOptions | str | Path) -> ClassifierOptions:
+    if isinstance(how, Path) or (isinstance(how, str) and how.endswith(".npz")):
+        return StoredOptions(Path(how))
+    if isinstance(how, str):
+        return None if how == "channel" else TrainingOptions(how)
+    return how
+
+
+def decide(
+    domain: Domain | str | Path,
+    facts: Mapping[str, str],
+    *,
+    preset: str | None = None,
+    label: Label | None = None,
+    labels: Mapping[str, Label] | None = None,
+    world: World | Sequence[str] | None = None,
+    seed: int = 0,
+) -> Episode:
+    """Decide about one person: `load_robot` and `DomainRobot.decide`, which describe arguments and errors."""
+    robot = load_robot(domain, preset=preset)
+    return robot.decide(facts, label=label, labels=labels, world=world, seed=seed)
