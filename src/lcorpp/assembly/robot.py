@@ -25,11 +25,12 @@ from lcorpp.assembly.solving import explain_missing_reports, have_own_rates, sol
 from lcorpp.decision import Robot, dt_control
 from lcorpp.domains import Domain, load_domain
 from lcorpp.domains.sections.learning import Sense
+from lcorpp.errors import DomainError
 from lcorpp.planning import Policy, Solution, SolverOptions
 from lcorpp.planning.policy_cache import find_cache_folder
 from lcorpp.protocols import World
 from lcorpp.simulation.simulated_classifier import PrecomputedLabel
-from lcorpp.values import JEFFREYS, Array, Episode, Instance, Label, Step
+from lcorpp.values import JEFFREYS, Array, Episode, Instance, Label, Likelihood, Step
 from lcorpp.worlds import ScriptedWorld
 
 
@@ -72,7 +73,7 @@ class DomainRobot:
         Args:
             facts: observed attribute -> value.
             label: the output of the classifier of the only sense, instead of a signal: a class, the value of
-                its attribute, or a `Likelihood`.
+                its attribute, or a `Likelihood`, if the robot was composed for it.
             labels: sense -> output, of several senses.
             signals: sense -> what it perceived of the person, which its classifier receives.
             world: executes the actions; the prepared answers of a person; or None, for a simulated person
@@ -82,11 +83,18 @@ class DomainRobot:
             listener: called after every step.
 
         Raises:
-            DomainError: a fact, sense or label is unknown.
+            DomainError: a fact, sense or label is unknown, or evidence is not of the kind that the robot expects.
             DecisionError: the robot needs more answers than are prepared.
             NoReportError: the policy never reports.
         """
         known = choose_labels(self.domain, label, labels or {})
+        for name, own in known.items():
+            soft = self.parts.classifiers[name].soft
+            if isinstance(own, Likelihood) != soft:
+                raise DomainError(
+                    f"the evidence of {name} is {own!r}; this robot expects a {'likelihood' if soft else 'label'},"
+                    " see `likelihoods` of load_robot"
+                )
         instance = Instance(signals or {}, facts)
         self.domain.evidence(facts, known)  # rejects what is unknown
         if world is None:
@@ -197,6 +205,7 @@ def load_robot(
     preset: str | None = None,
     classifiers: Mapping[str, ClassifierOptions | str | Path] | None = None,
     evidence: EvidenceOptions = HARD_LABELS,
+    likelihoods: Iterable[str] = (),
     solver: SolverOptions | None = None,
     policy: Policy | None = None,
     cache: bool = True,
@@ -211,6 +220,7 @@ def load_robot(
         classifiers: sense -> how to get its classifier: the file of a stored one, the name of a learner that
             is trained now, or options; others are noisy channels with the domain's rates.
         evidence: of trained and loaded classifiers.
+        likelihoods: the senses for which `decide` is given a `Likelihood`.
         solver: None takes that of the domain. policy: None solves the POMDP.
         cache: whether solved policies are kept in the user's cache.
         seed, jobs: of the training.
@@ -222,7 +232,8 @@ def load_robot(
     """
     loaded = domain if isinstance(domain, Domain) else load_domain(domain, preset=preset)
     chosen = {name: _read_options(how) for name, how in (classifiers or {}).items()}
-    for name in chosen:
+    soft = dict.fromkeys(likelihoods, True)
+    for name in (*chosen, *soft):
         loaded.find_sense(name)
     senses = set_up_senses(loaded, loaded.senses, chosen, evidence, progress, seed=seed, jobs=jobs)
     folder = find_cache_folder() if cache else None
@@ -231,6 +242,7 @@ def load_robot(
         senses,
         solver,
         policy=policy,
+        given=soft,
         smoothing=evidence.smoothing,
         cache=folder,
         progress=progress,
@@ -256,5 +268,7 @@ def decide(
     seed: int = 0,
 ) -> Episode:
     """Decide about one person: `load_robot` and `DomainRobot.decide`, which describe arguments and errors."""
-    robot = load_robot(domain, preset=preset)
-    return robot.decide(facts, label=label, labels=labels, world=world, seed=seed)
+    loaded = domain if isinstance(domain, Domain) else load_domain(domain, preset=preset)
+    known = choose_labels(loaded, label, labels or {})
+    soft = [name for name, own in known.items() if isinstance(own, Likelihood)]
+    return load_robot(loaded, likelihoods=soft).decide(facts, labels=known, world=world, seed=seed)

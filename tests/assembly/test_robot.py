@@ -1,0 +1,101 @@
+"""The robot of a domain, composed by one call: it decides like one that is composed by hand."""
+
+import numpy as np
+import pytest
+
+import lcorpp
+from lcorpp import Instance, Planner, Reasoner, Robot, dt_control, load_domain, solve
+from lcorpp.errors import DecisionError, DomainError, FileError
+from lcorpp.values import Likelihood
+from lcorpp.worlds import ScriptedWorld
+
+FACTS = {"time": "afternoon", "location": "classroom"}
+
+
+@pytest.fixture(scope="module")
+def robot():
+    return lcorpp.load_robot("intention", cache=False)
+
+
+def test_the_trial_of_the_paper_as_composed_by_hand(robot):
+    class Wrong:
+        def classify(self, signal):
+            return "not_interested"
+
+    domain = load_domain("intention")
+    planner = Planner(solve(domain.pomdp, domain.start_beliefs()))
+    parts = Robot({"motion": Wrong()}, Reasoner(domain.program), planner, domain)
+    person = Instance({"motion": np.zeros((2, 304))}, FACTS)
+    expected = dt_control(parts, person, ScriptedWorld(["pos"] * 3))
+
+    for label in ("zero", "not_interested"):  # the attribute's value, or the class
+        episode = robot.decide(FACTS, label=label, world=["pos"] * 3)
+        assert episode.report == expected.report == "interested"
+        np.testing.assert_allclose(episode.prior, expected.prior)
+        assert episode.evidence == expected.evidence
+        assert [step.action for step in episode.steps] == [step.action for step in expected.steps]
+    once = lcorpp.decide("intention", FACTS, labels={"motion": "zero"}, world=["pos"] * 3)
+    assert once.report == "interested"
+
+
+def test_a_person_is_simulated_where_no_world_answers(robot):
+    """Two ways: the trials of a seed are the same again, and their accuracy is that of exact values."""
+    first, again = (robot.decide(FACTS, seed=4) for _ in range(2))
+    assert first.steps == again.steps or [s.action for s in first.steps] == [s.action for s in again.steps]
+    assert set(first.labels) == {"motion"}
+    reports = {robot.decide(FACTS, seed=seed).report for seed in range(30)}
+    assert reports == {"interested", "not_interested"}
+
+
+def test_a_likelihood_and_no_label_change_the_prior_as_the_reasoner_says(robot):
+    domain = robot.domain
+    reasoner = Reasoner(domain.program)
+    none = robot.decide(FACTS, world=["neg"] * 9)
+    expected = domain.prior(reasoner.posterior(domain.shared, FACTS))
+    np.testing.assert_allclose(none.prior, expected)
+    classes = ("interested", "not_interested")
+    for weights in ([0.4, 0.4], [0.9, 0.3]):  # of no weight; three times as likely
+        likelihood = Likelihood(classes, np.array(weights))
+        soft = lcorpp.decide("intention", FACTS, label=likelihood, world=["neg"] * 9)
+        odds = none.prior[0] / none.prior[1] * weights[0] / weights[1]
+        assert soft.prior[0] / soft.prior[1] == pytest.approx(odds)
+    with pytest.raises(DomainError, match="the evidence of motion is Likeli.*; this robot expects a label"):
+        robot.decide(FACTS, label=likelihood)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "error", "words"),
+    [
+        ({"facts": {"weather": "rain"}}, DomainError, "'weather' is not observed in intention"),
+        ({"facts": {"time": "noon"}}, DomainError, "time cannot be 'noon'"),
+        ({"facts": FACTS, "label": "two"}, DomainError, "'two' is no label of motion"),
+        (
+            {"facts": FACTS, "labels": {"gaze": "zero"}},
+            DomainError,
+            "no sense 'gaze'; expected one of",
+        ),
+        ({"facts": FACTS, "label": "zero", "labels": {"motion": "one"}}, DomainError, "expected labels="),
+        (
+            {"facts": FACTS, "label": "zero", "world": ["pos"]},
+            DecisionError,
+            "the world has 1 answers, and the robot needs another one",
+        ),
+    ],
+)
+def test_wrong_arguments_are_named(robot, arguments, error, words):
+    with pytest.raises(error, match=words):
+        robot.decide(**{"world": ["pos"] * 9, **arguments})
+
+
+def test_a_label_needs_its_sense_where_there_are_several():
+    with pytest.raises(DomainError, match="the label 'one' is that of one sense, and the domain museum has"):
+        lcorpp.decide("museum", {}, label="one")
+
+
+def test_wrong_parts_are_named(tmp_path):
+    for classifiers, error, words in (
+        ({"gaze": "forest"}, DomainError, "no sense 'gaze'"),
+        ({"motion": tmp_path / "missing.npz"}, FileError, "missing.npz"),
+    ):
+        with pytest.raises(error, match=words):
+            lcorpp.load_robot("intention", classifiers=classifiers)
