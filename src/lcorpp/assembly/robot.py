@@ -83,7 +83,7 @@ class DomainRobot:
             listener: called after every step.
 
         Raises:
-            DomainError: a fact, sense or label is unknown, or evidence is not of the kind that the robot expects.
+            DomainError: a fact, sense or label is unknown, or a likelihood comes in place of a label.
             DecisionError: the robot needs more answers than are prepared.
             NoReportError: the policy never reports.
         """
@@ -91,9 +91,10 @@ class DomainRobot:
         for name, own in known.items():
             soft = self.parts.classifiers[name].soft
             if isinstance(own, Likelihood) != soft:
+                expected = "likelihood" if soft else "label"
                 raise DomainError(
-                    f"the evidence of {name} is {own!r}; this robot expects a {'likelihood' if soft else 'label'},"
-                    " see `likelihoods` of load_robot"
+                    f"the evidence of {name} is {own!r}; this robot expects a {expected}, see `likelihoods` of"
+                    " load_robot"
                 )
         instance = Instance(signals or {}, facts)
         self.domain.evidence(facts, known)  # rejects what is unknown
