@@ -93,8 +93,8 @@ class DomainRobot:
             if isinstance(own, Likelihood) != soft:
                 expected = "likelihood" if soft else "label"
                 raise DomainError(
-                    f"the evidence of {name} is {own!r}; this robot expects a {expected}, see `likelihoods` of"
-                    " load_robot"
+                    f"the evidence of {name} is {own!r}; this robot expects a {expected}, see"
+                    " `likelihoods` of load_robot"
                 )
         instance = Instance(signals or {}, facts)
         self.domain.evidence(facts, known)  # rejects what is unknown
