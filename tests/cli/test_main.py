@@ -353,3 +353,22 @@ def test_bad_models_end_in_one_message(lcorpp, tmp_path):
     model = shared_model("tiger.aaai.pomdp")
     refused(lcorpp("simulate", model, tmp_path / "no.policy"), "cannot be read")
     refused(lcorpp("show", tmp_path), "no folder with a domain.toml")
+
+
+def test_explain_decides_as_the_robot_of_the_library(lcorpp, tmp_path):
+    """The same person of a seed, in the log of the command and by one call."""
+    from lcorpp import load_robot
+    from lcorpp.logs import read_log
+
+    log = tmp_path / "decisions.jsonl"
+    for seed in (0, 3):
+        assert (
+            lcorpp("explain", "intention", "--fact", "time=morning", "--seed", seed, "--log", log).code == 0
+        )
+    robot = load_robot("intention")
+    for seed, logged in zip((0, 3), read_log(log), strict=True):
+        episode, expected = robot.decide({"time": "morning"}, seed=seed), logged.read_episode(robot.domain)
+        assert (episode.evidence, episode.report) == (expected.evidence, expected.report)
+        assert [(step.action, step.observation) for step in episode.steps] == [
+            (step.action, step.observation) for step in expected.steps
+        ]
