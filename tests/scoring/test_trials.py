@@ -23,7 +23,7 @@ from lcorpp.reasoning import Enumeration, Reasoner
 from lcorpp.scoring import trial_chunks, trials
 from lcorpp.scoring.batch_simulation import BatchWorld, PeopleDraws
 from lcorpp.scoring.exact_evaluation import compute_joint_distribution
-from lcorpp.scoring.experiment import CHUNK_SIZE, Experiment, replay_trial
+from lcorpp.scoring.experiment import CHUNK_SIZE, ChunkSource, Experiment, replay_trial
 from lcorpp.scoring.trial_chunks import ChunkWork, make_results
 from lcorpp.scoring.trials import run_trials
 from lcorpp.simulation import (
@@ -37,7 +37,7 @@ from lcorpp.simulation import (
 from lcorpp.values import ConfusionMatrix, Dataset, Likelihood
 from tests.decision.fakes import FakeWorld
 
-ROOMS = Path(__file__).parents[2] / "domains" / "rooms"
+ROOMS = Path(__file__).parents[1] / "domains" / "rooms"
 
 
 @pytest.fixture(scope="module")
@@ -368,3 +368,11 @@ def test_soft_evidence_decides_better_than_the_label():
         assert soft.accuracy.estimate > hard.accuracy.estimate
         assert soft.f1.estimate > hard.f1.estimate
         assert soft.return_.estimate > hard.return_.estimate
+
+
+def test_the_answers_of_each_person_have_random_numbers_of_their_own(rooms):
+    chunk = ChunkSource(rooms).draw(2, 5)
+    streams = [chunk.seed, *chunk.seeds]
+    first = {tuple(np.random.default_rng(seed).random(3)) for seed in streams}
+    assert len(first) == len(streams) == 6
+    assert chunk.find_trial(0).seed == chunk.seeds[0]

@@ -98,7 +98,7 @@ class Trial(NamedTuple):
 class Chunk:
     """The n people of a chunk of trials.
 
-    robot: the full one. seed: of the experiment and the chunk; each person's has the place in the chunk, too.
+    robot: the full one. seed: of the experiment and the chunk.
     signals: sense -> (n, ...). labels: sense -> output of the classifier about each person.
     seconds: of the classifiers, for each person.
     """
@@ -116,6 +116,15 @@ class Chunk:
         domain = self.model.domain
         return np.array([domain.values.index(domain.reasoning.join(p)) for p in self.people], np.intp)
 
+    @property
+    def seeds(self) -> list[tuple[int, int, int]]:
+        """The seed of each person's answers: that of the chunk, and the place in it.
+
+        The first person has the place `CHUNK_SIZE`: numpy ignores zeros at the end of a seed, and the seed of
+        the chunk has drawn the people.
+        """
+        return [(*self.seed, i or CHUNK_SIZE) for i in range(len(self.people))]
+
     def find_trial(self, i: int) -> Trial:
         """Return the trial of person i."""
         person, observed = self.people[i], self.model.domain.observed
@@ -123,7 +132,7 @@ class Chunk:
         signals = {sense: signals[i] for sense, signals in self.signals.items()}
         instance = Instance(signals, {name: person[name] for name in observed})
         robot = replace(self.robot, classifiers=classifiers)
-        return Trial(self.model, robot, instance, person, (*self.seed, i))
+        return Trial(self.model, robot, instance, person, self.seeds[i])
 
 
 class ChunkSource:

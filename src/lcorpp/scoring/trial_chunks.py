@@ -102,7 +102,7 @@ def _simulate_at_once(experiment: Experiment, work: Sequence[ChunkWork], chunks:
     if not selected:
         return set()
     world = BatchWorld(chunks[0].model)
-    draws = PeopleDraws([(*chunk.seed, i) for chunk in chunks for i in range(len(chunk.people))])
+    draws = PeopleDraws([seed for chunk in chunks for seed in chunk.seeds])
     values = np.concatenate([chunk.index_values() for chunk in chunks])
     ends = np.cumsum([len(results) for _, results, _ in work])[:-1]
     done = set()

@@ -23,7 +23,7 @@ from lcorpp.scoring.trials import run_trials
 from lcorpp.simulation import NoisyChannel
 from tests.decision.fakes import FakeDomain
 
-ROOMS = Path(__file__).parents[1] / "domains" / "rooms"
+ROOMS = Path(__file__).parents[2] / "domains" / "rooms"
 OWN = """
 import numpy
 from dataclasses import replace

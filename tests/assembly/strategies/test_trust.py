@@ -23,7 +23,7 @@ from lcorpp.scoring.experiment import ChunkSource, replay_trial
 from lcorpp.values import ConfusionMatrix, EvidenceKind
 from tests.domains.deliveries import GAZE, VOICE, write_domain
 
-ROOMS = Path(__file__).parents[1] / "domains" / "rooms"
+ROOMS = Path(__file__).parents[2] / "domains" / "rooms"
 ROWS = (*strategies(["L"]), WITH_TRUST[0], *strategies(["LCORPP"]), WITH_TRUST[2])
 
 
