@@ -12,13 +12,11 @@ from typing import Any
 
 import lcorpp
 from lcorpp.assembly.solving import RatesSource, solve_domain
-from lcorpp.assembly.strategies.baselines import BASELINES, find_strategies
-from lcorpp.assembly.strategies.trust import WITH_TRUST, compute_soft_rates
-from lcorpp.decision import STRATEGIES, Robot, Strategy
-from lcorpp.decision.strategies import Rates, list_strategies
+from lcorpp.decision import Robot, Strategy
+from lcorpp.decision.strategies import Rates
 from lcorpp.domains import Domain, load_domain
 from lcorpp.domains.loading import SHIPPED_FOLDER
-from lcorpp.errors import DecisionError, LcorppError, expected_one_of
+from lcorpp.errors import DecisionError, LcorppError
 from lcorpp.files import read_bytes
 from lcorpp.planning import Planner, Policy, SolverOptions, read_policy
 from lcorpp.planning.upper_bounds import MixtureBound
@@ -82,8 +80,12 @@ class RobotParts:
     def rates(self) -> Rates:
         """The rates of senses with soft evidence, which the program lacks."""
         parts = self.classifiers.items()
-        confusions = {name: part.confusion for name, part in parts if part.confusion is not None}
         soft = [name for name, part in parts if part.soft]
+        if not soft:
+            return {}
+        from lcorpp.assembly.strategies.trust import compute_soft_rates  # loads `lcorpp.trust`
+
+        confusions = {name: part.confusion for name, part in parts if part.confusion is not None}
         return compute_soft_rates(self.domain, confusions, self.smoothing, soft=soft)
 
     @cached_property
@@ -118,23 +120,6 @@ def describe_strategy(strategy: Strategy) -> dict[str, str]:
         return {"name": strategy.name}
     source = f"{own.path.resolve()}:{own.name.removesuffix('.robot')}"
     return {"name": strategy.name, "source": source, "fingerprint": find_fingerprint(source) or ""}
-
-
-def read_strategy(description: Json, domain: Domain) -> Strategy:
-    """Return a logged strategy.
-
-    Raises:
-        DecisionError: there is none of this name, or the user's file is missing or wrong.
-        LookupError, TypeError, ValueError: `description` has another form.
-    """
-    name, source = description["name"], description.get("source")
-    if source is not None:
-        return find_strategies([source])[0]
-    senses = [sense.name for sense in domain.senses]
-    rows = {row.name: row for row in (*STRATEGIES, *list_strategies(senses), *BASELINES, *WITH_TRUST)}
-    if name not in rows:
-        raise DecisionError(f"unknown strategy {name!r}; {expected_one_of(rows)}")
-    return rows[name]
 
 
 def list_changed_files(domain: Domain, logged: Json) -> list[str]:

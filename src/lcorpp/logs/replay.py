@@ -17,8 +17,8 @@ from lcorpp.assembly.robot_parts import (
     list_changed_sources,
     load_logged_domain,
     read_parts,
-    read_strategy,
 )
+from lcorpp.assembly.strategies.baselines import read_strategy
 from lcorpp.decision import Robot, Strategy
 from lcorpp.decision.dt_control import act_until_report, infer_prior
 from lcorpp.decision.strategies import Session, make_generator

@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
 from lcorpp.assembly.strategies.own import load_strategy
 from lcorpp.assembly.strategies.trust import WITH_TRUST
-from lcorpp.decision import Robot, Strategy
-from lcorpp.decision.strategies import ImmediateReport, strategies
+from lcorpp.decision import STRATEGIES, Robot, Strategy
+from lcorpp.decision.strategies import ImmediateReport, list_strategies, strategies
 from lcorpp.domains import Domain
 from lcorpp.domains.information import compute_information
-from lcorpp.errors import DecisionError, check_type
+from lcorpp.errors import DecisionError, check_type, expected_one_of
 from lcorpp.protocols import Planner
 from lcorpp.user_code import split_function
 from lcorpp.values import Belief
@@ -49,6 +50,23 @@ def find_strategies(names: Iterable[str], senses: Sequence[str] = ("",)) -> tupl
         if strategy.name in [other.name for other in found[:k]]:
             raise DecisionError(f"{strategy.location}: another strategy has this name; expected another name")
     return found
+
+
+def read_strategy(description: Mapping[str, Any], domain: Domain) -> Strategy:
+    """Return a logged strategy.
+
+    Raises:
+        DecisionError: there is none of this name, or the user's file is missing or wrong.
+        LookupError, TypeError, ValueError: `description` has another form.
+    """
+    name, source = description["name"], description.get("source")
+    if source is not None:
+        return find_strategies([source])[0]
+    senses = [sense.name for sense in domain.senses]
+    rows = {row.name: row for row in (*STRATEGIES, *list_strategies(senses), *BASELINES, *WITH_TRUST)}
+    if name not in rows:
+        raise DecisionError(f"unknown strategy {name!r}; {expected_one_of(rows)}")
+    return rows[name]
 
 
 def ask_twice(robot: Robot) -> Robot:
