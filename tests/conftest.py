@@ -14,8 +14,9 @@ from hypothesis import HealthCheck, settings
 settings.register_profile("lcorpp", deadline=None, suppress_health_check=[HealthCheck.too_slow])
 settings.load_profile("lcorpp")
 
-# Tests interrupt themselves and their children; a shell that runs them in the background ignores the signal.
+# Tests interrupt themselves and their children; a shell that runs them in the background ignores the signals.
 signal.signal(signal.SIGINT, signal.default_int_handler)
+signal.signal(signal.SIGHUP, signal.SIG_DFL)
 
 # Commands share policies, as a user's do, in a folder that the first process makes, the parent of the others.
 if "PYTEST_XDIST_WORKER" not in os.environ:

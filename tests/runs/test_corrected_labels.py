@@ -212,7 +212,7 @@ def test_three_values_and_questions_that_distinguish_some_of_them():
     corrected = correct_labels(domain, "motion", dataset, predictions)
     confusion = corrected.confusion
     expected = normalise(count(true, predictions, confusion.classes))
-    np.testing.assert_allclose(normalise(confusion.counts), expected, atol=0.04)
+    np.testing.assert_allclose(normalise(confusion.counts), expected, atol=0.06)  # three standard errors
 
 
 @pytest.mark.parametrize("answer", [("greet", "maybe"), ("sing", "pos")])

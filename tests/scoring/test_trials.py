@@ -200,29 +200,27 @@ def test_an_interrupt_keeps_the_people_who_are_complete_at_once(rooms, monkeypat
 
 @dataclass(frozen=True)
 class Stalling:
-    """A reasoner that never returns from its 200th answer in a process, after it has created `file`."""
+    """A reasoner that never returns from its 200th answer in a process, after it has created a file."""
 
     reasoner: Enumeration
-    file: Path
+    folder: Path
     answers: list[str] = field(default_factory=list)
 
     def posterior(self, attribute, evidence):
         self.answers.append(attribute)
         if len(self.answers) == 200:
-            self.file.touch()
+            (self.folder / str(os.getpid())).touch()
             threading.Event().wait()
         return self.reasoner.posterior(attribute, evidence)
 
 
 def test_an_interrupt_keeps_the_trials_of_incomplete_chunks_of_all_processes(rooms, tmp_path):
-    stalled = tmp_path / "stalled"
-
     def interrupt_when_stalled():
-        while not stalled.exists():
+        while len(list(tmp_path.iterdir())) < 2:  # while a process starts, an interrupt would be lost
             time.sleep(0.01)
         os.kill(os.getpid(), signal.SIGINT)
 
-    robot = replace(rooms.robot, reasoner=Stalling(rooms.robot.reasoner, stalled))
+    robot = replace(rooms.robot, reasoner=Stalling(rooms.robot.reasoner, tmp_path))
     rows = one_by_one(STRATEGIES)
     interrupter = threading.Thread(target=interrupt_when_stalled)
     interrupter.start()
