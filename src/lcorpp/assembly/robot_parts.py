@@ -18,7 +18,7 @@ from lcorpp.domains import Domain, load_domain
 from lcorpp.domains.loading import SHIPPED_FOLDER
 from lcorpp.errors import DecisionError, LcorppError
 from lcorpp.files import read_bytes
-from lcorpp.planning import Planner, Policy, SolverOptions, read_policy
+from lcorpp.planning import Planner, Policy, SolverOptions
 from lcorpp.planning.upper_bounds import MixtureBound
 from lcorpp.reasoning import Program, Reasoner
 from lcorpp.user_code import split_function
@@ -180,6 +180,8 @@ def read_parts(description: Json, domain: Domain, *, cache: Path | None = None) 
     if "solver" not in policy:
         if "file" not in policy:
             raise DecisionError("the policy has no file and no solver, so it cannot be set up again")
+        from lcorpp.planning import read_policy  # loads the file formats
+
         file = Path(policy["file"])
         found = read_policy(file, domain.pomdp)
         return RobotParts(domain, found, classifiers, smoothing, policy_file=file)
