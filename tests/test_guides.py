@@ -29,7 +29,7 @@ DOCS = Path(__file__).parents[1] / "docs"
         ("planning.md", 16),
         ("learning.md", 15),
         ("data.md", 10),
-        ("domains.md", 2),
+        ("domains.md", 4),
         ("worlds.md", 4),
         ("strategies.md", 1),
         ("log.md", 6),

@@ -89,7 +89,7 @@ STRATEGIES = (
     " LCORPP+trust, and LCORPP+trust-hearing and LCORPP+trust-asking without its hearing or asking; the"
     " baselines ask-twice, random and always-report; or your own as FILE.py:NAME"
 )
-"""The strategies, for help: those of `experiments.strategies.baselines`, which takes longer to load."""
+"""The strategies, for help: those of `assembly.strategies.baselines`, which takes longer to load."""
 
 WorldOption = Annotated[
     str | None,
