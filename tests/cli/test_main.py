@@ -87,20 +87,20 @@ def interrupt(*_, **__):
     ("function", "command", "words"),
     [
         (
-            "classifier_training.train_and_validate",
+            "assembly.classifier_training.train_and_validate",
             ("run", *SMALL),
             "training and cross-validating summaries",
         ),
         (
-            "comparison.evaluate_exactly",
+            "experiments.comparison.evaluate_exactly",
             ("run", "--exact", "--classifier", "channel"),
             "enumerating people and answers",
         ),
-        ("comparison.run_trials", ("run", "--classifier", "channel"), "simulating trials"),
+        ("experiments.comparison.run_trials", ("run", "--classifier", "channel"), "simulating trials"),
     ],
 )
 def test_ctrl_c_names_the_step(lcorpp, monkeypatch, function, command, words):
-    monkeypatch.setattr(f"lcorpp.experiments.{function}", interrupt)
+    monkeypatch.setattr(f"lcorpp.{function}", interrupt)
     ended = lcorpp(*command)
     assert ended.code == 130
     assert f"lcorpp: interrupted while {words}; nothing is kept" in ended.err
@@ -135,9 +135,12 @@ def test_outputs_are_checked_before_the_work(lcorpp, monkeypatch, tmp_path):
     def fail(*_, **__):
         raise AssertionError("work before the check")
 
-    for name in ("classifier_training.train_and_validate", "comparison.solve_domain"):
-        monkeypatch.setattr(f"lcorpp.experiments.{name}", fail)
-    monkeypatch.setattr("lcorpp.runs.training.train_and_validate", fail)
+    for name in (
+        "assembly.classifier_training.train_and_validate",
+        "assembly.robot.solve_domain",
+        "runs.training.train_and_validate",
+    ):
+        monkeypatch.setattr(f"lcorpp.{name}", fail)
     (tmp_path / "file").write_text("")
     for out in (tmp_path / "file", tmp_path / "file" / "below"):
         refused(lcorpp("run", *SMALL, "--out", out), "is a file")

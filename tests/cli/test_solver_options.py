@@ -152,11 +152,11 @@ def test_an_own_solver(lcorpp, own, tmp_path):
 @pytest.mark.parametrize("command", [("explain",), ("run", "--learner", "summaries"), ("learn",)])
 def test_solvers_are_checked_before_the_work(lcorpp, own, monkeypatch, command):
     for name in (
-        "setup.solve_cached",
-        "classifier_training.train_and_validate",
-        "active_learning.training.train_and_validate",
+        "assembly.solving.solve_cached",
+        "assembly.classifier_training.train_and_validate",
+        "runs.training.train_and_validate",
     ):
-        monkeypatch.setattr(f"lcorpp.experiments.{name}", None)
+        monkeypatch.setattr(f"lcorpp.{name}", None)
     refused(lcorpp(*command, "--solver", "pbvi"), "unknown solver 'pbvi'; expected one of sarsop")
     refused(lcorpp(*command, "--solver", f"{own}:none"), "own.py has no function 'none'; expected one of")
     refused(lcorpp(*command, "--precision", 0), "the precision is 0.0; expected a finite positive number")

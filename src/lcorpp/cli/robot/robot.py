@@ -53,6 +53,7 @@ def robot(
     (strategy,) = find_strategies([read.strategy], [sense.name for sense in domain.senses])
     check_dialogue(domain, [strategy])
     with ExitStack() as stack:
+        stack.callback(signal.signal, signal.SIGINT, signal.getsignal(signal.SIGINT))
         kept = None if log is None else stack.enter_context(DecisionLog(log))
         connection = connect(read.connection)
         stack.callback(connection.close)
