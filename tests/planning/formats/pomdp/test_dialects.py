@@ -12,8 +12,9 @@ from hypothesis import given, settings, strategies as st
 from lcorpp.errors import FileError, ParseError
 from lcorpp.planning import parse_pomdp, read_pomdp, solve
 from lcorpp.planning.formats import alpha_file, policy_xml
-from lcorpp.planning.formats.pomdp import python_scanner, reader, scanner
+from lcorpp.planning.formats.pomdp import _scanner, reader, scanner
 from lcorpp.planning.formats.pomdpx import reader as pomdpx_reader
+from tests.planning.formats.pomdp import python_scanner
 from tests.planning.formats.pomdp.texts import BODY, HEAD, same
 from tests.planning.models import SHARED, TIGER, pomdps
 
@@ -174,9 +175,9 @@ def written_models(draw):
 def test_both_scanners_read_what_was_written(written):
     pomdp, text, is_mdp = written
     found = []
-    for implementation in (python_scanner, scanner.implementation):
+    for implementation in (python_scanner, _scanner):
         with pytest.MonkeyPatch.context() as patch:
-            patch.setattr(scanner, "implementation", implementation)
+            patch.setattr(scanner, "_scanner", implementation)
             found.append(parse_pomdp(text))
     assert found[0].fingerprint == found[1].fingerprint
     for name in ("states", "actions", "discount") + ("observations",) * (not is_mdp):

@@ -8,16 +8,9 @@ import numpy as np
 import pytest
 from hypothesis import given, settings, strategies as st
 
-from lcorpp.planning.formats.pomdp import python_scanner
+from lcorpp.planning.formats.pomdp import _scanner
+from tests.planning.formats.pomdp import python_scanner
 
-try:
-    from lcorpp.planning.formats.pomdp import _scanner
-except ImportError:
-    _scanner = None  # type: ignore[assignment]
-
-needs_compiled = pytest.mark.skipif(
-    _scanner is None, reason="the compiled scanner is missing: no C++ compiler"
-)
 INDICES = ({"*": -1, "go": 0, "é": 1}, {"*": -1, "0": 0, "1": 1, "a-b": 1}, {"*": -1, "0": 2, "1": 0, "2": 1})
 WORDS = "- + T O R T: O: R: : * go é 0 1 2 a-b no # .5 1. -0 +1e0 1e-3 1e400 0.3x uniform 2.5e 1.00005"
 GLUED = "0.5T: 1uniform 0O 1R : 0.25reset 1values:"
@@ -45,7 +38,6 @@ def scan(
     return [end, *((array.dtype, array.shape, array.tolist()) for array in arrays)]
 
 
-@needs_compiled
 @given(
     parts=st.lists(ENTRIES | PIECES, max_size=12),
     limit=st.sampled_from([1, 3, 100]),
@@ -58,7 +50,6 @@ def test_both_scanners_read_the_same_statements(parts, limit, references):
     assert found[0] == found[1]
 
 
-@needs_compiled
 @given(
     text=st.from_regex(
         r"[+-]?([0-9]{1,25}\.?[0-9]{0,25}|\.[0-9]{1,30})([eE][+-]?[0-9]{1,4})?", fullmatch=True
@@ -76,7 +67,6 @@ def test_numbers_have_the_bits_of_float(text):
         assert values.tolist() == [float(text)] * (float(text) != 0)
 
 
-@needs_compiled
 @given(
     parts=st.lists(
         st.sampled_from(["0", "1", "-2.5", "-", "+", " ", "\n", "#1\n", "x", ":", "1e999"]), max_size=12
@@ -90,7 +80,6 @@ def test_both_scanners_read_the_same_rows(parts):
     assert found[0] == found[1]
 
 
-@needs_compiled
 def test_wrong_arguments_are_refused():
     with pytest.raises(ValueError, match="the offset is behind the end of the text"):
         scan(_scanner, b"T", 2)

@@ -1,4 +1,4 @@
-"""The scanner of plain statements and numbers: compiled, or in Python if the installation had no compiler.
+"""The scanner of plain statements and numbers, in C++ (native/pomdp).
 
 Plain statements are those that large files consist of: an entry with known names and one number, and a row of
 T or O with a known action and state and one number per column. All other statements, and all errors, are left
@@ -15,12 +15,8 @@ import numpy as np
 import numpy.typing as npt
 
 from lcorpp.planning.formats.numbers import ROW_TOLERANCE
+from lcorpp.planning.formats.pomdp import _scanner
 from lcorpp.values import Array
-
-try:
-    from lcorpp.planning.formats.pomdp import _scanner as implementation
-except ImportError:
-    from lcorpp.planning.formats.pomdp import python_scanner as implementation  # type: ignore[no-redef]
 
 Text = bytes | mmap.mmap
 """The text of a file in UTF-8, in memory or mapped."""
@@ -65,7 +61,7 @@ class Scanner:
         is_mdp: bool = False,
     ) -> None:
         kinds = ("actions", "states", "observations")
-        self._names = [implementation.Names(dict(indices[kind])) for kind in kinds]
+        self._names = [_scanner.Names(dict(indices[kind])) for kind in kinds]
         self._counts = states, observations, 3 if is_mdp else 4
 
     def scan(self, text: Text, offset: int) -> tuple[int, PlainTable, PlainTable, PlainTable]:
@@ -75,7 +71,7 @@ class Scanner:
             The offset of the first statement that was not read, and the statements of T, O and R.
         """
         arguments: tuple[Any, ...] = (*self._names, *self._counts, 1 + ROW_TOLERANCE, MAX_NUMBERS)
-        end, *tables = implementation.scan_statements(text, offset, *arguments)
+        end, *tables = _scanner.scan_statements(text, offset, *arguments)
         T, Z, R = (PlainTable(*table) for table in tables)
         return end, T, Z, R
 
@@ -86,4 +82,4 @@ def scan_rows(text: Text, offset: int, rows: int, count: int) -> tuple[Any, ...]
     Returns:
         The offset of the next token, and the fields of `NumberRows` but the first.
     """
-    return cast("tuple[Any, ...] | None", implementation.scan_rows(text, offset, rows, count))
+    return cast("tuple[Any, ...] | None", _scanner.scan_rows(text, offset, rows, count))

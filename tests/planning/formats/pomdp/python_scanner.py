@@ -1,4 +1,4 @@
-"""The scanner in Python, for installations without a compiler; `_scanner` in C++ computes the same."""
+"""The scanner in Python: the oracle of `_scanner` in C++."""
 
 from __future__ import annotations
 
