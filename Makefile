@@ -82,7 +82,10 @@ stubs: $(VENV)/.dev
 	$(BIN)/python -m nanobind.stubgen -q -m lcorpp.planning.formats.pomdp._scanner -o src/lcorpp/planning/formats/pomdp/_scanner.pyi
 	$(BIN)/python -m nanobind.stubgen -q -m lcorpp.learning.lstm._kernels -o src/lcorpp/learning/lstm/_kernels.pyi
 
+NO_COMPILER := no C++ compiler, which lcorpp needs: install g++ (Debian, Ubuntu: apt install g++; macOS: xcode-select --install)
+
 $(VENV)/.python:
+	@command -v $${CXX:-c++} >/dev/null || { echo "$(NO_COMPILER)" >&2; exit 1; }
 	$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "lcorpp needs Python 3.11 or newer")'
 	$(PYTHON) -m venv $(VENV)
 	touch $@

@@ -168,7 +168,7 @@ class NumpyNetwork:
 
 @cache
 def load_kernels() -> Any:
-    """Import the compiled kernels; None if there was no compiler at installation."""
+    """Import the compiled kernels; None if the compiler at installation was too old for them."""
     try:
         import lcorpp.learning.lstm._kernels as kernels
     except ImportError:
