@@ -23,7 +23,6 @@ from lcorpp.planning import (
 )
 from lcorpp.planning.evaluation.certificate import certificate
 from lcorpp.planning.formats.pomdp.writer import format_pomdp
-from lcorpp.planning.sarsop import numpy_kernels
 from tests.planning.models import TIGER, pomdps
 
 tiger = parse_pomdp(TIGER.replace("0.95", "0"))
@@ -45,9 +44,9 @@ def test_each_solver_is_myopic(solver, start):
 
 @given(pomdps(discounts=(0.0,)))
 @settings(max_examples=10)
-def test_both_kernels_and_a_finite_horizon_are_myopic(pomdp):
+def test_sarsop_and_a_finite_horizon_are_myopic(pomdp):
     expected = pytest.approx((pomdp.reward @ pomdp.start).max())
-    for found in (solve(pomdp), solve(pomdp, kernels=numpy_kernels), solve_finite_horizon(pomdp, 3)):
+    for found in (solve(pomdp), solve_finite_horizon(pomdp, 3)):
         assert (found.lower, found.upper) == (expected, expected)
     policy = solve(pomdp).policy
     assert evaluate(pomdp, policy).interval.estimate == expected

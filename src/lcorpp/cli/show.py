@@ -104,7 +104,7 @@ def _print_model(model: Path, pomdp: Pomdp, problem: Factored | None) -> None:
     """Print sizes, sparsity of the tables, observable blocks, rewards, discount and start belief."""
     import numpy as np
 
-    from lcorpp.planning.sarsop.kernels import build_model, load_kernels
+    from lcorpp.planning.sarsop.kernel_model import build_model
 
     print_text(f"{model}")
     if problem is not None:
@@ -116,7 +116,7 @@ def _print_model(model: Path, pomdp: Pomdp, problem: Factored | None) -> None:
     for kind, table in (("T(s' | s, a)", pomdp.transition), ("O(o | a, s')", pomdp.observation)):
         full = len(table.values) / float(np.prod(table.shape, dtype=np.float64))
         _print_fact(kind, f"{len(table.values)} entries above zero, {full:.2%} of the table")
-    sizes = np.bincount(build_model(load_kernels(), pomdp).export_blocks())
+    sizes = np.bincount(build_model(pomdp).export_blocks())
     if len(sizes) > 1:
         size = f"of at most {sizes.max()} states" if sizes.max() > 1 else "of one state: fully observable"
         _print_fact("observable", f"after each step the belief lies within one of {len(sizes)} blocks {size}")

@@ -1,4 +1,4 @@
-"""Both implementations of the kernels, and random models for their tests."""
+"""Trees and random models for the tests of the kernels."""
 
 from __future__ import annotations
 
@@ -8,22 +8,8 @@ import numpy as np
 import pytest
 from hypothesis import strategies as st
 
-from lcorpp.planning import Pomdp
-from lcorpp.planning.sarsop import numpy_kernels
-from lcorpp.planning.sarsop.kernel_protocols import Kernels
-from lcorpp.planning.sarsop.kernels import build_model
-
-try:
-    from lcorpp.planning import _native
-
-    NATIVE: Any = _native
-    WITHOUT = ""
-except ImportError as error:
-    NATIVE, WITHOUT = None, f"the compiled kernels cannot be imported: {error}"
-
-needs_native = pytest.mark.skipif(NATIVE is None, reason=WITHOUT)
-
-BOTH = [pytest.param(NATIVE, id="native", marks=needs_native), pytest.param(numpy_kernels, id="numpy")]
+from lcorpp.planning import AlphaVectors, Policy, Pomdp, _native
+from lcorpp.planning.sarsop.kernel_model import build_model
 
 SECONDS = 60.0
 """A time limit that no test reaches, so that comparisons are of complete searches."""
@@ -86,18 +72,18 @@ def random_models(**given: Any) -> st.SearchStrategy[Pomdp]:
     return st.builds(random_model, st.integers(0, 2**32 - 1), **drawn)
 
 
-def bounds(kernels: Kernels, model: Any, tolerance: float = 1e-7) -> tuple[Any, Any, Any]:
+def bounds(model: _native.Model, tolerance: float = 1e-7) -> tuple[Any, Any, Any]:
     """Blind policies, MDP bound and fast informed bound."""
-    blind = kernels.blind_policies(model, tolerance, SECONDS)
-    above = kernels.mdp_bound(model, tolerance, SECONDS)
-    return blind, above, kernels.fast_informed_bound(model, above, tolerance, SECONDS)
+    blind = _native.blind_policies(model, tolerance, SECONDS)
+    above = _native.mdp_bound(model, tolerance, SECONDS)
+    return blind, above, _native.fast_informed_bound(model, above, tolerance, SECONDS)
 
 
-def make_tree(kernels: Kernels, pomdp: Pomdp) -> tuple[Any, Any, Any]:
+def make_tree(pomdp: Pomdp) -> tuple[_native.Tree, _native.ValuePredictor, Any]:
     """A tree without nodes, a predictor, and the informed bound."""
-    model = build_model(kernels, pomdp)
-    blind, _, informed = bounds(kernels, model)
-    return kernels.Tree(model, informed, blind), kernels.ValuePredictor(informed.max(axis=0)), informed
+    model = build_model(pomdp)
+    blind, _, informed = bounds(model)
+    return _native.Tree(model, informed, blind), _native.ValuePredictor(informed.max(axis=0)), informed
 
 
 PRUNE = (1e-3, 3.0, 1.3)
@@ -116,6 +102,23 @@ def search(tree: Any, predictor: Any, root: int, trials: int, run: Any = None) -
         tree.prune([root], *PRUNE)
         sizes.append((steps, tree.node_count, tree.vector_count, tree.point_count))
     return sizes
+
+
+def prune_often(pomdp: Pomdp, *, trials: int = 16, share: float = 0.3) -> tuple[_native.Tree, int]:
+    """A tree after a search that prunes as often as it can, and its root; paths aim at a share of the gap."""
+    tree, predictor, _ = make_tree(pomdp)
+    root = tree.find_or_add_node(pomdp.start)
+    for trial in range(trials):
+        gap = tree.upper_bound(root) - tree.lower_bound(root)
+        tree.sample(predictor, root, max(share * gap, 1e-6), 60, SECONDS, trial % 2 == 1)
+        tree.prune([root], 0.0, 1.0, 0.0)
+    return tree, root
+
+
+def export_policy(pomdp: Pomdp, tree: _native.Tree) -> Policy:
+    """The vectors of a tree, with the pruned ones that others depend on, as a policy."""
+    sets = [tree.vectors(group, with_pruned=True) for group in range(tree.group_count)]
+    return Policy.of_sets(pomdp, [AlphaVectors(*each) for each in sets if len(each[2])])
 
 
 def close(numbers: Any) -> Any:

@@ -1,4 +1,4 @@
-"""Both kernels reject invalid arguments; the compiled kernels never read beyond an array."""
+"""The kernels reject invalid arguments and never read beyond an array."""
 
 from __future__ import annotations
 
@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from lcorpp.planning import parse_pomdp
-from lcorpp.planning.sarsop.kernels import build_model
+from lcorpp.planning import _native, parse_pomdp
+from lcorpp.planning.sarsop.kernel_model import build_model
 from tests.planning.models import TIGER
-from tests.planning.sarsop.kernels import BOTH, NATIVE, bounds, needs_native
+from tests.planning.sarsop.kernels import bounds
 
 i4, i8, nan, inf = np.int32, np.int64, np.nan, np.inf
 
@@ -72,25 +72,24 @@ BAD_MODELS: list[dict[str, Any]] = [
 ]
 
 
-@pytest.mark.parametrize("kernels", BOTH)
 @pytest.mark.parametrize("change", BAD_MODELS, ids=lambda change: " ".join(map(str, change.items()))[:60])
-def test_invalid_models(kernels, change):
-    assert kernels.Model(*GOOD.values()).export_blocks().tolist() == [0, 0]
+def test_invalid_models(change):
+    assert _native.Model(*GOOD.values()).export_blocks().tolist() == [0, 0]
     with pytest.raises((ValueError, TypeError)):  # TypeError for a different number of axes
-        kernels.Model(*(GOOD | change).values())
+        _native.Model(*(GOOD | change).values())
 
 
-def make_small_tree(kernels: Any) -> Any:
+def make_small_tree() -> Any:
     """A tree of the tiger problem with one node and one expanded action."""
-    model = build_model(kernels, parse_pomdp(TIGER))
-    blind, _, informed = bounds(kernels, model, 1e-3)
-    tree = kernels.Tree(model, informed, blind)
+    model = build_model(parse_pomdp(TIGER))
+    blind, _, informed = bounds(model, 1e-3)
+    tree = _native.Tree(model, informed, blind)
     assert tree.select_action(tree.find_or_add_node(np.array([0.5, 0.5])), False) == 0
     return tree
 
 
-def make_predictor(kernels: Any) -> Any:
-    return kernels.ValuePredictor(np.array([0.0, 1.0]))
+def make_predictor() -> Any:
+    return _native.ValuePredictor(np.array([0.0, 1.0]))
 
 
 def vectors(*rows: list[float]) -> Any:
@@ -172,57 +171,53 @@ INVALID_ARRAYS: list[tuple[str, tuple[Any, ...]]] = [
 ]
 
 
-@pytest.mark.parametrize("kernels", BOTH)
 @pytest.mark.parametrize(
     "number", range(len(OUT_OF_RANGE)), ids=lambda n: " ".join(map(str, OUT_OF_RANGE[n]))[:50]
 )
-def test_numbers_out_of_range(kernels, number):
+def test_numbers_out_of_range(number):
     name, arguments = OUT_OF_RANGE[number]
     with pytest.raises(IndexError):
-        getattr(make_small_tree(kernels), name)(*arguments)
+        getattr(make_small_tree(), name)(*arguments)
 
 
-@pytest.mark.parametrize("kernels", BOTH)
 @pytest.mark.parametrize(
     "number", range(len(INVALID_ARRAYS)), ids=lambda n: " ".join(map(str, INVALID_ARRAYS[n]))[:50]
 )
-def test_invalid_arrays(kernels, number):
+def test_invalid_arrays(number):
     name, arguments = INVALID_ARRAYS[number]
-    tree = make_small_tree(kernels)
+    tree = make_small_tree()
     before = tree.vector_count, tree.point_count, tree.upper_bound(0)
     with pytest.raises(ValueError):  # noqa: PT011
         getattr(tree, name)(*arguments)
     assert (tree.vector_count, tree.point_count, tree.upper_bound(0)) == before  # nothing was added
 
 
-@pytest.mark.parametrize("kernels", BOTH)
-def test_invalid_bounds_and_limits(kernels):
-    model = kernels.Model(*GOOD.values())
+def test_invalid_bounds_and_limits():
+    model = _native.Model(*GOOD.values())
     good = np.zeros((2, 2))
     for bad in (np.zeros((2, 3)), np.zeros((4, 1)), np.full((2, 2), nan), np.full((2, 2), -inf)):
         for call in (
-            lambda bad=bad: kernels.Tree(model, bad, good),
-            lambda bad=bad: kernels.Tree(model, good, bad),
-            lambda bad=bad: kernels.fast_informed_bound(model, bad, 1e-3, 1.0),
+            lambda bad=bad: _native.Tree(model, bad, good),
+            lambda bad=bad: _native.Tree(model, good, bad),
+            lambda bad=bad: _native.fast_informed_bound(model, bad, 1e-3, 1.0),
         ):
             with pytest.raises(ValueError):  # noqa: PT011
                 call()
     for limits in ((nan, 1.0), (-1.0, 1.0), (1e-3, nan)):
         for call in (
-            lambda limits=limits: kernels.blind_policies(model, *limits),
-            lambda limits=limits: kernels.mdp_bound(model, *limits),
-            lambda limits=limits: kernels.fast_informed_bound(model, good, *limits),
+            lambda limits=limits: _native.blind_policies(model, *limits),
+            lambda limits=limits: _native.mdp_bound(model, *limits),
+            lambda limits=limits: _native.fast_informed_bound(model, good, *limits),
         ):
             with pytest.raises(ValueError):  # noqa: PT011
                 call()
     for corners in ([], [nan], [inf, 0]):
         with pytest.raises(ValueError):  # noqa: PT011
-            kernels.ValuePredictor(np.array(corners))
+            _native.ValuePredictor(np.array(corners))
 
 
-@pytest.mark.parametrize("kernels", BOTH)
-def test_invalid_samples(kernels):
-    tree, predictor = make_small_tree(kernels), make_predictor(kernels)
+def test_invalid_samples():
+    tree, predictor = make_small_tree(), make_predictor()
     for root in (1, -1):
         with pytest.raises(IndexError):
             tree.sample(predictor, root, 0.1, 10, 1.0, False)
@@ -237,8 +232,7 @@ def test_invalid_samples(kernels):
     assert tree.sample(predictor, 0, 0.1, 10, -1.0, False) == 1  # no time is not an error
 
 
-@needs_native
-def test_compiled_kernels_reject_other_types():
+def test_other_types_are_rejected():
     """Indices are not converted: a number beyond 32 bits would become another one."""
     for change in (
         {"transition_columns": GOOD["transition_columns"].astype(i8)},
@@ -253,11 +247,11 @@ def test_compiled_kernels_reject_other_types():
         {"discount": "0.9"},
     ):
         with pytest.raises(TypeError):
-            NATIVE.Model(*(GOOD | change).values())
-    tree, predictor = make_small_tree(NATIVE), make_predictor(NATIVE)
+            _native.Model(*(GOOD | change).values())
+    tree, predictor = make_small_tree(), make_predictor()
     for call in (
-        lambda: NATIVE.mdp_bound(None, 1e-3, 1.0),
-        lambda: NATIVE.Tree(None, np.zeros((2, 2)), np.zeros((2, 2))),
+        lambda: _native.mdp_bound(None, 1e-3, 1.0),
+        lambda: _native.Tree(None, np.zeros((2, 2)), np.zeros((2, 2))),
         lambda: tree.cached_lower(2**31),
         lambda: tree.cached_lower(0.5),
         lambda: tree.find_or_add_child(0, 0, -1),
@@ -272,24 +266,22 @@ def test_compiled_kernels_reject_other_types():
             call()
 
 
-@needs_native
 def test_lossless_conversions():
     """Of single precision, strided arrays and integers."""
     apart = np.repeat(GOOD["observation_values"], 2)[::2]
-    model = NATIVE.Model(
+    model = _native.Model(
         *(
             GOOD
             | {"transition_values": GOOD["transition_values"].astype(np.float32), "observation_values": apart}
         ).values()
     )
-    blind, _, informed = bounds(NATIVE, model, 1e-3)
-    tree = NATIVE.Tree(model, informed, blind)
+    blind, _, informed = bounds(model, 1e-3)
+    tree = _native.Tree(model, informed, blind)
     assert tree.belief(tree.find_or_add_node(np.array([1, 0]))).tolist() == [1, 0]
 
 
-@needs_native
 def test_arrays_outlive_their_tree():
-    tree = make_small_tree(NATIVE)
+    tree = make_small_tree()
     lasting = [tree.belief(0), tree.q_upper(0), tree.vectors(0)[1], tree.points()[0]]
     copies = [array.copy() for array in lasting]
     model_stays = tree.select_action(0, True)

@@ -8,19 +8,11 @@ import numpy as np
 import pytest
 from hypothesis import given, settings, strategies as st
 
-from lcorpp.planning import Pomdp, observation_probabilities, parse_pomdp, update
-from lcorpp.planning.sarsop import numpy_kernels
-from lcorpp.planning.sarsop.kernels import build_model
+from lcorpp.planning import Pomdp, _native, observation_probabilities, parse_pomdp, update
+from lcorpp.planning.sarsop.kernel_model import build_model
 from tests.planning.models import TIGER, pomdps
-from tests.planning.sarsop.kernels import (
-    BOTH,
-    NATIVE,
-    bounds,
-    make_tree,
-    needs_native,
-    random_model,
-    random_models,
-)
+from tests.planning.sarsop.kernels import bounds, make_tree, random_model, random_models
+from tests.planning.sarsop.reference import initial_bounds
 
 models = pomdps() | random_models()
 
@@ -47,26 +39,23 @@ def blocks_by_definition(pomdp: Pomdp) -> list[int]:
     return [sorted(set(block)).index(b) for b in block]
 
 
-@pytest.mark.parametrize("kernels", BOTH)
 @given(pomdp=models)
 @settings(max_examples=40)
-def test_blocks_agree_with_their_definition(kernels, pomdp):
-    assert build_model(kernels, pomdp).export_blocks().tolist() == blocks_by_definition(pomdp)
+def test_blocks_agree_with_their_definition(pomdp):
+    assert build_model(pomdp).export_blocks().tolist() == blocks_by_definition(pomdp)
 
 
-@pytest.mark.parametrize("kernels", BOTH)
-def test_blocks_of_known_models(kernels):
-    assert build_model(kernels, ring(6)).export_blocks().tolist() == [0, 1, 0, 1, 0, 1]
-    assert build_model(kernels, parse_pomdp(TIGER)).export_blocks().tolist() == [0, 0]
-    blocks = build_model(kernels, random_model(1, seen=4, hidden=3)).export_blocks()
+def test_blocks_of_known_models():
+    assert build_model(ring(6)).export_blocks().tolist() == [0, 1, 0, 1, 0, 1]
+    assert build_model(parse_pomdp(TIGER)).export_blocks().tolist() == [0, 0]
+    blocks = build_model(random_model(1, seen=4, hidden=3)).export_blocks()
     assert set(blocks.tolist()) == {0, 1, 2, 3}
 
 
-@pytest.mark.parametrize("kernels", BOTH)
 @given(pomdp=models)
 @settings(max_examples=30)
-def test_children_follow_bayes_rule(kernels, pomdp):
-    tree, _, _ = make_tree(kernels, pomdp)
+def test_children_follow_bayes_rule(pomdp):
+    tree, _, _ = make_tree(pomdp)
     root = tree.find_or_add_node(pomdp.start)
     assert tree.belief(root) == pytest.approx(pomdp.start)
     assert tree.expected_rewards(root) == pytest.approx(pomdp.reward @ pomdp.start)
@@ -83,63 +72,32 @@ def test_children_follow_bayes_rule(kernels, pomdp):
         assert tree.find_or_add_child(root, action, k) == child
 
 
-@needs_native
 @given(pomdp=models)
 @settings(max_examples=40)
-def test_both_kernels_have_the_same_bounds(pomdp):
-    found = [bounds(kernels, build_model(kernels, pomdp)) for kernels in (NATIVE, numpy_kernels)]
-    for compiled, numpy in zip(*found, strict=True):
-        assert compiled == pytest.approx(numpy, rel=1e-9, abs=1e-9)
-
-
-@pytest.mark.parametrize("kernels", BOTH)
-@given(pomdp=models)
-@settings(max_examples=40)
-def test_bounds_are_ordered_and_close_to_exact_values(kernels, pomdp):
-    gamma, S = pomdp.discount, len(pomdp.states)
-    blind, above, informed = bounds(kernels, build_model(kernels, pomdp), tolerance=1e-6)
-    T = np.asarray(pomdp.transition)
-    exact = np.linalg.solve(np.eye(S) - gamma * T, pomdp.reward[:, :, None])[:, :, 0]
-    assert (blind <= exact + 1e-9).all()  # 1e-9: rounding
+def test_bounds_are_ordered_and_close_to_their_equations(pomdp):
+    blind, above, informed = bounds(build_model(pomdp), tolerance=1e-6)
+    exact, mdp, fixed_point = initial_bounds(pomdp, sweeps=1000)  # .97^1000 is 1e-13
+    rounding = 1e-9 * max(1.0, float(np.abs(mdp).max()))
+    assert (blind <= exact + rounding).all()
     assert (blind >= exact - 1.1e-6).all()
-    value = np.zeros(S)
-    for _ in range(1500):  # .97^1500 is 1e-20
-        value = (pomdp.reward + gamma * T @ value).max(axis=0)
-    seen = pomdp.reward + gamma * T @ value
-    assert (above >= seen - 1e-9).all()
-    assert (above <= seen + 1.1e-6).all()
+    for found, limit in ((above, mdp), (informed, fixed_point)):
+        assert (found >= limit - rounding).all()
+        assert (found <= limit + 1.1e-6).all()
     assert (informed <= above).all()
     assert (informed.max(axis=0) >= blind.max(axis=0) - 1e-9).all()
 
 
-@pytest.mark.parametrize("kernels", BOTH)
 @given(pomdp=models)
 @settings(max_examples=20)
-def test_the_informed_bound_is_close_to_its_fixed_point(kernels, pomdp):
-    """The fixed point by plain value iteration."""
-    gamma = pomdp.discount
-    _, above, informed = bounds(kernels, build_model(kernels, pomdp), tolerance=1e-6)
-    T, Z = np.asarray(pomdp.transition), np.asarray(pomdp.observation)
-    Q = above
-    for _ in range(600):
-        Q = pomdp.reward + gamma * np.einsum("ast,ato,bt->asob", T, Z, Q).max(axis=3).sum(axis=2)
-    slack = 1e-6 + gamma**600 * np.ptp(above)
-    assert (informed >= Q - slack).all()
-    assert (informed <= Q + slack + 1e-6).all()
-
-
-@pytest.mark.parametrize("kernels", BOTH)
-@given(pomdp=models)
-@settings(max_examples=20)
-def test_more_sweeps_are_never_worse(kernels, pomdp):
+def test_more_sweeps_are_never_worse(pomdp):
     """Every sweep yields a bound that is at least as tight as the one before."""
-    model = build_model(kernels, pomdp)
+    model = build_model(pomdp)
     rounding = 1e-9 * max(1.0, float(np.abs(pomdp.reward).max()))
     ladder = [(1e9, 0.0), (1.0, 60.0), (1e-2, 60.0), (1e-4, 60.0)]
-    blind = [kernels.blind_policies(model, *limits) for limits in ladder]
-    above = [kernels.mdp_bound(model, *limits) for limits in ladder]
+    blind = [_native.blind_policies(model, *limits) for limits in ladder]
+    above = [_native.mdp_bound(model, *limits) for limits in ladder]
     start = above[0]
-    informed = [start, *(kernels.fast_informed_bound(model, start, *limits) for limits in ladder)]
+    informed = [start, *(_native.fast_informed_bound(model, start, *limits) for limits in ladder)]
     assert informed[1].tolist() == start.tolist()  # no time, no sweep
     for worse, better in pairwise(blind):
         assert (better >= worse - rounding).all()
@@ -149,8 +107,7 @@ def test_more_sweeps_are_never_worse(kernels, pomdp):
     assert (blind[-1].max(axis=0) <= informed[-1].max(axis=0) + rounding).all()
 
 
-@pytest.mark.parametrize("kernels", BOTH)
-def test_a_slow_discount_takes_few_sweeps(kernels):
+def test_a_slow_discount_takes_few_sweeps():
     """All values change by similar amounts: the shift replaces 1 / (1 - gamma) sweeps."""
     n = 30
     T = np.full((2, n, n), 1 / n)
@@ -158,21 +115,20 @@ def test_a_slow_discount_takes_few_sweeps(kernels):
     names = tuple(map(str, range(n)))
     pomdp = Pomdp(names, ("a", "b"), ("o",), T, np.ones((2, n, 1)), reward, 1 - 1e-9, np.full(n, 1 / n))
     # without the shift, the sweeps would not converge within the time of any test
-    blind, above, informed = bounds(kernels, build_model(kernels, pomdp), tolerance=1.0)
+    blind, above, informed = bounds(build_model(pomdp), tolerance=1.0)
     best = reward[1].mean() * 1e9
     assert blind[1].mean() == pytest.approx(best, rel=1e-6)
     assert (above.max(axis=0) >= best).all()
     assert informed.max(axis=0) == pytest.approx(best, rel=1e-6)
 
 
-@pytest.mark.parametrize("kernels", BOTH)
-def test_rows_that_miss_one_by_rounding_do_not_cross_the_bounds(kernels):
+def test_rows_that_miss_one_by_rounding_do_not_cross_the_bounds():
     """Nine digits of a third: over an infinite horizon, the missing probability would exceed the gap."""
     third = np.full((2, 3, 3), 0.333333333)
     reward = np.array([[1.0, 1, 1], [0, 0, 0]])
     names = ("a", "b", "c")
     pomdp = Pomdp(names, ("x", "y"), ("o",), third, np.ones((2, 3, 1)), reward, 0.999, np.full(3, 1 / 3))
-    blind, above, informed = bounds(kernels, build_model(kernels, pomdp), tolerance=1e-9)
+    blind, above, informed = bounds(build_model(pomdp), tolerance=1e-9)
     assert blind[0] == pytest.approx(1000, abs=1e-6)
     assert (blind.max(axis=0) <= informed.max(axis=0) + 1e-9).all()
     assert above.max() == pytest.approx(1000, abs=1e-6)
@@ -183,6 +139,6 @@ def test_rows_that_miss_one_by_rounding_do_not_cross_the_bounds(kernels):
 def test_vectors_are_stored_by_block(seed):
     """An observed state is a block of its own."""
     pomdp = random_model(seed, seen=5, hidden=1, signals=1)
-    tree, _, _ = make_tree(numpy_kernels, pomdp)
+    tree, _, _ = make_tree(pomdp)
     assert tree.group_count == 6
     assert [tree.vectors(g)[1].shape for g in range(6)] == [(2, 1)] * 5 + [(2, 5)]

@@ -9,20 +9,12 @@ import numpy as np
 import pytest
 from hypothesis import given, settings, strategies as st
 
-from lcorpp.planning import AlphaVectors, Policy, Pomdp, parse_pomdp, read_pomdp, solve
-from lcorpp.planning.sarsop import bounded_search, numpy_kernels
+from lcorpp.planning import parse_pomdp, read_pomdp, solve
+from lcorpp.planning.sarsop import bounded_search
 from lcorpp.planning.sarsop.bounded_search import BoundedSearch
 from lcorpp.planning.sarsop.bounded_tree import BoundedTree
 from tests.planning.models import LCORPP, TIGER, shared_model
-from tests.planning.sarsop.kernels import (
-    BOTH,
-    NATIVE,
-    SECONDS,
-    make_tree,
-    needs_native,
-    random_model,
-    random_models,
-)
+from tests.planning.sarsop.kernels import SECONDS, export_policy, prune_often, random_model, random_models
 from tests.planning.shortfall import assert_vectors_are_earned
 
 ROUNDING = 1e-8
@@ -32,32 +24,14 @@ MANY = 1e6
 """Evaluations that no controller of these tests needs."""
 
 
-def search(kernels: Any, pomdp: Pomdp, *, trials: int = 16) -> tuple[Any, int]:
-    """A tree after a search that prunes as often as it can, and its root."""
-    tree, predictor, _ = make_tree(kernels, pomdp)
-    root = tree.find_or_add_node(pomdp.start)
-    for trial in range(trials):
-        gap = tree.upper_bound(root) - tree.lower_bound(root)
-        tree.sample(predictor, root, max(0.3 * gap, 1e-6), 60, SECONDS, trial % 2 == 1)
-        tree.prune([root], 0.0, 1.0, 0.0)
-    return tree, root
-
-
 def vectors_of(tree: Any) -> list[Any]:
     """All vectors with the pruned ones, by group."""
     return [tree.vectors(group, with_pruned=True)[1] for group in range(tree.group_count)]
 
 
-def export_policy(pomdp: Pomdp, tree: Any) -> Policy:
-    """The vectors of the tree as a policy."""
-    sets = [tree.vectors(group, with_pruned=True) for group in range(tree.group_count)]
-    return Policy.of_sets(pomdp, [AlphaVectors(*each) for each in sets if len(each[2])])
-
-
-@pytest.mark.parametrize("kernels", BOTH)
-def test_the_controller_needs_fewer_vectors_and_is_worth_as_much(kernels):
+def test_the_controller_needs_fewer_vectors_and_is_worth_as_much():
     pomdp = parse_pomdp(LCORPP)
-    tree, root = search(kernels, pomdp, trials=30)
+    tree, root = prune_often(pomdp, trials=30)
     lower, count = tree.lower_bound(root), sum(map(len, vectors_of(tree)))
     assert tree.compress([root], MANY, SECONDS)
     assert tree.lower_bound(root) >= lower - ROUNDING
@@ -69,7 +43,7 @@ def test_the_controller_needs_fewer_vectors_and_is_worth_as_much(kernels):
 @given(random_models(actions=3), st.integers(2, 12))
 def test_laws_of_compression(pomdp, trials):
     """No bound at the root falls, and a policy that continues with its vectors earns all it promises."""
-    tree, root = search(NATIVE or numpy_kernels, pomdp, trials=trials)
+    tree, root = prune_often(pomdp, trials=trials)
     before, lower = vectors_of(tree), tree.lower_bound(root)
     replaced = tree.compress([root], MANY, SECONDS)
     assert lower - ROUNDING <= tree.lower_bound(root) <= tree.upper_bound(root) + ROUNDING
@@ -79,29 +53,10 @@ def test_laws_of_compression(pomdp, trials):
     assert_vectors_are_earned(pomdp, export_policy(pomdp, tree), sample=8, tolerance=1e-7)
 
 
-@needs_native
-@pytest.mark.parametrize("seed", range(8))
-def test_both_kernels_compress_alike(seed):
-    pomdp = random_model(seed, seen=1 + seed % 2, hidden=4, actions=3, discount=0.95)
-    found = []
-    for kernels in (NATIVE, numpy_kernels):
-        tree, root = search(kernels, pomdp)
-        before = tree.vector_count
-        replaced = tree.compress([root], MANY, SECONDS)
-        found.append((replaced, before, tree.made_count, vectors_of(tree)))
-    (*mine, vectors), (*others, theirs) = found
-    assert mine == others
-    for own, other in zip(vectors, theirs, strict=True):
-        assert own == pytest.approx(
-            other, abs=1e-5
-        )  # rises below 1e-7 of the largest value are not passed on
-
-
-@pytest.mark.parametrize("kernels", BOTH)
-def test_values_are_those_of_the_controller(kernels):
+def test_values_are_those_of_the_controller():
     """So a controller without older versions of plans remains as it is."""
     pomdp = random_model(3, hidden=4, actions=3, discount=0.9)
-    tree, root = search(kernels, pomdp)
+    tree, root = prune_often(pomdp)
     assert tree.compress([root], MANY, SECONDS)
     first = vectors_of(tree)
     assert tree.compress([root], MANY, SECONDS)
@@ -109,27 +64,24 @@ def test_values_are_those_of_the_controller(kernels):
         assert own == pytest.approx(other, abs=1e-5)
 
 
-@pytest.mark.parametrize("kernels", BOTH)
-def test_nothing_changes_without_time_or_evaluations(kernels):
-    tree, root = search(kernels, parse_pomdp(LCORPP), trials=30)
+def test_nothing_changes_without_time_or_evaluations():
+    tree, root = prune_often(parse_pomdp(LCORPP), trials=30)
     before = vectors_of(tree)
     assert not tree.compress([root], MANY, 0.0)
     assert not tree.compress([root], 0.0, SECONDS)
     assert all(np.array_equal(*pair) for pair in zip(before, vectors_of(tree), strict=True))
 
 
-@pytest.mark.parametrize("kernels", BOTH)
-def test_imported_vectors_are_not_compressed(kernels):
+def test_imported_vectors_are_not_compressed():
     """Their plans are unknown."""
     pomdp = parse_pomdp(LCORPP)
-    tree, root = search(kernels, pomdp)
+    tree, root = prune_often(pomdp)
     tree.add_vectors(0, tree.vectors(0)[1][:1] - 1, np.zeros(1, dtype=np.int32))
     assert not tree.compress([root], MANY, SECONDS)
 
 
-@pytest.mark.parametrize("kernels", BOTH)
-def test_arguments(kernels):
-    tree, root = search(kernels, parse_pomdp(TIGER), trials=1)
+def test_arguments():
+    tree, root = prune_often(parse_pomdp(TIGER), trials=1)
     with pytest.raises(IndexError):
         tree.compress([root, 10**6], MANY, SECONDS)
     for evaluations, seconds in ((-1.0, 1.0), (float("nan"), 1.0), (1.0, float("nan"))):
@@ -137,7 +89,6 @@ def test_arguments(kernels):
             tree.compress([root], evaluations, seconds)
 
 
-@needs_native
 def test_a_search_with_compression_reaches_a_gap_with_fewer_vectors(monkeypatch):
     """On a maze, where plans lead back to themselves."""
     pomdp = read_pomdp(shared_model("hallway.pomdp"))

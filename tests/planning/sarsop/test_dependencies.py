@@ -8,27 +8,14 @@ import numpy as np
 import pytest
 
 from lcorpp.planning import Pomdp, parse_pomdp, solve
-from lcorpp.planning.sarsop import numpy_kernels
 from tests.planning.models import LCORPP, TIGER
-from tests.planning.sarsop.kernels import BOTH, NATIVE, SECONDS, close, make_tree, needs_native, random_model
+from tests.planning.sarsop.kernels import export_policy, prune_often, random_model
 from tests.planning.shortfall import assert_vectors_are_earned
 
 
-@pytest.mark.parametrize("kernels", BOTH)
 @pytest.mark.parametrize("model", [parse_pomdp(TIGER), parse_pomdp(LCORPP), random_model(5, hidden=4)])
-def test_the_policy_contains_the_vectors_that_its_vectors_depend_on(kernels, model):
-    assert_vectors_are_earned(model, solve(model, precision=1e-3, time_limit=5, kernels=kernels).policy)
-
-
-def prune_often(kernels: Any) -> tuple[Any, int]:
-    """A tree with pruned vectors that others depend on, and its root."""
-    model = parse_pomdp(LCORPP)
-    tree, predictor, _ = make_tree(kernels, model)
-    root = tree.find_or_add_node(model.start)
-    for trial in range(30):
-        tree.sample(predictor, root, 0.0, 60, SECONDS, trial % 2 == 1)
-        tree.prune([root], 0.0, 1.0, 0.0)
-    return tree, root
+def test_the_policy_contains_the_vectors_that_its_vectors_depend_on(model):
+    assert_vectors_are_earned(model, solve(model, precision=1e-3, time_limit=5).policy)
 
 
 def pruned_vectors(tree: Any) -> tuple[Any, Any]:
@@ -38,9 +25,8 @@ def pruned_vectors(tree: Any) -> tuple[Any, Any]:
     return vectors[count:], actions[count:]
 
 
-@pytest.mark.parametrize("kernels", BOTH)
-def test_pruned_vectors_are_kept_while_others_depend_on_them(kernels):
-    tree, root = prune_often(kernels)
+def test_pruned_vectors_are_kept_while_others_depend_on_them():
+    tree, root = prune_often(parse_pomdp(LCORPP), trials=30, share=0.0)
     table, actions = pruned_vectors(tree)
     assert table.shape == (len(actions), 5)
     assert len(actions) > 10
@@ -53,26 +39,14 @@ def test_pruned_vectors_are_kept_while_others_depend_on_them(kernels):
     assert len(pruned_vectors(tree)[1]) == 0
 
 
-@needs_native
 @pytest.mark.parametrize("seed", [2, 5])
-def test_both_kernels_keep_the_same_vectors(seed):
-    """In a model without ties, where rounding has no influence."""
+def test_vectors_are_earned_after_much_pruning(seed):
     rng = np.random.default_rng(seed)
     transition = rng.dirichlet(np.full(5, 0.3), (4, 5))
     observation = rng.dirichlet(np.full(3, 0.5), (4, 5))
     reward = rng.normal(size=(4, 5))
     names = tuple(tuple(f"{kind}{i}" for i in range(n)) for kind, n in (("s", 5), ("a", 4), ("o", 3)))
     model = Pomdp(*names, transition, observation, reward, 0.95, np.full(5, 0.2))
-    trees = []
-    for kernels in (NATIVE, numpy_kernels):
-        tree, predictor, _ = make_tree(kernels, model)
-        root = tree.find_or_add_node(model.start)
-        for trial in range(16):
-            gap = tree.upper_bound(root) - tree.lower_bound(root)
-            tree.sample(predictor, root, 0.3 * gap, 60, SECONDS, trial % 2 == 1)
-            tree.prune([root], 0.0, 1.0, 0.0)
-        trees.append(tree)
-    (mine, first), (others, then) = (pruned_vectors(tree) for tree in trees)
-    assert len(first) > 0
-    assert first.tolist() == then.tolist()
-    assert mine == close(others)
+    tree, _ = prune_often(model)
+    assert len(pruned_vectors(tree)[1]) > 0
+    assert_vectors_are_earned(model, export_policy(model, tree))

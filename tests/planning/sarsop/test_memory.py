@@ -15,13 +15,12 @@ from lcorpp.planning.evaluation.certificate import certificate
 from lcorpp.planning.sarsop.bounded_search import BoundedSearch
 from lcorpp.planning.sarsop.bounded_tree import BoundedTree
 from tests.planning.models import TIGER, shared_model
-from tests.planning.sarsop.kernels import BOTH, make_tree, random_model, search
+from tests.planning.sarsop.kernels import make_tree, random_model, search
 
 
-@pytest.mark.parametrize("kernels", BOTH)
-def test_bounds_remain_without_the_beliefs(kernels):
+def test_bounds_remain_without_the_beliefs():
     pomdp = random_model(3, seen=2, hidden=4, actions=3, signals=2)
-    tree, predictor, _ = make_tree(kernels, pomdp)
+    tree, predictor, _ = make_tree(pomdp)
     root = tree.find_or_add_node(pomdp.start)
     search(tree, predictor, root, 12)
     vectors, points, bound_memory = tree.vector_count, tree.point_count, tree.bound_memory
@@ -43,10 +42,9 @@ def test_bounds_remain_without_the_beliefs(kernels):
     assert len({belief.tobytes() for belief in beliefs}) == tree.point_count >= points
 
 
-@pytest.mark.parametrize("kernels", BOTH)
-def test_the_newer_half_of_the_points_remains(kernels):
+def test_the_newer_half_of_the_points_remains():
     pomdp = random_model(3, seen=1, hidden=4, actions=3, signals=2)
-    tree, _, _ = make_tree(kernels, pomdp)
+    tree, _, _ = make_tree(pomdp)
     beliefs = np.random.default_rng(1).dirichlet(np.ones(4), 7)
     states = np.tile(np.arange(4, dtype=np.int32), 7)
     tree.add_points(np.arange(8, dtype=np.int64) * 4, states, beliefs.ravel(), np.arange(7.0))
@@ -70,11 +68,10 @@ class Watch:
             raise KeyboardInterrupt
 
 
-@pytest.mark.parametrize("kernels", BOTH)
-def test_a_search_goes_on_at_the_limit(kernels):
+def test_a_search_goes_on_at_the_limit():
     pomdp = random_model(5, seen=2, hidden=4, actions=3, signals=3, discount=0.97)
     plain, watch = solve(pomdp, precision=0.1), Watch(3)
-    found = solve(pomdp, precision=1e-9, time_limit=600, memory_limit=2e5, kernels=kernels, callback=watch)
+    found = solve(pomdp, precision=1e-9, time_limit=600, memory_limit=2e5, callback=watch)
     assert found.reason in ("memory limit", "interrupted")
     assert found.lower <= plain.upper + 1e-9
     assert plain.lower <= found.upper + 1e-9

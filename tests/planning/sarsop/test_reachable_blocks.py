@@ -8,13 +8,12 @@ import numpy as np
 import pytest
 from hypothesis import given, settings, strategies as st
 
-from lcorpp.planning import Pomdp, solve
+from lcorpp.planning import Pomdp, _native, solve
 from lcorpp.planning.evaluation.certificate import certificate
 from lcorpp.planning.sarsop import reachable_blocks
-from lcorpp.planning.sarsop.kernels import build_model, load_kernels
+from lcorpp.planning.sarsop.kernel_model import build_model
 from lcorpp.planning.solvers.heuristic_search import OnlinePlanner
 from lcorpp.planning.solvers.perseus import solve_perseus
-from tests.planning.sarsop.kernels import BOTH
 
 PLACES, ROCKS = 3, 3
 
@@ -64,10 +63,10 @@ def row_of_rocks() -> Pomdp:
     return Pomdp(*names, T, Z, reward, 0.9, start)
 
 
-def find(kernels, pomdp, supports) -> np.ndarray:
+def find(pomdp, supports) -> np.ndarray:
     begins = np.cumsum([0, *map(len, supports)]).astype(np.int64)
     states = np.concatenate([np.array(sorted(support), dtype=np.int32) for support in supports])
-    return kernels.find_reachable_blocks(build_model(kernels, pomdp), begins, states)
+    return _native.find_reachable_blocks(build_model(pomdp), begins, states)
 
 
 def blocks_by_definition(pomdp: Pomdp, supports: list[set[int]]) -> list[int]:
@@ -99,25 +98,22 @@ def blocks_by_definition(pomdp: Pomdp, supports: list[set[int]]) -> list[int]:
     return [numbers.index(block[s]) if s in reached else -1 for s in range(S)]
 
 
-@pytest.mark.parametrize("kernels", BOTH)
 @given(seed=st.integers(0, 10**6), data=st.data())
 @settings(max_examples=60)
-def test_blocks_agree_with_their_definition(kernels, seed, data):
+def test_blocks_agree_with_their_definition(seed, data):
     pomdp = sparse_model(seed)
     support = st.sets(st.integers(0, 11), min_size=1, max_size=3)
     supports = data.draw(st.lists(support, min_size=1, max_size=3))
-    assert find(kernels, pomdp, supports).tolist() == blocks_by_definition(pomdp, supports)
+    assert find(pomdp, supports).tolist() == blocks_by_definition(pomdp, supports)
 
 
-@pytest.mark.parametrize("kernels", BOTH)
-def test_places_are_blocks(kernels):
+def test_places_are_blocks():
     pomdp = row_of_rocks()
-    assert set(build_model(kernels, pomdp).export_blocks().tolist()) == {0}
+    assert set(build_model(pomdp).export_blocks().tolist()) == {0}
     expected = np.repeat(np.arange(PLACES), 2**ROCKS).tolist()
-    assert find(kernels, pomdp, [set(range(2**ROCKS))]).tolist() == expected
+    assert find(pomdp, [set(range(2**ROCKS))]).tolist() == expected
 
 
-@pytest.mark.parametrize("kernels", BOTH)
 @pytest.mark.parametrize(
     ("begins", "states", "message"),
     [
@@ -129,10 +125,10 @@ def test_places_are_blocks(kernels):
         ([0, 1], [-1], "out of range"),
     ],
 )
-def test_wrong_starts_are_refused(kernels, begins, states, message):
-    model = build_model(kernels, row_of_rocks())
+def test_wrong_starts_are_refused(begins, states, message):
+    model = build_model(row_of_rocks())
     with pytest.raises(ValueError, match=message):
-        kernels.find_reachable_blocks(model, np.array(begins, np.int64), np.array(states, np.int32))
+        _native.find_reachable_blocks(model, np.array(begins, np.int64), np.array(states, np.int32))
 
 
 @pytest.fixture
@@ -147,10 +143,9 @@ def agree(one, other, precision=2e-3) -> bool:
 
 
 @pytest.mark.parametrize("seed", range(12))
-@pytest.mark.parametrize("numpy", [False, True])
-def test_searches_find_the_same_values(refined, numpy, seed):
+def test_searches_find_the_same_values(refined, seed):
     pomdp = sparse_model(seed)
-    found = solve(pomdp, precision=1e-3, time_limit=20, kernels=load_kernels(numpy=numpy))
+    found = solve(pomdp, precision=1e-3, time_limit=20)
     with patch.object(reachable_blocks, "MAX_BLOCK_STATES", 4096):
         plain = solve(pomdp, precision=1e-3, time_limit=20)
     assert found.reason == plain.reason == "precision reached"

@@ -23,6 +23,13 @@ def test_the_authors_model_at_the_default_precision():
     assert solution.policy.value(lcorpp.start) == pytest.approx(solution.lower, abs=1e-12)
 
 
+def test_the_tiger_problem():
+    solution = solve(parse_pomdp(TIGER), precision=0.5)
+    assert solution.lower <= 19.372
+    assert solution.upper >= 19.371
+    assert solution.upper - solution.lower <= 0.5
+
+
 def test_the_authors_first_steps():
     belief = np.array([0.22, 0.78, 0, 0, 0])  # not turned; the prior of the paper's example
     planner = Planner(solve(lcorpp, belief))

@@ -38,7 +38,7 @@ CROSSING_TOLERANCE = 1e-9
 """Largest difference by which rounding may make the bounds cross, relative to the largest value."""
 
 SampleFunction = Callable[..., int]
-"""Has the parameters and the result of `lcorpp.planning.sarsop.path_sampling.sample`."""
+"""Takes the tree and the arguments of `lcorpp.planning._native.Tree.sample`, and has its result."""
 
 
 class BoundedSearch:

@@ -6,10 +6,17 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 
+from lcorpp.planning._native import (
+    Model,
+    Tree,
+    ValuePredictor,
+    blind_policies,
+    fast_informed_bound,
+    mdp_bound,
+)
 from lcorpp.planning.policy import AlphaVectors, Policy
 from lcorpp.planning.pomdp import Pomdp
-from lcorpp.planning.sarsop.kernel_protocols import Kernels, Model, Tree
-from lcorpp.planning.sarsop.kernels import build_model, load_kernels
+from lcorpp.planning.sarsop.kernel_model import build_model
 from lcorpp.planning.sarsop.reachable_blocks import ReachableBlocks
 from lcorpp.planning.upper_bounds import SawtoothBound
 from lcorpp.values import Belief
@@ -22,7 +29,6 @@ class BoundedTree:
         starts: beliefs (S,) from which all searches start, or whose mixtures they start from.
         precision: of the searches, in reward units.
         seconds: wall-clock time limit of each of the three initial bounds.
-        kernels: the best installed ones when None.
         previous: a policy for the same model whose vectors and points are imported.
 
     tree: the nodes and bounds. predictor: of the values of nodes. informed: (A, S) the fast informed bound.
@@ -36,21 +42,19 @@ class BoundedTree:
         *,
         precision: float,
         seconds: float,
-        kernels: Kernels | None = None,
         previous: Policy | None = None,
     ) -> None:
         self.pomdp = pomdp
-        self._kernels = kernels or load_kernels()
         self._model, self._blocks = self._build_model(starts)
-        self._blind = self._kernels.blind_policies(self._model, 1e-3 * precision, seconds)
+        self._blind = blind_policies(self._model, 1e-3 * precision, seconds)
         upper = previous.upper_bound if previous else None
         if isinstance(upper, SawtoothBound):
             self.informed = upper.informed
         else:
-            mdp = self._kernels.mdp_bound(self._model, 1e-3 * precision, seconds)
-            self.informed = self._kernels.fast_informed_bound(self._model, mdp, 1e-2 * precision, seconds)
+            mdp = mdp_bound(self._model, 1e-3 * precision, seconds)
+            self.informed = fast_informed_bound(self._model, mdp, 1e-2 * precision, seconds)
         self.max_abs_value = max(1.0, float(np.abs(self._blind).max()), float(np.abs(self.informed).max()))
-        self.predictor = self._kernels.ValuePredictor(self.informed.max(axis=0))
+        self.predictor = ValuePredictor(self.informed.max(axis=0))
         self.tree = self._make_tree(previous)
 
     @property
@@ -98,12 +102,12 @@ class BoundedTree:
 
     def _build_model(self, starts: Sequence[Belief]) -> tuple[Model, ReachableBlocks | None]:
         """Return the problem for the kernels, and the blocks of its states if they depend on the starts."""
-        model = build_model(self._kernels, self.pomdp)
-        blocks = ReachableBlocks.find(self._kernels, model, starts)
+        model = build_model(self.pomdp)
+        blocks = ReachableBlocks.find(model, starts)
         if blocks is None:
             return model, None
         del model  # a large model is in memory only once
-        return build_model(self._kernels, self.pomdp, blocks.refine(self.pomdp.observation)), blocks
+        return build_model(self.pomdp, blocks.refine(self.pomdp.observation)), blocks
 
     def _make_tree(self, previous: Policy | None) -> Tree:
         """Return a tree without nodes, with the vectors and points of an earlier policy.
@@ -111,7 +115,7 @@ class BoundedTree:
         A group takes the vectors over sets that contain its states. A group without vectors is never used:
         the model has a single block, and its beliefs are in that.
         """
-        tree = self._kernels.Tree(self._model, self.informed, self._blind)
+        tree = Tree(self._model, self.informed, self._blind)
         if previous is None:
             return tree
         groups = [(group, *tree.vectors(group)[::2]) for group in range(tree.group_count)]

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lcorpp.planning.sarsop.kernel_protocols import Kernels, Model
+from lcorpp.planning._native import Model, find_reachable_blocks
 from lcorpp.planning.sparse import Int32Array, SparseTables
 from lcorpp.values import Belief, Indices
 
@@ -32,13 +32,13 @@ class ReachableBlocks:
     spread: Indices
 
     @classmethod
-    def find(cls, kernels: Kernels, model: Model, starts: Sequence[Belief]) -> ReachableBlocks | None:
+    def find(cls, model: Model, starts: Sequence[Belief]) -> ReachableBlocks | None:
         """Return the blocks that starts (S,) reach; None if the blocks of the model are small enough."""
         if np.bincount(model.export_blocks()).max() <= MAX_BLOCK_STATES:
             return None
         supports = [np.flatnonzero(start).astype(np.int32) for start in starts]
         begins = np.cumsum([0, *map(len, supports)]).astype(np.int64)
-        block = kernels.find_reachable_blocks(model, begins, np.concatenate(supports))
+        block = find_reachable_blocks(model, begins, np.concatenate(supports))
         spread = [support for support in supports if np.ptp(block[support])]
         return cls(block, np.unique(np.concatenate([np.zeros(0, np.intp), *spread])))
 

@@ -23,7 +23,6 @@ from lcorpp.planning.arguments import (
 from lcorpp.planning.pomdp import Pomdp
 from lcorpp.planning.sarsop.bounded_search import BoundedSearch, SampleFunction
 from lcorpp.planning.sarsop.bounded_tree import BoundedTree
-from lcorpp.planning.sarsop.kernel_protocols import Kernels
 from lcorpp.planning.sarsop.look_ahead import LookAhead
 from lcorpp.planning.sarsop.mixtures import MixtureStarts
 from lcorpp.planning.solution import CONVERGED, Progress, Solution
@@ -52,7 +51,6 @@ def solve(
     previous: Solution | None = None,
     mixed: npt.ArrayLike | None = None,
     sample: SampleFunction | None = None,
-    kernels: Kernels | None = None,
 ) -> Solution:
     """Find a policy and bounds on the optimal value with SARSOP.
 
@@ -71,8 +69,8 @@ def solve(
         mixed: (V, S) linearly independent beliefs, V from 2 to `MAX_MIXED`. The search goes on until the
             precision is reached at all their mixtures, too, i.e. wherever a prior is a mixture of them; or
             until its work is as much as belongs to the time limit, see `MIXTURE_WORK`.
-        sample: replaces `lcorpp.planning.sarsop.path_sampling.sample`.
-        kernels: implementation of the kernels; the compiled ones, if installed, when None.
+        sample: samples each path instead of `lcorpp.planning._native.Tree.sample`, and takes the tree and
+            the arguments of that method.
 
     Returns:
         The policy, both bounds, the seconds used and why the search stopped.
@@ -97,7 +95,6 @@ def solve(
         [*starts, *([] if mixed is None else [mixed.mean(axis=0)])],
         precision=precision,
         seconds=INITIAL_SHARE * time_limit,
-        kernels=kernels,
         previous=previous.policy if previous else None,
     )
     search = BoundedSearch(bounds, starts, precision=precision, began=began, time_limit=time_limit)

@@ -25,11 +25,12 @@ from time import monotonic
 import numpy as np
 import numpy.typing as npt
 
+from lcorpp.planning._native import fast_informed_bound, mdp_bound
 from lcorpp.planning.arguments import check_solver_arguments
 from lcorpp.planning.evaluation.policy_evaluation import Evaluation, evaluate
 from lcorpp.planning.policy import AlphaVectors, Policy
 from lcorpp.planning.pomdp import Pomdp
-from lcorpp.planning.sarsop.kernels import build_model, load_kernels
+from lcorpp.planning.sarsop.kernel_model import build_model
 from lcorpp.planning.solution import BoundsRecord, Progress, Solution
 from lcorpp.planning.sparse import joint_matrix
 from lcorpp.planning.undiscounted import accept_undiscounted
@@ -79,8 +80,7 @@ def solve_qmdp(
     """
     starts = check_solver_arguments(pomdp, start, precision, time_limit, callback)
     began = monotonic()
-    kernels = load_kernels()
-    table = kernels.mdp_bound(build_model(kernels, pomdp), 1e-3 * precision, time_limit)
+    table = mdp_bound(build_model(pomdp), 1e-3 * precision, time_limit)
     return _solve_table(pomdp, table, starts, precision, began, began + time_limit, callback)
 
 
@@ -116,10 +116,9 @@ def compute_informed_bound(pomdp: Pomdp, precision: float, seconds: float) -> Ar
 
     Source: Hauskrecht, JAIR 2000, section 4.4.
     """
-    kernels = load_kernels()
-    model = build_model(kernels, pomdp)
-    mdp = kernels.mdp_bound(model, 1e-3 * precision, seconds)
-    return kernels.fast_informed_bound(model, mdp, 1e-2 * precision, seconds)
+    model = build_model(pomdp)
+    mdp = mdp_bound(model, 1e-3 * precision, seconds)
+    return fast_informed_bound(model, mdp, 1e-2 * precision, seconds)
 
 
 def _solve_table(
@@ -187,8 +186,7 @@ def policy_lower_bound(pomdp: Pomdp, table: Array, tolerance: float, seconds: fl
         seconds: of wall-clock time.
     """
     excess = np.array([table[a] - _look_ahead(pomdp, table, a) for a in range(len(table))])
-    kernels = load_kernels()
-    bound = kernels.mdp_bound(build_model(kernels, replace(pomdp, reward=excess)), tolerance, seconds)
+    bound = mdp_bound(build_model(replace(pomdp, reward=excess)), tolerance, seconds)
     return np.asarray(table - bound.max(axis=0))
 
 

@@ -11,10 +11,11 @@ from typing import Protocol, TypeVar
 import numpy as np
 
 from lcorpp.errors import ModelError, expected_one_of
+from lcorpp.planning._native import blind_policies, mdp_bound
 from lcorpp.planning.arguments import check_type
 from lcorpp.planning.evaluation.mdp import zero_reward_states
 from lcorpp.planning.pomdp import Pomdp
-from lcorpp.planning.sarsop.kernels import build_model, load_kernels
+from lcorpp.planning.sarsop.kernel_model import build_model
 from lcorpp.planning.sparse import SparseTables
 from lcorpp.values import Array, Belief
 
@@ -121,10 +122,7 @@ def _cumulate(weights: list[float]) -> list[float]:
 
 def _compute_mdp_values(pomdp: Pomdp) -> Array:
     """Return (S,) values if the state is observed: an upper bound."""
-    kernels = load_kernels()
-    return np.asarray(
-        kernels.mdp_bound(build_model(kernels, pomdp), _compute_tolerance(pomdp), 10.0).max(axis=0)
-    )
+    return np.asarray(mdp_bound(build_model(pomdp), _compute_tolerance(pomdp), 10.0).max(axis=0))
 
 
 def _compute_random_values(pomdp: Pomdp) -> Array:
@@ -142,10 +140,7 @@ def _compute_random_values(pomdp: Pomdp) -> Array:
         observation=SparseTables.of(np.ones((1, S, 1))),
         reward=pomdp.reward.mean(axis=0, keepdims=True),
     )
-    kernels = load_kernels()
-    return np.asarray(
-        kernels.blind_policies(build_model(kernels, random_walk), _compute_tolerance(pomdp), 10.0)[0]
-    )
+    return np.asarray(blind_policies(build_model(random_walk), _compute_tolerance(pomdp), 10.0)[0])
 
 
 def _compute_tolerance(pomdp: Pomdp) -> float:
