@@ -10,14 +10,12 @@ from scipy.stats import chi2
 
 from lcorpp.fitting.uncertainty import Z95
 from lcorpp.values import Array
-
-MIN_STATED_PROBABILITY = 1e-3
-"""A stated probability of 0 or 1 is compared as if it were this far from it."""
+from lcorpp.values.probabilities import MIN_CREDIBLE
 
 
 def bound_stated(stated: Array) -> Array:
-    """Return stated probabilities, bounded by `MIN_STATED_PROBABILITY`."""
-    bounded: Array = np.clip(stated, MIN_STATED_PROBABILITY, 1 - MIN_STATED_PROBABILITY)
+    """Return stated probabilities, bounded by `MIN_CREDIBLE`."""
+    bounded: Array = np.clip(stated, MIN_CREDIBLE, 1 - MIN_CREDIBLE)
     return bounded
 
 

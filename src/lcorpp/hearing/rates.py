@@ -10,15 +10,13 @@ import numpy as np
 from lcorpp.hearing.answers import SaidModel
 from lcorpp.planning import Pomdp, SparseTables
 from lcorpp.values import Array, Indices, Interval
+from lcorpp.values.probabilities import MIN_ROUNDED
 
 PSEUDO_COUNT = 0.5
 """Added to each count of what was heard, so that nothing is impossible (Jeffreys)."""
 
 DRAWS = 400
 """Number of bootstrap samples of the sentences."""
-
-MIN_PROBABILITY = 1e-4
-"""Smallest probability of an observation in a measured row; rows have four decimals."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,8 +89,8 @@ def make_model(stated: Pomdp, observations: Sequence[str], rates: Array, said: S
 
 
 def round_rows(rows: Array) -> Array:
-    """Return distributions (n, O) with four decimals that sum to 1, each at least `MIN_PROBABILITY`."""
-    rounded = np.maximum(np.round(rows, 4), MIN_PROBABILITY)
+    """Return distributions (n, O) with four decimals that sum to 1, each at least `MIN_ROUNDED`."""
+    rounded = np.maximum(np.round(rows, 4), MIN_ROUNDED)
     largest = np.argmax(rounded, axis=1)
     index = np.arange(len(rows))
     rounded[index, largest] = 0

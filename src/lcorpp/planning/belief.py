@@ -8,9 +8,7 @@ import numpy.typing as npt
 from lcorpp.errors import ModelError, ObservationError, expected_one_of
 from lcorpp.planning.pomdp import SUM_TOLERANCE, Pomdp
 from lcorpp.values import Array, Belief, Indices, freeze
-
-MIN_PROBABILITY = float(np.finfo(np.float64).tiny)
-"""The smallest normal double. Smaller probabilities have lost their digits and count as impossible."""
+from lcorpp.values.probabilities import MIN_NORMAL
 
 
 def update(pomdp: Pomdp, belief: Belief, action: int, observation: int) -> Belief:
@@ -35,7 +33,7 @@ def update(pomdp: Pomdp, belief: Belief, action: int, observation: int) -> Belie
     states, likelihood = pomdp.observation.column(action, observation)
     weights[states] = predicted[states] * likelihood
     total = np.add.reduce(weights)  # the sum, without the checks of `sum()`, which take as long
-    if not total >= MIN_PROBABILITY:
+    if not total >= MIN_NORMAL:
         raise make_impossible_error(pomdp, belief, action, observation)
     weights /= total
     return weights
@@ -50,7 +48,7 @@ def update_many(pomdp: Pomdp, beliefs: Array, actions: Indices, observations: In
     weights = pomdp.transition.forward_many(actions, beliefs)
     weights *= pomdp.observation.dense[actions, :, observations]
     totals = weights.sum(axis=1, keepdims=True)
-    impossible = np.flatnonzero(~(totals >= MIN_PROBABILITY))
+    impossible = np.flatnonzero(~(totals >= MIN_NORMAL))
     if len(impossible):
         i = int(impossible[0])
         raise make_impossible_error(pomdp, beliefs[i], int(actions[i]), int(observations[i]))

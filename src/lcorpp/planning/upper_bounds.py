@@ -8,8 +8,8 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
-from lcorpp.planning.belief import MIN_PROBABILITY
 from lcorpp.values import Array, Belief
+from lcorpp.values.probabilities import MIN_NORMAL
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -73,7 +73,7 @@ class SawtoothBound:
         belief = np.asarray(belief, dtype=np.float64)
         plane = float(self.corners @ belief)
         if len(self.values):
-            ratios = belief[self.states] / np.maximum(self.weights, MIN_PROBABILITY)
+            ratios = belief[self.states] / np.maximum(self.weights, MIN_NORMAL)
             phi = np.minimum.reduceat(ratios, self.begins[:-1])
             plane += min(0.0, float((phi * self._excess).min()))
         return min(float((self.informed @ belief).max()), plane)

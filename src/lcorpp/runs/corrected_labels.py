@@ -12,14 +12,12 @@ from lcorpp.domains import Domain
 from lcorpp.errors import DataError, expected_one_of
 from lcorpp.learning.label_noise.dawid_skene import AnswerSource, estimate_classes
 from lcorpp.values import Array, ConfusionMatrix, Dataset, Indices, LabelEvidence
+from lcorpp.values.probabilities import MIN_LABEL
 
 MODEL_WEIGHT, MATRIX_WEIGHT = 4.0, 1.0
 """The planner's observation model counts like this many answers to each action by people of each value, and
 the confusion matrix against the reports like this many people of each class. Few answers leave the rates of
 errors nearly open: the classes would follow the classifier, which would seem better than it is."""
-
-MIN_PROBABILITY = 0.005
-"""A class that is less probable is left out: the case would be twice in the training for nothing."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -140,5 +138,5 @@ def _find_reports(
 
 
 def _drop_improbable(classes: Sequence[str], probabilities: Array) -> dict[str, float]:
-    kept = np.where(probabilities < MIN_PROBABILITY, 0, probabilities)
+    kept = np.where(probabilities < MIN_LABEL, 0, probabilities)
     return dict(zip(classes, (kept / kept.sum()).tolist(), strict=True))

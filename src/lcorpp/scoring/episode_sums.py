@@ -18,9 +18,7 @@ from lcorpp.scoring.decision_graph import ENDED, DecisionGraph
 from lcorpp.scoring.episode_model import EpisodeModel
 from lcorpp.scoring.episode_totals import EpisodeTotals
 from lcorpp.values import Array, Indices, Interval
-
-MIN_PROBABILITY = 1e-12
-"""Branches of an episode less likely than this are pruned."""
+from lcorpp.values.probabilities import MIN_BRANCH
 
 MAX_POINTS = 200_000
 """Maximum number of points at which the episodes of a strategy are continued: some ten seconds.
@@ -134,7 +132,7 @@ def sum_episodes(
             part = moments[rows]  # (n, 3, J); a sparse matrix takes two dimensions
             after = (part.reshape(-1, part.shape[2]) @ model.transition[a]).reshape(part.shape)
             possible, probabilities = model.feedback[a]
-            n, o = np.nonzero(after[:, 0] @ probabilities.T >= MIN_PROBABILITY)
+            n, o = np.nonzero(after[:, 0] @ probabilities.T >= MIN_BRANCH)
             sources.append(rows[n])
             observations.append(possible[o])
             parts.append(after[n] * probabilities[o, None])

@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lcorpp.values import Array, freeze
+from lcorpp.values.probabilities import MIN_CREDIBLE
 
 SHARED_ANSWERS = 20.0
 """Weight of the stated model against a noise that all questions share, in answers."""
@@ -24,9 +25,6 @@ NOISE_DEGREES = np.arange(-30, 99) / 100
 
 STATED_DEGREE = 30
 """Index of the stated model in `NOISE_DEGREES`."""
-
-MIN_PROBABILITY = 1e-3
-"""Smallest probability of an observation that some value makes possible."""
 
 MIN_CONTRAST = 0.01
 """Smallest difference of two rows of a question in the direction of the stated one, relative to it."""
@@ -187,7 +185,7 @@ class AnswerModel:
         """(N, R, O) the rows at each degree of `NOISE_DEGREES`."""
         means = self.stated_rows[self.row_of].mean(axis=1)[self._question_of]  # (R, O)
         rows = (1 - NOISE_DEGREES)[:, None, None] * self.stated_rows + NOISE_DEGREES[:, None, None] * means
-        rows = np.where(means > 0, np.maximum(rows, MIN_PROBABILITY), 0)
+        rows = np.where(means > 0, np.maximum(rows, MIN_CREDIBLE), 0)
         noisy: Array = rows / rows.sum(axis=2, keepdims=True)
         return noisy
 

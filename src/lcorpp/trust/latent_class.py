@@ -14,6 +14,7 @@ from lcorpp.trust.answers import AnswerModel, number_rows
 from lcorpp.trust.cases import NO_LABEL, Cases
 from lcorpp.trust.estimates import Counts, Estimates
 from lcorpp.values import Array
+from lcorpp.values.probabilities import MIN_CREDIBLE
 
 CONTEXT_PEOPLE = 5.0
 """Weight of the prediction of a context from its facts against the people of the context, in people."""
@@ -30,9 +31,6 @@ MAX_CASES = 5000
 
 MIN_PEOPLE = 1e-12
 """Smallest expected number of people of a value."""
-
-MIN_RATE = 1e-3
-"""Smallest stated probability of a label."""
 
 
 class LatentClassModel:
@@ -264,7 +262,7 @@ def sum_log_likelihood(logs: Array, weights: Array) -> float:
 
 
 def _bound_rows(rates: Array) -> Array:
-    return _normalise(np.maximum(rates, MIN_RATE))
+    return _normalise(np.maximum(rates, MIN_CREDIBLE))
 
 
 def _normalise(rows: Array) -> Array:

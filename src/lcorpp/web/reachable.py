@@ -11,13 +11,12 @@ import numpy.typing as npt
 from lcorpp.domains import Domain
 from lcorpp.planning import AlphaVectors, Policy
 from lcorpp.values import Array
+from lcorpp.values.probabilities import MIN_BRANCH
 
 MAX_BELIEFS = 500_000
 """Distinct beliefs that are visited, the most probable first."""
 DIGITS = 9
 """Decimal digits to which beliefs are equal."""
-MIN_PROBABILITY = 1e-12
-"""Answers less probable than this are left out."""
 MIN_COMPARED = 0.03
 """At beliefs that are at least as probable, given the evidence, the values of all actions are kept, not only
 that of the policy's: the page compares them."""
@@ -108,7 +107,7 @@ def _branch(domain: Domain, beliefs: Array, weights: Array, action: int) -> tupl
     predicted = beliefs @ pomdp.transition[action]
     joint = predicted[:, None, :] * pomdp.observation[action].T  # (n, O, S)
     totals = joint.sum(axis=2)
-    possible = totals - joint[:, :, terminal].sum(axis=2) > MIN_PROBABILITY
+    possible = totals - joint[:, :, terminal].sum(axis=2) > MIN_BRANCH
     counts = np.maximum(1, possible.sum(axis=1))
     rows, answers = np.nonzero(possible)
     probabilities = np.stack([totals[possible], 1 / counts[rows]], axis=1)

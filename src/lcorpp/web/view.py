@@ -10,11 +10,10 @@ from lcorpp.domains import Domain
 from lcorpp.planning import Policy
 from lcorpp.planning.belief import observation_probabilities, update
 from lcorpp.values import Array, Belief, freeze
+from lcorpp.values.probabilities import MIN_BRANCH
 
 GRID = 40
 """Steps of the triangular grid at which alpha vectors over three values are compared."""
-MIN_PROBABILITY = 1e-12
-"""Observations less probable than this count as impossible."""
 
 
 def view_belief(domain: Domain, policy: Policy, belief: Belief) -> dict[str, Any]:
@@ -43,7 +42,7 @@ def view_belief(domain: Domain, policy: Policy, belief: Belief) -> dict[str, Any
     for a, name in enumerate(pomdp.actions):
         value = float(belief @ pomdp.reward[a])
         for o, p in enumerate(observation_probabilities(pomdp, belief, a).tolist()):
-            if p < MIN_PROBABILITY:
+            if p < MIN_BRANCH:
                 continue
             after = update(pomdp, belief, a, o)
             if domain.is_terminal(after):

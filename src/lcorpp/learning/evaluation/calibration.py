@@ -22,10 +22,7 @@ from lcorpp.arguments import check_arguments, check_fields, to_numbers
 from lcorpp.errors import DataError, expected_one_of
 from lcorpp.learning.evaluation.validation import Validation
 from lcorpp.values import Array, Likelihood, freeze
-
-MIN_PROBABILITY = 1e-3
-"""Smaller probabilities are raised to this one: no data set of thousands justifies a smaller one, and a
-forest whose trees all agree gives 0."""
+from lcorpp.values.probabilities import MIN_CREDIBLE
 
 STARTS = ((0.0, 0.01), (1.0, 0.1))
 """Starting points of a fit: logarithm of the slope, and sum of the lapses. The better result is taken."""
@@ -234,4 +231,4 @@ def check_probabilities(probabilities: npt.ArrayLike, k: int) -> Array:
 
 def _clip_and_log(probabilities: npt.ArrayLike, k: int) -> Array:
     """(cases, k) logarithms of checked probabilities."""
-    return np.log(np.clip(check_probabilities(probabilities, k), MIN_PROBABILITY, 1 - MIN_PROBABILITY))
+    return np.log(np.clip(check_probabilities(probabilities, k), MIN_CREDIBLE, 1 - MIN_CREDIBLE))

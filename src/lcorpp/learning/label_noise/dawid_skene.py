@@ -11,15 +11,13 @@ from lcorpp.arguments import check_arguments
 from lcorpp.errors import DataError
 from lcorpp.learning.label_noise.rate_samples import sample_rates
 from lcorpp.values import Array, Indices, freeze
+from lcorpp.values.probabilities import MIN_LOGARITHM
 
 CONTEXT_WEIGHT = 10.0
 """The classes of all cases count in each context like this many cases of it."""
 
 TOLERANCE, MAX_STEPS = 1e-6, 5000
 """The estimation ends when no probability of a class changes by more than this, or after the steps."""
-
-MIN_ANSWER_PROBABILITY = 1e-300
-"""Probability of an impossible answer, so that its logarithm is finite."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,7 +120,7 @@ def estimate_classes(
         weighted = posteriors * weights[:, np.newaxis]
         expected = [source.count_by_row(weighted) for source in sources]
         matrices = [_normalise(own + s.pseudo_counts) for own, s in zip(expected, sources, strict=True)]
-        overall = weighted.sum(axis=0) / max(weights.sum(), MIN_ANSWER_PROBABILITY)
+        overall = weighted.sum(axis=0) / max(weights.sum(), MIN_LOGARITHM)
         totals = CONTEXT_WEIGHT * overall[np.newaxis].repeat(len(priors), axis=0)
         np.add.at(totals, kinds, weighted)
         priors = _normalise(totals)
@@ -153,9 +151,9 @@ def _join_equal_cases(
 
 def _infer_classes(sources: Sequence[AnswerSource], matrices: Sequence[Array], priors: Array) -> Array:
     """Return the posterior (N, K) of each case by Bayes' rule. priors: (N, K)."""
-    logs = np.log(np.maximum(priors, MIN_ANSWER_PROBABILITY))
+    logs = np.log(np.maximum(priors, MIN_LOGARITHM))
     for source, matrix in zip(sources, matrices, strict=True):
-        logs += source.counts @ np.log(np.maximum(matrix, MIN_ANSWER_PROBABILITY))[source.rows].T
+        logs += source.counts @ np.log(np.maximum(matrix, MIN_LOGARITHM))[source.rows].T
     return _normalise(np.exp(logs - logs.max(axis=1, keepdims=True)))
 
 

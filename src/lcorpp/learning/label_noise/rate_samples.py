@@ -7,15 +7,13 @@ from collections.abc import Sequence
 import numpy as np
 
 from lcorpp.values import Array, Indices
+from lcorpp.values.probabilities import MIN_LOGARITHM
 
 N_BURN_IN, N_SWEEPS = 60, 80
 """Sweeps of each chain that are left out, as it starts at the mode, and those that count."""
 
 MIN_CHAINS, MAX_CHAINS, MAX_CELLS = 4, 16, 50_000
 """Bounds of the number of chains; with many kinds of cases and classes there are fewer, up to these cells."""
-
-MIN_RATE = 1e-300
-"""Smaller rates are raised to this, so that their logarithms are finite."""
 
 
 def sample_rates(
@@ -54,9 +52,9 @@ def sample_rates(
     shares = np.repeat(priors[np.newaxis], n_chains, axis=0)
     samples: list[list[Array]] = [[] for _ in answers]
     for sweep in range(N_BURN_IN + N_SWEEPS):
-        logs = np.log(np.maximum(shares, MIN_RATE))[:, contexts]
+        logs = np.log(np.maximum(shares, MIN_LOGARITHM))[:, contexts]
         for (counts, rows, _), own in zip(answers, rates, strict=True):
-            logs += counts @ np.log(np.maximum(own, MIN_RATE))[:, rows].swapaxes(1, 2)
+            logs += counts @ np.log(np.maximum(own, MIN_LOGARITHM))[:, rows].swapaxes(1, 2)
         chances = np.exp(logs - logs.max(axis=2, keepdims=True))
         chances /= chances.sum(axis=2, keepdims=True)
         classes = rng.multinomial(cases, chances) * weights[:, np.newaxis]  # (chains, U, K)
@@ -72,5 +70,5 @@ def sample_rates(
 
 def _sample_dirichlet(rng: np.random.Generator, counts: Array) -> Array:
     """Return distributions along the last axis."""
-    draws = np.maximum(rng.standard_gamma(counts), MIN_RATE)
+    draws = np.maximum(rng.standard_gamma(counts), MIN_LOGARITHM)
     return np.asarray(draws / draws.sum(axis=-1, keepdims=True))

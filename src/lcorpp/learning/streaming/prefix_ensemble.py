@@ -21,12 +21,10 @@ from lcorpp.learning.contract import ProbabilityClassifier, fit_clone, predict_p
 from lcorpp.learning.data.dataset import check_tracks
 from lcorpp.learning.features.motion import ChannelStandardizer, Motion
 from lcorpp.values import Array, measure_lengths
+from lcorpp.values.probabilities import MIN_AVERAGED
 
 FRACTIONS = (0.25, 0.5, 0.75, 1.0)
 """The prefix lengths, as fractions of the tracks."""
-
-MIN_PROBABILITY = 1e-12
-"""Smaller probabilities are raised to this one before their logarithms are averaged."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -172,5 +170,5 @@ def with_prefix_ensemble(pipeline: Pipeline, *, fractions: Sequence[float] = FRA
 
 def _average_geometrically(probabilities: Array, weights: Array) -> Array:
     """(n, K) normalised geometric mean of distributions (copies, n, K) by weights (n, copies) of sum 1."""
-    logs = np.log(np.maximum(probabilities, MIN_PROBABILITY))
+    logs = np.log(np.maximum(probabilities, MIN_AVERAGED))
     return np.asarray(softmax(np.einsum("nc,cnk->nk", weights, logs), axis=1))

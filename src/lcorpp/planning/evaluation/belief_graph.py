@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from lcorpp.planning.belief import MIN_PROBABILITY, make_impossible_error
+from lcorpp.planning.belief import make_impossible_error
 from lcorpp.planning.evaluation.batch_policy import batch_policy
 from lcorpp.planning.evaluation.mdp import find_self_loop_classes
 from lcorpp.planning.evaluation.sparse_beliefs import SparseBeliefs
@@ -15,6 +15,7 @@ from lcorpp.planning.policy import Policy
 from lcorpp.planning.pomdp import Pomdp
 from lcorpp.planning.sparse import SparseTables
 from lcorpp.values import Array, Indices
+from lcorpp.values.probabilities import MIN_NORMAL
 
 UNKNOWN = -1
 """The index of a child that is not computed yet."""
@@ -178,7 +179,7 @@ class BeliefGraph:
         for chunk in beliefs.chunks(self._branching):
             predicted = beliefs.take(np.arange(chunk.start, chunk.stop)).predict(self.pomdp, actions[chunk])
             posterior = predicted.condition(self.pomdp, actions[chunk], observation[chunk])
-            impossible = np.flatnonzero(posterior.totals() < MIN_PROBABILITY)
+            impossible = np.flatnonzero(posterior.totals() < MIN_NORMAL)
             if len(impossible):
                 i = chunk.start + int(impossible[0])
                 belief = beliefs.dense(i, len(self.pomdp.states))
@@ -187,7 +188,7 @@ class BeliefGraph:
         return nodes
 
     def expand(self, nodes: Indices) -> Children:
-        """Return all children of nodes (k,), at least one, without observations below `MIN_PROBABILITY`."""
+        """Return all children of nodes (k,), at least one, without observations below `MIN_NORMAL`."""
         parts = []
         beliefs = self.beliefs.take(nodes)
         for chunk in beliefs.chunks(self._branching):
@@ -195,7 +196,7 @@ class BeliefGraph:
             predicted = beliefs.take(np.arange(chunk.start, chunk.stop)).predict(self.pomdp, actions)
             position, observation, posterior = predicted.posteriors(self.pomdp, actions)
             probability = posterior.totals() / predicted.totals()[position]
-            likely = np.flatnonzero(probability >= MIN_PROBABILITY)
+            likely = np.flatnonzero(probability >= MIN_NORMAL)
             posterior = posterior if len(likely) == len(probability) else posterior.take(likely)
             child = self.add(posterior)
             parent, observation = nodes[chunk][position[likely]], observation[likely]
