@@ -13,7 +13,7 @@ import pytest
 from lcorpp.assembly.robot_parts import ClassifierPart, RobotParts, find_fingerprint, make_program, read_parts
 from lcorpp.assembly.solving import solve_domain
 from lcorpp.assembly.strategies.baselines import find_strategies
-from lcorpp.decision import STRATEGIES, strategies
+from lcorpp.decision import LCORPP, STRATEGIES, strategies
 from lcorpp.domains import load_domain
 from lcorpp.errors import DataError, DecisionError, DomainError, FileError
 from lcorpp.experiments.comparison import ComparisonOptions, compare_strategies
@@ -87,7 +87,7 @@ def test_every_number_comes_back(rooms, label):
     parts = replace(rooms, classifiers={"heading": replace(rooms.classifiers["heading"], soft=soft)})
     context = {"badge": "guest", "weekday": "monday"}
     episode = decide(parts, label, context)
-    line = LoggedDecision(1, json.loads(format_decision(parts, STRATEGIES[-1], context, episode)))
+    line = LoggedDecision(1, json.loads(format_decision(parts, LCORPP, context, episode)))
     back = line.read_episode(parts.domain)
     assert (line.strategy, line.context) == ({"name": "LCORPP"}, context)
     assert repr(back) == repr(episode)
@@ -353,7 +353,7 @@ def test_a_changed_classifier_and_policy_file_are_named(rooms, tmp_path):
     parts = RobotParts(rooms.domain, policy, {"heading": part}, policy_file=policy_file)
     context = {"badge": "guest"}
     with DecisionLog(log) as decisions:
-        decisions.append(parts, STRATEGIES[-1], context, decide(parts, "lab", context))
+        decisions.append(parts, LCORPP, context, decide(parts, "lab", context))
     (result,) = replay_log(log)
     assert isinstance(result, ReplayedDecision)
     assert result.differences == ()
@@ -384,7 +384,7 @@ def test_fingerprints_of_sources(tmp_path):
 def test_content_of_another_form_is_an_error_of_its_line(rooms, tmp_path):
     """Every field of a decision, left out or replaced by something else."""
     context = {"badge": "guest"}
-    content = json.loads(format_decision(rooms, STRATEGIES[-1], context, decide(rooms, "lab", context)))
+    content = json.loads(format_decision(rooms, LCORPP, context, decide(rooms, "lab", context)))
     needed = ["strategy", "facts", "labels", "evidence", "marginal", "prior", "steps", "report", "parts"]
     damaged = []
     for name in needed:

@@ -6,7 +6,7 @@ from contextlib import contextmanager
 import pytest
 
 from lcorpp.assembly.strategies.trust import TRUST
-from lcorpp.decision.strategies import STRATEGIES
+from lcorpp.decision.strategies import LCORPP
 from lcorpp.errors import ActionFailedError, ConnectionLostError, NoReportError, WorldError
 from lcorpp.robot.connecting import connect
 from lcorpp.robot.loop import MAX_FAILURES, RobotLoop
@@ -24,7 +24,7 @@ def navigate_always(timeout):
 
 
 @contextmanager
-def run_loop(folder, parts, changes=None, strategy=STRATEGIES[-1], **options):
+def run_loop(folder, parts, changes=None, strategy=LCORPP, **options):
     stand_in = StandIn(**options)
     file = folder / "robot.toml"
     file.write_text(robot_toml(stand_in.url, **(changes or {})))

@@ -15,7 +15,7 @@ import pytest
 from sklearn.metrics import confusion_matrix
 
 from lcorpp import planning
-from lcorpp.decision import STRATEGIES, Robot, strategies
+from lcorpp.decision import LCORPP, STRATEGIES, Robot, strategies
 from lcorpp.domains import load_domain
 from lcorpp.errors import DataError, DecisionError, DomainError, ObservationError
 from lcorpp.learning import TrainedClassifier, fit_calibration
@@ -104,7 +104,7 @@ def test_the_likelihood_of_a_label_decides_like_the_label(place):
 
 def test_a_single_strategy_gets_the_same_people(rooms):
     together, _ = run_trials(rooms, 200)
-    alone, _ = run_trials(replace(rooms, strategies=STRATEGIES[-1:]), 200)
+    alone, _ = run_trials(replace(rooms, strategies=(LCORPP,)), 200)
     np.testing.assert_array_equal(together[-1].counts, alone[0].counts)
     assert together[-1].cost == alone[0].cost
 

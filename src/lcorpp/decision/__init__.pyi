@@ -5,4 +5,9 @@ from .lcorpp import (
     TrainedSense as TrainedSense,
     lcorpp as lcorpp,
 )
-from .strategies import STRATEGIES as STRATEGIES, Strategy as Strategy, strategies as strategies
+from .strategies import (
+    LCORPP as LCORPP,
+    STRATEGIES as STRATEGIES,
+    Strategy as Strategy,
+    strategies as strategies,
+)

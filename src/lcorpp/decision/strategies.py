@@ -134,6 +134,9 @@ class Strategy:
                 raise
 
 
+LCORPP = Strategy("LCORPP", learns=True, reasons=True, plans=True)
+"""The strategy with all parts."""
+
 STRATEGIES = (
     Strategy("L", learns=True, reasons=False, plans=False),
     Strategy("R", learns=False, reasons=True, plans=False),
@@ -141,7 +144,7 @@ STRATEGIES = (
     Strategy("L+R", learns=True, reasons=True, plans=False),
     Strategy("R+P", learns=False, reasons=True, plans=True),
     Strategy("L+P", learns=True, reasons=False, plans=True),
-    Strategy("LCORPP", learns=True, reasons=True, plans=True),
+    LCORPP,
 )
 """The strategies of section "Experimental Results" of the paper, in its order; and L+P."""
 
@@ -155,8 +158,7 @@ def list_strategies(senses: Sequence[str]) -> tuple[Strategy, ...]:
     rows = tuple(row for row in STRATEGIES if senses or not row.learns)
     if len(senses) < 2:
         return rows
-    full = STRATEGIES[-1]
-    return (*rows, *[replace(full, name=f"{full.name}-{sense}", without=(sense,)) for sense in senses])
+    return (*rows, *[replace(LCORPP, name=f"{LCORPP.name}-{sense}", without=(sense,)) for sense in senses])
 
 
 def strategies(

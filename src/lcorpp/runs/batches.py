@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from lcorpp.assembly.training_data import FOLDS
-from lcorpp.decision import STRATEGIES, Batch, Strategy, TrainedSense
+from lcorpp.decision import LCORPP, Batch, Strategy, TrainedSense
 from lcorpp.decision.stopping import choose_epsilon
 from lcorpp.domains import Domain
 from lcorpp.scoring.decision_scores import score_decisions
@@ -135,9 +135,7 @@ def _describe_matrices(sense: TrainedSense) -> dict[str, Any]:
     return described
 
 
-def score_batch(
-    domain: Domain, results: Sequence[DecisionResult], strategy: Strategy = STRATEGIES[-1]
-) -> Scores:
+def score_batch(domain: Domain, results: Sequence[DecisionResult], strategy: Strategy = LCORPP) -> Scores:
     """Score the decisions of a batch, which the strategy made."""
     values = domain.values
     reports = [result.report for result in results]

@@ -7,7 +7,7 @@ from dataclasses import replace
 from typing import Any
 
 from lcorpp.assembly.strategies.trust import TRUST, check_dialogue
-from lcorpp.decision import STRATEGIES, Robot, Strategy
+from lcorpp.decision import LCORPP, Robot, Strategy
 from lcorpp.decision.strategies import Rates
 from lcorpp.domains import Domain
 from lcorpp.errors import DecisionError
@@ -50,7 +50,7 @@ class LearningSession:
         watch: bool,
         listener: Callable[[int, Finding], None],
     ) -> None:
-        self.strategy: Strategy = TRUST if trust else STRATEGIES[-1]
+        self.strategy: Strategy = TRUST if trust else LCORPP
         self._domain, self._start, self._trainer, self._store = domain, planner.start, trainer, run_store
         self._trust = TrustLearner(domain, planner) if trust else None
         self._learners = dict[str, OnlineLearner]()

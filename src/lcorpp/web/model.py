@@ -15,7 +15,7 @@ from lcorpp.assembly.classifier_training import make_untrained
 from lcorpp.assembly.options import ClassifierOptions, StoredOptions
 from lcorpp.assembly.robot_parts import describe_strategy
 from lcorpp.assembly.track_robot import LEARNER, POSITION
-from lcorpp.decision import STRATEGIES
+from lcorpp.decision import LCORPP
 from lcorpp.domains import Domain
 from lcorpp.errors import DataError, TooLargeError, UndefinedError
 from lcorpp.learning import (
@@ -73,7 +73,7 @@ def make_model(robot: PlayRobot) -> dict[str, Any]:
                 "version": LOG_VERSION,
                 "domain": domain.name,
                 "preset": domain.preset,
-                "strategy": describe_strategy(STRATEGIES[-1]),
+                "strategy": describe_strategy(LCORPP),
             },
             "parts": robot.parts.description,
         },

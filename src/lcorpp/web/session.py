@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from lcorpp.decision import STRATEGIES
+from lcorpp.decision import LCORPP
 from lcorpp.decision.dt_control import MAX_STEPS, infer_prior
 from lcorpp.errors import (
     DataError,
@@ -247,7 +247,7 @@ class Session:
 
     def _format(self) -> bytes:
         """Return the decision so far as a line of the decision log."""
-        return format_decision(self._robot.parts, STRATEGIES[-1], self._facts, self._finish())
+        return format_decision(self._robot.parts, LCORPP, self._facts, self._finish())
 
     def _finish(self) -> Episode:
         """Return the decision so far."""

@@ -107,7 +107,7 @@ def explain(
     from lcorpp.assembly.solving import explain_missing_reports
     from lcorpp.assembly.strategies.baselines import find_strategies
     from lcorpp.cli.robot_output import print_classifiers, print_domain, print_gap, print_solution
-    from lcorpp.decision import STRATEGIES
+    from lcorpp.decision import LCORPP
     from lcorpp.decision.dt_control import log_decision
     from lcorpp.decision.strategies import make_generator
     from lcorpp.domains import load_domain, with_world
@@ -125,7 +125,7 @@ def explain(
     loaded = load_domain(domain, preset=preset)
     if world is not None:
         loaded = with_world(loaded, world)
-    row = STRATEGIES[-1]
+    row = LCORPP
     if strategy is not None:
         (row,) = find_strategies([strategy], [sense.name for sense in loaded.senses])
     chosen = options.choose_solver(loaded.planning.solver, solver, precision, time_limit)
