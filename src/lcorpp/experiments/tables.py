@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import io
 import json
 import platform
@@ -14,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 import lcorpp
+from lcorpp.csv_text import format_records
 from lcorpp.files import hash_files, write_atomically
 
 PACKAGES = ("lcorpp", "numpy", "scipy", "clingo", "scikit-learn", "torch")
@@ -26,11 +26,7 @@ def write_csv(path: Path, columns: Sequence[str], rows: Sequence[Mapping[str, An
     Raises:
         FileError: it cannot be written.
     """
-    text = io.StringIO()
-    writer = csv.DictWriter(text, columns, lineterminator="\n")
-    writer.writeheader()
-    writer.writerows(rows)
-    write_atomically(path, text.getvalue())
+    write_atomically(path, format_records(columns, rows))
 
 
 def has_parquet() -> bool:

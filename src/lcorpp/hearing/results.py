@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import json
 import textwrap
 from collections.abc import Iterator
@@ -12,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from lcorpp.csv_text import format_records
 from lcorpp.files import make_folder, write_atomically
 from lcorpp.hearing.answers import SILENCE, SOUND
 from lcorpp.hearing.figure import plot_rates
@@ -40,7 +39,8 @@ def write_observed(observed: Observed, folder: Path) -> list[Path]:
     make_folder(folder)
     write_atomically(folder / MODEL, format_model(observed))
     write_confidence(observed.confidence, folder / CONFIDENCE, origin=describe_origin(observed))
-    write_atomically(folder / TABLE, format_table(list_rates(observed)))
+    rates = list_rates(observed)
+    write_atomically(folder / TABLE, format_records(list(rates[0]), rates))
     write_atomically(folder / SUMMARY, json.dumps(summarise(observed), indent=1) + "\n")
     save_figure(plot_rates(observed), folder / FIGURE)
     return [folder / name for name in (MODEL, CONFIDENCE, TABLE, SUMMARY, FIGURE)]
@@ -137,15 +137,6 @@ def summarise(observed: Observed) -> dict[str, Any]:
         },
         "rates": list_rates(observed),
     }
-
-
-def format_table(rows: list[dict[str, Any]]) -> str:
-    """Return rows as CSV."""
-    text = io.StringIO()
-    writer = csv.DictWriter(text, list(rows[0]), lineterminator="\n")
-    writer.writeheader()
-    writer.writerows(rows)
-    return text.getvalue()
 
 
 def format_model(observed: Observed) -> str:

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from hypothesis import given, settings, strategies as st
 
+from lcorpp.csv_text import format_csv
 from lcorpp.errors import DataError, LcorppError, ParseError
 from lcorpp.learning import read_recording
 from lcorpp.learning.data.repairs import REPAIRS
-from lcorpp.learning.data.tracks import count_repairs
-from lcorpp.learning.data.writing import repairs_to_csv
+from lcorpp.learning.data.tracks import Repair, count_repairs
 
 from .texts import GOOD, HEADING, rows
 
@@ -197,7 +197,7 @@ def test_several_faults_at_once_are_counted_and_named(tmp_path):
         "short": (1, 1),
         "labels": (12, 1),
     }
-    table = repairs_to_csv(recording.repairs).splitlines()
+    table = format_csv([Repair._fields, *recording.repairs]).splitlines()
     assert table[0] == "reason,file,line,track,rows,done"
     assert [line.split(",")[2] for line in table[1:]] == [str(repair.line) for repair in recording.repairs]
 

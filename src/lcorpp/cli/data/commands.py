@@ -132,10 +132,11 @@ def describe(
             raise DataError(f"--report {report}: is the described file itself")
         output_files.check_writable(report)
     from lcorpp.cli.data.describe import print_description, print_features
+    from lcorpp.csv_text import format_csv
     from lcorpp.files import write_atomically
     from lcorpp.learning.data.reading import read_features
     from lcorpp.learning.data.repairs import RepairLog
-    from lcorpp.learning.data.writing import repairs_to_csv
+    from lcorpp.learning.data.tracks import Repair
 
     repair_log = RepairLog(recording.repair or ())
     repairs: Sequence[Repair] = repair_log.repairs
@@ -154,7 +155,7 @@ def describe(
         print_description(tracks, path, seed)
         repairs = tracks.repairs
     if report is not None:
-        write_atomically(report, repairs_to_csv(repairs))
+        write_atomically(report, format_csv([Repair._fields, *repairs]))
         console.out.print(f"wrote {report}: {len(repairs)} repairs")
 
 

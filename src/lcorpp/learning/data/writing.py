@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-import csv
-import io
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 
 from lcorpp.arguments import check_arguments
+from lcorpp.csv_text import format_csv
 from lcorpp.errors import DataError, FileError, expected_one_of
 from lcorpp.files import open_atomically
 from lcorpp.learning.data.formats.columns import LONG_COLUMNS
 from lcorpp.learning.data.formats.parquet import SUFFIXES, import_pyarrow
-from lcorpp.learning.data.tracks import COLUMNS, Recording, Repair, Track
+from lcorpp.learning.data.tracks import COLUMNS, Recording, Track
 from lcorpp.values import Array
 
 DECIMALS = 4
@@ -65,15 +64,9 @@ def select_columns(recording: Recording) -> tuple[str, ...]:
 def _write_csv(recording: Recording, path: str | Path) -> None:
     names = select_columns(recording)
     with open_atomically(path) as file:
-        file.write(_format_line(names).encode())
+        file.write(format_csv([names]).encode())
         for track in recording.tracks:
             file.write(_format_rows(track, names, path))
-
-
-def _format_line(cells: Iterable[object]) -> str:
-    text = io.StringIO()
-    csv.writer(text, lineterminator="\n").writerow(cells)
-    return text.getvalue()
 
 
 def _format_rows(track: Track, names: tuple[str, ...], path: str | Path) -> bytes:
@@ -86,7 +79,7 @@ def _format_rows(track: Track, names: tuple[str, ...], path: str | Path) -> byte
     form, numbers = [], []
     for name in names:
         if name in WORDS:  # a word with a comma is quoted, and a per cent sign is a plain one
-            form.append(_format_line([WORDS[name](track)]).rstrip("\n").replace("%", "%%"))
+            form.append(format_csv([[WORDS[name](track)]]).rstrip("\n").replace("%", "%%"))
         else:
             form.append(f"%.{DECIMALS}f")
             numbers.append(_get_numbers(track, name))
@@ -111,8 +104,3 @@ def _write_parquet(recording: Recording, path: str | Path) -> None:
                 for name in names
             ]
             writer.write_table(arrow.table(dict(zip(names, map(arrow.array, columns), strict=True)), schema))
-
-
-def repairs_to_csv(repairs: Iterable[Repair]) -> str:
-    """Return CSV text with a heading and a line per repair."""
-    return "".join(map(_format_line, (Repair._fields, *repairs)))

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import json
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import asdict
@@ -11,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from lcorpp.arguments import check_arguments
+from lcorpp.csv_text import format_csv
 from lcorpp.files import make_folder, write_atomically
 from lcorpp.learning.evaluation.report import EvaluationReport, ProbabilityQuality
 from lcorpp.learning.evaluation.validation import Rate
@@ -35,7 +34,7 @@ def write_report(report: EvaluationReport, folder: str | Path) -> tuple[Path, ..
     directory = make_folder(folder)
     texts = {
         "report.json": json.dumps(as_json(report), indent=2) + "\n",
-        "report.csv": _format_csv(report),
+        "report.csv": format_csv(_list_rows(report)),
         "report.md": as_markdown(report),
     }
     for name, text in texts.items():
@@ -116,14 +115,11 @@ def _format_table(header: Sequence[str], body: Iterable[Sequence[str]]) -> Itera
         yield f"| {' | '.join(cells)} |"
 
 
-def _format_csv(report: EvaluationReport) -> str:
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(COLUMNS)
+def _list_rows(report: EvaluationReport) -> Iterator[Sequence[object]]:
+    yield COLUMNS
     for row in report.rows():
         ends = (row.interval.low, row.interval.high) if row.has_interval else ("", "")
-        writer.writerow((row.class_name, row.quantity, row.interval.estimate, *ends))
-    return text.getvalue()
+        yield row.class_name, row.quantity, row.interval.estimate, *ends
 
 
 def _rate_as_json(rate: Rate) -> dict[str, Any]:

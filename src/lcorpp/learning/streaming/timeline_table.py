@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import csv
 import io
 from pathlib import Path
 
 import numpy as np
 
 from lcorpp.arguments import check_arguments
+from lcorpp.csv_text import format_csv
 from lcorpp.errors import FileError, expected_one_of
 from lcorpp.files import write_atomically
 from lcorpp.learning.data.formats.parquet import SUFFIXES, import_pyarrow
@@ -30,11 +30,8 @@ def write_timeline(timeline: PredictionTimeline, path: str | Path) -> None:
     columns = tabulate_timeline(timeline)
     suffix, content = Path(path).suffix.lower(), io.BytesIO()
     if suffix == ".csv":
-        text = io.StringIO()
-        writer = csv.writer(text, lineterminator="\n")
-        writer.writerow(columns)
-        writer.writerows(zip(*(values.tolist() for values in columns.values()), strict=True))
-        content.write(text.getvalue().encode())
+        rows = zip(*(values.tolist() for values in columns.values()), strict=True)
+        content.write(format_csv([columns, *rows]).encode())
     elif suffix in SUFFIXES:
         arrow = import_pyarrow()
         arrow.parquet.write_table(arrow.table(columns), content)
