@@ -12,6 +12,7 @@ from lcorpp.archives import read_arrays
 from lcorpp.errors import DataError
 from lcorpp.learning import load_classifier, load_dataset
 from lcorpp.reasoning.circuit.storage import load_circuit
+from lcorpp.versioned_json import JsonFormat
 
 
 class Attack:
@@ -60,3 +61,17 @@ def test_a_header_of_more_than_the_memory(tmp_path):
         archive.writestr("dataset.npy", buffer.getvalue())
     with pytest.raises(DataError, match=r"a\.npz: not a stored data set, or a damaged one"):
         load_dataset(tmp_path / "a.npz")
+
+
+def test_a_document_is_read_only_in_its_format_and_version():
+    form = JsonFormat("lcorpp circuit", 3, older=(1,))
+    assert form.read('{"format": "lcorpp circuit", "version": 1, "x": 2}')["x"] == 2
+    for text, words in (
+        ("[", "not JSON"),
+        ("[]", 'an object with "format": "lcorpp circuit"'),
+        ('{"format": "other"}', "its format is 'other'; expected 'lcorpp circuit'"),
+        ('{"format": "lcorpp circuit", "version": 2}', "its version is 2; this lcorpp reads versions 1, 3"),
+        ("[" * 9999, "damaged"),
+    ):
+        with pytest.raises(DataError, match=words):
+            form.read(text)

@@ -12,7 +12,7 @@ import numpy as np
 from lcorpp.assembly import RobotParts, solve_domain
 from lcorpp.assembly.robot_parts import ClassifierPart
 from lcorpp.domains import Domain, load_domain
-from lcorpp.logs.decision_log import FORMAT, VERSION
+from lcorpp.logs.decision_log import FORMAT
 from lcorpp.scoring.exact_evaluation import compute_joint_distribution
 
 NOISE = 0.3
@@ -55,8 +55,7 @@ def write_log(
             given = {name: 1.0 if name == label else 0.4 for name in ("one", "zero")} if soft else label
             steps = [{"action": "greet", "observation": o, "belief": {}} for o in answers]
             line = {
-                "format": FORMAT,
-                "version": VERSION,
+                **FORMAT.header,
                 "strategy": {"name": "LCORPP"},
                 "facts": facts,
                 "evidence": {**facts, "classifier": given},

@@ -179,7 +179,7 @@ def test_a_cut_line_does_not_damage_the_next(tmp_path):
     compare_strategies(load_domain(ROOMS), ComparisonOptions(trials=3, log=log, strategies=strategy))
     lines = list(read_log(log))
     assert [isinstance(line, LoggedDecision) for line in lines] == [True, False, True, True, True]
-    assert str(lines[1]).startswith(f"{log}:2: no JSON: ")
+    assert str(lines[1]).startswith(f"{log}:2: not a decision: it is damaged, not JSON: ")
 
 
 def test_lines_that_are_no_decisions_are_located(tmp_path):
@@ -188,10 +188,11 @@ def test_lines_that_are_no_decisions_are_located(tmp_path):
         b'\n[1]\n{"format": "other"}\n{"format": "lcorpp decision", "version": 7}\n\xff\n' + b"[" * 9999
     )
     messages = [str(line).removeprefix(f"{log}:") for line in read_log(log)]
-    assert messages[0] == '2: no decision; expected an object with "format": "lcorpp decision"'
-    assert messages[1].startswith("3: no decision")
-    assert messages[2] == "4: version 7 of the format; expected 1"
-    assert messages[3].startswith("5: no JSON: ")
+    damaged = "not a decision: it is damaged"
+    assert messages[0] == f'2: {damaged}; expected an object with "format": "lcorpp decision"'
+    assert messages[1] == "3: not a decision: its format is 'other'; expected 'lcorpp decision'"
+    assert messages[2] == "4: not a decision: its version is 7; this lcorpp reads version 1"
+    assert messages[3].startswith(f"5: {damaged}, not JSON: ")
     assert messages[4].endswith("; the line is cut")
     with pytest.raises(FileError, match="missing: cannot be read: No such file"):
         list(read_log(tmp_path / "missing"))

@@ -266,7 +266,10 @@ def make_sense_change(**facts):
         (("checkpoint.json", cut), "not used, it is damaged"),
         (("checkpoint.json", lambda file: file.write_bytes(b"\xff")), "not UTF-8"),
         (("checkpoint.json", lambda file: file.write_text("[]")), "damaged"),
-        (("checkpoint.json", make_file_change(version=4)), "'lcorpp checkpoint', version 4"),
+        (
+            ("checkpoint.json", make_file_change(version=4)),
+            "this lcorpp reads versions 1, 2, 3",
+        ),
         (("checkpoint.json", make_file_change(store="00")), "another store"),
         (("checkpoint.json", make_file_change(number=-1)), "-1 is no number"),
         (("checkpoint.json", make_sense_change(counts=[[1]])), "cannot have shape"),

@@ -20,10 +20,11 @@ from lcorpp.errors import DataError, FileError, LcorppError
 from lcorpp.files import MAX_MAPPED_BYTES
 from lcorpp.input_files import open_lines
 from lcorpp.values import Array, Distribution, Episode, Label, Likelihood, Step, read_value
+from lcorpp.versioned_json import JsonFormat
 
-FORMAT, VERSION = "lcorpp decision", 1
+FORMAT = JsonFormat("lcorpp decision", 1)
 
-START = f'{{"format": "{FORMAT}"'.encode()
+START = f'{{"format": "{FORMAT.name}"'.encode()
 """How the lines of `format_decision` begin."""
 
 
@@ -150,8 +151,7 @@ def format_decision(
     states = parts.domain.pomdp.states
     marginal = episode.marginal
     content = {
-        "format": FORMAT,
-        "version": VERSION,
+        **FORMAT.header,
         "domain": parts.domain.name,
         "preset": parts.domain.preset,
         "strategy": describe_strategy(strategy) | own,
@@ -281,15 +281,10 @@ def read_log(path: Path, *, wait: Callable[[], None] | None = None) -> Iterator[
 def _read_line(path: Path, number: int, line: bytes) -> LoggedDecision | DataError:
     place = f"{path}:{number}"
     try:
-        content = json.loads(line)
-    except (ValueError, RecursionError) as error:
+        return LoggedDecision(number, FORMAT.read(line))
+    except DataError as error:
         cut = "" if line.endswith(b"\n") else "; the line is cut"
-        return DataError(f"{place}: no JSON: {error}{cut}")
-    if not isinstance(content, dict) or content.get("format") != FORMAT:
-        return DataError(f'{place}: no decision; expected an object with "format": "{FORMAT}"')
-    if content.get("version") != VERSION:
-        return DataError(f"{place}: version {content.get('version')!r} of the format; expected {VERSION}")
-    return LoggedDecision(number, content)
+        return DataError(f"{place}: not a decision: {error}{cut}")
 
 
 DAMAGE = (LcorppError, LookupError, TypeError, ValueError, AttributeError, RecursionError, ArithmeticError)

@@ -18,8 +18,9 @@ from lcorpp.files import make_folder, read_bytes, read_text, sync_folder, write_
 from lcorpp.learning import SoftClassifier, TrainedClassifier, load_classifier, save_classifier
 from lcorpp.protocols import Classifier
 from lcorpp.values import ConfusionMatrix, EvidenceKind
+from lcorpp.versioned_json import JsonFormat
 
-FORMAT, VERSION = "lcorpp checkpoint", 3
+FORMAT = JsonFormat("lcorpp checkpoint", 3, older=(1, 2))
 """Version 1 was of one sense, whose values were not in a table `senses`; 2 had no previous counts."""
 
 Json = Mapping[str, Any]
@@ -99,8 +100,7 @@ class CheckpointFolder:
             for name, sense in senses.items()
         }
         content = {
-            "format": FORMAT,
-            "version": VERSION,
+            **FORMAT.header,
             "store": self._identity,
             "settings": self._settings,
             "run": run,
@@ -128,7 +128,7 @@ class CheckpointFolder:
                 note(f"{self._file}: no checkpoint; trained on all that is stored")
             return None
         try:
-            return self._decode(json.loads(read_text(self._file)), list(names), note)
+            return self._decode(FORMAT.read(read_text(self._file)), list(names), note)
         except (DataError, FileError) as error:
             why = str(error)
         except (ValueError, LookupError, TypeError, AttributeError, ArithmeticError, RecursionError) as error:
@@ -140,16 +140,13 @@ class CheckpointFolder:
         self, content: Mapping[str, Any], names: list[str], note: Callable[[str], None]
     ) -> Checkpoint:
         """Return the checkpoint that the content of its file describes; errors: as `read` catches them."""
-        version = content["version"]
-        if content["format"] != FORMAT or version not in (1, 2, VERSION):
-            raise DataError(f"it is {content['format']!r}, version {version!r}")
         if content["store"] != self._identity:
             raise DataError("it belongs to another store")
         before = {"labels": "hard"} | content["settings"]  # checkpoints of older versions have no labels
         for name, value in self._settings.items():
             if before.get(name) != value:
                 raise DataError(f"{name} was {before.get(name)}, and is {value} now")
-        senses = content["senses"] if version != 1 else {names[0]: content}
+        senses = content["senses"] if content["version"] != 1 else {names[0]: content}
         if list(senses) != names:
             raise DataError(f"the senses that learn were {', '.join(senses)}, and are {', '.join(names)} now")
         return Checkpoint(

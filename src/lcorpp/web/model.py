@@ -27,15 +27,16 @@ from lcorpp.learning import (
     load_classifier,
 )
 from lcorpp.learning.contract import name_of
-from lcorpp.logs.decision_log import FORMAT as LOG_FORMAT, VERSION as LOG_VERSION
+from lcorpp.logs.decision_log import FORMAT as LOG_FORMAT
 from lcorpp.planning import AlphaVectors, Policy
 from lcorpp.planning.sparse import SparseTables
 from lcorpp.values import Array
+from lcorpp.versioned_json import JsonFormat
 from lcorpp.web.description import describe_domain
 from lcorpp.web.reachable import prune_policy
 from lcorpp.web.robot import PlayRobot
 
-FORMAT, VERSION = "lcorpp page", 1
+FORMAT = JsonFormat("lcorpp page", 1)
 MAX_EVIDENCES = 20_000
 """Combinations of facts and labels, each of them known or unknown, whose posteriors are stored."""
 MAX_NUMBERS = 50_000
@@ -60,8 +61,7 @@ def make_model(robot: PlayRobot) -> dict[str, Any]:
         priors = np.array([domain.planning.initial_states.T @ own["shared"] for own in posteriors.values()])
         policy = prune_policy(domain, policy, priors)
     return {
-        "format": FORMAT,
-        "version": VERSION,
+        **FORMAT.header,
         "domain": describe_domain(robot, learns=False),
         "posteriors": posteriors,
         "rules": rules,
@@ -69,8 +69,7 @@ def make_model(robot: PlayRobot) -> dict[str, Any]:
         "classifiers": classifiers,
         "log": {
             "head": {
-                "format": LOG_FORMAT,
-                "version": LOG_VERSION,
+                **LOG_FORMAT.header,
                 "domain": domain.name,
                 "preset": domain.preset,
                 "strategy": describe_strategy(LCORPP),

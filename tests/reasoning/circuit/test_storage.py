@@ -142,7 +142,7 @@ def test_truncated_and_damaged_files(circuit, tmp_path):
     ("change", "words"),
     [
         ({"format": "lcorpp policy"}, "its format is 'lcorpp policy'"),
-        ({"version": 3}, "its version is 3; this lcorpp reads version 2"),
+        ({"version": 3}, "its version is 3; this lcorpp reads versions 1, 2"),
         ({"program": "p : boolean."}, "time"),
         ({"program": "p"}, "not a circuit that can be used"),
         ({"inputs": ["weather"]}, "weather"),

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import platform
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -15,8 +14,9 @@ from lcorpp.experiments.figures.result import FigureOptions, FigureResult, Layou
 from lcorpp.experiments.tables import has_parquet, hash_code, write_csv, write_json, write_parquet
 from lcorpp.files import make_folder, read_text
 from lcorpp.plot_style import save_figure
+from lcorpp.versioned_json import JsonFormat
 
-VERSION = 1
+FORMAT = JsonFormat("lcorpp figure", 1)
 """Of the format of the description."""
 
 LAYOUTS: Mapping[Layout, Sequence[str]] = {"wide": ("svg", "pdf", "png"), "column": ("svg",)}
@@ -73,10 +73,8 @@ def load_figure(folder: Path, name: str, options: FigureOptions) -> StoredFigure
     if not path.exists():
         return None
     try:
-        content = json.loads(read_text(path))
-        if content["format"] != "lcorpp figure" or content["version"] != VERSION:
-            raise ValueError(f"version {content['version']}, expected {VERSION}")
-    except (ValueError, KeyError, TypeError, RecursionError) as error:
+        content = FORMAT.read(read_text(path))
+    except DataError as error:
         raise DataError(f"{path}: not the description of a figure: {error}; expected another --out") from None
     if difference := _find_difference(content, options):
         raise DataError(
@@ -102,8 +100,7 @@ def _find_difference(then: Mapping[str, Any], options: FigureOptions) -> str | N
 def _describe(result: FigureResult, options: FigureOptions, seconds: float) -> dict[str, Any]:
     """Return all of a figure but its pictures and the versions, as JSON."""
     return {
-        "format": "lcorpp figure",
-        "version": VERSION,
+        **FORMAT.header,
         **_identify(options),
         "name": result.name,
         "title": result.title,

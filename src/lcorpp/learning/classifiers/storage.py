@@ -9,16 +9,13 @@ of the steps. Steps of other libraries, such as forests, are stored by skops if 
 
 from __future__ import annotations
 
-import io
-import json
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import numpy.typing as npt
 from sklearn.pipeline import Pipeline
 
-from lcorpp.archives import DAMAGE_ERRORS, read_arrays
+from lcorpp.archives import locate_damage, pack_archive, unpack_archive
 from lcorpp.arguments import check_arguments
 from lcorpp.errors import DataError, expected_one_of
 from lcorpp.files import read_bytes, write_atomically
@@ -32,8 +29,9 @@ from lcorpp.learning.features.segments import SegmentStatistics
 from lcorpp.learning.features.summaries import SummaryFeatures
 from lcorpp.learning.lstm import LstmClassifier
 from lcorpp.values import ConfusionMatrix
+from lcorpp.versioned_json import JsonFormat
 
-FORMAT, VERSION = "lcorpp classifier", 2
+FORMAT = JsonFormat("lcorpp classifier", 2)
 CALLBACK = "progress"
 """The parameter that is a function and is not stored."""
 
@@ -70,9 +68,7 @@ def save_classifier(classifier: TrainedClassifier, path: str | Path) -> None:
                 raise DataError(f"step {name!r} is not trained; nothing to store") from None
         steps.append({"name": name, "kind": kind, "parameters": parameters})
     matrix, threshold = classifier.confusion, classifier.threshold
-    header = {
-        "format": FORMAT,
-        "version": VERSION,
+    header: dict[str, Any] = {
         "steps": steps,
         "confusion": matrix and matrix.to_json(),
         "calibration": classifier.calibration and classifier.calibration.to_json(),
@@ -82,9 +78,7 @@ def save_classifier(classifier: TrainedClassifier, path: str | Path) -> None:
         header["sets"] = classifier.prediction_sets.to_json()
     if classifier.inputs:
         header["inputs"] = classifier.inputs
-    buffer = io.BytesIO()
-    np.savez(buffer, classifier=np.array(json.dumps(header)), **arrays)
-    write_atomically(path, buffer.getvalue())
+    write_atomically(path, pack_archive(FORMAT, header, arrays, compress=False))
 
 
 @check_arguments
@@ -96,13 +90,8 @@ def load_classifier(path: str | Path) -> TrainedClassifier:
         DataError: the file is not a stored classifier, is damaged, of another version, or needs skops.
     """
     content = read_bytes(path)
-    try:
-        arrays = read_arrays(content)
-        header = json.loads(str(arrays.pop("classifier")))
-        if header["format"] != FORMAT:
-            raise DataError(f"its format is {header['format']!r}; expected {FORMAT!r}")
-        if header["version"] != VERSION:
-            raise DataError(f"its version is {header['version']!r}; this lcorpp reads version {VERSION}")
+    with locate_damage(path, "classifier"):
+        header, arrays = unpack_archive(FORMAT, content)
         steps = [(step["name"], _load_step(step, arrays)) for step in header["steps"]]
         matrix = header["confusion"]
         confusion = matrix and ConfusionMatrix.from_json(matrix)
@@ -124,10 +113,6 @@ def load_classifier(path: str | Path) -> TrainedClassifier:
             )
         inputs = tuple(map(str, header.get("inputs", ())))
         return TrainedClassifier(Pipeline(steps), confusion, calibration, threshold, inputs, sets)
-    except DataError as error:
-        raise DataError(f"{path}: not a classifier that can be used: {error}") from None
-    except DAMAGE_ERRORS as error:
-        raise DataError(f"{path}: not a stored classifier, or a damaged one: {error}") from None
 
 
 def _native_kinds() -> dict[str, Any]:

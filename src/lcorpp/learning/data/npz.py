@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import io
-import json
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from lcorpp.archives import DAMAGE_ERRORS, read_arrays
+from lcorpp.archives import locate_damage, pack_archive, unpack_archive
 from lcorpp.arguments import check_arguments
 from lcorpp.errors import DataError
 from lcorpp.files import read_bytes, write_atomically
@@ -17,8 +15,9 @@ from lcorpp.learning.data.dataset import check_signals
 from lcorpp.learning.data.tracks import Recording, Track
 from lcorpp.notebook import join_some
 from lcorpp.values import CHANNELS, Dataset, strip_padding
+from lcorpp.versioned_json import JsonFormat
 
-FORMAT, VERSION = "lcorpp dataset", 1
+FORMAT = JsonFormat("lcorpp dataset", 1)
 SUFFIX = ".npz"
 
 
@@ -30,11 +29,9 @@ def save_dataset(dataset: Dataset, path: str | Path) -> None:
         FileError: the file cannot be written.
     """
     fields = ("labels", "groups", "source", "notes", "interval", "channels")
-    header = {"format": FORMAT, "version": VERSION} | {name: getattr(dataset, name) for name in fields}
-    buffer = io.BytesIO()
-    tracks, weights = dataset.trajectories, dataset.weights
-    np.savez_compressed(buffer, dataset=np.array(json.dumps(header)), trajectories=tracks, weights=weights)
-    write_atomically(path, buffer.getvalue())
+    header = {name: getattr(dataset, name) for name in fields}
+    arrays = {"trajectories": dataset.trajectories, "weights": dataset.weights}
+    write_atomically(path, pack_archive(FORMAT, header, arrays))
 
 
 @check_arguments
@@ -46,19 +43,15 @@ def load_dataset(path: str | Path) -> Dataset:
         DataError: the file is not a data set, is damaged or has a newer version, or a number is not finite.
     """
     content = read_bytes(path)
-    try:
-        archive = read_arrays(content)
-        header, tracks = json.loads(str(archive["dataset"])), archive["trajectories"]
+    with locate_damage(path, "data set"):
+        header, archive = unpack_archive(FORMAT, content)
+        tracks = archive["trajectories"]
         weights: Any = archive.get("weights", ())  # files of older versions have none
         if tracks.dtype.kind not in "fiu":
             raise DataError(f"its trajectories are {tracks.dtype}; expected numbers")
         for name in ("labels", "groups", "channels"):
             if not isinstance(header[name], list) or not all(isinstance(word, str) for word in header[name]):
                 raise DataError(f"its {name} are {str(header[name])[:40]}; expected a list of words")
-        if header["format"] != FORMAT or header["version"] != VERSION:
-            raise DataError(
-                f"{header['format']!r} of version {header['version']!r}; expected {FORMAT!r} {VERSION}"
-            )
         return Dataset(
             check_signals(tracks),
             tuple(header["labels"]),
@@ -69,10 +62,6 @@ def load_dataset(path: str | Path) -> Dataset:
             tuple(header["channels"]),
             weights,
         )
-    except DataError as error:
-        raise DataError(f"{path}: not a data set that can be used: {error}") from None
-    except DAMAGE_ERRORS as error:
-        raise DataError(f"{path}: not a stored data set, or a damaged one: {error}") from None
 
 
 def to_recording(dataset: Dataset) -> Recording:

@@ -10,8 +10,6 @@ inputs. Files of version 1, a chain of layers, are compiled again.
 
 from __future__ import annotations
 
-import io
-import json
 from collections.abc import Mapping
 from decimal import Decimal
 from pathlib import Path
@@ -20,8 +18,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from lcorpp.archives import DAMAGE_ERRORS, read_arrays
-from lcorpp.errors import DataError, LcorppError
+from lcorpp.archives import locate_damage, pack_archive, unpack_archive
+from lcorpp.errors import DataError
 from lcorpp.files import read_bytes, write_atomically
 from lcorpp.reasoning.circuit.circuit import Circuit
 from lcorpp.reasoning.circuit.compiler import compile_program
@@ -31,8 +29,9 @@ from lcorpp.reasoning.language.parser import parse_plog
 from lcorpp.reasoning.language.program import Program, program_text
 from lcorpp.reasoning.questions import list_values
 from lcorpp.reasoning.resolve import resolve_interventions, resolve_subject
+from lcorpp.versioned_json import JsonFormat
 
-FORMAT, VERSION = "lcorpp circuit", 2
+FORMAT = JsonFormat("lcorpp circuit", 2, older=(1,))
 
 MAX_WEIGHT = 1e100
 """Larger weights are not read; those of probabilities are at most 1."""
@@ -67,8 +66,6 @@ def save_circuit(circuit: Circuit, path: str | Path) -> None:
             }
         )
     head = {
-        "format": FORMAT,
-        "version": VERSION,
         "file": circuit.program.file,
         "program": program_text(circuit.program),
         "semantics": circuit.program.semantics,
@@ -78,9 +75,7 @@ def save_circuit(circuit: Circuit, path: str | Path) -> None:
         "do": circuit.do,
         "layers": layers,
     }
-    buffer = io.BytesIO()
-    np.savez_compressed(buffer, circuit=np.array(json.dumps(head)), **arrays)  # type: ignore[arg-type]
-    write_atomically(path, buffer.getvalue())
+    write_atomically(path, pack_archive(FORMAT, head, arrays))
 
 
 def load_circuit(path: str | Path) -> Circuit:
@@ -91,23 +86,14 @@ def load_circuit(path: str | Path) -> Circuit:
         DataError: the file has another format, is damaged, or is of a newer version.
     """
     content = read_bytes(path)
-    try:
-        arrays = read_arrays(content)
-        head = json.loads(str(arrays.pop("circuit")))
-        if head["format"] != FORMAT:
-            raise DataError(f"its format is {head['format']!r}")
-        if head["version"] not in (1, VERSION):
-            raise DataError(f"its version is {head['version']!r}; this lcorpp reads version {VERSION}")
+    with locate_damage(path, "circuit"):
+        head, arrays = unpack_archive(FORMAT, content)
         program = _parse_program(head)
         query = head["queries"][0] if head["single"] else head["queries"]
-        layers = _read_layers(head, arrays, program) if head["version"] == VERSION else None
+        layers = _read_layers(head, arrays, program) if head["version"] == FORMAT.version else None
         if layers is None:
             return compile_program(program, head["inputs"], query, head["do"])
         return Circuit(program, head["inputs"], query, head["do"], layers)
-    except LcorppError as error:
-        raise DataError(f"{path}: not a circuit that can be used: {error}") from None
-    except DAMAGE_ERRORS as error:
-        raise DataError(f"{path}: not a stored circuit, or a damaged one: {error}") from None
 
 
 def _parse_program(head: dict[str, Any]) -> Program:
