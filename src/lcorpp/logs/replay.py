@@ -27,6 +27,7 @@ from lcorpp.errors import DataError, DecisionError, LcorppError
 from lcorpp.logs.decision_log import DAMAGE, LoggedDecision, describe_damage, read_log
 from lcorpp.simulation.simulated_classifier import PrecomputedLabel
 from lcorpp.values import Array, Distribution, Episode, Label, Likelihood, Step, format_value
+from lcorpp.worlds.scripted import EndOfStepsError, RepeatedWorld
 
 TOLERANCE = 1e-9
 """Largest difference of two probabilities that count as equal: another processor may round otherwise."""
@@ -203,27 +204,6 @@ def make_logged_robot(
     return strategy.robot(replace(parts.robot, classifiers=classifiers), rng)
 
 
-class LoggedWorld:
-    """A world whose person answers as in the log, as long as the robot acts as in the log."""
-
-    def __init__(self, steps: tuple[Step, ...]) -> None:
-        self._steps = iter(steps)
-
-    def act(self, action: str) -> str:
-        """Return the observation of the log. Raises `OtherActionError` if the log has another action."""
-        step = next(self._steps, None)
-        if step is None or step.action != action or step.observation is None:
-            raise OtherActionError(action)
-        return step.observation
-
-    def report(self, action: str) -> None:
-        """Do nothing: the report is compared with the one of the log."""
-
-
-class OtherActionError(Exception):
-    """The robot acts otherwise than in the log, which has no observation for that."""
-
-
 def compare(logged: Episode, robot: Robot, decision: LoggedDecision) -> list[str]:
     """Decide again and return what differs from the log.
 
@@ -239,10 +219,11 @@ def compare(logged: Episode, robot: Robot, decision: LoggedDecision) -> list[str
     differences += _compare_marginals(logged.marginal, marginal)
     differences += _compare_beliefs("prior", logged.prior, prior)
     report = None
+    world = RepeatedWorld((step.action, step.observation) for step in logged.steps)
     try:
-        _, report, _ = act_until_report(robot, prior, LoggedWorld(logged.steps), listener=steps.append)
-    except OtherActionError as error:
-        other = str(error)
+        _, report, _ = act_until_report(robot, prior, world, listener=steps.append)
+    except EndOfStepsError:
+        other = world.action
     except LcorppError as error:
         return [*differences, f"action {len(steps) + 1}: {error}"]
     for number, (old, new) in enumerate(zip(logged.steps, steps, strict=False), 1):

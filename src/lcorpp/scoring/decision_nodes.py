@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Hashable, Mapping, Sequence
-from contextlib import suppress
 from dataclasses import replace
 from functools import cache
 from typing import Any, NamedTuple, Protocol
@@ -18,6 +17,7 @@ from lcorpp.planning import Planner
 from lcorpp.scoring.part_state import DIGITS, NoKeyError, make_state_key
 from lcorpp.simulation.simulated_classifier import NoisyChannel
 from lcorpp.values import Array, Instance, Label, Step
+from lcorpp.worlds.scripted import EndOfStepsError, RepeatedWorld
 
 MAX_ACTIONS = 100_000
 """Maximum number of actions in all histories of an own strategy; each history is decided anew."""
@@ -160,7 +160,7 @@ class HistoryNodes:
             sense: np.array([[float(self._channels[sense].classes.index(label))]])
             for sense, label in node.labels
         }
-        world = _ReplayWorld(node.steps, self._domain.pomdp.actions)
+        world = RepeatedWorld(node.steps)
         with self._strategy.locate_failures():
             robot = self._strategy.robot(self._full)
             evidence = robot.domain.evidence(
@@ -169,11 +169,17 @@ class HistoryNodes:
             marginal = robot.reasoner.posterior(robot.domain.shared, evidence)
             belief = robot.planner.start if marginal is None else robot.domain.prior(marginal)
             steps = list[Step]()
-            with suppress(_EndOfHistory):
+            try:
                 act_until_report(robot, belief, world, listener=steps.append)
-            if world.differs:
+            except EndOfStepsError:
+                known = self._domain.pomdp.actions
+                if world.action not in known:
+                    raise DecisionError(
+                        f"the robot chose the action {world.action!r}; {expected_one_of(known)}"
+                    ) from None
+            if world.expected is not None:
                 raise DecisionError(
-                    f"chose {world.action!r} after a history in which it chose {world.differs!r} before; a"
+                    f"chose {world.action!r} after a history in which it chose {world.expected!r} before; a"
                     " strategy that draws has a second parameter, the random generator"
                 )
         belief = steps[-1].belief if steps else belief
@@ -182,36 +188,3 @@ class HistoryNodes:
         except NoKeyError:
             return world.action, node
         return world.action, (world.action, np.round(belief, DIGITS).tobytes(), state)
-
-
-class _EndOfHistory(BaseException):
-    """Ends a decision at the first action after its history; no part of a robot catches it."""
-
-
-class _ReplayWorld:
-    """A world that repeats the observations of a history.
-
-    action: the action after the history, None if the decision ended before. differs: the action that an
-    earlier decision chose at a step where this one chose `action`, "" if there is none.
-    """
-
-    def __init__(self, steps: Sequence[tuple[str, str]], actions: Sequence[str]) -> None:
-        self._rest, self._actions = list(reversed(steps)), actions
-        self.action: str | None = None
-        self.differs = ""
-
-    def act(self, action: str) -> str:
-        if action not in self._actions:
-            raise DecisionError(f"the robot chose the action {action!r}; {expected_one_of(self._actions)}")
-        if not self._rest:
-            self.action = action
-            raise _EndOfHistory
-        earlier, observation = self._rest.pop()
-        if action != earlier:
-            self.action, self.differs = action, earlier
-            raise _EndOfHistory
-        return observation
-
-    def report(self, action: str) -> None:
-        self.action = action
-        self.differs = self._rest[-1][0] if self._rest else ""

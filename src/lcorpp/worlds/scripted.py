@@ -1,8 +1,8 @@
-"""A world for one person whose answers are prepared."""
+"""Worlds of one person whose answers are given: prepared ones, or those of an earlier decision."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 from lcorpp.errors import DecisionError
 
@@ -33,3 +33,39 @@ class ScriptedWorld:
 
     def report(self, action: str) -> None:
         """Do nothing."""
+
+
+class EndOfStepsError(BaseException):
+    """Ends a decision that continues, or differs from, earlier steps; no part of a robot catches it."""
+
+
+class RepeatedWorld:
+    """A world whose person answers as in earlier steps, as long as the robot acts as it did then.
+
+    action: the robot's first action after the steps, or its first other action or report; None before.
+    expected: the action of the steps in its place; None after the last step.
+
+    Args:
+        steps: action and observation, in order; None for an action without one, which ends the decision.
+    """
+
+    def __init__(self, steps: Iterable[tuple[str, str | None]]) -> None:
+        self._rest = iter(steps)
+        self.action: str | None = None
+        self.expected: str | None = None
+
+    def act(self, action: str) -> str:
+        """Return the observation of the next step.
+
+        Raises:
+            EndOfStepsError: there is none, or that step has another action.
+        """
+        expected, observation = next(self._rest, (None, None))
+        if action == expected and observation is not None:
+            return observation
+        self.action, self.expected = action, expected
+        raise EndOfStepsError(action)
+
+    def report(self, action: str) -> None:
+        """Record the report."""
+        self.action, self.expected = action, next(self._rest, (None, None))[0]

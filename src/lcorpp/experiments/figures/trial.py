@@ -12,7 +12,7 @@ from matplotlib.patches import Patch
 from lcorpp.assembly.progress import ProgressDisplay
 from lcorpp.assembly.robot import compose_robot
 from lcorpp.assembly.senses import from_channel
-from lcorpp.decision.dt_control import act_until_report, infer_prior
+from lcorpp.decision.dt_control import MAX_STEPS, act_until_report, infer_prior
 from lcorpp.domains import load_domain
 from lcorpp.experiments.figures import published
 from lcorpp.experiments.figures.evaluation import make_planner
@@ -27,6 +27,7 @@ from lcorpp.experiments.figures.result import (
 )
 from lcorpp.plot_style import BLUE, INK, ORANGE, PALE, with_style
 from lcorpp.values import Interval
+from lcorpp.worlds import ScriptedWorld
 
 PRESETS = ("paper", "authors")
 """The corrected POMDP, and that of the authors with its slip."""
@@ -37,6 +38,9 @@ LABEL, TRUTH = "not_interested", "interested"
 
 ACTIONS = ("move_forward", "move_forward", "greet", "report_interested")
 """The robot's actions in the paper."""
+
+AGREES = "pos"
+"""The person's answer to every action."""
 
 COLOURS = {"reasoning": BLUE, "planning": ORANGE}
 
@@ -72,7 +76,7 @@ def decide(preset: str, progress: ProgressDisplay) -> list[TrialStep]:
     evidence, _, prior = infer_prior(robot, facts, {sense.name: LABEL})
     events.append(("reasoning", f"{sense.attribute} = {evidence[sense.attribute]}"))
     beliefs.append(prior)
-    for step in act_until_report(robot, prior, AgreeingWorld())[0]:
+    for step in act_until_report(robot, prior, ScriptedWorld([AGREES] * MAX_STEPS))[0]:
         heard = "" if step.observation is None else f": {step.observation}"
         events.append(("planning", f"{step.action}{heard}"))
         beliefs.append(step.belief)
@@ -81,16 +85,6 @@ def decide(preset: str, progress: ProgressDisplay) -> list[TrialStep]:
         TrialStep(preset, number, part, event, float(belief @ interested))
         for number, ((part, event), belief) in enumerate(zip(events, beliefs, strict=True))
     ]
-
-
-class AgreeingWorld:
-    """The world of the example: the person answers `pos` to every action (`lcorpp.protocols.World`)."""
-
-    def act(self, action: str) -> str:
-        return "pos"
-
-    def report(self, action: str) -> None:
-        pass
 
 
 def make_result(trials: Mapping[str, Sequence[TrialStep]]) -> FigureResult:
