@@ -137,7 +137,8 @@ def test_new_contexts_and_rates_are_those_of_the_alternative_too():
 
 def test_exchange_of_values_is_its_own_inverse():
     model = make_two_credible()
-    model.estimates = replace(model.estimates, past=model._expect(model.estimates, model.cases.weights))
+    past = model.expect(model.estimates, model.cases.weights)
+    model.estimates = replace(model.estimates, past=past)
     twice = model.estimates.exchange(0, 1).exchange(0, 1)
     assert twice.state() == model.estimates.state()
     once = model.estimates.exchange(0, 1).past

@@ -10,11 +10,11 @@ from itertools import pairwise
 import numpy as np
 import numpy.typing as npt
 from scipy.optimize import minimize
-from scipy.special import softmax
 
 from lcorpp.errors import TooLargeError
+from lcorpp.latent_classes import ExpectedCounts, LatentClasses, index_counts, sum_by_group
 from lcorpp.trust.answers import AnswerModel, number_rows
-from lcorpp.trust.cases import NO_LABEL, Cases
+from lcorpp.trust.cases import Cases
 from lcorpp.values import Array
 
 PRIOR_PEOPLE = 1.0
@@ -31,37 +31,24 @@ MIN_EIGENVALUE = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
-class Cells:
-    """The cells of several distributions over observed outcomes, m in all; a distribution is a row.
+class RateTable:
+    """P(outcome | value) of a sense or a kind of question.
 
-    A case with value v has the log probability ``sum_j counts[j] * log p[j]`` over the cells j of v.
-
-    row_of: (m,) the row of each cell. is_of_value: (V, m) 1 where a value uses the cell. counts: (n, m) how
-    often the case has the cell's outcome. prior: (m,) pseudo-counts. outcome: (m,) index of the outcome.
+    counts: (n, O) how often each case has each outcome that some value makes possible. row_of: (V,) the row
+    of each value. prior: (R, O) pseudo-counts. outcomes: (O,) their indices.
     """
 
-    row_of: npt.NDArray[np.intp]
-    is_of_value: Array
     counts: Array
+    row_of: npt.NDArray[np.intp]
     prior: Array
-    outcome: npt.NDArray[np.intp]
+    outcomes: npt.NDArray[np.intp]
 
     @classmethod
-    def of_table(cls, row_of_value: npt.NDArray[np.intp], stated: Array, counts: Array) -> Cells:
-        """Return the cells of one table.
-
-        Args:
-            row_of_value: (V,) the row of each value. stated: (R, O). counts: (n, O) of each outcome, the same
-                for all values.
-        """
-        n_rows, n_outcomes = stated.shape
-        is_of_value = np.repeat(np.eye(n_rows)[row_of_value], n_outcomes, axis=1)
-        row_of = np.repeat(np.arange(n_rows), n_outcomes)
-        prior = PRIOR_PEOPLE * np.maximum(stated, MIN_START_PROBABILITY)
-        used = np.tile(stated.any(axis=0), n_rows)  # the others are impossible
-        outcome = np.tile(np.arange(n_outcomes), n_rows)
-        counts = np.tile(counts, n_rows)
-        return cls(row_of[used], is_of_value[:, used], counts[:, used], prior.ravel()[used], outcome[used])
+    def of_stated(cls, row_of: npt.NDArray[np.intp], stated: Array, counts: Array) -> RateTable:
+        """Return the table of stated rows (R, O), with the counts (n, O) of all outcomes."""
+        possible = np.flatnonzero(stated.any(axis=0))
+        prior = PRIOR_PEOPLE * np.maximum(stated[:, possible], MIN_START_PROBABILITY)
+        return cls(counts[:, possible], row_of, prior, possible)
 
 
 class AnswerRates:
@@ -70,9 +57,11 @@ class AnswerRates:
     The model is that of `lcorpp.trust.LatentClassModel`, with free rows. The knowledge has no part in it, so
     that EM cannot explain answers that disagree with wrong knowledge as noise.
 
-    cells: the cells of all tables, those of the contexts first, then of each sense, then of each kind of
-    question. p: (m,) their estimated probabilities. covariance: (m, m) of log p, up to a constant of each
-    row. tables: the slice of cells of each table. is_nuisance: (m,) whether the cell is not of the contexts.
+    The probabilities are m cells, a distribution in each row: of the contexts, of each sense, of each kind of
+    question. p: (m,) the estimates. covariance: (m, m) of log p, up to a constant of each row.
+    tables: the slice of cells of each table. is_nuisance: (m,) whether the cell is not of the contexts.
+    row_of: (m,) the row of each cell. outcome: (m,) index of its outcome. is_of_value: (V, m) 1 where a value
+    uses the cell. counts: (n, m) how often a case has its outcome. prior: (m,) pseudo-counts.
 
     Args:
         n_contexts: X. rates: for each sense (V, L) the stated rates.
@@ -88,47 +77,77 @@ class AnswerRates:
                 f"{n_contexts} different combinations of facts with {n_values} shared values;"
                 f" an audit expects a product of at most {MAX_CELLS}"
             )
-        uniform = np.full((n_contexts, n_values), 1 / n_values)
-        parts = [_make_context_cells(uniform, cases.contexts)]
-        for s, table in enumerate(rates):
-            label = cases.labels[:, s]
-            counts = np.where((label != NO_LABEL)[:, None], np.eye(table.shape[1])[label], 0.0)
-            numbers, distinct = number_rows(table)
-            parts.append(Cells.of_table(numbers, distinct, counts))
+        tables = []
+        for s, stated in enumerate(rates):
+            counts = index_counts(cases.labels[:, s], stated.shape[1])
+            tables.append(RateTable.of_stated(*number_rows(stated), counts))
         answers_of = cases.answer_counts.reshape(cases.n, -1, n_outcomes)
         for k, row_of_value in enumerate(answers.row_of):
             rows, places = np.unique(row_of_value, return_inverse=True)
-            parts.append(Cells.of_table(places, answers.stated_rows[rows], answers_of[:, k]))
-        sizes = np.cumsum([0, *[len(part.row_of) for part in parts]])
-        self.tables = [slice(start, end) for start, end in pairwise(sizes.tolist())]
-        self.cells = _join(parts)
-        self.weights = cases.weights
-        self.is_nuisance = np.arange(sizes[-1]) >= sizes[1]
+            tables.append(RateTable.of_stated(places, answers.stated_rows[rows], answers_of[:, k]))
+        self._rate_tables, self.weights = tables, cases.weights
+        self._classes = LatentClasses(cases.contexts, cases.weights, tuple(own.counts for own in tables))
+        uniform = np.full((n_contexts, n_values), PRIOR_PEOPLE / n_values)
+        priors = [uniform, *(own.prior for own in tables)]
+        self._shapes = [prior.shape for prior in priors]
+        ends = np.cumsum([0, *[prior.size for prior in priors]]).tolist()
+        self.tables = [slice(start, end) for start, end in pairwise(ends)]
+        self.prior = np.concatenate([prior.ravel() for prior in priors])
+        widths = np.concatenate([np.full(len(prior), prior.shape[1]) for prior in priors])
+        self.row_of = np.repeat(np.arange(len(widths)), widths)
+        outcomes = [np.arange(n_values), *(own.outcomes for own in tables)]
+        self.outcome = np.concatenate(
+            [np.tile(own, shape[0]) for own, shape in zip(outcomes, self._shapes, strict=True)]
+        )
+        self.is_of_value = np.hstack(
+            [
+                np.tile(np.eye(n_values), n_contexts),
+                *(np.repeat(np.eye(len(own.prior))[own.row_of], len(own.outcomes), axis=1) for own in tables),
+            ]
+        )
+        self.counts = np.hstack(
+            [
+                np.repeat(np.eye(n_contexts)[cases.contexts], n_values, axis=1),
+                *(np.tile(own.counts, len(own.prior)) for own in tables),
+            ]
+        )
+        self.is_nuisance = np.arange(len(self.prior)) >= ends[1]
         self.p = self._maximise()
 
     def _normalise(self, logs: Array) -> Array:
         p = np.exp(logs)
-        normalised: Array = p / np.bincount(self.cells.row_of, p)[self.cells.row_of]
+        normalised: Array = p / np.bincount(self.row_of, p)[self.row_of]
         return normalised
 
+    def _split(self, p: Array) -> tuple[Array, list[Array]]:
+        """Return the logarithms of p: (X, V) of the contexts, and (V, O) of each table."""
+        parts = zip(self.tables, self._shapes, strict=True)
+        log_pi, *logs = (np.log(p[cells]).reshape(shape) for cells, shape in parts)
+        return log_pi, [own[table.row_of] for own, table in zip(logs, self._rate_tables, strict=True)]
+
+    def _expect(self, p: Array) -> tuple[Array, ExpectedCounts]:
+        """Return the expected number (m,) of cases with each cell, and all expected counts."""
+        found = self._classes.expect(*self._split(p))
+        by_row = (
+            sum_by_group(table.row_of, own, len(table.prior))
+            for own, table in zip(found.answers, self._rate_tables, strict=True)
+        )
+        return np.concatenate([found.contexts.ravel(), *(own.ravel() for own in by_row)]), found
+
     def _maximise(self) -> Array:
-        prior, row_of, weights = self.cells.prior, self.cells.row_of, self.weights
-        start = np.log(np.maximum(prior, MIN_START_PROBABILITY))
+        prior, row_of, weights = self.prior, self.row_of, self.weights
 
         def evaluate(logs: Array) -> tuple[float, Array]:
             p = self._normalise(logs)
-            joint = (self.cells.counts * np.log(p)) @ self.cells.is_of_value.T
-            top = joint.max(axis=1, keepdims=True)
-            shares = np.exp(joint - top)
-            total = shares.sum(axis=1, keepdims=True)
-            expected = weights @ (self.cells.counts * ((shares / total) @ self.cells.is_of_value)) + prior
+            counts, found = self._expect(p)
+            expected = counts + prior
             gradient = expected - np.bincount(row_of, expected)[row_of] * p
-            value = weights @ (top + np.log(total))[:, 0] + prior @ np.log(p)
-            return -float(value) / weights.sum(), -gradient / weights.sum()
+            value = found.log_likelihood + float(prior @ np.log(p))
+            return -value / weights.sum(), -gradient / weights.sum()
 
         found = minimize(
             evaluate,
-            start,
+            np.log(np.maximum(prior, MIN_START_PROBABILITY)),
             jac=True,
             method="L-BFGS-B",
             options={"maxiter": 2000, "ftol": 1e-13, "gtol": 1e-7},
@@ -138,9 +157,8 @@ class AnswerRates:
     @cached_property
     def likelihoods(self) -> Array:
         """(n, V) P(labels, answers | value), up to a factor for each case."""
-        nuisance = self.is_nuisance
-        log_p = self.cells.counts[:, nuisance] * np.log(self.p[nuisance])
-        logs = log_p @ self.cells.is_of_value[:, nuisance].T
+        log_pi, log_rates = self._split(self.p)
+        logs = self._classes.compute_log_joint(np.zeros_like(log_pi), log_rates)
         likelihoods: Array = np.exp(logs - logs.max(axis=1, keepdims=True))
         return likelihoods
 
@@ -150,31 +168,29 @@ class AnswerRates:
         Args:
             shares: (n, V) the probability of each value, given the case.
         """
-        expected = self.cells.counts * (shares @ self.cells.is_of_value)
-        totals: Array = expected @ np.eye(int(self.cells.row_of.max()) + 1)[self.cells.row_of]
-        scores: Array = expected - totals[:, self.cells.row_of] * self.p
+        expected = self.counts * (shares @ self.is_of_value)
+        totals: Array = expected @ np.eye(int(self.row_of.max()) + 1)[self.row_of]
+        scores: Array = expected - totals[:, self.row_of] * self.p
         return scores
 
     @cached_property
     def scores(self) -> Array:
         """(n, m) the scores at the estimates."""
-        joint = (self.cells.counts * np.log(self.p)) @ self.cells.is_of_value.T
-        shares: Array = softmax(joint, axis=1)
-        return self.compute_scores(shares)
+        return self.compute_scores(self._expect(self.p)[1].classes)
 
     @cached_property
     def prior_information(self) -> Array:
         """(m, m) of the pseudo-counts."""
-        row_of, p = self.cells.row_of, self.p
-        totals = np.bincount(row_of, self.cells.prior)[row_of]
+        row_of, p = self.row_of, self.p
+        totals = np.bincount(row_of, self.prior)[row_of]
         information: Array = np.diag(totals * p) - (row_of[:, None] == row_of) * np.outer(totals * p, p)
         return information
 
     def list_rows(self, table: int) -> list[list[int]]:
         """List the cells of each row of a table of `tables`."""
         cells = range(len(self.p))[self.tables[table]]
-        rows = dict.fromkeys(self.cells.row_of[cells].tolist())
-        return [[j for j in cells if self.cells.row_of[j] == row] for row in rows]
+        rows = dict.fromkeys(self.row_of[cells].tolist())
+        return [[j for j in cells if self.row_of[j] == row] for row in rows]
 
     def describe_cell(self, cell: int, row: Sequence[int]) -> tuple[float, float, float]:
         """Return the probability of a cell of a row, its variance, and that of the pseudo-counts alone."""
@@ -199,24 +215,3 @@ def invert(information: Array) -> Array:
     """Invert a symmetric matrix along the directions that have information."""
     inverse = np.linalg.pinv(information, rcond=MIN_EIGENVALUE, hermitian=True)
     return np.asarray(inverse, dtype=np.float64)
-
-
-def _make_context_cells(uniform: Array, contexts: npt.NDArray[np.intp]) -> Cells:
-    """Return the cells of p(value | context): the outcome is the value itself."""
-    n_contexts, n_values = uniform.shape
-    counts = np.repeat(np.eye(n_contexts)[contexts], n_values, axis=1)
-    is_of_value = np.tile(np.eye(n_values), n_contexts)
-    row_of = np.repeat(np.arange(n_contexts), n_values)
-    outcome = np.tile(np.arange(n_values), n_contexts)
-    return Cells(row_of, is_of_value, counts, PRIOR_PEOPLE * uniform.ravel(), outcome)
-
-
-def _join(parts: Sequence[Cells]) -> Cells:
-    offsets = np.cumsum([0, *[part.row_of.max() + 1 for part in parts]])
-    return Cells(
-        np.concatenate([part.row_of + offset for part, offset in zip(parts, offsets, strict=False)]),
-        np.hstack([part.is_of_value for part in parts]),
-        np.hstack([part.counts for part in parts]),
-        np.concatenate([part.prior for part in parts]),
-        np.concatenate([part.outcome for part in parts]),
-    )

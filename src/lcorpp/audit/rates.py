@@ -29,10 +29,10 @@ def list_rates(people: LoggedPeople, rates: AnswerRates, max_share: float) -> li
     names = [*[sense.name for sense in senses], *questions]
     for place, (name, stated) in enumerate(zip(names, tables, strict=True)):
         for row in rates.list_rows(1 + place):
-            members = np.flatnonzero(rates.cells.is_of_value[:, row[0]])
+            members = np.flatnonzero(rates.is_of_value[:, row[0]])
             about = describe_values(people.domain, members.tolist())
             for j in row if len(row) > 2 else row[:1]:
-                outcome = int(rates.cells.outcome[j])
+                outcome = int(rates.outcome[j])
                 number = None if stated is None else float(stated[members[0], outcome])
                 estimate, variance, prior = rates.describe_cell(j, row)
                 interval, p_value = compare_log_odds(number, estimate, variance)

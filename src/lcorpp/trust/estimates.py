@@ -108,6 +108,11 @@ class Estimates:
         """(D, V), see `AnswerModel.find_log_likelihoods`."""
         return self.answers.find_log_likelihoods(self.rows)
 
+    @property
+    def log_tables(self) -> list[Array]:
+        """Of each source of `LatentClasses` (V, L): the answers, then each sense."""
+        return [self.log_answers.T, *self.log_rates]
+
     def compute_past_log_likelihood(self) -> float:
         """Return the expected log likelihood of the past people, with their values."""
         past, pairs = self.past, zip(self.past.labels, self.log_rates, strict=True)

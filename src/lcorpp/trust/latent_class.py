@@ -8,8 +8,8 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from lcorpp.latent_classes import LatentClasses, index_counts, normalise, normalise_logs, sum_log_likelihood
 from lcorpp.trust.answers import AnswerModel, number_rows
 from lcorpp.trust.cases import NO_LABEL, Cases
 from lcorpp.trust.estimates import Counts, Estimates
@@ -147,12 +147,13 @@ class LatentClassModel:
 
     def iterate(self, estimates: Estimates, iterations: int, *, keep_rows: bool = False) -> Estimates:
         """Return the estimates after iterations of EM; with `keep_rows` those of O stay."""
+        people = self._describe_people(self.cases.weights)
         for _ in range(iterations):
-            expected = self._expect(estimates, self.cases.weights)
-            pi = _normalise(expected.values + CONTEXT_PEOPLE * self._combine_facts(expected.values))
+            expected = _expect(people, estimates)
+            pi = normalise(expected.values + CONTEXT_PEOPLE * self._combine_facts(expected.values))
             pairs = zip(expected.labels, self._equal_rows, self.prior_rates, strict=True)
             rates = tuple(
-                _normalise(equal_rows @ own + LABEL_PEOPLE * stated) for own, equal_rows, stated in pairs
+                normalise(equal_rows @ own + LABEL_PEOPLE * stated) for own, equal_rows, stated in pairs
             )
             estimates = replace(estimates, pi=pi, values=expected.values, rates=rates)
             if not keep_rows:
@@ -175,28 +176,22 @@ class LatentClassModel:
 
     def classify_cases(self, estimates: Estimates) -> Array:
         """Return (n, V) P(value | context, labels, answers) of each case."""
-        logs = self.compute_log_joint(estimates)
-        return _normalise(np.exp(logs - logs.max(axis=1, keepdims=True)))
+        return normalise_logs(self.compute_log_joint(estimates))
 
     def compute_log_joint(self, estimates: Estimates) -> Array:
         """Return (n, V) log p(value, labels, answers | context) of each case."""
-        cases = self.cases
-        logs: Array = estimates.log_pi[cases.contexts] + cases.answer_counts @ estimates.log_answers
-        for s, log_rates in enumerate(estimates.log_rates):
-            label = cases.labels[:, s]
-            logs += np.where((label != NO_LABEL)[:, None], log_rates.T[label], 0)
-        return logs
+        people = self._describe_people(self.cases.weights)
+        return people.compute_log_joint(estimates.log_pi, estimates.log_tables)
 
-    def _expect(self, estimates: Estimates, weights: Array) -> Counts:
+    def expect(self, estimates: Estimates, weights: Array) -> Counts:
         """Return the expected counts of the cases with weights (n,), and of the past people."""
-        cases, past = self.cases, estimates.past
-        people = self.classify_cases(estimates) * weights[:, None]
-        labels = tuple(
-            _sum_by(cases.labels[:, s] + 1, people, own.shape[1] + 1)[1:].T + own
-            for s, own in enumerate(past.labels)
-        )
-        values = _sum_by(cases.contexts, people, len(estimates.pi)) + past.values
-        return Counts(values, labels, cases.answer_counts.T @ people + past.answers)
+        return _expect(self._describe_people(weights), estimates)
+
+    def _describe_people(self, weights: Array) -> LatentClasses:
+        """Return the cases with weights (n,): the sources of answers are the questions, then each sense."""
+        cases = self.cases
+        labels = (index_counts(cases.labels[:, s], own.shape[1]) for s, own in enumerate(self.rates))
+        return LatentClasses(cases.contexts, weights, (cases.answer_counts, *labels))
 
     def replace_rates(self, stated_rates: Sequence[Array]) -> bool:
         """Replace the stated rates; of a sense whose rates differ, forget all labels.
@@ -243,7 +238,7 @@ class LatentClassModel:
         frequency = (by_fact.sum(axis=1, keepdims=True) + 1 / self.n_values) / n_people
         p_facts = (by_fact + FACT_PEOPLE * frequency) / (by_value + FACT_PEOPLE)
         logs = self._has_fact @ np.log(p_facts) + np.log(by_value + 1 / self.n_values)
-        return _normalise(np.exp(logs - logs.max(axis=1, keepdims=True)))
+        return normalise_logs(logs)
 
     def _condense(self) -> None:
         """Keep the half of the cases that occurred most; of the others, keep the expected counts."""
@@ -251,23 +246,23 @@ class LatentClassModel:
         rare = np.argsort(weights, kind="stable")[: self.cases.n // 2]
         removed = np.zeros_like(weights)
         removed[rare] = weights[rare]
-        self._change_estimates(lambda own: replace(own, past=self._expect(own, removed)))
+        self._change_estimates(lambda own: replace(own, past=self.expect(own, removed)))
         self.cases.keep(np.flatnonzero(removed == 0))
 
 
-def sum_log_likelihood(logs: Array, weights: Array) -> float:
-    """Return the log likelihood of cases with weights (n,) and logs (n, V) of `compute_log_joint`."""
-    top = logs.max(axis=1)
-    return float(weights @ (top + np.log(np.exp(logs - top[:, None]).sum(axis=1))))
+def _expect(people: LatentClasses, estimates: Estimates) -> Counts:
+    """Return the expected counts of people and of the past people."""
+    expected, past = people.expect(estimates.log_pi, estimates.log_tables), estimates.past
+    answers, *labels = expected.answers
+    return Counts(
+        expected.contexts + past.values,
+        tuple(own + earlier for own, earlier in zip(labels, past.labels, strict=True)),
+        answers.T + past.answers,
+    )
 
 
 def _bound_rows(rates: Array) -> Array:
-    return _normalise(np.maximum(rates, MIN_CREDIBLE))
-
-
-def _normalise(rows: Array) -> Array:
-    normalised: Array = rows / rows.sum(axis=1, keepdims=True)
-    return normalised
+    return normalise(np.maximum(rates, MIN_CREDIBLE))
 
 
 def _find_equal_rows(rates: Array) -> Array:
@@ -275,11 +270,3 @@ def _find_equal_rows(rates: Array) -> Array:
     numbers, _ = number_rows(rates)
     equal_rows: Array = (numbers[:, None] == numbers).astype(np.float64)
     return equal_rows
-
-
-def _sum_by(groups: npt.NDArray[np.intp], people: Array, n_groups: int) -> Array:
-    """Return (n_groups, V) the sums of the rows of people (n, V) by group (n,)."""
-    n_values = people.shape[1]
-    cells = (groups[:, None] * n_values + np.arange(n_values)).ravel()
-    sums: Array = np.bincount(cells, people.ravel(), n_groups * n_values).astype(np.float64)
-    return sums.reshape(n_groups, n_values)

@@ -9,6 +9,7 @@ import numpy as np
 
 from lcorpp.arguments import check_arguments
 from lcorpp.errors import DataError
+from lcorpp.latent_classes import LatentClasses, normalise, sum_by_group
 from lcorpp.learning.label_noise.rate_samples import sample_rates
 from lcorpp.values import Array, Indices, freeze
 from lcorpp.values.probabilities import MIN_LOGARITHM
@@ -56,11 +57,9 @@ class AnswerSource:
                 "a row of a source's matrix has no pseudo-counts; expected a positive sum in each"
             )
 
-    def count_by_row(self, posteriors: Array) -> Array:
-        """Return the expected number (R, O) of the answers of each row. posteriors: (N, K) of the classes."""
-        counts = np.zeros_like(self.pseudo_counts)
-        np.add.at(counts, self.rows, posteriors.T @ self.counts)
-        return counts
+    def count_by_row(self, answers: Array) -> Array:
+        """Return the number (R, O) of the answers of each row, from those of each class (K, O)."""
+        return sum_by_group(self.rows, answers, len(self.pseudo_counts))
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,17 +112,17 @@ def estimate_classes(
         raise DataError(f"{N} cases need as many weights, finite and above 0, not {weights}")
     kinds, kind_of, cases, sources = _join_equal_cases(sources, contexts, weights)
     weights = np.asarray(np.bincount(kind_of, weights, len(kinds)), dtype=np.float64)
-    matrices = [_normalise(source.pseudo_counts) for source in sources]
+    matrices = [normalise(source.pseudo_counts) for source in sources]
     priors, posteriors = np.full((int(kinds.max(initial=-1)) + 1, K), 1 / K), np.zeros((len(kinds), K))
+    classes = LatentClasses(kinds, weights, tuple(source.counts for source in sources))
     for _ in range(MAX_STEPS):
-        before, posteriors = posteriors, _infer_classes(sources, matrices, priors[kinds])
-        weighted = posteriors * weights[:, np.newaxis]
-        expected = [source.count_by_row(weighted) for source in sources]
-        matrices = [_normalise(own + s.pseudo_counts) for own, s in zip(expected, sources, strict=True)]
-        overall = weighted.sum(axis=0) / max(weights.sum(), MIN_LOGARITHM)
-        totals = CONTEXT_WEIGHT * overall[np.newaxis].repeat(len(priors), axis=0)
-        np.add.at(totals, kinds, weighted)
-        priors = _normalise(totals)
+        before, logs = posteriors, [_log(own)[s.rows] for own, s in zip(matrices, sources, strict=True)]
+        found = classes.expect(_log(priors), logs)
+        posteriors = found.classes
+        expected = [s.count_by_row(own) for own, s in zip(found.answers, sources, strict=True)]
+        matrices = [normalise(own + s.pseudo_counts) for own, s in zip(expected, sources, strict=True)]
+        overall = found.contexts.sum(axis=0) / max(weights.sum(), MIN_LOGARITHM)
+        priors = normalise(CONTEXT_WEIGHT * overall + found.contexts)
         if np.abs(posteriors - before).max(initial=0) <= TOLERANCE:
             break
     answers = [(source.counts, source.rows, source.pseudo_counts) for source in sources]
@@ -149,15 +148,5 @@ def _join_equal_cases(
     return np.asarray(kinds[:, 0], dtype=np.intp), kind_of.ravel(), cases, joined
 
 
-def _infer_classes(sources: Sequence[AnswerSource], matrices: Sequence[Array], priors: Array) -> Array:
-    """Return the posterior (N, K) of each case by Bayes' rule. priors: (N, K)."""
-    logs = np.log(np.maximum(priors, MIN_LOGARITHM))
-    for source, matrix in zip(sources, matrices, strict=True):
-        logs += source.counts @ np.log(np.maximum(matrix, MIN_LOGARITHM))[source.rows].T
-    return _normalise(np.exp(logs - logs.max(axis=1, keepdims=True)))
-
-
-def _normalise(weights: Array) -> Array:
-    """Return each row divided by its sum."""
-    normalised: Array = weights / weights.sum(axis=1, keepdims=True)
-    return normalised
+def _log(probabilities: Array) -> Array:
+    return np.asarray(np.log(np.maximum(probabilities, MIN_LOGARITHM)))

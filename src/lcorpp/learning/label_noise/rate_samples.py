@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from lcorpp.latent_classes import normalise, normalise_logs
 from lcorpp.values import Array, Indices
 from lcorpp.values.probabilities import MIN_LOGARITHM
 
@@ -55,9 +56,7 @@ def sample_rates(
         logs = np.log(np.maximum(shares, MIN_LOGARITHM))[:, contexts]
         for (counts, rows, _), own in zip(answers, rates, strict=True):
             logs += counts @ np.log(np.maximum(own, MIN_LOGARITHM))[:, rows].swapaxes(1, 2)
-        chances = np.exp(logs - logs.max(axis=2, keepdims=True))
-        chances /= chances.sum(axis=2, keepdims=True)
-        classes = rng.multinomial(cases, chances) * weights[:, np.newaxis]  # (chains, U, K)
+        classes = rng.multinomial(cases, normalise_logs(logs)) * weights[:, np.newaxis]  # (chains, U, K)
         for i, (counts, _, pseudo) in enumerate(answers):
             rates[i] = _sample_dirichlet(rng, row_of[i].T @ (classes.swapaxes(1, 2) @ counts) + pseudo)
             if sweep >= N_BURN_IN:
@@ -70,5 +69,4 @@ def sample_rates(
 
 def _sample_dirichlet(rng: np.random.Generator, counts: Array) -> Array:
     """Return distributions along the last axis."""
-    draws = np.maximum(rng.standard_gamma(counts), MIN_LOGARITHM)
-    return np.asarray(draws / draws.sum(axis=-1, keepdims=True))
+    return normalise(np.maximum(rng.standard_gamma(counts), MIN_LOGARITHM))
