@@ -72,7 +72,7 @@ def test_a_domain_s_restart_goes_on_exactly(name, row):
         drawn, episodes = chunk.find_trial(trial), []
         for session in sessions:
             episodes.append(dt_control(session.robot(drawn.robot), drawn.instance, drawn.make_world()))
-            session.learn(episodes[-1])
+            session.learn(episodes[-1].evidence, episodes[-1].steps)
         for episode in episodes[1:]:
             np.testing.assert_array_equal(episode.prior, episodes[0].prior)
             assert [step.action for step in episode.steps] == [step.action for step in episodes[0].steps]

@@ -6,7 +6,7 @@ import reprlib
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -14,7 +14,7 @@ from lcorpp.decision.dt_control import Robot
 from lcorpp.errors import DecisionError, LcorppError, NoReportError, expected_one_of
 from lcorpp.protocols import DomainInterface, Planner, Reasoner
 from lcorpp.user_code import UserFunction
-from lcorpp.values import Array, Belief, Distribution, Episode, Label
+from lcorpp.values import Array, Belief, Distribution, Label, Step
 
 Rates = Mapping[str, Mapping[str, Array]]
 """Attribute of a sense -> its label -> (V,) P(label | shared value)."""
@@ -24,7 +24,7 @@ NO_RATES: Rates = {}
 
 
 class Session(Protocol):
-    """The decisions of a strategy that learns from earlier people, about one person after another."""
+    """What learns from the decisions about one person after another, across trainings and interruptions."""
 
     @property
     def n_people(self) -> int:
@@ -33,11 +33,24 @@ class Session(Protocol):
     def robot(self, full: Robot) -> Robot:
         """Return the robot for the next person; `full`: whose classifiers perceive that person."""
 
-    def learn(self, episode: Episode) -> None:
-        """Learn from the decision about that person."""
+    def learn(self, evidence: Mapping[str, Label], steps: Iterable[Step]) -> None:
+        """Learn from the decision about that person, as of an `Episode`."""
 
     def retrain(self, full: Robot, rates: Rates) -> None:
         """Use a robot whose classifiers were trained again; arguments as of `Strategy.start`."""
+
+    def state(self) -> dict[str, Any]:
+        """Return what it has learnt as JSON."""
+
+    def restore(self, state: Mapping[str, Any]) -> None:
+        """Continue from a state, before the first person; other classifiers may have been trained since.
+
+        Raises:
+            DecisionError: the state is damaged.
+        """
+
+    def describe(self) -> Mapping[str, Any]:
+        """Return numbers and texts for a table, by column, since the last call."""
 
 
 @dataclass(frozen=True)

@@ -90,7 +90,7 @@ def replay_log(
                 )
                 differences = compare(episode, robot, line)
                 if session is not None:
-                    session.learn(episode)
+                    session.learn(episode.evidence, episode.steps)
             result = ReplayedDecision(line.line, strategy.name, episode, tuple(differences))
         except DAMAGE as error:
             result = DataError(f"{path}:{line.line}: cannot be replayed: {describe_damage(error)}")

@@ -225,7 +225,7 @@ class RobotLoop:
             robot, max_steps = self._make_robot(person), self._config.max_actions
             episode = dt_control(robot, instance, world, max_steps=max_steps, listener=take)
             if self._session is not None:
-                self._session.learn(episode)
+                self._session.learn(episode.evidence, episode.steps)
         except LcorppError as failure:
             world.stop()
             return Decision(person, facts, None, failure, tuple(world.failures), n_learnt)

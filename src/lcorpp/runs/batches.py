@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from lcorpp.assembly.strategies.trust import NOISE, WEIGHT
 from lcorpp.assembly.training_data import FOLDS
 from lcorpp.decision import LCORPP, Batch, Strategy, TrainedSense
 from lcorpp.decision.stopping import choose_epsilon
@@ -22,10 +23,6 @@ Row = dict[str, Any]
 
 LEFT_OUT = ("precision", "recall", "accuracy")
 """Scores that the line of a batch leaves out; with several variables there are others."""
-
-
-WEIGHT, NOISE = "weight_", "noise"
-"""Columns of trust after a batch: the weight of each source, and the estimated noise of the answers."""
 
 SHOWN_WEIGHTS = 2
 """Number of weights in the line of a batch, the largest ones."""

@@ -3,19 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import replace
 from typing import Any
 
 from lcorpp.assembly.strategies.trust import TRUST, check_dialogue
 from lcorpp.decision import LCORPP, Robot, Strategy
-from lcorpp.decision.strategies import Rates
+from lcorpp.decision.strategies import Rates, Session
 from lcorpp.domains import Domain
-from lcorpp.errors import DecisionError
+from lcorpp.errors import DecisionError, check_type
 from lcorpp.logs.decision_log import format_labels, read_labels
+from lcorpp.planning import Planner as PolicyPlanner
 from lcorpp.protocols import Planner
 from lcorpp.reasoning import Reasoner
+from lcorpp.runs.alarm_session import AlarmSession
 from lcorpp.runs.batches import Row
-from lcorpp.runs.online_learners import AlarmLearner, OnlineLearner, TrustLearner
 from lcorpp.runs.run_store import EVIDENCE, STRATEGY, RunStore
 from lcorpp.runs.training import SenseTrainer
 from lcorpp.trust import Finding
@@ -29,14 +29,15 @@ class LearningSession:
     Without a usable checkpoint the classifiers are trained again. Then trust and alarm learn from all stored
     decisions, without the labels of the senses that learn: those are of earlier classifiers.
 
-    strategy: LCORPP or LCORPP+trust.
+    strategy: LCORPP or LCORPP+trust. n_people: number of people that trust has learnt from; None without it.
 
     Args:
         run_store: of the run, if it has one.
-        trust, watch: whether the run has trust, and the alarm. listener: as of `AlarmLearner`.
+        trust, watch: whether the run has trust, and the alarm. listener: as of `AlarmSession`.
 
     Raises:
-        DecisionError: as `TrustLearner`. DomainError: they cannot follow the domain's dialogue.
+        DecisionError: trust has a planner that is not one of lcorpp's.
+        DomainError: they cannot follow the domain's dialogue.
     """
 
     def __init__(
@@ -51,87 +52,87 @@ class LearningSession:
         listener: Callable[[int, Finding], None],
     ) -> None:
         self.strategy: Strategy = TRUST if trust else LCORPP
-        self._domain, self._start, self._trainer, self._store = domain, planner.start, trainer, run_store
-        self._trust = TrustLearner(domain, planner) if trust else None
-        self._learners = dict[str, OnlineLearner]()
-        if self._trust is not None:
-            self._learners["trust"] = self._trust
+        self._domain, self._planner, self._trainer, self._store = domain, planner, trainer, run_store
+        self._starts = dict[str, Callable[[Robot, Rates], Session]]()
+        if self.strategy.start is not None:
+            check_type(planner, PolicyPlanner, "the planner of a run with trust", DecisionError)
+            self._starts["trust"] = self.strategy.start
         if watch:
-            self._learners["alarm"] = AlarmLearner(domain, listener)
-        if self._learners:
+            self._starts["alarm"] = lambda full, rates: AlarmSession(domain, full, listener)
+        if self._starts:
             check_dialogue(domain, [TRUST])
-        self._has_begun = False
+        self._sessions = dict[str, Session]()  # from the first training on
 
     @property
     def n_people(self) -> int | None:
-        """Number of people that trust has learnt from; None without trust."""
-        return None if self._trust is None or self._trust.trust is None else self._trust.trust.n_people
+        trust = self._sessions.get("trust")
+        return None if trust is None else trust.n_people
 
     def make_reasoner(self, confusions: Mapping[str, ConfusionMatrix]) -> Reasoner:
         """Return the reasoner after a training, and begin the decisions with its classifiers."""
         reasoner = self._trainer.make_reasoner(confusions)
-        if self._learners:
+        if self._starts:
+            full = Robot({}, reasoner, self._planner, self._domain)
             rates = self._trainer.compute_rates(confusions)
-            if self._has_begun:
-                for learner in self._learners.values():
-                    learner.retrain(reasoner, rates)
-            else:
-                self._begin(reasoner, rates)
+            for session in self._sessions.values():
+                session.retrain(full, rates)
+            if not self._sessions:
+                self._sessions = self._resume(full, rates)
         return reasoner
 
     def change(self, full: Robot) -> Robot:
         """Return the robot for the next person."""
-        if self._trust is None or self._trust.trust is None:
-            return full
-        trust = self._trust.trust
-        return replace(full, reasoner=trust, planner=trust.make_planner())
+        for session in self._sessions.values():
+            full = session.robot(full)
+        return full
 
     def learn(self, episode: Episode) -> None:
         """Learn from the decision about that person."""
-        for learner in self._learners.values():
-            learner.learn(episode.evidence, episode.steps)
+        for session in self._sessions.values():
+            session.learn(episode.evidence, episode.steps)
 
     def describe_decision(self, episode: Episode) -> dict[str, Any]:
         """Return what learning needs of a decision besides its answers, to be stored as JSON."""
-        if not self._learners:
+        if not self._starts:
             return {}
         return {STRATEGY: self.strategy.name, EVIDENCE: format_labels(episode.evidence)}
 
     def state(self) -> Mapping[str, Any] | None:
         """Return the state for a checkpoint as JSON; None if there is none, or not yet."""
-        if not self._has_begun:
-            return self._store.session if self._store and self._learners else None
-        return {name: learner.state() for name, learner in self._learners.items()}
+        if not self._sessions:
+            return self._store.session if self._store and self._starts else None
+        return {name: session.state() for name, session in self._sessions.items()}
 
     def describe(self) -> Row:
         """Return the columns of a batch that ends."""
         columns: Row = {}
-        for learner in self._learners.values():
-            columns |= learner.describe()
+        for session in self._sessions.values():
+            columns |= session.describe()
         return columns
 
-    def _begin(self, reasoner: Reasoner, rates: Rates) -> None:
-        """Continue where the earlier run ended, if the store has one."""
-        store = self._store
+    def _resume(self, full: Robot, rates: Rates) -> dict[str, Session]:
+        """Return the sessions that continue where the earlier run ended, if the store has one."""
+        store, sessions = self._store, dict[str, Session]()
         states = store.session or {} if store else {}
-        for name, learner in self._learners.items():
-            state = states.get(name)
-            try:
-                learner.begin(reasoner, rates, state)
-            except DecisionError as error:
-                assert store is not None
-                store.notes.append(f"{error}; {name} learns again from all stored decisions")
-                state = None
-                learner.begin(reasoner, rates, None)
+        for name, start in self._starts.items():
+            session, state = start(full, rates), states.get(name)
+            if state is not None:
+                try:
+                    session.restore(state)
+                except DecisionError as error:
+                    assert store is not None
+                    store.notes.append(f"{error}; {name} learns again from all stored decisions")
+                    session, state = start(full, rates), None
             if state is None and store is not None:
                 learning = {self._domain.find_sense(sense).attribute for sense in store.stores}
                 for evidence, steps in self._read_decisions(store, pending=False):
                     known = {name: value for name, value in evidence.items() if name not in learning}
-                    learner.learn(known, steps)
+                    session.learn(known, steps)
+            sessions[name] = session
         for evidence, steps in self._read_decisions(store, pending=True) if store else ():
-            for learner in self._learners.values():
-                learner.learn(evidence, steps)
-        self._has_begun = True
+            for session in sessions.values():
+                session.learn(evidence, steps)
+        return sessions
 
     def _read_decisions(
         self, store: RunStore, *, pending: bool
@@ -143,5 +144,5 @@ class LearningSession:
         since = {track.id for track in store.pending}
         for track in store.store.snapshot():
             if EVIDENCE in track.extra and (track.id in since) == pending:
-                steps = [Step(action, heard, self._start) for action, heard in track.extra["answers"]]
+                steps = [Step(action, heard, self._planner.start) for action, heard in track.extra["answers"]]
                 yield read_labels(track.extra[EVIDENCE]), steps

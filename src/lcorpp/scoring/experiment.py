@@ -204,5 +204,5 @@ def start_session(experiment: Experiment, strategy: Strategy, trial: int, *, tri
         for i in range(min(CHUNK_SIZE, trial - first)):
             drawn = chunk.find_trial(i)
             episode = dt_control(drawn.make_robot(strategy, session), drawn.instance, drawn.make_world())
-            session.learn(episode)
+            session.learn(episode.evidence, episode.steps)
     return session

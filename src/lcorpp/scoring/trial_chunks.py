@@ -169,7 +169,7 @@ def _simulate_one_by_one(
                 with strategy.locate_failures():
                     episode = dt_control(trial.make_robot(strategy, session), trial.instance, world)
                     if session is not None:
-                        session.learn(episode)
+                        session.learn(episode.evidence, episode.steps)
                 report = episode.report
                 results["reported"][i, k] = len(values) if report is None else values.index(report)
                 results["cost"][i, k], results["return_"][i, k] = world.cost, world.return_

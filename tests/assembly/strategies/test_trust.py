@@ -112,7 +112,7 @@ def test_a_trial_follows_those_before_it():
     for trial in range(103):
         drawn = source.draw(trial // 100, 100).find_trial(trial % 100)
         episode = dt_control(session.robot(drawn.robot), drawn.instance, drawn.make_world())
-        session.learn(episode)
+        session.learn(episode.evidence, episode.steps)
     found = replay_trial(experiment, 102, TRUST, trials=200)
     np.testing.assert_array_equal(found.prior, episode.prior)
     assert [step.action for step in found.steps] == [step.action for step in episode.steps]
@@ -153,10 +153,10 @@ def test_an_interrupt_keeps_the_people_about_whom_all_strategies_decided(whole, 
     """Of two processes, of which this one runs the strategies that learn from people."""
     domain, learn, calls = load_domain(ROOMS), trust_strategies.TrustSession.learn, iter(range(10_000))
 
-    def interrupt(session, episode):
+    def interrupt(session, *decision):
         if next(calls) == 2 * 104 + 1:
             raise KeyboardInterrupt
-        learn(session, episode)
+        learn(session, *decision)
 
     monkeypatch.setattr(trust_strategies.TrustSession, "learn", interrupt)
     part = compare(domain, jobs=2, log=tmp_path / "part")

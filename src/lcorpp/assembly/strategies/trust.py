@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
+from typing import Any
 
 from lcorpp.assembly.strategies.trust_setup import set_up_trust
 from lcorpp.decision import Robot, Strategy
@@ -17,7 +18,10 @@ from lcorpp.reasoning import Reasoner
 from lcorpp.trust import TrustOptions
 from lcorpp.trust.sources import StatedSources
 from lcorpp.trust.trust import DEFAULT_OPTIONS
-from lcorpp.values import JEFFREYS, ConfusionMatrix, Episode
+from lcorpp.values import JEFFREYS, ConfusionMatrix, Label, Step
+
+WEIGHT, NOISE = "weight_", "noise"
+"""Columns of trust in a table: the weight of each source, and the estimated noise of the answers."""
 
 
 class TrustSession:
@@ -38,6 +42,7 @@ class TrustSession:
         check_type(planner, Planner, "the planner of a strategy with trust", DecisionError)
         assert isinstance(domain, Domain)
         assert isinstance(planner, Planner)
+        self._reasoner, self._rates = full.reasoner, rates
         self.trust = set_up_trust(
             domain, full.reasoner, planner, hearing=hearing, options=options, rates=rates
         )
@@ -51,13 +56,33 @@ class TrustSession:
         """Return the robot for the next person; `full`: whose classifiers perceive that person."""
         return replace(full, reasoner=self.trust, planner=self.trust.make_planner())
 
-    def learn(self, episode: Episode) -> None:
+    def learn(self, evidence: Mapping[str, Label], steps: Iterable[Step]) -> None:
         """Learn from the decision about that person."""
-        self.trust.learn(episode.evidence, episode.steps)
+        self.trust.learn(evidence, steps)
 
     def retrain(self, full: Robot, rates: Rates) -> None:
         """Use a robot whose classifiers were trained again, see `Trust.retrain`."""
+        self._reasoner, self._rates = full.reasoner, rates
         self.trust.retrain(full.reasoner, rates=rates)
+
+    def state(self) -> dict[str, Any]:
+        """Return what it has learnt as JSON."""
+        return self.trust.state()
+
+    def restore(self, state: Mapping[str, Any]) -> None:
+        """Continue from a state, with the classifiers of this session.
+
+        Raises:
+            DecisionError: as of `Trust.restore`.
+        """
+        self.trust.restore(state)
+        self.trust.retrain(self._reasoner, rates=self._rates)
+
+    def describe(self) -> dict[str, float]:
+        """Return the weights of the sources, and the estimated noise of the answers."""
+        weights = zip(self.trust.sources, self.trust.weights.tolist(), strict=True)
+        columns = {WEIGHT + name.replace(" ", "_"): weight for name, weight in weights}
+        return columns | {NOISE: self.trust.learnt.noise}
 
 
 @dataclass(frozen=True)
