@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from copy import copy
+
 from lcorpp.protocols import Dialogue, DomainInterface, Planner
 from lcorpp.values import Belief
 
@@ -22,11 +24,12 @@ class AskingPlanner:
     added: number of questions in place of a report.
 
     Args:
+        planner: of which this one uses a copy, as it may have state for one person.
         wanted: number of informative answers; 0 if the person is not asked more than needed.
     """
 
     def __init__(self, planner: Planner, domain: DomainInterface, dialogue: Dialogue, wanted: int) -> None:
-        self._planner, self._domain, self._dialogue, self._wanted = planner, domain, dialogue, wanted
+        self._planner, self._domain, self._dialogue, self._wanted = copy(planner), domain, dialogue, wanted
         self._history = list[tuple[str, str]]()
         self.added = 0
 

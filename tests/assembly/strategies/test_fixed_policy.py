@@ -1,6 +1,7 @@
 """A fixed policy for estimated answers: exact returns, the start that they choose, and what stays."""
 
 import json
+from copy import copy
 
 import numpy as np
 import pytest
@@ -104,7 +105,9 @@ def test_the_policy_stays_and_beliefs_follow_the_estimated_model(intention):
     prior = np.array([0.8, 0.2, 0, 0, 0])
     start = moved.find_start(prior)
     assert not np.array_equal(start, prior)
-    for _ in range(2):  # the next person starts anew
+    template = moved
+    for _ in range(2):  # each person has a copy
+        moved = copy(template)
         action = moved.action(prior)
         assert action == planner.action(start)
         after = moved.update(prior, action, "pos")
@@ -112,6 +115,7 @@ def test_the_policy_stays_and_beliefs_follow_the_estimated_model(intention):
             after, TransferPlanner(planner.policy, moved.pomdp).update(prior, action, "pos")
         )
         assert moved.action(after) == planner.action(planner.update(start, action, "pos"))
+        assert moved.action(after.copy()) == moved.action(after)  # beliefs are values
 
 
 def test_a_restored_policy_goes_on_exactly(intention):

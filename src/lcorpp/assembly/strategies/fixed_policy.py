@@ -108,7 +108,7 @@ class FixedPolicy:
 
 
 class StartingPlanner(ModelPlanner):
-    """A policy that starts at another belief than the prior.
+    """A policy that starts at another belief than the prior, for one person: each person gets a copy.
 
     The beliefs of the decision are those of the estimated model; the policy acts on its own ones.
 
@@ -123,14 +123,12 @@ class StartingPlanner(ModelPlanner):
         self.pomdp, self.policy = estimated.pomdp, stated.policy
         self._stated, self._domain = stated, domain
         self._starts, self._returns = starts, returns
-        self._own: Belief = stated.start
-        self._last: Belief | None = None  # the belief of the decision to which `_own` belongs
+        self._own: Belief | None = None  # of the policy, from the first action on
 
     def action(self, belief: Belief) -> str:
-        """Return the policy's action; a belief (S,) that no `update` returned is a prior."""
-        if belief is not self._last:
+        """Return the policy's action; the first belief (S,) is the prior."""
+        if self._own is None:
             self._own = self.find_start(belief)
-            self._last = belief
         return self._stated.action(self._own)
 
     def find_start(self, prior: Belief) -> Belief:
@@ -140,9 +138,10 @@ class StartingPlanner(ModelPlanner):
 
     def update(self, belief: Belief, action: str, observation: str) -> Belief:
         """Return the belief (S,) by the estimated model, and update that of the policy."""
+        if self._own is None:
+            self._own = self.find_start(belief)
         self._own = self._stated.update(self._own, action, observation)
-        self._last = super().update(belief, action, observation)
-        return self._last
+        return super().update(belief, action, observation)
 
 
 def sum_rewards(graph: BeliefGraph, observation: Array) -> Array:
