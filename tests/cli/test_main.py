@@ -375,3 +375,9 @@ def test_explain_decides_as_the_robot_of_the_library(lcorpp, tmp_path):
         assert [(step.action, step.observation) for step in episode.steps] == [
             (step.action, step.observation) for step in expected.steps
         ]
+
+
+def test_help_lists_learners_solvers_and_strategies_without_loading_them():
+    code = "import sys, lcorpp.cli.app; print({'sklearn', 'scipy', 'torch', 'matplotlib'} & set(sys.modules))"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout == "set()\n"

@@ -18,7 +18,8 @@ from lcorpp.planning import (
     solve_finite_horizon,
     solve_finite_horizon_exact,
 )
-from lcorpp.planning.solvers import SOLVER_NAMES, load_solver
+from lcorpp.planning.solver_table import SOLVER_NAMES
+from lcorpp.planning.solvers import load_solver
 from tests.planning.models import TIGER
 
 tiger = parse_pomdp(TIGER)

@@ -34,8 +34,8 @@ from lcorpp.learning import (
     load_classifier,
     train_and_validate,
 )
-from lcorpp.learning.classifiers.registry import DEFAULTS
 from lcorpp.learning.classifiers.storage import check_storable
+from lcorpp.learning.classifiers.table import DEFAULTS
 from lcorpp.notebook import join_some
 from lcorpp.simulation.people import SignalSource
 from lcorpp.values import COVERAGE, ConfusionMatrix

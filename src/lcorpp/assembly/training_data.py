@@ -14,7 +14,7 @@ from lcorpp.domains import Domain
 from lcorpp.domains.sections.learning import Sense
 from lcorpp.errors import DataError, DomainError, check_type, expected_one_of
 from lcorpp.learning import format_leakage_warning, learner, read_data, split
-from lcorpp.learning.classifiers.registry import DEFAULTS
+from lcorpp.learning.classifiers.table import DEFAULTS
 from lcorpp.learning.data.cleaning import MAX_GAP
 from lcorpp.learning.features.motion_features import MOTION_FEATURES
 from lcorpp.simulation.people import (

@@ -16,7 +16,7 @@ import typer
 from lcorpp.cli import console, output_files
 from lcorpp.cli.options import common as options
 from lcorpp.cli.options.groups import take_options
-from lcorpp.cli.options.robot import RobotOptions
+from lcorpp.cli.options.robot import RobotGroup
 from lcorpp.cli.options.senses import reject_given
 from lcorpp.errors import DataError, expected_one_of
 
@@ -47,7 +47,7 @@ DEVICES = ("cpu", "cuda")
 
 @take_options
 def learn(
-    given: RobotOptions,
+    given: RobotGroup,
     batch_size: Annotated[
         int, typer.Option(min=1, max=options.MAX_TRACKS, help="K: decisions between two trainings.")
     ] = 100,
@@ -142,7 +142,7 @@ def learn(
         jobs=console.count_processes(given.jobs),
     )
     _check_options(loaded, chosen, tracks)
-    policy, solving = given.read_policy(loaded), given.choose_solver(loaded)
+    policy, solving = given.read_policy(loaded), given.solving.choose_solver(loaded)
     if store is not None and not store.exists():
         output_files.check_writable(store)
     with ExitStack() as stack:
@@ -158,7 +158,7 @@ def learn(
         noted = given.out is not None and note_storage_problems(senses.training.values())
         written, is_complete, solution, gaps = None, False, None, list[float]()
         try:
-            planner, solution = _make_planner(loaded, policy, solving, given.find_cache())
+            planner, solution = _make_planner(loaded, policy, solving, given.solving.find_cache())
             stack.enter_context(explain_missing_reports(solution))
             solver = None if solution is None else solving
             parts = RobotParts(loaded, planner.policy, solver=solver, policy_file=given.policy)
@@ -196,7 +196,7 @@ def learn(
         console.out.print(f"wrote {', '.join(str(path) for path in written.paths)}")
 
 
-def _choose_sources(domain: Domain, given: RobotOptions, tracks: int | None) -> dict[str, ClassifierOptions]:
+def _choose_sources(domain: Domain, given: RobotGroup, tracks: int | None) -> dict[str, ClassifierOptions]:
     """Return the options of the classifier of each sense; `tracks` is for those that learn."""
     from lcorpp.assembly.options import TrainingOptions
     from lcorpp.runs.senses import find_learning_senses
@@ -270,7 +270,8 @@ def _check_options(domain: Domain, chosen: ActiveLearningOptions, tracks: int | 
     from lcorpp.assembly.classifier_training import make_untrained
     from lcorpp.assembly.options import TrainingOptions
     from lcorpp.assembly.strategies.trust import TRUST, check_dialogue
-    from lcorpp.learning.classifiers.registry import DEFAULTS, check_weighted
+    from lcorpp.learning.classifiers.registry import check_weighted
+    from lcorpp.learning.classifiers.table import DEFAULTS
 
     if chosen.epsilon is not None and math.isnan(chosen.epsilon):
         raise DataError("--epsilon nan: expected a number from 0")

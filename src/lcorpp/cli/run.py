@@ -9,8 +9,9 @@ import typer
 from lcorpp.cli import console, output_files
 from lcorpp.cli.options import common as options
 from lcorpp.cli.options.groups import take_options
-from lcorpp.cli.options.robot import RobotOptions
+from lcorpp.cli.options.robot import RobotGroup
 from lcorpp.cli.options.senses import reject_given
+from lcorpp.cli.options.training import TracksOption
 from lcorpp.errors import DomainError
 
 if TYPE_CHECKING:
@@ -26,7 +27,7 @@ TRIALS = 5000
 
 @take_options
 def run(
-    given: RobotOptions,
+    given: RobotGroup,
     strategy: Annotated[
         list[str] | None, typer.Option(metavar="NAME", help=f"{options.STRATEGIES}; repeatable.")
     ] = None,
@@ -45,7 +46,7 @@ def run(
             help="Instead of scores, print this trial of the same command step by step; the first is 0.",
         ),
     ] = None,
-    tracks: options.TracksOption = None,
+    tracks: TracksOption = None,
 ) -> None:
     """Compare strategies on simulated people; by default the paper's.
 
@@ -91,7 +92,7 @@ def run(
 
 
 def _choose_comparison(
-    domain: Domain, given: RobotOptions, strategies: list[str], trials: int | None, tracks: int | None
+    domain: Domain, given: RobotGroup, strategies: list[str], trials: int | None, tracks: int | None
 ) -> ComparisonOptions:
     """Return the options of the comparison; without trials it is exact."""
     from lcorpp.assembly.strategies.baselines import find_strategies
@@ -119,8 +120,8 @@ def _choose_comparison(
         trials=trials,
         seed=given.seed,
         jobs=console.count_processes(given.jobs),
-        solver=given.choose_solver(domain),
-        cache=given.find_cache(),
+        solver=given.solving.choose_solver(domain),
+        cache=given.solving.find_cache(),
         log=given.log,
     )
 
@@ -138,7 +139,7 @@ def _print_comparison(domain: Domain, comparison: Comparison, chosen: Comparison
 def _write_results(
     out: Path,
     domain: Domain,
-    given: RobotOptions,
+    given: RobotGroup,
     chosen: ComparisonOptions,
     comparison: Comparison,
     *,

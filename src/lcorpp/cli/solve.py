@@ -11,7 +11,7 @@ import typer
 
 from lcorpp.cli import console, model_files, output_files
 from lcorpp.cli.console import print_text
-from lcorpp.cli.options import common as options
+from lcorpp.cli.options.solving import SOLVERS
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -44,7 +44,7 @@ def solve(
     ] = None,
     name: Annotated[
         str,
-        typer.Option("--solver", metavar="NAME", help=f"The solver: {options.SOLVERS}."),
+        typer.Option("--solver", metavar="NAME", help=f"The solver: {SOLVERS}."),
     ] = "sarsop",
     horizon: Annotated[
         int | None,

@@ -84,7 +84,7 @@ def describe_solution(solution: Solution | None) -> dict[str, Any] | None:
 
 
 def _describe_sense(options: ClassifierOptions, setup: SenseSetup) -> dict[str, Any]:
-    from lcorpp.learning.classifiers.registry import default_features
+    from lcorpp.learning.classifiers.table import default_features
 
     training = options if isinstance(options, TrainingOptions) else TrainingOptions()
     return {

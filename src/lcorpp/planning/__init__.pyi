@@ -31,11 +31,8 @@ from .policy import AlphaVectors as AlphaVectors, Policy as Policy, UpperBound a
 from .pomdp import Pomdp as Pomdp
 from .sarsop import solve as solve
 from .solution import Progress as Progress, Solution as Solution
-from .solvers import (
-    SOLVER_NAMES as SOLVER_NAMES,
-    SolverOptions as SolverOptions,
-    load_solver as load_solver,
-)
+from .solver_table import SOLVER_NAMES as SOLVER_NAMES
+from .solvers import SolverOptions as SolverOptions, load_solver as load_solver
 from .solvers.finite_horizon import (
     FiniteHorizonSolution as FiniteHorizonSolution,
     solve_finite_horizon as solve_finite_horizon,

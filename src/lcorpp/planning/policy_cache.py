@@ -26,7 +26,8 @@ from lcorpp.files import hash_files, make_folder, write_atomically
 from lcorpp.planning.policy import AlphaVectors, Policy
 from lcorpp.planning.pomdp import Pomdp
 from lcorpp.planning.solution import Progress, Solution
-from lcorpp.planning.solvers import SOLVER_NAMES, SolverOptions, load_solver
+from lcorpp.planning.solver_table import SOLVER_NAMES
+from lcorpp.planning.solvers import SolverOptions, load_solver
 from lcorpp.planning.upper_bounds import MixtureBound, PiecewiseLinearBound, SawtoothBound
 from lcorpp.values import Array
 

@@ -11,7 +11,6 @@ from sklearn.linear_model import LogisticRegression, Perceptron, RidgeClassifier
 from sklearn.neighbors import NearestCentroid
 from sklearn.pipeline import make_pipeline
 
-from lcorpp.domains.sections.learning import CLASSIFIERS
 from lcorpp.errors import DataError
 from lcorpp.learning import (
     LEARNERS,
@@ -22,9 +21,10 @@ from lcorpp.learning import (
     train,
     train_and_validate,
 )
+from lcorpp.learning.classifiers import makers
 from lcorpp.learning.classifiers.forest import Forest
 from lcorpp.learning.classifiers.logistic import QuadraticLogistic
-from lcorpp.learning.classifiers.registry import default_features
+from lcorpp.learning.classifiers.table import default_features
 from lcorpp.learning.contract import SigmoidScores, ensure_predict_proba
 from lcorpp.values import Dataset
 from tests.learning.walkers import walkers
@@ -58,8 +58,8 @@ def test_each_learner_is_validated_alike(name, extra):
     assert said.values == ("fast", "slow")
 
 
-def test_a_domain_may_name_every_learner():
-    assert set(CLASSIFIERS) == {*LEARNERS, "channel"}
+def test_the_table_names_makers_that_exist():
+    assert [row.maker for row in LEARNERS.values() if not callable(getattr(makers, row.maker, None))] == []
 
 
 def test_the_fast_lstm_makes_few_passes_unless_the_data_are_few():

@@ -9,7 +9,8 @@ from hypothesis import given, settings
 
 from lcorpp.errors import ModelError
 from lcorpp.planning import parse_pomdp, read_pomdp
-from lcorpp.planning.solvers import SOLVER_NAMES, load_solver
+from lcorpp.planning.solver_table import SOLVER_NAMES
+from lcorpp.planning.solvers import load_solver
 from tests.planning.models import LCORPP, TIGER, pomdps, shared_model
 from tests.planning.solvers.brute_force import best, tail
 

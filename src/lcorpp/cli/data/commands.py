@@ -11,7 +11,8 @@ from lcorpp.cli import console, output_files
 from lcorpp.cli.options import common as options
 from lcorpp.cli.options.code import take_consent
 from lcorpp.cli.options.groups import take_options
-from lcorpp.cli.options.recordings import LabelOption, RecordingOptions, parse_written_labels
+from lcorpp.cli.options.recordings import LabelOption, RecordingGroup, parse_written_labels
+from lcorpp.cli.options.training import SecondsOption
 from lcorpp.errors import DataError, FileError, expected_one_of
 
 if TYPE_CHECKING:
@@ -26,8 +27,6 @@ app = typer.Typer(
     rich_markup_mode=None,
     context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},
 )
-
-NO_OPTIONS = RecordingOptions()
 
 SUFFIXES = (".csv", ".parquet", ".npz")
 
@@ -119,10 +118,11 @@ def fetch(
 @app.command()
 @take_options
 def describe(
+    *,
     path: PathArgument,
     label: LabelOption = None,
-    recording: RecordingOptions = NO_OPTIONS,
-    seconds: options.SecondsOption = None,
+    recording: RecordingGroup,
+    seconds: SecondsOption = None,
     report: Annotated[Path | None, typer.Option(help="CSV file to write, one line per repair.")] = None,
     seed: options.SeedOption = 0,
 ) -> None:
@@ -162,10 +162,11 @@ def describe(
 @app.command()
 @take_options
 def plot(
+    *,
     path: PathArgument,
     out: Annotated[Path, typer.Argument(metavar="OUT", help="The picture: .png, .svg or .pdf.")],
     label: LabelOption = None,
-    recording: RecordingOptions = NO_OPTIONS,
+    recording: RecordingGroup,
 ) -> None:
     """Plot recorded tracks by class, and their speeds."""
     output_files.check_figure(out)
@@ -178,7 +179,7 @@ def plot(
     console.out.print(f"wrote {out}")
 
 
-def _read(path: Path, label: list[str] | None, options: RecordingOptions) -> Recording:
+def _read(path: Path, label: list[str] | None, options: RecordingGroup) -> Recording:
     from lcorpp.learning import read_recording
     from lcorpp.learning.data.cleaning import MAX_GAP
 

@@ -9,23 +9,21 @@ from lcorpp.cli import console
 
 if TYPE_CHECKING:
     from lcorpp.assembly.case import Case
+    from lcorpp.cli.options.decision import Person
     from lcorpp.domains import Domain, Sense
-    from lcorpp.values import Label
 
 
-def ask_case(
-    domain: Domain, senses: Sequence[Sense], facts: Mapping[str, str], predicted: Mapping[str, Label]
-) -> Case:
+def ask_case(domain: Domain, senses: Sequence[Sense], person: Person) -> Case:
     """Ask the user, who is the person, for the facts and the labels that no option gives."""
     from lcorpp.assembly.case import Case
     from lcorpp.worlds import ConsoleWorld, choose
 
-    complete = dict(facts)
+    complete = dict(person.facts)
     for name in domain.observed:
         if name not in complete:
             values = domain.program.attributes[name].values
             complete[name] = choose(values, f"What is the {name}?", ask=console.ask, show=console.out.print)
-    labels = dict(predicted)
+    labels = dict(person.predicted)
     for sense in senses:
         if sense.name not in labels:
             class_of = {label: name for name, label in sense.label_of.items()}

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Collection, Mapping
+from collections.abc import Mapping
 from contextlib import nullcontext
 from typing import TYPE_CHECKING, Annotated
 
@@ -12,59 +12,31 @@ import typer
 from lcorpp.cli import console
 from lcorpp.cli.explanation.cases import ask_case, describe_simulation, print_person
 from lcorpp.cli.explanation.steps import decide_and_print
-from lcorpp.cli.options import common as options, decision
+from lcorpp.cli.options import common as options
+from lcorpp.cli.options.decision import Person, PersonGroup
 from lcorpp.cli.options.groups import take_options
-from lcorpp.cli.options.recordings import RecordingOptions
-from lcorpp.cli.options.senses import (
-    ClassifiersOption,
-    DataOption,
-    EvidenceOption,
-    LearnersOption,
-    choose_classifiers,
-    choose_evidence,
-)
+from lcorpp.cli.options.recordings import RecordingGroup
+from lcorpp.cli.options.senses import ClassifierGroup
+from lcorpp.cli.options.solving import SolverGroup
+from lcorpp.cli.options.training import TracksOption, TrainingGroup
 from lcorpp.errors import DecisionError, DomainError
 
 if TYPE_CHECKING:
+    from lcorpp.assembly.case import Case
     from lcorpp.assembly.options import ClassifierOptions
-    from lcorpp.values import EvidenceKind, Label
-
-
-NO_RECORDING = RecordingOptions()
+    from lcorpp.assembly.robot import DomainRobot
+    from lcorpp.assembly.senses import Senses
+    from lcorpp.decision import Strategy
+    from lcorpp.domains import Domain, Sense
+    from lcorpp.values import Episode, EvidenceKind
 
 
 @take_options
 def explain(
+    *,
     domain: options.DomainArgument = "intention",
     preset: options.PresetOption = None,
-    fact: Annotated[
-        list[str] | None, typer.Option(metavar="NAME=VALUE", help="An observed fact; repeatable.")
-    ] = None,
-    label: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar="[SENSE=]VALUE",
-            help="The classifier's label: a value of the attribute that it feeds; one for each sense.",
-        ),
-    ] = None,
-    likelihood: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar="[SENSE:]VALUE=NUMBER",
-            help="Soft evidence instead of a label: the likelihood of a value, by default 1; repeatable.",
-        ),
-    ] = None,
-    truth: Annotated[
-        str | None,
-        typer.Option(
-            metavar="VALUE,...",
-            help="The person's true value, one for each shared variable; by default it is drawn.",
-        ),
-    ] = None,
-    answers: Annotated[
-        str | None,
-        typer.Option(metavar="A,B,...", help="The person's answers in order; by default they are drawn."),
-    ] = None,
+    person: PersonGroup,
     seed: options.SeedOption = 0,
     interactive: Annotated[
         bool, typer.Option("--interactive", help="You are the person: type the facts and answers.")
@@ -76,23 +48,13 @@ def explain(
         ),
     ] = None,
     world: options.WorldOption = None,
-    classifier: ClassifiersOption = None,
-    learner: LearnersOption = None,
-    evidence: EvidenceOption = None,
-    data: DataOption = None,
-    recording: RecordingOptions = NO_RECORDING,
-    tracks: options.TracksOption = None,
-    epochs: options.EpochsOption = None,
-    device: options.DeviceOption = "cpu",
-    features: options.FeaturesOption = None,
-    rate: options.RateOption = None,
-    seconds: options.SecondsOption = None,
+    classifiers: ClassifierGroup,
+    recording: RecordingGroup,
+    tracks: TracksOption = None,
+    training: TrainingGroup,
     jobs: options.JobsOption = None,
     log: options.LogOption = None,
-    solver: options.SolverOption = None,
-    precision: options.PrecisionOption = None,
-    time_limit: options.TimeLimitOption = None,
-    no_cache: options.NoCacheOption = False,
+    solving: SolverGroup,
 ) -> None:
     """Print one decision, step by step.
 
@@ -101,103 +63,92 @@ def explain(
     A classifier is a noisy channel, unless --learner, --classifier or --data asks for a trained one.
     Ctrl-C stops the solver; the command continues with the best policy so far.
     """
-    from lcorpp.assembly.case import draw_case
     from lcorpp.assembly.options import EvidenceOptions
     from lcorpp.assembly.robot import compose_robot, set_up_senses
-    from lcorpp.assembly.solving import explain_missing_reports
-    from lcorpp.assembly.strategies.baselines import find_strategies
     from lcorpp.cli.robot_output import print_classifiers, print_domain, print_gap, print_solution
-    from lcorpp.decision import LCORPP
     from lcorpp.decision.dt_control import log_decision
-    from lcorpp.decision.strategies import make_generator
-    from lcorpp.domains import load_domain, with_world
     from lcorpp.logs.decision_log import DecisionLog
-    from lcorpp.planning.policy_cache import find_cache_folder
-    from lcorpp.worlds import ScriptedWorld
 
-    if interactive and sys.stdin is None:
-        raise DecisionError("--interactive needs an input to read your answers from; it is closed")
-    if interactive and (truth is not None or answers is not None):
-        raise DomainError("--truth and --answers describe a simulated person; --interactive has none")
-    if world is not None and (interactive or answers is not None):
-        other = "--interactive" if interactive else "--answers"
-        raise DomainError(f"--world {world} and {other} both answer the robot; expected one")
-    loaded = load_domain(domain, preset=preset)
-    if world is not None:
-        loaded = with_world(loaded, world)
-    row = LCORPP
-    if strategy is not None:
-        (row,) = find_strategies([strategy], [sense.name for sense in loaded.senses])
-    chosen = options.choose_solver(loaded.planning.solver, solver, precision, time_limit)
-    cache = None if no_cache else find_cache_folder()
-    facts = decision.parse_facts(loaded, fact or [])
-    value = None if truth is None else decision.parse_truth(loaded, truth)
-    script = None if answers is None else decision.parse_answers(loaded, answers)
-    labels = decision.parse_labels(loaded, label or [])
-    likelihoods = decision.parse_likelihoods(loaded, likelihood or [])
-    for sense in labels.keys() & likelihoods.keys():
-        raise DomainError(
-            f"--label and --likelihood are both evidence of the classifier {sense}; expected one"
-        )
-    predicted: dict[str, Label] = {**labels, **likelihoods}
-    used = [sense for sense in loaded.senses if row.uses(sense.name)]
-    for name in predicted.keys() - {sense.name for sense in used}:
-        raise DomainError(f"the strategy {row.name} does not use the classifier {name}, whose label is given")
-    sources = choose_classifiers(
+    _check_world(person, world, interactive=interactive)
+    loaded = options.load_domain(domain, preset, world)
+    row = _find_strategy(loaded, strategy)
+    chosen, cache = solving.choose_solver(loaded), solving.find_cache()
+    known = person.parse(loaded)
+    used = _list_used_senses(loaded, row, known)
+    sources = classifiers.choose_classifiers(
         loaded,
         used,
-        classifiers=classifier or [],
-        learners=learner or [],
-        data=data or [],
         reading=recording.choose_reading({}),
-        training=options.choose_training(
-            tracks=tracks, epochs=epochs, device=device, features=features, rate=rate, seconds=seconds
-        ),
+        training=training.choose(tracks),
         by_channel=True,
     )
-    kinds, processes = choose_evidence(loaded, sources, evidence or []), console.count_processes(jobs)
-    _check_evidence(sources, kinds, labels, likelihoods, interactive=interactive)
+    kinds, processes = classifiers.choose_evidence(loaded, sources), console.count_processes(jobs)
+    _check_evidence(sources, kinds, known, interactive=interactive)
     with nullcontext() if log is None else DecisionLog(log) as decisions:
         print_domain(loaded)
         senses = set_up_senses(
             loaded, used, sources, EvidenceOptions(kinds), console.show_progress, seed=seed, jobs=processes
         )
         print_classifiers(loaded, senses)
+        given = {name: name in known.likelihoods for name in known.predicted}
         robot = compose_robot(
-            loaded,
-            senses,
-            chosen,
-            given={name: name in likelihoods for name in predicted},
-            cache=cache,
-            progress=console.show_progress,
+            loaded, senses, chosen, given=given, cache=cache, progress=console.show_progress
         )
-        parts, solution = robot.parts, robot.solution
-        assert solution is not None
-        print_solution(solution)
-        if interactive:
-            case = ask_case(loaded, used, facts, predicted)
-        else:
-            case = draw_case(loaded, senses, facts, predicted, value, seed=seed)
-            if script is not None:
-                case = case._replace(world=ScriptedWorld(script, "--answers"))
-            print_person(loaded, case.person or {})
-        with explain_missing_reports(solution), row.locate_failures():
-            own = row.robot(robot.robot, make_generator(seed, 0), rates=parts.rates)
-            known = {name: label for name, label in case.predicted.items() if name in own.classifiers}
-            episode = decide_and_print(loaded, own, case.facts, known, case.world, case.truth)
+        assert robot.solution is not None
+        print_solution(robot.solution)
+        case = ask_case(loaded, used, known) if interactive else _draw_case(loaded, senses, known, seed)
+        episode = _decide(loaded, robot, row, case, seed)
         if row.plans and row.change is None and row.start is None:
-            print_gap(solution, solution.gap(episode.prior), chosen.precision, "this prior")
+            print_gap(robot.solution, robot.solution.gap(episode.prior), chosen.precision, "this prior")
         log_decision(episode)
         if decisions is not None:
             simulated = describe_simulation(case)
-            decisions.append(parts, row, case.facts, episode, simulated, seed=(seed, 0), person=0)
+            decisions.append(robot.parts, row, case.facts, episode, simulated, seed=(seed, 0), person=0)
+
+
+def _check_world(person: PersonGroup, world: str | None, *, interactive: bool) -> None:
+    """Reject two sources of the answers, and questions to a user who cannot reply.
+
+    Raises:
+        DecisionError: the input is closed. DomainError: options exclude each other.
+    """
+    if interactive and sys.stdin is None:
+        raise DecisionError("--interactive needs an input to read your answers from; it is closed")
+    if interactive and (person.truth is not None or person.answers is not None):
+        raise DomainError("--truth and --answers describe a simulated person; --interactive has none")
+    if world is not None and (interactive or person.answers is not None):
+        other = "--interactive" if interactive else "--answers"
+        raise DomainError(f"--world {world} and {other} both answer the robot; expected one")
+
+
+def _find_strategy(domain: Domain, name: str | None) -> Strategy:
+    from lcorpp.assembly.strategies.baselines import find_strategies
+    from lcorpp.decision import LCORPP
+
+    if name is None:
+        return LCORPP
+    (found,) = find_strategies([name], [sense.name for sense in domain.senses])
+    return found
+
+
+def _list_used_senses(domain: Domain, strategy: Strategy, person: Person) -> list[Sense]:
+    """Return the senses that the strategy uses.
+
+    Raises:
+        DomainError: an option gives the label of another sense.
+    """
+    used = [sense for sense in domain.senses if strategy.uses(sense.name)]
+    for name in person.predicted.keys() - {sense.name for sense in used}:
+        raise DomainError(
+            f"the strategy {strategy.name} does not use the classifier {name}, whose label is given"
+        )
+    return used
 
 
 def _check_evidence(
     sources: Mapping[str, ClassifierOptions],
     kinds: Mapping[str, EvidenceKind],
-    labels: Collection[str],
-    likelihoods: Collection[str],
+    person: Person,
     *,
     interactive: bool,
 ) -> None:
@@ -206,12 +157,36 @@ def _check_evidence(
     Raises:
         DomainError: a likelihood and a trained classifier, or a label and soft evidence.
     """
-    for name in likelihoods:
+    for name in person.likelihoods:
         if sources[name] is not None:
             raise DomainError(
                 f"--likelihood is the evidence of {name}, expected no --learner, --classifier, --data of it"
             )
     for name, kind in kinds.items():
-        if interactive or name in labels:
-            other = f"a label of {name} is given" if name in labels else "--interactive asks for labels"
+        if interactive or name in person.predicted:
+            has_label = name in person.predicted
+            other = f"a label of {name} is given" if has_label else "--interactive asks for labels"
             raise DomainError(f"--evidence {kind}: {other}; expected the likelihood of a simulated person")
+
+
+def _draw_case(domain: Domain, senses: Senses, person: Person, seed: int) -> Case:
+    """Draw what the options do not give of a simulated person, and print the hidden part."""
+    from lcorpp.assembly.case import draw_case
+    from lcorpp.worlds import ScriptedWorld
+
+    case = draw_case(domain, senses, person.facts, person.predicted, person.truth, seed=seed)
+    print_person(domain, case.person or {})
+    if person.answers is None:
+        return case
+    return case._replace(world=ScriptedWorld(person.answers, "--answers"))
+
+
+def _decide(domain: Domain, robot: DomainRobot, strategy: Strategy, case: Case, seed: int) -> Episode:
+    """Decide about a person by a strategy, and print each step."""
+    from lcorpp.assembly.solving import explain_missing_reports
+    from lcorpp.decision.strategies import make_generator
+
+    with explain_missing_reports(robot.solution), strategy.locate_failures():
+        own = strategy.robot(robot.robot, make_generator(seed, 0), rates=robot.parts.rates)
+        labels = {name: label for name, label in case.predicted.items() if name in own.classifiers}
+        return decide_and_print(domain, own, case.facts, labels, case.world, case.truth)

@@ -8,7 +8,7 @@ import typer
 
 from lcorpp.cli import console
 from lcorpp.cli.logs import common
-from lcorpp.cli.options import common as options
+from lcorpp.cli.options.solving import NoCacheOption, find_cache
 from lcorpp.errors import DataError
 
 if TYPE_CHECKING:
@@ -21,7 +21,7 @@ def replay(
     quiet: Annotated[
         bool, typer.Option("--quiet", "-q", help="Print the changes and the summary only.")
     ] = False,
-    no_cache: options.NoCacheOption = False,
+    no_cache: NoCacheOption = False,
 ) -> None:
     """Check that logged decisions would be made again.
 
@@ -30,11 +30,10 @@ def replay(
     be those of the log. Exit code 1: there are differences; 2: lines that cannot be replayed.
     """
     from lcorpp.logs.replay import ChangedPart, replay_log
-    from lcorpp.planning.policy_cache import find_cache_folder
 
     count = different = differences = 0
     damaged = list[DataError]()
-    for result in replay_log(log, domain, cache=None if no_cache else find_cache_folder()):
+    for result in replay_log(log, domain, cache=find_cache(no_cache=no_cache)):
         if isinstance(result, ChangedPart):
             console.out.print(f"changed since the log: {result.what}", style="yellow")
         elif isinstance(result, DataError):

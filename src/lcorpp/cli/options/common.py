@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from lcorpp.assembly.strategies.names import BASELINE_NAMES, TABLE_NAMES, TRUST_NAMES
+
 if TYPE_CHECKING:
-    from lcorpp.planning import SolverOptions
+    from lcorpp.domains import Domain
 
 MAX_TRIALS = 10_000_000
 """Maximum of --trials: the results of all trials are kept in memory."""
@@ -44,34 +47,6 @@ SeedOption = Annotated[int, typer.Option(min=0, max=2**32 - 1, help="Seed of all
 JobsOption = Annotated[
     int | None, typer.Option(min=1, help="Processes; all cores by default. The results are the same.")
 ]
-EpochsOption = Annotated[
-    int | None, typer.Option(min=1, help="Training epochs; by default a number that suits the data.")
-]
-DeviceOption = Annotated[
-    str, typer.Option(help="The device of the LSTM: cpu or cuda; other learners use the cpu.")
-]
-FeaturesOption = Annotated[
-    str | None,
-    typer.Option(
-        help="The classifier's features of the motion, separated by commas: x, y, velocity, turn_rate"
-        " and more, see docs/learning.md; by default those that suit the learner."
-    ),
-]
-SecondsOption = Annotated[
-    float | None,
-    typer.Option(
-        min=0.001,
-        max=3600,
-        help="The last seconds of each track that are used; by default those of the domain, ten of recorded"
-        " and all of simulated tracks.",
-    ),
-]
-RateOption = Annotated[
-    float | None,
-    typer.Option(
-        min=0.001, max=1000, help="Points per second at which the features are computed; 3 by default."
-    ),
-]
 SmoothingOption = Annotated[
     Smoothing,
     typer.Option(
@@ -79,17 +54,19 @@ SmoothingOption = Annotated[
         " or 1 (laplace)."
     ),
 ]
-TracksOption = Annotated[
-    int | None,
-    typer.Option(min=20, max=MAX_TRACKS, help="Simulated training tracks; by default the domain's number."),
-]
+
+
+def join_names(names: Sequence[str], word: str = "or") -> str:
+    """Return names for help: ``a, b or c``."""
+    return f"{', '.join(names[:-1])} {word} {names[-1]}"
+
 
 STRATEGIES = (
-    "L, R, P, L+R, R+P, L+P or LCORPP; with several senses LCORPP-SENSE leaves one out;"
-    " LCORPP+trust, and LCORPP+trust-hearing and LCORPP+trust-asking without its hearing or asking; the"
-    " baselines ask-twice, random and always-report; or your own as FILE.py:NAME"
+    f"{join_names(TABLE_NAMES)}; with several senses LCORPP-SENSE leaves one out; {TRUST_NAMES[0]}, and"
+    f" {join_names(TRUST_NAMES[1:], 'and')} without its hearing or asking; the baselines"
+    f" {join_names(BASELINE_NAMES, 'and')}; or your own as FILE.py:NAME"
 )
-"""The strategies, for help: those of `assembly.strategies.baselines`, which takes longer to load."""
+"""The strategies, for help."""
 
 WorldOption = Annotated[
     str | None,
@@ -100,69 +77,13 @@ WorldOption = Annotated[
     ),
 ]
 
-SOLVERS = "sarsop, exact, perseus, qmdp or fib, or your own as FILE.py:NAME"
-"""The solvers, for help: those of `lcorpp.planning.SOLVER_NAMES`, which takes longer to load."""
 
-SolverOption = Annotated[
-    str | None,
-    typer.Option(
-        metavar="NAME",
-        help=f"The solver: {SOLVERS}; by default the domain's, or sarsop.",
-    ),
-]
-PrecisionOption = Annotated[
-    float | None,
-    typer.Option(
-        help="Stop solving at this gap between the bounds, in reward units; by default the domain's, or"
-        " 0.0005."
-    ),
-]
-TimeLimitOption = Annotated[
-    float | None,
-    typer.Option(help="Stop solving after this many seconds; by default the domain's limit, or 60."),
-]
-NoCacheOption = Annotated[
-    bool,
-    typer.Option("--no-cache", help="Solve again, and keep nothing, instead of using the cache of policies."),
-]
+def load_domain(name: str, preset: str | None, world: str | None) -> Domain:
+    """Load a domain with its preset, and the user's world if one is given."""
+    from lcorpp.domains import load_domain as load, with_world
 
-
-def choose_solver(
-    default: SolverOptions, name: str | None, precision: float | None, time_limit: float | None
-) -> SolverOptions:
-    """Return the domain's solver with the values of the options.
-
-    Raises:
-        ModelError: the solver is unknown, or a number is not positive.
-    """
-    from dataclasses import replace
-
-    given: dict[str, Any] = {"name": name, "precision": precision, "time_limit": time_limit}
-    return replace(default, **{key: value for key, value in given.items() if value is not None})
-
-
-def choose_training(
-    *,
-    tracks: int | None,
-    epochs: int | None,
-    features: str | None,
-    rate: float | None,
-    device: str = "cpu",
-    seconds: float | None = None,
-    threshold: str | None = None,
-    prevalence: float | None = None,
-) -> dict[str, Any]:
-    """Return the given fields of `TrainingOptions`; None is the default."""
-    return {
-        "tracks": tracks,
-        "epochs": epochs,
-        "threshold": threshold,
-        "prevalence": prevalence,
-        "device": device if device != "cpu" else None,
-        "features": None if features is None else tuple(name.strip() for name in features.split(",")),
-        "rate": rate,
-        "seconds": seconds,
-    }
+    loaded = load(name, preset=preset)
+    return loaded if world is None else with_world(loaded, world)
 
 
 def _parse_folder(text: str) -> Path:

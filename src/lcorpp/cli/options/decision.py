@@ -2,14 +2,88 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Annotated
+
+import typer
 
 from lcorpp.errors import DomainError, expected_one_of
 
 if TYPE_CHECKING:
     from lcorpp.domains import Domain
     from lcorpp.domains.sections.learning import Sense
-    from lcorpp.values import Likelihood, SharedValue
+    from lcorpp.values import Label, Likelihood, SharedValue
+
+
+@dataclass(frozen=True)
+class Person:
+    """What options state of a person.
+
+    facts: observed attribute -> value. predicted: sense -> its class or likelihood.
+    truth: the true shared value, None if it is unknown. answers: None draws them.
+    """
+
+    facts: Mapping[str, str]
+    predicted: Mapping[str, Label]
+    truth: SharedValue | None
+    answers: Sequence[str] | None
+
+    @property
+    def likelihoods(self) -> list[str]:
+        """The senses with a likelihood."""
+        return [name for name, label in self.predicted.items() if not isinstance(label, str)]
+
+
+@dataclass(frozen=True)
+class PersonGroup:
+    """The person of one decision; each field is an option of its name."""
+
+    fact: Annotated[
+        list[str] | None, typer.Option(metavar="NAME=VALUE", help="An observed fact; repeatable.")
+    ] = None
+    label: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="[SENSE=]VALUE",
+            help="The classifier's label: a value of the attribute that it feeds; one for each sense.",
+        ),
+    ] = None
+    likelihood: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="[SENSE:]VALUE=NUMBER",
+            help="Soft evidence instead of a label: the likelihood of a value, by default 1; repeatable.",
+        ),
+    ] = None
+    truth: Annotated[
+        str | None,
+        typer.Option(
+            metavar="VALUE,...",
+            help="The person's true value, one for each shared variable; by default it is drawn.",
+        ),
+    ] = None
+    answers: Annotated[
+        str | None,
+        typer.Option(metavar="A,B,...", help="The person's answers in order; by default they are drawn."),
+    ] = None
+
+    def parse(self, domain: Domain) -> Person:
+        """Return the person in the domain's vocabulary.
+
+        Raises:
+            DomainError: a name or value is unknown, or a sense has a label and a likelihood.
+        """
+        facts = parse_facts(domain, self.fact or [])
+        truth = None if self.truth is None else parse_truth(domain, self.truth)
+        answers = None if self.answers is None else parse_answers(domain, self.answers)
+        labels = parse_labels(domain, self.label or [])
+        likelihoods = parse_likelihoods(domain, self.likelihood or [])
+        for sense in labels.keys() & likelihoods.keys():
+            raise DomainError(
+                f"--label and --likelihood are both evidence of the classifier {sense}; expected one"
+            )
+        return Person(facts, {**labels, **likelihoods}, truth, answers)
 
 
 def parse_answers(domain: Domain, text: str) -> list[str]:

@@ -61,7 +61,7 @@ RECORDING_OPTIONS = "--label-file, --repair, --robot, --gap, --column, --unit, -
 
 
 @dataclass(frozen=True)
-class RecordingOptions:
+class RecordingGroup:
     """How to read recordings; each field is an option of its name."""
 
     label_file: LabelFileOption = None

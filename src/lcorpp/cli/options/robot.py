@@ -10,44 +10,31 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from lcorpp.cli.options import common as options
-from lcorpp.cli.options.recordings import LabelOption, RecordingOptions, parse_written_labels
-from lcorpp.cli.options.senses import (
-    ClassifiersOption,
-    DataOption,
-    EvidenceOption,
-    LearnersOption,
-    choose_classifiers,
-    choose_evidence,
-    reject_given,
-)
+from lcorpp.cli.options.recordings import LabelOption, RecordingGroup, parse_written_labels
+from lcorpp.cli.options.senses import ClassifierGroup, reject_given
+from lcorpp.cli.options.solving import SolverGroup
+from lcorpp.cli.options.training import TrainingGroup
 from lcorpp.errors import DomainError
 
 if TYPE_CHECKING:
     from lcorpp.assembly.options import ClassifierOptions, EvidenceOptions
     from lcorpp.domains import Domain
     from lcorpp.domains.sections.learning import Sense
-    from lcorpp.planning import Policy, SolverOptions
+    from lcorpp.planning import Policy
 
 
 @dataclass(frozen=True)
-class RobotOptions:
-    """The values of the shared options; see `take_options`."""
+class RobotGroup:
+    """The options of a simulated robot; see `take_options`."""
 
     domain: options.DomainArgument = "intention"
     preset: options.PresetOption = None
     world: options.WorldOption = None
     seed: options.SeedOption = 0
-    classifier: ClassifiersOption = None
-    learner: LearnersOption = None
-    evidence: EvidenceOption = None
-    data: DataOption = None
+    senses: ClassifierGroup = field(default_factory=ClassifierGroup)
     label: LabelOption = None
-    recording: RecordingOptions = field(default_factory=RecordingOptions)
-    epochs: options.EpochsOption = None
-    device: options.DeviceOption = "cpu"
-    features: options.FeaturesOption = None
-    rate: options.RateOption = None
-    seconds: options.SecondsOption = None
+    recording: RecordingGroup = field(default_factory=RecordingGroup)
+    training: TrainingGroup = field(default_factory=TrainingGroup)
     smoothing: options.SmoothingOption = options.Smoothing.jeffreys
     threshold: Annotated[
         str | None,
@@ -67,10 +54,7 @@ class RobotOptions:
     policy: Annotated[
         Path | None, typer.Option(help="A policy for the domain's POMDP, instead of solving it.")
     ] = None
-    solver: options.SolverOption = None
-    precision: options.PrecisionOption = None
-    time_limit: options.TimeLimitOption = None
-    no_cache: options.NoCacheOption = False
+    solving: SolverGroup = field(default_factory=SolverGroup)
     log: options.LogOption = None
     out: options.OutOption = None
     formats: options.FormatOption = None
@@ -78,32 +62,17 @@ class RobotOptions:
 
     def load_domain(self) -> Domain:
         """Load the domain with its preset and world."""
-        from lcorpp.domains import load_domain, with_world
-
-        loaded = load_domain(self.domain, preset=self.preset)
-        return loaded if self.world is None else with_world(loaded, self.world)
+        return options.load_domain(self.domain, self.preset, self.world)
 
     def choose_classifiers(
         self, domain: Domain, used: Sequence[Sense], tracks: int | None, trained: Collection[str] = ()
     ) -> dict[str, ClassifierOptions]:
         """Return the options of the classifier of each used sense; see `senses.choose_classifiers`."""
-        return choose_classifiers(
+        return self.senses.choose_classifiers(
             domain,
             used,
-            classifiers=self.classifier or [],
-            learners=self.learner or [],
-            data=self.data or [],
             reading=self.recording.choose_reading(parse_written_labels(self.label)),
-            training=options.choose_training(
-                tracks=tracks,
-                epochs=self.epochs,
-                device=self.device,
-                features=self.features,
-                rate=self.rate,
-                seconds=self.seconds,
-                threshold=self.threshold,
-                prevalence=self.prevalence,
-            ),
+            training=self.training.choose(tracks, threshold=self.threshold, prevalence=self.prevalence),
             trained=trained,
         )
 
@@ -116,7 +85,7 @@ class RobotOptions:
         from lcorpp.assembly.options import EvidenceOptions
         from lcorpp.values import JEFFREYS, LAPLACE
 
-        kinds = choose_evidence(domain, sources, self.evidence or [])
+        kinds = self.senses.choose_evidence(domain, sources)
         trained = {name for name, source in sources.items() if source is not None}
         only_likelihoods = trained <= set(kinds)
         if trained and only_likelihoods and self.threshold is not None:
@@ -125,16 +94,6 @@ class RobotOptions:
         if laplace and only_likelihoods:
             raise DomainError("--smoothing applies to the labels of a trained classifier only")
         return EvidenceOptions(kinds, LAPLACE if laplace else JEFFREYS)
-
-    def choose_solver(self, domain: Domain) -> SolverOptions:
-        """Return the domain's solver with the values of the options."""
-        return options.choose_solver(domain.planning.solver, self.solver, self.precision, self.time_limit)
-
-    def find_cache(self) -> Path | None:
-        """Return the folder that keeps policies; None for none."""
-        from lcorpp.planning.policy_cache import find_cache_folder
-
-        return None if self.no_cache else find_cache_folder()
 
     def read_policy(self, domain: Domain) -> Policy | None:
         """Read the policy of --policy; None without one.
@@ -146,6 +105,6 @@ class RobotOptions:
             return None
         from lcorpp.cli.model_files import read_policy
 
-        limits = {"precision": self.precision, "time-limit": self.time_limit}
-        reject_given("nothing is solved, as --policy gives a policy", solver=self.solver, **limits)
+        limits = {"precision": self.solving.precision, "time-limit": self.solving.time_limit}
+        reject_given("nothing is solved, as --policy gives a policy", solver=self.solving.solver, **limits)
         return read_policy(self.policy, domain.pomdp)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -10,6 +11,7 @@ import typer
 
 from lcorpp.cli.options.recordings import RECORDING_OPTIONS
 from lcorpp.errors import DataError, DomainError
+from lcorpp.learning.classifiers.table import LEARNERS
 from lcorpp.values import EvidenceKind
 
 if TYPE_CHECKING:
@@ -29,26 +31,63 @@ LearnersOption = Annotated[
     list[str] | None,
     typer.Option(
         metavar="[SENSE=]NAME",
-        help="The learner: lstm, lstm-fast, summaries, forest, logistic, minirocket, or your own as"
-        " MODULE:FUNCTION or FILE.py:FUNCTION; repeatable. By default the domain's.",
+        help=f"The learner: {', '.join(LEARNERS)}, or your own as MODULE:FUNCTION or FILE.py:FUNCTION;"
+        " repeatable. By default the domain's.",
     ),
 ]
-EvidenceOption = Annotated[
-    list[str] | None,
-    typer.Option(
-        metavar="[SENSE=]hard|soft|set[:COVERAGE]",
-        help="The reasoner's evidence: the label (hard, the default), a likelihood (soft) or a conformal"
-        " prediction set (set, by default of coverage 0.95) of a trained classifier; repeatable.",
-    ),
-]
-DataOption = Annotated[
-    list[str] | None,
-    typer.Option(
-        metavar="[SENSE=]PATH",
-        help="Recorded tracks or a table of features for training and trials: a folder or a file, see"
-        " docs/learning.md; one for each sense.",
-    ),
-]
+
+
+@dataclass(frozen=True)
+class ClassifierGroup:
+    """The classifiers of the senses, their evidence and data; each field is an option of its name."""
+
+    classifier: ClassifiersOption = None
+    learner: LearnersOption = None
+    evidence: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="[SENSE=]hard|soft|set[:COVERAGE]",
+            help="The reasoner's evidence: the label (hard, the default), a likelihood (soft) or a conformal"
+            " prediction set (set, by default of coverage 0.95) of a trained classifier; repeatable.",
+        ),
+    ] = None
+    data: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="[SENSE=]PATH",
+            help="Recorded tracks or a table of features for training and trials: a folder or a file, see"
+            " docs/learning.md; one for each sense.",
+        ),
+    ] = None
+
+    def choose_classifiers(
+        self,
+        domain: Domain,
+        used: Sequence[Sense],
+        *,
+        reading: ReadingOptions,
+        training: Mapping[str, Any],
+        trained: Collection[str] = (),
+        by_channel: bool = False,
+    ) -> dict[str, ClassifierOptions]:
+        """Return the options of the classifier of each used sense; see the function of this name."""
+        return choose_classifiers(
+            domain,
+            used,
+            classifiers=self.classifier or [],
+            learners=self.learner or [],
+            data=self.data or [],
+            reading=reading,
+            training=training,
+            trained=trained,
+            by_channel=by_channel,
+        )
+
+    def choose_evidence(
+        self, domain: Domain, chosen: Mapping[str, ClassifierOptions]
+    ) -> dict[str, EvidenceKind]:
+        """Return the evidence of the senses that give a likelihood; see the function of this name."""
+        return choose_evidence(domain, chosen, self.evidence or [])
 
 
 def choose_classifiers(

@@ -10,27 +10,18 @@ import typer
 
 from lcorpp.cli import console
 from lcorpp.cli.options import common as options
-from lcorpp.cli.options.page import choose_page_classifiers, set_up
-from lcorpp.cli.options.senses import ClassifiersOption, LearnersOption
+from lcorpp.cli.options.groups import take_options
+from lcorpp.cli.options.page import PageGroup
 from lcorpp.cli.output_files import check_writable
 
 
+@take_options
 def export(
+    *,
     to: Annotated[Path, typer.Option(metavar="FOLDER", help="Folder for index.html.")],
     domain: options.DomainArgument = "intention",
     preset: options.PresetOption = None,
-    classifier: ClassifiersOption = None,
-    learner: LearnersOption = None,
-    tracks: options.TracksOption = None,
-    epochs: options.EpochsOption = None,
-    features: options.FeaturesOption = None,
-    rate: options.RateOption = None,
-    seed: options.SeedOption = 0,
-    jobs: options.JobsOption = None,
-    solver: options.SolverOption = None,
-    precision: options.PrecisionOption = None,
-    time_limit: options.TimeLimitOption = None,
-    no_cache: options.NoCacheOption = False,
+    page: PageGroup,
 ) -> None:
     """Write the page of `lcorpp play` as one file without a server.
 
@@ -45,22 +36,14 @@ def export(
     from lcorpp.web.setup import find_page_folder
 
     loaded = load_domain(domain, preset=preset)
-    chosen = choose_page_classifiers(
-        loaded,
-        classifiers=classifier,
-        learners=learner,
-        tracks=tracks,
-        epochs=epochs,
-        features=features,
-        rate=rate,
-    )
+    chosen = page.choose_classifiers(loaded)
     check_evidence(loaded)
     check_classifiers(chosen)
     check_writable(make_folder(to) / "index.html")
-    limits = options.choose_solver(loaded.planning.solver, solver, precision, time_limit)
-    robot = set_up(loaded, chosen, limits, seed=seed, jobs=jobs, no_cache=no_cache)
+    solver = page.solving.choose_solver(loaded)
+    robot = page.set_up(loaded, chosen, solver)
     with console.show_progress("computing posteriors and reachable beliefs") as _:
-        page = bundle_page(find_page_folder(), make_model(robot)).encode()
-    write_atomically(to / "index.html", page)
-    size = len(gzip.compress(page)) / 1000
-    console.out.print(f"wrote {to / 'index.html'}: {len(page) / 1000:.0f} kB, {size:.0f} kB compressed")
+        html = bundle_page(find_page_folder(), make_model(robot)).encode()
+    write_atomically(to / "index.html", html)
+    size = len(gzip.compress(html)) / 1000
+    console.out.print(f"wrote {to / 'index.html'}: {len(html) / 1000:.0f} kB, {size:.0f} kB compressed")

@@ -14,8 +14,8 @@ import typer
 
 from lcorpp.cli import console
 from lcorpp.cli.options import common as options
-from lcorpp.cli.options.page import choose_page_classifiers, set_up
-from lcorpp.cli.options.senses import ClassifiersOption, LearnersOption
+from lcorpp.cli.options.groups import take_options
+from lcorpp.cli.options.page import PageGroup
 from lcorpp.errors import DomainError, FileError
 
 if TYPE_CHECKING:
@@ -30,7 +30,9 @@ BATCH = 5
 """Judged trials between two trainings."""
 
 
+@take_options
 def play(
+    *,
     domain: options.DomainArgument = "intention",
     preset: options.PresetOption = None,
     port: Annotated[int, typer.Option(min=0, max=65535, help="Port; 0 takes any free one.")] = 8000,
@@ -44,19 +46,8 @@ def play(
             metavar="FILE", help="Keep the judged walks in this store, and learn from those that it has."
         ),
     ] = None,
-    classifier: ClassifiersOption = None,
-    learner: LearnersOption = None,
-    tracks: options.TracksOption = None,
-    epochs: options.EpochsOption = None,
-    features: options.FeaturesOption = None,
-    rate: options.RateOption = None,
-    seed: options.SeedOption = 0,
-    jobs: options.JobsOption = None,
+    page: PageGroup,
     log: options.LogOption = None,
-    solver: options.SolverOption = None,
-    precision: options.PrecisionOption = None,
-    time_limit: options.TimeLimitOption = None,
-    no_cache: options.NoCacheOption = False,
 ) -> None:
     """Play with the robot in the browser: you are the human.
 
@@ -70,27 +61,19 @@ def play(
 
     require_server()
     loaded = load_domain(domain, preset=preset)
-    chosen = choose_page_classifiers(
-        loaded,
-        classifiers=classifier,
-        learners=learner,
-        tracks=tracks,
-        epochs=epochs,
-        features=features,
-        rate=rate,
-    )
-    options_of_solver = options.choose_solver(loaded.planning.solver, solver, precision, time_limit)
+    chosen = page.choose_classifiers(loaded)
+    solver = page.solving.choose_solver(loaded)
     with ExitStack() as stack:
         listening = stack.enter_context(listen(port))
         decisions = None if log is None else stack.enter_context(DecisionLog(log))
         sense = find_learning_sense(loaded, [name for name, own in chosen.items() if own is not None])
         if sense is None and store is not None:
             raise DomainError(f"--store {store}: no classifier of {loaded.name} learns from the page")
-        data = None if sense is None else find_initial_data(loaded, sense, chosen[sense.name], seed)
+        data = None if sense is None else find_initial_data(loaded, sense, chosen[sense.name], page.seed)
         kept = None
         if store is not None and sense is not None and data is not None:
             kept = stack.enter_context(open_store(store, sense, data))
-        robot = set_up(loaded, chosen, options_of_solver, seed=seed, jobs=jobs, no_cache=no_cache)
+        robot = page.set_up(loaded, chosen, solver)
         host, own_port = listening.getsockname()
         address = f"http://{host}:{own_port}/"
 
@@ -101,7 +84,7 @@ def play(
 
         trials = None
         if sense is not None and data is not None:
-            trials = BatchLearner(robot, sense, data, batch_size=batch, store=kept, seed=seed)
+            trials = BatchLearner(robot, sense, data, batch_size=batch, store=kept, seed=page.seed)
         try:
             asyncio.run(serve(robot, trials, listening, show_address, decisions))
         finally:

@@ -12,6 +12,7 @@ import typer
 
 from lcorpp.cli import console
 from lcorpp.cli.options import common as options
+from lcorpp.cli.options.solving import NoCacheOption, find_cache
 
 if TYPE_CHECKING:
     from lcorpp.assembly.options import ClassifierOptions
@@ -33,7 +34,7 @@ def robot(
     log: options.LogOption = None,
     seed: options.SeedOption = 0,
     jobs: options.JobsOption = None,
-    no_cache: options.NoCacheOption = False,
+    no_cache: NoCacheOption = False,
 ) -> None:
     """Decide about the people around a robot that runs ROS.
 
@@ -44,7 +45,6 @@ def robot(
     from lcorpp.assembly.strategies.trust import check_dialogue
     from lcorpp.assembly.track_robot import set_up_track_robot
     from lcorpp.logs.decision_log import DecisionLog
-    from lcorpp.planning.policy_cache import find_cache_folder
     from lcorpp.robot.connecting import connect
     from lcorpp.robot.loop import RobotLoop
     from lcorpp.robot.reading import read_robot_config
@@ -61,7 +61,7 @@ def robot(
             domain,
             choose_robot_classifiers(read, domain),
             domain.planning.solver,
-            cache=None if no_cache else find_cache_folder(),
+            cache=find_cache(no_cache=no_cache),
             progress=console.show_progress,
             seed=seed,
             jobs=console.count_processes(jobs),

@@ -11,11 +11,12 @@ from lcorpp.domains.sections.names import check_defined, check_same_names, find_
 from lcorpp.domains.sections.reasoning import ReasoningSection, read_value_mapping
 from lcorpp.domains.toml import TomlTable
 from lcorpp.errors import DataError, DomainError, expected_one_of
+from lcorpp.learning.classifiers.table import LEARNERS
 from lcorpp.user_code import check_owner, split_function
 from lcorpp.values import EvidenceKind
 
-CLASSIFIERS = ("lstm", "lstm-fast", "summaries", "forest", "logistic", "minirocket", "channel")
-"""Names in `learning.classifiers.registry`, and the simulated noisy classifier."""
+CLASSIFIERS = (*LEARNERS, "channel")
+"""The learners, and the simulated noisy classifier."""
 
 MAX_SECONDS, MAX_RATE = 3600.0, 1000.0
 """Limits of the duration of recorded tracks, and of their points per second."""

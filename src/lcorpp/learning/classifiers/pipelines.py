@@ -7,15 +7,10 @@ from typing import Any
 
 from sklearn.pipeline import Pipeline
 
+from lcorpp.learning.classifiers.table import OWN_FEATURES
 from lcorpp.learning.features.motion import ChannelStandardizer, Motion
 from lcorpp.learning.features.resampling import RATE
 from lcorpp.learning.lstm import LstmClassifier
-
-PAPER_FEATURES = ("x", "y")
-"""The motion features of the paper, which learners of time series use if none are chosen."""
-
-OWN_FEATURES = ("velocity", "acceleration", "turn_rate")
-"""Motion features that depend on the person alone, which the other learners use if none are chosen."""
 
 
 def paper_pipeline(

@@ -10,190 +10,25 @@ and contains its preprocessing, so that cross-validation estimates both from tra
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
-from functools import partial
-from numbers import Integral, Real
+from collections.abc import Sequence
 from typing import Any
-
-from sklearn.pipeline import Pipeline
 
 from lcorpp.arguments import check_arguments
 from lcorpp.errors import DataError, expected_one_of
-from lcorpp.learning.classifiers.pipelines import (
-    OWN_FEATURES,
-    PAPER_FEATURES,
-    fast_pipeline,
-    paper_pipeline,
-)
+from lcorpp.learning.classifiers import makers
+from lcorpp.learning.classifiers.makers import LearnerConfig
 from lcorpp.learning.classifiers.plugin import load_learner_plugin
+from lcorpp.learning.classifiers.table import LEARNERS, PAPER_FEATURES, RENAMED, default_features
 from lcorpp.learning.contract import accepts_weights, report_failure
-from lcorpp.learning.features.motion import ChannelStandardizer, Motion
-from lcorpp.learning.features.resampling import RATE, check_rate
-from lcorpp.learning.features.segments import SegmentStatistics
-from lcorpp.learning.features.summaries import SummaryFeatures
+from lcorpp.learning.features.resampling import RATE
 from lcorpp.notebook import join_some
 from lcorpp.values import CHANNELS, Kind
-
-TREES = 100
-"""Trees of the forest: more do not change the second digit of its AUC."""
-
-RENAMED = {"fast": "lstm-fast"}
 
 _DESCRIPTIONS = {
     "motion": "tracks over time",
     "series": "channels over time",
     "table": "features without time",
 }
-
-KINDS: tuple[Kind, ...] = ("motion", "series", "table")
-
-MAX_CASES = 25
-"""More training tracks do not weaken the regularization of a logistic regression: people at another place
-differ from those of the training by more than chance (docs/learning.md has the measurements)."""
-
-
-@dataclass(frozen=True)
-class LearnerConfig:
-    """The settings of a learner.
-
-    interval: seconds between two time points of the tracks. inputs: the channels of the tracks.
-    features: the motion features that the classifier uses, see `Motion`.
-    seed: seed of everything random. epochs: passes over the data; None is the learner's default.
-    device: "cpu" or "cuda". kind: of the data, `Dataset.kind`. rate: points of motion per second.
-    """
-
-    interval: float
-    inputs: tuple[str, ...]
-    features: tuple[str, ...]
-    seed: int
-    epochs: int | None
-    device: str
-
-    kind: Kind
-    rate: float
-    new_places: bool
-
-    def __post_init__(self) -> None:
-        interval = self.interval
-        if not isinstance(interval, Real) or isinstance(interval, bool) or not 0 < interval < float("inf"):
-            raise DataError(f"interval must be a finite number of seconds above 0, not {interval!r}")
-        for name, lowest in (("seed", 0), ("epochs", 1)):
-            number = getattr(self, name)
-            is_whole = isinstance(number, Integral) and not isinstance(number, bool)
-            if not (is_whole and number >= lowest) and (name, number) != ("epochs", None):
-                raise DataError(f"{name} must be a whole number of at least {lowest}, not {number!r}")
-        if self.kind not in KINDS:
-            raise DataError(f"unknown kind of data {self.kind!r}; {expected_one_of(KINDS)}")
-        if not isinstance(self.rate, Real) or isinstance(self.rate, bool):
-            raise DataError(f"rate must be a number of points per second, not {self.rate!r}")
-        check_rate(self.rate)
-
-    def pipeline(self, *steps: tuple[str, Any]) -> Pipeline:
-        """Return these steps, for tracks after `Motion`."""
-        if self.kind != "motion":
-            return Pipeline(list(steps))
-        motion = Motion(rate=self.rate, interval=self.interval, inputs=self.inputs, features=self.features)
-        return Pipeline([("motion", motion), *steps])
-
-    def summarize(self, *steps: tuple[str, Any]) -> Pipeline:
-        """Return `pipeline` of summary features and these steps; features of a table need no summary."""
-        if self.kind == "table":
-            return self.pipeline(*steps)
-        is_path = self.kind == "motion" and self.features[:2] == ("x", "y")
-        summaries = SummaryFeatures(rate=self.rate if is_path else None)
-        return self.pipeline(("summaries", summaries), *steps)
-
-
-@dataclass(frozen=True)
-class Learner:
-    """A row of the table.
-
-    iterative: the learner takes `epochs` and `device`. kinds: the data that it learns from.
-    features: of motion, if none are chosen.
-    """
-
-    about: str
-    make: Callable[[LearnerConfig], Any]
-    iterative: bool = False
-    kinds: tuple[Kind, ...] = ("motion", "series")
-    features: tuple[str, ...] = PAPER_FEATURES
-
-
-def _lstm(config: LearnerConfig, pipeline: Callable[..., Pipeline] = paper_pipeline) -> Pipeline:
-    arguments = {name: value for name, value in vars(config).items() if value is not None}
-    kind, seed, _ = (arguments.pop(name) for name in ("kind", "seed", "new_places"))
-    whole = pipeline(random_state=seed, **arguments)
-    return whole if kind == "motion" else whole[1:]  # without the step `Motion`
-
-
-def _fast_lstm(config: LearnerConfig) -> Pipeline:
-    if config.kind == "motion":
-        return _lstm(config, fast_pipeline)
-    # series are less ambiguous than people's motion: more updates, less dropout
-    network = partial(fast_pipeline, min_updates=600, dropout=0.2, learning_rate=5e-3)
-    return Pipeline([("segments", SegmentStatistics()), *_lstm(config, network).steps])
-
-
-def _summaries(config: LearnerConfig) -> Pipeline:
-    from lcorpp.learning.classifiers.logistic import QuadraticLogistic
-
-    # of many summaries, each of which depends little on the class, none may get a large weight
-    of_motion = {"max_cases": MAX_CASES if config.new_places else None}
-    options: dict[str, Any] = {"table": {"C": 1.0}, "series": {}, "motion": of_motion}
-    return config.summarize(("logistic", QuadraticLogistic(**options[config.kind])))
-
-
-def _forest(config: LearnerConfig) -> Pipeline:
-    from lcorpp.learning.classifiers.forest import Forest
-
-    forest = Forest(TREES, min_samples_leaf=5, class_weight="balanced_subsample", random_state=config.seed)
-    return config.summarize(("forest", forest))
-
-
-def _minirocket(config: LearnerConfig) -> Pipeline:
-    from lcorpp.learning.classifiers.minirocket import MiniRocket
-
-    steps = ("scaling", ChannelStandardizer()), ("minirocket", MiniRocket(random_state=config.seed))
-    return config.pipeline(*steps)
-
-
-LEARNERS: Mapping[str, Learner] = {
-    "lstm": Learner("the paper's LSTM", _lstm, iterative=True),
-    "lstm-fast": Learner(
-        "the LSTM, trained in a tenth of the time", _fast_lstm, iterative=True, features=OWN_FEATURES
-    ),
-    "summaries": Learner(
-        "logistic regression on summaries of the motion", _summaries, kinds=KINDS, features=OWN_FEATURES
-    ),
-    "forest": Learner(
-        "a random forest on summaries of the motion", _forest, kinds=KINDS, features=OWN_FEATURES
-    ),
-    "logistic": Learner("logistic regression on a table of features", _summaries, kinds=("table",)),
-    "minirocket": Learner("MiniRocket: a ridge classifier on ten thousand convolutions", _minirocket),
-}
-"""The learners by name."""
-
-DEFAULTS: Mapping[Kind, str] = {"motion": "lstm", "series": "minirocket", "table": "logistic"}
-"""The learner of each kind of data if none is chosen; for motion that of the paper."""
-
-RECOMMENDED: Mapping[Kind, tuple[str, str]] = {
-    "motion": (
-        "summaries",
-        "none has a higher AUC on 1600 simulated tracks, and it trains fastest (docs/learning.md)",
-    ),
-    "series": (
-        "minirocket",
-        "it has the highest mean accuracy on nine public sets of short or few series (docs/learning.md)",
-    ),
-    "table": ("logistic", "features without time need no summary"),
-}
-"""The learner that is best for each kind of data by our measurements, with the reason."""
-
-
-def default_features(name: str) -> tuple[str, ...]:
-    """Return the motion features that a learner uses if none are chosen."""
-    return LEARNERS[name].features if name in LEARNERS else PAPER_FEATURES
 
 
 @check_arguments
@@ -274,7 +109,7 @@ def learner(
             f"{'features are' if rate == RATE else 'points at a rate are'} computed from motion; the data are"
             f" {_DESCRIPTIONS[config.kind]}: {join_some(inputs)}"
         )
-    return row.make(config)
+    return getattr(makers, row.maker)(config)
 
 
 def check_weighted(name: str, estimator: Any) -> None:

@@ -20,18 +20,8 @@ from importlib import import_module
 from lcorpp.errors import ModelError, check_type, expected_one_of
 from lcorpp.planning.arguments import check_limits
 from lcorpp.planning.solution import Solution
+from lcorpp.planning.solver_table import SOLVER_NAMES, SOLVERS
 from lcorpp.user_code import split_function
-
-_FUNCTIONS = {
-    "sarsop": ("lcorpp.planning.sarsop", "solve"),
-    "exact": ("lcorpp.planning.solvers.exact.value_iteration", "solve_exact"),
-    "perseus": ("lcorpp.planning.solvers.perseus", "solve_perseus"),
-    "qmdp": ("lcorpp.planning.solvers.table_policy", "solve_qmdp"),
-    "fib": ("lcorpp.planning.solvers.table_policy", "solve_fib"),
-}
-
-SOLVER_NAMES = tuple(_FUNCTIONS)
-"""The names that `load_solver` accepts. To add one: a row above, and its name in `lcorpp solve --help`."""
 
 
 @dataclass(frozen=True)
@@ -53,7 +43,7 @@ class SolverOptions:
     def __post_init__(self) -> None:
         check_type(self.name, str, "the solver", ModelError)
         check_limits(self.precision, self.time_limit)
-        if self.name not in _FUNCTIONS:
+        if self.name not in SOLVERS:
             load_solver(self.name)
 
 
@@ -67,8 +57,8 @@ def load_solver(name: str) -> Callable[..., Solution]:
     Raises:
         ModelError: the name is unknown, or the user's file cannot be loaded or has no such function.
     """
-    if name in _FUNCTIONS:
-        module, function = _FUNCTIONS[name]
+    if name in SOLVERS:
+        module, function = SOLVERS[name]
         solver: Callable[..., Solution] = getattr(import_module(module), function)
         return solver
     parts = split_function(name)
