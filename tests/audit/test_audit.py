@@ -46,7 +46,7 @@ def test_swapped_rules_are_named_with_what_explains_the_data_as_well(tmp_path: P
     for x, right in zip(result.changes, (0.1, 0.8), strict=True):
         assert x.interval is not None
         assert x.interval[0] < right < x.interval[1]
-    assert list(result.rivals) == ["time and location"]
+    assert [rival.names for rival in result.rivals] == [("time", "location")]
     assert result.n_undetermined == 1
     assert len(result.undetermined) == 12
     assert "Not identifiable: other numbers of time and location explain the data as well." in format_audit(

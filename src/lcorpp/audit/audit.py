@@ -18,6 +18,7 @@ from lcorpp.audit.estimates import (
     AttributeTest,
     Audit,
     NumberEstimate,
+    Rival,
 )
 from lcorpp.audit.intervals import bound_stated, compare_log_odds
 from lcorpp.audit.knowledge import KnowledgeFits, NumbersFit
@@ -60,7 +61,7 @@ def audit_people(
 
     Raises:
         ProgramError: the program has no numbers to audit, or they cannot be fitted.
-        UndefinedError: what is known of a person is impossible by the program, whatever its numbers.
+        UndefinedError: what is known of a person is impossible under the program, whatever its numbers.
         TooLargeError: the program is too large to be compiled, or there are too many contexts.
     """
     return _Auditor(people, progress, given).audit()
@@ -111,21 +112,21 @@ class _Auditor:
         chosen = self._choose()
         n_undetermined, undetermined = self._fits.find_undetermined(NULL_SCORE)
         return Audit(
-            people.program.file,
-            people.domain.pomdp.file or str(people.domain.folder),
-            round(self._n_people),
-            people.strategy,
-            people.n_others,
-            people.skipped,
-            self._given,
-            [self._describe(i, self._fits.fit(self._complete((i,)))) for i in free],
-            [self._describe_attribute(name) for name in self._groups],
-            list_rates(people, self._rates, MAX_PRIOR_SHARE),
-            [self._describe(i, self._fits.fit(chosen)) for i in chosen],
-            self._list_rivals(chosen) if chosen else [],
-            n_undetermined,
-            [_name(self._atom(i)) for i in undetermined],
-            self._count_excluded(),
+            program_file=people.program.file,
+            model_file=people.domain.pomdp.file or str(people.domain.folder),
+            n_people=round(self._n_people),
+            strategy=people.strategy,
+            n_others=people.n_others,
+            skipped=people.skipped,
+            given=self._given,
+            numbers=[self._describe(i, self._fits.fit(self._complete((i,)))) for i in free],
+            attributes=[self._describe_attribute(name) for name in self._groups],
+            rates=list_rates(people, self._rates, MAX_PRIOR_SHARE),
+            changes=[self._describe(i, self._fits.fit(chosen)) for i in chosen],
+            rivals=self._list_rivals(chosen) if chosen else [],
+            n_undetermined=n_undetermined,
+            undetermined=[self._atom(i).left_side for i in undetermined],
+            excluded=self._count_excluded(),
         )
 
     def _count_excluded(self) -> dict[str, int]:
@@ -232,29 +233,28 @@ class _Auditor:
         ratio = (self._find_gain(free) - self._find_gain(known)) / fit.inflation
         return max(wald, ratio), rank
 
-    def _list_rivals(self, chosen: tuple[int, ...]) -> list[str]:
+    def _list_rivals(self, chosen: tuple[int, ...]) -> list[Rival]:
         """List other changes that explain the data as well: single numbers, or whole other attributes.
 
         The chosen numbers fit the data better than the truth by chance, and the others may not.
         """
         by_chance = self._fits.fit(chosen).inflation * float(chi2.isf(MAX_P_VALUE, len(chosen)))
-        min_gain, rivals = self._find_gain(chosen) - by_chance, list[str]()
-        for i in self._fits.free:
-            own = self._complete((i,))
-            if i not in chosen and self._find_gain(own) > min_gain:
-                rivals.append(_name(self._atom(i)))
+        min_gain = self._find_gain(chosen) - by_chance
+        numbers = [i for i in self._fits.free if i not in chosen]
+        single = [i for i in numbers if self._find_gain(self._complete((i,))) > min_gain]
+        if single:
+            return [Rival((self._atom(i).left_side,)) for i in single]
         changed = {self._atom(i).term.name for i in chosen}
         worst = max(changed, key=lambda name: self._find_bic(self._groups[name]))
-        others = [name for name in self._groups if name != worst]
-        if not rivals:
-            for size in (1, 2):
-                for names in combinations(others, size):
-                    if any(set(r.split(" and ")) <= set(names) for r in rivals):
-                        continue
-                    own = tuple(sorted(i for name in names for i in self._groups[name]))
-                    self._fits.fit(own, N_STARTS)
-                    if self._find_gain(own) > min_gain:
-                        rivals.append(" and ".join(names))
+        others, rivals = [name for name in self._groups if name != worst], list[Rival]()
+        for size in (1, 2):
+            for names in combinations(others, size):
+                if any(set(rival.names) <= set(names) for rival in rivals):
+                    continue
+                own = tuple(sorted(i for name in names for i in self._groups[name]))
+                self._fits.fit(own, N_STARTS)
+                if self._find_gain(own) > min_gain:
+                    rivals.append(Rival(names))
         return rivals
 
     def _describe(self, statement: int, fit: NumbersFit) -> NumberEstimate:
@@ -263,7 +263,14 @@ class _Auditor:
         variance = float(fit.covariance[place, place])
         atom, gain = self._atom(statement), self._find_gain(fit.statements)
         found = NumberEstimate(
-            _name(atom), stated, estimate, None, 1.0, atom, gain, self._is_missing(statement)
+            name=atom.left_side,
+            stated=stated,
+            estimate=estimate,
+            interval=None,
+            p_value=1.0,
+            statement=atom,
+            gain=gain,
+            is_missing=self._is_missing(statement),
         )
         if variance > MAX_PRIOR_SHARE * fit.prior_variance[place]:
             return found
@@ -274,11 +281,6 @@ class _Auditor:
         own = self._groups[name]
         p_value = float(chi2.sf(*self._compare(own, ())))
         return AttributeTest(name, len(own), self._find_gain(own), self._find_bic(own), p_value)
-
-
-def _name(atom: Probability) -> str:
-    """Return a pr-atom without its number."""
-    return str(atom).rpartition(" = ")[0]
 
 
 def _compute_wald(fit: NumbersFit, known: Collection[int]) -> tuple[float, int]:

@@ -70,13 +70,23 @@ class AttributeTest:
 
 
 @dataclass(frozen=True)
+class Rival:
+    """Other numbers whose change explains the data as well.
+
+    names: one pr-atom without its number, or the attributes of which all numbers change.
+    """
+
+    names: tuple[str, ...]
+
+
+@dataclass(frozen=True)
 class Audit:
     """The result of `audit_people`.
 
     numbers: each alone, the others as stated. attributes: each with all its numbers free. rates: of senses
     and answers.
     changes: the fewest numbers that have to change together, with their joint estimates; () if nothing stated
-    is refuted. rivals: other numbers or attributes that explain the data as well as `changes`.
+    is refuted. rivals: changes that explain the data as well: one number, or all of one or two attributes.
     n_undetermined: number of combinations that the data do not determine if all numbers are free.
     undetermined: the rules in these combinations.
     excluded: facts -> number of people with them whom the stated numbers exclude: what is known of them has
@@ -95,7 +105,7 @@ class Audit:
     attributes: Sequence[AttributeTest]
     rates: Sequence[RateEstimate]
     changes: Sequence[NumberEstimate]
-    rivals: Sequence[str]
+    rivals: Sequence[Rival]
     n_undetermined: int
     undetermined: Sequence[str]
     excluded: Mapping[str, int]

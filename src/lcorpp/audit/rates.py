@@ -40,13 +40,13 @@ def list_rates(people: LoggedPeople, rates: AnswerRates, max_share: float) -> li
                 is_sense, label = place < len(senses), outcomes[place][outcome]
                 estimates.append(
                     RateEstimate(
-                        f"{name}: {label} if {about}",
-                        number,
-                        estimate,
-                        interval if is_determined else None,
-                        p_value if is_determined else 1.0,
-                        is_sense,
-                        _write_rule(people, place, label, values[members[0]]) if is_sense else "",
+                        name=f"{name}: {label} if {about}",
+                        stated=number,
+                        estimate=estimate,
+                        interval=interval if is_determined else None,
+                        p_value=p_value if is_determined else 1.0,
+                        is_sense=is_sense,
+                        rule=_write_rule(people, place, label, values[members[0]]) if is_sense else "",
                     )
                 )
     return estimates

@@ -101,7 +101,7 @@ def _conclude(audit: Audit) -> list[str]:
 
 
 def _describe_rivals(audit: Audit) -> str:
-    names = "; or of ".join(audit.rivals)
+    names = "; or of ".join(" and ".join(rival.names) for rival in audit.rivals)
     return f"Not identifiable: other numbers of {names} explain the data as well."
 
 

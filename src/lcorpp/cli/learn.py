@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator
-from contextlib import ExitStack
-from dataclasses import replace
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from functools import partial
 from pathlib import Path
@@ -23,6 +23,7 @@ from lcorpp.errors import DataError, expected_one_of
 if TYPE_CHECKING:
     from lcorpp.assembly.options import ClassifierOptions
     from lcorpp.domains import Domain
+    from lcorpp.experiments.results import WrittenFiles
     from lcorpp.planning import Planner, Policy, Solution, SolverOptions
     from lcorpp.runs.batches import BatchResult
     from lcorpp.runs.run_store import RunStore
@@ -120,7 +121,7 @@ def learn(
     """
     from lcorpp.assembly.robot_parts import RobotParts
     from lcorpp.assembly.solving import explain_missing_reports
-    from lcorpp.cli.robot_output import note_storage_problems, print_domain, print_gap
+    from lcorpp.cli.robot_output import note_storage_problems, print_domain
     from lcorpp.experiments.results import FORMATS, write_batches
     from lcorpp.logs.decision_log import DecisionLog
     from lcorpp.runs.run import open_run_store, run_active_learning
@@ -156,12 +157,11 @@ def learn(
             run_store = stack.enter_context(open_run_store(store, loaded, senses, chosen))
             _print_run_store(run_store)
         noted = given.out is not None and note_storage_problems(senses.training.values())
-        written, is_complete, solution, gaps = None, False, None, list[float]()
-        try:
-            planner, solution = _make_planner(loaded, policy, solving, given.solving.find_cache())
-            stack.enter_context(explain_missing_reports(solution))
-            solver = None if solution is None else solving
-            parts = RobotParts(loaded, planner.policy, solver=solver, policy_file=given.policy)
+        outcome = _Outcome()
+        with _keep_on_interrupt(outcome, store):
+            planner, outcome.solution = _make_planner(loaded, policy, solving, given.solving.find_cache())
+            stack.enter_context(explain_missing_reports(outcome.solution))
+            solver = None if outcome.solution is None else solving
             results = run_active_learning(
                 loaded,
                 senses,
@@ -169,31 +169,63 @@ def learn(
                 chosen,
                 run_store=run_store,
                 log=log,
-                parts=parts,
+                parts=RobotParts(loaded, planner.policy, solver=solver, policy_file=given.policy),
                 on_alarm=partial(_print_alarm, loaded),
                 progress=console.show_progress,
             )
             for result in _print_batches(results, chosen, run_store):
-                is_complete = True
-                if solution is not None and not trust:  # which solves the POMDPs that it estimates
-                    gaps += [solution.gap(episode.prior) for episode in result.batch.episodes]
+                outcome.add(result, trust=trust)
                 if given.out is not None:
-                    formats = given.formats or FORMATS
-                    written = write_batches(
-                        given.out, loaded.name, result, solution=solution, formats=formats
+                    outcome.written = write_batches(
+                        given.out,
+                        loaded.name,
+                        result,
+                        solution=outcome.solution,
+                        formats=given.formats or FORMATS,
                     )
-        except KeyboardInterrupt:
-            kept = "the batches above are kept" if is_complete else "no batch is complete"
-            kept += "" if store is None else f"; the decisions so far are kept in {store}"
-            console.err.print(f"interrupted: {kept}")
-            if not is_complete and store is None:
-                raise typer.Exit(130) from None
-    if solution is not None:
-        print_gap(solution, max(gaps, default=None), solving.precision)
-    if written is not None:
-        if written.problem is not None and not noted:
-            console.print_note(f"the classifier is not saved: {written.problem}")
-        console.out.print(f"wrote {', '.join(str(path) for path in written.paths)}")
+    _print_outcome(outcome, solving.precision, noted=noted)
+
+
+@dataclass
+class _Outcome:
+    """What the batches of a run leave.
+
+    gaps: of the priors of the decisions, unless each POMDP is estimated (with trust).
+    """
+
+    solution: Solution | None = None
+    gaps: list[float] = field(default_factory=list)
+    n_batches: int = 0
+    written: WrittenFiles | None = None
+
+    def add(self, result: BatchResult, *, trust: bool) -> None:
+        """Count a batch, and keep the gaps of its priors."""
+        self.n_batches += 1
+        if self.solution is not None and not trust:
+            self.gaps += [self.solution.gap(episode.prior) for episode in result.batch.episodes]
+
+
+@contextmanager
+def _keep_on_interrupt(outcome: _Outcome, store: Path | None) -> Iterator[None]:
+    """Return a context that prints on Ctrl-C what is kept; the command ends if there is nothing."""
+    try:
+        yield
+    except KeyboardInterrupt:
+        kept = "the batches above are kept" if outcome.n_batches else "no batch is complete"
+        kept += "" if store is None else f"; the decisions so far are kept in {store}"
+        console.err.print(f"interrupted: {kept}")
+        if not outcome.n_batches and store is None:
+            raise typer.Exit(130) from None
+
+
+def _print_outcome(outcome: _Outcome, precision: float, *, noted: bool) -> None:
+    """Print the gap of the policy and the files. noted: as of `print_written`."""
+    from lcorpp.cli.robot_output import print_gap, print_written
+
+    if outcome.solution is not None:
+        print_gap(outcome.solution, max(outcome.gaps, default=None), precision)
+    if outcome.written is not None:
+        print_written(outcome.written, noted=noted)
 
 
 def _choose_sources(domain: Domain, given: RobotGroup, tracks: int | None) -> dict[str, ClassifierOptions]:

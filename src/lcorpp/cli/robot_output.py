@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from lcorpp.assembly.options import ClassifierOptions
     from lcorpp.assembly.senses import Senses, SenseSetup
     from lcorpp.domains import Domain
+    from lcorpp.experiments.results import WrittenFiles
     from lcorpp.learning import EvaluationReport, PredictionSets
     from lcorpp.planning import Solution
     from lcorpp.scoring.metrics import Scores
@@ -253,3 +254,10 @@ def _make_report_table(report: EvaluationReport) -> Table:
     table.caption = f"best thresholds for the prevalence: {prevalence}"
     table.caption_justify = "left"
     return table
+
+
+def print_written(written: WrittenFiles, *, noted: bool) -> None:
+    """Print the files of a result folder. noted: whether a note says that a classifier cannot be saved."""
+    if written.problem is not None and not noted:
+        console.print_note(f"the classifier is not saved: {written.problem}")
+    console.out.print("wrote " + ", ".join(str(path) for path in written.paths))

@@ -59,17 +59,11 @@ def run(
     from lcorpp.experiments.comparison import compare_strategies
     from lcorpp.logs.decision_log import DecisionLog
 
-    if exact:
-        reason = "--exact needs the probabilities of the answers, which a world of your own does not state"
-        reject_given(f"{reason}; expected one of them", world=given.world)
-        reject_given("nothing is sampled with --exact", trials=trials)
-        reject_given("no single decisions are made with --exact", log=given.log)
     number = TRIALS if trials is None else trials
+    if exact:
+        _reject_sampling(given, trials)
     if trial is not None:
-        reason = "one trial is printed with --trial, nothing is scored"
-        reject_given(reason, exact=exact or None, log=given.log, out=given.out, format=given.formats)
-        if trial >= number:
-            raise DomainError(f"--trial {trial}: expected 0 to {number - 1}, as there are {number} trials")
+        _check_trial(trial, number, given, exact=exact)
     loaded = given.load_domain()
     chosen = _choose_comparison(loaded, given, strategy or [], None if exact else number, tracks)
     policy = given.read_policy(loaded)
@@ -89,6 +83,22 @@ def run(
             _write_results(given.out, loaded, given, chosen, comparison, noted=noted)
         if comparison.trials is not None and comparison.trials < number:
             console.err.print(f"interrupted: {comparison.trials} of {number} trials are kept")
+
+
+def _reject_sampling(given: RobotGroup, trials: int | None) -> None:
+    """Reject options without effect on --exact."""
+    reason = "--exact needs the probabilities of the answers, which a world of your own does not state"
+    reject_given(f"{reason}; expected one of them", world=given.world)
+    reject_given("nothing is sampled with --exact", trials=trials)
+    reject_given("no single decisions are made with --exact", log=given.log)
+
+
+def _check_trial(trial: int, trials: int, given: RobotGroup, *, exact: bool) -> None:
+    """Reject a trial that the command does not have, and options without effect on --trial."""
+    reason = "one trial is printed with --trial, nothing is scored"
+    reject_given(reason, exact=exact or None, log=given.log, out=given.out, format=given.formats)
+    if trial >= trials:
+        raise DomainError(f"--trial {trial}: expected 0 to {trials - 1}, as there are {trials} trials")
 
 
 def _choose_comparison(
@@ -146,13 +156,12 @@ def _write_results(
     noted: bool,
 ) -> None:
     """Write the files of a comparison. noted: whether a note says that a classifier cannot be saved."""
+    from lcorpp.cli.robot_output import print_written
     from lcorpp.experiments.results import FORMATS, describe_run, write_comparison
 
     configuration = describe_run(domain, chosen, comparison, given.policy)
     written = write_comparison(out, comparison, configuration, formats=given.formats or FORMATS)
-    if written.problem is not None and not noted:
-        console.print_note(f"the classifier is not saved: {written.problem}")
-    console.out.print("wrote " + ", ".join(str(path) for path in written.paths))
+    print_written(written, noted=noted)
 
 
 def _print_trial(domain: Domain, chosen: ComparisonOptions, number: int, policy: Policy | None) -> None:

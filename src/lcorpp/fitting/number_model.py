@@ -10,6 +10,7 @@ from collections import Counter
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -90,40 +91,71 @@ class NumberModel:
         return replace(self, cases=cases)
 
 
+class _Form(NamedTuple):
+    """An affine function of the parameters; coefficients: index of a parameter and its factor."""
+
+    constant: Fraction
+    coefficients: tuple[tuple[int, Fraction], ...]
+
+    def add(self, other: _Form, scale: int = 1) -> _Form:
+        """Return the sum of this form and a multiple of another."""
+        total = dict(self.coefficients)
+        for i, own in other.coefficients:
+            total[i] = total.get(i, Fraction(0)) + scale * own
+        return _Form(self.constant + scale * other.constant, tuple(sorted(total.items())))
+
+    def divide(self, number: Fraction | int) -> _Form:
+        """Return the form divided by a number."""
+        return _Form(self.constant / number, tuple((i, own / number) for i, own in self.coefficients))
+
+
 class _Factored(Fraction):
-    """A fraction that remembers the factors of which it is the product; none if it is not a product.
+    """A fraction with the factors of which it is the product: forms and constants.
 
     The compiler computes with the numbers of pr-atoms as with other fractions, and this is how they are found
-    in its results.
+    in its results. Sums and quotients keep track of single forms only, which is all that the compiler needs.
     """
 
     __slots__ = ("factors",)
-    factors: tuple[Fraction, ...]
+    factors: tuple[_Form | Fraction, ...]
 
-    def __new__(cls, value: Fraction, factors: tuple[Fraction, ...] = ()) -> _Factored:
+    def __new__(cls, value: Fraction, *factors: _Form | Fraction) -> _Factored:
         number = super().__new__(cls, value)
         number.factors = factors
         return number
 
     def __radd__(self, other):  # type: ignore[no-untyped-def]
-        return _Factored(Fraction.__radd__(self, other))
+        total, form, more = Fraction.__radd__(self, other), _get_form(self), _get_form(other)
+        return _Factored(total, form.add(more)) if form and more else total
 
     __add__ = __radd__
 
     def __rsub__(self, other):  # type: ignore[no-untyped-def]
-        return _Factored(Fraction.__rsub__(self, other))
+        rest, form, whole = Fraction.__rsub__(self, other), _get_form(self), _get_form(other)
+        return _Factored(rest, whole.add(form, -1)) if form and whole else rest
 
     def __truediv__(self, other):  # type: ignore[no-untyped-def]
-        return _Factored(Fraction.__truediv__(self, other))
+        quotient, form = Fraction.__truediv__(self, other), _get_form(self)
+        if form is None or isinstance(other, _Factored):
+            return quotient
+        return _Factored(quotient, form.divide(other))
 
     def __mul__(self, other):  # type: ignore[no-untyped-def]
-        return _Factored(Fraction.__mul__(self, other), (*_split(self), *_split(other)))
+        return _Factored(Fraction.__mul__(self, other), *self.factors, *_split(other))
 
     __rmul__ = __mul__
 
 
-def _split(number: Fraction) -> tuple[Fraction, ...]:
-    return number.factors or (number,) if isinstance(number, _Factored) else (number,)
+def _split(number: Fraction) -> tuple[_Form | Fraction, ...]:
+    return number.factors if isinstance(number, _Factored) else (number,)
+
+
+def _get_form(number: Fraction) -> _Form | None:
+    """Return a number as a form; None for a product."""
+    if not isinstance(number, _Factored):
+        return _Form(Fraction(number), ())
+    (form, *more) = number.factors
+    return form if isinstance(form, _Form) and not more else None
 
 
 def list_free_numbers(
@@ -176,26 +208,28 @@ def build_number_model(
         TooLargeError: the program is too large to be compiled.
     """
     ground = ground_program(program, {})
-    numbers = {index: _Factored(number) for index, number in free.items()}
+    parameters = {_Form(Fraction(0), ((i, Fraction(1)),)): i for i in range(len(free))}
+    numbers = {
+        index: _Factored(number, form) for (index, number), form in zip(free.items(), parameters, strict=True)
+    }
     for clause in ground.clauses:
         if clause.number is not None:
             clause.number = numbers.get(clause.statement, clause.number)
     _derive_rejection(ground)
     diagram = build_decision_diagram(build_transition_system(ground, [*observed, REJECTED]))
-    parameters = {id(number): i for i, number in enumerate(numbers.values())}
-    # the numbers are identified by their ids: the diagram and its system keep them
-    forms = {number: (i, 1.0) for number, i in parameters.items()}  # number -> (form, constant factor)
+    forms = {own: (i, 1.0) for own, i in parameters.items()}  # -> (form of the model, constant factor)
     cases: dict[object, Case] = {}
     for own in diagram.system.probabilities.values():
-        multiplicities = Counter([parameters[id(x)] for x in own if id(x) in parameters])
+        factored = [form for x in own if isinstance(x, _Factored) and (form := _get_form(x))]
+        multiplicities = Counter([parameters[form] for form in factored if form in parameters])
         if not multiplicities:
             continue
         bound = 1 - sum([x for x in own if not isinstance(x, _Factored)], start=Fraction(0))
-        shares = [x for x in own if isinstance(x, _Factored) and id(x) not in parameters]
+        shares = [form for form in factored if form not in parameters]
         key = frozenset(multiplicities.items()), bound
         rest = cases[key].rest if key in cases else len(free) + len(cases)
         for share in shares:
-            forms[id(share)] = rest, 1 / len(shares)
+            forms[share] = rest, 1 / len(shares)
         cases[key] = Case(
             np.array(list(multiplicities)),
             np.array(list(multiplicities.values()), dtype=float),
@@ -208,12 +242,14 @@ def build_number_model(
         coefficients[case.rest, case.parameters] = -case.multiplicities
     scales = np.ones(len(diagram.outcomes))
     places: list[tuple[int, int]] = []
-    for outcome, (_, number) in enumerate(diagram.outcomes):
-        for factor in _split(number):
-            form, scale = forms.get(id(factor), (-1, float(factor)))
+    for outcome, (_, product) in enumerate(diagram.outcomes):
+        for factor in _split(product):
+            if isinstance(factor, _Form):
+                number, scale = forms[factor]
+                places.append((number, outcome))
+            else:
+                scale = float(factor)
             scales[outcome] *= scale
-            if form >= 0:
-                places.append((form, outcome))
     rows, columns = np.array(places, dtype=np.intp).reshape(-1, 2).T
     return NumberModel(
         diagram,

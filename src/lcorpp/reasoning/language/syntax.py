@@ -248,14 +248,19 @@ class Probability(Statement):
         """`term=value`."""
         return Literal(self.term, "=", self.value, at=self.at)
 
+    @property
+    def left_side(self) -> str:
+        """`[label] pr(term=value | body)`."""
+        condition = f" | {', '.join(map(str, self.body))}" if self.body else ""
+        return f"{_format_label(self.label)}pr({self.head}{condition})"
+
     def __str__(self) -> str:
         number = self.number.value if isinstance(self.number, Number) else self.number
-        condition = f" | {', '.join(map(str, self.body))}" if self.body else ""
-        return f"{_format_label(self.label)}pr({self.head}{condition}) = {number}."
+        return f"{self.left_side} = {number}."
 
 
 Clause = Rule | Selection | Probability
-"""A statement with variables, which stands for its ground instances."""
+"""A statement with variables, an abbreviation of its ground instances."""
 
 
 def _format_label(label: Term | None) -> str:

@@ -12,6 +12,7 @@ Source: Amestoy, Davis and Duff, "An approximate minimum degree ordering algorit
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Sequence
+from dataclasses import dataclass, field
 from heapq import heappop, heappush
 from math import inf
 
@@ -85,46 +86,16 @@ def _eliminate(
     limit: float,
 ) -> _Order:
     """Eliminate components; those of the lowest level first. End early if the width reaches a limit."""
-    # scope: components that share a clause or, after the elimination of others, what remains of their clauses
-    scopes = [{i, *own} for i, own in enumerate(needs)] + [set(group) for group in groups]
-    origin = [-1] * len(scopes)  # scope -> the component whose elimination left it
-    merged = [False] * len(scopes)  # into a later scope
-    scopes_of: list[list[int]] = [[i] if own else [] for i, own in enumerate(needs)]
-    n_users = [0] * len(needs)  # the components not yet eliminated whose clauses name this one
-    for i, needed in enumerate(needs):
-        for need in needed:
-            scopes_of[need].append(i)
-            n_users[need] += 1
-    for number in range(len(needs), len(scopes)):
-        for member in scopes[number]:
-            scopes_of[member].append(number)
-
-    def compute_degree(i: int) -> float:
-        """The bits of all components that share a scope with a component."""
-        if i in ordered:
-            return ORDERED_DEGREE
-        own = scopes_of[i] = [number for number in scopes_of[i] if not merged[number]]
-        if not own:
-            return 0.0
-        members = scopes[own[0]]
-        if len(own) == 1 and len(members) > MAX_EXACT_DEGREE:
-            return len(members)
-        if len(own) > 1:
-            members = members.union(*[scopes[number] for number in own])
-        return sum([sizes[member] for member in members]) - sizes[i]
-
-    degrees = [-1.0] * len(needs)  # of the components on the heap
-    outdated = [False] * len(needs)  # whether the degree may have grown
+    components = _link(needs, groups, ordered, levels, ranks, sizes)
     heap: list[tuple[int, float, int, int]] = []
-    width = 0.0
 
     def push(i: int) -> None:
-        degrees[i], outdated[i] = compute_degree(i), False
-        heappush(heap, (levels[i], degrees[i], -ranks[i], i))
+        own = components[i]
+        own.degree, own.is_outdated = own.compute_degree(components), False
+        heappush(heap, (own.level, own.degree, -own.rank, i))
 
-    eliminated = [False] * len(needs)
-    parents = [-1] * len(needs)
-    ready = [i for i, count in enumerate(n_users) if not count]  # not yet on the heap
+    width, parents = 0.0, [-1] * len(needs)
+    ready = [i for i, own in enumerate(components) if not own.n_users]  # not yet on the heap
     while heap or ready:
         if len(ready) == 1 and not heap:  # no choice
             i = ready.pop()
@@ -132,44 +103,127 @@ def _eliminate(
             while ready:
                 push(ready.pop())
             _, degree, _, i = heappop(heap)
-            if eliminated[i] or degree != degrees[i]:
+            if components[i].is_eliminated or degree != components[i].degree:
                 continue
-            if outdated[i]:
+            if components[i].is_outdated:
                 push(i)
                 continue
             width = max(width, degree)
             if width >= limit:
                 break
-        eliminated[i] = True
-        own = [number for number in scopes_of[i] if not merged[number]]
-        if not own:
+        components[i].is_eliminated = True
+        scope = _merge_scopes(components, i, parents)
+        if scope is None:
             continue
-        for number in own:
-            if origin[number] >= 0:
-                parents[origin[number]] = i
-        scope = scopes[number]
-        if len(own) > 1:
-            number = len(scopes)
-            scope = scope.union(*[scopes[other] for other in own])
-            for other in own:
-                merged[other] = True
-            for member in scope:
-                scopes_of[member].append(number)
-                outdated[member] = True
-            scopes.append(scope)
-            origin.append(-1)
-            merged.append(False)
-        scope.discard(i)
-        origin[number] = i
-        if len(scope) == 1:  # the scope has done its work
-            merged[number] = True
-            (parents[i],) = scope
         for need in needs[i]:
-            n_users[need] -= 1
-            if not n_users[need]:
+            components[need].n_users -= 1
+            if not components[need].n_users:
                 ready.append(need)
-        if heap and len(scope) <= MAX_EXACT_DEGREE:
-            for member in scope:
-                if not n_users[member] and degrees[member] >= 0:
+        if heap and len(scope.members) <= MAX_EXACT_DEGREE:
+            for member in scope.members:
+                if not components[member].n_users and components[member].degree >= 0:
                     push(member)
     return parents, width
+
+
+@dataclass(slots=True, eq=False)
+class _Scope:
+    """Components that share a clause or, after the elimination of others, what remains of their clauses.
+
+    origin: the component whose elimination left it, -1 for a clause.
+    is_merged: into another scope, or without a pair of members left.
+    """
+
+    members: set[int]
+    origin: int = -1
+    is_merged: bool = False
+
+
+@dataclass(slots=True, eq=False)
+class _Component:
+    """A component during the elimination.
+
+    n_users: the components not yet eliminated whose clauses name this one.
+    degree: that on the heap, -1 before. is_outdated: whether the degree may have grown.
+    """
+
+    number: int
+    size: float
+    rank: int
+    level: int
+    is_ordered: bool
+    scopes: list[_Scope] = field(default_factory=list)
+    n_users: int = 0
+    degree: float = -1.0
+    is_outdated: bool = False
+    is_eliminated: bool = False
+
+    def drop_merged(self) -> list[_Scope]:
+        """Return the scopes that are not merged, and forget the others."""
+        self.scopes = [scope for scope in self.scopes if not scope.is_merged]
+        return self.scopes
+
+    def compute_degree(self, components: Sequence[_Component]) -> float:
+        """The bits of all components that share a scope with this one."""
+        if self.is_ordered:
+            return ORDERED_DEGREE
+        own = self.drop_merged()
+        if not own:
+            return 0.0
+        members = own[0].members
+        if len(own) == 1 and len(members) > MAX_EXACT_DEGREE:
+            return len(members)
+        if len(own) > 1:
+            members = members.union(*[scope.members for scope in own])
+        return sum([components[member].size for member in members]) - self.size
+
+
+def _link(
+    needs: Sequence[set[int]],
+    groups: Iterable[Iterable[int]],
+    ordered: Collection[int],
+    levels: Sequence[int],
+    ranks: Sequence[int],
+    sizes: Sequence[float],
+) -> list[_Component]:
+    """Return the components, with the scopes of the clauses and constraints that they share."""
+    components = [_Component(i, sizes[i], ranks[i], levels[i], i in ordered) for i in range(len(needs))]
+    for i, needed in enumerate(needs):
+        scope = _Scope({i, *needed})
+        if needed:
+            components[i].scopes.insert(0, scope)
+        for need in needed:
+            components[need].scopes.append(scope)
+            components[need].n_users += 1
+    for group in groups:
+        scope = _Scope(set(group))
+        for member in scope.members:
+            components[member].scopes.append(scope)
+    return components
+
+
+def _merge_scopes(components: Sequence[_Component], i: int, parents: list[int]) -> _Scope | None:
+    """Merge the scopes of an eliminated component to one without it; None if it shares none.
+
+    The component becomes the parent of the components whose elimination left these scopes.
+    """
+    own = components[i].drop_merged()
+    if not own:
+        return None
+    for scope in own:
+        if scope.origin >= 0:
+            parents[scope.origin] = i
+    scope = own[-1]
+    if len(own) > 1:
+        scope = _Scope(scope.members.union(*[other.members for other in own]))
+        for other in own:
+            other.is_merged = True
+        for member in scope.members:
+            components[member].scopes.append(scope)
+            components[member].is_outdated = True
+    scope.members.discard(i)
+    scope.origin = i
+    if len(scope.members) == 1:  # the scope has done its work
+        scope.is_merged = True
+        (parents[i],) = scope.members
+    return scope
