@@ -48,7 +48,7 @@ def predict(walk: np.ndarray) -> Iterator[Prediction]:
         yield streams.push(number * INTERVAL, "Ada", x, y)
 
 
-# A student in the classroom in the evening is no likely visitor: the facts alone say .3.
+# A student in the classroom in the evening is not a likely visitor: the facts alone say .3.
 ada = {"intention": "interested", "time": "evening", "location": "classroom"}
 walk = walkers([ada], RNG)[0]
 facts = {"time": ada["time"], "location": ada["location"]}

@@ -95,7 +95,7 @@ def list_test_faults() -> dict[str, Fault]:
     return {
         "location missing": Fault("location", rows(location, 0.5, 0.5, 0.5)),
         "time missing": times((1 / 3,) * 3, (1 / 3,) * 3),
-        "intention half-way to .4": Fault("intention", rows(intention, 0.35, 0.25, 0.6)),
+        "intention halfway to .4": Fault("intention", rows(intention, 0.35, 0.25, 0.6)),
         "intention swapped": Fault("intention", rows(intention, 0.3, 0.8, 0.1)),
         "intention inverted": Fault("intention", rows(intention, 0.7, 0.9, 0.2)),
         "time swapped": times((0.15, 0.1, 0.8), (0.15, 0.7, 0.1)),

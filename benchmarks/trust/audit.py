@@ -75,7 +75,7 @@ def main(
     seed: Annotated[int, typer.Option(min=0)] = 0,
     out: Annotated[Path | None, typer.Option(dir_okay=False)] = None,
 ) -> None:
-    """Simulate streams of people and audit them, with facts sampled by the program or given."""
+    """Simulate streams of people and audit them, with facts sampled from the program or given."""
     print(HEADER, end="")
     domain = load_domain("intention", preset="paper")
     text = HEADER

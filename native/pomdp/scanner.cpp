@@ -33,7 +33,7 @@ bool ends_word(std::string_view text, std::size_t at) {
 }
 
 // The end of the word at an offset, the offset itself if there is none. A star is a word of its own. (A number before a
-// keyword is no plain reference: the word is unknown, and the reader splits it.)
+// keyword is not a plain reference: the word is unknown, and the reader splits it.)
 std::size_t find_word_end(std::string_view text, std::size_t at) {
     if (at < text.size() && text[at] == '*') return at + 1;
     while (!ends_word(text, at)) ++at;
@@ -57,7 +57,7 @@ bool is_keyword(std::string_view text, std::size_t at) {
 }
 
 // The number at an offset, which must end as a word, or before a keyword; returns the offset of the next token, npos if it
-// is no number. A sign is a token of its own: white space and comments may follow it.
+// is not a number. A sign is a token of its own: white space and comments may follow it.
 std::size_t take_number(std::string_view text, std::size_t at, double& value) {
     bool negative = false;
     if (at < text.size() && (text[at] == '-' || text[at] == '+')) {

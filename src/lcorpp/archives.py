@@ -82,12 +82,12 @@ def read_arrays(content: bytes) -> dict[str, npt.NDArray[np.generic[Any]]]:
 
     Raises:
         DataError: the content is much larger than its file.
-        DAMAGE_ERRORS: it is no archive, or damaged.
+        DAMAGE_ERRORS: it is not an archive, or damaged.
     """
     import numpy as np
 
     if not zipfile.is_zipfile(io.BytesIO(content)):
-        raise ValueError("it is no numpy archive")
+        raise ValueError("it is not a numpy archive")
     check_size(content)
     with np.load(io.BytesIO(content), allow_pickle=False) as archive:
         return {name: archive[name] for name in archive.files}

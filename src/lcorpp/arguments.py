@@ -25,7 +25,7 @@ def check_arguments(function: Callable[P, R]) -> Callable[P, R]:
     """Decorate a function: it raises a DataError for an argument that its annotation does not allow.
 
     Numpy's numbers are numbers, an array is a sequence, and what a tuple is expected for may be any sequence;
-    True is no number, and a text is no sequence of texts. Other annotations, such as
+    True is not a number, and a text is not a sequence of texts. Other annotations, such as
     `Any`, allow everything.
     """
     signature, source = inspect.signature(function), cast(Any, function)
@@ -111,7 +111,7 @@ def _is_sequence(value: Any) -> bool:
 
 
 def _fits(value: Any, hint: Any, origin: Any, parts: tuple[Any, ...]) -> bool:
-    """Whether a value fits an annotation that is no union, sequence or mapping."""
+    """Whether a value fits an annotation that is not a union, sequence or mapping."""
     if origin is Literal:
         return isinstance(value, str)  # the function names the choices
     if origin is np.ndarray:

@@ -119,7 +119,7 @@ def expected_one_of(names: Collection[str], limit: int = 12) -> str:
 def check_type(value: object, expected: type | tuple[type, ...], what: str, error: type[LcorppError]) -> None:
     """Raise `error` if an argument has another type; `what` describes the argument in the message.
 
-    True and False are no integers here.
+    True and False are not integers here.
     """
     kinds = expected if isinstance(expected, tuple) else (expected,)
     if not isinstance(value, expected) or (isinstance(value, bool) and bool not in kinds):

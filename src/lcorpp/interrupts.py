@@ -15,7 +15,7 @@ EXIT_SECONDS = 3.0
 
 
 class Terminated(BaseException):
-    """A signal that ends the process. It is no `SystemExit`, which is an error of own code of users.
+    """A signal that ends the process. It is not a `SystemExit`, which is an error of own code of users.
 
     code: that of a shell, 128 and the number of the signal.
     """

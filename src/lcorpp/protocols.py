@@ -99,7 +99,7 @@ class DomainInterface(Protocol):
         """Return the distribution of the shared variables under a planner's belief (S,)."""
 
     def reported_value(self, action: str) -> SharedValue | None:
-        """Return the shared value that `action` reports, None if `action` is no report."""
+        """Return the shared value that `action` reports, None if `action` is not a report."""
 
     def report_action(self, value: SharedValue) -> str:
         """Return the action that reports `value`."""

@@ -67,7 +67,7 @@ def test_the_report_says_who_is_excluded(people: LoggedPeople) -> None:
     result = audit_people(state(people, LIBRARY, "1"))
     text = format_audit(result)
     number = sum(result.excluded.values())
-    assert f"\nThe knowledge gives the probability 0 to {number} people who were met.\n" in text
+    assert f"\nThe knowledge gives probability 0 to {number} people of the log.\n" in text
     assert "facts of people whom the knowledge excludes" in text
     for facts, n in result.excluded.items():
         assert any(line.split() == [*facts.split(), str(n)] for line in text.splitlines())

@@ -46,10 +46,10 @@ def test_16_bits_are_depths_in_millimetres(tmp_path):
 
 
 def test_faults_of_folders(tmp_path):
-    fails(lambda: ImageFolder(tmp_path / "none"), "none: is no folder")
+    fails(lambda: ImageFolder(tmp_path / "none"), "none: is not a folder")
     fails(lambda: ImageFolder(tmp_path), "has no images; expected one of .png")
     folder = write(tmp_path / "a", {"x1.png": COLOUR})
-    fails(lambda: ImageFolder(folder), "x1.png: the name is no time; expected seconds")
+    fails(lambda: ImageFolder(folder), "x1.png: the name is not a time; expected seconds")
     for rate in (0.0, -1.0, float("nan"), 1e6):
         fails(lambda rate=rate: ImageFolder(folder, rate=rate), "expected a number above 0, up to 1000")
     fails(

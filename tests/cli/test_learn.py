@@ -136,7 +136,7 @@ def test_paths_that_cannot_be_a_store_are_rejected(lcorpp, tmp_path):
     with Store(tmp_path / "s", TrackSchema(("x", "y"), 0.033, ("lab", "office", "store"), 12)):
         ended = lcorpp("learn", ROOMS, *OPTIONS, "--store", tmp_path / "s")
     assert ended.code == 2
-    assert "is being written to already" in ended.err
+    assert "is already being written to" in ended.err
 
 
 @pytest.fixture

@@ -160,7 +160,7 @@ def learn(name):
             36,
             r"Changed failed in clone: RuntimeError: .*; expected an __init__ that keeps its",
         ),
-        ("no_learner", 37, r"3 is no estimator; expected an object with fit, predict_proba"),
+        ("no_learner", 37, r"3 is not an estimator; expected an object with fit, predict_proba"),
     ],
 )
 def test_an_own_learner(refused, name, line, words):

@@ -290,7 +290,7 @@ def test_options_that_belong_to_no_sense_are_refused(lcorpp, tmp_path, two, gaze
     )
     refused(
         lcorpp("run", two, "--learner", "forest", "--learner", "lstm"),
-        "'forest' without a sense is given already",
+        "'forest' without a sense is already given",
     )
     refused(
         lcorpp("run", two, "--learner", "gaze=forest", "--classifier", "gaze=channel"),

@@ -74,6 +74,6 @@ def test_what_cannot_be_written_is_refused(lcorpp, tmp_path):
     refused(
         lcorpp("show", "shopping", "--preset", "big", "--write", tmp_path / "a.pomdp"), "unknown preset 'big'"
     )
-    refused(lcorpp("show", AUTHORS, "--preset", "small"), "--preset small: ", "authors.pomdp is no domain")
+    refused(lcorpp("show", AUTHORS, "--preset", "small"), "--preset small: ", "authors.pomdp is not a domain")
     refused(lcorpp("show", tmp_path), "no folder with a domain.toml")
     assert list(tmp_path.iterdir()) == []

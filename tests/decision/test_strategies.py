@@ -87,7 +87,7 @@ def test_r_and_p_starts_from_the_facts():
 
 def test_l_and_p_starts_from_the_rates_of_the_label():
     episode, reasoner = decide("L+P", 0, "sunny", "nod")
-    # P(label=yes | value) is as 4 to 1 by the program, whatever the sky is
+    # P(label=yes | value) is as 4 to 1 under the program, whatever the sky is
     np.testing.assert_allclose(episode.prior, [0.8, 0.2])
     assert all("sky" not in evidence for _, evidence in reasoner.queries)
     assert (episode.steps[0].action, episode.report) == ("ask", "yes")

@@ -191,12 +191,12 @@ WRONG_TOML = [
     (
         "[planning.reports]",
         "[planning.utterances]\nyes = ['go  on']\n[planning.reports]",
-        r"'go  on' is no sentence; expected words of letters and apostrophes with one space",
+        r"'go  on' is not a sentence; expected words of letters and apostrophes with one space",
     ),
     (
         "[planning.reports]",
         "[planning.utterances]\nyes = ['go', 'Go']\n[planning.reports]",
-        r"'go' is a sentence of 'yes' already; expected each sentence once",
+        r"'go' is already a sentence of 'yes'; expected each sentence once",
     ),
     (
         "[planning.reports]",

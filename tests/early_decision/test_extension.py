@@ -44,7 +44,7 @@ def prior_of(domain, p):
 
 
 def test_watching_is_bayes_rule(extended):
-    """Prior .4, the bin has .8 and .3: .4 x .8 / (.4 x .8 + .6 x .3) = .64; the same bin again is no news."""
+    """Prior .4, the bin has .8 and .3: .4 x .8 / (.4 x .8 + .6 x .3) = .64; the same bin adds nothing."""
     planner = Planner(solve_domain(extended))
     belief = planner.update(prior_of(extended, 0.4), WATCH, "bin_2")
     assert extended.marginal(belief).probabilities == pytest.approx([0.64, 0.36])

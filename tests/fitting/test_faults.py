@@ -39,7 +39,7 @@ def test_simple_faults_have_the_numbers_that_they_name():
     simple = list_simple(faults, "side")
     assert simple == {
         "equally probable values": pytest.approx([0.5, 0.5]),
-        "half-way to equally probable values": pytest.approx([0.5, 0.7]),
+        "halfway to equally probable values": pytest.approx([0.5, 0.7]),
         "more certain probabilities": pytest.approx([0.5, 0.81 / 0.82]),
         "inverted probabilities": pytest.approx([0.5, 0.1]),
         "who=honest and who=cheat exchanged": pytest.approx([0.9, 0.5]),

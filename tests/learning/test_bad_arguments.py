@@ -132,7 +132,7 @@ def test_every_bad_argument_is_a_typed_error(name):
     ("call", "words"),
     [
         (lambda: DATA.last(float("nan")), "the window is nan s; expected a finite number above 0"),
-        (lambda: RECORDING.last(float("nan")), "the last nan seconds are no part of a track; expected"),
+        (lambda: RECORDING.last(float("nan")), "the last nan seconds are not part of a track; expected"),
         (
             lambda: RECORDING.in_robot_frame(0, np.inf, 0),
             "the robot's pose is 0 inf 0; expected finite numbers",

@@ -408,6 +408,6 @@ def test_content_of_another_form_is_an_error_of_its_line(rooms, tmp_path):
 def test_a_file_of_another_kind_is_left_as_it_is(tmp_path, content):
     path = tmp_path / "other"
     path.write_bytes(content)
-    with pytest.raises(DataError, match="other: exists and is no log of decisions"):
+    with pytest.raises(DataError, match="other: exists and is not a log of decisions"):
         DecisionLog(path)
     assert path.read_bytes() == content

@@ -304,7 +304,7 @@ def test_expectations_from_python():
     assert reasoner.expect("roll(d1) * roll(d2)", do={"roll(d1)": 6}) == pytest.approx(21, abs=1e-12)
     soft = Likelihood(("1", "2", "3", "4", "5", "6"), np.array([0, 0, 0, 0, 1, 1]))
     assert reasoner.expect("roll(d2)", {"roll(d2)": soft}) == pytest.approx(5.5, abs=1e-12)
-    with pytest.raises(ProgramError, match=r"colour\(d1\) may be red, which is no number"):
+    with pytest.raises(ProgramError, match=r"colour\(d1\) may be red, which is not a number"):
         reasoner.expect("colour(d1) + 1")
     with pytest.raises(ProgramError, match=r"division by zero in 1/\(roll\(d1\)-1\)"):
         reasoner.expect("1/(roll(d1) - 1)")
@@ -414,7 +414,7 @@ def test_worlds_under_the_conditions_of_a_query():
         ("item, item", "the query names item twice; expected different attributes"),
         ("item, weather", "'weather' is not declared"),
         ("item, person=ann", "'true' is not a member of the sort items"),
-        ("E[item]", "item may be cup, which is no number"),
+        ("E[item]", "item may be cup, which is not a number"),
         ("E[]", "unexpected"),
         ("item=cup or", "unexpected end"),
         ("{item=cup or person=ann", "unexpected end"),

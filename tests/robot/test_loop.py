@@ -136,7 +136,7 @@ def test_messages_of_another_type_are_left_out_and_the_loop_goes_on(folder, part
         stand_in.server.publish("/people", {"data": "x"})
         (decision,) = loop.run(1)
         assert decision.error is None
-        assert "/people: a message that is no people_msgs/People is left out" in caplog.text
+        assert "/people: a message that is not people_msgs/People is left out" in caplog.text
 
 
 def test_trust_learns_from_each_person(folder, parts):

@@ -63,7 +63,7 @@ FAULTS = {
         slice(None), [(time + 3e7, *rest) for time, *rest in frame]
     ),
     "that is earlier": lambda frame: frame.__setitem__(0, (frame[0][0] - 50.0, *frame[0][1:])),
-    "that is no number": lambda frame: frame.__setitem__(0, (float("nan"), *frame[0][1:])),
+    "that is not a number": lambda frame: frame.__setitem__(0, (float("nan"), *frame[0][1:])),
 }
 
 

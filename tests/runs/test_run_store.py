@@ -271,7 +271,7 @@ def make_sense_change(**facts):
             "this lcorpp reads versions 1, 2, 3",
         ),
         (("checkpoint.json", make_file_change(store="00")), "another store"),
-        (("checkpoint.json", make_file_change(number=-1)), "-1 is no number"),
+        (("checkpoint.json", make_file_change(number=-1)), "-1 is not a number"),
         (("checkpoint.json", make_sense_change(counts=[[1]])), "cannot have shape"),
         (("checkpoint.json", make_sense_change(previous=[[1]])), "cannot have shape"),
         (("checkpoint.json", make_file_change(rows=3)), "damaged"),
@@ -371,7 +371,7 @@ def test_a_crash_between_the_files_of_a_checkpoint_leaves_the_one_before(opened,
 
 def test_one_run_at_a_time(opened, path):
     opened()
-    with pytest.raises(FileError, match="is being written to already"):
+    with pytest.raises(FileError, match="is already being written to"):
         RunStore(path, {"walk": DATA}, {"walk": CLASSES}, {})
 
 

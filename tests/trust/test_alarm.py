@@ -169,7 +169,7 @@ def test_a_state_that_does_not_fit_is_refused():
     for evidence, steps in draw(np.random.default_rng(0), 5):
         alarm.update(evidence, steps)
     state = json.loads(json.dumps(alarm.state()))
-    with pytest.raises(DecisionError, match="the alarm is about 5 people already; expected a new one"):
+    with pytest.raises(DecisionError, match="the alarm already counts 5 people; expected a new one"):
         alarm.restore(state)
     with pytest.raises(DecisionError, match="an alarm with other hypotheses; expected its own"):
         make_alarm(STATED_PROGRAM, UNIFORM_PROGRAM, UNINFORMATIVE_RATES).restore(state)

@@ -88,7 +88,7 @@ def test_a_state_that_does_not_fit_is_refused():
         trust.restore(state)
     used = make_trust()
     used.posterior("wish", {"sky": "grey"})
-    with pytest.raises(DecisionError, match="trust has predicted already; expected a new one"):
+    with pytest.raises(DecisionError, match="trust has already made predictions; expected a new one"):
         used.restore(state)
     with pytest.raises(DecisionError, match="is of the sources knowledge; expected knowledge, label, no ev"):
         make_trust().restore(state | {"sources": ["knowledge"]})

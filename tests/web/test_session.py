@@ -166,8 +166,8 @@ def test_a_judged_trial_is_kept_once(intention):
 ORDER = {
     "answer before a decision": ([], "answer", {"said": "pos", "draw": 0.1}, "the robot has not asked"),
     "judge before a report": (["decide"], "judge", {"right": True, "truth": None}, "has not reported"),
-    "a second decision": (["decide"], "decide", {}, "the robot decides already"),
-    "facts after the decision": (["decide"], "observe", {"facts": {}, "labels": {}}, "decides already"),
+    "a second decision": (["decide"], "decide", {}, "the robot is already deciding"),
+    "facts after the decision": (["decide"], "observe", {"facts": {}, "labels": {}}, "is already deciding"),
     "a record of nothing": ([], "record", {}, "there is no decision"),
 }
 

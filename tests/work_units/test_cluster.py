@@ -135,7 +135,7 @@ def test_a_cluster_that_cannot_be_reached_is_named(monkeypatch):
     monkeypatch.setattr(cluster, "CONNECT_SECONDS", 1)
     for address, words in (
         ("tcp://127.0.0.1:9", "the cluster tcp://127.0.0.1:9 cannot be reached"),
-        ("nowhere", "'nowhere' is no address of a cluster; expected that of a Dask scheduler"),
+        ("nowhere", "'nowhere' is not an address of a cluster; expected that of a Dask scheduler"),
         ("http://127.0.0.1:9", "http://127.0.0.1:9 cannot be reached: unknown address scheme 'http'"),
         ("tls://127.0.0.1:9", "tls://127.0.0.1:9 cannot be reached: TLS expects"),
     ):

@@ -101,7 +101,7 @@ def load_trained(
     """Load a stored classifier of a sense; its confusion matrix becomes the rules.
 
     Raises:
-        DataError, FileError: the file is no classifier of the sense's classes, or the recorded data have
+        DataError, FileError: the file is not a classifier of the sense's classes, or the recorded data have
             another interval, other channels or other features than its training data.
     """
     check_type(domain, Domain, "the domain", DomainError)

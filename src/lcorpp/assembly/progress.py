@@ -17,7 +17,7 @@ class ProgressDisplay(Protocol):
 
 
 def show_nothing(done: int, total: int) -> None:
-    """Display nothing of the completed parts of a step."""
+    """Ignore the completed parts of a step."""
 
 
 @contextmanager

@@ -53,7 +53,7 @@ def parse_goal(sense: Sense, text: str) -> Goal:
     """Parse a goal: a number, the name of a metric, or two costs as MISS:ALARM.
 
     Raises:
-        DataError: the text is no goal, or the sense has more than two classes and none of them is positive.
+        DataError: the text is not a goal, or the sense has more than two classes and none is positive.
     """
     if len(sense.classes) > 2 and sense.positive is None:
         raise DataError(

@@ -180,7 +180,7 @@ def read_training_data(
     unknown = sorted(set(dataset.labels) - set(sense.classes))
     if unknown:
         raise DataError(
-            f"{path}: class {unknown[0]!r} is none of {sense.of}; {expected_one_of(sense.classes)}"
+            f"{path}: class {unknown[0]!r} is not a value of {sense.of}; {expected_one_of(sense.classes)}"
         )
     counts = {value: dataset.labels.count(value) for value in sense.classes}
     if not all(counts.values()):

@@ -69,7 +69,7 @@ def _conclude(audit: Audit) -> list[str]:
         )
     if audit.excluded:
         lines.append(
-            f"The knowledge gives the probability 0 to {sum(audit.excluded.values())} people who were met."
+            f"The knowledge gives probability 0 to {sum(audit.excluded.values())} people of the log."
         )
     if audit.changes:
         lines.append("The data refute the knowledge; the fewest numbers that have to change together:")

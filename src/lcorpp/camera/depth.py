@@ -82,7 +82,7 @@ class DepthLocator:
             it is uncertain.
 
         Raises:
-            DataError: the image is no depth image, or has another size than the first one.
+            DataError: the image is not a depth image, or has another size than the first one.
         """
         depths, rays = self._reduce(image)
         self._follow_floor(depths, rays)

@@ -129,7 +129,7 @@ class BackgroundDetector:
     begins as the mean of the first images and then follows slowly, and more slowly where people are.
 
     Where a person leaves who was part of the background, the foreground has no edges of its own: its contour
-    is the contour of the person in the background. Such a ghost is no person, and the background is renewed.
+    is the contour of the person in the background. Such a ghost is not a person: the background is renewed.
     Where the background has edges everywhere that are as strong as a person's, people are taken for ghosts;
     and so may be, for some seconds, who is in the first image and moves slowly.
 

@@ -70,7 +70,7 @@ class ImageFolder:
 
     Raises:
         FileError: the folder is missing or has no images.
-        DataError: a name is no time, two names are the same time, or the rate is not positive.
+        DataError: a name is not a time, two names are the same time, or the rate is not positive.
     """
 
     @check_arguments
@@ -80,7 +80,7 @@ class ImageFolder:
         self._depth_scale = check_depth_scale(depth_scale)
         folder = Path(folder)
         if not folder.is_dir():
-            raise FileError(f"{folder}: is no folder")
+            raise FileError(f"{folder}: is not a folder")
         files = sorted(file for file in folder.iterdir() if file.suffix.lower() in IMAGE_SUFFIXES)
         if not files:
             raise FileError(f"{folder}: has no images; {expected_one_of(IMAGE_SUFFIXES)}")
@@ -120,7 +120,7 @@ class Video:
 
     Raises:
         FileError: the file is missing.
-        DataError: it is no video that OpenCV reads, or has no valid rate.
+        DataError: it is not a video that OpenCV reads, or has no valid rate.
     """
 
     @check_arguments
@@ -231,6 +231,6 @@ def _parse_time(file: Path) -> float:
         time = np.nan
     if not isfinite(time):
         raise DataError(
-            f"{file}: the name is no time; expected seconds, e.g. 12.4{file.suffix}, or a rate (--rate)"
+            f"{file}: the name is not a time; expected seconds, e.g. 12.4{file.suffix}, or a rate (--rate)"
         )
     return time

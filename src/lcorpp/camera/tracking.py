@@ -19,7 +19,7 @@ FOOT_NOISE = 4.0
 """Standard deviation of a detected foot in pixels, of each coordinate."""
 
 MIN_NOISE = 0.05
-"""Standard deviation in metres that is added to each coordinate: people are no points."""
+"""Standard deviation in metres that is added to each coordinate: people are not points."""
 
 MAX_NOISE = 2.0
 """Metres; a foot whose place is less certain, near the horizon, is left out."""

@@ -13,7 +13,7 @@ MAX_WALLS, HYPOTHESES = 6, 100
 """Lines searched, and those through two points that are compared for each."""
 
 MIN_POINTS = 8
-"""Fewer points are no wall."""
+"""Fewer points are not a wall."""
 
 MIN_LENGTH, MIN_CUT_LENGTH, MAX_HOLE = 1.5, 2.5, 0.4
 """In metres: of a wall, of one whose top is mostly outside of the image, as of people side by side, and of a

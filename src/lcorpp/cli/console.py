@@ -33,7 +33,7 @@ def __getattr__(name: str) -> Console:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     from lcorpp.cli.escaped_console import EscapedConsole
 
-    # texts of users are printed as they are: "[/x]" is no markup, ":x:" no emoji
+    # texts of users are printed as they are: "[/x]" is not markup, ":x:" no emoji
     created = EscapedConsole(stderr=name == "err", highlight=False, markup=False, emoji=False)
     if not created.is_terminal:
         created.soft_wrap = True  # files and pipes get whole lines, terminals lines that break between words

@@ -57,7 +57,7 @@ def _run_command(arguments: Sequence[str]) -> None:
     """Run a command; `ask FILE QUERY` without options does not load typer, which takes longer."""
     if arguments[:1] == ["ask"] and len(arguments) in (2, 3) and not any(a[:1] == "-" for a in arguments):
         gc.set_threshold(50_000)  # little of what a short process allocates is garbage
-        atexit.register(gc.freeze)  # modules are no garbage
+        atexit.register(gc.freeze)  # modules are not garbage
         from lcorpp.cli.answers import print_answers
 
         print_answers(*arguments[1:])

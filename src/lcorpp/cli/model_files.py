@@ -35,7 +35,7 @@ def read_model(path: Path, preset: str | None = None) -> tuple[Pomdp, Factored |
         planning = load_domain(path, preset=preset).planning
         return planning.pomdp, planning.problem
     if preset is not None:
-        raise DomainError(f"--preset {preset}: {path} is no domain")
+        raise DomainError(f"--preset {preset}: {path} is not a domain")
     return model_file.read_model(path)
 
 

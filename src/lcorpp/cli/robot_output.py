@@ -37,7 +37,7 @@ def print_domain(domain: Domain) -> None:
 
 
 def note_storage_problems(classifiers: Iterable[ClassifierOptions]) -> bool:
-    """Print, before the training, why a classifier cannot be saved; return whether there is such a one."""
+    """Print, before the training, why a classifier cannot be saved; return whether there is one."""
     from lcorpp.assembly.classifier_training import find_storage_problem
     from lcorpp.assembly.options import TrainingOptions
 

@@ -80,7 +80,7 @@ def choose_candidate(candidates: Sequence[Candidate], *, share: float) -> Hashab
         share: q, see `ServedShare`.
 
     Raises:
-        DecisionError: `share` is no number in [0, 1].
+        DecisionError: `share` is not a number in [0, 1].
     """
     if not 0 <= share <= 1:
         raise DecisionError(f"the share of served people is {share!r}; expected a number in [0, 1]")

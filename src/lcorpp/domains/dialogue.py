@@ -20,7 +20,7 @@ Situation = tuple[int, ...]
 """An assignment of the planner's own variables, as the state that it gives with each shared value."""
 
 MIN_INFORMATION = 1e-6
-"""In nats: an action with less information is no question."""
+"""In nats: an action with less information is not a question."""
 
 MIN_COST = 1e-6
 """Smallest cost of a question, in reward units, that counts."""

@@ -234,7 +234,7 @@ class Domain:
         return Distribution(values, joint.probabilities.reshape(shape).sum(axis=others))
 
     def reported_value(self, action: str) -> SharedValue | None:
-        """The shared value that an action reports, None if it is no report."""
+        """The shared value that an action reports, None if it is not a report."""
         return self.planning.reports.get(action)
 
     def report_action(self, value: SharedValue) -> str:

@@ -64,7 +64,7 @@ def _find(table: TomlTable, key: str, folder: Path) -> tuple[Path, str] | None:
 
 
 def _check_syntax(file: Path) -> None:
-    """Raise `DomainError` if a file is no Python."""
+    """Raise `DomainError` if a file is not Python."""
     try:
         compile(read_text(file), str(file), "exec", dont_inherit=True)
     except SyntaxError as error:

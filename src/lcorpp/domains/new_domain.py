@@ -23,7 +23,7 @@ TERMINAL = "done"
 RESERVED = frozenset(
     ("random", "pr", "obs", "do", "not", "or", "and", "mod", "abs", "true", "false", "none", "boolean", "e")
 )
-"""Words with a meaning in P-log or in the model, which are no names."""
+"""Words with a meaning in P-log or in the model, which are not names."""
 
 
 @dataclass(frozen=True)

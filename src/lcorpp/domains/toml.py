@@ -184,7 +184,7 @@ def read_preset_names(folder: Path) -> tuple[str, ...]:
 
 
 def _read_inside(path: Path) -> str:
-    """Return the text of a file that is no link out of its folder."""
+    """Return the text of a file that is not a link out of its folder."""
     if path.parent.parent != SHIPPED_FOLDER and not is_inside(path, path.parent):
         raise DomainError(f"{path}: is a link out of its folder; expected a file in it")
     return read_text(path, MAX_TOML_BYTES)

@@ -68,7 +68,7 @@ def extend_domain(
     found = _find_sense(domain, sense)
     if set(found.classes) != set(stream.classes):
         raise DomainError(
-            f"the stream is of the classes {', '.join(stream.classes)}; expected those of the sense"
+            f"the stream has the classes {', '.join(stream.classes)}; expected those of the sense"
             f" {found.name!r}: {', '.join(found.classes)}"
         )
     if not 0 < cost < np.inf:

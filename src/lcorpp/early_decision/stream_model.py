@@ -50,7 +50,7 @@ class StreamModel:
     ends: (K, 2) P(the track ends before the stage | class), if it has lasted until the stage before.
 
     Raises:
-        DataError: shapes do not match, or a row is no distribution.
+        DataError: shapes do not match, or a row is not a distribution.
     """
 
     classes: tuple[str, ...]

@@ -59,7 +59,7 @@ def list_tables(program: Program, name: str, stated: Rows) -> tuple[Array, list[
     """List tables of an attribute.
 
     As one row of a table applies in each world, probabilities are affine in the table. So they follow from
-    those of the program, and of the programs with one row half-way to one value.
+    those of the program, and of the programs with one row halfway to one value.
 
     Args:
         stated: the table of the program; its conditions are those of the tables.

@@ -51,7 +51,7 @@ class Faults:
 def list_faults(program: Program, used: Sequence[str], may_lack_rules: Sequence[str] = ()) -> Faults:
     """List faults of each attribute with pr-atoms, and of random attributes whose pr-atoms may be missing.
 
-    Simple faults are: pr-atoms that are missing, so that all values are equally probable; numbers half-way to
+    Simple faults are: pr-atoms that are missing, so that all values are equally probable; numbers halfway to
     that; twice the log-odds between values; numbers p inverted to (1 - p) / (n - 1) for n values; two values
     exchanged; and two values of a condition exchanged. Tables are a lattice of all conditional distributions,
     for attributes without arguments whose pr-atoms have conditions that exclude each other. The tables of an
@@ -142,7 +142,7 @@ def _list_changes(program: Program, name: str, used: Sequence[str]) -> Iterator[
         yield "equally probable values", map_pr_atoms(program, name, lambda atom: None)
         if any(find_number(atom) is not None for atom in atoms):
             halfway = partial(_map_number, change=lambda p: (p + Fraction(1, n)) / 2)
-            yield "half-way to equally probable values", map_pr_atoms(program, name, halfway)
+            yield "halfway to equally probable values", map_pr_atoms(program, name, halfway)
             inverted = partial(_map_number, change=lambda p: (1 - p) / (n - 1))
             yield "inverted probabilities", map_pr_atoms(program, name, inverted)
     if n > 2 and all(is_ground(atom) for atom in atoms):

@@ -19,7 +19,7 @@ from lcorpp.worlds.speech.voice import Voice
 from lcorpp.worlds.speech.waves import RATE, read_wave, resample, write_wave
 
 OFF_TOPIC = Path(__file__).with_name("off_topic.txt")
-"""Sentences that are no answers, one a line."""
+"""Sentences that are not answers, one a line."""
 
 SILENCE_SECONDS = 2.5
 """Duration of a case in which nobody answers."""
@@ -151,7 +151,7 @@ class RecordedCases:
 
     Raises:
         FileError, DataError: a folder of an answer is missing, the only other one is not there, there are
-            fewer than `MIN_SENTENCES` sentences in one, or a file is no wave file.
+            fewer than `MIN_SENTENCES` sentences in one, or a file is not a wave file.
     """
 
     def __init__(self, folder: Path, answers: Sequence[str], seed: int) -> None:

@@ -26,7 +26,7 @@ TOLERANCE = 1e-4
 
 
 ORIGIN = "lcorpp_origin"
-"""The attribute of an estimator that has its `Origin`. It is no parameter, so it is never stored."""
+"""The attribute of an estimator that has its `Origin`. It is not a parameter, so it is never stored."""
 
 
 @dataclass(frozen=True)
@@ -96,8 +96,8 @@ def ensure_predict_proba(estimator: Any) -> Any:
     """
     if isinstance(estimator, type) or not (hasattr(estimator, "fit") and hasattr(estimator, "get_params")):
         raise DataError(
-            f"{estimator!r} is no estimator; expected an object with fit, predict_proba and get_params, as"
-            " scikit-learn's classifiers have"
+            f"{estimator!r} is not an estimator; expected an object with fit, predict_proba and get_params,"
+            " as scikit-learn's classifiers have"
         )
     if hasattr(estimator, "predict_proba"):
         return estimator

@@ -117,7 +117,7 @@ def _check_kind(path: Path) -> None:
     except OSError:  # opening it to write names the reason
         return
     if not START.startswith(start):
-        raise DataError(f"{path}: exists and is no log of decisions; expected such a log or a new file")
+        raise DataError(f"{path}: exists and is not a log of decisions; expected such a log or a new file")
 
 
 def _ends_within_line(path: Path) -> bool:
@@ -252,7 +252,7 @@ def _read_belief(states: tuple[str, ...], belief: Mapping[str, float]) -> Array:
 
 
 def read_log(path: Path, *, wait: Callable[[], None] | None = None) -> Iterator[LoggedDecision | DataError]:
-    """Read a log line by line; a line that is no decision of this format becomes an error with its place.
+    """Read a log line by line; a line that is not a decision of this format becomes an error with its place.
 
     Args:
         wait: called at the end of the log before it is read further, e.g. to sleep; None ends there.

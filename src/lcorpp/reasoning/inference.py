@@ -126,7 +126,7 @@ class Inference(ABC):
             expression: of attributes with integer values, such as ``a*b - 2*roll(d1)``; division is exact.
 
         Raises:
-            ProgramError: as `posterior`; or a value is no number, or the expression divides by zero.
+            ProgramError: as `posterior`; or a value is not a number, or the expression divides by zero.
             UndefinedError, TooLargeError: as `posterior`.
         """
         query = resolve_expectation(self.program, expression)

@@ -113,7 +113,7 @@ class Reasoner(Inference):
         return answer
 
     def posteriors(self, attribute: Subject, evidence: Sequence[Mapping[str, Label]]) -> list[Distribution]:
-        """Compute the posteriors given each of many evidences, which may name different terms.
+        """Compute the posteriors given each of many pieces of evidence, which may name different terms.
 
         They equal those of `posterior` up to rounding errors, but one circuit answers all in one pass; a
         program without a circuit answers one after the other.

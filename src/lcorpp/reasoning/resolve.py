@@ -126,7 +126,7 @@ def name_value(value: object) -> object:
 def make_unknown_value_error(
     value: object, term: str, values: Collection[str], where: str = ""
 ) -> ProgramError:
-    """Make the error for evidence that is no value of a term; `where` is the beginning of the message."""
+    """Make the error for evidence that is not a value of a term; `where` is the beginning of the message."""
     hint = "; leave out what is not observed" if value is None else ""
     return ProgramError(
         f"{where}{reprlib.repr(value)} is not a value of {term}; {expected_one_of(values)}{hint}"
@@ -226,7 +226,7 @@ def resolve_expectation(program: Program, expression: str) -> Query:
     """Return the query for the expectation of a number, such as `roll(d1)+roll(d2)`.
 
     Raises:
-        ProgramError: the text is no expression of attributes with integers as values.
+        ProgramError: the text is not an expression of attributes with integers as values.
     """
     check_type(expression, str, "expression", ProgramError)
     return _parse_query(program, f"E[{expression}\n]", expression)  # a comment ends before the bracket

@@ -32,7 +32,7 @@ MAX_SECONDS, MAX_DISTANCE, MAX_SPEED, MAX_RATE = 3600.0, 100.0, 3.0, 6.3
 
 
 def read_behaviours(root: TomlTable, domain: Domain, silence: str, version: int) -> dict[str, Behaviour]:
-    """Read `actions` and `after`: each action of the POMDP that is no report needs a behaviour.
+    """Read `actions` and `after`: each action of the POMDP that is not a report needs a behaviour.
 
     Args:
         root: of the file. silence: the observation without an answer. version: of ROS.

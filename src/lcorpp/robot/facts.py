@@ -101,7 +101,7 @@ class TopicFact:
         self._subscription = connection.subscribe(self.topic, TEXT, max_messages=1)
 
     def read(self) -> str | None:
-        """As `Fact.read`; a text that is no value of the attribute makes it unknown, with one warning."""
+        """As `Fact.read`; a text that is not a value of the attribute makes it unknown, with one warning."""
         for message in self._subscription.take() if self._subscription else []:
             text = message.get("data")
             self._value = text if text in self.allowed else None

@@ -19,7 +19,7 @@ from lcorpp.simulation.people_stream import DecisionResult
 from lcorpp.values import ConfusionMatrix
 
 Row = dict[str, Any]
-"""Column -> number or text; and "matrices", the confusion matrices of each sense, which are no column."""
+"""Column -> number or text; and "matrices", the confusion matrices of each sense, which are not columns."""
 
 LEFT_OUT = ("precision", "recall", "accuracy")
 """Scores that the line of a batch leaves out; with several variables there are others."""

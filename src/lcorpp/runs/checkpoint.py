@@ -216,5 +216,5 @@ def _check_states(session: dict[str, Any] | None) -> Json | None:
 
 def _check_count(value: Any) -> int:
     if type(value) is not int or value < 0:
-        raise ValueError(f"{value!r} is no number of batches or records")
+        raise ValueError(f"{value!r} is not a number of batches or records")
     return value

@@ -81,7 +81,7 @@ def find_learning_senses(
     if not labelled:
         raise DomainError(
             f"{domain.folder}/domain.toml: no sense classifies a shared variable or has report_labels, so"
-            " reports are no labels"
+            " reports are not labels"
         )
     options = {name: classifiers.get(name, TrainingOptions()) for name in labelled}
     learning = {name: own for name, own in options.items() if isinstance(own, TrainingOptions)}

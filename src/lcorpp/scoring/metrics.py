@@ -80,7 +80,7 @@ class Scores:
         of the two means suggest. Differences of exact scores are exact; those of bounds are bounds.
 
         Raises:
-            DecisionError: `other` is no `Scores`, or of another number of people.
+            DecisionError: `other` is not a `Scores`, or of another number of people.
         """
         check_type(other, Scores, "the other strategy's scores", DecisionError)
         sizes = [{name: len(sample) for name, sample in each.samples.items()} for each in (self, other)]

@@ -146,7 +146,7 @@ def check_numbers(trials: int, jobs: int, seed: int) -> None:
     """Check the numbers of a simulation.
 
     Raises:
-        DecisionError: one is no integer, `trials` or `jobs` is less than 1, or `seed` is negative.
+        DecisionError: one is not an integer, `trials` or `jobs` is less than 1, or `seed` is negative.
     """
     for name, number, least in (("trials", trials, 1), ("jobs", jobs, 1), ("seed", seed, 0)):
         check_type(number, (int, np.integer), f"`{name}`", DecisionError)
@@ -172,7 +172,7 @@ def _run_groups(
 
 
 def _skip_chunks(work: Sequence[ChunkWork]) -> int:
-    """Complete the trials of no strategy, and return their number."""
+    """Return the number of complete trials if no strategy is simulated."""
     for _, results, _ in work:
         results["truth"] = 0
     return sum(len(results) for _, results, _ in work)

@@ -176,7 +176,7 @@ class Alarm:
                 alarm with other arguments.
         """
         if self.n_people:
-            raise DecisionError(f"the alarm is about {self.n_people} people already; expected a new one")
+            raise DecisionError(f"the alarm already counts {self.n_people} people; expected a new one")
         try:
             if state["hypotheses"] != self._list_hypotheses():
                 raise DecisionError("the state is of an alarm with other hypotheses; expected its own")

@@ -218,7 +218,7 @@ class LatentClassModel:
         }
 
     def restore(self, state: Mapping[str, Any]) -> None:
-        """Continue from a state; all its contexts are added already."""
+        """Continue from a state; all its contexts are already added."""
         self.cases.restore(state["cases"])
         self._stated_rates = [np.array(rates) for rates in state["stated_rates"]]
         self.prior_rates = list(self._stated_rates)

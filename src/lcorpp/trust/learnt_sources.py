@@ -121,10 +121,10 @@ class LearntSources:
         """Continue from a state, before the first context is added.
 
         Raises:
-            DecisionError: there are contexts already.
+            DecisionError: there are already contexts.
         """
         if self._contexts:
-            raise DecisionError("trust has predicted already; expected a new one")
+            raise DecisionError("trust has already made predictions; expected a new one")
         for facts in state["contexts"]:
             self.index_context(dict(facts))
         self.learnt.restore(state["learnt"])

@@ -39,7 +39,7 @@ class StatedSources:
         return self._cache.find(evidence, self._compute_predictions)
 
     def compute_rates(self, attribute: str) -> tuple[tuple[str, ...], Array]:
-        """Return the labels of a sense, and (V, L) P(label | value) by the program, 0 if impossible."""
+        """Return the labels of a sense, and (V, L) P(label | value) under the program, 0 if impossible."""
         labels = self._reasoner.posterior(attribute, {})
         prior = self._infer({}).probabilities
         assert labels is not None

@@ -208,7 +208,7 @@ class Trust:
         """Continue exactly from a state of trust with the same arguments, before the first person.
 
         Raises:
-            DecisionError: it has predicted already, or the state is damaged or of other sources.
+            DecisionError: it has already made predictions, or the state is damaged or of other sources.
         """
         if self.n_people:
             raise DecisionError(f"trust has learnt from {self.n_people} people; expected a new one")

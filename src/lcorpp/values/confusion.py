@@ -97,7 +97,7 @@ class ConfusionMatrix:
         """Restore the matrix that `to_json` returned.
 
         Raises:
-            DataError: the numbers are no confusion matrix.
+            DataError: the numbers are not a confusion matrix.
         """
         cases = numbers.get("effective_cases")
         return cls(

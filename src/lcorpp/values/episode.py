@@ -25,7 +25,7 @@ class Instance:
     context: the observed facts, P-log attribute -> value; beta of Algorithm 2.
 
     Raises:
-        DataError: a signal is no array of numbers of one or two dimensions, or a part is no mapping.
+        DataError: a signal is not an array of numbers of one or two dimensions, or a part is not a mapping.
     """
 
     signals: Mapping[str, Array]

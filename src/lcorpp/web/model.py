@@ -50,7 +50,7 @@ def make_model(robot: PlayRobot) -> dict[str, Any]:
 
     Raises:
         TooLargeError: the evidence has more than `MAX_EVIDENCES` combinations.
-        DataError: a classifier is no LSTM of the motion.
+        DataError: a classifier is not an LSTM of the motion.
     """
     domain = robot.domain
     check_evidence(domain)
@@ -93,7 +93,7 @@ def check_classifiers(classifiers: Mapping[str, ClassifierOptions]) -> None:
     """Check before the training that the page can run the classifiers.
 
     Raises:
-        DataError: one is no LSTM of the motion of positions, or a learner or file is wrong.
+        DataError: one is not an LSTM of the motion of positions, or a learner or file is wrong.
         FileError: a file cannot be read.
     """
     for options in classifiers.values():
@@ -177,7 +177,7 @@ def find_steps(estimator: Any) -> tuple[Motion, ChannelStandardizer, LstmClassif
     """Return the steps of a classifier that the page can run, fitted or not.
 
     Raises:
-        DataError: it is no LSTM of the motion of positions.
+        DataError: it is not an LSTM of the motion of positions.
     """
     steps = [step for _, step in getattr(estimator, "steps", [])]
     kinds = (Motion, ChannelStandardizer, LstmClassifier)

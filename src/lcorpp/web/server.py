@@ -157,7 +157,7 @@ class SecurityHeaders:
 
 
 def is_own_origin(socket: WebSocket) -> bool:
-    """Whether a connection comes from the page itself; programs without an origin are no pages."""
+    """Whether a connection comes from the page itself; programs without an origin are not pages."""
     origin = socket.headers.get("origin")
     return origin is None or origin == f"http://{socket.headers.get('host')}"
 

@@ -108,7 +108,7 @@ class Session:
         return {"type": "started"}
 
     def _observe(self, facts: Mapping[str, str], labels: Mapping[str, str]) -> Json:
-        self._require(self._episode is None, "the robot decides already; expected `start`")
+        self._require(self._episode is None, "the robot is already deciding; expected `start`")
         classes = self._read_labels(labels)
         reply, _ = self._infer(facts, classes)
         self._facts, self._labels = dict(facts), classes
@@ -153,7 +153,7 @@ class Session:
         return classes
 
     def _add_samples(self, sense: str, samples: list[tuple[float, ...]]) -> Json:
-        self._require(self._episode is None, "the robot decides already; expected `start`")
+        self._require(self._episode is None, "the robot is already deciding; expected `start`")
         if sense not in self._streams:
             raise RequestError("invalid", f"sense: {sense!r}; {expected_one_of(self._streams)} with tracks")
         streams = self._streams[sense]
@@ -183,7 +183,7 @@ class Session:
         return self._robot.domain.find_sense(sense).label_of[self._classify()[sense]]
 
     def _decide(self) -> Json:
-        self._require(self._episode is None, "the robot decides already; expected `answer` or `start`")
+        self._require(self._episode is None, "the robot is already deciding; expected `answer` or `start`")
         reply, self._episode = self._infer(self._facts, self._labels)
         return {"type": "decision", **reply, **self._act(self._episode.prior)}
 
@@ -220,7 +220,7 @@ class Session:
 
     def _judge(self, right: bool, truth: tuple[str, ...] | None) -> Json:
         self._require(self._report is not None, "the robot has not reported; expected `judge` after it")
-        self._require(not self._is_judged, "this trial is judged already; expected `start`")
+        self._require(not self._is_judged, "this trial is already judged; expected `start`")
         domain = self._robot.domain
         known = {tuple(domain.reasoning.split(value).values()): value for value in domain.values}
         if right == (truth is not None):

@@ -139,7 +139,7 @@ def _connect(address: str) -> Client:
         raise WorkerError("a cluster needs Dask; install lcorpp[dask]") from None
     if not re.fullmatch(r"(\w+://)?\S+:\d+", address):
         raise WorkerError(
-            f"{address!r} is no address of a cluster; expected that of a Dask scheduler, e.g. tcp://127.0.0.1:8786"
+            f"{address!r} is not an address of a cluster; expected that of a Dask scheduler, e.g. tcp://127.0.0.1:8786"
         )
 
     async def greet() -> None:

@@ -112,5 +112,5 @@ def test_every_axis_of_the_shipped_domains_can_be_set():
 def test_a_worker_with_other_code_or_another_domain_is_named():
     with pytest.raises(WorkerError, match=r"a worker has lcorpp .*; expected 0\.0\.1 \(abc\)"):
         configure(replace(PROBLEM, version="0.0.1 (abc)"), ())
-    with pytest.raises(WorkerError, match="the files of the domain intention are other ones for a worker"):
+    with pytest.raises(WorkerError, match="the files of the domain intention differ for a worker"):
         configure(replace(PROBLEM, fingerprint="abc"), ())

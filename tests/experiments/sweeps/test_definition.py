@@ -149,7 +149,7 @@ def test_files_of_knowledge_are_beside_the_sweep_or_in_the_domain(read, tmp_path
         ('strategies = ["random"]\n[axes]', "'random' draws its actions, so it has no exact scores"),
         (
             'map = ["noise", "cost"]\n[axes]\nnoise = [0.1]',
-            "map: 'cost' is no axis of this sweep; expected one of noise",
+            "map: 'cost' is not an axis of this sweep; expected one of noise",
         ),
         (
             'together = [["noise", "discount"]]\n[axes]\nnoise = [0.1]\ndiscount = [0.8, 0.9]',

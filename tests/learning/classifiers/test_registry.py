@@ -152,7 +152,7 @@ def test_more_cases_than_the_limit_do_not_weaken_the_regularization():
             "accuracy_score needs the argument 'y_true'; expected one of interval",
         ),
         ("sklearn.neighbors:NearestNeighbors", {}, "neither predict_proba nor decision_function"),
-        ("json:JSONDecoder", {}, "is no estimator; expected an object with fit"),
+        ("json:JSONDecoder", {}, "is not an estimator; expected an object with fit"),
     ],
 )
 def test_unknown_and_unfit_learners_are_errors(name, options, words):
@@ -229,7 +229,7 @@ def test_mistakes_in_ones_own_file_are_located(own, tmp_path):
     line = OWN.splitlines().index('    raise ValueError("no luck")') + 1
     with pytest.raises(DataError, match=rf"mine\.py:{line}: broken\(\) failed: ValueError: no luck"):
         learner(f"{own}:broken")
-    with pytest.raises(DataError, match=r"\[1, 2\] is no estimator"):
+    with pytest.raises(DataError, match=r"\[1, 2\] is not an estimator"):
         learner(f"{own}:list_of_them")
     (tmp_path / "bad.py").write_text("x = 1\ndef f(:\n")
     with pytest.raises(DataError, match=r"bad\.py:2: cannot be loaded: SyntaxError"):
@@ -291,7 +291,7 @@ def test_estimators_that_break_the_contract_are_errors(way, words):
 
 def test_objects_that_are_no_estimators_are_errors():
     for thing in (LogisticRegression, "lstm", None):
-        with pytest.raises(DataError, match="is no estimator"):
+        with pytest.raises(DataError, match="is not an estimator"):
             ensure_predict_proba(thing)
     with pytest.raises(DataError, match="Motion has neither"):
         ensure_predict_proba(Motion())

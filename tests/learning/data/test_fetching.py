@@ -71,7 +71,7 @@ def test_a_file_of_the_user_is_never_replaced(web, tmp_path):
     assert (tmp_path / "people here.csv").read_text() == "mine"
     (tmp_path / "people here.csv").unlink()
     (tmp_path / "people here.csv").mkdir()
-    with pytest.raises(FileError, match="exists, but is no file; remove it"):
+    with pytest.raises(FileError, match="exists, but is not a file; remove it"):
         fetch(web.url, tmp_path)
     assert web.requests == 0
 

@@ -54,7 +54,7 @@ HOLDS = (
 def test_a_second_writer_is_refused_until_the_first_is_gone_however_it_went(path, started):
     first = started(HOLDS)
     assert first.stdout.readline() == "open\n"
-    with pytest.raises(FileError, match="is being written to already, by another process or by this one"):
+    with pytest.raises(FileError, match="is already being written to, by another process or by this one"):
         Store(path, SCHEMA)
     assert len(read_store(path)) == 1
     first.send_signal(signal.SIGKILL)

@@ -102,7 +102,7 @@ def test_equal_tracks_are_a_group_of_their_own(path):
         ({"source": "cat"}, "unknown source 'cat'; expected one of person, robot"),
         ({"belief": Distribution(("a", "b"), np.array([0.5, 0.5]))}, "a belief over a, b; the classes here"),
         ({"time": datetime(2026, 1, 1)}, "lacks a zone"),
-        ({"id": "taken"}, "there is a track 'taken' already"),
+        ({"id": "taken"}, "there is already a track 'taken'"),
         ({"id": ""}, "the id of a track is text, not ''"),
         ({"id": "\ud800"}, "the id of a track is text"),
         ({"group": ""}, "the group of a track is text"),

@@ -51,7 +51,7 @@ def check(case: Case) -> None:
     worlds, reasoner = Enumeration(program), Reasoner(program)
     evidence, do = dict(case.evidence), dict(case.do)
     check_question(case, reasoner, worlds)
-    if not case.query.startswith("?"):  # a joint is no term of the worlds
+    if not case.query.startswith("?"):  # a joint is not a term of the worlds
         check_soft(case, reasoner, worlds)
     expected = outcome(lambda: worlds.exact(case.query, evidence, do))
     circuit = outcome(lambda: Reasoner(program).compile(case.inputs, case.query, do))

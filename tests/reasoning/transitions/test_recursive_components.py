@@ -54,7 +54,7 @@ def test_reachability_against_search():
     ("rules", "query", "evidence"),
     [
         ("p=false :- not p=false, q.", "q", {}),  # contradicts itself, so that no world has q
-        ("p :- q. p=false :- not p.", "p", {"q": "false"}),  # a default is no contradiction
+        ("p :- q. p=false :- not p.", "p", {"q": "false"}),  # a default is not a contradiction
     ],
 )
 def test_a_term_that_depends_on_itself(rules, query, evidence):

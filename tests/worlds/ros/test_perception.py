@@ -69,7 +69,7 @@ def test_poses_that_are_not_finite_are_left_out_with_one_warning(caplog):
     assert not_finite == (
         "/odom: a pose that is not finite, or whose quaternion is 0, is left out; the pose does not change"
     )
-    assert half.startswith("/odom: a message that is no nav_msgs/Odometry: it has no field 'pose.pose'")
+    assert half.startswith("/odom: a message that is not nav_msgs/Odometry: it has no field 'pose.pose'")
 
 
 def test_a_pose_that_is_not_valid_for_seconds_is_unknown(monkeypatch, caplog):

@@ -248,8 +248,8 @@ def test_what_is_left_out_is_named_once_for_each_kind(server, connection, caplog
             client.send(text)
     wait_until(lambda: connection.notes[-1:] == ["last"])
     assert [message.split(": ", 1)[1] for message in caplog.messages] == [
-        "a message that is no JSON is left out",
-        "an operation 'png' is left out: its data is no PNG image; expected messages without compression",
+        "a message that is not JSON is left out",
+        "an operation 'png' is left out: its data is not a PNG image; expected messages without compression",
         "the operation 'new' is unknown and left out",
         "a fragment without id or data is left out",
         "a message without an operation is left out",

@@ -120,11 +120,11 @@ def test_a_png_operation_has_the_message_as_its_pixels(mode):
 def test_what_is_no_png_image_is_named(monkeypatch):
     good = make_png(json.dumps(MESSAGE))
     for data in (None, 3, "", "%%%", "abc", base64.b64encode(b"zlib or else").decode()):
-        with pytest.raises(WorldError, match="'png' is left out: its data is no PNG image"):
+        with pytest.raises(WorldError, match="'png' is left out: its data is not a PNG image"):
             decode({"op": "png", "data": data})
     with pytest.raises(WorldError, match="'png' is left out: the image is damaged"):
         decode({"op": "png", "data": good["data"][:80]})
-    with pytest.raises(WorldError, match="a message that is no JSON"):
+    with pytest.raises(WorldError, match="a message that is not JSON"):
         decode(make_png("no JSON"))
     monkeypatch.setattr(rosbridge_messages, "MAX_SIZE", 100)
     with pytest.raises(WorldError, match="the message is larger than 100 bytes"):

@@ -64,7 +64,7 @@ def test_a_message_of_another_type_is_left_out_with_one_warning_a_kind(kind, cap
     for message in ({}, {"data": "x"}, {"header": 3}, {items: None}, {items: "x"}, {items: [1]}, {}):
         assert reader.read(message) == []
     missing, null, text, part = caplog.messages
-    assert missing == f"/people: a message that is no {kind} is left out: it has no field {items!r}"
+    assert missing == f"/people: a message that is not {kind} is left out: it has no field {items!r}"
     assert null.endswith(f"the field {items!r} is a NoneType; expected a list")
     assert text.endswith(f"the field {items!r} is a str; expected a list")
     assert part == f"/people: a part of {items!r} is left out: it is a int; expected a message"
@@ -286,9 +286,9 @@ def test_the_heading_is_that_of_the_quaternion(kind):
         for number in (None, float("nan"), float("inf"), 10**400):
             assert read_pose(kind, change(message, field, number)) is None or field == "z"
         assert read_pose(kind, change(message, "w", 0.0)) is not None  # half a turn, with z
-        with pytest.raises(WorldError, match=f"a message that is no {kind}: .*{field}"):
+        with pytest.raises(WorldError, match=f"a message that is not {kind}: .*{field}"):
             read_pose(kind, change(message, field, "0.5"))
-    with pytest.raises(WorldError, match=f"a message that is no {kind}"):
+    with pytest.raises(WorldError, match=f"a message that is not {kind}"):
         read_pose(kind, {"pose": 3})
 
 
@@ -320,7 +320,7 @@ def test_the_speed_is_that_of_the_twist():
 
 def test_texts():
     assert read_text("hri_msgs/LiveSpeech", {"incremental": "ye", "final": "yes"}) == "yes"
-    with pytest.raises(WorldError, match="a message that is no std_msgs/String: it has no field 'data'"):
+    with pytest.raises(WorldError, match="a message that is not std_msgs/String: it has no field 'data'"):
         read_text("std_msgs/String", {"final": "yes"})
 
 

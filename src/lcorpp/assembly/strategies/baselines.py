@@ -24,7 +24,7 @@ QUESTIONS = 2
 """Number of questions of the strategy `ask-twice`."""
 
 MIN_INFORMATION = 1e-9
-"""In nats: an action that is less informative is no question."""
+"""In nats: an action that is less informative is not a question."""
 
 
 def find_strategies(names: Iterable[str], senses: Sequence[str] = ("",)) -> tuple[Strategy, ...]:
@@ -74,7 +74,7 @@ def ask_twice(robot: Robot) -> Robot:
 
     A question is the action whose observation is most informative about the shared variables at the current
     belief: that of the largest mutual information of both, the first of equal ones. An action without
-    information is no question, so the robot may report earlier.
+    information is not a question, so the robot may report earlier.
 
     Raises:
         DecisionError: the robot's domain is not a `Domain`, which has a model.

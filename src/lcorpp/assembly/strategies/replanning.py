@@ -35,9 +35,9 @@ class Replanner:
     """The planner of each estimated model; it searches for a policy, by bounded work after each person.
 
     The former policy acts on the beliefs of a new model until the search's improvement is below half the
-    loss that is assumed of the former one: its own, and `LOSS_PER_VARIATION`. The search goes on to the
-    precision, and its policy acts again each time its improvement is halved. The gap is no criterion: it is
-    wide long after the policy has become good. The result depends on the models and their order, not on a
+    loss that is assumed of the former one: its own, and `LOSS_PER_VARIATION`. The search continues to the
+    precision, and its policy acts again each time its improvement is halved. The gap is not a criterion: it
+    is wide long after the policy has become good. The result depends on the models and their order, not on a
     clock.
 
     Args:

@@ -59,7 +59,7 @@ def print_description(recording: Recording, path: Path, seed: int) -> None:
 
 
 def print_features(dataset: Dataset, path: Path, repairs: Sequence[Repair], seed: int) -> None:
-    """Print counts, ranges, repairs and the leak check of features, or of channels that are no motion."""
+    """Print counts, ranges, repairs and the leak check of features, or of channels that are not motion."""
     emit, people = console.out.print, len(set(dataset.groups))
     if dataset.kind == "table":
         kind, over_time = "features", ""

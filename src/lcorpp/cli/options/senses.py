@@ -241,7 +241,7 @@ def _split_by_sense(
             raise DomainError(f"{option} {text!r}: expected [SENSE=]VALUE, found no value")
         if not equals or Path(text).exists():
             if general is not None:
-                raise DomainError(f"{option} {text!r}: {general!r} without a sense is given already")
+                raise DomainError(f"{option} {text!r}: {general!r} without a sense is already given")
             general = text
             continue
         if domain.find_sense(name).name not in used:

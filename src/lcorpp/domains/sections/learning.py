@@ -43,7 +43,7 @@ class Sense:
     channels: names of the simulated channels or features; () for x and y, or the numbers of the features.
     data_labels: class name in recorded data -> class.
     report_labels: the class by the robot's report: a shared variable, and its value -> class; `of` itself, if
-        it is shared. None if a report is no label.
+        it is shared. None if a report is not a label.
     data: recorded data for training and trials; None simulates them.
     seconds, rate: duration and points per second to which recorded tracks are cut and resampled; None for
         those of `read_data`.
@@ -76,7 +76,9 @@ class Sense:
         for name, label in self.label_of.items():
             if text in (label, name):
                 return name
-        raise DomainError(f"{text!r} is no label of {self.name}; {expected_one_of(self.label_of.values())}")
+        raise DomainError(
+            f"{text!r} is not a label of {self.name}; {expected_one_of(self.label_of.values())}"
+        )
 
 
 def read_senses(

@@ -120,12 +120,12 @@ def _read_utterances(table: TomlTable, pomdp: Pomdp) -> dict[str, tuple[str, ...
         for sentence in sentences:
             if not SENTENCE.fullmatch(sentence):
                 raise DomainError(
-                    f"{location}: {sentence!r} is no sentence; expected words of letters and apostrophes with"
-                    " one space between them"
+                    f"{location}: {sentence!r} is not a sentence; expected words of letters and apostrophes"
+                    " with one space between them"
                 )
             if sentence in observation_of:
                 raise DomainError(
-                    f"{location}: {sentence!r} is a sentence of {observation_of[sentence]!r} already;"
+                    f"{location}: {sentence!r} is already a sentence of {observation_of[sentence]!r};"
                     " expected each sentence once"
                 )
             observation_of[sentence] = observation

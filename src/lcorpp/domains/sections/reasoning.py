@@ -57,7 +57,7 @@ class ReasoningSection:
         return f"{self.program.file}:{self.program.attributes[attribute].line}"
 
     def check_value(self, location: str, attribute: str, value: str) -> None:
-        """Raise `DomainError` if a name of `domain.toml` is no value of an attribute."""
+        """Raise `DomainError` if a name of `domain.toml` is not a value of an attribute."""
         values = self.program.attributes[attribute].values
         if value not in values:
             raise DomainError(

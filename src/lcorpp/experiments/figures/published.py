@@ -86,7 +86,7 @@ class Deviation:
     setting: of our run, e.g. a preset. what: e.g. "LCORPP, F1".
     ours: our number with its 95 % interval. published: the number as found.
     standard_error: of the difference, the root of the sum of both variances, see `compute_standard_error`;
-        0 where the published number is no mean of trials.
+        0 where the published number is not a mean of trials.
     reason: why the two differ, "" where nothing is known.
     """
 

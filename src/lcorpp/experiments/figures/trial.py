@@ -123,7 +123,7 @@ def _judge(preset: str, steps: Sequence[TrialStep]) -> list[Finding]:
 
 
 def _deviate(preset: str, steps: Sequence[TrialStep]) -> list[Deviation]:
-    """Return the beliefs from the prior on beside the published ones, which are no means of trials."""
+    """Return the beliefs from the prior on beside the published ones, which are not means of trials."""
     return [
         Deviation(preset, f"after {step.event}", Interval.exact(step.belief), number, standard_error=0)
         for step, number in zip(steps[len(FACTS) + 1 :], published.TRIAL, strict=False)

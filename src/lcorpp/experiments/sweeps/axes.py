@@ -156,7 +156,7 @@ def _check_worker(problem: Problem) -> None:
     if problem.version != find_version():
         raise WorkerError(f"a worker has lcorpp {find_version()}; expected {problem.version}")
     if hash_domain(_load(problem, [])) != problem.fingerprint:
-        raise WorkerError(f"the files of the domain {problem.domain} are other ones for a worker")
+        raise WorkerError(f"the files of the domain {problem.domain} differ for a worker")
 
 
 def hash_domain(domain: Domain) -> str:

@@ -78,7 +78,7 @@ def find_axis(location: str, name: str, axes: Collection[Axis]) -> Axis:
     """
     names = {".".join(axis): axis for axis in axes}
     if name not in names:
-        raise DomainError(f"{location}: {name!r} is no axis of this sweep; {expected_one_of(names)}")
+        raise DomainError(f"{location}: {name!r} is not an axis of this sweep; {expected_one_of(names)}")
     return names[name]
 
 

@@ -119,7 +119,7 @@ def _reweight(program: Program, attribute: str, value: str, share: Fraction) -> 
     """Return a program in which a value has this probability: an observation selects the other worlds.
 
     An observed random term is true with probability w in the worlds that have the value and 1 in the others,
-    or reversely; that multiplies their odds by w.
+    or the other way round; that multiplies their odds by w.
     """
     p = Fraction(Reasoner(program).exact(attribute)[value])
     if not 0 < p < 1:

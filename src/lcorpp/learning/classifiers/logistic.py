@@ -31,7 +31,7 @@ class QuadraticLogistic(ProbabilityClassifier):
     Args:
         C: inverse of the regularization strength, as in scikit-learn.
         max_cases: more cases than that do not weaken the regularization; None for no limit. Cases of a new
-            place, or overlapping parts of one track, are no independent draws from one distribution.
+            place, or overlapping parts of one track, are not independent draws from one distribution.
 
     Attributes:
         classes_: (K,) the class names in order, set by `fit`.

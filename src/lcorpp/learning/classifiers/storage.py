@@ -157,7 +157,7 @@ def check_storable(estimator: Any) -> None:
     """Reject an unfitted estimator that `save_classifier` cannot store once it is fitted.
 
     Raises:
-        DataError: the estimator is no pipeline, or has a step that cannot be stored safely.
+        DataError: the estimator is not a pipeline, or has a step that cannot be stored safely.
     """
     kinds = _native_kinds()
     for name, step in _list_steps(estimator):

@@ -36,7 +36,7 @@ WHITESPACE = " "
 """Delimiter of a line without any of `DELIMITERS`: spaces, any number of them."""
 
 NUMBERS = "numbers"
-"""Kind of times that are no dates."""
+"""Kind of times that are not dates."""
 
 Progress = Callable[[int, int], None]
 """Callback with (bytes read, bytes in all)."""

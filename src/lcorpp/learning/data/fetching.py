@@ -83,7 +83,7 @@ def fetch(
     try:
         if target.exists():
             if not target.is_file():
-                raise FileError(f"{target}: exists, but is no file; remove it or choose another folder")
+                raise FileError(f"{target}: exists, but is not a file; remove it or choose another folder")
             if sha256 is not None and pooch.file_hash(str(target)) != sha256.lower():
                 raise DataError(
                     f"{target}: exists, but has another checksum; remove it or choose another folder"

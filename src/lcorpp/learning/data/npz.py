@@ -68,7 +68,7 @@ def to_recording(dataset: Dataset) -> Recording:
     """Convert a data set to tracks that begin at 0 s; a number distinguishes the tracks of one group.
 
     Raises:
-        DataError: the data set is no motion, has no x and y, or a number is not finite.
+        DataError: the data set is not motion, has no x and y, or a number is not finite.
     """
     if dataset.kind != "motion":
         raise DataError(

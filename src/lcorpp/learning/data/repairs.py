@@ -17,7 +17,7 @@ REPAIRS = {
     "nonfinite": "leave out samples that are missing, NaN, infinite or of negative speed",
     "order": "sort the samples of a track by time",
     "duplicates": "keep the first of several samples of a track at one time",
-    "gaps": "split a track whose id was reused: silent for too long, jumps, or times that begin anew",
+    "gaps": "split a track whose id was reused: silent for too long, jumps, or times that start again",
     "short": "leave out tracks of fewer than two samples",
     "constant": "leave out tracks that never move",
     "units": "convert positions, speeds and angles that no human has from millimetres, centimetres, degrees",

@@ -122,7 +122,9 @@ class Track:
             DataError: the seconds are not a number above 0.
         """
         if not seconds > 0:
-            raise DataError(f"the last {seconds:g} seconds are no part of a track; expected a number above 0")
+            raise DataError(
+                f"the last {seconds:g} seconds are not part of a track; expected a number above 0"
+            )
         first = int(np.searchsorted(self.times, self.times[-1] - seconds - CLOCK_TOLERANCE))
         first = min(first, len(self) - 2)
         columns = {name: values[first:] for name, values in self.columns.items()}

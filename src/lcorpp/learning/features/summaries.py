@@ -34,8 +34,8 @@ class SummaryFeatures(TransformerMixin, BaseEstimator):  # type: ignore[misc]  #
     still.
 
     Args:
-        rate: points per second of the tracks; None if they are no motion: then all rows are used as they are,
-            and there are no further features.
+        rate: points per second of the tracks; None if they are not motion: then all rows are used as they
+            are, and there are no further features.
 
     Attributes:
         rows_: number of rows of the tracks, set by `fit`.

@@ -218,7 +218,7 @@ def acquire_lock(path: Path) -> sqlite3.Connection:
         lock.close()
         if error.sqlite_errorcode == sqlite3.SQLITE_BUSY:
             raise FileError(
-                f"{path}: is being written to already, by another process or by this one; a store has one"
+                f"{path}: is already being written to, by another process or by this one; a store has one"
                 " writer at a time, readers are not affected"
             ) from None
         raise FileError(f"{path}: cannot be locked for writing: {error}") from None

@@ -314,7 +314,7 @@ def _check_names(what: str, names: Sequence[str]) -> tuple[str, ...]:
         raise DataError(f"the {what} of a store are a sequence of names, not {names!r}")
     for name in names:
         if not isinstance(name, str) or not name:
-            raise DataError(f"{name!r} is no name for one of the {what}; expected text")
+            raise DataError(f"{name!r} is not a name for one of the {what}; expected text")
     if len(set(names)) < len(names):
         raise DataError(f"the {what} are {', '.join(names)}; expected every name once")
     return tuple(names)

@@ -92,7 +92,7 @@ class Snapshot:
             labels: the permitted classes; None permits all.
 
         Raises:
-            DataError: an unknown source or class, or `min_confidence` is no probability.
+            DataError: an unknown source or class, or `min_confidence` is not a probability.
         """
         for what, names, known in (
             ("source", sources, SOURCES),

@@ -122,7 +122,7 @@ class Store:
             try:
                 row = encode_track(track, first + index, id, self.schema)
                 if id in rows or id in self:
-                    raise DataError(f"there is a track {id!r} already")
+                    raise DataError(f"there is already a track {id!r}")
             except DataError as error:
                 which = f"track {index} of {len(tracks)} (counted from 0)" if len(tracks) > 1 else "the track"
                 raise DataError(f"{self.path}: {which} is not stored: {error}") from None

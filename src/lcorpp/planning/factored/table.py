@@ -92,7 +92,7 @@ def compute_strides(sizes: Sequence[int]) -> tuple[int, ...]:
 
 
 def check_distributions(table: Table, scope: Scope, what: str) -> None:
-    """Raise a ModelError that names a row if it is no distribution."""
+    """Raise a ModelError that names a row if it is not a distribution."""
     rows = table.rows
     if len(rows.values) and not rows.values.min() >= 0:
         at = int(rows.values.argmin())

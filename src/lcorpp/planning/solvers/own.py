@@ -92,7 +92,7 @@ class OwnSolver:
                 )
 
     def _check_bounds(self, solution: Solution, precision: float) -> None:
-        """Reject bounds that are no numbers, cross, or have not converged as the reason states."""
+        """Reject bounds that are not numbers, cross, or have not converged as the reason states."""
         lower, upper = solution.lower, solution.upper
         if not (isfinite(lower) and isfinite(upper) and lower <= upper):
             raise self._make_error(f"the bounds {lower} and {upper}; expected lower <= upper")

@@ -187,7 +187,7 @@ class _LayerBuilder:
         return weights, _Part([{numbers[nodes]: 1} for nodes in joint], sources, len(numbers))
 
     def _append_product(self, part: _Part) -> _Part:
-        """Append a layer whose outputs are the nodes of a part, unless it has them already; return them."""
+        """Append a layer whose outputs are the nodes of a part, unless it already has them; return them."""
         is_identity = all(row == {i: 1} for i, row in enumerate(part.rows))
         is_all = len(part.sources) == 1 and part.sources[0][1].is_identity  # outputs of the layer below
         if is_all and is_identity and len(part.rows) == part.n_inputs:

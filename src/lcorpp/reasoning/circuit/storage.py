@@ -135,7 +135,7 @@ def _read_layers(
                     weight = WIDE.multiply(Decimal(weight), WIDE.power(2, int(*exponent)))
                 inside = all(0 <= i < size for i, size in zip(key, shape, strict=True))
                 if not (inside and 0 <= weight < MAX_WEIGHT):
-                    raise DataError(f"a matrix has entries outside of {shape}, or that are no weights")
+                    raise DataError(f"a matrix has entries outside of {shape}, or that are not weights")
                 has_zeros |= not weight
                 entries[key] = weight
         sources = []
@@ -145,7 +145,7 @@ def _read_layers(
                 raise DataError(f"layer {number} does not fit to layer {source} before it")
             n_nodes = layers[source].matrix.rows.size
             if not ((nodes >= 0) & (nodes < n_nodes)).all():
-                raise DataError(f"layer {number} has inputs that are no outputs of layer {source}")
+                raise DataError(f"layer {number} has inputs that are not outputs of layer {source}")
             sources.append((source, Groups(nodes, n_nodes)))
             used.append(source)
         layers.append(Layer.from_entries(own["label"], sources, shape, entries))

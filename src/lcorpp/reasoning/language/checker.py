@@ -77,7 +77,7 @@ def _check_subjects(query: Query, signature: Signature) -> None:
         words = [value for value in signature.attributes[subject.name].values if not is_integer(value)]
         if query.expression and words:
             raise SourceIssue(
-                subject.at, f"{subject} may be {words[0]}, which is no number; E[...] expects integers"
+                subject.at, f"{subject} may be {words[0]}, which is not a number; E[...] expects integers"
             )
 
 

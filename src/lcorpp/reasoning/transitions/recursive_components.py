@@ -71,7 +71,7 @@ class RecursiveComponent:
     """The local distribution of a recursive component by enumeration of its stable models.
 
     program, terms, clauses, probabilities: as in `build_component`.
-    logged: whether the log reports the use of clingo already.
+    logged: whether the log already reports the use of clingo.
     """
 
     program: GroundProgram

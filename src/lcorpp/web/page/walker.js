@@ -90,7 +90,7 @@ export class Walker {
     if (wasPressed && this.keys.size === 0) this.halt();
   }
 
-  /** Stand where walks begin, unless the person walked already. */
+  /** Stand where walks begin, unless the person already walked. */
   begin() {
     this.prepared = null;
     if (this.path.length === 0) this.path.push(START);

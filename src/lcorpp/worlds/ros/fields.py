@@ -52,7 +52,7 @@ def read_list(message: Any, name: str) -> list[Any] | tuple[Any, ...]:
     """Return a field that is a list.
 
     Raises:
-        WorldError: there is no such field, or it is no list.
+        WorldError: there is no such field, or it is not a list.
     """
     found = read_field(message, name)
     if not isinstance(found, list | tuple):
@@ -64,7 +64,7 @@ def read_number(message: Any, *names: str) -> float:
     """Return a field that is a number, as a float; NaN for null, which is rosbridge's NaN.
 
     Raises:
-        WorldError: there is no such field, or it is no number.
+        WorldError: there is no such field, or it is not a number.
     """
     found = read_field(message, *names)
     if found is None:
@@ -81,7 +81,7 @@ def read_text_field(message: Any, *names: str) -> str:
     """Return a field that is a text.
 
     Raises:
-        WorldError: there is no such field, or it is no text.
+        WorldError: there is no such field, or it is not a text.
     """
     found = read_field(message, *names)
     if not isinstance(found, str):

@@ -153,7 +153,7 @@ class RosWorld:
             return behaviour.failure
         LOG.info("%s: done after %.1f s", action, monotonic() - began)
         if isinstance(skill, Say | Speak) and self._listener is not None:
-            self._listener.clear()  # the robot's own voice is no answer
+            self._listener.clear()  # the robot's own voice is not an answer
         return None
 
     def _stop_after_failure(self, action: str) -> StopAfterFailure:
@@ -180,7 +180,7 @@ class TopicListener:
         self.subscription.take()
 
     def listen(self, seconds: float) -> str | None:
-        """As `Listener.listen`; texts that are none of the sentences are no answers."""
+        """As `Listener.listen`; texts that are none of the sentences are not answers."""
         end = monotonic() + seconds
         while (message := self.subscription.wait(max(0.0, end - monotonic()))) is not None:
             try:

@@ -283,7 +283,7 @@ class RosbridgeConnection:
         """Pass a message on.
 
         Raises:
-            WorldError: it is no message of the protocol, and is left out.
+            WorldError: it is not a message of the protocol, and is left out.
         """
         message = decoder.decode(text)
         if message is None:

@@ -91,12 +91,12 @@ class MessageDecoder:
         """Return the message in a text; None for a fragment of one that is not complete.
 
         Raises:
-            WorldError: the text is no message, and is left out.
+            WorldError: the text is not a message, and is left out.
         """
         try:
             message = json.loads(text)
         except (ValueError, RecursionError):
-            raise WorldError("a message that is no JSON is left out") from None
+            raise WorldError("a message that is not JSON is left out") from None
         if not isinstance(message, dict) or not isinstance(message.get("op"), str):
             raise WorldError("a message without an operation is left out")
         kind = message["op"]
@@ -112,7 +112,7 @@ def read_png(data: object) -> bytes:
     """Return the text in the data of a png operation: base64 of an image whose pixels are its bytes.
 
     Raises:
-        WorldError: the data is no PNG image, is too large, or pillow is not installed.
+        WorldError: the data is not a PNG image, is too large, or pillow is not installed.
     """
     fault = "an operation 'png' is left out: "
     try:
@@ -120,7 +120,7 @@ def read_png(data: object) -> bytes:
     except ValueError:
         content = b""
     if not content.startswith(PNG_SIGNATURE):
-        raise WorldError(f"{fault}its data is no PNG image; expected messages without compression")
+        raise WorldError(f"{fault}its data is not a PNG image; expected messages without compression")
     try:
         from PIL import Image
     except ImportError:

@@ -25,7 +25,7 @@ from lcorpp.worlds.ros.fields import (
 from lcorpp.worlds.ros.pose import Pose
 
 MAX_COORDINATE = 1e8
-"""Maximum of a position in metres: UTM coordinates reach 1e7, what is larger is no place on earth."""
+"""Maximum of a position in metres: UTM coordinates reach 1e7, what is larger is not a place on earth."""
 
 SAME_PLACE = 0.3
 """Metres within which markers of different namespaces are of one person."""
@@ -93,7 +93,7 @@ def _read_track(track: Any, message: Message) -> Detection | None:
 def _read_marker(marker: Any, message: Message) -> Detection | None:
     kind, action = (marker.get(name, 0) for name in ("type", "action"))
     if type(kind) is not int or type(action) is not int:
-        raise WorldError("type and action of a marker are no integers")
+        raise WorldError("type and action of a marker are not integers")
     is_arrow = kind == ARROW and not marker.get("points")  # by two points: a velocity, the pose is not used
     if action != 0 or not (is_arrow or kind in BODIES):  # other actions delete markers
         return None
@@ -178,7 +178,7 @@ class PeopleReader:
         try:
             items = read_list(message, self._format.items)
         except WorldError as fault:
-            self._faults.warn(f"a message that is no {self._kind} is left out: {fault}")
+            self._faults.warn(f"a message that is not {self._kind} is left out: {fault}")
             return []
         found = [detection for item in items if (detection := self._read(item, message)) is not None]
         if not found and self._rank == inf and any(map(_is_drawn, items)):
@@ -225,7 +225,7 @@ POSES: Mapping[str, tuple[str, ...]] = {
 """Type of the messages of a localisation -> the fields that lead to the pose."""
 
 MIN_QUATERNION = 0.1
-"""Minimum length of a quaternion, which is 1 but for rounding; of zeros it is no heading."""
+"""Minimum length of a quaternion, which is 1 but for rounding; of zeros it is not a heading."""
 
 TEXTS: Mapping[str, str] = {
     "std_msgs/String": "data",
@@ -277,7 +277,7 @@ def read_pose(kind: str, message: Message) -> Pose | None:
         x, y = (read_number(pose, "position", name) for name in ("x", "y"))
         qx, qy, qz, qw = (read_number(pose, "orientation", name) for name in ("x", "y", "z", "w"))
     except WorldError as fault:
-        raise WorldError(f"a message that is no {kind}: {fault}") from None
+        raise WorldError(f"a message that is not {kind}: {fault}") from None
     size = hypot(qx, qy, qz, qw)  # 0 without a heading
     if not (_is_place(x, y) and isfinite(size) and size >= MIN_QUATERNION):
         return None
@@ -309,4 +309,4 @@ def read_text(kind: str, message: Message) -> str:
     try:
         return read_text_field(message, TEXTS[kind])
     except WorldError as fault:
-        raise WorldError(f"a message that is no {kind}: {fault}") from None
+        raise WorldError(f"a message that is not {kind}: {fault}") from None

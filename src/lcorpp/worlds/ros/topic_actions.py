@@ -87,7 +87,7 @@ def _wait_for_end(
 
 
 def _find_status(statuses: Any, key: str) -> Message | None:
-    """Return the status of a goal; what is no actionlib_msgs/GoalStatus is left out."""
+    """Return the status of a goal; what is not actionlib_msgs/GoalStatus is left out."""
     for status in statuses if isinstance(statuses, list | tuple) else ():
         is_status = isinstance(status, dict) and isinstance(status.get("goal_id"), dict)
         if is_status and type(status.get("status")) is int and status["goal_id"].get("id") == key:

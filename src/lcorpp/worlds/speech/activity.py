@@ -14,7 +14,7 @@ WINDOW, RATIO = 0.3, 0.9
 """Speech begins or ends if this share of the frames in a window, in seconds, agree."""
 
 MIN_SECONDS = 0.15
-"""Shorter sounds are no speech."""
+"""Shorter sounds are not speech."""
 
 
 def find_speech(blocks: Iterable[Array]) -> Iterator[Array]:

@@ -162,7 +162,7 @@ def _decode(data: bytes, form: Form) -> Array:
     if form.tag == FLOAT:
         samples = np.frombuffer(data, f"<f{form.width}").astype(np.float64)
         if not np.isfinite(samples).all():
-            raise DataError("samples that are no finite numbers")
+            raise DataError("samples that are not finite numbers")
         return np.clip(samples, -1, 1)
     if form.width == 1:
         return (np.frombuffer(data, np.uint8).astype(np.float64) - 128) / 128

@@ -145,7 +145,7 @@ def test_rounding_errors_are_removed():
         (HEAD + "T: x\n1 0\n0", (8, 2), "needs 4 numbers, found 3 before the end"),
         (HEAD + "T: x\n1 0\n0 1 1\n", (8, 5), "too many numbers: 1 is left over"),
         (HEAD + "T: x : a\n1.5 -0.5", (7, 5), "negative probability -0.5"),
-        (HEAD + "T: x : a : a 2", (6, 14), "2 is no probability"),
+        (HEAD + "T: x : a : a 2", (6, 14), "2 is not a probability"),
         (HEAD + "T: x : a : a nan", (6, 14), "found 0 and then 'nan'"),
         (HEAD + BODY + "R: x : a : a : u 1e999", (8, 18), "1e999 is too large"),
         (HEAD + BODY + "R: x 4", (8, 6), "expected ':', found '4'"),
@@ -154,7 +154,7 @@ def test_rounding_errors_are_removed():
         (HEAD + BODY + "start: a", (8, 1), "'start' must come before the first T, O or R"),
         (HEAD + "start: 0.5 0.4\n" + BODY, (6, 8), "the start belief sums to 0.9, not 1"),
         (HEAD + "start exclude: a b\n" + BODY, (6, 16), "no state is left"),
-        (HEAD + "start: *\n" + BODY, (6, 8), "'*' is no state to start in"),
+        (HEAD + "start: *\n" + BODY, (6, 8), "'*' is not a state to start in"),
         (HEAD + "start:\n" + BODY, (7, 1), "expected states to start in"),
         (HEAD + "O: x reset\n", (6, 6), "'reset' is not allowed for this observation matrix"),
         (HEAD + "T: x : a identity\n", (6, 10), "'identity' is not allowed for this transition row"),
@@ -259,7 +259,7 @@ def test_errors_are_the_same_among_many_entries():
     """Plain entries are read in batches, a wrong one by itself."""
     right = HEAD + BODY + "T: x : a : a 1\n" * 1000
     for line, column, message in (
-        ("T: x : a : a 2", 14, "2 is no probability in transition entry"),
+        ("T: x : a : a 2", 14, "2 is not a probability in transition entry"),
         ("T: x : c : a 1", 8, "unknown state 'c'; expected one of a, b"),
         ("T: x : a : a 1e", 14, "transition entry needs a number, found 0 and then '1e'"),
         ("T: x : a : a 1 1", 16, "too many numbers: 1 is left over"),

@@ -96,7 +96,7 @@ LONG = 10**6
         ("T:" * LONG, "unknown action 'T'"),
         (":" * LONG, "expected one of discount:"),
         ("T: 0 : 0 : 1 0.5\n" * 60_000, "transition row for '0', '0' sums to 1.5, not 1"),
-        ("T: 0 : 0 : * 0.5\n" * 10_000 + "T: 0 : 0 : 0 2", "2 is no probability in transition entry"),
+        ("T: 0 : 0 : * 0.5\n" * 10_000 + "T: 0 : 0 : 0 2", "2 is not a probability in transition entry"),
     ],
 )
 def test_long_texts_end_in_one_error(rest, message):

@@ -85,8 +85,8 @@ BAD = [
     (swap(WEST, "0 0 1\n1 0 @x\n0 0 1"), "expected a number, found 'x'"),
     (swap(WEST, "0 0 1  1 0 @nan  0 0 1"), "nan is not a finite number"),
     (swap(WEST, "0 0 1  1 0 @1e999  0 0 1"), "1e999 is not a finite number"),
-    (swap(WEST, "0 0 1  1 0 @-1  0 0 1"), "-1 is no probability"),
-    (swap(WEST, "0 0 1  1 <!-- here --> 0 @1.1  0 0 1"), "1.1 is no probability"),
+    (swap(WEST, "0 0 1  1 0 @-1  0 0 1"), "-1 is not a probability"),
+    (swap(WEST, "0 0 1  1 <!-- here --> 0 @1.1  0 0 1"), "1.1 is not a probability"),
     (swap(f"<ProbTable>{WEST}", "@<ProbTable>"), "'west - -' needs 9 numbers, found 0"),
     (
         swap("west - -", "@west - -").replace(WEST, WEST[:-1] + ".5"),
@@ -155,7 +155,7 @@ WITHIN = '<SubDAG type="template" idref="{}"/>'
 
 BAD_DIAGRAMS = [
     (diagram("").replace("<DAG></DAG>", "@<DAG></DAG>"), "<DAG> needs <Node> or <SubDAG> or <Terminal>"),
-    (diagram("<Terminal>@-1</Terminal>"), "-1 is no probability"),
+    (diagram("<Terminal>@-1</Terminal>"), "-1 is not a probability"),
     (diagram(number(1)), "the row of rock' given action=west, rock=good sums to 2, not 1"),
     (
         diagram("@" + node("rover_0", left=number(1))),

@@ -201,7 +201,7 @@ def read_header(
 
 
 def find_heading(path: Path) -> Heading:
-    """Return the first line that is no comment, or a comment that names all columns of `REQUIRED`.
+    """Return the first line that is not a comment, or a comment that names all columns of `REQUIRED`.
 
     Raises:
         FileError: the file cannot be read.

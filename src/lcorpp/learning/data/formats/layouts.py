@@ -247,7 +247,7 @@ def _find_drone(sample: Sample) -> Layout | str:
     if sample.width != 10 or not np.isnan(table[:, 9]).all() or not np.isfinite(table[:, :9]).all():
         return ""
     if not sample.has_whole(0, 5, 6, 7, 8) or (table[:, 1:3] > table[:, 3:5]).any():
-        return f"{DRONE.name} ({', '.join(DRONE.columns)}): columns 2 to 5 are no boxes"
+        return f"{DRONE.name} ({', '.join(DRONE.columns)}): columns 2 to 5 are not boxes"
     return DRONE
 
 

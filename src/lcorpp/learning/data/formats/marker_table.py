@@ -31,7 +31,7 @@ MAX_HEADER = 40
 """Maximum number of lines before the heading."""
 
 PERSON = "helmet"
-"""Beginning of the names of people, in lower case; where there are any, other bodies are no people."""
+"""Beginning of the names of people, in lower case; where there are any, other bodies are not people."""
 
 AXES = ("x", "y", "z")
 
@@ -53,7 +53,7 @@ class MarkerTable:
     """The heading of a table. columns: name of each. bodies: body -> indices (markers, 3) of its positions.
 
     header: number of lines before the first row. frequency: rows per second, if stated.
-    others: the bodies that are no people.
+    others: the bodies that are not people.
     """
 
     columns: tuple[str, ...]

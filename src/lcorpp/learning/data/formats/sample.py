@@ -76,7 +76,7 @@ def read_sample(file: str, start: str, per_second: float | None) -> Sample | Non
         file: its name. start: the beginning of its text.
 
     Raises:
-        ParseError: the first row is no row of CSV.
+        ParseError: the first row is not a row of CSV.
     """
     lines = start.splitlines()
     if not start.endswith("\n") and len(lines) > 1:

@@ -125,7 +125,7 @@ def _read_header(file: str, lines: list[str]) -> Header:
 
 
 def _refuse_header(file: str, number: int, line: str, tag: str, value: str) -> None:
-    """Raise an error for kinds of .ts files that are no labelled series of a fixed interval."""
+    """Raise an error for kinds of .ts files that are not labelled series of a fixed interval."""
     if tag == "targetlabel" and value.startswith("true"):
         message = "a regression set (@targetLabel true); expected classes: @classLabel true and their names"
     elif tag == "classlabel" and not value.startswith("true"):
@@ -133,7 +133,7 @@ def _refuse_header(file: str, number: int, line: str, tag: str, value: str) -> N
     elif tag == "timestamps" and value.startswith("true"):
         message = "series with time stamps (@timeStamps true); expected a fixed interval, without time stamps"
     elif tag in ("dimensions", "dimension", "serieslength") and not value.isdecimal():
-        message = f"{value!r} is no whole number"
+        message = f"{value!r} is not a whole number"
     else:
         return
     raise ParseError(file, number, 1, message, line)
@@ -206,6 +206,6 @@ def _read_numbers(file: str, line: int, text: str, channel: int, part: str) -> A
         pass
     bad = next(word for word in words if not is_number(word) or np.isinf(float(word)))
     message = (
-        f"{bad!r} in channel dim_{channel} is no finite number; expected numbers, or ? for a missing one"
+        f"{bad!r} in channel dim_{channel} is not a finite number; expected numbers, or ? for a missing one"
     )
     raise ParseError(file, line, text.index(part) + 1, message, text)

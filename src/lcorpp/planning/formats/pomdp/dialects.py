@@ -15,7 +15,7 @@ from lcorpp.planning.formats.pomdp.tokens import Tokens
 LOG = logging.getLogger(__name__)
 
 _IGNORED = {
-    "costs": "the costs of actions, which PyPOMDP pays from a budget, are no rewards; they are ignored",
+    "costs": "the costs of actions, which PyPOMDP pays from a budget, are not rewards; they are ignored",
     "init_state": "the hidden state with which PyPOMDP begins is ignored; 'start:' gives the start belief",
 }
 _LABELS = (
@@ -32,7 +32,7 @@ _REFUSED = {
 class PyPomdpKeys:
     """The keys of PyPOMDP in one file: costs of actions, paid from a budget, and the hidden initial state.
 
-    The costs are no rewards, and the state is that of a simulation, unknown to the agent. So they change
+    The costs are not rewards, and the state is that of a simulation, unknown to the agent. So they change
     neither values nor policies; the log warns that they are ignored.
     """
 

@@ -131,7 +131,7 @@ def _set_names(preamble: Preamble, keyword: str, names: tuple[str, ...]) -> None
 
 
 def _is_single_count(tokens: Tokens) -> bool:
-    """Return whether a whole number follows that is no list of numbers."""
+    """Return whether a whole number follows that is not a list of numbers."""
     return is_count(tokens.peek()) and not is_number(tokens.peek(1))
 
 
@@ -195,7 +195,7 @@ def _read_states(tokens: Tokens, preamble: Preamble) -> set[int]:
     states: set[int] = set()
     while not tokens.at_end() and not tokens.at_statement():
         if tokens.peek() == "*":
-            raise tokens.error("'*' is no state to start in")
+            raise tokens.error("'*' is not a state to start in")
         states.add(preamble.read_reference(tokens, "states"))
     if not states:
         raise tokens.error(f"expected states to start in, found {tokens.describe_next()}")

@@ -206,7 +206,7 @@ class Tokens:
         word, at = self._find_number(int(numbers.offsets[row]), int(numbers.columns[entry]))
         if values[entry] < 0:
             raise self.error(f"negative probability {word} in {what}", at)
-        raise self.error(f"{word} is no probability in {what}", at)
+        raise self.error(f"{word} is not a probability in {what}", at)
 
 
 def _decode(text: bytes) -> str:

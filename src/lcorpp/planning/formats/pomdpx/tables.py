@@ -108,10 +108,10 @@ def _read_place(function: Function, instance: Element) -> list[Selector]:
 
 
 def check_probabilities(document: Document, element: Element, values: Array) -> None:
-    """Raise a ParseError at the first number that is no probability."""
+    """Raise a ParseError at the first number that is not a probability."""
     if not values.min() >= 0 or not values.max() <= 1 + ROW_TOLERANCE:
         at = int(np.flatnonzero((values < 0) | (values > 1 + ROW_TOLERANCE))[0])
-        raise document.error(element, f"{element.words()[at]} is no probability", at)
+        raise document.error(element, f"{element.words()[at]} is not a probability", at)
 
 
 def normalize_rows(function: Function, table: Table) -> Table:

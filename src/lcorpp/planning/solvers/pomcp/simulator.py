@@ -54,7 +54,7 @@ class TableSimulator:
         seed: of the random numbers, an integer of at least 0.
 
     Raises:
-        ModelError: `pomdp` is no Pomdp, or the estimate is unknown.
+        ModelError: `pomdp` is not a Pomdp, or the estimate is unknown.
     """
 
     def __init__(self, pomdp: Pomdp, *, leaf_values: str = "mdp", seed: int = 0) -> None:

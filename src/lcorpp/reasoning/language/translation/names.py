@@ -1,4 +1,4 @@
-"""Names of P-log for predicates and terms of Prolog; what is no name there gets one with an apostrophe."""
+"""Names of P-log for predicates and terms of Prolog; what is not a name there gets one with an apostrophe."""
 
 from __future__ import annotations
 

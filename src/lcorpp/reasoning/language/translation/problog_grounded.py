@@ -4,7 +4,7 @@
 
 becomes `random(full(2)). pr(full(2)) = 0.5. q(2) :- full(2). ?{q(2)}.` A choice with several heads, or whose
 atom has other derivations, is an attribute of its own, as in `problog_lifted`. Predicates and constants that
-are no names of P-log get names with an apostrophe, which names of ProbLog do not have.
+are not names of P-log get names with an apostrophe, which names of ProbLog do not have.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-// Checks of requests: those of lcorpp/web/requests.py, for requests that are objects already.
+// Checks of requests: those of lcorpp/web/requests.py, for requests that are already objects.
 
 const MAX_SAMPLES = 64;
 const MAX_NAME = 200;

@@ -65,10 +65,10 @@ export class LocalSession {
   }
 
   observe({ facts, labels }) {
-    require(this.decision === null, "the robot decides already; expected `start`");
+    require(this.decision === null, "the robot is already deciding; expected `start`");
     for (const [name, label] of Object.entries(labels)) {
       const sense = this.domain.senses.find((own) => own.name === name && own.kind === "choice");
-      if (sense === undefined) throw invalid(`labels: '${name}' is no sense whose label is chosen`);
+      if (sense === undefined) throw invalid(`labels: '${name}' is not a sense whose label is chosen`);
       const known = sense.labels.map((own) => own.label);
       if (!known.includes(label)) throw invalid(`labels: ${name} '${label}'; ${oneOf(known)}`);
     }
@@ -119,9 +119,9 @@ export class LocalSession {
   }
 
   addSamples({ sense, samples }) {
-    require(this.decision === null, "the robot decides already; expected `start`");
+    require(this.decision === null, "the robot is already deciding; expected `start`");
     const stream = find(this.streams, sense);
-    if (stream === null) throw invalid(`sense: '${sense}' is no sense of tracks`);
+    if (stream === null) throw invalid(`sense: '${sense}' is not a sense of tracks`);
     if (this.counts[sense] + samples.length > MAX_TRACK) {
       throw new RequestError("too_large", `expected at most ${MAX_TRACK} of them in a trial`);
     }
@@ -142,7 +142,7 @@ export class LocalSession {
   }
 
   decide() {
-    require(this.decision === null, "the robot decides already; expected `answer` or `start`");
+    require(this.decision === null, "the robot is already deciding; expected `answer` or `start`");
     const { reply, classes, prior } = this.infer(this.facts, this.labels);
     this.decision = { ...reply, classes };
     return { type: "decision", ...reply, ...this.act(prior) };
@@ -175,7 +175,7 @@ export class LocalSession {
 
   judge({ right, truth }) {
     require(this.report !== null, "the robot has not reported; expected `judge` after it");
-    require(!this.isJudged, "this trial is judged already; expected `start`");
+    require(!this.isJudged, "this trial is already judged; expected `start`");
     if (right === (truth !== null)) {
       throw invalid("truth: expected the true value if the robot was wrong, else null");
     }
