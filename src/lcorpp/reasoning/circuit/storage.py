@@ -142,7 +142,7 @@ def _read_layers(
         for source in own["sources"]:
             nodes = arrays[f"{number}/from/{source}"].astype(np.intp)
             if not 0 <= source < number or nodes.shape != (n_inputs,):
-                raise DataError(f"layer {number} does not fit to layer {source} before it")
+                raise DataError(f"layer {number} does not fit layer {source} before it")
             n_nodes = layers[source].matrix.rows.size
             if not ((nodes >= 0) & (nodes < n_nodes)).all():
                 raise DataError(f"layer {number} has inputs that are not outputs of layer {source}")

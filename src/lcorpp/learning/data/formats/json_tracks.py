@@ -50,7 +50,7 @@ def read_json(path: Path, options: ReadOptions) -> tuple[list[Track], tuple[str,
     """Read tracks in JSON; return them, in metres, and notes about the file.
 
     Raises:
-        ParseError: the file is not JSON, or JSON of another content; a row or track has a fault whose repair was
+        ParseError: the file is not JSON, or has another content; a row or track has a fault whose repair was
             not requested; or the frame rate is neither given nor in the file.
         FileError: the file cannot be read.
     """
