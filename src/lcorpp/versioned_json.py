@@ -36,7 +36,9 @@ class JsonFormat:
         except (ValueError, RecursionError) as error:
             raise DataError(f"it is damaged, not JSON: {error}") from None
         if not isinstance(content, dict) or "format" not in content:
-            raise DataError(f'it is damaged; expected an object with "format": "{self.name}"')
+            raise DataError(
+                f'it is damaged or of another kind; expected an object with "format": "{self.name}"'
+            )
         if content["format"] != self.name:
             raise DataError(f"its format is {content['format']!r}; expected {self.name!r}")
         version = content.get("version")

@@ -67,8 +67,10 @@ def test_damaged_lines_are_named_and_the_others_checked(lcorpp, log):
     first, second, third = ended.err.splitlines()
     assert first.startswith(f"lcorpp: {log}:5: cannot be replayed: /nowhere: no folder with a domain.toml")
     assert first.endswith(" (2 lines)")
-    assert second.startswith(f"{log}:7: no decision; expected an object with")
-    assert third.startswith(f"{log}:12: no JSON: ")
+    assert second.startswith(
+        f"{log}:7: not a decision: it is damaged or of another kind; expected an object with"
+    )
+    assert third.startswith(f"{log}:12: not a decision: it is damaged, not JSON: ")
     assert third.endswith("; the line is cut")
 
 

@@ -68,7 +68,7 @@ def test_changed_files_and_damaged_lines_are_named(lcorpp, run, tmp_path):
     ended = lcorpp("watch", log)
     assert (ended.code, ended.out) == (2, "2 decisions of LCORPP, no alarm\n")
     first, second = ended.err.splitlines()
-    assert first.startswith(f"lcorpp: {log}:3: no decision; expected")
+    assert first.startswith(f"lcorpp: {log}:3: not a decision: it is damaged or of another kind; expected")
     assert second.startswith(f"{log}:4: cannot be watched: unknown action 'sing'; expected one of")
 
 
@@ -88,7 +88,7 @@ def test_a_log_is_followed_until_an_interrupt(lcorpp, run, monkeypatch):
     monkeypatch.setattr("time.sleep", append)
     ended = lcorpp("watch", log, "--follow")
     assert (ended.code, ended.out) == (0, "12 decisions of LCORPP, no alarm\n")
-    assert f"{log}:6: no decision; expected" in ended.err
+    assert f"{log}:6: not a decision: it is damaged or of another kind; expected" in ended.err
 
 
 def test_bad_input_is_refused(lcorpp, run, tmp_path):
@@ -98,4 +98,7 @@ def test_bad_input_is_refused(lcorpp, run, tmp_path):
     refused(lcorpp("watch", log, "--plot", tmp_path / "x.doc"), f"{tmp_path / 'x.doc'}: not a figure file")
     other = tmp_path / "other"
     other.write_text("{}\n")
-    refused(lcorpp("watch", other), f"{other}:1: no decision; expected an object with")
+    refused(
+        lcorpp("watch", other),
+        f"{other}:1: not a decision: it is damaged or of another kind; expected an object with",
+    )

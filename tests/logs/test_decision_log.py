@@ -189,7 +189,9 @@ def test_lines_that_are_no_decisions_are_located(tmp_path):
     )
     messages = [str(line).removeprefix(f"{log}:") for line in read_log(log)]
     damaged = "not a decision: it is damaged"
-    assert messages[0] == f'2: {damaged}; expected an object with "format": "lcorpp decision"'
+    assert (
+        messages[0] == f'2: {damaged} or of another kind; expected an object with "format": "lcorpp decision"'
+    )
     assert messages[1] == "3: not a decision: its format is 'other'; expected 'lcorpp decision'"
     assert messages[2] == "4: not a decision: its version is 7; this lcorpp reads version 1"
     assert messages[3].startswith(f"5: {damaged}, not JSON: ")
