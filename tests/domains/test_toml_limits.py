@@ -2,8 +2,7 @@
 
 import pytest
 
-from lcorpp.domains.toml import read_toml
-from lcorpp.domains.toml_limits import MAX_KEY_PARTS, MAX_TOML_BYTES
+from lcorpp.domains.toml import MAX_KEY_PARTS, MAX_TOML_BYTES, read_toml
 from lcorpp.errors import DomainError, FileError, ParseError
 
 DOTTED = ".".join(["a"] * 50_000)

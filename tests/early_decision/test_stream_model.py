@@ -6,8 +6,7 @@ from itertools import combinations
 import numpy as np
 import pytest
 
-from lcorpp.early_decision.bins import choose_edges
-from lcorpp.early_decision.stream_model import ENDED, fit_stream_model
+from lcorpp.early_decision.stream_model import ENDED, choose_edges, fit_stream_model
 from lcorpp.errors import DataError
 from tests.early_decision.streams import CLASSES, make_stream, make_timeline
 

@@ -14,9 +14,8 @@ from lcorpp.domains import load_domain
 from lcorpp.errors import DataError, FileError
 from lcorpp.experiments.figures import evaluation, running, storage
 from lcorpp.experiments.figures.registry import PaperFigure
-from lcorpp.experiments.figures.remaining import RemainingTime
 from lcorpp.experiments.figures.result import FigureOptions
-from lcorpp.experiments.figures.running import FigureRun
+from lcorpp.experiments.figures.running import FigureRun, RemainingTime
 from lcorpp.planning.policy_cache import find_cache_folder
 from tests.experiments.figures.made_up import make_figure
 

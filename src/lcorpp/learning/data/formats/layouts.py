@@ -16,10 +16,51 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from lcorpp.learning.data.csv_reader import WHITESPACE, RowBatch
-from lcorpp.learning.data.formats import boxes
 from lcorpp.learning.data.formats.sample import Sample
 from lcorpp.learning.data.measures import Measures
 from lcorpp.values import Array
+
+PEDESTRIAN = "Pedestrian"
+"""The kind of the Stanford Drone Dataset whose rows are read; others ride or drive."""
+
+
+def use_centres(batch: RowBatch, left_out: Counter[str]) -> RowBatch:
+    """Use the centre of a box seen from above, of pedestrians in view."""
+    lost = batch.numbers["lost"] != 0
+    kinds = np.array([kind != PEDESTRIAN for kind in batch.texts["kind"]], dtype=bool)
+    for kind in sorted(set(batch.texts["kind"]) - {PEDESTRIAN}):
+        left_out[f"{kind or 'no kind'}"] += batch.texts["kind"].count(kind)
+    left_out["lost pedestrians"] += int((lost & ~kinds).sum())
+    batch = batch.take(np.flatnonzero(~(lost | kinds)))
+    x = (batch.numbers["xmin"] + batch.numbers["xmax"]) / 2
+    y = (batch.numbers["ymin"] + batch.numbers["ymax"]) / 2
+    return _with_points(batch, x, y)
+
+
+def use_world(batch: RowBatch, left_out: Counter[str]) -> RowBatch:
+    """Use the position in the world, of rows that are to be considered (confidence above 0)."""
+    ignored = batch.numbers["conf"] == 0
+    left_out["confidence 0"] += int(ignored.sum())
+    batch = batch.take(np.flatnonzero(~ignored))
+    return _with_points(batch, batch.numbers["world x"], batch.numbers["world y"])
+
+
+def use_feet(batch: RowBatch, left_out: Counter[str]) -> RowBatch:
+    """Use the middle of the lower edge of a box in a camera's image, where the feet are."""
+    ignored = batch.numbers["conf"] == 0
+    left_out["confidence 0"] += int(ignored.sum())
+    if "class" in batch.numbers:
+        others = ~ignored & (batch.numbers["class"] != 1)
+        left_out["classes other than 1, pedestrians"] += int(others.sum())
+        ignored |= others
+    batch = batch.take(np.flatnonzero(~ignored))
+    x = batch.numbers["left"] + batch.numbers["width"] / 2
+    return _with_points(batch, x, batch.numbers["top"] + batch.numbers["height"])
+
+
+def _with_points(batch: RowBatch, x: Array, y: Array) -> RowBatch:
+    return RowBatch(batch.lines, {**batch.numbers, "x": x, "y": y}, batch.texts)
+
 
 Convert = Callable[[RowBatch, Counter[str]], RowBatch]
 
@@ -100,7 +141,7 @@ DRONE = Layout(
     numbers=("xmin", "ymin", "xmax", "ymax", "lost"),
     words=("kind",),
     made=("x", "y"),
-    convert=boxes.use_centres,
+    convert=use_centres,
 )
 MOT = Layout(
     "MOTChallenge",
@@ -109,7 +150,7 @@ MOT = Layout(
     is_frames=True,
     numbers=("conf", "world x", "world y"),
     made=("x", "y"),
-    convert=boxes.use_world,
+    convert=use_world,
 )
 MOT_BOXES = Layout(
     "boxes of MOTChallenge",
@@ -118,7 +159,7 @@ MOT_BOXES = Layout(
     is_frames=True,
     numbers=("left", "top", "width", "height", "conf", "class"),
     made=("x", "y"),
-    convert=boxes.use_feet,
+    convert=use_feet,
 )
 IND = Layout(
     "inD",

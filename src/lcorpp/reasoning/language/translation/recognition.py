@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 
 from lcorpp.reasoning.language.issues import SourceIssue
 from lcorpp.reasoning.language.lexer import find_place, list_line_starts
 from lcorpp.reasoning.language.translation.names import Translation
-from lcorpp.reasoning.language.translation.problog import translate_problog
-from lcorpp.reasoning.language.translation.prolog_reader import list_tokens
+from lcorpp.reasoning.language.translation.problog_clauses import make_clauses
+from lcorpp.reasoning.language.translation.problog_grounded import translate_instances
+from lcorpp.reasoning.language.translation.problog_lifted import is_liftable, translate_clauses
+from lcorpp.reasoning.language.translation.prolog_reader import PrologReader, Token, list_tokens
 
 _PLOG_FORMS = {
     "random": "random(f(D) : {X : p(X)}) :- B",
@@ -48,9 +51,23 @@ def translate_other_system(text: str, file: str) -> Translation | None:
     if not _PROBLOG.search(spaced):
         return None
     try:
-        return translate_problog(text, file, tokens)
+        return _translate_problog(text, file, tokens)
     except SourceIssue as issue:
         raise _refuse("ProbLog", issue) from None
+
+
+def _translate_problog(text: str, file: str, tokens: Sequence[Token]) -> Translation:
+    """Translate a ProbLog program, given by its text and its tokens.
+
+    Clauses of constants and variables without arithmetic keep their form, see `problog_lifted`. If the
+    program needs more, Prolog's own evaluation finds the ground instances on which its queries and evidence
+    depend, and decides what does not depend on chance, see `problog_grounded`.
+
+    Raises:
+        SourceIssue: the program has an error, or a construct without translation, which the message names.
+    """
+    clauses = make_clauses(PrologReader(text, file, tokens).read_clauses())
+    return translate_clauses(clauses) if is_liftable(clauses) else translate_instances(clauses)
 
 
 def _refuse(system: str, issue: SourceIssue) -> SourceIssue:
