@@ -68,7 +68,7 @@ def test_a_likelihood_and_no_label_change_the_prior_as_the_reasoner_says(robot):
     [
         ({"facts": {"weather": "rain"}}, DomainError, "'weather' is not observed in intention"),
         ({"facts": {"time": "noon"}}, DomainError, "time cannot be 'noon'"),
-        ({"facts": FACTS, "label": "two"}, DomainError, "'two' is no label of motion"),
+        ({"facts": FACTS, "label": "two"}, DomainError, "'two' is not a label of motion"),
         (
             {"facts": FACTS, "labels": {"gaze": "zero"}},
             DomainError,

@@ -165,7 +165,7 @@ def test_another_layout_is_refused(path, schema, words):
         ((("x",), float("nan"), CLASSES), "interval is nan s"),
         ((("x",), "1", CLASSES), "interval is '1' s"),
         ((("x",), 1, ()), "classes"),
-        ((("x",), 1, ("a", "")), "no name"),
+        ((("x",), 1, ("a", "")), "not a name"),
         ((("x",), 1, CLASSES, 0), "tracks of 0 time points"),
     ],
 )

@@ -80,7 +80,7 @@ def test_float_samples_are_clipped_and_finite(tmp_path):
     (tmp_path / "a.wav").write_bytes(make_file(encode(np.array([1.5, -2]), 3, 32), kind=3, bits=32))
     np.testing.assert_array_equal(read_wave(tmp_path / "a.wav")[0], [1, -1])
     (tmp_path / "a.wav").write_bytes(make_file(encode(np.array([np.nan]), 3, 32), kind=3, bits=32))
-    with pytest.raises(DataError, match="no finite numbers"):
+    with pytest.raises(DataError, match="not finite numbers"):
         read_wave(tmp_path / "a.wav")
 
 
