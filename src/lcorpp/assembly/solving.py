@@ -15,7 +15,6 @@ from lcorpp.domains import Domain
 from lcorpp.errors import NoReportError
 from lcorpp.planning import Progress, Solution, SolverOptions
 from lcorpp.planning.policy_cache import solve_cached
-from lcorpp.planning.sarsop.mixtures import MAX_MIXED
 from lcorpp.values import Array, ConfusionMatrix
 
 
@@ -73,6 +72,10 @@ def solve_domain(
 
 def find_mixed(domain: Domain) -> Array | None:
     """Return the beliefs (V, S) whose mixtures are the priors; None if they are too many."""
+    from lcorpp.planning.sarsop.mixtures import (
+        MAX_MIXED,
+    )  # loads the solver, which a stored policy does without
+
     corners = domain.planning.initial_states
     return corners if 2 <= len(corners) <= MAX_MIXED else None
 
