@@ -72,9 +72,8 @@ def solve_domain(
 
 def find_mixed(domain: Domain) -> Array | None:
     """Return the beliefs (V, S) whose mixtures are the priors; None if they are too many."""
-    from lcorpp.planning.sarsop.mixtures import (
-        MAX_MIXED,
-    )  # loads the solver, which a stored policy does without
+    # loads the solver, which a stored policy does without
+    from lcorpp.planning.sarsop.mixtures import MAX_MIXED
 
     corners = domain.planning.initial_states
     return corners if 2 <= len(corners) <= MAX_MIXED else None
