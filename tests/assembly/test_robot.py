@@ -5,11 +5,17 @@ import pytest
 
 import lcorpp
 from lcorpp import Instance, Planner, Reasoner, Robot, dt_control, load_domain, solve
+from lcorpp.assembly import TrainingOptions
+from lcorpp.assembly.case import draw_case
+from lcorpp.decision import LCORPP
 from lcorpp.errors import DecisionError, DomainError, FileError
+from lcorpp.scoring import evaluate_exactly
+from lcorpp.simulation import NoisyChannel, Population
 from lcorpp.values import Likelihood
 from lcorpp.worlds import ScriptedWorld
 
 FACTS = {"time": "afternoon", "location": "classroom"}
+TRACK = np.zeros((2, 30))
 
 
 @pytest.fixture(scope="module")
@@ -39,12 +45,15 @@ def test_the_trial_of_the_paper_as_composed_by_hand(robot):
 
 
 def test_a_person_is_simulated_where_no_world_answers(robot):
-    """Two ways: the trials of a seed are the same again, and their accuracy is that of exact values."""
-    first, again = (robot.decide(FACTS, seed=4) for _ in range(2))
-    assert first.steps == again.steps or [s.action for s in first.steps] == [s.action for s in again.steps]
-    assert set(first.labels) == {"motion"}
-    reports = {robot.decide(FACTS, seed=seed).report for seed in range(30)}
-    assert reports == {"interested", "not_interested"}
+    """The reports about 200 people are right as often as exact values say; 4 standard errors are .092."""
+    domain = robot.domain
+    channels = {sense.name: NoisyChannel.from_domain(domain, sense) for sense in domain.senses}
+    (exact,) = evaluate_exactly(domain, robot.robot, channels, (LCORPP,))
+    truths = [draw_case(domain, robot.senses, {}, {}, seed=seed).truth for seed in range(200)]
+    episodes = [robot.decide({}, seed=seed) for seed in range(200)]
+    right = np.mean([episode.report == truth for episode, truth in zip(episodes, truths, strict=True)])
+    assert right == pytest.approx(exact.accuracy.estimate, abs=0.092)
+    assert {tuple(episode.labels) for episode in episodes} == {("motion",)}
 
 
 def test_a_likelihood_and_no_label_change_the_prior_as_the_reasoner_says(robot):
@@ -75,6 +84,17 @@ def test_a_likelihood_and_no_label_change_the_prior_as_the_reasoner_says(robot):
             "no sense 'gaze'; expected one of",
         ),
         ({"facts": FACTS, "label": "zero", "labels": {"motion": "one"}}, DomainError, "expected labels="),
+        ({"facts": FACTS, "signals": {"moton": TRACK}}, DomainError, "no sense 'moton'; expected one of"),
+        (
+            {"facts": FACTS, "signals": {"motion": TRACK}},
+            DomainError,
+            "is a noisy channel, which has no signals",
+        ),
+        (
+            {"facts": FACTS, "label": "zero", "signals": {"motion": TRACK}},
+            DomainError,
+            "a label and a signal of motion are given; expected one of them",
+        ),
         (
             {"facts": FACTS, "label": "zero", "world": ["pos"]},
             DecisionError,
@@ -99,3 +119,17 @@ def test_wrong_parts_are_named(tmp_path):
     ):
         with pytest.raises(error, match=words):
             lcorpp.load_robot("intention", classifiers=classifiers)
+
+
+def test_a_trained_classifier_receives_the_signal():
+    robot = lcorpp.load_robot("intention", classifiers={"motion": TrainingOptions("summaries", tracks=60)})
+    domain = robot.domain
+    people = Population(domain).sample(6, np.random.default_rng(1))
+    signals = robot.senses["motion"].signals.simulate(people, np.random.default_rng(2))
+    labels = robot.robot.classifiers["motion"].classify_many(signals)
+    assert len(set(labels)) == 2
+    for signal, label in zip(signals, labels, strict=True):
+        perceived = robot.decide(FACTS, signals={"motion": signal}, world=["pos"] * 20)
+        given = robot.decide(FACTS, label=label, world=["pos"] * 20)
+        assert perceived.labels == {"motion": label}
+        np.testing.assert_allclose(perceived.prior, given.prior)

@@ -1,4 +1,4 @@
-"""The robot of a domain: classifiers, knowledge with their rates, and policy, composed for every command."""
+"""The robot of a domain, composed of classifiers, knowledge and policy; the commands use it, too."""
 
 from __future__ import annotations
 
@@ -49,6 +49,7 @@ class DomainRobot:
 
     @property
     def domain(self) -> Domain:
+        """The domain."""
         return self.parts.domain
 
     @cached_property
@@ -75,7 +76,7 @@ class DomainRobot:
             label: the output of the classifier of the only sense, instead of a signal: a class, the value of
                 its attribute, or a `Likelihood`, if the robot was composed for it.
             labels: sense -> output, of several senses.
-            signals: sense -> what it perceived of the person, which its classifier receives.
+            signals: sense -> what it perceived of the person, which its trained classifier receives.
             world: executes the actions; the prepared answers of a person; or None, for a simulated person
                 who fits the facts. What the classifiers of such a person output is drawn, too, for senses
                 without label and signal.
@@ -83,12 +84,42 @@ class DomainRobot:
             listener: called after every step.
 
         Raises:
-            DomainError: a fact, sense or label is unknown, or a likelihood comes in place of a label.
+            DomainError: a fact, sense or label is unknown, a likelihood comes in place of a label, or a
+                signal beside a label or for a noisy channel.
             DecisionError: the robot needs more answers than are prepared.
             NoReportError: the policy never reports.
         """
-        known = choose_labels(self.domain, label, labels or {})
-        for name, own in known.items():
+        known, perceived = choose_labels(self.domain, label, labels or {}), signals or {}
+        self._check_evidence(known, perceived)
+        self.domain.evidence(facts, known)  # rejects what is unknown
+        if world is None:
+            case = draw_case(self.domain, self.senses, facts, known, seed=seed)
+            known = {name: own for name, own in case.predicted.items() if name not in perceived}
+            world, facts = case.world, case.facts
+        elif isinstance(world, Sequence):
+            world = ScriptedWorld(world)
+        given = {name: PrecomputedLabel(own) for name, own in known.items()}
+        blanks = dict.fromkeys(known, np.zeros(0))  # a classifier is asked only if there is a signal
+        robot = replace(self.robot, classifiers={**self.robot.classifiers, **given})
+        with explain_missing_reports(self.solution):
+            return dt_control(robot, Instance({**perceived, **blanks}, facts), world, listener=listener)
+
+    def _check_evidence(self, labels: Mapping[str, Label], signals: Mapping[str, Array]) -> None:
+        """Reject evidence that the robot would ignore, or that is of another kind than its rules expect.
+
+        Raises:
+            DomainError: as of `decide`.
+        """
+        for name in signals:
+            self.domain.find_sense(name)
+            if name in labels:
+                raise DomainError(f"a label and a signal of {name} are given; expected one of them")
+            if self.senses[name].trained is None:
+                raise DomainError(
+                    f"the classifier of {name} is a noisy channel, which has no signals; expected a label, or"
+                    " a robot with a trained classifier, see `classifiers` of load_robot"
+                )
+        for name, own in labels.items():
             soft = self.parts.classifiers[name].soft
             if isinstance(own, Likelihood) != soft:
                 expected = "likelihood" if soft else "label"
@@ -96,21 +127,6 @@ class DomainRobot:
                     f"the evidence of {name} is {own!r}; this robot expects a {expected}, see"
                     " `likelihoods` of load_robot"
                 )
-        instance = Instance(signals or {}, facts)
-        self.domain.evidence(facts, known)  # rejects what is unknown
-        if world is None:
-            case = draw_case(self.domain, self.senses, facts, known, seed=seed)
-            known = {name: own for name, own in case.predicted.items() if name not in instance.signals}
-            world, instance = case.world, Instance(instance.signals, case.facts)
-        elif isinstance(world, Sequence):
-            world = ScriptedWorld(world)
-        given = {name: PrecomputedLabel(own) for name, own in known.items()}
-        blanks = dict.fromkeys(known, np.zeros(0))  # a classifier is asked only if there is a signal
-        robot = replace(self.robot, classifiers={**self.robot.classifiers, **given})
-        with explain_missing_reports(self.solution):
-            return dt_control(
-                robot, Instance({**instance.signals, **blanks}, instance.context), world, listener=listener
-            )
 
 
 def set_up_senses(

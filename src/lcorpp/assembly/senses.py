@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from lcorpp.assembly.options import LABEL
 from lcorpp.domains import Domain
 from lcorpp.domains.sections.learning import Sense
 from lcorpp.simulation.people import SignalSource
@@ -15,7 +16,6 @@ from lcorpp.values import ConfusionMatrix, EvidenceKind
 
 if TYPE_CHECKING:  # scikit-learn takes seconds to load, and a noisy channel does without
     from lcorpp.learning import EvaluationReport, Rate, TrainedClassifier
-from lcorpp.assembly.options import LABEL
 
 
 @dataclass(frozen=True, eq=False)
