@@ -10,7 +10,8 @@ import numpy as np
 from lcorpp.arguments import check_arguments
 from lcorpp.domains import Domain
 from lcorpp.errors import DataError, expected_one_of
-from lcorpp.learning.label_noise.dawid_skene import AnswerSource, estimate_classes
+from lcorpp.learning.label_noise.answer_source import AnswerSource
+from lcorpp.learning.label_noise.dawid_skene import estimate_classes
 from lcorpp.values import Array, ConfusionMatrix, Dataset, Indices, LabelEvidence
 from lcorpp.values.probabilities import MIN_LABEL
 
@@ -63,6 +64,8 @@ def correct_labels(
     rows, evidence = [row for row, _ in uncertain], [own for _, own in uncertain]
     certain_weights = np.where([own is None for own in dataset.evidence], dataset.weights, 0)
     known = (labels * certain_weights[:, np.newaxis]).T @ predicted
+    if not rows:
+        return CorrectedLabels((None,) * len(dataset), ConfusionMatrix(classes, known))
     weighted = labels * dataset.weights[:, np.newaxis]
     against_reports = weighted.T @ predicted + np.eye(len(classes)) + 0.5
     against_reports /= against_reports.sum(axis=1, keepdims=True)
@@ -78,15 +81,23 @@ def correct_labels(
     for row, probabilities in zip(rows, estimate.posteriors @ np.eye(len(classes))[class_of], strict=True):
         distributions[row] = _drop_improbable(classes, probabilities)
     totals = (known + estimate.counts[-1]).sum(axis=1, keepdims=True)
-    if not rows:
-        return CorrectedLabels(tuple(distributions), ConfusionMatrix(classes, known))
-    # the Beta distribution with the mean and variance of each rate, less the pseudo-counts of its interval
-    means, variances = estimate.samples[-1].mean(axis=0), estimate.samples[-1].var(axis=0)
-    cases = means * (1 - means) / variances - 1
-    effective = np.clip(cases - 1, 0, totals)
-    rates = np.clip((means * cases - 0.5) / np.maximum(cases - 1, 0.5), 0, 1)
-    counts = totals * rates / rates.sum(axis=1, keepdims=True)
-    return CorrectedLabels(tuple(distributions), ConfusionMatrix(classes, counts, effective))
+    confusion = ConfusionMatrix(classes, *_match_intervals(estimate.samples[-1], totals))
+    return CorrectedLabels(tuple(distributions), confusion)
+
+
+def _match_intervals(samples: Array, totals: Array) -> tuple[Array, Array]:
+    """Return counts and effective cases (K, K) whose Jeffreys intervals are those of sampled rates.
+
+    The interval of n effective cases with the rate r is that of Beta(r n + 1/2, (1 - r) n + 1/2), which here
+    has the mean and the variance of the samples.
+
+    Args:
+        samples: (S, K, K) of the rates. totals: (K, 1) number of cases of each class.
+    """
+    means, variances = samples.mean(axis=0), samples.var(axis=0)
+    cases = means * (1 - means) / variances - 2
+    rates = np.clip((means * (cases + 1) - 0.5) / np.maximum(cases, 0.5), 0, 1)
+    return totals * rates / rates.sum(axis=1, keepdims=True), np.clip(cases, 0, totals)
 
 
 def _find_answers(domain: Domain, evidence: Sequence[LabelEvidence]) -> list[AnswerSource]:

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from lcorpp.errors import DataError
-from lcorpp.learning.label_noise.dawid_skene import CONTEXT_WEIGHT, AnswerSource, estimate_classes
+from lcorpp.learning.label_noise.answer_source import AnswerSource
+from lcorpp.learning.label_noise.dawid_skene import CONTEXT_WEIGHT, estimate_classes
 from lcorpp.learning.label_noise.rate_samples import sample_rates
 
 FIRST = np.array([[0.8, 0.2], [0.35, 0.65]])  # P(answer | class)
@@ -106,9 +107,9 @@ def test_samples_have_the_moments_of_the_posterior_by_importance_sampling():
     pseudo = [8 * FIRST, 3 * LABEL]
     counts = [np.array([[2, 0], [1, 1], [0, 3], [0, 1]]), np.array([[1, 0], [0, 1], [0, 1], [1, 0]])]
     cases = np.array([3, 2, 4, 2])
-    answers = [(c, [0, 1], p) for c, p in zip(counts, pseudo, strict=True)]
+    sources = [AnswerSource(c, [0, 1], p) for c, p in zip(counts, pseudo, strict=True)]
     one = np.zeros(4, dtype=int)  # one context, whose classes are those of all cases: a large weight
-    found = sample_rates(answers, one, cases, np.ones(4), 1e9, [FIRST, LABEL], np.array([[0.5, 0.5]]))
+    found = sample_rates(sources, one, cases, np.ones(4), 1e9, [FIRST, LABEL], np.array([[0.5, 0.5]]))
 
     n = 400_000
     prior = [np.stack([rng.dirichlet(row, n) for row in p], axis=1) for p in pseudo]

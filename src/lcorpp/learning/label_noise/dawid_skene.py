@@ -9,9 +9,10 @@ import numpy as np
 
 from lcorpp.arguments import check_arguments
 from lcorpp.errors import DataError
-from lcorpp.latent_classes import LatentClasses, normalise, sum_by_group
+from lcorpp.latent_classes import LatentClasses, normalise
+from lcorpp.learning.label_noise.answer_source import AnswerSource
 from lcorpp.learning.label_noise.rate_samples import sample_rates
-from lcorpp.values import Array, Indices, freeze
+from lcorpp.values import Array, Indices
 from lcorpp.values.probabilities import MIN_LOGARITHM
 
 CONTEXT_WEIGHT = 10.0
@@ -19,47 +20,6 @@ CONTEXT_WEIGHT = 10.0
 
 TOLERANCE, MAX_STEPS = 1e-6, 5000
 """The estimation ends when no probability of a class changes by more than this, or after the steps."""
-
-
-@dataclass(frozen=True, eq=False)
-class AnswerSource:
-    """A source of answers about the hidden class of each case: a question to a person, a classifier.
-
-    counts: (N, O) how often each case got each answer.
-    rows: (K,) for each class the row of the source's matrix; classes that answer alike share a row.
-    pseudo_counts: (R, O) answers of each row that count as seen before: a Dirichlet prior. They distinguish
-        the classes, which the answers alone leave open up to a permutation, so each row needs a positive one.
-    """
-
-    counts: Array
-    rows: Indices
-    pseudo_counts: Array
-
-    def __post_init__(self) -> None:
-        for name in ("counts", "pseudo_counts"):
-            values = freeze(getattr(self, name))
-            if values.ndim != 2 or not (np.isfinite(values).all() and (values >= 0).all()):
-                raise DataError(f"the {name} of answers: expected a matrix of finite numbers from 0")
-            object.__setattr__(self, name, values)
-        object.__setattr__(self, "rows", np.asarray(self.rows, dtype=np.intp))
-        n_rows, n_answers = self.pseudo_counts.shape
-        if (
-            self.counts.shape[1] != n_answers
-            or self.rows.ndim != 1
-            or not np.isin(self.rows, range(n_rows)).all()
-        ):
-            raise DataError(
-                f"answers of shape {self.counts.shape} and the rows {self.rows.tolist()} of the classes do"
-                f" not fit a matrix of shape {self.pseudo_counts.shape}"
-            )
-        if not (self.pseudo_counts.sum(axis=1) > 0).all():
-            raise DataError(
-                "a row of a source's matrix has no pseudo-counts; expected a positive sum in each"
-            )
-
-    def count_by_row(self, answers: Array) -> Array:
-        """Return the number (R, O) of the answers of each row, from those of each class (K, O)."""
-        return sum_by_group(self.rows, answers, len(self.pseudo_counts))
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,8 +85,7 @@ def estimate_classes(
         priors = normalise(CONTEXT_WEIGHT * overall + found.contexts)
         if np.abs(posteriors - before).max(initial=0) <= TOLERANCE:
             break
-    answers = [(source.counts, source.rows, source.pseudo_counts) for source in sources]
-    samples = sample_rates(answers, kinds, cases, weights / cases, CONTEXT_WEIGHT, matrices, priors)
+    samples = sample_rates(sources, kinds, cases, weights / cases, CONTEXT_WEIGHT, matrices, priors)
     return ClassEstimate(posteriors[kind_of], tuple(matrices), tuple(expected), samples)
 
 

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from lcorpp.latent_classes import normalise, normalise_logs
+from lcorpp.learning.label_noise.answer_source import AnswerSource
 from lcorpp.values import Array, Indices
 from lcorpp.values.probabilities import MIN_LOGARITHM
 
@@ -18,7 +19,7 @@ MIN_CHAINS, MAX_CHAINS, MAX_CELLS = 4, 16, 50_000
 
 
 def sample_rates(
-    answers: Sequence[tuple[Array, Indices, Array]],
+    sources: Sequence[AnswerSource],
     contexts: Indices,
     cases: Indices,
     weights: Array,
@@ -31,8 +32,7 @@ def sample_rates(
     Each sweep samples the classes of all cases given the rates, then the rates given the classes.
 
     Args:
-        answers: of each source the counts (U, O) of the answers about each kind of cases, the row (K,) of
-            each class, and the pseudo-counts (R, O).
+        sources: with the answers about each of U kinds of cases of K classes.
         contexts: (U,) of each kind of cases.
         cases: (U,) their number.
         weights: (U,) how much each case of the kind counts.
@@ -47,18 +47,19 @@ def sample_rates(
     rng = np.random.default_rng(0)
     K = priors.shape[1]
     n_chains = int(np.clip(MAX_CELLS // max(len(cases) * K, 1), MIN_CHAINS, MAX_CHAINS))
-    row_of = [np.eye(len(pseudo))[rows] for _, rows, pseudo in answers]  # (K, R) of each source
+    row_of = [np.eye(len(source.pseudo_counts))[source.rows] for source in sources]  # (K, R) of each source
     context_of = np.eye(len(priors))[contexts]
     rates = [np.repeat(matrix[np.newaxis], n_chains, axis=0) for matrix in matrices]
     shares = np.repeat(priors[np.newaxis], n_chains, axis=0)
-    samples: list[list[Array]] = [[] for _ in answers]
+    samples: list[list[Array]] = [[] for _ in sources]
     for sweep in range(N_BURN_IN + N_SWEEPS):
         logs = np.log(np.maximum(shares, MIN_LOGARITHM))[:, contexts]
-        for (counts, rows, _), own in zip(answers, rates, strict=True):
-            logs += counts @ np.log(np.maximum(own, MIN_LOGARITHM))[:, rows].swapaxes(1, 2)
+        for source, own in zip(sources, rates, strict=True):
+            logs += source.counts @ np.log(np.maximum(own, MIN_LOGARITHM))[:, source.rows].swapaxes(1, 2)
         classes = rng.multinomial(cases, normalise_logs(logs)) * weights[:, np.newaxis]  # (chains, U, K)
-        for i, (counts, _, pseudo) in enumerate(answers):
-            rates[i] = _sample_dirichlet(rng, row_of[i].T @ (classes.swapaxes(1, 2) @ counts) + pseudo)
+        for i, source in enumerate(sources):
+            counts = row_of[i].T @ (classes.swapaxes(1, 2) @ source.counts)  # (chains, R, O)
+            rates[i] = _sample_dirichlet(rng, counts + source.pseudo_counts)
             if sweep >= N_BURN_IN:
                 samples[i].append(rates[i])
         by_context = context_of.T @ classes
