@@ -13,12 +13,13 @@ from lcorpp.planning import (
     parse_pomdp,
     read_alphas,
     read_policy,
+    read_pomdp,
     solve_finite_horizon,
     write_alphas,
     write_policy,
 )
 from lcorpp.planning.evaluation.claims import check_claims
-from tests.planning.models import LCORPP, TIGER, pomdps
+from tests.planning.models import LCORPP, SHARED, TIGER, pomdps
 from tests.planning.policies import back_up
 
 tiger = parse_pomdp(TIGER, file="tiger.pomdp")
@@ -127,3 +128,13 @@ def test_discount_1():
     check_claims(endless, Policy.of(endless, [[1e6, 1e6]], [0]), "x.policy")  # without end, no bound is known
     with pytest.raises(PolicyError, match="no policy earns more than 20;"):
         check_claims(endless, replace(two, vector_sets=Policy.of(endless, [[21, 0]], [0]).vector_sets), "x")
+
+
+def test_the_case_from_the_field():
+    folder = SHARED.parent / "cases" / "pomdp"
+    if not folder.is_dir():
+        pytest.skip("the cases are not here (shared/cases/pomdp)")
+    model = read_pomdp(folder / "15_model.pomdp")
+    words = r"promises 1e\+06 in state 'left', where no policy earns more than 200"
+    with pytest.raises(PolicyError, match=words):
+        read_alphas(folder / "15_false_vector.alpha", model)
