@@ -69,7 +69,7 @@ class DecisionGraph:
         """Return the node after the action at each node and an observation.
 
         Raises:
-            ObservationError: an observation is impossible by the robot's model.
+            ObservationError: an observation is impossible under the robot's model.
             DecisionError: the robot chooses an unknown action.
         """
         size, known = len(self._pomdp.observations), self._children

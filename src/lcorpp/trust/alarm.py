@@ -126,7 +126,7 @@ class Alarm:
             evidence: as for the reasoner. steps: of the decision.
 
         Raises:
-            UndefinedError: the evidence is impossible by the stated program.
+            UndefinedError: the evidence is impossible under the stated program.
         """
         history = [(step.action, step.observation) for step in steps if step.observation is not None]
         joint = self._hypotheses.predict(evidence)  # (F, V)

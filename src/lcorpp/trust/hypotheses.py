@@ -56,7 +56,7 @@ class Hypotheses:
         A likelihood of labels counts as in P(value, label) summed over the labels, up to a factor.
 
         Raises:
-            UndefinedError: the evidence is impossible by the stated program.
+            UndefinedError: the evidence is impossible under the stated program.
         """
         return self._cache.find(evidence, self._compute_predictions)
 

@@ -121,7 +121,7 @@ class Trust:
 
         Raises:
             DecisionError: `attribute` is not what reasoner and planner share.
-            UndefinedError: the evidence is impossible by the knowledge.
+            UndefinedError: the evidence is impossible under the knowledge.
         """
         if attribute != self._domain.shared and tuple(attribute) != self._domain.shared:
             raise DecisionError(f"trust predicts {self._domain.shared!r}, not {attribute!r}")
