@@ -28,6 +28,11 @@ REFUSED = {
         "invalid",
         "expected 1 to 64",
     ),
+    "a sample of 401 digits": (
+        f'{{"id": 1, "type": "samples", "sense": "m", "samples": [[0, 1{"0" * 400}]]}}',
+        "invalid",
+        "expected a sample [time, value, ...] of finite numbers",
+    ),
     "facts of numbers": (
         '{"id": 1, "type": "observe", "facts": {"a": 1}, "labels": {}}',
         "invalid",

@@ -280,7 +280,7 @@ def impatient(intention):
     [b"", b"GET / HT", HANDSHAKE[:-2], b"POST / HTTP/1.1\r\nHost: 127.0.0.1\r\nContent-Length: 9\r\n\r\n1"],
 )
 def test_a_half_open_connection_ends(impatient, start):
-    with socket.create_connection(("127.0.0.1", impatient)) as raw:
+    with socket.create_connection(("127.0.0.1", impatient), timeout=300) as raw:  # an open one fails
         raw.sendall(start)
         try:
             while raw.recv(4096):
@@ -290,7 +290,7 @@ def test_a_half_open_connection_ends(impatient, start):
 
 
 def test_a_page_that_does_not_reply_to_pings_ends(impatient):
-    with socket.create_connection(("127.0.0.1", impatient)) as raw:
+    with socket.create_connection(("127.0.0.1", impatient), timeout=300) as raw:  # an open one fails
         raw.sendall(HANDSHAKE)
         try:
             while raw.recv(4096):  # the pings are read, but not replied to
