@@ -8,7 +8,8 @@ import pytest
 from lcorpp.assembly import TrainingOptions, train_classifier
 from lcorpp.assembly.classifier_training import load_trained
 from lcorpp.assembly.options import ReadingOptions, StoredOptions
-from lcorpp.assembly.training_data import make_training_data, read_training_data
+from lcorpp.assembly.recorded_data import read_training_data
+from lcorpp.assembly.training_data import make_training_data
 from lcorpp.domains import load_domain
 from lcorpp.domains.loading import SHIPPED_FOLDER
 from lcorpp.errors import DataError, DomainError

@@ -2,11 +2,13 @@ from .classifier_training import (
     load_trained as load_trained,
     train_classifier as train_classifier,
 )
+from .estimators import TrainingData as TrainingData
 from .options import (
     EvidenceOptions as EvidenceOptions,
     StoredOptions as StoredOptions,
     TrainingOptions as TrainingOptions,
 )
+from .recorded_data import read_training_data as read_training_data
 from .robot import (
     DomainRobot as DomainRobot,
     compose_robot as compose_robot,
@@ -24,8 +26,4 @@ from .strategies.baselines import (
     find_strategies as find_strategies,
 )
 from .strategies.own import load_strategy as load_strategy
-from .training_data import (
-    TrainingData as TrainingData,
-    read_training_data as read_training_data,
-    simulate_training_data as simulate_training_data,
-)
+from .training_data import simulate_training_data as simulate_training_data

@@ -3,8 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
 
+from lcorpp.assembly.estimators import (
+    FOLDS,
+    choose_learner,
+    make_estimator,
+    make_untrained as make_untrained,
+)
 from lcorpp.assembly.options import HARD_LABELS, EvidenceOptions, StoredOptions, TrainingOptions
 from lcorpp.assembly.progress import ProgressDisplay, no_progress
 from lcorpp.assembly.senses import SenseSetup, nest_rates
@@ -14,14 +19,7 @@ from lcorpp.assembly.thresholds import (
     parse_goal,
     set_threshold,
 )
-from lcorpp.assembly.training_data import (
-    FOLDS,
-    choose_learner,
-    make_estimator,
-    make_signal_source,
-    make_training_data,
-    read_training_data,
-)
+from lcorpp.assembly.training_data import make_signal_source, make_training_data
 from lcorpp.domains import Domain
 from lcorpp.domains.sections.learning import Sense
 from lcorpp.errors import DataError, DomainError, check_type
@@ -30,12 +28,10 @@ from lcorpp.learning import (
     TrainedClassifier,
     build_report,
     estimate_rates,
-    learner,
     load_classifier,
     train_and_validate,
 )
 from lcorpp.learning.classifiers.storage import check_storable
-from lcorpp.learning.classifiers.table import DEFAULTS
 from lcorpp.notebook import join_some
 from lcorpp.simulation.people import SignalSource
 from lcorpp.values import COVERAGE, ConfusionMatrix
@@ -117,6 +113,8 @@ def load_trained(
     if path is None:
         signals = make_signal_source(domain, sense, options.seconds)
         return _make_setup(sense, trained, confusion, evidence, signals, source)
+    from lcorpp.assembly.recorded_data import read_training_data  # loads the readers of all formats
+
     motion = trained.estimator.steps[0][1]
     inputs = trained.inputs or getattr(motion, "inputs", ("x", "y"))
     recorded = read_training_data(
@@ -143,17 +141,6 @@ def find_storage_problem(options: TrainingOptions) -> str | None:
     except DataError as error:
         return str(error)
     return None
-
-
-def make_untrained(options: TrainingOptions) -> Any:
-    """Return an estimator of the learner before the data are known; raises as `learner`."""
-    return learner(
-        options.learner or DEFAULTS["motion"],
-        epochs=options.epochs,
-        device=options.device,
-        features=options.features,
-        rate=options.rate,
-    )
 
 
 def _make_setup(

@@ -83,7 +83,7 @@ class RobotParts:
         soft = [name for name, part in parts if part.soft]
         if not soft:
             return {}
-        from lcorpp.assembly.strategies.trust import compute_soft_rates  # loads `lcorpp.trust`
+        from lcorpp.assembly.soft_rates import compute_soft_rates  # loads `lcorpp.trust`
 
         confusions = {name: part.confusion for name, part in parts if part.confusion is not None}
         return compute_soft_rates(self.domain, confusions, self.smoothing, soft=soft)

@@ -299,7 +299,7 @@ def _check_options(domain: Domain, chosen: ActiveLearningOptions, tracks: int | 
             learner or the device is unknown, or a learner cannot learn from weighted cases.
         DomainError: trust cannot follow the dialogue of the domain.
     """
-    from lcorpp.assembly.classifier_training import make_untrained
+    from lcorpp.assembly.estimators import make_untrained
     from lcorpp.assembly.options import TrainingOptions
     from lcorpp.assembly.strategies.trust import TRUST, check_dialogue
     from lcorpp.learning.classifiers.registry import check_weighted

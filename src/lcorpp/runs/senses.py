@@ -6,12 +6,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from lcorpp.arguments import check_arguments, check_fields
+from lcorpp.assembly.estimators import TrainingData, choose_learner
 from lcorpp.assembly.options import HARD_LABELS, ClassifierOptions, EvidenceOptions, TrainingOptions
 from lcorpp.assembly.progress import ProgressDisplay, no_progress
 from lcorpp.assembly.robot import set_up_senses
 from lcorpp.assembly.senses import Senses
 from lcorpp.assembly.thresholds import parse_goal
-from lcorpp.assembly.training_data import TrainingData, choose_learner, make_training_data
+from lcorpp.assembly.training_data import make_training_data
 from lcorpp.decision.lcorpp import CONFIDENCE
 from lcorpp.domains import Domain
 from lcorpp.errors import DecisionError, DomainError, check_type, expected_one_of

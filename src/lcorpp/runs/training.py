@@ -8,12 +8,12 @@ from dataclasses import replace
 
 import numpy as np
 
+from lcorpp.assembly.estimators import FOLDS, make_estimator
 from lcorpp.assembly.progress import Advance, ProgressDisplay
 from lcorpp.assembly.robot import describe_classifiers
 from lcorpp.assembly.robot_parts import ClassifierPart
-from lcorpp.assembly.strategies.trust import compute_soft_rates
+from lcorpp.assembly.soft_rates import compute_soft_rates
 from lcorpp.assembly.thresholds import set_threshold
-from lcorpp.assembly.training_data import FOLDS, make_estimator
 from lcorpp.decision import Batch
 from lcorpp.decision.lcorpp import Training
 from lcorpp.decision.strategies import Rates

@@ -1,3 +1,4 @@
 from .alarm import Alarm as Alarm, Finding as Finding
 from .hypotheses import Hypotheses as Hypotheses
-from .trust import Trust as Trust, TrustOptions as TrustOptions
+from .options import TrustOptions as TrustOptions
+from .trust import Trust as Trust

@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 
 from lcorpp.assembly.options import EvidenceOptions, TrainingOptions
-from lcorpp.assembly.strategies import trust as trust_strategies
+from lcorpp.assembly.soft_rates import compute_soft_rates
 from lcorpp.assembly.strategies.baselines import find_strategies
-from lcorpp.assembly.strategies.trust import TRUST, WITH_TRUST, compute_soft_rates
+from lcorpp.assembly.strategies.trust import TRUST, WITH_TRUST
+from lcorpp.assembly.strategies.trust_session import TrustSession
 from lcorpp.decision import dt_control, strategies
 from lcorpp.domains import load_domain
 from lcorpp.errors import DataError, DecisionError, DomainError
@@ -151,14 +152,14 @@ def test_a_line_that_is_missing_stops_the_replay_of_its_session(tmp_path):
 
 def test_an_interrupt_keeps_the_people_about_whom_all_strategies_decided(whole, tmp_path, monkeypatch):
     """Of two processes, of which this one runs the strategies that learn from people."""
-    domain, learn, calls = load_domain(ROOMS), trust_strategies.TrustSession.learn, iter(range(10_000))
+    domain, learn, calls = load_domain(ROOMS), TrustSession.learn, iter(range(10_000))
 
     def interrupt(session, *decision):
         if next(calls) == 2 * 104 + 1:
             raise KeyboardInterrupt
         learn(session, *decision)
 
-    monkeypatch.setattr(trust_strategies.TrustSession, "learn", interrupt)
+    monkeypatch.setattr(TrustSession, "learn", interrupt)
     part = compare(domain, jobs=2, log=tmp_path / "part")
     assert (whole[0].trials, part.trials) == (110, 104)
     assert all(row.counts.sum() == 104 for row in part.scores)

@@ -8,3 +8,6 @@ TRUST_NAMES = ("LCORPP+trust", "LCORPP+trust-hearing", "LCORPP+trust-asking")
 
 BASELINE_NAMES = ("ask-twice", "random", "always-report")
 """Of `lcorpp.assembly.strategies.baselines.BASELINES`."""
+
+WEIGHT, NOISE = "weight_", "noise"
+"""Columns of trust in a table: the weight of each source, and the estimated noise of the answers."""

@@ -12,7 +12,7 @@ from lcorpp.domains.dialogue import DomainDialogue, PlannerFactory
 from lcorpp.planning import Planner
 from lcorpp.protocols import Reasoner
 from lcorpp.trust import Trust, TrustOptions
-from lcorpp.trust.trust import DEFAULT_OPTIONS
+from lcorpp.trust.options import DEFAULT_OPTIONS
 
 
 def set_up_trust(

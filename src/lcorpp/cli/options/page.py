@@ -45,7 +45,7 @@ class PageGroup:
             DomainError: as the function `choose_classifiers`. DataError: an unknown learner, or options that
                 it does not take.
         """
-        from lcorpp.assembly.classifier_training import make_untrained
+        from lcorpp.assembly.estimators import make_untrained
         from lcorpp.assembly.options import READ_AS_IT_IS, TrainingOptions
         from lcorpp.assembly.track_robot import LEARNER, find_track_senses
 

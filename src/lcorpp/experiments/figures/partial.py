@@ -9,10 +9,11 @@ from functools import partial
 import numpy as np
 from matplotlib.figure import Figure
 
+from lcorpp.assembly.estimators import FOLDS
 from lcorpp.assembly.progress import ProgressDisplay
 from lcorpp.assembly.robot import compose_robot
 from lcorpp.assembly.senses import SenseSetup, nest_rates
-from lcorpp.assembly.training_data import FOLDS, simulate_training_data
+from lcorpp.assembly.training_data import simulate_training_data
 from lcorpp.decision.strategies import strategies
 from lcorpp.domains import Domain, load_domain
 from lcorpp.experiments.figures import published

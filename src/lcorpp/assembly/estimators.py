@@ -1,0 +1,74 @@
+"""The training data of a sense, and the untrained estimator that suits them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from lcorpp.assembly.options import TrainingOptions
+from lcorpp.learning import learner
+from lcorpp.learning.classifiers.table import DEFAULTS
+from lcorpp.simulation.people import SignalSource
+from lcorpp.values import Dataset
+
+FOLDS = 5
+"""Folds of every cross-validation."""
+
+
+@dataclass(frozen=True, eq=False)
+class TrainingData:
+    """A training set and the source of the test signals, which never contains a training case.
+
+    epochs: the number of epochs that suits the data. path: of recorded data.
+    """
+
+    dataset: Dataset
+    signals: SignalSource
+    epochs: int
+    path: Path | None = None
+
+
+def choose_learner(options: TrainingOptions, dataset: Dataset) -> TrainingOptions:
+    """Return the options with the learner that suits the data, if they name none."""
+    return replace(options, learner=options.learner or DEFAULTS[dataset.kind])
+
+
+def make_estimator(
+    data: TrainingData, options: TrainingOptions, seed: int, *, new_places: bool = True
+) -> Any:
+    """Return an unfitted estimator of a learner, for the interval and the channels of the training data.
+
+    Without a number of epochs, the learner "lstm" gets `data.epochs`, and any other its own default.
+
+    Args:
+        new_places: as of `learner`.
+
+    Raises:
+        DataError: as `learner`.
+    """
+    chosen = choose_learner(options, data.dataset).learner or ""
+    default_epochs = data.epochs if chosen == "lstm" else None
+    return learner(
+        chosen,
+        interval=data.dataset.interval,
+        inputs=data.dataset.channels,
+        features=options.features,
+        epochs=options.epochs or default_epochs,
+        seed=seed,
+        device=options.device,
+        kind=data.dataset.kind,
+        rate=options.rate,
+        new_places=new_places,
+    )
+
+
+def make_untrained(options: TrainingOptions) -> Any:
+    """Return an estimator of the learner before the data are known; raises as `learner`."""
+    return learner(
+        options.learner or DEFAULTS["motion"],
+        epochs=options.epochs,
+        device=options.device,
+        features=options.features,
+        rate=options.rate,
+    )

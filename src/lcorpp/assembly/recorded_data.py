@@ -1,0 +1,101 @@
+"""Recorded training data of a sense, and the other recorded people as the source of the test signals."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+from lcorpp.assembly.estimators import TrainingData
+from lcorpp.assembly.options import READ_AS_IT_IS, ReadingOptions
+from lcorpp.domains import Domain
+from lcorpp.domains.sections.learning import Sense
+from lcorpp.errors import DataError, DomainError, check_type, expected_one_of
+from lcorpp.learning import format_leakage_warning, read_data, split
+from lcorpp.learning.data.cleaning import MAX_GAP
+from lcorpp.learning.features.motion_features import MOTION_FEATURES
+from lcorpp.simulation.people import RecordedSignals
+from lcorpp.values import Dataset
+
+PAPER_EPOCHS = 300
+"""Epochs in the paper; right for a hundred recorded tracks, too many for simulated ones."""
+
+
+def read_training_data(
+    domain: Domain,
+    sense: Sense,
+    path: Path,
+    seed: int,
+    *,
+    features: Sequence[str] | None = None,
+    reading: ReadingOptions = READ_AS_IT_IS,
+    seconds: float | None = None,
+) -> TrainingData:
+    """Read recorded data and split them: 70 % for training, the other people's 30 % for the trials.
+
+    Args:
+        path: a path that `read_data` accepts: a folder of the authors' files, CSV, Parquet or .npz.
+        features: the classifier's features, see `Motion`; None takes those that need x and y only. Channels
+            of motion that no feature needs are dropped, so that the classifier also works where they are not
+            measured.
+        reading: how to read them. Tracks are resampled to the sense's `rate`.
+        seconds: the last seconds of each track that are used; None takes those of the sense.
+
+    Raises:
+        DataError: a class is none of the sense's, or has no case; x or y is missing; there are too few
+            cases; or the options are for tracks, and the data are none.
+        FileError, ParseError: the data are missing or malformed.
+    """
+    check_type(domain, Domain, "the domain", DomainError)
+    labels = sense.data_labels or {value: value for value in sense.classes}
+    dataset = read_data(
+        path,
+        labels={**labels, **reading.labels},
+        label_file=reading.label_file,
+        interval=None if sense.rate is None else 1 / sense.rate,
+        seconds=sense.seconds if seconds is None else seconds,
+        repair=reading.repair,
+        robot=reading.robot,
+        gap=MAX_GAP if reading.gap is None else reading.gap,
+        columns=reading.columns,
+        unit=reading.unit,
+        time_unit=reading.time_unit,
+        fps=reading.fps,
+    )
+    if dataset.kind == "motion":
+        dataset = _drop_unused_channels(dataset, features or ())
+    unknown = sorted(set(dataset.labels) - set(sense.classes))
+    if unknown:
+        raise DataError(
+            f"{path}: class {unknown[0]!r} is not a value of {sense.of}; {expected_one_of(sense.classes)}"
+        )
+    counts = {value: dataset.labels.count(value) for value in sense.classes}
+    if not all(counts.values()):
+        missing = [value for value, count in counts.items() if count == 0]
+        found = ", ".join(f"{value} {count}" for value, count in counts.items())
+        raise DataError(
+            f"{path}: no {dataset.unit} of class {', '.join(missing)}; expected {dataset.unit} of each class"
+            f" of {sense.of}, found {found}"
+        )
+    try:
+        train, test = split(dataset, seed=seed)
+        leak = format_leakage_warning(train)
+    except DataError as error:
+        raise DataError(f"{path}: {error}") from None
+    unit = dataset.unit
+    split_note = (
+        f"{len(train)} of {len(dataset)} {unit} are training data; the trials sample {unit} of the"
+        f" {len(set(test.groups))} other people, so their intervals do not cover people outside of the data"
+    )
+    notes = (*train.notes, split_note, *([] if leak is None else [leak]))
+    return TrainingData(replace(train, notes=notes), RecordedSignals(sense.of, test), PAPER_EPOCHS, path)
+
+
+def _drop_unused_channels(dataset: Dataset, features: Sequence[str]) -> Dataset:
+    """Return the data set with x, y and the channels that the features are computed from."""
+    known = [MOTION_FEATURES[name] for name in features if name in MOTION_FEATURES]
+    derived = [feature.needs[-1] for feature in known]  # from x and y, if that is possible
+    needed = {"x", "y", *features}.union(*derived)
+    indices = [index for index, name in enumerate(dataset.channels) if name in needed]
+    names = tuple(dataset.channels[index] for index in indices)
+    return replace(dataset, trajectories=dataset.trajectories[:, indices], channels=names)
