@@ -33,7 +33,7 @@ from lcorpp.reasoning import Program, Reasoner, parse_plog
 from lcorpp.simulation.people import Population
 from lcorpp.simulation.world import SimulationModel
 from lcorpp.trust import Finding, Hypotheses
-from lcorpp.trust.alarm import HEARING, KNOWLEDGE
+from lcorpp.trust.finding import HEARING, KNOWLEDGE
 from lcorpp.values import Array, Instance, Label, Step
 
 Numbers = Mapping[str, float]

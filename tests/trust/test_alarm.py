@@ -7,8 +7,9 @@ import pytest
 
 from lcorpp.errors import DecisionError, UndefinedError
 from lcorpp.trust import Alarm, Hypotheses
-from lcorpp.trust.alarm import ALTERNATIVE_DEGREES, BIAS_CHANGE, BIASES, HEARING, KNOWLEDGE
+from lcorpp.trust.alarm import ALTERNATIVE_DEGREES, BIASES
 from lcorpp.trust.answers import NOISE_DEGREES
+from lcorpp.trust.finding import BIAS_CHANGE, HEARING, KNOWLEDGE
 from lcorpp.values import Likelihood, Step
 from tests.decision.fakes import VALUES, FakeDomain
 from tests.trust.fakes import ANSWERS, AskDialogue, SkyReasoner

@@ -1,52 +1,88 @@
-"""The `lcorpp` command with its subcommands."""
+"""The `lcorpp` command with its subcommands, which load when they are used."""
 
 from __future__ import annotations
 
 import logging
-from typing import Annotated
+from collections.abc import Iterator, Mapping
+from functools import cache
+from importlib import import_module
+from typing import Annotated, Any
 
 import typer
+from typer.core import TyperGroup
 
-from lcorpp.cli import ask, check, figures, fit, learn, new, run, show, simulate, solve, sweep
-from lcorpp.cli.data.commands import app as data_app
-from lcorpp.cli.explanation import explain
-from lcorpp.cli.logs import audit, replay, watch
-from lcorpp.cli.options.code import take_consent
-from lcorpp.cli.page import export, play
-from lcorpp.cli.robot import robot, track
-from lcorpp.cli.speech import listen, observe
-from lcorpp.log_output import show_log
+COMMANDS: Mapping[str, str] = {
+    "run": "run:run",
+    "figures": "figures:figures",
+    "explain": "explanation.explain:explain",
+    "ask": "ask:ask",
+    "fit": "fit:fit",
+    "translate": "ask:translate",
+    "solve": "solve:solve",
+    "simulate": "simulate:simulate",
+    "show": "show:show",
+    "learn": "learn:learn",
+    "play": "page.play:play",
+    "export": "page.export:export",
+    "robot": "robot.robot:robot",
+    "track": "robot.track:track",
+    "listen": "speech.listen:listen",
+    "observe": "speech.observe:observe",
+    "new": "new:new",
+    "sweep": "sweep:sweep",
+    "replay": "logs.replay:replay",
+    "audit": "logs.audit:audit",
+    "watch": "logs.watch:watch",
+    "check": "check:check",
+    "data": "data.commands:app",
+}
+"""Name -> module in `lcorpp.cli`, and the function or application, in the order of the help."""
+
+
+class _LoadedCommands(Mapping[str, Any]):
+    """Name -> command of typer, which is loaded when it is used."""
+
+    def __getitem__(self, name: str) -> Any:
+        return _load_command(name)
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(COMMANDS)
+
+    def __len__(self) -> int:
+        return len(COMMANDS)
+
+
+@cache
+def _load_command(name: str) -> Any:
+    """Import a command; raises `KeyError` if there is none of this name."""
+    module, part = COMMANDS[name].split(":")
+    found = getattr(import_module(f"lcorpp.cli.{module}"), part)
+    if isinstance(found, typer.Typer):
+        return typer.main.get_command(found)
+    single = typer.Typer(add_completion=False, rich_markup_mode=None)
+    single.command(name)(found)
+    return typer.main.get_command(single)
+
+
+class _CommandGroup(TyperGroup):
+    """The group of the commands."""
+
+    def __init__(self, **options: Any) -> None:
+        super().__init__(**options)
+        self.commands: Any = _LoadedCommands()
+
+    def list_commands(self, ctx: object) -> list[str]:
+        return list(COMMANDS)
+
 
 app = typer.Typer(
     name="lcorpp",
+    cls=_CommandGroup,
     no_args_is_help=True,
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
     context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},
 )
-app.command()(take_consent(run.run))
-app.command()(figures.figures)
-app.command()(take_consent(explain.explain))
-app.command()(ask.ask)
-app.command()(fit.fit)
-app.command()(ask.translate)
-app.command()(solve.solve)
-app.command()(simulate.simulate)
-app.command()(take_consent(show.show))
-app.command()(take_consent(learn.learn))
-app.command()(take_consent(play.play))
-app.command()(take_consent(export.export))
-app.command()(take_consent(robot.robot))
-app.command()(track.track)
-app.command()(take_consent(listen.listen))
-app.command()(take_consent(observe.observe))
-app.command()(new.new)
-app.command()(take_consent(sweep.sweep))
-app.command()(take_consent(replay.replay))
-app.command()(take_consent(audit.audit))
-app.command()(take_consent(watch.watch))
-app.command()(take_consent(check.check))
-app.add_typer(data_app)
 
 
 def _print_version(requested: bool) -> None:
@@ -76,4 +112,6 @@ def lcorpp(
 ) -> None:
     """Learn, reason and plan: decisions of a robot under uncertainty (LCORPP, AAAI 2020)."""
     if verbose:
+        from lcorpp.log_output import show_log  # few commands run with it
+
         show_log(logging.INFO if verbose == 1 else logging.DEBUG)

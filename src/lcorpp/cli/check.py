@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from lcorpp.cli import console, model_files
+from lcorpp.cli.options.code import take_consent
 from lcorpp.errors import DataError, FileError, TooLargeError
 from lcorpp.notebook import join_some
 
@@ -30,6 +31,7 @@ AUTHORS_FILE = "interposx.csv"
 """A file that identifies a folder of the authors' recorded tracks."""
 
 
+@take_consent
 def check(
     path: Annotated[Path, typer.Argument(metavar="FILE|FOLDER", help=f"What to check: {KINDS}.")],
     model: Annotated[

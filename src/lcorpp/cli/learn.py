@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
@@ -15,6 +15,7 @@ import typer
 
 from lcorpp.cli import console, output_files
 from lcorpp.cli.options import common as options
+from lcorpp.cli.options.code import take_consent
 from lcorpp.cli.options.groups import take_options
 from lcorpp.cli.options.robot import RobotGroup
 from lcorpp.cli.options.senses import reject_given
@@ -23,7 +24,7 @@ from lcorpp.errors import DataError, expected_one_of
 if TYPE_CHECKING:
     from lcorpp.assembly.options import ClassifierOptions
     from lcorpp.domains import Domain
-    from lcorpp.experiments.results import WrittenFiles
+    from lcorpp.experiments.result_folder import WrittenFiles
     from lcorpp.planning import Planner, Policy, Solution, SolverOptions
     from lcorpp.runs.batches import BatchResult
     from lcorpp.runs.run_store import RunStore
@@ -46,6 +47,7 @@ DEVICES = ("cpu", "cuda")
 """The devices of the LSTM; a learner of your own may know others."""
 
 
+@take_consent
 @take_options
 def learn(
     given: RobotGroup,
@@ -122,7 +124,6 @@ def learn(
     from lcorpp.assembly.robot_parts import RobotParts
     from lcorpp.assembly.solving import explain_missing_reports
     from lcorpp.cli.robot_output import note_storage_problems, print_domain
-    from lcorpp.experiments.results import FORMATS, write_batches
     from lcorpp.logs.decision_log import DecisionLog
     from lcorpp.runs.run import open_run_store, run_active_learning
     from lcorpp.runs.senses import ActiveLearningOptions, set_up_learning
@@ -176,13 +177,7 @@ def learn(
             for result in _print_batches(results, chosen, run_store):
                 outcome.add(result, trust=trust)
                 if given.out is not None:
-                    outcome.written = write_batches(
-                        given.out,
-                        loaded.name,
-                        result,
-                        solution=outcome.solution,
-                        formats=given.formats or FORMATS,
-                    )
+                    outcome.write(given.out, loaded.name, result, given.formats)
     _print_outcome(outcome, solving.precision, noted=noted)
 
 
@@ -203,6 +198,15 @@ class _Outcome:
         self.n_batches += 1
         if self.solution is not None and not trust:
             self.gaps += [self.solution.gap(episode.prior) for episode in result.batch.episodes]
+
+    def write(self, folder: Path, domain: str, result: BatchResult, formats: Sequence[str] | None) -> None:
+        """Write all batches so far; formats: of the figure, None for the default ones."""
+        from lcorpp.experiments.batch_results import write_batches
+        from lcorpp.experiments.result_folder import FORMATS
+
+        self.written = write_batches(
+            folder, domain, result, solution=self.solution, formats=formats or FORMATS
+        )
 
 
 @contextmanager

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from lcorpp.assembly.options import ClassifierOptions
     from lcorpp.assembly.senses import Senses, SenseSetup
     from lcorpp.domains import Domain
-    from lcorpp.experiments.results import WrittenFiles
+    from lcorpp.experiments.result_folder import WrittenFiles
     from lcorpp.learning import EvaluationReport, PredictionSets
     from lcorpp.planning import Solution
     from lcorpp.scoring.metrics import Scores

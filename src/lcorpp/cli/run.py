@@ -8,6 +8,7 @@ import typer
 
 from lcorpp.cli import console, output_files
 from lcorpp.cli.options import common as options
+from lcorpp.cli.options.code import take_consent
 from lcorpp.cli.options.groups import take_options
 from lcorpp.cli.options.robot import RobotGroup
 from lcorpp.cli.options.senses import reject_given
@@ -25,6 +26,7 @@ TRIALS = 5000
 """Number of simulated people without --trials."""
 
 
+@take_consent
 @take_options
 def run(
     given: RobotGroup,
@@ -157,7 +159,8 @@ def _write_results(
 ) -> None:
     """Write the files of a comparison. noted: whether a note says that a classifier cannot be saved."""
     from lcorpp.cli.robot_output import print_written
-    from lcorpp.experiments.results import FORMATS, describe_run, write_comparison
+    from lcorpp.experiments.result_folder import FORMATS
+    from lcorpp.experiments.results import describe_run, write_comparison
 
     configuration = describe_run(domain, chosen, comparison, given.policy)
     written = write_comparison(out, comparison, configuration, formats=given.formats or FORMATS)

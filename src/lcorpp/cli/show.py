@@ -10,6 +10,7 @@ import typer
 from lcorpp.cli import model_files, output_files
 from lcorpp.cli.console import print_text
 from lcorpp.cli.options import common as options
+from lcorpp.cli.options.code import take_consent
 from lcorpp.errors import FileError, ModelError
 from lcorpp.notebook import join_some
 
@@ -22,6 +23,7 @@ MAX_NAMES = 8
 """At most this many states, actions or observations are listed by name."""
 
 
+@take_consent
 def show(
     model: Annotated[
         Path,

@@ -9,12 +9,14 @@ import typer
 
 from lcorpp.cli import console, output_files
 from lcorpp.cli.options import common as options
+from lcorpp.cli.options.code import take_consent
 from lcorpp.cli.options.senses import reject_given
 
 MAX_SHOWN = 10
 """Maximum number of messages about configurations that fail."""
 
 
+@take_consent
 def sweep(
     file: Annotated[Path, typer.Argument(metavar="FILE", help="The sweep, a TOML file; see docs/sweeps.md.")],
     out: options.OutOption = None,

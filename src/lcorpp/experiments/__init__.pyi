@@ -1,12 +1,10 @@
+from .batch_results import write_batches as write_batches
 from .comparison import (
     Comparison as Comparison,
     ComparisonOptions as ComparisonOptions,
     compare_strategies as compare_strategies,
 )
-from .results import (
-    write_batches as write_batches,
-    write_comparison as write_comparison,
-)
+from .results import write_comparison as write_comparison
 from .sweeps.definition import (
     Sweep as Sweep,
     read_sweep as read_sweep,

@@ -16,7 +16,8 @@ from lcorpp.logs.decision_log import DAMAGE, LoggedDecision, describe_damage, re
 from lcorpp.logs.replay import ChangedPart
 from lcorpp.reasoning import Program
 from lcorpp.trust import Alarm, Finding, Hypotheses
-from lcorpp.trust.alarm import BIAS_CHANGE, FALSE_ALARM_RATE, HEARING, check_rate
+from lcorpp.trust.alarm import FALSE_ALARM_RATE, check_rate
+from lcorpp.trust.finding import BIAS_CHANGE, HEARING
 
 
 def make_hypotheses(domain: Domain, program: Program | None = None, *, given: bool = False) -> Hypotheses:

@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from lcorpp.plot_style import COLOURS, despine, with_style
-from lcorpp.trust.alarm import HEARING, KNOWLEDGE
+from lcorpp.trust.finding import HEARING, KNOWLEDGE
 
 
 @with_style

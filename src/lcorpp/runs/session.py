@@ -14,7 +14,6 @@ from lcorpp.logs.decision_log import format_labels, read_labels
 from lcorpp.planning import Planner as PolicyPlanner
 from lcorpp.protocols import Planner
 from lcorpp.reasoning import Reasoner
-from lcorpp.runs.alarm_session import AlarmSession
 from lcorpp.runs.batches import Row
 from lcorpp.runs.run_store import EVIDENCE, STRATEGY, RunStore
 from lcorpp.runs.training import SenseTrainer
@@ -58,6 +57,8 @@ class LearningSession:
             check_type(planner, PolicyPlanner, "the planner of a run with trust", DecisionError)
             self._starts["trust"] = self.strategy.start
         if watch:
+            from lcorpp.runs.alarm_session import AlarmSession  # loads the faults of programs
+
             self._starts["alarm"] = lambda full, rates: AlarmSession(domain, full, listener)
         if self._starts:
             check_dialogue(domain, [TRUST])

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
 
-from lcorpp.scoring.experiment import NO_GAP
 from lcorpp.scoring.metrics import Scores
 from lcorpp.values import Array, Indices, Interval, SharedValue
 
@@ -80,12 +79,6 @@ def score_probabilities(
     """
     reports = _score_reports(joint, values, positive, variables, _bound_proportion, dropped)
     return Scores(strategy, joint, **reports, cost=cost, return_=return_, cost_sd=cost_sd, gap=gap)
-
-
-def take_gap(gaps: Iterable[float]) -> float | None:
-    """Return the largest of some gaps; None if one is `NO_GAP`, or there is none."""
-    own = list(gaps)
-    return float(max(own)) if own and min(own) > NO_GAP else None
 
 
 def _estimate_proportion(hits: float, total: float, _hits: float = 0.0, _misses: float = 0.0) -> Interval:

@@ -24,10 +24,10 @@ from lcorpp.reasoning import Program, Reasoner
 from lcorpp.scoring import episode_sums
 from lcorpp.scoring.decision_graph import DecisionGraph
 from lcorpp.scoring.decision_nodes import DecisionNodes, HistoryNodes, RoundedBeliefNodes
-from lcorpp.scoring.decision_scores import score_probabilities, take_gap
+from lcorpp.scoring.decision_scores import score_probabilities
 from lcorpp.scoring.episode_model import EpisodeModel
 from lcorpp.scoring.episode_sums import EpisodeSums
-from lcorpp.scoring.experiment import find_gap
+from lcorpp.scoring.gaps import find_gap, take_gap
 from lcorpp.scoring.metrics import Scores
 from lcorpp.simulation.simulated_classifier import NoisyChannel
 from lcorpp.values import Array, Distribution, Label

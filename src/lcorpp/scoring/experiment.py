@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import lru_cache
 from time import perf_counter
 from typing import NamedTuple
 
@@ -15,11 +14,10 @@ from lcorpp.decision import Robot, Strategy, dt_control
 from lcorpp.decision.strategies import Rates, Session, make_generator
 from lcorpp.domains import Domain
 from lcorpp.errors import DecisionError, check_type
-from lcorpp.planning import Planner, Policy
 from lcorpp.simulation.people import Person, Population, SignalSource
 from lcorpp.simulation.simulated_classifier import BatchClassifier, PrecomputedLabel
 from lcorpp.simulation.world import SimulatedWorld, SimulationModel
-from lcorpp.values import Array, Belief, Episode, Indices, Instance, Label
+from lcorpp.values import Array, Episode, Indices, Instance, Label
 
 CHUNK_SIZE = 100
 """Trials per chunk. Each chunk has its own random generator, so this number is part of every result."""
@@ -50,24 +48,6 @@ class Experiment:
         check_type(self.robot, Robot, "the robot of an experiment", DecisionError)
         for strategy in self.strategies:
             check_type(strategy, Strategy, "a strategy of an experiment", DecisionError)
-
-
-NO_GAP = -1.0
-"""Instead of a gap: a decision without the experiment's policy, or a policy without an upper bound."""
-
-
-def find_gap(robot: Robot, strategy: Strategy, prior: Belief) -> float:
-    """Return the gap between the bounds of the full robot's policy at a prior (S,), or `NO_GAP`."""
-    planner, is_own = robot.planner, strategy.start is not None or strategy.change is not None
-    if is_own or not strategy.plans or not isinstance(planner, Planner):
-        return NO_GAP
-    return NO_GAP if planner.policy.upper_bound is None else _compute_gap(planner.policy, prior.tobytes())
-
-
-@lru_cache(maxsize=1000)
-def _compute_gap(policy: Policy, prior: bytes) -> float:
-    """Compute a gap, once for all people with equal facts and labels."""
-    return policy.gap(np.frombuffer(prior))
 
 
 class Trial(NamedTuple):

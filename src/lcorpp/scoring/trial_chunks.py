@@ -21,7 +21,8 @@ from lcorpp.planning import Planner
 from lcorpp.scoring.batch_simulation import BatchWorld, PeopleDraws
 from lcorpp.scoring.decision_graph import DecisionGraph
 from lcorpp.scoring.decision_nodes import BeliefNodes
-from lcorpp.scoring.experiment import CHUNK_SIZE, Chunk, ChunkSource, Experiment, find_gap
+from lcorpp.scoring.experiment import CHUNK_SIZE, Chunk, ChunkSource, Experiment
+from lcorpp.scoring.gaps import find_gap
 from lcorpp.values import Array, Indices
 
 Trials = np.ndarray[Any, np.dtype[np.void]]

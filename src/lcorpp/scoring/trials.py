@@ -17,8 +17,9 @@ from lcorpp.errors import DecisionError, check_type
 from lcorpp.interrupts import delay_sigint
 from lcorpp.log_output import find_log_level
 from lcorpp.logs.decision_log import DecisionLog
-from lcorpp.scoring.decision_scores import score_decisions, take_gap
+from lcorpp.scoring.decision_scores import score_decisions
 from lcorpp.scoring.experiment import CHUNK_SIZE, Experiment
+from lcorpp.scoring.gaps import take_gap
 from lcorpp.scoring.metrics import Scores
 from lcorpp.scoring.trial_chunks import (
     ChunkWork,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
@@ -11,6 +11,7 @@ import numpy as np
 from lcorpp.errors import DecisionError
 from lcorpp.protocols import Dialogue
 from lcorpp.trust.answers import NOISE_DEGREES, STATED_DEGREE, AnswerModel
+from lcorpp.trust.finding import BIAS_CHANGE, HEARING, KNOWLEDGE, Finding
 from lcorpp.trust.hypotheses import Hypotheses
 from lcorpp.values import Array, Label, Step
 
@@ -27,8 +28,6 @@ whatever the value."""
 BIASED_PRIOR = 0.05
 """Prior probability that answers are biased and the program is right."""
 
-KNOWLEDGE, HEARING, BIAS_CHANGE = "knowledge", "hearing", "biased answers"
-
 MIN_NAME_PROBABILITY, MAX_WAIT_FACTOR = 0.9, 30.0
 """An alarm about the knowledge waits until what it names has this probability, or E exceeds the threshold by
 this factor: the name is then more often right."""
@@ -38,26 +37,6 @@ MIN_LIKELIHOOD = np.finfo(np.float64).tiny
 
 MAX_LOG_DIFFERENCE = 1e-6
 """Hypotheses whose log likelihoods differ by less are equivalent."""
-
-
-@dataclass(frozen=True)
-class Finding:
-    """An alarm.
-
-    person: number of people until then. part: `KNOWLEDGE` or `HEARING`. log_e: the logarithm of E.
-    attributes: the attributes whose pr-atoms are probably wrong, several if their hypotheses are equivalent;
-        empty for `HEARING`. change: what is probably wrong there; for `HEARING` `BIAS_CHANGE`, or "": noise.
-    noise: the most probable degree of noise, see `AnswerModel`. probability: of `attributes`, given that one
-        attribute alone is wrong.
-    """
-
-    person: int
-    part: str
-    log_e: float
-    attributes: tuple[str, ...]
-    change: str
-    noise: float
-    probability: float
 
 
 def check_rate(rate: float) -> None:

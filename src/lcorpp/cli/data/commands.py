@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 
 app = typer.Typer(
     name="data",
+    add_completion=False,
     help="Simulate, download, describe and plot recorded motion.",
     no_args_is_help=True,
     rich_markup_mode=None,

@@ -13,6 +13,7 @@ from lcorpp.cli import console
 from lcorpp.cli.explanation.cases import ask_case, describe_simulation, print_person
 from lcorpp.cli.explanation.steps import decide_and_print
 from lcorpp.cli.options import common as options
+from lcorpp.cli.options.code import take_consent
 from lcorpp.cli.options.decision import Person, PersonGroup
 from lcorpp.cli.options.groups import take_options
 from lcorpp.cli.options.recordings import RecordingGroup
@@ -31,6 +32,7 @@ if TYPE_CHECKING:
     from lcorpp.values import Episode, EvidenceKind
 
 
+@take_consent
 @take_options
 def explain(
     *,

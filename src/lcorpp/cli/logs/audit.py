@@ -10,9 +10,11 @@ import typer
 from lcorpp.cli import console
 from lcorpp.cli.console import print_text
 from lcorpp.cli.logs import common
+from lcorpp.cli.options.code import take_consent
 from lcorpp.errors import FileError
 
 
+@take_consent
 def audit(
     log: common.LogArgument,
     output: Annotated[

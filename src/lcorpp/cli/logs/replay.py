@@ -8,6 +8,7 @@ import typer
 
 from lcorpp.cli import console
 from lcorpp.cli.logs import common
+from lcorpp.cli.options.code import take_consent
 from lcorpp.cli.options.solving import NoCacheOption, find_cache
 from lcorpp.errors import DataError
 
@@ -15,6 +16,7 @@ if TYPE_CHECKING:
     from lcorpp.logs.replay import ReplayedDecision
 
 
+@take_consent
 def replay(
     log: common.LogArgument,
     domain: common.LoggedDomainOption = None,

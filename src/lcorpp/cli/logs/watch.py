@@ -9,12 +9,14 @@ import typer
 
 from lcorpp.cli import console
 from lcorpp.cli.logs import common
+from lcorpp.cli.options.code import take_consent
 from lcorpp.errors import DataError
 
 POLL_SECONDS = 1.0
 """With --follow, the end of the log is read again after this time."""
 
 
+@take_consent
 def watch(
     log: common.LogArgument,
     domain: common.LoggedDomainOption = None,

@@ -10,11 +10,13 @@ import typer
 
 from lcorpp.cli import console
 from lcorpp.cli.options import common as options
+from lcorpp.cli.options.code import take_consent
 from lcorpp.cli.options.groups import take_options
 from lcorpp.cli.options.page import PageGroup
 from lcorpp.cli.output_files import check_writable
 
 
+@take_consent
 @take_options
 def export(
     *,

@@ -14,6 +14,7 @@ import typer
 
 from lcorpp.cli import console
 from lcorpp.cli.options import common as options
+from lcorpp.cli.options.code import take_consent
 from lcorpp.cli.options.groups import take_options
 from lcorpp.cli.options.page import PageGroup
 from lcorpp.errors import DomainError, FileError
@@ -30,6 +31,7 @@ BATCH = 5
 """Judged trials between two trainings."""
 
 
+@take_consent
 @take_options
 def play(
     *,

@@ -12,6 +12,7 @@ import typer
 
 from lcorpp.cli import console
 from lcorpp.cli.options import common as options
+from lcorpp.cli.options.code import take_consent
 from lcorpp.cli.options.solving import NoCacheOption, find_cache
 
 if TYPE_CHECKING:
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
 CONFIG = Path("robot.toml")
 
 
+@take_consent
 def robot(
     config: Annotated[
         Path, typer.Option(metavar="FILE", help="Topics, actions, frames and time-outs of the robot.")

@@ -9,8 +9,10 @@ import typer
 
 from lcorpp.cli import console
 from lcorpp.cli.options import common as options
+from lcorpp.cli.options.code import take_consent
 
 
+@take_consent
 def listen(
     domain: options.DomainArgument = "intention",
     preset: options.PresetOption = None,

@@ -9,11 +9,13 @@ import typer
 
 from lcorpp.cli import console, output_files
 from lcorpp.cli.options import common as options
+from lcorpp.cli.options.code import take_consent
 
 if TYPE_CHECKING:
     from lcorpp.hearing.observing import Observed
 
 
+@take_consent
 def observe(
     domain: options.DomainArgument = "intention",
     preset: options.PresetOption = None,
