@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from fractions import Fraction
 from pathlib import Path
 
-from lcorpp.learning.features.resampling import RATE
+from lcorpp.learning.features.rate import RATE
 from lcorpp.values import JEFFREYS, EvidenceKind
 
 

@@ -11,7 +11,7 @@ import pytest
 from lcorpp.reasoning import Program, Reasoner, parse_plog
 from lcorpp.reasoning.circuit.decision_diagram import build_decision_diagram
 from lcorpp.reasoning.grounding.grounder import ground_program
-from lcorpp.reasoning.transitions import elimination_tree
+from lcorpp.reasoning.transitions import recursion_order
 from lcorpp.reasoning.transitions.closure import Closure
 from lcorpp.reasoning.transitions.transition_system import build_transition_system
 
@@ -98,7 +98,7 @@ def test_a_large_frontier_is_decided_as_a_whole(monkeypatch):
     answer = Reasoner(program).exact("reach(6)", {})
     system = build_transition_system(ground_program(program, {}), ["reach(6)"], max_frontier=1)
     assert not any(transition.closures for transition in system.transitions)
-    monkeypatch.setattr(elimination_tree, "order_terms", lambda terms, *_: (inf, list(terms)))
+    monkeypatch.setattr(recursion_order, "order_terms", lambda terms, *_: (inf, list(terms)))
     assert Reasoner(program).exact("reach(6)", {}) == answer
 
 

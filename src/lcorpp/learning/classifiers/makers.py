@@ -14,7 +14,7 @@ from lcorpp.errors import DataError, expected_one_of
 from lcorpp.learning.classifiers.pipelines import fast_pipeline, paper_pipeline
 from lcorpp.learning.classifiers.table import KINDS
 from lcorpp.learning.features.motion import ChannelStandardizer, Motion
-from lcorpp.learning.features.resampling import check_rate
+from lcorpp.learning.features.rate import check_rate
 from lcorpp.learning.features.segments import SegmentStatistics
 from lcorpp.learning.features.summaries import SummaryFeatures
 from lcorpp.values import Kind

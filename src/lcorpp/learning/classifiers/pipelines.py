@@ -9,7 +9,7 @@ from sklearn.pipeline import Pipeline
 
 from lcorpp.learning.classifiers.table import OWN_FEATURES
 from lcorpp.learning.features.motion import ChannelStandardizer, Motion
-from lcorpp.learning.features.resampling import RATE
+from lcorpp.learning.features.rate import RATE
 from lcorpp.learning.lstm import LstmClassifier
 
 

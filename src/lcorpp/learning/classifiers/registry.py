@@ -29,7 +29,7 @@ from lcorpp.learning.contract import (
     report_failure,
     with_origin,
 )
-from lcorpp.learning.features.resampling import RATE
+from lcorpp.learning.features.rate import RATE
 from lcorpp.notebook import join_some
 from lcorpp.user_code import UserFile, load_file
 from lcorpp.values import CHANNELS, Kind

@@ -26,10 +26,9 @@ from lcorpp.learning.features.motion_features import (
     compute_features,
     list_feature_rows,
 )
+from lcorpp.learning.features.rate import RATE, check_rate
 from lcorpp.learning.features.resampling import (
-    RATE,
     SAME_TIME,
-    check_rate,
     compute_interpolation_weights,
     interpolate,
     resample,

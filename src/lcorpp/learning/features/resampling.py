@@ -13,19 +13,14 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
-from lcorpp.arguments import check_arguments, check_value
+from lcorpp.arguments import check_arguments
 from lcorpp.errors import DataError
+from lcorpp.learning.features.rate import check_rate
 from lcorpp.values import Array, wrap_angle
 
 SAME_TIME = 1e-6
 """Seconds; times that differ by less are treated as equal. Times since 1970 have a floating-point resolution
 of 2e-7."""
-
-RATE = 3.0
-"""The rate of the paper's classifier, points per second."""
-
-MAX_RATE = 1000.0
-"""The highest rate, points per second."""
 
 MAX_POINTS = 10_000_000
 """The maximal number of points of a track: milliseconds taken for seconds would need too much memory."""
@@ -100,10 +95,3 @@ def interpolate(tracks: Array, weights: InterpolationWeights, angles: Sequence[i
         start, end = tracks[..., channel, before], tracks[..., channel, after]
         points[..., channel, :] = start + wrap_angle(end - start) * weight
     return points
-
-
-def check_rate(rate: float) -> None:
-    """Raise DataError unless `rate` is above 0 and at most `MAX_RATE`."""
-    check_value(rate, float, "the rate")
-    if not 0 < rate <= MAX_RATE:
-        raise DataError(f"a rate of {rate} points per second; expected one above 0 and up to {MAX_RATE:g}")

@@ -19,12 +19,17 @@ from collections import defaultdict
 from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
 from math import log2
+from typing import TYPE_CHECKING
 
 from lcorpp.reasoning.grounding.ground_program import SELECT, Clause, GroundProgram
 from lcorpp.reasoning.grounding.strong_components import find_strongly_connected_components
 from lcorpp.reasoning.transitions.elimination_order import eliminate
-from lcorpp.reasoning.transitions.linear_recursion import LinearRecursion, describe_recursion
-from lcorpp.reasoning.transitions.recursion_order import order_terms, rank_components
+
+if TYPE_CHECKING:  # few programs are recursive
+    from lcorpp.reasoning.transitions.linear_recursion import LinearRecursion
+
+MAX_FRONTIER = 24
+"""Recursions with a larger estimated frontier are decided as a whole."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -86,7 +91,11 @@ def build_elimination_tree(
     components: list[tuple[int, ...]] = [(term,) for term in terms]
     if any(own and max(own) > term for term, own in needs.items()):  # cycles are possible
         components = sorted(find_strongly_connected_components(needs))
-    recursions = _find_recursions(program, components, clauses, queried, max_frontier)
+    recursions: list[tuple[LinearRecursion, list[int]]] = []
+    if any(len(own) > 1 for own in components):
+        from lcorpp.reasoning.transitions.recursion_order import find_recursions  # few programs are recursive
+
+        recursions = find_recursions(program, components, clauses, queried, max_frontier)
     if recursions:
         whole = {own.terms for own, _ in recursions}
         guessed = [(term,) for own, _ in recursions for term in own.guesses]
@@ -105,7 +114,11 @@ def build_elimination_tree(
             for i, own in enumerate(components)
         ]
         constraints = {frozenset([component_of[term] for term in group]) for group in joint}
-    ranks, ordered = rank_components(components, recursions)
+    ranks, ordered = list(range(len(components))), set[int]()
+    if recursions:
+        from lcorpp.reasoning.transitions.recursion_order import rank_components
+
+        ranks, ordered = rank_components(components, recursions)
     bits = {mask: log2(mask.bit_count() or 1) for mask in set(outcomes)}
     bits_of = [bits[mask] for mask in outcomes]
     sizes = [bits_of[own[0]] if len(own) == 1 else sum([bits_of[term] for term in own]) for own in components]
@@ -117,34 +130,6 @@ def build_elimination_tree(
         random = {clause.term for clause in clauses if clause.kind is SELECT} | program.do.keys()
         _merge_deterministic(components, children, random.union(*[own.guesses for own, _ in recursions]))
     return _number_nodes(components, children, [recursion for recursion, _ in recursions])
-
-
-def _find_recursions(
-    program: GroundProgram,
-    components: Iterable[tuple[int, ...]],
-    clauses: Sequence[Clause],
-    queried: Collection[int],
-    max_frontier: int,
-) -> list[tuple[LinearRecursion, list[int]]]:
-    """Find the linear recursions with a small frontier, and the orders of their terms."""
-    component_of = {term: own for own in components if len(own) > 1 for term in own}
-    if not component_of:
-        return []
-    clauses_of: dict[tuple[int, ...], list[Clause]] = {own: [] for own in component_of.values()}
-    read = set(queried)
-    for clause in clauses:
-        own = component_of.get(clause.term, ())
-        if own:
-            clauses_of[own].append(clause)
-        read.update([literal[0] for literal in clause.body if component_of.get(literal[0]) is not own])
-    found = []
-    for terms, rules in clauses_of.items():
-        recursion = describe_recursion(program, terms, rules, read)
-        if recursion:
-            width, order = order_terms(terms, rules, recursion.guesses.keys())
-            if width <= max_frontier:
-                found.append((recursion, order))
-    return found
 
 
 def _merge_deterministic(

@@ -25,9 +25,6 @@ from lcorpp.reasoning.grounding.ground_program import (
 from lcorpp.reasoning.transitions.local_distribution import Outcome
 from lcorpp.reasoning.transitions.recursive_components import RecursiveComponent
 
-MAX_FRONTIER = 24
-"""Recursions with a larger estimated frontier are decided as a whole."""
-
 Edge = tuple[Atom | None, Atom]
 """(body, head): the head follows from the body, or from nothing if the body is None."""
 

@@ -7,15 +7,43 @@ states grows exponentially with both.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence, Set
+from collections.abc import Collection, Iterable, Mapping, Sequence, Set
 
-from lcorpp.reasoning.grounding.ground_program import Clause
-from lcorpp.reasoning.transitions.linear_recursion import LinearRecursion
+from lcorpp.reasoning.grounding.ground_program import Clause, GroundProgram
+from lcorpp.reasoning.transitions.linear_recursion import LinearRecursion, describe_recursion
 
 MAX_TRIED_TERMS = 4000
 """Maximal number of terms of all orders tried for one recursion; at least two orders are tried."""
 
 _Graph = Mapping[int, set[int]]
+
+
+def find_recursions(
+    program: GroundProgram,
+    components: Iterable[tuple[int, ...]],
+    clauses: Sequence[Clause],
+    queried: Collection[int],
+    max_frontier: int,
+) -> list[tuple[LinearRecursion, list[int]]]:
+    """Find the linear recursions with a small frontier, and the orders of their terms."""
+    component_of = {term: own for own in components if len(own) > 1 for term in own}
+    if not component_of:
+        return []
+    clauses_of: dict[tuple[int, ...], list[Clause]] = {own: [] for own in component_of.values()}
+    read = set(queried)
+    for clause in clauses:
+        own = component_of.get(clause.term, ())
+        if own:
+            clauses_of[own].append(clause)
+        read.update([literal[0] for literal in clause.body if component_of.get(literal[0]) is not own])
+    found = []
+    for terms, rules in clauses_of.items():
+        recursion = describe_recursion(program, terms, rules, read)
+        if recursion:
+            width, order = order_terms(terms, rules, recursion.guesses.keys())
+            if width <= max_frontier:
+                found.append((recursion, order))
+    return found
 
 
 def rank_components(

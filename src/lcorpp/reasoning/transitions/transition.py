@@ -10,10 +10,13 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Iterable, Mapping, Sequence
+from typing import TYPE_CHECKING
 
-from lcorpp.reasoning.transitions.closure import Closure
 from lcorpp.reasoning.transitions.local_distribution import LocalDistribution
 from lcorpp.reasoning.transitions.rule_templates import Child, Conditions
+
+if TYPE_CHECKING:  # few programs are recursive
+    from lcorpp.reasoning.transitions.closure import Closure
 
 Effect = tuple[int, int, int, Mapping[int, int]]
 """The effect of an outcome on a state: (sets, forbids, moves, targets_of).

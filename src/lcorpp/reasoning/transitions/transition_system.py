@@ -31,20 +31,21 @@ from __future__ import annotations
 from collections import Counter, defaultdict
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 from lcorpp.reasoning.grounding.ground_program import Clause, GroundProgram
 from lcorpp.reasoning.grounding.simplification import simplify
-from lcorpp.reasoning.transitions.closure import Closure
-from lcorpp.reasoning.transitions.elimination_tree import EliminationTree, build_elimination_tree
-from lcorpp.reasoning.transitions.linear_recursion import MAX_FRONTIER, LinearRecursion
+from lcorpp.reasoning.transitions.elimination_tree import (
+    MAX_FRONTIER,
+    EliminationTree,
+    build_elimination_tree,
+)
 from lcorpp.reasoning.transitions.local_distribution import (
     AcyclicTermDistribution,
     LocalDistribution,
     Outcome,
     ProbabilityCache,
 )
-from lcorpp.reasoning.transitions.recursion_frontier import Claim, RecursionFrontier
-from lcorpp.reasoning.transitions.recursive_components import build_component
 from lcorpp.reasoning.transitions.relevance import DerivedComponent, separate_irrelevant_rules
 from lcorpp.reasoning.transitions.rule_templates import (
     NO_SLOT,
@@ -55,6 +56,11 @@ from lcorpp.reasoning.transitions.rule_templates import (
 )
 from lcorpp.reasoning.transitions.stratified import Stratified
 from lcorpp.reasoning.transitions.transition import Transition
+
+if TYPE_CHECKING:  # few programs are recursive
+    from lcorpp.reasoning.transitions.closure import Closure
+    from lcorpp.reasoning.transitions.linear_recursion import LinearRecursion
+    from lcorpp.reasoning.transitions.recursion_frontier import Claim, RecursionFrontier
 
 
 @dataclass(slots=True, eq=False)
@@ -217,6 +223,8 @@ class _TransitionBuilder:
 
     def _add_recursion(self, recursion: LinearRecursion) -> None:
         """Add a recursion to the children of its inputs (its rules) and of its guesses (their claims)."""
+        from lcorpp.reasoning.transitions.recursion_frontier import RecursionFrontier
+
         template, bits = self._add_child(recursion.terms, recursion.clauses, False)
         steps = sorted({self._step_of[term] for term in recursion.scope if term not in recursion.guesses})
         claims: list[Claim] = []
@@ -307,6 +315,8 @@ class _TransitionBuilder:
         if not template.recursive:
             cache = self._outcomes_of.setdefault(template, {})
             return AcyclicTermDistribution(self._program, template, bits, cache, self.probabilities)
+        from lcorpp.reasoning.transitions.recursive_components import build_component
+
         clauses = [
             (bits[group.satisfied_slot], group.clause, group.own_literals) for group in template.clause_groups
         ]
