@@ -86,28 +86,28 @@ def test_arguments_of_another_type_are_rejected_at_once():
     """The type is named before a file is read or a model is solved."""
     domain, options = load_domain(ROOMS), ComparisonOptions()
     calls = [
-        (lambda: compare_strategies("rooms", options), "the domain is 'rooms'; expected Domain"),
-        (lambda: compare_strategies(domain, {}), "`options` is {}; expected ComparisonOptions"),
-        (lambda: ComparisonOptions(strategies=("L",)), "a strategy is 'L'; expected Strategy"),
-        (lambda: ComparisonOptions(classifiers="lstm"), "`classifiers` is 'lstm'; expected Mapping"),
+        (lambda: compare_strategies("rooms", options), "domain is 'rooms'; expected a Domain"),
+        (lambda: compare_strategies(domain, {}), "options is {}; expected a ComparisonOptions"),
+        (lambda: ComparisonOptions(strategies=("L",)), "strategies.0. is 'L'; expected a Strategy"),
+        (lambda: ComparisonOptions(classifiers="lstm"), "classifiers is 'lstm'; expected a mapping"),
         (
             lambda: ComparisonOptions(classifiers={"motion": "lstm"}),
-            "expected TrainingOptions or StoredOptions",
+            "expected a TrainingOptions or a StoredOptions or None",
         ),
         (lambda: ComparisonOptions(trials=0), "`trials` must be at least 1, not 0"),
-        (lambda: ComparisonOptions(trials=1e3), "`trials` is 1000.0; expected int"),
+        (lambda: ComparisonOptions(trials=1e3), "trials is 1000.0; expected a whole number"),
         (lambda: ComparisonOptions(trials=None, jobs=-1), "`jobs` must be at least 1, not -1"),
         (lambda: ComparisonOptions(seed=-1), "`seed` must be at least 0, not -1"),
-        (lambda: train_classifier(ROOMS, None, TrainingOptions()), "expected Domain"),
-        (lambda: load_trained(None, None, StoredOptions(ROOMS)), "the domain is None; expected Domain"),
-        (lambda: simulate_training_data("rooms", None, 0), "expected Domain"),
+        (lambda: train_classifier(ROOMS, None, TrainingOptions()), "expected a Domain"),
+        (lambda: load_trained(None, None, StoredOptions(ROOMS)), "domain is None; expected a Domain"),
+        (lambda: simulate_training_data("rooms", None, 0), "expected a Domain"),
         (
             lambda: next(run_active_learning("rooms", None, None, None)),
             "domain is .rooms.; expected a Domain",
         ),
-        (lambda: evaluate_exactly(domain, domain, {}, ()), "the robot is .*; expected Robot"),
-        (lambda: run_trials("rooms", 10), "the experiment is 'rooms'; expected Experiment"),
-        (lambda: Experiment(domain, None, {}, {}, (), 0), "the robot .* is None; expected Robot"),
+        (lambda: evaluate_exactly(domain, domain, {}, ()), "robot is .*; expected a Robot"),
+        (lambda: run_trials("rooms", 10), "experiment is 'rooms'; expected an? Experiment"),
+        (lambda: Experiment(domain, None, {}, {}, (), 0), "robot is None; expected a Robot"),
     ]
     for call, words in calls:
         with pytest.raises(LcorppError, match=words):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from lcorpp.arguments import check_arguments
 from lcorpp.assembly.estimators import (
     FOLDS,
     choose_learner,
@@ -22,7 +23,7 @@ from lcorpp.assembly.thresholds import (
 from lcorpp.assembly.training_data import make_signal_source, make_training_data
 from lcorpp.domains import Domain
 from lcorpp.domains.sections.learning import Sense
-from lcorpp.errors import DataError, DomainError, check_type
+from lcorpp.errors import DataError
 from lcorpp.learning import (
     Motion,
     TrainedClassifier,
@@ -37,6 +38,7 @@ from lcorpp.simulation.people import SignalSource
 from lcorpp.values import COVERAGE, ConfusionMatrix
 
 
+@check_arguments
 def train_classifier(
     domain: Domain,
     sense: Sense,
@@ -53,7 +55,6 @@ def train_classifier(
         DataError, FileError: an option or the data are wrong.
         DomainError: the domain cannot simulate signals.
     """
-    check_type(domain, Domain, "the domain", DomainError)
     goal = None if options.threshold is None else parse_goal(sense, options.threshold)
     make_untrained(options)  # reject options before the work
     coverage = evidence.kind(sense.name).coverage or COVERAGE
@@ -86,6 +87,7 @@ def train_classifier(
     )
 
 
+@check_arguments
 def load_trained(
     domain: Domain,
     sense: Sense,
@@ -100,7 +102,6 @@ def load_trained(
         DataError, FileError: the file is not a classifier of the sense's classes, or the recorded data have
             another interval, other channels or other features than its training data.
     """
-    check_type(domain, Domain, "the domain", DomainError)
     trained = load_classifier(options.file)
     confusion = trained.confusion
     if confusion is None or set(confusion.classes) != set(sense.classes):

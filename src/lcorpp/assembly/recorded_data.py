@@ -6,11 +6,12 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
+from lcorpp.arguments import check_arguments
 from lcorpp.assembly.estimators import TrainingData
 from lcorpp.assembly.options import READ_AS_IT_IS, ReadingOptions
 from lcorpp.domains import Domain
 from lcorpp.domains.sections.learning import Sense
-from lcorpp.errors import DataError, DomainError, check_type, expected_one_of
+from lcorpp.errors import DataError, expected_one_of
 from lcorpp.learning import format_leakage_warning, read_data, split
 from lcorpp.learning.data.cleaning import MAX_GAP
 from lcorpp.learning.features.motion_features import MOTION_FEATURES
@@ -21,6 +22,7 @@ PAPER_EPOCHS = 300
 """Epochs in the paper; right for a hundred recorded tracks, too many for simulated ones."""
 
 
+@check_arguments
 def read_training_data(
     domain: Domain,
     sense: Sense,
@@ -46,7 +48,6 @@ def read_training_data(
             cases; or the options are for tracks, and the data are none.
         FileError, ParseError: the data are missing or malformed.
     """
-    check_type(domain, Domain, "the domain", DomainError)
     labels = sense.data_labels or {value: value for value in sense.classes}
     dataset = read_data(
         path,

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
+from lcorpp.arguments import check_arguments
 from lcorpp.assembly.estimators import TrainingData
 from lcorpp.assembly.options import TrainingOptions
 from lcorpp.domains import Domain
 from lcorpp.domains.sections.learning import Sense
-from lcorpp.errors import DataError, DomainError, check_type
+from lcorpp.errors import DataError
 from lcorpp.simulation.people import CutSignals, SignalSource, SimulatedSignals, simulate_dataset
 from lcorpp.values import count_window
 
@@ -41,6 +42,7 @@ def make_training_data(domain: Domain, sense: Sense, options: TrainingOptions, s
     return simulate_training_data(domain, sense, seed, tracks=options.tracks, seconds=options.seconds)
 
 
+@check_arguments
 def simulate_training_data(
     domain: Domain, sense: Sense, seed: int, *, tracks: int | None = None, seconds: float | None = None
 ) -> TrainingData:
@@ -54,7 +56,6 @@ def simulate_training_data(
         DomainError: the domain has no `people.py` with a function for the sense.
         DataError: seconds are given, and the signals are features.
     """
-    check_type(domain, Domain, "the domain", DomainError)
     source = make_signal_source(domain, sense, seconds)
     rng = np.random.default_rng([seed, 0])
     dataset = simulate_dataset(domain, sense, source, sense.tracks if tracks is None else tracks, rng)

@@ -7,12 +7,11 @@ from contextlib import ExitStack
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from lcorpp.arguments import check_arguments, check_fields
 from lcorpp.assembly.options import (
     HARD_LABELS,
     ClassifierOptions,
     EvidenceOptions,
-    StoredOptions,
-    TrainingOptions,
 )
 from lcorpp.assembly.progress import ProgressDisplay, no_progress
 from lcorpp.assembly.robot import compose_robot, set_up_senses
@@ -22,7 +21,7 @@ from lcorpp.assembly.strategies.trust import check_dialogue
 from lcorpp.decision import Strategy
 from lcorpp.decision.strategies import list_strategies
 from lcorpp.domains import Domain
-from lcorpp.errors import DecisionError, DomainError, check_type
+from lcorpp.errors import DomainError
 from lcorpp.logs.decision_log import DecisionLog
 from lcorpp.planning import Policy, Solution, SolverOptions
 from lcorpp.scoring.exact_evaluation import check_enumerable, evaluate_exactly
@@ -57,13 +56,7 @@ class ComparisonOptions:
     log: Path | None = None
 
     def __post_init__(self) -> None:
-        for strategy in self.strategies:
-            check_type(strategy, Strategy, "a strategy", DecisionError)
-        check_type(self.classifiers, Mapping, "the option `classifiers`", DecisionError)
-        kinds = (TrainingOptions, StoredOptions, type(None))
-        for options in self.classifiers.values():
-            check_type(options, kinds, "an option of `classifiers`", DecisionError)
-        check_type(self.solver, (SolverOptions, type(None)), "the option `solver`", DecisionError)
+        check_fields(self)
         check_numbers(1 if self.trials is None else self.trials, self.jobs, self.seed)
 
 
@@ -96,6 +89,7 @@ class Comparison:
         return scores_to_html(self.scores)
 
 
+@check_arguments
 def compare_strategies(
     domain: Domain,
     options: ComparisonOptions,
@@ -116,8 +110,6 @@ def compare_strategies(
         DataError, FileError: the training options or files are wrong.
         KeyboardInterrupt: an interrupt before the first trial was complete.
     """
-    check_type(domain, Domain, "the domain", DomainError)
-    check_type(options, ComparisonOptions, "`options`", DecisionError)
     for name in options.classifiers:
         domain.find_sense(name)
     strategies = list_compared(domain, options)

@@ -13,7 +13,7 @@ from lcorpp.assembly.robot_parts import RobotParts
 from lcorpp.assembly.strategies.trust import TRUST
 from lcorpp.decision import lcorpp
 from lcorpp.domains import Domain
-from lcorpp.errors import DataError, DecisionError, DomainError, check_type
+from lcorpp.errors import DataError, DecisionError
 from lcorpp.logs.decision_log import DecisionLog
 from lcorpp.protocols import Planner
 from lcorpp.runs.batches import BatchResult, Row, make_row, score_batch
@@ -112,9 +112,6 @@ def run_active_learning(
         DataError, DecisionError: an option is wrong, or uncertain labels are for a learner without
             `sample_weight`; and whatever the robot's parts raise.
     """
-    check_type(domain, Domain, "the domain", DomainError)
-    check_type(senses, LearningSenses, "the senses", DecisionError)
-    check_type(options, ActiveLearningOptions, "`options`", DecisionError)
     if log is not None and parts is None:
         raise DecisionError("a log needs the `parts`, which determine the decisions")
     trainer = SenseTrainer(domain, senses, options, progress)

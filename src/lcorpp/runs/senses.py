@@ -15,7 +15,7 @@ from lcorpp.assembly.thresholds import parse_goal
 from lcorpp.assembly.training_data import make_training_data
 from lcorpp.decision.lcorpp import CONFIDENCE
 from lcorpp.domains import Domain
-from lcorpp.errors import DecisionError, DomainError, check_type, expected_one_of
+from lcorpp.errors import DecisionError, DomainError, expected_one_of
 
 HARD, SOFT, CORRECTED = LABEL_KINDS = ("hard", "soft", "corrected")
 """A reported case counts for the reported class alone; for each class with the weight of the belief at the
@@ -104,8 +104,6 @@ def set_up_learning(
         DomainError: no sense learns, or the domain has no such signals or noisy channel.
         DataError, FileError: a threshold, the data, or the files of other classifiers, are wrong.
     """
-    check_type(domain, Domain, "the domain", DomainError)
-    check_type(options, ActiveLearningOptions, "`options`", DecisionError)
     if options.labels not in LABEL_KINDS:
         raise DecisionError(f"the labels are {options.labels!r}; {expected_one_of(LABEL_KINDS)}")
     for name in options.classifiers:

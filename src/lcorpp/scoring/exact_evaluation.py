@@ -16,9 +16,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from lcorpp.arguments import check_arguments
 from lcorpp.decision import Robot, Strategy
 from lcorpp.domains import Domain
-from lcorpp.errors import DecisionError, DomainError, check_type
+from lcorpp.errors import DecisionError, DomainError
 from lcorpp.protocols import Reasoner as ReasonerProtocol
 from lcorpp.reasoning import Program, Reasoner
 from lcorpp.scoring import episode_sums
@@ -36,6 +37,7 @@ MAX_DROPPED = 0.001
 """Maximum probability of the episodes that are left out of a sum over too many."""
 
 
+@check_arguments
 def evaluate_exactly(
     domain: Domain,
     robot: Robot,
@@ -62,10 +64,6 @@ def evaluate_exactly(
             histories, has too many histories, or branches so much that the bounds are wide.
         NoReportError: a strategy's policy never reports.
     """
-    check_type(domain, Domain, "the domain", DomainError)
-    check_type(robot, Robot, "the robot", DecisionError)
-    for channel in channels.values():
-        check_type(channel, NoisyChannel, "a channel", DecisionError)
     check_enumerable(domain, strategies)
     classified = [channel.of for channel in channels.values()]
     attributes = tuple(dict.fromkeys([*domain.observed, *classified, *domain.reasoning.shared]))

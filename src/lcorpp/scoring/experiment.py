@@ -9,11 +9,12 @@ from typing import NamedTuple
 
 import numpy as np
 
+from lcorpp.arguments import check_fields
 from lcorpp.assembly.robot_parts import RobotParts
 from lcorpp.decision import Robot, Strategy, dt_control
 from lcorpp.decision.strategies import Rates, Session, make_generator
 from lcorpp.domains import Domain
-from lcorpp.errors import DecisionError, check_type
+from lcorpp.errors import DecisionError
 from lcorpp.simulation.people import Person, Population, SignalSource
 from lcorpp.simulation.simulated_classifier import BatchClassifier, PrecomputedLabel
 from lcorpp.simulation.world import SimulatedWorld, SimulationModel
@@ -44,10 +45,7 @@ class Experiment:
     rates: Rates = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        check_type(self.domain, Domain, "the domain of an experiment", DecisionError)
-        check_type(self.robot, Robot, "the robot of an experiment", DecisionError)
-        for strategy in self.strategies:
-            check_type(strategy, Strategy, "a strategy of an experiment", DecisionError)
+        check_fields(self)
 
 
 class Trial(NamedTuple):

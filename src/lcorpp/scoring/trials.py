@@ -12,8 +12,9 @@ import numpy as np
 import numpy.typing as npt
 from joblib import delayed
 
+from lcorpp.arguments import check_arguments
 from lcorpp.decision.strategies import Session
-from lcorpp.errors import DecisionError, check_type
+from lcorpp.errors import DecisionError
 from lcorpp.interrupts import delay_sigint
 from lcorpp.log_output import find_log_level
 from lcorpp.logs.decision_log import DecisionLog
@@ -35,6 +36,7 @@ MAX_GROUP = 10
 """Maximum number of chunks whose people are simulated at once."""
 
 
+@check_arguments
 def run_trials(
     experiment: Experiment,
     trials: int,
@@ -62,7 +64,6 @@ def run_trials(
         DecisionError: as of `check_numbers`; and whatever the robot's parts raise.
         KeyboardInterrupt: an interrupt before the first trial was complete.
     """
-    check_type(experiment, Experiment, "the experiment", DecisionError)
     check_numbers(trials, jobs, experiment.seed)
     if log is not None and experiment.parts is None:
         raise DecisionError("a log of an experiment needs its `parts`, which determine the decisions")
@@ -147,10 +148,9 @@ def check_numbers(trials: int, jobs: int, seed: int) -> None:
     """Check the numbers of a simulation.
 
     Raises:
-        DecisionError: one is not an integer, `trials` or `jobs` is less than 1, or `seed` is negative.
+        DecisionError: `trials` or `jobs` is less than 1, or `seed` is negative.
     """
     for name, number, least in (("trials", trials, 1), ("jobs", jobs, 1), ("seed", seed, 0)):
-        check_type(number, (int, np.integer), f"`{name}`", DecisionError)
         if number < least:
             raise DecisionError(f"`{name}` must be at least {least}, not {number}")
 
