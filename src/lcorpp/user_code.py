@@ -206,6 +206,12 @@ class UserFunction:
             known = [key for key, value in vars(module).items() if callable(value) and key[0] != "_"]
             raise error(f"{path} has no function {name!r}; {expected_one_of(known)}")
 
+    @classmethod
+    def parse(cls, text: str, error: type[LcorppError]) -> UserFunction | None:
+        """Return the function that ``FILE.py:NAME`` names; None for another text."""
+        parts = split_function(text)
+        return None if parts is None else cls(*parts, error)
+
     def __repr__(self) -> str:
         return f"UserFunction({self.path}:{self.name})"
 

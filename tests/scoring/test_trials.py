@@ -20,7 +20,7 @@ from lcorpp.domains import load_domain
 from lcorpp.errors import DataError, DecisionError, DomainError, ObservationError
 from lcorpp.learning import TrainedClassifier, fit_calibration
 from lcorpp.reasoning import Enumeration, Reasoner
-from lcorpp.scoring import trial_chunks, trials
+from lcorpp.scoring import trial_chunks
 from lcorpp.scoring.batch_simulation import BatchWorld, PeopleDraws
 from lcorpp.scoring.exact_evaluation import compute_joint_distribution
 from lcorpp.scoring.experiment import CHUNK_SIZE, ChunkSource, Experiment, replay_trial
@@ -234,7 +234,7 @@ def test_an_interrupt_before_the_first_trial_is_raised(rooms, monkeypatch):
     def tired(*_):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(trials, "run_chunks", tired)
+    monkeypatch.setattr(trial_chunks, "run_chunks", tired)
     with pytest.raises(KeyboardInterrupt):
         run_trials(rooms, 100)
     with pytest.raises(DecisionError, match="`trials` must be at least 1, not 0"):

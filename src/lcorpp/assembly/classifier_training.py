@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 from lcorpp.arguments import check_arguments
 from lcorpp.assembly.estimators import (
     FOLDS,
+    TrainingData,
     choose_learner,
     make_estimator,
     make_untrained as make_untrained,
@@ -20,7 +22,7 @@ from lcorpp.assembly.thresholds import (
     parse_goal,
     set_threshold,
 )
-from lcorpp.assembly.training_data import make_signal_source, make_training_data
+from lcorpp.assembly.training_data import make_training_data
 from lcorpp.domains import Domain
 from lcorpp.domains.sections.learning import Sense
 from lcorpp.errors import DataError
@@ -34,7 +36,7 @@ from lcorpp.learning import (
 )
 from lcorpp.learning.classifiers.storage import check_storable
 from lcorpp.notebook import join_some
-from lcorpp.simulation.people import SignalSource
+from lcorpp.simulation.people import SignalSource, make_signal_source
 from lcorpp.values import COVERAGE, ConfusionMatrix
 
 
@@ -110,10 +112,22 @@ def load_trained(
             f"{options.file}: the classifier's classes are {classes}; {domain.name} needs"
             f" {', '.join(sense.classes)}"
         )
-    path, source = options.data or sense.data, str(options.file)
-    if path is None:
+    path: Path | None = options.data or sense.data
+    notes: tuple[str, ...] = ()
+    signals: SignalSource
+    if path is not None:
+        recorded = _read_test_data(domain, sense, options, path, trained, seed)
+        signals, notes = recorded.signals, recorded.dataset.notes
+    else:
         signals = make_signal_source(domain, sense, options.seconds)
-        return _make_setup(sense, trained, confusion, evidence, signals, source)
+    setup = _make_setup(sense, trained, confusion, evidence, signals, str(options.file))
+    return replace(setup, data=path, notes=notes)
+
+
+def _read_test_data(
+    domain: Domain, sense: Sense, options: StoredOptions, path: Path, trained: TrainedClassifier, seed: int
+) -> TrainingData:
+    """Read the recorded data of a stored classifier; errors as of `load_trained`."""
     from lcorpp.assembly.recorded_data import read_training_data  # loads the readers of all formats
 
     motion = trained.estimator.steps[0][1]
@@ -131,8 +145,7 @@ def load_trained(
         raise DataError(
             f"{options.file}: trained on {join_some(trained.inputs)}; the data have {join_some(channels)}"
         )
-    setup = _make_setup(sense, trained, confusion, evidence, recorded.signals, source)
-    return replace(setup, data=path, notes=recorded.dataset.notes)
+    return recorded
 
 
 def find_storage_problem(options: TrainingOptions) -> str | None:

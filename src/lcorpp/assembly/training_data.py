@@ -10,8 +10,7 @@ from lcorpp.assembly.options import TrainingOptions
 from lcorpp.domains import Domain
 from lcorpp.domains.sections.learning import Sense
 from lcorpp.errors import DataError
-from lcorpp.simulation.people import CutSignals, SignalSource, SimulatedSignals, simulate_dataset
-from lcorpp.values import count_window
+from lcorpp.simulation.people import make_signal_source, simulate_dataset
 
 
 def make_training_data(domain: Domain, sense: Sense, options: TrainingOptions, seed: int) -> TrainingData:
@@ -23,23 +22,21 @@ def make_training_data(domain: Domain, sense: Sense, options: TrainingOptions, s
         DomainError: as `simulate_training_data`.
     """
     path = options.data or sense.data
-    if path is not None:
-        if options.tracks is not None:
-            raise DataError(
-                f"--tracks {options.tracks}: nothing is simulated, as {path} has the recorded data"
-            )
-        from lcorpp.assembly.recorded_data import read_training_data  # loads the readers of all formats
+    if path is None:
+        return simulate_training_data(domain, sense, seed, tracks=options.tracks, seconds=options.seconds)
+    if options.tracks is not None:
+        raise DataError(f"--tracks {options.tracks}: nothing is simulated, as {path} has the recorded data")
+    from lcorpp.assembly.recorded_data import read_training_data  # loads the readers of all formats
 
-        return read_training_data(
-            domain,
-            sense,
-            path,
-            seed,
-            features=options.features,
-            reading=options.reading,
-            seconds=options.seconds,
-        )
-    return simulate_training_data(domain, sense, seed, tracks=options.tracks, seconds=options.seconds)
+    return read_training_data(
+        domain,
+        sense,
+        path,
+        seed,
+        features=options.features,
+        reading=options.reading,
+        seconds=options.seconds,
+    )
 
 
 @check_arguments
@@ -60,11 +57,3 @@ def simulate_training_data(
     rng = np.random.default_rng([seed, 0])
     dataset = simulate_dataset(domain, sense, source, sense.tracks if tracks is None else tracks, rng)
     return TrainingData(dataset, source, sense.epochs)
-
-
-def make_signal_source(domain: Domain, sense: Sense, seconds: float | None) -> SignalSource:
-    """Return the simulated signals of a sense, or their last seconds; raises as `simulate_training_data`."""
-    source = SimulatedSignals.from_domain(domain, sense)
-    if seconds is None:
-        return source
-    return CutSignals(source, slice(-count_window(seconds, sense.interval), None))

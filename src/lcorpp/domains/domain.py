@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from fractions import Fraction
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -23,6 +24,7 @@ from lcorpp.values import (
     Belief,
     ConfusionMatrix,
     Distribution,
+    Indices,
     Label,
     Likelihood,
     SharedValue,
@@ -236,6 +238,12 @@ class Domain:
     def reported_value(self, action: str) -> SharedValue | None:
         """The shared value that an action reports, None if it is not a report."""
         return self.planning.reports.get(action)
+
+    @cached_property
+    def report_indices(self) -> Indices:
+        """(A,) the index of the value that each action reports; the number of values for no report."""
+        values = [self.reported_value(action) for action in self.pomdp.actions]
+        return np.array([len(self.values) if v is None else self.values.index(v) for v in values], np.intp)
 
     def report_action(self, value: SharedValue) -> str:
         """The first action that reports `value`.

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -43,6 +43,11 @@ class ComparisonOptions:
     seed: of all random numbers. jobs: processes; the results are the same for any number.
     solver: of the POMDP; None takes the domain's. cache: a folder that keeps policies, None for none.
     log: a file to which the decisions of the trials are appended.
+
+    Raises:
+        DataError: an option has another type.
+        DecisionError: as of `check_numbers`.
+        DomainError: exact scores are requested with classifiers other than noisy channels, or with a log.
     """
 
     strategies: tuple[Strategy, ...] = ()
@@ -58,6 +63,15 @@ class ComparisonOptions:
     def __post_init__(self) -> None:
         check_fields(self)
         check_numbers(1 if self.trials is None else self.trials, self.jobs, self.seed)
+        if self.trials is None and any(self.classifiers.values()):
+            raise DomainError(
+                "exact scores require the noisy channel: the error rates of a trained classifier are known"
+                " from trials only"
+            )
+        if self.trials is None and self.log is not None:
+            raise DomainError(
+                f"{self.log}: exact scores are computed without decisions that a log could list"
+            )
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,17 +118,14 @@ def compare_strategies(
         policy: a policy for the domain's POMDP; None solves it. policy_file: its file, for the log.
 
     Raises:
-        DomainError: exact scores are requested of a classifier other than a noisy channel, or with a log; a
-            sense has no noisy channel, or no signals to train on; or trust cannot follow the dialogue of the
-            domain, see `DomainDialogue`.
+        DomainError: exact scores are requested of a domain with a world of its own; a sense has no noisy
+            channel, or no signals to train on; or trust cannot follow the dialogue of the domain, see
+            `DomainDialogue`.
         DataError, FileError: the training options or files are wrong.
         KeyboardInterrupt: an interrupt before the first trial was complete.
     """
     for name in options.classifiers:
         domain.find_sense(name)
-    strategies = list_compared(domain, options)
-    if options.trials is None:
-        _check_exact(domain, options, strategies)
     with ExitStack() as stack:
         log = None if options.log is None else stack.enter_context(DecisionLog(options.log))
         experiment, senses, solution = set_up_experiment(
@@ -125,7 +136,7 @@ def compare_strategies(
             channels = {sense.name: NoisyChannel.from_domain(domain, sense) for sense in domain.senses}
             with progress("enumerating people and answers") as advance:
                 exact_scores = evaluate_exactly(
-                    domain, experiment.robot, channels, strategies, progress=advance
+                    domain, experiment.robot, channels, experiment.strategies, progress=advance
                 )
             return Comparison(tuple(exact_scores), None, senses, solution)
         with progress("simulating trials", options.trials) as advance:
@@ -133,23 +144,6 @@ def compare_strategies(
                 experiment, options.trials, jobs=options.jobs, progress=advance, log=log
             )
         return Comparison(tuple(scores), completed, senses, solution)
-
-
-def _check_exact(domain: Domain, options: ComparisonOptions, strategies: Sequence[Strategy]) -> None:
-    """Check that exact scores exist; errors as of `compare_strategies`."""
-    if any(options.classifiers.values()):
-        raise DomainError(
-            "exact scores require the noisy channel: the error rates of a trained classifier are known from"
-            " trials only"
-        )
-    if options.log is not None:
-        raise DomainError(f"{options.log}: exact scores are computed without decisions that a log could list")
-    check_enumerable(domain, strategies)
-
-
-def list_compared(domain: Domain, options: ComparisonOptions) -> tuple[Strategy, ...]:
-    """Return the strategies of a comparison."""
-    return options.strategies or list_strategies([sense.name for sense in domain.senses])
 
 
 def set_up_experiment(
@@ -168,7 +162,9 @@ def set_up_experiment(
         The experiment, the setup of each sense that a strategy uses, and the solution of the POMDP, None if a
         policy was given.
     """
-    strategies = list_compared(domain, options)
+    strategies = options.strategies or list_strategies([sense.name for sense in domain.senses])
+    if options.trials is None:
+        check_enumerable(domain, strategies)
     check_dialogue(domain, strategies)
     used = [sense for sense in domain.senses if any(row.uses(sense.name) for row in strategies)]
     senses = set_up_senses(

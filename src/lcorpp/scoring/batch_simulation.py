@@ -11,10 +11,14 @@ from typing import NamedTuple
 
 import numpy as np
 
+from lcorpp.decision import Strategy
 from lcorpp.decision.dt_control import MAX_STEPS
-from lcorpp.domains import Domain
-from lcorpp.errors import DecisionError
-from lcorpp.scoring.decision_graph import ENDED, DecisionGraph, index_reports
+from lcorpp.errors import DecisionError, LcorppError
+from lcorpp.planning import Planner
+from lcorpp.scoring.decision_graph import ENDED, DecisionGraph
+from lcorpp.scoring.decision_nodes import BeliefNodes
+from lcorpp.scoring.experiment import Chunk, Experiment
+from lcorpp.scoring.gaps import find_gap
 from lcorpp.simulation.world import SimulationModel
 from lcorpp.values import Array, Indices
 
@@ -56,13 +60,8 @@ class BatchWorld:
     def __init__(self, model: SimulationModel) -> None:
         self._initial_states = np.array(model.initial_states)
         self._model, self._feedback = model, np.array(model.feedback)
-        self._reward, self._reports = np.array(model.reward), index_reports(model.domain)
+        self._reward, self._reports = np.array(model.reward), model.domain.report_indices
         self._n_values = len(model.domain.values)
-
-    @staticmethod
-    def supports(domain: Domain) -> bool:
-        """Whether people answer by the feedback model, not in a world of the domain's own."""
-        return domain.simulation.world is None
 
     def decide(self, graph: DecisionGraph, roots: Indices, values: Indices, draws: PeopleDraws) -> Outcomes:
         """Simulate a decision about each person.
@@ -110,3 +109,63 @@ class BatchWorld:
         """Return the interval of each row of interval ends (n, k) that contains each number (n,)."""
         index: Indices = (bounds <= numbers[:, None]).sum(axis=1)
         return index
+
+
+def simulates_at_once(experiment: Experiment, strategy: Strategy) -> bool:
+    """Whether a strategy's decisions are simulated for many people at once.
+
+    They are if its actions depend on the belief alone and people answer by the feedback model.
+    """
+    planner = experiment.robot.planner
+    alone = strategy.change is None and strategy.start is None
+    return alone and isinstance(planner, Planner) and experiment.domain.simulation.world is None
+
+
+def simulate_at_once(experiment: Experiment, chunks: Sequence[Chunk]) -> dict[int, dict[str, Array]]:
+    """Simulate the n people of some chunks at once.
+
+    Returns:
+        Index of a strategy -> field of a trial -> (n,) numbers. A strategy whose decisions fail is left out:
+        one by one the decision is found that fails.
+    """
+    selected = [k for k, row in enumerate(experiment.strategies) if simulates_at_once(experiment, row)]
+    if not selected:
+        return {}
+    world = BatchWorld(chunks[0].model)
+    draws = PeopleDraws([seed for chunk in chunks for seed in chunk.seeds])
+    values = np.concatenate([chunk.index_values() for chunk in chunks])
+    done = {}
+    for k in selected:
+        strategy = experiment.strategies[k]
+        try:
+            nodes, roots, gaps = _find_roots(experiment, strategy, chunks)
+            graph = DecisionGraph(experiment.domain, nodes)
+            outcomes = world.decide(graph, np.array(graph.find_numbers(roots)), values, draws)
+        except LcorppError:
+            continue
+        done[k] = {**outcomes._asdict(), "gap": gaps}
+    return done
+
+
+def _find_roots(
+    experiment: Experiment, strategy: Strategy, chunks: Sequence[Chunk]
+) -> tuple[BeliefNodes, list[bytes], Array]:
+    """Return a strategy's nodes, that before the first action about each person, and `find_gap` there."""
+    nodes = BeliefNodes(experiment.domain, strategy.robot(experiment.robot))
+    roots, gaps = list[bytes](), list[float]()
+    known: dict[tuple[object, ...], tuple[bytes, float]] = {}
+    for chunk in chunks:
+        observed = chunk.model.domain.observed
+        senses = [sense for sense in chunk.labels if strategy.uses(sense)]
+        for i, person in enumerate(chunk.people):
+            facts = [person[name] for name in observed]
+            outputs = [chunk.labels[sense][i] for sense in senses]
+            key = (*facts, *outputs)
+            if key not in known:
+                labels = {s: label for s, label in zip(senses, outputs, strict=True) if label is not None}
+                root = nodes.root(dict(zip(observed, facts, strict=True)), labels)
+                known[key] = root, find_gap(experiment.robot, strategy, np.frombuffer(root))
+            root, gap = known[key]
+            roots.append(root)
+            gaps.append(gap)
+    return nodes, roots, np.array(gaps)

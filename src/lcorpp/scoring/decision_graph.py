@@ -94,9 +94,3 @@ class DecisionGraph:
             ancestors.update(new)
             waiting += new
         return self._nodes.describe(self._found[next(root for root in roots if root in ancestors)])
-
-
-def index_reports(domain: Domain) -> Indices:
-    """Return the index of the value that each action reports; the number of values for no report."""
-    values = [domain.reported_value(action) for action in domain.pomdp.actions]
-    return np.array([len(domain.values) if v is None else domain.values.index(v) for v in values], np.intp)

@@ -3,12 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from lcorpp.scoring.metrics import Scores
 from lcorpp.values import Array, Indices, Interval, SharedValue
+
+if TYPE_CHECKING:  # the scores of decisions do without
+    from lcorpp.decision import Strategy
+    from lcorpp.domains import Domain
+    from lcorpp.scoring.episode_sums import EpisodeSums
 
 Proportion = Callable[..., Interval]
 """A function that returns hits / total with its interval: hits, total and those of an unknown part."""
@@ -79,6 +84,22 @@ def score_probabilities(
     """
     reports = _score_reports(joint, values, positive, variables, _bound_proportion, dropped)
     return Scores(strategy, joint, **reports, cost=cost, return_=return_, cost_sd=cost_sd, gap=gap)
+
+
+def score_sums(domain: Domain, strategy: Strategy, sums: EpisodeSums, gap: float | None) -> Scores:
+    """Return the scores of a strategy from the sums over its episodes; gap: as in `Scores`."""
+    return score_probabilities(
+        strategy.name,
+        sums.joint,
+        sums.cost_bounds,
+        sums.return_bounds,
+        float(np.sqrt(max(sums.squared_cost - sums.cost**2, 0.0))),
+        values=domain.values,
+        positive=domain.positive,
+        variables=domain.reasoning.shared,
+        dropped=sums.dropped,
+        gap=gap,
+    )
 
 
 def _estimate_proportion(hits: float, total: float, _hits: float = 0.0, _misses: float = 0.0) -> Interval:

@@ -9,7 +9,6 @@ import numpy as np
 from scipy.sparse import csr_array
 
 from lcorpp.domains import Domain
-from lcorpp.scoring.decision_graph import index_reports
 
 DENSE_PAIRS = 64
 """Transitions between at most this many pairs are dense matrices, which are faster."""
@@ -21,13 +20,13 @@ class EpisodeModel:
     starts: (V, J) probability of each pair before the first action, given the true value.
     transition[a]: (J, J). feedback[a]: the k observations that may follow, and (k, J) their probabilities,
     after the action. reward: (A + 1, J); the last row, of no action, is 0. values: (J,) index of the true
-    value. reports: (A + 1,) as of `index_reports`, V for no action.
+    value. reports: (A + 1,) as of `Domain.report_indices`, V for no action.
     """
 
     def __init__(self, domain: Domain) -> None:
         pomdp, planning = domain.pomdp, domain.planning
         self.n_values = len(domain.values)
-        reports = index_reports(domain)
+        reports = domain.report_indices
         self.reports = np.append(reports, self.n_values)
         asking = np.flatnonzero(reports == self.n_values).tolist()
         pairs = {(v, s): j for j, (v, s) in enumerate(zip(*np.nonzero(planning.initial_states), strict=True))}

@@ -6,15 +6,20 @@ value and the same hidden state, are one entry: their probability and the first 
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
+from lcorpp.decision import Strategy
 from lcorpp.decision.dt_control import MAX_STEPS
-from lcorpp.errors import NoReportError
+from lcorpp.domains import Domain
+from lcorpp.errors import DecisionError, NoReportError
+from lcorpp.scoring.cases import Case
 from lcorpp.scoring.decision_graph import ENDED, DecisionGraph
+from lcorpp.scoring.decision_nodes import DecisionNodes
 from lcorpp.scoring.episode_model import EpisodeModel
 from lcorpp.scoring.episode_totals import EpisodeTotals
 from lcorpp.values import Array, Indices, Interval
@@ -24,6 +29,9 @@ MAX_POINTS = 200_000
 """Maximum number of points at which the episodes of a strategy are continued: some ten seconds.
 
 The less likely episodes are dropped."""
+
+MAX_DROPPED = 0.001
+"""Maximum probability of the episodes that are left out of a sum over too many."""
 
 MAX_ENTRIES = 4_000_000
 """Maximum number of entries after the same number of actions, times three numbers of 8 bytes."""
@@ -48,7 +56,17 @@ class EpisodeSums:
     cost_range: tuple[float, float]
     return_range: tuple[float, float]
 
-    def bound(self, known: float, rest: tuple[float, float]) -> Interval:
+    @property
+    def cost_bounds(self) -> Interval:
+        """Bounds of the expectation of the cost, whatever the dropped episodes are."""
+        return self._bound(self.cost, self.cost_range)
+
+    @property
+    def return_bounds(self) -> Interval:
+        """Bounds of the expectation of the return, whatever the dropped episodes are."""
+        return self._bound(self.return_, self.return_range)
+
+    def _bound(self, known: float, rest: tuple[float, float]) -> Interval:
         """Return bounds of an expectation, from its sum over the known episodes and the range of the rest.
 
         The estimate is the mean of the known episodes.
@@ -58,6 +76,34 @@ class EpisodeSums:
             return Interval.exact(known)
         low, high = known + rest[0], known + rest[1]
         return Interval(min(max(known / (1 - share), low), high), low, high, confidence=1.0)
+
+
+def sum_strategies(
+    domain: Domain,
+    nodes_of: Sequence[DecisionNodes],
+    cases: Mapping[Strategy, Sequence[Case]],
+    model: EpisodeModel,
+    progress: Callable[[int, int], None],
+) -> list[EpisodeSums]:
+    """Sum over the episodes of strategies that act alike, given the nodes and the cases of each."""
+    graph = DecisionGraph(domain, nodes_of[0])
+    # (node before the first action, index of the strategy) -> (V,) probability of each true value
+    roots: dict[tuple[int, int], Array] = defaultdict(lambda: np.zeros(len(domain.values)))
+    for k, (own, nodes) in enumerate(zip(cases.values(), nodes_of, strict=True)):
+        numbers = graph.find_numbers([nodes.root(case.context, case.labels) for case in own])
+        for number, case in zip(numbers, own, strict=True):
+            roots[number, k] += case.masses
+    names = [strategy.location for strategy in cases]
+    found = sum_episodes(model, graph, roots, names, progress)
+    for name, sums in zip(names, found, strict=True):
+        share = float(sums.dropped.sum())
+        if share > MAX_DROPPED:
+            raise DecisionError(
+                f"the decisions of {name} pass more than {MAX_POINTS} points; the"
+                f" likeliest cover {1 - share:.2%} of them, less than {1 - MAX_DROPPED:.1%}; its scores need"
+                " simulated trials"
+            )
+    return found
 
 
 class _Sums:

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from functools import lru_cache
 
 import numpy as np
 
 from lcorpp.decision import Robot, Strategy
+from lcorpp.domains import Domain
 from lcorpp.planning import Planner, Policy
+from lcorpp.scoring.cases import Case
+from lcorpp.scoring.decision_nodes import RoundedBeliefNodes
 from lcorpp.values import Belief
 
 NO_GAP = -1.0
@@ -21,6 +24,15 @@ def find_gap(robot: Robot, strategy: Strategy, prior: Belief) -> float:
     if is_own or not strategy.plans or not isinstance(planner, Planner):
         return NO_GAP
     return NO_GAP if planner.policy.upper_bound is None else _compute_gap(planner.policy, prior.tobytes())
+
+
+def find_gaps(domain: Domain, robot: Robot, strategy: Strategy, cases: Sequence[Case]) -> list[float]:
+    """Return the gap at the prior of each case, see `find_gap`."""
+    if not strategy.plans or strategy.change is not None:
+        return []
+    nodes = RoundedBeliefNodes(domain, strategy.robot(robot))
+    priors = dict.fromkeys(nodes.root(case.context, case.labels) for case in cases)
+    return [find_gap(robot, strategy, np.frombuffer(prior)) for prior in priors]
 
 
 def take_gap(gaps: Iterable[float]) -> float | None:

@@ -3,27 +3,24 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Sequence
-from contextlib import nullcontext
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, nullcontext
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+from joblib import delayed
 
-from lcorpp.decision import Robot, Strategy, dt_control
+from lcorpp.decision import dt_control
 from lcorpp.decision.dt_control import LOG
 from lcorpp.decision.strategies import Session
-from lcorpp.errors import LcorppError
-from lcorpp.log_output import show_log
+from lcorpp.log_output import find_log_level, show_log
 from lcorpp.logs.decision_log import format_decision
-from lcorpp.planning import Planner
-from lcorpp.scoring.batch_simulation import BatchWorld, PeopleDraws
-from lcorpp.scoring.decision_graph import DecisionGraph
-from lcorpp.scoring.decision_nodes import BeliefNodes
+from lcorpp.scoring.batch_simulation import simulate_at_once
 from lcorpp.scoring.experiment import CHUNK_SIZE, Chunk, ChunkSource, Experiment
 from lcorpp.scoring.gaps import find_gap
-from lcorpp.values import Array, Indices
+from lcorpp.workers import run_in_workers
 
 Trials = np.ndarray[Any, np.dtype[np.void]]
 """(n,) trials, each with these fields, one number for each of the k strategies:
@@ -54,7 +51,37 @@ def make_results(trials: int, k: int) -> Trials:
     return np.full(trials, -1, np.dtype(fields))
 
 
-def run_in_worker(level: int, experiment: Experiment, work: Sequence[ChunkWork]) -> int:
+@contextmanager
+def run_groups(
+    experiment: Experiment, groups: Sequence[Sequence[ChunkWork]], jobs: int
+) -> Iterator[Iterator[int]]:
+    """Run groups of chunks in some processes; yield an iterator of the number of trials of each, in order."""
+    if not experiment.strategies:
+        yield (_skip_chunks(group) for group in groups)
+        return
+    if jobs == 1 or len(groups) == 1:
+        sessions = start_sessions(experiment)
+        yield (run_chunks(experiment, group, sessions) for group in groups)
+        return
+    calls = (delayed(_run_in_worker)(find_log_level(), experiment, group) for group in groups)
+    with run_in_workers(calls, jobs=jobs, ordered=True) as counts:
+        yield counts
+
+
+def _skip_chunks(work: Sequence[ChunkWork]) -> int:
+    """Return the number of complete trials if no strategy is simulated."""
+    for _, results, _ in work:
+        results["truth"] = 0
+    return sum(len(results) for _, results, _ in work)
+
+
+def start_sessions(experiment: Experiment) -> list[Session | None]:
+    """Return the session of each strategy, None for one that does not learn from earlier people."""
+    start = (experiment.robot, experiment.rates)
+    return [None if row.start is None else row.start(*start) for row in experiment.strategies]
+
+
+def _run_in_worker(level: int, experiment: Experiment, work: Sequence[ChunkWork]) -> int:
     """Run chunks in another process, which shows messages of the same level."""
     if level < logging.WARNING:
         show_log(level)
@@ -77,74 +104,15 @@ def run_chunks(
     chunks = [source.draw(number, len(results)) for number, results, _ in work]
     single = set(range(len(experiment.strategies)))
     if all(file is None for _, _, file in work) and not LOG.isEnabledFor(logging.INFO):
-        single -= _simulate_at_once(experiment, work, chunks)
+        for k, simulated in simulate_at_once(experiment, chunks).items():
+            single.remove(k)
+            for name, numbers in simulated.items():
+                parts = np.split(numbers, np.cumsum([len(chunk.people) for chunk in chunks])[:-1])
+                for own, part in zip(work, parts, strict=True):
+                    own.results[name][:, k] = part
     for own, chunk in zip(work, chunks, strict=True):
         _simulate_one_by_one(experiment, own, chunk, sorted(single), sessions)
     return sum(len(results) for _, results, _ in work)
-
-
-def simulates_at_once(experiment: Experiment, strategy: Strategy) -> bool:
-    """Whether a strategy's decisions are simulated for many people at once.
-
-    They are if its actions depend on the belief alone and people answer by the feedback model.
-    """
-    planner = experiment.robot.planner
-    alone = strategy.change is None and strategy.start is None
-    return alone and isinstance(planner, Planner) and BatchWorld.supports(experiment.domain)
-
-
-def _simulate_at_once(experiment: Experiment, work: Sequence[ChunkWork], chunks: Sequence[Chunk]) -> set[int]:
-    """Simulate all people of some chunks at once; return the indices of the strategies that were simulated.
-
-    A strategy whose decisions fail is left out: one by one the decision is found that fails.
-    """
-    domain = experiment.domain
-    selected = [k for k, row in enumerate(experiment.strategies) if simulates_at_once(experiment, row)]
-    if not selected:
-        return set()
-    world = BatchWorld(chunks[0].model)
-    draws = PeopleDraws([seed for chunk in chunks for seed in chunk.seeds])
-    values = np.concatenate([chunk.index_values() for chunk in chunks])
-    ends = np.cumsum([len(results) for _, results, _ in work])[:-1]
-    done = set()
-    for k in selected:
-        strategy = experiment.strategies[k]
-        nodes = BeliefNodes(domain, strategy.robot(experiment.robot))
-        graph = DecisionGraph(domain, nodes)
-        try:
-            roots, gaps = _find_roots(nodes, graph, strategy, chunks, experiment.robot)
-            outcomes = world.decide(graph, roots, values, draws)
-        except LcorppError:
-            continue
-        for name, numbers in {**outcomes._asdict(), "gap": gaps}.items():
-            for (_, results, _), part in zip(work, np.split(numbers, ends), strict=True):
-                results[name][:, k] = part
-        done.add(k)
-    return done
-
-
-def _find_roots(
-    nodes: BeliefNodes, graph: DecisionGraph, strategy: Strategy, chunks: Sequence[Chunk], full: Robot
-) -> tuple[Indices, Array]:
-    """Return the node of a graph before the first action about each person of the chunks, and `find_gap`."""
-    roots, gaps = list[int](), list[float]()
-    known: dict[tuple[object, ...], tuple[int, float]] = {}
-    for chunk in chunks:
-        observed = chunk.model.domain.observed
-        senses = [sense for sense in chunk.labels if strategy.uses(sense)]
-        for i, person in enumerate(chunk.people):
-            facts = [person[name] for name in observed]
-            outputs = [chunk.labels[sense][i] for sense in senses]
-            key = (*facts, *outputs)
-            if key not in known:
-                labels = {s: label for s, label in zip(senses, outputs, strict=True) if label is not None}
-                node = nodes.root(dict(zip(observed, facts, strict=True)), labels)
-                (root,) = graph.find_numbers([node])
-                known[key] = root, find_gap(full, strategy, np.frombuffer(node))
-            root, gap = known[key]
-            roots.append(root)
-            gaps.append(gap)
-    return np.array(roots, np.intp), np.array(gaps)
 
 
 def _simulate_one_by_one(

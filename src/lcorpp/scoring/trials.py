@@ -2,22 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import numpy as np
 import numpy.typing as npt
-from joblib import delayed
 
 from lcorpp.arguments import check_arguments
-from lcorpp.decision.strategies import Session
 from lcorpp.errors import DecisionError
 from lcorpp.interrupts import delay_sigint
-from lcorpp.log_output import find_log_level
 from lcorpp.logs.decision_log import DecisionLog
+from lcorpp.scoring.batch_simulation import simulates_at_once
 from lcorpp.scoring.decision_scores import score_decisions
 from lcorpp.scoring.experiment import CHUNK_SIZE, Experiment
 from lcorpp.scoring.gaps import take_gap
@@ -27,10 +24,9 @@ from lcorpp.scoring.trial_chunks import (
     Trials,
     make_results,
     run_chunks,
-    run_in_worker,
-    simulates_at_once,
+    run_groups,
+    start_sessions,
 )
-from lcorpp.workers import run_in_workers
 
 MAX_GROUP = 10
 """Maximum number of chunks whose people are simulated at once."""
@@ -71,9 +67,11 @@ def run_trials(
         parallel, sequential = experiment, replace(experiment, strategies=())
     else:
         parallel, sequential = _split(experiment)
+    alone = [row for row in parallel.strategies if row.start is None]
+    are_grouped = log is None and all(simulates_at_once(experiment, row) for row in alone)
     results = make_results(trials, len(parallel.strategies))
     sequential_results = make_results(trials, len(sequential.strategies))
-    sessions = _start_sessions(sequential)
+    sessions = start_sessions(sequential)
     with TemporaryDirectory(prefix="lcorpp-", ignore_cleanup_errors=True) as name:
         folder = Path(name)
         if jobs > 1 and trials > CHUNK_SIZE:  # the processes write into one file
@@ -81,14 +79,11 @@ def run_trials(
             results = np.memmap(file, results.dtype, "r+")
         work = _divide(results, None if log is None else folder / "parallel")
         later = _divide(sequential_results, None if log is None else folder / "sequential")
-        size, waiting, done = 1, iter(zip(work, later, strict=True)), 0
-        if log is None and all(
-            simulates_at_once(experiment, row) for row in parallel.strategies if row.start is None
-        ):
-            size = min(MAX_GROUP, -(-len(work) // (4 * jobs)))
+        waiting, done = iter(zip(work, later, strict=True)), 0
+        size = min(MAX_GROUP, -(-len(work) // (4 * jobs))) if are_grouped else 1
         groups = [work[first : first + size] for first in range(0, len(work), size)]
         try:
-            with _run_groups(parallel, groups, jobs) as counts:
+            with run_groups(parallel, groups, jobs) as counts:
                 for number, count in enumerate(counts):
                     if sessions:
                         run_chunks(sequential, later[number * size : (number + 1) * size], sessions)
@@ -130,12 +125,6 @@ def _split(experiment: Experiment) -> tuple[Experiment, Experiment]:
     return parallel, replace(experiment, strategies=tuple(row for row in rows if row.start is not None))
 
 
-def _start_sessions(experiment: Experiment) -> list[Session | None]:
-    """Return the session of each strategy, None for one that does not learn from earlier people."""
-    start = (experiment.robot, experiment.rates)
-    return [None if row.start is None else row.start(*start) for row in experiment.strategies]
-
-
 def _find_complete(results: Trials, sequential_results: Trials) -> npt.NDArray[np.bool_]:
     """Return (n,) whether all strategies have decided about a person."""
     complete: npt.NDArray[np.bool_] = results["truth"] >= 0
@@ -153,30 +142,6 @@ def check_numbers(trials: int, jobs: int, seed: int) -> None:
     for name, number, least in (("trials", trials, 1), ("jobs", jobs, 1), ("seed", seed, 0)):
         if number < least:
             raise DecisionError(f"`{name}` must be at least {least}, not {number}")
-
-
-@contextmanager
-def _run_groups(
-    experiment: Experiment, groups: Sequence[Sequence[ChunkWork]], jobs: int
-) -> Iterator[Iterator[int]]:
-    """Run groups of chunks in some processes; yield an iterator of the number of trials of each, in order."""
-    if not experiment.strategies:
-        yield (_skip_chunks(group) for group in groups)
-        return
-    if jobs == 1 or len(groups) == 1:
-        sessions = _start_sessions(experiment)
-        yield (run_chunks(experiment, group, sessions) for group in groups)
-        return
-    calls = (delayed(run_in_worker)(find_log_level(), experiment, group) for group in groups)
-    with run_in_workers(calls, jobs=jobs, ordered=True) as counts:
-        yield counts
-
-
-def _skip_chunks(work: Sequence[ChunkWork]) -> int:
-    """Return the number of complete trials if no strategy is simulated."""
-    for _, results, _ in work:
-        results["truth"] = 0
-    return sum(len(results) for _, results, _ in work)
 
 
 def _append_lines(

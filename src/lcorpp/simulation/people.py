@@ -12,7 +12,7 @@ from lcorpp.domains import Domain
 from lcorpp.domains.sections.learning import Sense
 from lcorpp.errors import DataError, DomainError
 from lcorpp.reasoning import Reasoner
-from lcorpp.values import Array, Dataset, cut_tracks
+from lcorpp.values import Array, Dataset, count_window, cut_tracks
 
 Person = Mapping[str, str]
 """One person: every attribute of the simulation's program and its value."""
@@ -129,3 +129,16 @@ def simulate_dataset(
     return replace(
         dataset, source=f"{len(dataset)} simulated {dataset.unit} ({domain.folder.name}/people.py)"
     )
+
+
+def make_signal_source(domain: Domain, sense: Sense, seconds: float | None) -> SignalSource:
+    """Return the simulated signals of a sense, or their last seconds; None for all.
+
+    Raises:
+        DomainError: the domain has no `people.py` with a function for the sense.
+        DataError: seconds are given, and the signals are features.
+    """
+    source = SimulatedSignals.from_domain(domain, sense)
+    if seconds is None:
+        return source
+    return CutSignals(source, slice(-count_window(seconds, sense.interval), None))

@@ -21,7 +21,7 @@ from lcorpp.errors import ModelError, check_type, expected_one_of
 from lcorpp.planning.arguments import check_limits
 from lcorpp.planning.solution import Solution
 from lcorpp.planning.solver_table import SOLVER_NAMES, SOLVERS
-from lcorpp.user_code import split_function
+from lcorpp.user_code import UserFunction
 
 
 @dataclass(frozen=True)
@@ -58,12 +58,12 @@ def load_solver(name: str) -> Callable[..., Solution]:
         ModelError: the name is unknown, or the user's file cannot be loaded or has no such function.
     """
     if name in SOLVERS:
-        module, function = SOLVERS[name]
-        solver: Callable[..., Solution] = getattr(import_module(module), function)
+        module, own = SOLVERS[name]
+        solver: Callable[..., Solution] = getattr(import_module(module), own)
         return solver
-    parts = split_function(name)
-    if parts is None:
+    function = UserFunction.parse(name, ModelError)
+    if function is None:
         raise ModelError(f"unknown solver {name!r}; {expected_one_of(SOLVER_NAMES)}, or FILE.py:NAME")
     from lcorpp.planning.solvers.own import OwnSolver  # imports the kernels
 
-    return OwnSolver(*parts)
+    return OwnSolver(function)

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 from math import isfinite
-from pathlib import Path
 from time import monotonic
 
 import numpy.typing as npt
@@ -34,12 +33,10 @@ class OwnSolver:
     `Solution`, or only a `Policy`: its vectors are then the lower bound, as those of every policy, and the
     fast informed bound is the upper one.
 
-    Raises:
-        ModelError: the file cannot be loaded, or has no such function.
     """
 
-    def __init__(self, path: Path, name: str) -> None:
-        self.function = UserFunction(path, name, ModelError)
+    def __init__(self, function: UserFunction) -> None:
+        self.function = function
 
     def __call__(
         self,
