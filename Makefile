@@ -94,8 +94,10 @@ $(VENV)/.torch: | $(VENV)/.python
 	$(PIP) $(TORCH)
 	touch $@
 
-$(VENV)/.runtime: $(NATIVE) | $(VENV)/.torch
-	$(PIP) -e '.[torch]'
+# The C++ kernels train the LSTM; PyTorch does where the compiler is too old for them.
+$(VENV)/.runtime: $(NATIVE) | $(VENV)/.python
+	$(PIP) -e .
+	$(BIN)/python -c 'import lcorpp.learning.lstm._kernels' 2>/dev/null || $(PIP) $(TORCH)
 	touch $@
 
 $(VENV)/.dev: $(NATIVE) | $(VENV)/.torch
