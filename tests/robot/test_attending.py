@@ -7,8 +7,8 @@ import pytest
 
 from lcorpp import Distribution
 from lcorpp.decision import Robot
+from lcorpp.errors import NoReportError
 from lcorpp.planning import Planner, evaluate
-from lcorpp.robot import attending
 from lcorpp.robot.attending import Attention, forecast_decision
 
 
@@ -23,11 +23,12 @@ def prior(robot, p):
 
 
 @pytest.mark.parametrize("p", [0.1, 0.4, 0.9])
-def test_the_forecast_agrees_with_the_return(robot, p, monkeypatch):
-    """return = 80 P(right) - 80 P(wrong) - seconds without discount; histories below 1e-5 add up to .003."""
-    monkeypatch.setattr(attending, "MIN_MASS", 1e-5)
-    forecast = forecast_decision(robot.domain, robot.planner, prior(robot, p), "interested")
-    other = forecast_decision(robot.domain, robot.planner, prior(robot, p), "not_interested")
+def test_the_forecast_agrees_with_the_return(robot, p):
+    """return = 80 P(right) - 80 P(wrong) - seconds without discount."""
+    forecast, other = (
+        forecast_decision(robot.domain, robot, robot.planner.pomdp, prior(robot, p), value)
+        for value in ("interested", "not_interested")
+    )
     right = forecast.value + other.value
     undiscounted = 80 * (2 * right - 1) - forecast.seconds
     patient = replace(robot.domain.pomdp, discount=0.9995)
@@ -36,6 +37,22 @@ def test_the_forecast_agrees_with_the_return(robot, p, monkeypatch):
     assert bounds.upper - bounds.lower < 1
     assert bounds.lower - 0.5 < undiscounted < bounds.upper + 0.5  # the discount takes .2
     assert 0 <= forecast.value <= p + 1e-9
+
+
+def test_a_policy_that_never_reports_is_named(robot):
+    class Asking:
+        start = robot.planner.start
+        action = staticmethod(lambda belief: "greet")
+        update = staticmethod(lambda belief, action, observation: belief)
+
+    with pytest.raises(NoReportError, match="the policy: no report after 500 actions"):
+        forecast_decision(
+            robot.domain,
+            replace(robot, planner=Asking()),
+            robot.planner.pomdp,
+            prior(robot, 0.4),
+            "interested",
+        )
 
 
 def test_the_more_probable_of_two_people_comes_first(parts, robot):

@@ -164,7 +164,7 @@ def sum_dialogues(domain: Domain, planner: Planner, beliefs: Array) -> Array:
         part = numbers[begin : begin + MAX_TOGETHER]
         roots = {(number, i * v + k): np.eye(v)[k] for i, number in enumerate(part) for k in range(v)}
         names = ["the policy"] * (len(part) * v)
-        sums = sum_episodes(model, graph, roots, names, lambda _done, _total: None)
+        sums = sum_episodes(model, graph, roots, names)
         if any(own.dropped.any() for own in sums):
             raise DecisionError("the dialogues branch too much for an exact sum; expected simulated trials")
         returns[begin : begin + MAX_TOGETHER] = np.reshape([own.return_ for own in sums], (-1, v))

@@ -11,12 +11,15 @@ from lcorpp.decision import Robot
 from lcorpp.decision.attention import Candidate, ServedShare, choose_candidate, find_delay
 from lcorpp.decision.patience import Patience
 from lcorpp.domains import Domain
-from lcorpp.planning import Planner
-from lcorpp.planning.belief import observation_probabilities
+from lcorpp.planning import Planner, Pomdp
+from lcorpp.scoring.decision_graph import DecisionGraph
+from lcorpp.scoring.decision_nodes import RoundedBeliefNodes
+from lcorpp.scoring.episode_model import EpisodeModel
+from lcorpp.scoring.episode_sums import sum_episodes
 from lcorpp.values import Belief, SharedValue
 
-MIN_MASS = 1e-5
-"""Probability below which a history of answers is left out of a forecast."""
+MAX_POINTS = 5_000
+"""Points of decisions that a forecast visits: a fraction of a second."""
 DIGITS = 2
 """Digits of the beliefs that share a forecast."""
 KIND = ""
@@ -31,28 +34,26 @@ class Forecast:
     seconds: float
 
 
-def forecast_decision(domain: Domain, planner: Planner, prior: Belief, engaged: SharedValue) -> Forecast:
+def forecast_decision(
+    domain: Domain, robot: Robot, model: Pomdp, prior: Belief, engaged: SharedValue
+) -> Forecast:
     """Sum over the histories of answers, as the planner's model has them; costs are seconds.
 
+    The less likely histories are left out where they branch more than `MAX_POINTS` allows.
+
     Args:
+        robot: its planner has a policy. model: of the planner.
         prior: (S,) belief before the first action. engaged: the shared value that means engagement.
+
+    Raises:
+        NoReportError: the policy goes on without a report.
     """
-    pomdp, value, seconds = domain.pomdp, 0.0, 0.0
-    waiting = [(prior, 1.0)]
-    while waiting:
-        belief, mass = waiting.pop()
-        action = planner.action(belief)
-        reported = domain.reported_value(action)
-        if reported is not None:
-            value += mass * domain.marginal(belief)[engaged] * (reported == engaged)
-            continue
-        a = pomdp.action_index(action)
-        seconds -= mass * float(belief @ pomdp.reward[a])
-        probabilities = observation_probabilities(pomdp, belief, a).tolist()
-        for observation, probability in zip(pomdp.observations, probabilities, strict=True):
-            if mass * probability > MIN_MASS:
-                waiting.append((planner.update(belief, action, observation), mass * probability))
-    return Forecast(value, max(0.0, seconds))
+    graph = DecisionGraph(domain, RoundedBeliefNodes(domain, robot))
+    (root,) = graph.find_numbers([prior.tobytes()])
+    people = EpisodeModel(domain, model.observation)
+    marginal, index = domain.marginal(prior).probabilities, domain.values.index(engaged)
+    (sums,) = sum_episodes(people, graph, {(root, 0): marginal}, ["the policy"], max_points=MAX_POINTS)
+    return Forecast(float(sums.joint[index, index]), max(0.0, sums.cost))
 
 
 @dataclass
@@ -154,5 +155,5 @@ class Attention:
             self._planner, self._forecasts = planner, {}
         key = np.round(prior, DIGITS).tobytes()
         if key not in self._forecasts:
-            self._forecasts[key] = forecast_decision(self._domain, planner, prior, self._engaged)
+            self._forecasts[key] = forecast_decision(self._domain, robot, planner.pomdp, prior, self._engaged)
         return self._forecasts[key]

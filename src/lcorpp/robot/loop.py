@@ -187,12 +187,12 @@ class RobotLoop:
             labels = robot.classify(Instance(self._tracks.signals(person), {}))
             try:
                 _, _, prior = infer_prior(robot, facts, labels)
-            except LcorppError as error:  # e.g. impossible evidence
+                self._attention.update(person, robot, prior, seconds - waited_from)
+            except LcorppError as error:  # e.g. impossible evidence, or a policy that never reports
                 LOG.warning("%s: %s", person, error)
                 self._decided.add(person)
                 self._attention.forget(person)
                 continue
-            self._attention.update(person, robot, prior, seconds - waited_from)
             beliefs[person] = self._parts.domain.marginal(prior)
         chosen = self._attention.choose()
         with suppress(ConnectionLostError):  # the loop waits for it

@@ -9,6 +9,8 @@ import numpy as np
 from scipy.sparse import csr_array
 
 from lcorpp.domains import Domain
+from lcorpp.planning import SparseTables
+from lcorpp.values import Array
 
 DENSE_PAIRS = 64
 """Transitions between at most this many pairs are dense matrices, which are faster."""
@@ -21,9 +23,13 @@ class EpisodeModel:
     transition[a]: (J, J). feedback[a]: the k observations that may follow, and (k, J) their probabilities,
     after the action. reward: (A + 1, J); the last row, of no action, is 0. values: (J,) index of the true
     value. reports: (A + 1,) as of `Domain.report_indices`, V for no action.
+
+    Args:
+        feedback: (A, S, O) how people answer; by default as the domain's simulated people do.
     """
 
-    def __init__(self, domain: Domain) -> None:
+    def __init__(self, domain: Domain, feedback: Array | SparseTables | None = None) -> None:
+        feedback = domain.simulation.feedback_model if feedback is None else feedback
         pomdp, planning = domain.pomdp, domain.planning
         self.n_values = len(domain.values)
         reports = domain.report_indices
@@ -48,7 +54,7 @@ class EpisodeModel:
         self.transition = {a: _make_matrix(triples, size) for a, triples in entries.items()}
         self.feedback = {}
         for a in asking:
-            rows = domain.simulation.feedback_model[a, states]
+            rows = feedback[a][states]
             possible = np.flatnonzero(rows.any(axis=0))
             self.feedback[a] = possible, rows[:, possible].T.copy()
         ask_rewards = self.reward[asking] if asking else np.zeros((1, size))

@@ -26,9 +26,7 @@ from lcorpp.values import Array, Indices, Interval
 from lcorpp.values.probabilities import MIN_BRANCH
 
 MAX_POINTS = 200_000
-"""Maximum number of points at which the episodes of a strategy are continued: some ten seconds.
-
-The less likely episodes are dropped."""
+"""Maximum number of points at which the episodes of a strategy are continued: some ten seconds."""
 
 MAX_DROPPED = 0.001
 """Maximum probability of the episodes that are left out of a sum over too many."""
@@ -147,7 +145,8 @@ def sum_episodes(
     graph: DecisionGraph,
     roots: Mapping[tuple[int, int], Array],
     names: Sequence[str],
-    progress: Callable[[int, int], None],
+    progress: Callable[[int, int], None] = lambda _done, _total: None,
+    max_points: int = MAX_POINTS,
 ) -> list[EpisodeSums]:
     """Sum over all episodes of K strategies that act alike at the same points.
 
@@ -156,6 +155,7 @@ def sum_episodes(
         roots: (node before the first action, index of the strategy) -> (V,) probability of each true value.
         names: of the strategies, for messages.
         progress: called with the percentage of the episodes that have ended, and 100.
+        max_points: points at which episodes of a strategy continue; the less likely ones are dropped.
 
     Raises:
         NoReportError: there is no report after `MAX_STEPS` actions.
@@ -188,7 +188,7 @@ def sum_episodes(
             return sums.list_sums()
         if step == MAX_STEPS:
             break
-        width = min(max_width, count * MAX_POINTS - points)
+        width = min(max_width, count * max_points - points)
         if len(source) > width:
             order = np.argsort(-moments[:, 0].sum(axis=1), kind="stable")
             rest, kept = order[width:], np.sort(order[:width])
