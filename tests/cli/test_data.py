@@ -252,7 +252,7 @@ def test_extreme_input_of_data_ends_in_one_message(lcorpp, tmp_path):
     file.write_text("track,time,x,y,label\na,0,0,0,p\na,1,1,0,p\na,2,1e200,0,p\nb,0,0,0,q\nb,1,1,1,q\n")
     for arguments, words in (
         ((), "people.csv:4:5: track 'a': the x is 1e+200; expected a finite number up to 1e+09"),
-        (("--report", str(file)), "is the described file itself"),
+        (("--report", str(file)), "is the file that is described; expected another file"),
         (("--label", "p=1", "--label", "p=2"), "--label p: has the classes '1' and '2'; expected one"),
     ):
         ended = lcorpp("data", "describe", str(file), *arguments)

@@ -92,7 +92,7 @@ def test_files_of_knowledge_are_beside_the_sweep_or_in_the_domain(read, tmp_path
         ('[axes]\nnoise = ["high"]', "[axes] noise: expected numbers from 0 to 1, not 'high'"),
         ("[axes]\nnoise = [0.1, true]", "expected finite numbers, or texts, not True in [0.1, True]"),
         ('[axes]\nnoise = [0.1, "0.2"]', "expected finite numbers, or texts, not 0.1 in [0.1, '0.2']"),
-        ("[axes]\nnoise = [0.1, 0.1]", "0.1 is there twice"),
+        ("[axes]\nnoise = [0.1, 0.1]", "0.1 appears twice"),
         ("[axes]\nnoise = [1.5]", "expected numbers from 0 to 1, not 1.5"),
         (
             "[axes]\ndiscount = [1]",

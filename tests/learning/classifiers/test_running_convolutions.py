@@ -74,11 +74,11 @@ def test_wrong_use_is_an_error():
     for points in (np.zeros((3, 1)), np.zeros((2, 2)), np.full((3, 2), np.nan)):
         with pytest.raises(DataError, match=r"finite points of shape \(3, 2\), one for each track"):
             model.advance(state, points)
-    with pytest.raises(DataError, match="begun by another classifier"):
+    with pytest.raises(DataError, match="belongs to another classifier"):
         other.advance(state, np.zeros((3, 2)))
     with pytest.raises(DataError, match="states of two classifiers"):
         other.begin(3).put([0], state.take([0]))
     assert not state.lengths.any()
     model.fit(*make_waves(12, 2, 30))
-    with pytest.raises(DataError, match="before this one was trained again"):
+    with pytest.raises(DataError, match="trained again since"):
         model.advance(state, np.zeros((3, 2)))

@@ -112,7 +112,7 @@ def test_text_of_id_frame_and_heads(tmp_path):
     check_walks(write(tmp_path, "a.txt", ["# framerate: 25.00", "# id frame x/m y/m z/m", *lines]))
     with pytest.raises(ParseError, match="times are frame numbers; expected their rate"):
         read_recording(write(tmp_path, "b.txt", lines))
-    with pytest.raises(ParseError, match="column 5 is 17, no height of a head in m, cm or mm"):
+    with pytest.raises(ParseError, match="column 5 is 17, not the height of a head in m, cm or mm"):
         read_recording(write(tmp_path, "c.txt", [line.replace("1.71", "17") for line in lines]))
 
 

@@ -81,7 +81,7 @@ FAULTS = [
         HEADING + rows("a", "in", samples=99) + rows("b", "out") + rows("a", "in", samples=99),
         113,
         3,
-        "its times start again at 0 s; expected an id that is one person's",
+        "its times start again at 0 s; expected one person for each id",
         99,
         [("a", 99), ("a#2", 99), ("b", 12)],
     ),

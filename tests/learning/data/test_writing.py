@@ -105,7 +105,7 @@ def test_parquet_of_other_types(arrow, tmp_path):
         ({"track": ["a", None, "a"]}, "row 2, column 'track': no track"),
         ({"track": [1.5, 1.5, 1.5]}, "column 'track': the column is of type double"),
         ({"time": [0.0, 0.2, 0.1]}, "row 3, column 'time': track 'a': time 0.1 s after 0.2 s"),
-        ({"X": [0, 1, 2]}, "a column is there twice"),
+        ({"X": [0, 1, 2]}, "a column appears twice"),
     ],
 )
 def test_parquet_that_is_wrong(arrow, tmp_path, changed, words):

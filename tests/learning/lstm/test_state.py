@@ -100,5 +100,7 @@ def test_a_state_of_another_training_is_an_error():
     model = LstmClassifier(units=2, epochs=1).fit(x, labels(x))
     state = model.begin()
     model.fit(x, labels(x))
-    with pytest.raises(DataError, match="begun by another classifier, or before this one was trained again"):
+    with pytest.raises(
+        DataError, match="belongs to another classifier, or this one has been trained again since"
+    ):
         model.advance(state, np.zeros((1, 2)))

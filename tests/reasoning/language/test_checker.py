@@ -46,7 +46,7 @@ random(p).
         ("q : boolean. do(q).", 14, "q has no random selection; expected 'random(q).'"),
         ("c = {blue}.", 1, "c is declared twice; first at bad.plog:1:1"),
         ("boolean = {blue}.", 1, "boolean is built in"),
-        ("d = {x, x}.", 9, "x is twice in the sort d"),
+        ("d = {x, x}.", 9, "x appears twice in the sort d"),
         ("d = {3..1}.", 6, "the interval 3..1 is empty"),
         (
             "d = {1..1000000000}.",

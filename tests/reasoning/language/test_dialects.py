@@ -56,7 +56,7 @@ def test_sort_algebra(sort: str, expected: str) -> None:
     [
         ("#s = #t.", "1:6", "unknown sort '#t'; expected one of #boolean"),
         ("#s = {a} - {a}.", "1:1", "the sort s is empty"),
-        ("#s = {a, a}.", "1:10", "a is twice in the sort s"),
+        ("#s = {a, a}.", "1:10", "a appears twice in the sort s"),
         ("#s = 3..1.", "1:6", "the interval 3..1 is empty"),
         ("#s = 1..10000000000.", "1:9", "beyond 32 bits"),
         ("#s = 1..1000000000.", "1:6", "has 1000000000 members; a sort has at most 100000"),

@@ -135,7 +135,7 @@ def test_operations_in_each_other_are_bounded():
     text = json.dumps(MESSAGE)
     for _ in range(5):
         text = json.dumps(fragment("f", text, 0, 1))
-    with pytest.raises(WorldError, match="more than 3 operations in each other"):
+    with pytest.raises(WorldError, match="more than 3 nested operations"):
         MessageDecoder().decode(text)
 
 

@@ -52,7 +52,7 @@ def test_espeak_speaks_and_names_its_error():
         ("echo no licence >&2; exit 3", "program failed: no licence"),
         ("exit 3", "program failed: code 3"),
         ("true", "wrote no speech of 'hello': cannot be read: No such file"),
-        ('echo hello > "$1"', "wrote no speech of 'hello': no wave file of PCM"),
+        ('echo hello > "$1"', "wrote no speech of 'hello': not a wave file of PCM"),
         ('mkdir "$1"', "wrote no speech of 'hello': cannot be read: Is a directory"),
     ],
 )

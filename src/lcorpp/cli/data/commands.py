@@ -130,7 +130,7 @@ def describe(
     """Describe recorded tracks, their repairs and label leakage, or a table of features."""
     if report is not None:
         if report.exists() and path.exists() and report.samefile(path):
-            raise DataError(f"--report {report}: is the described file itself")
+            raise DataError(f"--report {report}: is the file that is described; expected another file")
         output_files.check_writable(report)
     from lcorpp.cli.data.describe import print_description, print_features
     from lcorpp.csv_text import format_csv

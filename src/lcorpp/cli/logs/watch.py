@@ -29,7 +29,7 @@ def watch(
         ),
     ] = False,
     rate: Annotated[
-        float, typer.Option(metavar="P", help="Maximum probability of a false alarm, in all time.")
+        float, typer.Option(metavar="P", help="Maximum probability of a false alarm over all time.")
     ] = 0.05,
     plot: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Draw the evidence against what is stated.")

@@ -31,7 +31,7 @@ def robot(
         Path, typer.Option(metavar="FILE", help="Topics, actions, frames and time-outs of the robot.")
     ] = CONFIG,
     decisions: Annotated[
-        int | None, typer.Option(min=1, help="End after so many decisions; by default at Ctrl-C.")
+        int | None, typer.Option(min=1, help="End after N decisions; by default at Ctrl-C.")
     ] = None,
     log: options.LogOption = None,
     seed: options.SeedOption = 0,

@@ -18,7 +18,9 @@ def listen(
     preset: options.PresetOption = None,
     file: Annotated[
         Path | None,
-        typer.Option(metavar="FILE.wav", help="A recording, PCM or float samples; without, the microphone."),
+        typer.Option(
+            metavar="FILE.wav", help="A recording, PCM or float samples; by default the microphone."
+        ),
     ] = None,
     seconds: Annotated[
         float, typer.Option(min=0.1, max=30, help="Seconds of sound after which silence is the answer.")

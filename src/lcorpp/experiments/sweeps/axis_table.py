@@ -137,7 +137,7 @@ def _read_values(location: str, values: Any) -> list[Value]:
             raise DomainError(f"{location}: expected finite numbers, or texts, not {value!r} in {values!r}")
     for value in values:
         if values.count(value) > 1:
-            raise DomainError(f"{location}: {value!r} is there twice")
+            raise DomainError(f"{location}: {value!r} appears twice")
     return values
 
 

@@ -130,7 +130,7 @@ def _read_together(
     names = [*chain(*found)]
     for axis in names:
         if names.count(axis) > 1:
-            raise DomainError(f"{location}: {'.'.join(axis)!r} is there twice")
+            raise DomainError(f"{location}: {'.'.join(axis)!r} appears twice")
     for group in found:
         sizes = {".".join(axis): len(axes[axis]) for axis in group}
         if len(set(sizes.values())) > 1:

@@ -115,7 +115,7 @@ class MiniRocket(ProbabilityClassifier):
         check_is_fitted(self, "weights_")
         if state.owner is not self._running:
             raise DataError(
-                "this state was begun by another classifier, or before this one was trained again"
+                "this state belongs to another classifier, or this one has been trained again since"
             )
         given, shape = to_numbers(points, "the points"), (len(state), self.channels_.shape[1])
         if given.shape != shape or not np.isfinite(given).all():

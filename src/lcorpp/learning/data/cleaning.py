@@ -114,7 +114,7 @@ def _split_runs(raw: RawTrack, source: RowSource, gap: float) -> list[RawTrack]:
     if all(end < start for (_, end), (start, _) in pairwise(spans)):
         return [raw]  # parts of one track in another order
     for run in runs[1:]:
-        message = f"its times start again at {run.times[0]:.15g} s; expected an id that is one person's"
+        message = f"its times start again at {run.times[0]:.15g} s; expected one person for each id"
         _split_off(run, message, source)
     return runs
 

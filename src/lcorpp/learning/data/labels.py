@@ -92,9 +92,7 @@ def attach_labels(tracks: list[Track], classes: Mapping[str, str], file: RowSour
     parts: dict[str, list[Track]] = {}
     for track in tracks:
         if track.label is not None:
-            raise DataError(
-                f"{file.file}: has labels of its own; expected a file without, to go with another one"
-            )
+            raise DataError(f"{file.file}: has labels of its own; expected a file without labels")
         base = track.id if track.id in classes else re.sub(r"#\d+$", "", track.id)
         if base in classes:
             parts.setdefault(base, []).append(track)
@@ -103,7 +101,9 @@ def attach_labels(tracks: list[Track], classes: Mapping[str, str], file: RowSour
         if len(own) == 1:
             labelled.append(replace(own[0], label=classes[name]))
             continue
-        message = f"its id was given to {len(own)} people; the label {classes[name]!r} may be any one's"
+        message = (
+            f"its id was given to {len(own)} people; the label {classes[name]!r} may belong to any of them"
+        )
         rows = sum(len(track) for track in own)
         file.repair_or_raise("labels", 1, message, track=name, rows=rows)
     return labelled

@@ -205,7 +205,7 @@ def report_damage(what: str) -> Iterator[None]:
     try:
         yield
     except (LookupError, TypeError, ValueError, AttributeError) as error:
-        raise DataError(f"no parameters of {what}, or damaged ones: {error}") from None
+        raise DataError(f"not parameters of {what}, or damaged ones: {error}") from None
 
 
 def check_probabilities(probabilities: npt.ArrayLike, k: int) -> Array:

@@ -204,7 +204,7 @@ class LstmClassifier(ProbabilityClassifier):
         weights = self._require_weights()
         if state.weights is not weights:
             raise DataError(
-                "this state was begun by another classifier, or before this one was trained again"
+                "this state belongs to another classifier, or this one has been trained again since"
             )
         given = np.asarray(points, dtype=np.float64)
         if given.ndim != 2 or len(given) != len(state):

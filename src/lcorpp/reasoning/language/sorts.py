@@ -162,7 +162,7 @@ class SortTable:
                     self.records.add((element.name, len(element.arguments)))
             for member in new:
                 if member in members:
-                    raise SourceIssue(element.at, f"{member} is twice in the sort {name}")
+                    raise SourceIssue(element.at, f"{member} appears twice in the sort {name}")
                 members[member] = None
         return members
 

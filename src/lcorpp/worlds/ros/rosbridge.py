@@ -79,7 +79,7 @@ class RosbridgeConnection:
         if self._socket is None:
             raise ConnectionLostError(f"{self.url}: the connection was lost")
         if not self._is_settled:
-            raise ConnectionLostError(f"{self.url}: the connection was lost and is made again")
+            raise ConnectionLostError(f"{self.url}: the connection was lost; connecting again")
 
     def call_after_reconnect(self, function: Callable[[], bool]) -> None:
         """As `RosConnection.call_after_reconnect`."""

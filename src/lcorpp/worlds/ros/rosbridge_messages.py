@@ -103,7 +103,7 @@ class MessageDecoder:
         if kind not in ("fragment", "png"):
             return message
         if depth == MAX_DEPTH:
-            raise WorldError(f"more than {MAX_DEPTH} operations in each other are left out")
+            raise WorldError(f"more than {MAX_DEPTH} nested operations are left out")
         inner = self._fragments.add(message) if kind == "fragment" else read_png(message.get("data"))
         return None if inner is None else self.decode(inner, depth + 1)
 

@@ -113,7 +113,7 @@ def _find_samples(content: bytes) -> tuple[Form, bytes, int]:
     """Return the format, the bytes from the first sample on, and the number that the header states."""
     if content[:4] != b"RIFF" or content[8:12] != b"WAVE":
         name = CONTAINERS.get(content[:4])
-        raise DataError(f"no wave file of PCM{f' but {name}' if name else ''}; {EXPECTED}")
+        raise DataError(f"not a wave file of PCM{f' but {name}' if name else ''}; {EXPECTED}")
     form, place, total = None, 12, _read_size(content, 4)
     while place + 8 <= len(content):
         chunk, size, begin = content[place : place + 4], _read_size(content, place + 4), place + 8
@@ -121,12 +121,14 @@ def _find_samples(content: bytes) -> tuple[Form, bytes, int]:
             form = _read_form(content[begin : begin + size])
         elif chunk == b"data":
             if form is None:
-                raise DataError(f"no wave file of PCM: the samples precede their format; {EXPECTED}")
+                raise DataError(
+                    f"not a wave file of PCM samples: the samples precede their format; {EXPECTED}"
+                )
             data = content[begin:]
             unknown = size >= STREAMED or (size == 0 and total != len(content) - 8)
             return form, data, min(size or STREAMED, len(data)) if unknown else size
         place = begin + size + size % 2  # chunks begin at even places
-    raise DataError(f"no wave file of PCM: it ends before the samples; {EXPECTED}")
+    raise DataError(f"not a wave file of PCM samples: it ends before the samples; {EXPECTED}")
 
 
 def _read_size(content: bytes, place: int) -> int:
@@ -136,23 +138,25 @@ def _read_size(content: bytes, place: int) -> int:
 def _read_form(chunk: bytes) -> Form:
     """Read the chunk ``fmt``."""
     if len(chunk) < 16:
-        raise DataError(f"no wave file of PCM: its format has {len(chunk)} bytes, not 16; {EXPECTED}")
+        raise DataError(
+            f"not a wave file of PCM samples: its format has {len(chunk)} bytes, not 16; {EXPECTED}"
+        )
     tag, channels, rate, _, frame, bits = struct.unpack("<HHIIHH", chunk[:16])
     if tag == EXTENSIBLE:
         if len(chunk) < 40 or chunk[26:40] != SUBTYPE:
-            raise DataError(f"no wave file of PCM: an extensible format of unknown kind; {EXPECTED}")
+            raise DataError(
+                f"not a wave file of PCM samples: an extensible format of unknown kind; {EXPECTED}"
+            )
         tag = int.from_bytes(chunk[24:26], "little")
     if tag not in (PCM, FLOAT):
-        raise DataError(
-            f"no wave file of PCM but {ENCODINGS.get(tag, f'of unknown format {tag}')}; {EXPECTED}"
-        )
+        raise DataError(f"a wave file of {ENCODINGS.get(tag, f'of unknown format {tag}')}; {EXPECTED}")
     width = frame // channels if channels else 0
     widths = (4, 8) if tag == FLOAT else (1, 2, 3, 4)
     if width not in widths or frame != width * channels or not 8 * (width - 1) < bits <= 8 * width:
         kind = "float" if tag == FLOAT else "PCM"
         raise DataError(
-            f"no wave file of PCM: {kind} with {channels} channels, {bits} bits and {frame} bytes for a"
-            f" sample of all channels; {EXPECTED}"
+            f"not a wave file of PCM samples: {kind} with {channels} channels, {bits} bits and {frame} bytes"
+            f" for a sample of all channels; {EXPECTED}"
         )
     return Form(tag, channels, rate, width, frame)
 

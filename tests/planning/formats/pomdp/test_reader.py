@@ -134,7 +134,7 @@ def test_rounding_errors_are_removed():
         (HEAD.replace("0.9", "-0.5") + BODY, (1, 11), "discount -0.5 is not between 0"),
         (HEAD.replace("reward", "money") + BODY, (2, 9), "values must be 'reward' or 'cost', found 'money'"),
         (HEAD.replace("a b", "a 3") + BODY, (3, 11), "expected a name among the states, found '3'"),
-        (HEAD.replace("a b", "a a") + BODY, (3, 11), "'a' is twice among the states"),
+        (HEAD.replace("a b", "a a") + BODY, (3, 11), "'a' appears twice among the states"),
         (HEAD.replace("a b", "0") + BODY, (3, 9), "at least one of the states"),
         (HEAD.replace("a b", "") + BODY, (4, 1), "expected a count or names after 'states:'"),
         (HEAD + "T: z identity", (6, 4), "unknown action 'z'; expected one of x, y"),

@@ -187,7 +187,7 @@ BAD_DIAGRAMS = [
     (diagram(number(1), template("t", number(1)) + "@" + template("t", number(1))), "a second template 't'"),
     (
         diagram(WITHIN.format("t"), template("t", WITHIN.format("u")) + template("u", WITHIN.format("t"))),
-        "is within itself",
+        "contains itself",
     ),
     (
         with_section(

@@ -104,7 +104,7 @@ def _read_trajnet(
         try:
             entry = json.loads(part)
         except json.JSONDecodeError as error:
-            message = f"no JSON ({error.msg}); expected an object 'track' or 'scene' in each line"
+            message = f"not JSON ({error.msg}); expected an object 'track' or 'scene' in each line"
             source.repair_or_raise("rows", line, message)
             continue
         if isinstance(entry, dict) and isinstance(entry.get("scene"), dict):

@@ -328,7 +328,9 @@ def _find_heads(sample: Sample) -> Layout | str:
     height = float(np.median(sample.table[:, 4]))
     fitting = [unit for unit in (1.0, 0.01, 0.001) if HEAD_HEIGHTS[0] <= height * unit <= HEAD_HEIGHTS[1]]
     if not fitting:
-        return f"rows of id, frame, x, y, z: column 5 is {height:.4g}, no height of a head in m, cm or mm"
+        return (
+            f"rows of id, frame, x, y, z: column 5 is {height:.4g}, not the height of a head in m, cm or mm"
+        )
     measures = HEADS.measures if fitting[0] == 0.01 else Measures(fitting[0], None)
     layout = replace(HEADS, name=f"text of {', '.join(columns)}, x, y, z", columns=(*columns, "x", "y", "z"))
     layout = replace(layout, measures=measures)

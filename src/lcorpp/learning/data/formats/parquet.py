@@ -59,7 +59,7 @@ class ParquetFile(RowSource):
         names = [name.strip().lower() for name in self._table.schema_arrow.names]
         self.names = rename_columns(names, columns or {})
         if len(set(self.names)) < len(self.names):
-            raise DataError(f"{path}: a column is there twice: {', '.join(self.names)}")
+            raise DataError(f"{path}: a column appears twice: {', '.join(self.names)}")
 
     def error_at(self, line: int, field: str, message: str) -> DataError:
         """Return a DataError with the row and the column."""

@@ -151,7 +151,7 @@ def _read_names(tokens: Tokens, keyword: str) -> tuple[tuple[str, ...], list[int
         if is_number(name) or name in (":", "*"):
             raise tokens.error(f"expected a name among the {keyword}, found {name!r}")
         if name in offset_of:
-            raise tokens.error(f"{name!r} is twice among the {keyword}")
+            raise tokens.error(f"{name!r} appears twice among the {keyword}")
         offset_of[name] = tokens.offset
         tokens.take()
     if not offset_of:

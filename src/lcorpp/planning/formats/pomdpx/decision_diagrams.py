@@ -72,7 +72,7 @@ class DiagramReader:
         if name not in self.templates:
             raise self.error(element, f"unknown template {name!r}; {expected_one_of(self.templates)}")
         if nesting >= len(self.templates):
-            raise self.error(element, f"template {name!r} is within itself")
+            raise self.error(element, f"template {name!r} contains itself")
         return self.templates[name]
 
     def _read_edges(
