@@ -34,7 +34,7 @@ from sklearn.preprocessing import StandardScaler
 
 from lcorpp.files import make_folder, write_atomically
 from lcorpp.learning import learner
-from lcorpp.learning.classifiers.table import default_features
+from lcorpp.learning.classifiers.learner_table import default_features
 from lcorpp.values import Array, Flags, wrap_angle
 
 INTERVAL = 0.4

@@ -73,3 +73,18 @@ def test_pages_name_files_that_exist(page: str):
     folders = [ROOT, SOURCE, *(path for path in SOURCE.iterdir() if path.is_dir())]
     missing = [path for path in paths if not any((folder / path).exists() for folder in folders)]
     assert missing == []
+
+
+def test_where_to_look_names_definitions():
+    """Names beside a file are defined there, or are keys of domain.toml and commands; not merely imported."""
+    section = (ROOT / "ARCHITECTURE.md").read_text().partition("## Where to look")[2].partition("\n## ")[0]
+    rows = [line.split("|")[2] for line in section.splitlines() if line.startswith("| ") and "`" in line]
+    assert len(rows) >= 16
+    named = [pair for row in rows for pair in re.findall(r"`([\w/]+\.py)`: `(\w+(?:\.\w+)?)`", row)]
+    named += [pair[::-1] for row in rows for pair in re.findall(r"`(\w+)` in `([\w/]+\.py)`", row)]
+    named += [pair[::-1] for row in rows for pair in re.findall(r"`(\w+)` of `\w+` in `([\w/]+\.py)`", row)]
+    assert len(named) >= 16
+    for file, name in named:
+        text, last = (SOURCE / file).read_text(), name.rpartition(".")[2]
+        defined = rf"^\s*(?:def|class) {last}\b|^{last}(?:: [^=]+)? = "
+        assert last.endswith("_x") or re.search(defined, text, re.MULTILINE), (file, name)

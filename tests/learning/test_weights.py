@@ -28,8 +28,8 @@ from lcorpp.learning import (
     train,
     train_and_validate,
 )
+from lcorpp.learning.classifiers.learner_table import LEARNERS
 from lcorpp.learning.classifiers.registry import check_weighted
-from lcorpp.learning.classifiers.table import LEARNERS
 from lcorpp.learning.contract import SigmoidScores, accepts_weights
 from lcorpp.learning.evaluation.calibration import fit_calibration
 from lcorpp.learning.evaluation.metrics import compute_auc

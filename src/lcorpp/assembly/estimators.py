@@ -8,7 +8,7 @@ from typing import Any
 
 from lcorpp.assembly.options import TrainingOptions
 from lcorpp.learning import learner
-from lcorpp.learning.classifiers.table import DEFAULTS
+from lcorpp.learning.classifiers.learner_table import DEFAULTS
 from lcorpp.simulation.people import SignalSource
 from lcorpp.values import Dataset
 

@@ -306,8 +306,8 @@ def _check_options(domain: Domain, chosen: ActiveLearningOptions, tracks: int | 
     from lcorpp.assembly.estimators import make_untrained
     from lcorpp.assembly.options import TrainingOptions
     from lcorpp.assembly.strategies.trust import TRUST, check_dialogue
+    from lcorpp.learning.classifiers.learner_table import DEFAULTS
     from lcorpp.learning.classifiers.registry import check_weighted
-    from lcorpp.learning.classifiers.table import DEFAULTS
 
     if chosen.epsilon is not None and math.isnan(chosen.epsilon):
         raise DataError("--epsilon nan: expected a number from 0")

@@ -54,7 +54,7 @@ def describe_run(
 
 
 def _describe_sense(options: ClassifierOptions, setup: SenseSetup) -> dict[str, Any]:
-    from lcorpp.learning.classifiers.table import default_features
+    from lcorpp.learning.classifiers.learner_table import default_features
 
     training = options if isinstance(options, TrainingOptions) else TrainingOptions()
     return {

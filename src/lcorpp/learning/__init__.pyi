@@ -1,8 +1,8 @@
+from .classifiers.learner_table import LEARNERS as LEARNERS
 from .classifiers.logistic import QuadraticLogistic as QuadraticLogistic
 from .classifiers.pipelines import fast_pipeline as fast_pipeline, paper_pipeline as paper_pipeline
 from .classifiers.registry import learner as learner
 from .classifiers.storage import load_classifier as load_classifier, save_classifier as save_classifier
-from .classifiers.table import LEARNERS as LEARNERS
 from .classifiers.trained import (
     SoftClassifier as SoftClassifier,
     TrainedClassifier as TrainedClassifier,

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from lcorpp.assembly.estimators import FOLDS
-from lcorpp.assembly.strategies.names import NOISE, WEIGHT
+from lcorpp.assembly.strategies.strategy_table import NOISE, WEIGHT
 from lcorpp.decision import LCORPP, Batch, Strategy, TrainedSense
 from lcorpp.decision.stopping import choose_epsilon
 from lcorpp.domains import Domain

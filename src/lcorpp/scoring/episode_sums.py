@@ -146,7 +146,7 @@ def sum_episodes(
     roots: Mapping[tuple[int, int], Array],
     names: Sequence[str],
     progress: Callable[[int, int], None] = lambda _done, _total: None,
-    max_points: int = MAX_POINTS,
+    max_points: int | None = None,
 ) -> list[EpisodeSums]:
     """Sum over all episodes of K strategies that act alike at the same points.
 
@@ -155,7 +155,8 @@ def sum_episodes(
         roots: (node before the first action, index of the strategy) -> (V,) probability of each true value.
         names: of the strategies, for messages.
         progress: called with the percentage of the episodes that have ended, and 100.
-        max_points: points at which episodes of a strategy continue; the less likely ones are dropped.
+        max_points: points at which episodes of a strategy continue, by default `MAX_POINTS`; the less likely
+            ones are dropped.
 
     Raises:
         NoReportError: there is no report after `MAX_STEPS` actions.
@@ -164,6 +165,7 @@ def sum_episodes(
     nodes, owners = np.array(list(roots), np.intp).T
     moments = np.zeros((len(nodes), 3, len(model.values)))
     moments[:, 0] = np.array(list(roots.values())) @ model.starts
+    max_points = MAX_POINTS if max_points is None else max_points
     points, max_width = 0, max(1, MAX_ENTRIES // len(model.values))
     totals: EpisodeTotals | None = None  # of the graph when no new point was reached
     for step in range(MAX_STEPS + 1):

@@ -9,7 +9,7 @@ import pytest
 
 from lcorpp import planning
 from lcorpp.assembly.strategies.baselines import BASELINES, find_strategies
-from lcorpp.assembly.strategies.names import BASELINE_NAMES, TABLE_NAMES, TRUST_NAMES
+from lcorpp.assembly.strategies.strategy_table import TABLE_NAMES, TRUST_NAMES
 from lcorpp.assembly.strategies.trust import WITH_TRUST
 from lcorpp.decision import STRATEGIES, Robot, Strategy
 from lcorpp.domains import load_domain
@@ -100,7 +100,6 @@ def test_strategies_are_found_by_their_names(own):
 def test_the_light_table_has_the_name_of_every_strategy():
     assert tuple(row.name for row in STRATEGIES) == TABLE_NAMES
     assert tuple(row.name for row in WITH_TRUST) == TRUST_NAMES
-    assert tuple(row.name for row in BASELINES) == BASELINE_NAMES
 
 
 def test_the_most_informative_action_is_the_question(intention):

@@ -5,7 +5,7 @@ import pytest
 
 from lcorpp.errors import DataError
 from lcorpp.learning import TrackSchema, learner, load_classifier, save_classifier, train, train_and_validate
-from lcorpp.learning.classifiers.table import DEFAULTS, LEARNERS
+from lcorpp.learning.classifiers.learner_table import DEFAULTS, LEARNERS
 from lcorpp.values import Dataset
 
 CLASSES = ("tea", "coffee", "water")

@@ -23,8 +23,8 @@ from lcorpp.learning import (
 )
 from lcorpp.learning.classifiers import makers
 from lcorpp.learning.classifiers.forest import Forest
+from lcorpp.learning.classifiers.learner_table import default_features
 from lcorpp.learning.classifiers.logistic import QuadraticLogistic
-from lcorpp.learning.classifiers.table import default_features
 from lcorpp.learning.contract import SigmoidScores, ensure_predict_proba
 from lcorpp.values import Dataset
 from tests.learning.walkers import walkers

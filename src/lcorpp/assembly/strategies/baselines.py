@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from lcorpp.assembly.strategies.own import load_strategy
+from lcorpp.assembly.strategies.strategy_table import BASELINE_TABLE
 from lcorpp.assembly.strategies.trust import WITH_TRUST
 from lcorpp.decision import STRATEGIES, Robot, Strategy
 from lcorpp.decision.strategies import ImmediateReport, list_strategies, strategies
@@ -142,9 +143,12 @@ class _RandomPlanner:
         return self.planner.update(belief, action, observation)
 
 
-BASELINES = (
-    Strategy("ask-twice", learns=True, reasons=True, plans=True, change=ask_twice),
-    Strategy("random", learns=False, reasons=False, plans=False, change=act_at_random, draws=True),
-    Strategy("always-report", learns=True, reasons=True, plans=False),
-)
+def make_baseline(name: str) -> Strategy:
+    """Return the strategy of a row of `BASELINE_TABLE`."""
+    row = BASELINE_TABLE[name]
+    change = None if row.change is None else globals()[row.change]
+    return Strategy(name, row.learns, row.reasons, row.plans, change=change, draws=row.draws)
+
+
+BASELINES = tuple(map(make_baseline, BASELINE_TABLE))
 """Strategies that are found by their names. `always-report` is L+R by another name, without senses R."""

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from typing import Any
 
-from lcorpp.assembly.strategies.names import NOISE, WEIGHT
+from lcorpp.assembly.strategies.strategy_table import NOISE, WEIGHT
 from lcorpp.assembly.strategies.trust_setup import set_up_trust
 from lcorpp.decision import Robot
 from lcorpp.decision.strategies import Rates

@@ -9,7 +9,7 @@ import numpy as np
 
 from lcorpp.cli import console
 from lcorpp.errors import DataError
-from lcorpp.learning.classifiers.table import RECOMMENDED
+from lcorpp.learning.classifiers.learner_table import RECOMMENDED
 from lcorpp.learning.data.describe import Description, Quantiles, describe, join_pairs
 from lcorpp.learning.data.repairs import REPAIRS
 from lcorpp.learning.data.tracks import Recording, Repair, count_repairs

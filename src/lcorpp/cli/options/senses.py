@@ -11,7 +11,7 @@ import typer
 
 from lcorpp.cli.options.recordings import RECORDING_OPTIONS
 from lcorpp.errors import DataError, DomainError
-from lcorpp.learning.classifiers.table import LEARNERS
+from lcorpp.learning.classifiers.learner_table import LEARNERS
 from lcorpp.values import EvidenceKind
 
 if TYPE_CHECKING:

@@ -11,7 +11,7 @@ from lcorpp.domains.sections.names import check_defined, check_same_names, find_
 from lcorpp.domains.sections.reasoning import ReasoningSection, read_value_mapping
 from lcorpp.domains.toml import TomlTable
 from lcorpp.errors import DataError, DomainError, expected_one_of
-from lcorpp.learning.classifiers.table import LEARNERS
+from lcorpp.learning.classifiers.learner_table import LEARNERS
 from lcorpp.user_code import check_owner, split_function
 from lcorpp.values import EvidenceKind
 

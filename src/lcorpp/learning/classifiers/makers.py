@@ -11,8 +11,8 @@ from typing import Any
 from sklearn.pipeline import Pipeline
 
 from lcorpp.errors import DataError, expected_one_of
+from lcorpp.learning.classifiers.learner_table import KINDS
 from lcorpp.learning.classifiers.pipelines import fast_pipeline, paper_pipeline
-from lcorpp.learning.classifiers.table import KINDS
 from lcorpp.learning.features.motion import ChannelStandardizer, Motion
 from lcorpp.learning.features.rate import check_rate
 from lcorpp.learning.features.segments import SegmentStatistics

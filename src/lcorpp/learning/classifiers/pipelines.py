@@ -7,7 +7,7 @@ from typing import Any
 
 from sklearn.pipeline import Pipeline
 
-from lcorpp.learning.classifiers.table import OWN_FEATURES
+from lcorpp.learning.classifiers.learner_table import OWN_FEATURES
 from lcorpp.learning.features.motion import ChannelStandardizer, Motion
 from lcorpp.learning.features.rate import RATE
 from lcorpp.learning.lstm import LstmClassifier

@@ -20,8 +20,8 @@ from typing import Any
 from lcorpp.arguments import check_arguments
 from lcorpp.errors import DataError, expected_one_of
 from lcorpp.learning.classifiers import makers
+from lcorpp.learning.classifiers.learner_table import LEARNERS, PAPER_FEATURES, RENAMED, default_features
 from lcorpp.learning.classifiers.makers import LearnerConfig
-from lcorpp.learning.classifiers.table import LEARNERS, PAPER_FEATURES, RENAMED, default_features
 from lcorpp.learning.contract import (
     Origin,
     accepts_weights,

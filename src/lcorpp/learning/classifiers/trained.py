@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -105,9 +106,12 @@ class TrainedClassifier:
 
     def as_evidence(self, kind: EvidenceKind) -> TrainedClassifier | SoftClassifier:
         """Return the classifier that gives a kind of evidence; raises as `soft` and `sets`."""
-        if kind.name == "set":
-            return self.sets(kind.coverage)
-        return self.soft() if kind.name == "soft" else self
+        makers: dict[str, Callable[[], TrainedClassifier | SoftClassifier]] = {
+            "hard": lambda: self,
+            "soft": self.soft,
+            "set": lambda: self.sets(kind.coverage),
+        }
+        return makers[kind.name]()
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,7 +132,7 @@ class SoftClassifier:
     @property
     def evidence(self) -> EvidenceKind:
         """The kind of evidence that it gives."""
-        return EvidenceKind("set" if isinstance(self.source, PredictionSets) else "soft")
+        return EvidenceKind(self.source.evidence)
 
     def classify(self, signal: Array) -> Likelihood:
         """Return the likelihood of each class for one person's trajectory (channels, time points).

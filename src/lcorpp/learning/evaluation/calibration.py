@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 import numpy.typing as npt
@@ -44,6 +44,7 @@ class Calibration:
     For two classes without lapses this is Platt's logistic curve; with them it is the psychometric curve,
     whose ends lie above 0 and below 1.
 
+    evidence: the name in `lcorpp.values.EVIDENCE`.
     classes: (K,) the class names, in the order of the probabilities.
     slope: above 0; below 1 the classifier was overconfident.
     offsets: (K,) one per class, the last 0.
@@ -54,6 +55,7 @@ class Calibration:
     Psychophysics 63, 2001, for the lapses.
     """
 
+    evidence: ClassVar[str] = "soft"
     classes: tuple[str, ...]
     slope: float
     offsets: Array

@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 import numpy.typing as npt
@@ -35,6 +35,7 @@ class PredictionSets:
     What is predicted for a case, its outcome, is the most probable class and the set: the set alone would
     discard the classifier's opinion wherever it contains all classes.
 
+    evidence: the name in `lcorpp.values.EVIDENCE`.
     classes: (K,) the class names, in the order of the probabilities.
     coverage: the intended fraction of cases whose set contains the true class.
     floors: (K,) a class is in the set if its probability is at least this; 0 if it always is.
@@ -43,6 +44,7 @@ class PredictionSets:
         count of 1, and the sets of a fold have the floors of the other folds.
     """
 
+    evidence: ClassVar[str] = "set"
     classes: tuple[str, ...]
     coverage: float
     floors: Array
