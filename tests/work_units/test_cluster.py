@@ -7,6 +7,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
+from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
@@ -17,7 +18,7 @@ from lcorpp.work_units import cluster
 from lcorpp.work_units.running import evaluate_units
 from tests.work_units import functions
 
-pytest.importorskip("distributed")
+pytestmark = pytest.mark.skipif(find_spec("distributed") is None, reason="distributed is not installed")
 
 ROOT = Path(__file__).parents[2]
 UNITS = {str(number): number for number in range(24)}

@@ -19,15 +19,15 @@ from lcorpp.learning import (
     TrainedClassifier,
     learner,
     load_classifier,
+    paper_pipeline,
     save_classifier,
     train_and_validate,
 )
 from tests.learning.walkers import walkers
 
-pytest.importorskip("torch", reason="the LSTM needs torch: pip install 'lcorpp[torch]'")
-
-from lcorpp.learning import paper_pipeline
-
+pytestmark = pytest.mark.skipif(
+    find_spec("torch") is None, reason="the LSTM needs torch: pip install 'lcorpp[torch]'"
+)
 skops = pytest.mark.skipif(find_spec("skops") is None, reason="skops is not installed")
 
 

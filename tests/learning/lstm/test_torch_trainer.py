@@ -12,12 +12,16 @@ from lcorpp.learning.lstm import training
 
 from .noise import labels, tracks
 
-torch = pytest.importorskip("torch", reason="torch is not installed (lcorpp[torch])")
 
-from lcorpp.learning.lstm.torch_trainer import _Adam  # noqa: E402
+@pytest.fixture(scope="module")
+def torch():
+    """PyTorch, which is loaded for seconds, and only by the process that runs these tests."""
+    return pytest.importorskip("torch", reason="torch is not installed (lcorpp[torch])")
 
 
-def test_adam_agrees_with_torch(monkeypatch):
+def test_adam_agrees_with_torch(torch, monkeypatch):
+    from lcorpp.learning.lstm.torch_trainer import _Adam
+
     compiler = SimpleNamespace(disable=lambda function, *_, **__: function, graph_break=lambda: None)
     monkeypatch.setitem(sys.modules, "torch._dynamo", compiler)  # torch.optim loads it for seconds, unused
     monkeypatch.setattr(torch, "_dynamo", compiler, raising=False)
@@ -35,7 +39,7 @@ def test_adam_agrees_with_torch(monkeypatch):
         np.testing.assert_allclose(a.detach(), b.detach(), rtol=1.3e-6, atol=1e-5)
 
 
-def test_torch_keeps_its_random_state_and_its_threads(monkeypatch):
+def test_torch_keeps_its_random_state_and_its_threads(torch, monkeypatch):
     monkeypatch.setattr(training, "load_kernels", lambda: None)
     x = tracks()
     before, threads = torch.get_rng_state(), torch.get_num_threads()
@@ -44,14 +48,16 @@ def test_torch_keeps_its_random_state_and_its_threads(monkeypatch):
     assert torch.get_num_threads() == threads
 
 
-@pytest.mark.skipif(torch.cuda.is_available(), reason="a GPU is here")
-def test_a_missing_gpu_is_an_error():
+def test_a_missing_gpu_is_an_error(torch):
+    if torch.cuda.is_available():
+        pytest.skip("a GPU is here")
     with pytest.raises(DataError, match="'cuda' is not available here: torch sees no GPU; expected cpu"):
         LstmClassifier(device="cuda").fit(tracks(), labels(tracks()))
 
 
-@pytest.mark.skipif(not torch.cuda.is_available(), reason="no GPU here")
-def test_a_gpu_agrees_with_the_cpu():
+def test_a_gpu_agrees_with_the_cpu(torch):
+    if not torch.cuda.is_available():
+        pytest.skip("no GPU here")
     x = tracks()
     first, second = (
         LstmClassifier(units=4, epochs=2, device=device).fit(x, labels(x)).predict_proba(x)
