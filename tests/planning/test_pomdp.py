@@ -78,9 +78,9 @@ def test_the_fingerprint_ignores_the_start():
     assert replace(tiger, states=("a", "b")).fingerprint != tiger.fingerprint
 
 
-def test_a_hundred_thousand_states():
+def test_thirty_thousand_states():
     """A ring, without any dense table."""
-    size = 100_000
+    size = 30_000
     ring = (np.arange(size + 1), np.roll(np.arange(size), -1), np.ones(size))
     pomdp = Pomdp(
         tuple(map(str, range(size))),
@@ -96,5 +96,5 @@ def test_a_hundred_thousand_states():
     assert np.flatnonzero(after).tolist() == [1]
     solution = solve(pomdp, precision=1e-3, time_limit=30)
     assert solution.lower == pytest.approx(10, abs=1e-3)
-    with pytest.raises(ModelError, match=r"takes 74\.5 GiB; the limit is 2 GiB"):
+    with pytest.raises(ModelError, match=r"takes 6\.7 GiB; the limit is 2 GiB"):
         _ = pomdp.transition.dense

@@ -64,7 +64,7 @@ def test_each_solver_finds_the_value_of_the_discounted_problem(solver):
 
 
 @given(pomdp=pomdps(discounts=(0.5, 0.8)))
-@settings(max_examples=30)
+@settings(max_examples=12)
 def test_random_models_have_the_value_of_the_discounted_problem(pomdp):
     ended, plain = solve(add_end(pomdp), precision=1e-3), solve(pomdp, precision=1e-3)
     assert ended.lower <= plain.upper + 1e-6
@@ -153,7 +153,7 @@ def test_nothing_earned_anywhere_is_worth_nothing(solver):
 
 
 @given(pomdp=pomdps())
-@settings(max_examples=60)
+@settings(max_examples=30)
 def test_weights_satisfy_their_inequality(pomdp):
     ended = add_end(pomdp, 0.3)
     form = DiscountedForm.of(ended)

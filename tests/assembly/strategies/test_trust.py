@@ -19,6 +19,7 @@ from lcorpp.errors import DataError, DecisionError, DomainError
 from lcorpp.experiments.comparison import ComparisonOptions, compare_strategies, set_up_experiment
 from lcorpp.logs.replay import ReplayedDecision, replay_log
 from lcorpp.planning import SparseTables
+from lcorpp.planning.policy_cache import find_cache_folder
 from lcorpp.scoring import trial_chunks
 from lcorpp.scoring.experiment import ChunkSource, replay_trial
 from lcorpp.values import ConfusionMatrix, EvidenceKind
@@ -29,7 +30,7 @@ ROWS = (*strategies(["L"]), WITH_TRUST[0], *strategies(["LCORPP"]), WITH_TRUST[2
 
 
 def compare(domain, rows=ROWS, **options):
-    chosen = {"trials": 110, "seed": 7} | options
+    chosen = {"trials": 110, "seed": 7, "cache": find_cache_folder()} | options
     return compare_strategies(domain, ComparisonOptions(rows, **chosen))
 
 
@@ -64,11 +65,10 @@ def whole(tmp_path_factory):
 
 def test_scores_and_log_do_not_depend_on_the_processes(whole, tmp_path):
     domain, (one, log) = load_domain(ROOMS), whole
-    two, plain = compare(domain, jobs=2, log=tmp_path / "two"), compare(domain, jobs=2)
-    for a, b, c in zip(one.scores, two.scores, plain.scores, strict=True):
+    two = compare(domain, jobs=2, log=tmp_path / "two")
+    for a, b in zip(one.scores, two.scores, strict=True):
         np.testing.assert_array_equal(a.counts, b.counts)
-        np.testing.assert_array_equal(a.counts, c.counts)
-        assert a.return_ == b.return_ == c.return_
+        assert a.return_ == b.return_
     assert [row.strategy for row in one.scores] == [row.name for row in ROWS]
     lines = read_lines(log)
     assert lines == read_lines(tmp_path / "two")
@@ -108,7 +108,9 @@ def test_other_strategies_are_not_changed(whole):
 
 
 def test_a_trial_follows_those_before_it():
-    experiment, *_ = set_up_experiment(load_domain(ROOMS), ComparisonOptions((TRUST,), seed=7))
+    experiment, *_ = set_up_experiment(
+        load_domain(ROOMS), ComparisonOptions((TRUST,), seed=7, cache=find_cache_folder())
+    )
     session, source = TRUST.start(experiment.robot, {}), ChunkSource(experiment)
     for trial in range(103):
         drawn = source.draw(trial // 100, 100).find_trial(trial % 100)
@@ -130,7 +132,7 @@ def test_a_replay_learns_in_the_order_of_the_log(tmp_path, place):
     domain, log = load_domain(folder), tmp_path / "log"
     for seed in (7, 8):
         compare(domain, trials=8, seed=seed, log=log)
-    results = list(replay_log(log))
+    results = list(replay_log(log, cache=find_cache_folder()))
     assert len(results) == 2 * 8 * len(ROWS)
     assert not [result for result in results if result.differences]
 
@@ -141,7 +143,7 @@ def test_a_line_that_is_missing_stops_the_replay_of_its_session(tmp_path):
     lines = log.read_bytes().splitlines(keepends=True)
     del lines[4 * len(ROWS) + 1]
     log.write_bytes(b"".join(lines))
-    results = list(replay_log(log))
+    results = list(replay_log(log, cache=find_cache_folder()))
     errors = [result for result in results if isinstance(result, DataError)]
     assert len(errors) == 25
     assert "'LCORPP+trust' has learnt from 4 people, and the line is after 5: decisions" in str(errors[0])
@@ -202,6 +204,6 @@ def test_likelihoods_and_sets_are_evidence_for_trust(tmp_path, kind):
     training = {"motion": TrainingOptions("summaries", tracks=60)}
     evidence = EvidenceOptions({"motion": EvidenceKind(kind)})
     log = tmp_path / "log"
-    comparison = compare(domain, (TRUST,), trials=60, classifiers=training, evidence=evidence, log=log)
-    assert comparison.scores[0].counts.sum() == 60
-    assert not [result for result in replay_log(log) if result.differences]
+    comparison = compare(domain, (TRUST,), trials=25, classifiers=training, evidence=evidence, log=log)
+    assert comparison.scores[0].counts.sum() == 25
+    assert not [result for result in replay_log(log, cache=find_cache_folder()) if result.differences]

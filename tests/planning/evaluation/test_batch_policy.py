@@ -38,7 +38,7 @@ def dyadic(draw):
 
 
 @given(pieces(), st.lists(dyadic(), min_size=1, max_size=8))
-@settings(max_examples=100)
+@settings(max_examples=50)
 def test_a_batch_agrees_with_single_beliefs(policy, beliefs):
     values, actions = BatchPolicy(policy).values_and_actions(np.array(beliefs))
     for belief, value, action in zip(beliefs, values, actions, strict=True):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given, strategies as st
+from hypothesis import given, settings, strategies as st
 from matplotlib.patches import FancyArrowPatch, FancyBboxPatch
 
 from lcorpp.errors import ModelError
@@ -29,6 +29,7 @@ def graphs(draw: st.DrawFn) -> tuple[list[int], list[tuple[int, int]]]:
     return depths, list(dict.fromkeys(arrows))
 
 
+@settings(max_examples=40)
 @given(graphs())
 def test_nodes_do_not_overlap(graph):
     depths, arrows = graph

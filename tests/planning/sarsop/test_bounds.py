@@ -73,7 +73,7 @@ def test_children_follow_bayes_rule(pomdp):
 
 
 @given(pomdp=models)
-@settings(max_examples=40)
+@settings(max_examples=25)
 def test_bounds_are_ordered_and_close_to_their_equations(pomdp):
     blind, above, informed = bounds(build_model(pomdp), tolerance=1e-6)
     exact, mdp, fixed_point = initial_bounds(pomdp, sweeps=1000)  # .97^1000 is 1e-13

@@ -39,7 +39,7 @@ def test_the_controller_needs_fewer_vectors_and_is_worth_as_much():
     assert_vectors_are_earned(pomdp, export_policy(pomdp, tree))
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=10, deadline=None)
 @given(random_models(actions=3), st.integers(2, 12))
 def test_laws_of_compression(pomdp, trials):
     """No bound at the root falls, and a policy that continues with its vectors earns all it promises."""
@@ -92,13 +92,13 @@ def test_arguments():
 def test_a_search_with_compression_reaches_a_gap_with_fewer_vectors(monkeypatch):
     """On a maze, where plans lead back to themselves."""
     pomdp = read_pomdp(shared_model("hallway.pomdp"))
-    compressed = solve(pomdp, precision=0.3, time_limit=600)
+    compressed = solve(pomdp, precision=0.35, time_limit=600)
     monkeypatch.setattr(BoundedSearch, "compress_now", lambda search, seconds, memory_limit: False)
-    plain = solve(pomdp, precision=0.3, time_limit=600)
+    plain = solve(pomdp, precision=0.35, time_limit=600)
     assert compressed.reason == plain.reason == "precision reached"
     assert compressed.trials < plain.trials
     assert len(compressed.policy) < 0.5 * len(plain.policy)
-    assert_vectors_are_earned(pomdp, compressed.policy, sample=10)
+    assert_vectors_are_earned(pomdp, compressed.policy, sample=4)
 
 
 def test_ctrl_c_during_the_last_compression_loses_nothing(monkeypatch):

@@ -79,7 +79,7 @@ def test_every_kept_vector_is_needed(vectors):
 
 
 @given(sets, sets)
-@settings(max_examples=40)
+@settings(max_examples=20)
 def test_excess_is_a_bound_and_close(left, right):
     states = min(left.shape[1], right.shape[1])
     left, right = left[:, :states], right[:, :states]

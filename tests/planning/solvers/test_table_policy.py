@@ -90,7 +90,7 @@ def test_qmdp_is_above_fib_and_that_above_the_truth(pomdp):
 
 @pytest.mark.parametrize("solver", [solve_qmdp, solve_fib])
 @given(pomdp=pomdps())
-@settings(max_examples=10)
+@settings(max_examples=5)
 def test_the_vectors_are_lower_bounds(solver, pomdp):
     solution = solver(pomdp, time_limit=0.3)
     for belief in (pomdp.start, *corners(pomdp)):
@@ -102,7 +102,7 @@ def test_the_vectors_are_lower_bounds(solver, pomdp):
 
 
 @given(pomdps())
-@settings(max_examples=12)
+@settings(max_examples=8)
 def test_lower_bounds_of_any_table(pomdp):
     """Not only of bounds: the table of the greedy policy is the reward of one step."""
     from lcorpp.planning import Policy

@@ -18,7 +18,7 @@ def test_published_models_are_read_and_written_back(name, tmp_path):
 
 
 @given(pomdps())
-@settings(max_examples=60)
+@settings(max_examples=30)
 def test_write_then_read_is_the_same(pomdp):
     assert same(parse_pomdp(format_pomdp(pomdp)), pomdp)
 

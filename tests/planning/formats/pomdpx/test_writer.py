@@ -9,7 +9,7 @@ from tests.planning.factored.models import factored_models, rover
 from tests.planning.formats.pomdpx.texts import parse
 from tests.planning.models import pomdps
 
-SUITE = settings(max_examples=60, suppress_health_check=list(HealthCheck))
+SUITE = settings(max_examples=25, suppress_health_check=list(HealthCheck))
 
 
 def test_a_rule_is_written_before_its_exceptions():
@@ -75,7 +75,7 @@ NAMES = st.text(st.characters(exclude_categories=("C", "Z")), min_size=1, max_si
 )
 
 
-@settings(SUITE, max_examples=40)
+@SUITE
 @given(st.lists(NAMES, min_size=9, max_size=9, unique=True))
 def test_any_word_may_be_a_name(words):
     a, b, c, *values = words
