@@ -83,17 +83,17 @@ def test_a_search_goes_on_at_the_limit():
 
 def test_it_goes_on_several_times_on_a_published_model():
     pomdp = read_pomdp(shared_model("tag-avoid.pomdp"))
-    found = solve(pomdp, time_limit=600, memory_limit=2e7, callback=Watch(4))
+    found = solve(pomdp, time_limit=600, memory_limit=1e7, callback=Watch(4))
     assert found.reason == "interrupted"
     assert -8 < found.lower < found.upper < 0
     assert certificate(found, time_limit=60).verdict == "confirmed"
 
 
 def test_ctrl_c_while_beliefs_are_dropped_loses_nothing():
-    pomdp = read_pomdp(shared_model("hallway.pomdp"))
+    pomdp = random_model(5, seen=2, hidden=4, actions=3, signals=3, discount=0.97)
     bounds = BoundedTree(pomdp, [pomdp.start], precision=1e-3, seconds=10)
     search = BoundedSearch(bounds, [pomdp.start], precision=1e-3, began=monotonic(), time_limit=600)
-    for _ in range(20):
+    for _ in range(5):
         search.sample(0.9, 100)
     clear = bounds.tree.clear_nodes
 
