@@ -24,7 +24,7 @@ def test_an_impossible_observation_names_everything():
 
 
 @given(pomdps())
-@settings(max_examples=60)
+@settings(max_examples=30)
 def test_update_is_bayes_rule(pomdp):
     T, Z, b = pomdp.transition, pomdp.observation, pomdp.start
     S = range(len(pomdp.states))
