@@ -57,12 +57,14 @@ def test_a_precision_in_domain_toml_is_finite(lcorpp, errands):
 )
 def test_a_policy_that_never_reports_is_explained(lcorpp, errands, options, words):
     prior = r"does not report from the prior \(tea, lab\): 0\.25, \(tea, hall\): 0\.25, "
+    ended = lcorpp("explain", errands, *options)
+    refused(ended, r"strategy 'LCORPP': no report after 500 actions; .* from the prior \(tea, lab\)", words)
+    if "--no-cache" in options:  # the words do not depend on the command
+        return
     ended = lcorpp("run", errands, "--trials", 9, "--jobs", 1, *options)
     refused(ended, r"strategy 'P': no report after 500 actions; the last one was 'ask_", prior, words)
     ended = lcorpp("run", errands, "--exact", *options)
     refused(ended, "strategy 'P': no report after 500 actions; the policy", prior, words)
-    ended = lcorpp("explain", errands, *options)
-    refused(ended, r"strategy 'LCORPP': no report after 500 actions; .* from the prior \(tea, lab\)", words)
 
 
 def test_a_given_policy_that_never_reports_is_explained(lcorpp, errands, tmp_path):

@@ -36,7 +36,8 @@ def test_the_threshold_determines_the_labels_and_the_matrix(lcorpp, labels):
     assert all("interested 0.9" in line and "not_interested 0.0" in line for line in always)
     few = learn(lcorpp, "--threshold", "accuracy", "--prevalence", 0.01, "--labels", labels)
     assert re.search(r"not_interested (0.9|1.0)", few[1])
-    assert learn(lcorpp, "--threshold", 0.5, "--labels", labels) == learn(lcorpp, "--labels", labels)
+    if labels == "hard":
+        assert learn(lcorpp, "--threshold", 0.5) == learn(lcorpp)
 
 
 def test_a_resumed_run_keeps_its_threshold(lcorpp, tmp_path):
@@ -60,7 +61,7 @@ def test_the_same_policy_from_a_file_decides_alike(lcorpp, tmp_path):
 
 
 def test_smoothing_changes_the_rules_and_no_matrix(lcorpp):
-    lines = [learn(lcorpp, "--batch-size", 150, *smoothing) for smoothing in ((), ("--smoothing", "laplace"))]
+    lines = [learn(lcorpp, "--batch-size", 40, *smoothing) for smoothing in ((), ("--smoothing", "laplace"))]
     assert lines[0][0] == lines[1][0]
     assert lines[0][1] != lines[1][1]
 

@@ -87,7 +87,7 @@ def test_a_learner_of_the_users_file(lcorpp, tmp_path):
     assert "mine.py:guess, five-fold cross-validation on" in ended.out
 
 
-@pytest.mark.parametrize("kind", ["soft", "set", "set:0.8"])
+@pytest.mark.parametrize("kind", ["soft", "set:0.8"])
 def test_evidence_now_and_from_the_file(lcorpp, tmp_path, kind):
     soft = (*FEW, "--evidence", kind)
     first = lcorpp("run", *soft, "--learner", "summaries", "--out", tmp_path)
