@@ -43,15 +43,6 @@ def fast_training(monkeypatch):
     monkeypatch.setattr(SenseTrainer, "train", train)
 
 
-@pytest.fixture(scope="module", autouse=True)
-def cache(tmp_path_factory):
-    """A folder that keeps policies, for all tests here."""
-    folder = tmp_path_factory.mktemp("policies")
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("LCORPP_CACHE", str(folder))
-        yield folder
-
-
 def run(domain, store, log=None, *, trust=True, watch=False, soft=(), batches=BATCHES):
     """Run or resume Algorithm 1; return its results and the notes of its store."""
     senses = [sense.name for sense in domain.senses]
