@@ -8,6 +8,7 @@ import signal
 import tempfile
 from functools import cache
 
+import pytest
 import typer.main
 from hypothesis import HealthCheck, settings
 
@@ -28,6 +29,13 @@ if "PYTEST_XDIST_WORKER" not in os.environ:
 
 # The parser of all commands takes longer than most commands of the tests; they share it.
 typer.main.get_command = cache(typer.main.get_command)
+
+
+@pytest.fixture
+def few_faults(monkeypatch):
+    """An alarm about few faults, which are quickly compiled."""
+    monkeypatch.setattr("lcorpp.fitting.faults.find_table", lambda *_: None)
+    monkeypatch.setattr("lcorpp.fitting.faults.MAX_EXCHANGES", 1)
 
 
 def pytest_collection_finish() -> None:

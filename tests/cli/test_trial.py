@@ -32,20 +32,20 @@ def read_logged(decision, shared):
 
 
 @pytest.mark.parametrize(
-    ("domain", "shared", "options"),
+    ("domain", "shared", "trials", "options"),
     [
-        ("intention", "intention", (*CHANNEL, "--strategy", "L", "--strategy", "random")),
-        ("intention", "intention", ("--strategy", "R+P", "--preset", "authors", "--seed", 7)),
-        ("museum", "wish", (*CHANNEL, "--strategy", "LCORPP-motion", "--strategy", "LCORPP+trust")),
+        ("intention", "intention", 110, (*CHANNEL, "--strategy", "L", "--strategy", "random")),
+        ("intention", "intention", 110, ("--strategy", "R+P", "--preset", "authors", "--seed", 7)),
+        ("museum", "wish", 20, (*CHANNEL, "--strategy", "LCORPP-motion", "--strategy", "LCORPP+trust")),
     ],
 )
-def test_a_trial_is_that_of_the_log(lcorpp, tmp_path, domain, shared, options):
+def test_a_trial_is_that_of_the_log(lcorpp, tmp_path, domain, shared, trials, options):
     """Also one of the last chunk, which is not full, and with actions that are drawn."""
     log = tmp_path / "log.jsonl"
-    command = ("run", domain, "--trials", 110, "--jobs", 1, *options)
+    command = ("run", domain, "--trials", trials, "--jobs", 1, *options)
     assert lcorpp(*command, "--log", log).code == 0
     lines = [json.loads(line) for line in log.read_text().splitlines()]
-    for trial in (17, 109):
+    for trial in (17, trials - 1):
         ended = lcorpp(*command, "--trial", trial)
         assert ended.code == 0, ended.err
         _, *printed = re.split(rf"^trial {trial}, (.*)$", ended.out, flags=re.M)

@@ -43,7 +43,7 @@ def test_swapped_knowledge_is_named(lcorpp, run, options):
     assert ended.out.endswith("300 decisions of LCORPP, 2 alarms\n")
 
 
-def test_one_strategy_of_several_is_chosen(lcorpp, run):
+def test_one_strategy_of_several_is_chosen(lcorpp, run, few_faults):
     log = run(20, "--strategy", "LCORPP", "--strategy", "P")
     refused(
         lcorpp("watch", log), f"{log}:2: a decision of LCORPP after those of P, perhaps about the same people"
@@ -55,7 +55,7 @@ def test_one_strategy_of_several_is_chosen(lcorpp, run):
     )
 
 
-def test_changed_files_and_damaged_lines_are_named(lcorpp, run, tmp_path):
+def test_changed_files_and_damaged_lines_are_named(lcorpp, run, few_faults, tmp_path):
     log, folder = run(10), shutil.copytree(INTENTION, tmp_path / "copy")
     knowledge = folder / "knowledge.plog"
     knowledge.write_text(knowledge.read_text().replace("0.76", "0.75"))
@@ -72,7 +72,7 @@ def test_changed_files_and_damaged_lines_are_named(lcorpp, run, tmp_path):
     assert second.startswith(f"{log}:4: cannot be watched: unknown action 'sing'; expected one of")
 
 
-def test_a_log_is_followed_until_an_interrupt(lcorpp, run, monkeypatch):
+def test_a_log_is_followed_until_an_interrupt(lcorpp, run, few_faults, monkeypatch):
     log = run(12)
     lines = log.read_bytes().splitlines(keepends=True)
     log.write_bytes(b"".join(lines[:4]) + lines[4][:50])

@@ -135,7 +135,7 @@ def programs(draw: st.DrawFn) -> list[Step]:
 
 
 @given(steps=programs(), data=st.data())
-@settings(max_examples=150)
+@settings(max_examples=60)
 def test_agrees_with_worlds_counted_in_plain_python(steps: list[Step], data: st.DataObject) -> None:
     names = [step.name for step in steps]
     literals = st.builds(
@@ -194,7 +194,7 @@ WORDS = st.sampled_from([*TOKENS.split(), "\n"])
 
 
 @given(st.text(max_size=40) | st.lists(WORDS, max_size=25).map(" ".join))
-@settings(max_examples=300)
+@settings(max_examples=150)
 @example("s={a,b}. f : s -> s. random(f(X)). pr(f(a)=X | f(b)=X) = X.")
 @example("p : boolean. p :- " + "(" * 5000)
 @example("p : boolean. -" + "-" * 5000 + "1.")

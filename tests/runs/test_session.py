@@ -80,13 +80,6 @@ def read_run(store):
 
 
 @pytest.fixture
-def few_faults(monkeypatch):
-    """An alarm about few faults, which are quickly compiled."""
-    monkeypatch.setattr("lcorpp.fitting.faults.find_table", lambda *_: None)
-    monkeypatch.setattr("lcorpp.fitting.faults.MAX_EXCHANGES", 1)
-
-
-@pytest.fixture
 def interrupt(monkeypatch):
     """Return a function that sets after, or before, which stored decisions and checkpoints a run ends."""
 

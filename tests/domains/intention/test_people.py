@@ -149,8 +149,8 @@ def test_interested_people_face_the_robot():
     assert away(interested) < away(passing)
 
 
-@settings(max_examples=20)
-@given(st.floats(0.04, 60), st.integers(1, 5), st.integers(0, 2**32))
+@settings(max_examples=10)
+@given(st.floats(0.04, 60), st.integers(1, 3), st.integers(0, 2**32))
 def test_recordings_last_as_long_as_asked(seconds, size, seed):
     for table in people.recordings(crowd(size), np.random.default_rng(seed), seconds=(seconds, seconds)):
         assert seconds - 1e-9 <= table[-1, 0] < seconds + people.INTERVAL

@@ -12,7 +12,7 @@ from lcorpp.learning.classifiers.minirocket import MiniRocket
 
 from .test_minirocket import make_waves
 
-SHAPES = [(1, 40, 0), (2, 30, 1), (12, 33, 2), (3, 2, 3), (1, 80, 0), (12, 61, 2), (2, 200, 4)]
+SHAPES = [(1, 26, 0), (2, 22, 1), (12, 18, 2), (3, 2, 3), (1, 80, 0), (12, 61, 2), (2, 200, 4)]
 """Channels, time points and seed."""
 
 

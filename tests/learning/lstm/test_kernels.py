@@ -51,7 +51,7 @@ def task(
     return start, given, plan, (order, mask, rng.uniform(0.001, 0.01, size=-(-cases // batch)))
 
 
-@settings(max_examples=40)
+@settings(max_examples=20)
 @given(shapes, st.integers(1, 70))
 def test_an_epoch_gives_the_weights_of_torch(shape, batch):
     torch_trainer = pytest.importorskip("lcorpp.learning.lstm.torch_trainer", exc_type=DataError)

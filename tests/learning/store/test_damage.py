@@ -86,7 +86,7 @@ def check_flipped(whole, path, at, flip):
     assert bool(notes) == bool(snapshot.damage)
 
 
-@settings(max_examples=40)
+@settings(max_examples=20)
 @given(at=st.integers(0, 2**20), flip=st.integers(1, 255))
 def test_any_flipped_byte_loses_few_records_and_is_reported(whole, path, at, flip):
     check_flipped(whole, path, at % len(whole), flip)
@@ -145,7 +145,7 @@ def test_a_store_can_be_read_during_a_transaction(whole, path):
         assert not read_store(path).damage
 
 
-@settings(max_examples=40)
+@settings(max_examples=20)
 @given(size=st.integers(0, 2**20))
 def test_a_file_that_is_cut_off_keeps_its_readable_records(whole, path, size):
     size %= len(whole)
@@ -159,7 +159,7 @@ def test_a_file_that_is_cut_off_keeps_its_readable_records(whole, path, size):
     append_anew(path, rows)
 
 
-@settings(max_examples=40)
+@settings(max_examples=20)
 @given(page=st.integers(0, 2**10), garbage=st.just(bytes(PAGE)) | st.binary(min_size=PAGE, max_size=PAGE))
 def test_overwritten_pages_lose_only_their_records(whole, path, page, garbage):
     start = HEADER + page * PAGE % (len(whole) - HEADER)
@@ -182,7 +182,7 @@ def test_garbage_is_refused_or_empty(whole, path, start, garbage):
             act(path)
 
 
-@settings(max_examples=60)
+@settings(max_examples=25)
 @given(end=st.integers(0, 2**20))
 def test_any_prefix_of_the_log_opens_to_a_prefix_of_the_records(path, end):
     """A crash leaves the main file and a log that ends anywhere."""

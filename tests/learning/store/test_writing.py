@@ -65,7 +65,7 @@ tracks = st.builds(
 )
 
 
-@settings(max_examples=50)
+@settings(max_examples=25)
 @given(st.lists(tracks, max_size=4))
 def test_any_track_that_is_taken_is_read_as_it_was(tmp_path_factory, given):
     path = tmp_path_factory.mktemp("any") / "s"

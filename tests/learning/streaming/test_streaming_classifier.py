@@ -64,7 +64,7 @@ def test_predictions_of_regular_samples_equal_the_batch_result(name):
             np.testing.assert_allclose(answer.probabilities, expected, atol=1e-6)  # float32 in the LSTM
 
 
-@settings(max_examples=40)
+@settings(max_examples=20)
 @given(
     seed=st.integers(0, 10**6),
     name=st.sampled_from(list(PIPELINES)),
@@ -88,7 +88,7 @@ def test_predictions_of_irregular_samples_equal_the_resampled_batch_result(seed,
         assert answer.time <= times[-1] + 1e-6
 
 
-@settings(max_examples=20)
+@settings(max_examples=8)
 @given(seed=st.integers(0, 10**6), name=st.sampled_from(["lstm", "rich", "rich minirocket", "by way"]))
 def test_people_do_not_influence_each_other(seed, name):
     """With gaps, jumps, NaN and late samples; all together, in any mixture, they say what each says alone."""
@@ -126,7 +126,7 @@ def test_people_do_not_influence_each_other(seed, name):
                 np.testing.assert_allclose(answer.probabilities, same.probabilities, atol=1e-6)
 
 
-@settings(max_examples=30)
+@settings(max_examples=15)
 @given(seed=st.integers(0, 10**6), lateness=st.floats(0.02, 0.5), name=st.sampled_from(["lstm", "by way"]))
 def test_the_order_of_arrival_within_the_allowed_lateness_does_not_matter(seed, lateness, name):
     rng = np.random.default_rng(seed)

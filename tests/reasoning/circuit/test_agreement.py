@@ -20,7 +20,7 @@ from lcorpp.reasoning.circuit.circuit import Circuit
 from lcorpp.reasoning.reasoner import Reasoner
 from lcorpp.values import Distribution, Likelihood
 
-SUITE = settings(max_examples=70, suppress_health_check=list(HealthCheck))
+SUITE = settings(max_examples=30, suppress_health_check=list(HealthCheck))
 
 
 def outcome(answer: Callable[[], object]) -> object:
