@@ -2,6 +2,8 @@
 
 import ast
 import re
+import subprocess
+import sys
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
@@ -49,6 +51,19 @@ def test_imports_form_no_cycle():
 def test_a_lazy_import_counts():
     tree = ast.parse("def f():\n    from lcorpp.planning import pomdp\n")
     assert imports(tree, {"lcorpp.planning", "lcorpp.planning.pomdp"}) == {"lcorpp.planning.pomdp"}
+
+
+def test_a_decision_loads_only_what_it_uses():
+    """With a noisy channel as the classifier, and a policy that is solved now."""
+    code = """import sys, lcorpp
+robot = lcorpp.load_robot("intention", cache=False)
+facts = {"time": "afternoon", "location": "classroom"}
+assert robot.decide(facts, label="zero", world=["pos", "pos", "pos"]).report == "interested"
+assert not {"sklearn", "scipy", "torch", "matplotlib", "typer"} & set(sys.modules)
+print(*[module.__file__ for name, module in sys.modules.items() if name.split(".")[0] == "lcorpp"])"""
+    ended = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    files = [Path(file) for file in ended.stdout.split() if file.endswith(".py")]
+    assert 10_000 < sum(len(file.read_text().splitlines()) for file in files) < 20_000
 
 
 @pytest.mark.parametrize("folder", ["src", "native"])
