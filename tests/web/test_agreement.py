@@ -1,41 +1,117 @@
-"""The engine in the page and the session of the server give the same replies to the same requests."""
+"""The engine of the page and the library decide, infer and classify the same in the same random histories."""
 
 import gzip
 import json
 import random
+from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
 
-from lcorpp import load_domain
+from lcorpp import Instance, dt_control, load_domain
 from lcorpp.assembly.options import TrainingOptions
 from lcorpp.assembly.track_robot import find_track_senses
+from lcorpp.decision import LCORPP
+from lcorpp.decision.dt_control import infer_prior
+from lcorpp.errors import ObservationError, UndefinedError
+from lcorpp.learning import StreamingClassifier
+from lcorpp.logs.decision_log import format_decision
+from lcorpp.planning.belief import observation_probabilities, update
 from lcorpp.planning.policy_cache import find_cache_folder
+from lcorpp.simulation.simulated_classifier import PrecomputedLabel
+from lcorpp.values.probabilities import MIN_BRANCH
 from lcorpp.web.export import bundle_page
-from lcorpp.web.model import make_model, write_model
-from lcorpp.web.session import Session
+from lcorpp.web.model import make_exported_model, write_model
+from lcorpp.web.server import PageServer
+from lcorpp.web.service import Service
 from lcorpp.web.setup import find_page_folder, set_up_robot
+from lcorpp.worlds import ScriptedWorld
+from tests.web.conftest import serve
 
 
-def make_requests(domain, rng):
-    """Make the requests of one trial, up to its answers."""
-    tracked = {sense["name"] for sense in domain["senses"] if sense["kind"] == "track"}
+class Library:
+    """What the page has to show, by the library: inferences, and the one-step lookahead of the policy."""
+
+    def __init__(self, robot):
+        self.robot, self.domain, self.policy = robot, robot.domain, robot.parts.policy
+        self._priors = {}
+
+    def infer(self, facts, classes):
+        """Return what follows from facts and classes, and the prior; or raise UndefinedError."""
+        key = json.dumps([facts, classes], sort_keys=True)
+        if key not in self._priors:
+            self._priors[key] = infer_prior(self.robot.parts.robot, facts, classes)
+        evidence, marginal, prior = self._priors[key]
+        shown = {
+            "evidence": dict(evidence),
+            **self.robot.knowledge.infer(evidence).content,
+            "shared": marginal.probabilities.tolist(),
+            "belief": self.list_belief(prior),
+        }
+        return shown, prior
+
+    def list_belief(self, belief):
+        return {state: p for state, p in zip(self.domain.pomdp.states, belief.tolist(), strict=True) if p}
+
+    def view(self, belief):
+        domain, pomdp, policy = self.domain, self.domain.pomdp, self.policy
+        shown = {"belief": self.list_belief(belief), "shared": list(domain.marginal(belief).probabilities)}
+        if domain.is_terminal(belief):
+            return shown | {"action": None, "done": True, "report": None, "values": [], "outcomes": []}
+        chosen = pomdp.actions[policy.action(belief)]
+        report = domain.reported_value(chosen)
+        values, outcomes = {}, []
+        for a, action in enumerate(pomdp.actions):
+            values[action] = float(belief @ pomdp.reward[a])
+            for o, p in enumerate(observation_probabilities(pomdp, belief, a)):
+                after = update(pomdp, belief, a, o) if p >= MIN_BRANCH else None
+                if after is None or domain.is_terminal(after):
+                    continue
+                values[action] += pomdp.discount * p * policy.value(after)
+                if action == chosen and report is None:
+                    outcome = {"observation": pomdp.observations[o], "probability": float(p)}
+                    following = pomdp.actions[policy.action(after)]
+                    shared = list(domain.marginal(after).probabilities)
+                    outcomes.append({**outcome, "action": following, "shared": shared})
+        return shown | {
+            "action": chosen,
+            "done": report is not None,
+            "report": None if report is None else list(domain.reasoning.split(report).values()),
+            "values": [{"action": name, "value": value} for name, value in values.items()],
+            "outcomes": outcomes,
+        }
+
+    def find_corners(self, belief):
+        """Return (V, S) the belief given each shared value; the initial one for a value of probability 0."""
+        planning = self.domain.planning
+        joint = planning.state_values.T * belief
+        totals = joint.sum(axis=1)[:, None]
+        return np.where(totals > 0, joint / np.where(totals > 0, totals, 1), planning.initial_states)
+
+    def decide(self, facts, classes, heard):
+        """Return the decision of Algorithm 2 with these answers, as a line of the decision log."""
+        parts = self.robot.parts
+        classifiers = {name: PrecomputedLabel(own) for name, own in classes.items()}
+        instance = Instance(dict.fromkeys(classes, np.zeros((1, 1))), facts)
+        episode = dt_control(replace(parts.robot, classifiers=classifiers), instance, ScriptedWorld(heard))
+        return json.loads(format_decision(parts, LCORPP, facts, replace(episode, seconds={})))
+
+
+def draw_choices(domain, rng):
+    """Draw facts, and labels of the senses without tracks."""
     facts = {fact["name"]: rng.choice(fact["values"]) for fact in domain["facts"] if rng.random() < 0.8}
     labels = {
         sense["name"]: rng.choice(sense["labels"])["label"]
         for sense in domain["senses"]
-        if sense["name"] not in tracked and rng.random() < 0.8
+        if sense["kind"] == "choice" and rng.random() < 0.8
     }
-    requests = [{"type": "start"}, {"type": "observe", "facts": facts, "labels": labels}]
-    for name in tracked:
-        if rng.random() < 0.8:
-            requests += walk(name, rng)
-    return [*requests, {"type": "decide"}]
+    return facts, labels
 
 
-def walk(sense, rng):
-    """Make requests with the samples of a walk, some of them late, repeated, far away or after a gap."""
-    time, x, y, requests = rng.uniform(0, 2e9), rng.uniform(-5, 5), rng.uniform(2, 12), []
+def draw_walk(rng):
+    """Yield samples of a walk, some of them late, repeated, far away or after a gap, a few at a time."""
+    time, x, y = rng.uniform(0, 2e9), rng.uniform(-5, 5), rng.uniform(2, 12)
     for _ in range(rng.randrange(1, 25)):
         samples = []
         for _ in range(rng.choice([1, 1, 3])):
@@ -44,16 +120,14 @@ def walk(sense, rng):
             )
             x, y = x + rng.gauss(0, 0.05), y + rng.gauss(-0.1, 0.05)
             samples.append([time, x + (30 if rng.random() < 0.01 else 0), y])
-        requests.append({"type": "samples", "sense": sense, "samples": samples})
-    return requests
+        yield samples
 
 
 def compare(expected, found, place=""):
-    """Compare replies: beliefs to 1e-9, probabilities of classes to 1e-6, all but texts of errors exactly."""
+    """Compare JSON: beliefs to 1e-9, probabilities of classes to 1e-6, all else exactly."""
     if isinstance(expected, dict):
         assert expected.keys() == found.keys(), place
-        skipped = {"message", "fan", "values"} if "outcomes" in expected else {"message", "fan"}
-        for name in expected.keys() - skipped:
+        for name in expected:
             compare(expected[name], found[name], f"{place}.{name}")
     elif isinstance(expected, list):
         assert len(expected) == len(found), place
@@ -65,131 +139,159 @@ def compare(expected, found, place=""):
         assert expected == found, place
 
 
-def compare_values(expected, found, *, is_whole):
-    """Compare the values of actions and of alpha vectors, which have nine digits in the page.
+def compare_view(library, belief, found, place, *, is_whole):
+    """Compare what is shown of a belief; the values of actions and vectors have nine digits in the page.
 
-    A part of a policy bounds them from below, and has fewer alpha vectors.
+    A part of a policy bounds them from below, has fewer alpha vectors, and may predict another next action
+    after an improbable answer.
     """
-    one, other = ({row["action"]: row["value"] for row in reply["values"]} for reply in (expected, found))
-    assert one.keys() == other.keys()
+    expected, fan = library.view(belief), found.pop("fan")
+    one, other = ({row["action"]: row["value"] for row in reply.pop("values")} for reply in (expected, found))
+    if not is_whole:
+        for row in (*expected["outcomes"], *found["outcomes"]):
+            del row["action"]
+    compare(expected, found, place)
+    assert list(other.values()) == sorted(other.values(), reverse=True), place
+    assert one.keys() == other.keys(), place
     for action, value in one.items():
         if is_whole:
-            assert other[action] == pytest.approx(value, rel=1e-6, abs=1e-5), action
-        assert other[action] <= value + 1e-5 * max(1, abs(value)), action
-    if is_whole and expected["fan"] is not None:
-        corners, others = (np.array([row["values"] for row in reply["fan"]]) for reply in (expected, found))
-        mixtures = np.random.default_rng(0).dirichlet(np.ones(corners.shape[1]), 20)
-        tops = [(mixtures @ own.T).max(axis=1) for own in (corners, others)]
-        assert tops[1] == pytest.approx(tops[0], rel=1e-6, abs=1e-5)
+            assert other[action] == pytest.approx(value, rel=1e-6, abs=1e-5), (place, action)
+        assert other[action] <= value + 1e-5 * max(1, abs(value)), (place, action)
+    n_values = len(expected["shared"])
+    assert (fan is not None) == (n_values in (2, 3) and expected["action"] is not None), place
+    if is_whole and fan:
+        points = draw_grid_points(n_values)  # where the page compares the vectors
+        tops = (points @ np.array([row["values"] for row in fan]).T).max(axis=1)
+        values = [library.policy.value(point @ library.find_corners(belief)) for point in points]
+        assert tops == pytest.approx(values, rel=1e-6, abs=1e-5), place
 
 
-def load_model(robot, node, folder):
-    """Begin a session of the page's engine with the model of a robot; return the model."""
-    model = make_model(robot)
-    (folder / "model.json").write_text(write_model(model))
-    node(model=str(folder / "model.json"))
-    return model
+@cache
+def draw_grid_points(n_values):
+    """Return some distributions without zeros of the grid of 4000 steps, or of 40 in a triangle."""
+    rng, steps = np.random.default_rng(0), {2: 4000, 3: 40}[n_values]
+    return rng.multinomial(steps - n_values, np.ones(n_values) / n_values, 5) / steps + 1 / steps
 
 
-def check_histories(robot, node, folder, count, seed=0):
-    """Compare random trials of both engines; half of their answers are those of people, half arbitrary."""
-    rng, session = random.Random(seed), Session(lambda: robot)
-    model = load_model(robot, node, folder)
-    is_whole = sum(len(part["actions"]) for part in model["planner"]["sets"]) == len(robot.parts.policy)
+def check_walk(library, node, sense, rng, place):
+    """Compare the predictions of a random walk; return its class."""
+    trained = library.robot.classifiers[sense]
+    streams, label_of = StreamingClassifier.from_trained(trained), library.domain.find_sense(sense).label_of
+    named = None
+    for samples in draw_walk(rng):
+        prediction = streams.push_many((time, 0, *values) for time, *values in samples)[0]
+        row = prediction.probabilities
+        named = None if row is None else streams.classifier(0).classify(np.zeros(1))
+        expected = {
+            "points": prediction.points,
+            "track": prediction.track,
+            "probabilities": None if row is None else row.tolist(),
+            "label": label_of.get(named),
+        }
+        compare(expected, node(call=["addSamples", sense, samples]), f"{place} samples")
+    return named
 
-    def ask(request, number):
-        expected = session.handle(json.dumps({"id": number, **request}))
-        found = node(request={"id": number, **request})
-        for reply in () if is_whole else (expected, found):
-            for row in reply.get("outcomes", []):
-                del row["action"]  # a part of a policy may predict another one after an improbable answer
-        compare(expected, found, f"{number} {request['type']}")
-        if "outcomes" in expected:
-            compare_values(expected, found, is_whole=is_whole)
-        return expected
 
-    domain = ask({"type": "hello"}, 0)
+def check_histories(robot, node, count, *, is_whole=True, seed=0):
+    """Compare random trials of the engine, which has begun, with the library; return the lines of decisions.
+
+    Half of the answers are those of people, half are arbitrary.
+    """
+    rng, library, lines = random.Random(seed), Library(robot), []
+    pomdp, planner = robot.domain.pomdp, robot.parts.robot.planner
     for number in range(count):
-        for request in make_requests(domain, rng):
-            reply = ask(request, number)
-        if reply["type"] == "error":
-            continue  # impossible evidence
-        likely = rng.random() < 0.5
-        while not reply["done"]:
-            names = domain["answers"][reply["action"]]
+        domain = node(call=["start"])
+        facts, labels = draw_choices(domain, rng)
+        classes = {}
+        for sense in domain["senses"]:
+            names = {own["label"]: own["class"] for own in sense["labels"]}
+            if sense["name"] in labels:
+                classes[sense["name"]] = names[labels[sense["name"]]]
+        seen = node(call=["observe", facts, labels])
+        try:
+            expected, _ = library.infer(facts, classes)
+        except UndefinedError:
+            assert "no possible world" in seen["refused"]
+            continue
+        assert (seen.pop("fan") is not None) == (len(domain["values"]) in (2, 3))
+        compare(expected, seen, f"{number} observe")
+        for sense in domain["senses"]:
+            if sense["kind"] == "track" and rng.random() < 0.8:
+                named = check_walk(library, node, sense["name"], rng, number)
+                if named is not None:
+                    classes[sense["name"]] = named
+        found = node(call=["decide"])
+        try:
+            expected, belief = library.infer(facts, classes)
+        except UndefinedError:
+            assert "no possible world" in found["refused"]
+            continue
+        inferred = expected.keys() - {"shared", "belief"}  # those are in the view
+        compare({name: expected[name] for name in inferred}, {name: found.pop(name) for name in inferred})
+        compare_view(library, belief, dict(found), number, is_whole=is_whole)
+        likely, heard = rng.random() < 0.5, []
+        while not found["done"]:
+            action = found["action"]
+            names = domain["answers"][action]
             weights = [1.0] * len(names)
             if likely:
-                chances = {row["observation"]: row["probability"] for row in reply["outcomes"]}
+                chances = {row["observation"]: row["probability"] for row in found["outcomes"]}
                 weights = [chances.get(name, 0) for name in names]
-            said = rng.choices(names, weights)[0]
-            reply = ask({"type": "answer", "said": said, "draw": rng.random()}, number)
-            if reply["type"] == "error":
-                break  # an impossible observation
-        ask({"type": "record"}, number)
-        ask({"type": "judge", "right": True, "truth": None}, number)
+            said, draw = rng.choices(names, weights)[0], rng.random()
+            noise = np.cumsum(domain["noise"][action][said])
+            heard.append(pomdp.observations[int(np.searchsorted(noise, draw, side="right"))])
+            found = node(call=["answer", said, draw])
+            try:
+                belief = planner.update(belief, action, heard[-1])
+            except ObservationError:
+                assert "is impossible after action" in found["refused"]
+                break
+            step = {name: found.pop(name) for name in ("said", "heard", "answered")}
+            assert step == {"said": said, "heard": heard[-1], "answered": action}
+            compare_view(library, belief, dict(found), f"{number} after {heard}", is_whole=is_whole)
+        else:
+            line = library.decide(facts, classes, heard)
+            compare(line, node(call=["record"]), f"{number} record")
+            assert node(call=["log"]) == {}
+            lines.append(line)
+            if found["report"] is not None:
+                assert node(call=["judge", None]) == {"stored": 0, "batch": 0}
+    return lines
 
 
-def test_trials_of_the_paper(intention, node, tmp_path):
-    check_histories(intention, node, tmp_path, 30)
+def export(robot, node, folder):
+    """Begin an engine of the exported page; return whether it has the whole policy."""
+    model = make_exported_model(robot)
+    (folder / "model.json").write_text(write_model(model))
+    node(model=str(folder / "model.json"))
+    return sum(len(part["actions"]) for part in model["planner"]["sets"]) == len(robot.parts.policy)
 
 
-def test_trials_with_chosen_labels(museum, node, tmp_path):
-    check_histories(museum, node, tmp_path, 20)
+@pytest.mark.parametrize(("name", "count"), [("intention", 30), ("museum", 20)])
+def test_trials_without_a_server(name, count, node, tmp_path, request):
+    robot = request.getfixturevalue(name)
+    assert export(robot, node, tmp_path)
+    assert check_histories(robot, node, count)
 
 
-BAD_REQUESTS = [
-    {"type": "constructor"},
-    {"type": 7},
-    {"type": "start", "facts": {}},
-    {"type": "observe", "facts": {}},
-    {"type": "observe", "facts": [], "labels": {}},
-    {"type": "observe", "facts": {"time": 3}, "labels": {}},
-    {"type": "observe", "facts": {"time": "x" * 201}, "labels": {}},
-    {"type": "observe", "facts": {"time": "constructor"}, "labels": {}},
-    {"type": "observe", "facts": {"__proto__": "a"}, "labels": {}},
-    {"type": "observe", "facts": {"intention": "interested"}, "labels": {}},
-    {"type": "observe", "facts": {}, "labels": {"motion": "interested"}},
-    {"type": "observe", "facts": {}, "labels": {"constructor": "name"}},
-    {"type": "samples", "sense": "motion", "samples": []},
-    {"type": "samples", "sense": "motion", "samples": [[0, 1, 2]] * 65},
-    {"type": "samples", "sense": "motion", "samples": [[0, 1]]},
-    {"type": "samples", "sense": "motion", "samples": [[0, 1, 2, 3]]},
-    {"type": "samples", "sense": "motion", "samples": [[0, 1, None]]},
-    {"type": "samples", "sense": "motion", "samples": [[0, 1, "2"]]},
-    {"type": "samples", "sense": "motion", "samples": [[0, 1, True]]},
-    {"type": "samples", "sense": "constructor", "samples": [[0, 1, 2]]},
-    {"type": "answer", "said": "pos", "draw": 1},
-    {"type": "answer", "said": "pos", "draw": -0.1},
-    {"type": "answer", "said": "pos", "draw": "0"},
-    {"type": "answer", "said": "constructor", "draw": 0.5},
-    {"type": "answer", "said": "", "draw": 0.5},
-    {"type": "answer", "said": "pos", "draw": 0.5},
-    {"type": "judge", "right": 1, "truth": None},
-    {"type": "judge", "right": True, "truth": ["interested"]},
-    {"type": "judge", "right": False, "truth": None},
-    {"type": "judge", "right": False, "truth": []},
-    {"type": "judge", "right": False, "truth": ["constructor"]},
-    {"type": "judge", "right": False, "truth": ["interested"]},
-    {"type": "judge", "right": False, "truth": ["not_interested"]},
-    {"type": "record"},
-    {"type": "decide"},
-]
+@pytest.mark.parametrize(("name", "count"), [("intention", 10), ("museum", 5)])
+def test_trials_with_a_server_and_their_log(name, count, node, request):
+    robot, logged = request.getfixturevalue(name), []
+    with serve(PageServer(lambda: Service(lambda: robot, log=logged.append))) as port:
+        node(server=f"ws://127.0.0.1:{port}/session")
+        lines = check_histories(robot, node, count)
+        node(close=None)
+    assert lines
+    assert [json.loads(line) for line in logged] == lines
 
 
-def test_both_engines_refuse_the_same(intention, node, tmp_path):
-    load_model(intention, node, tmp_path)
-    session, rng, codes = Session(lambda: intention), random.Random(0), set()
-    good = [{"type": "start"}, {"type": "observe", "facts": {"time": "morning"}, "labels": {}}]
-    for number in range(1500):
-        request = {"id": number, **rng.choice(BAD_REQUESTS + good)}
-        if rng.random() < 0.03:
-            request["id"] = rng.choice([-1, 0.5, "a", None])
-        expected, found = session.handle(json.dumps(request)), node(request=request)
-        assert (found["type"], found["id"]) == (expected["type"], expected["id"]), request
-        if expected["type"] == "error":
-            assert found["code"] == expected["code"], request
-            codes.add(found["code"])
-    assert codes == {"malformed", "unknown_type", "invalid", "out_of_order"}
+def test_marginals_are_those_of_the_reasoner(intention, node, tmp_path):
+    export(intention, node, tmp_path)
+    node(call=["start"])
+    facts = {"time": "afternoon", "location": "classroom"}
+    for name, marginal in node(call=["observe", facts, {}])["marginals"].items():
+        expected = intention.parts.robot.reasoner.posterior(name, facts)
+        assert marginal == pytest.approx(list(expected.probabilities))
 
 
 DOMAINS = [
@@ -209,6 +311,7 @@ def test_ten_thousand_trials_of_a_small_page(name, preset, node, tmp_path):
     domain = load_domain(name, preset=preset)
     training = {sense.name: TrainingOptions("lstm-fast") for sense in find_track_senses(domain)}
     robot = set_up_robot(domain, training, domain.planning.solver, cache=find_cache_folder())
-    check_histories(robot, node, tmp_path, 10_000)
-    page = bundle_page(find_page_folder(), make_model(robot))
+    is_whole = export(robot, node, tmp_path)
+    assert check_histories(robot, node, 10_000, is_whole=is_whole)
+    page = bundle_page(find_page_folder(), make_exported_model(robot))
     assert len(gzip.compress(page.encode())) <= MAX_BYTES

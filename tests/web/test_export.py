@@ -11,7 +11,7 @@ from lcorpp.assembly.options import TrainingOptions
 from lcorpp.errors import DataError, FileError, TooLargeError
 from lcorpp.web import model as web_model
 from lcorpp.web.export import bundle_modules, bundle_page
-from lcorpp.web.model import check_classifiers, check_evidence, make_model
+from lcorpp.web.model import check_classifiers, check_evidence, make_exported_model
 from lcorpp.web.setup import find_page_folder
 
 INDEX = """<!doctype html>
@@ -47,7 +47,7 @@ class Elements(HTMLParser):
 
 @pytest.fixture(scope="module")
 def page(intention):
-    return bundle_page(find_page_folder(), make_model(intention))
+    return bundle_page(find_page_folder(), make_exported_model(intention))
 
 
 @pytest.fixture
@@ -84,19 +84,19 @@ def test_the_policy_permits_the_script_and_the_style_alone(page):
 
 
 def test_the_engine_in_the_script_replies(intention, folder, node):
-    engine = find_page_folder() / "engine"
-    (folder / "engine").symlink_to(engine)
+    (folder / "engine").symlink_to(find_page_folder() / "engine")
     (folder / "main.js").write_text(
-        'import { LocalEngine as Engine } from "./engine/local.js";\n'
-        "globalThis.engine = new Engine(globalThis.LCORPP_MODEL);\n"
+        'import { ExportedHost } from "./engine/exported_host.js";\n'
+        'import { Session as Engine } from "./engine/session.js";\n'
+        "globalThis.session = new Engine(new ExportedHost(globalThis.LCORPP_MODEL));\n"
     )
-    script = "".join(Elements(bundle_page(folder, make_model(intention))).texts["script"])
+    script = "".join(Elements(bundle_page(folder, make_exported_model(intention))).texts["script"])
     (folder / "script.js").write_text(script)
     node(script=str(folder / "script.js"))
-    assert node(send={"type": "hello"})["name"] == "intention"
-    node(send={"type": "observe", "facts": {"time": "afternoon"}, "labels": {}})
-    reply = node(send={"type": "decide"})
-    prior = intention.robot.reasoner.posterior(intention.domain.shared, {"time": "afternoon"})
+    assert node(call=["start"])["name"] == "intention"
+    node(call=["observe", {"time": "afternoon"}, {}])
+    reply = node(call=["decide"])
+    prior = intention.parts.robot.reasoner.posterior(intention.domain.shared, {"time": "afternoon"})
     assert reply["shared"] == pytest.approx(list(prior.probabilities))
 
 

@@ -20,8 +20,8 @@ from lcorpp.web.learning import (
     find_learning_sense,
     open_store,
 )
+from lcorpp.web.trial import JudgedTrial
 from lcorpp.workers import start_worker
-from tests.web.conftest import Page
 
 
 class Inline(Executor):
@@ -59,14 +59,13 @@ def make_learner(robot, data, make_executor=Inline, **options):
     return learner, notices
 
 
+WALK = [(i / 10, 1.0, 9 - i / 10) for i in range(40)]
+
+
 def play(learner, count=1, walked=True):
     for _ in range(count):
-        page = Page(learner.robot, keep=learner.keep)
-        if walked:
-            page.walk(1.0, count=40)
-        page.answer_all("pos")
-        reply = page.send("judge", right=True, truth=None)
-    return reply
+        kept = learner.keep(JudgedTrial({}, {"motion": WALK if walked else []}, "interested"))
+    return kept
 
 
 def test_after_a_batch_the_classifier_is_trained_again(intention, data):

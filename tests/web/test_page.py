@@ -1,22 +1,19 @@
 """The page in a browser: three whole trials by mouse and keyboard, and numbers that are the library's."""
 
-import asyncio
 import json
 import re
-import socket
-import threading
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from lcorpp.learning import StreamingClassifier
-from lcorpp.planning.belief import update
 from lcorpp.web.export import bundle_page
-from lcorpp.web.model import make_model
-from lcorpp.web.server import PageServer, make_uvicorn
-from lcorpp.web.session import Session
+from lcorpp.web.model import make_exported_model
+from lcorpp.web.server import PageServer
+from lcorpp.web.service import Service
 from lcorpp.web.setup import find_page_folder
+from tests.web.conftest import serve
 
 playwright = pytest.importorskip("playwright.sync_api", reason="the page needs Playwright to be played")
 CHROMIUM = Path("/usr/bin/chromium")
@@ -43,32 +40,30 @@ def judged():
 
 
 @pytest.fixture(scope="module")
-def address(intention, judged):
-    """A server that keeps judged trials in a list."""
+def logged():
+    return []
+
+
+@pytest.fixture(scope="module")
+def address(intention, judged, logged):
+    """A server that keeps judged trials and decisions in lists."""
 
     def keep(trial):
         judged.append(trial)
         return {"stored": len(judged), "batch": 5}
 
-    uvicorn = make_uvicorn(PageServer(lambda: Session(lambda: intention, keep)))
-    with socket.socket() as listening:
-        listening.bind(("127.0.0.1", 0))
-        listening.listen()
-        thread = threading.Thread(target=lambda: asyncio.run(uvicorn.serve([listening])))
-        thread.start()
-        yield f"http://127.0.0.1:{listening.getsockname()[1]}/"
-        uvicorn.should_exit = True
-        thread.join()
+    with serve(PageServer(lambda: Service(lambda: intention, keep, logged.append))) as port:
+        yield f"http://127.0.0.1:{port}/"
 
 
 class Visit:
-    """An open page, and what it sent to the engine."""
+    """An open page, and what it sent to the server."""
 
     def __init__(self, browser, address, **options):
         self.context = browser.new_context(viewport={"width": 1280, "height": 800}, **options)
         self.page = self.context.new_page()
         self.page.set_default_timeout(PATIENCE)
-        self.sent, self.received, self.complaints = [], [], []
+        self.sent, self.complaints = [], []
         self.page.on("websocket", self._listen)
         self.page.on("pageerror", lambda error: self.complaints.append(str(error)))
         self.page.on("console", lambda entry: self.complaints.append(entry.text))
@@ -79,7 +74,6 @@ class Visit:
 
     def _listen(self, connection):
         connection.on("framesent", lambda text: self.sent.append(json.loads(text)))
-        connection.on("framereceived", lambda text: self.received.append(json.loads(text)))
 
     def expect(self, selector):
         return playwright.expect(self.page.locator(selector))
@@ -137,43 +131,47 @@ def percentages(probabilities):
 
 
 def check_numbers(visit, robot, facts):
-    """Compare what the page shows of a whole trial with the library, from what was walked, said and heard."""
-    trained = robot.classifiers["motion"]
-    streams = StreamingClassifier.from_trained(trained)
-    started = max(i for i, request in enumerate(visit.sent) if request["type"] == "start")
-    requests = visit.sent[started:]
-    for request in requests:
-        for sample in request.get("samples", []):
-            streams.push(sample[0], 0, *sample[1:])
-    named = streams.classifier(0).classify(np.zeros(1))
-    (shown,) = re.findall(r"([\d.]+) %", visit.page.inner_text("#walk-output"))
-    p = streams.predictions[0].probabilities[trained.classes.index(named)]
-    assert [float(shown)] == percentages([p])
+    """Compare what the page shows of a whole trial with the library, from the decision that it logs.
 
-    label = robot.domain.find_sense("motion").label_of[named]
-    evidence = {**facts, "classifier": label}
+    Returns:
+        What was answered, and the decision.
+    """
+    (decision,) = [request for request in visit.sent if request["type"] == "log"]
+    assert decision["facts"] == facts
+    evidence = robot.domain.evidence(facts, decision["labels"])
     for name, shown in visit.read_marginals().items():
-        expected = robot.robot.reasoner.posterior(name, evidence).probabilities
+        expected = robot.parts.robot.reasoner.posterior(name, evidence).probabilities
         assert shown == percentages(expected)
 
-    domain, planner = robot.domain, robot.robot.planner
-    belief = domain.prior(robot.robot.reasoner.posterior("intention", evidence))
+    domain, planner = robot.domain, robot.parts.robot.planner
+    belief = domain.prior(robot.parts.robot.reasoner.posterior("intention", evidence))
     expected = [domain.marginal(belief).probabilities]
-    said = [request["said"] for request in requests if request["type"] == "answer"]
-    heard = [reply["heard"] for reply in visit.received if reply["type"] == "step"]
+    said = re.findall(r"[&#]answers=([^&]*)", visit.page.url)[0].split(",")
+    heard = [observation for _, observation in decision["steps"] if observation is not None]
     assert len(heard) == len(said)
     for observation in heard:
-        action = domain.pomdp.actions.index(planner.action(belief))
-        belief = update(domain.pomdp, belief, action, domain.pomdp.observations.index(observation))
+        belief = planner.update(belief, planner.action(belief), observation)
         expected.append(domain.marginal(belief).probabilities)
     shown = visit.read_beliefs()
     assert len(shown) == len(expected)
     for own, probabilities in zip(shown, expected, strict=True):
         assert own == percentages(probabilities)
-    return said, heard
+    return said, decision
 
 
-def test_a_trial_by_mouse(open_page, address, intention, judged):
+def check_label(visit, robot, trial):
+    """Compare the label that the page shows with that of the library, from the samples of a judged trial."""
+    trained = robot.classifiers["motion"]
+    streams = StreamingClassifier.from_trained(trained)
+    for sample in trial.samples["motion"]:
+        streams.push(sample[0], 0, *sample[1:])
+    named = streams.classifier(0).classify(np.zeros(1))
+    (shown,) = re.findall(r"([\d.]+) %", visit.page.inner_text("#walk-output"))
+    p = streams.predictions[0].probabilities[trained.classes.index(named)]
+    assert [float(shown)] == percentages([p])
+
+
+def test_a_trial_by_mouse(open_page, address, intention, judged, logged):
     visit = open_page(address)
     page = visit.page
     stage, person = page.locator("svg.stage").bounding_box(), page.locator(".person").bounding_box()
@@ -186,12 +184,14 @@ def test_a_trial_by_mouse(open_page, address, intention, judged):
     visit.expect("button:has-text('evening')").to_have_attribute("aria-pressed", "true", timeout=PATIENCE)
     page.click("#decide")
     visit.answer_until_report(lambda key: page.click(f"[data-key='{key}']"))
-    check_numbers(visit, intention, {"time": "evening"})
-    report = tuple(visit.received[-1]["report"])
+    _, decision = check_numbers(visit, intention, {"time": "evening"})
+    report = intention.domain.reported_value(decision["steps"][-1][0])
     page.click("#replies button:has-text('Yes')")
     visit.expect("#kept").to_contain_text("trains again after every 5", timeout=PATIENCE)
-    assert (judged[-1].truth,) == report
-    assert judged[-1].samples["motion"]
+    assert judged[-1].truth == report
+    check_label(visit, intention, judged[-1])
+    line = json.loads(logged[-1])
+    assert (line["facts"], line["report"]) == ({"time": "evening"}, report)
 
 
 def test_a_trial_by_keyboard_that_is_judged_wrong(open_page, address, intention, judged):
@@ -207,11 +207,12 @@ def test_a_trial_by_keyboard_that_is_judged_wrong(open_page, address, intention,
     page.locator("#decide").focus()
     page.keyboard.press("Enter")
     visit.answer_until_report(lambda key: page.keyboard.press(str(key)))
-    check_numbers(visit, intention, {"location": "library"})
-    (report,) = visit.received[-1]["report"]
+    _, decision = check_numbers(visit, intention, {"location": "library"})
+    report = intention.domain.reported_value(decision["steps"][-1][0])
     page.keyboard.press("2")
     visit.expect("#kept").to_contain_text("kept", timeout=PATIENCE)
     assert {judged[-1].truth, report} == {"interested", "not_interested"}
+    check_label(visit, intention, judged[-1])
 
 
 def test_a_prepared_walk_and_its_address(open_page, address, intention, judged):
@@ -221,10 +222,11 @@ def test_a_prepared_walk_and_its_address(open_page, address, intention, judged):
     visit.expect("svg.strip").to_have_attribute("aria-valuenow", re.compile(r"1\d\.\d"), timeout=PATIENCE)
     page.click("#decide")
     visit.answer_until_report(lambda key: page.click(f"[data-key='{key}']"))
-    said, heard = check_numbers(visit, intention, {"location": "classroom"})
+    said, decision = check_numbers(visit, intention, {"location": "classroom"})
     again = open_page(page.url, reduced_motion="reduce")
     again.expect("#replies h3").to_contain_text("was it right", timeout=PATIENCE)
-    assert check_numbers(again, intention, {"location": "classroom"}) == (said, heard)
+    said_again, repeated = check_numbers(again, intention, {"location": "classroom"})
+    assert (said_again, repeated["steps"]) == (said, decision["steps"])
     assert again.page.url == page.url
     for part in ("#walk-output", "#panels", "#why", "#rules"):
         assert again.page.inner_text(part) == page.inner_text(part)
@@ -247,12 +249,14 @@ def test_pointing_at_the_path_marks_the_chart(open_page, address):
     visit.expect(".stage .spot").to_have_attribute("visibility", "visible", timeout=PATIENCE)
 
 
-def test_a_walk_by_hand_is_in_the_address(open_page, address):
+def test_a_walk_by_hand_is_in_the_address(open_page, address, judged):
     visit = open_page(f"{address}#path=300,700,{'gW' * 30}", reduced_motion="reduce")
     visit.page.click("#decide")
-    visit.expect("#panels .panel").not_to_have_count(0, timeout=PATIENCE)
-    samples = [sample for request in visit.sent for sample in request.get("samples", [])]
-    assert samples[:2] == [[0, 3.0, 7.0], [0.1, 3.0, 6.9]]
+    visit.answer_until_report(lambda key: visit.page.click(f"[data-key='{key}']"))
+    visit.page.click("#replies button:has-text('Yes')")
+    visit.expect("#kept").to_be_visible(timeout=PATIENCE)
+    samples = judged[-1].samples["motion"]
+    assert samples[:2] == [(0, 3.0, 7.0), (0.1, 3.0, 6.9)]
     assert len(samples) == 31
 
 
@@ -281,7 +285,7 @@ def test_the_columns_fit_a_phone(open_page, address):
 @pytest.mark.parametrize("name", ["intention", "museum"])
 def test_the_page_as_one_file(open_page, name, request, tmp_path):
     file = tmp_path / "index.html"
-    file.write_text(bundle_page(find_page_folder(), make_model(request.getfixturevalue(name))))
+    file.write_text(bundle_page(find_page_folder(), make_exported_model(request.getfixturevalue(name))))
     visit = open_page(f"{file.as_uri()}#seed=3", reduced_motion="reduce")
     if name == "intention":
         visit.page.click("button:has-text('Hesitate')")

@@ -1,6 +1,5 @@
 """The server of the page: what it serves, to whom, and that no connection disturbs another one."""
 
-import asyncio
 import http.client
 import json
 import math
@@ -8,16 +7,18 @@ import random
 import re
 import socket
 import threading
-from contextlib import contextmanager
 
 import pytest
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import connect
 
 from lcorpp.web import connections, server as server_module
-from lcorpp.web.requests import FIELDS
-from lcorpp.web.server import HEADERS, MAX_MESSAGE, PageServer, make_uvicorn
-from lcorpp.web.session import Session
+from lcorpp.web.requests import FIELDS, MAX_REQUEST
+from lcorpp.web.server import HEADERS, MAX_MESSAGE, PageServer
+from lcorpp.web.service import Service
+from tests.web.conftest import serve
+
+INFER = {"type": "infer", "facts": {"time": "morning"}, "labels": {}}
 
 
 @pytest.fixture(scope="module")
@@ -26,24 +27,9 @@ def server(intention, tmp_path_factory):
     folder = tmp_path_factory.mktemp("page")
     (folder / "index.html").write_text("the page")
     (folder.parent / "secret").write_text("secret")
-    page = PageServer(lambda: Session(lambda: intention), folder)
+    page = PageServer(lambda: Service(lambda: intention), folder)
     with serve(page) as port:
         yield port, page
-
-
-@contextmanager
-def serve(page):
-    """Run a server in a thread; yield its port."""
-    uvicorn = make_uvicorn(page)
-    with socket.socket() as listening:
-        listening.bind(("127.0.0.1", 0))
-        listening.listen()
-        thread = threading.Thread(target=lambda: asyncio.run(uvicorn.serve([listening])))
-        thread.start()
-        yield listening.getsockname()[1]
-        uvicorn.should_exit = True
-        thread.join()
-    page.close()
 
 
 def get(port, path, host="127.0.0.1"):
@@ -57,7 +43,7 @@ def get(port, path, host="127.0.0.1"):
     return reply, body
 
 
-def open_session(port, **options):
+def open_page(port, **options):
     return connect(f"ws://127.0.0.1:{port}/session", **options)
 
 
@@ -87,32 +73,35 @@ def test_another_host_name_is_refused(server):
 
 
 def test_a_page_of_another_origin_is_refused(server):
-    with pytest.raises(InvalidStatus) as caught, open_session(server[0], origin="http://evil.example"):
+    with pytest.raises(InvalidStatus) as caught, open_page(server[0], origin="http://evil.example"):
         pass
     assert caught.value.response.status_code == 403
-    with open_session(server[0], origin=f"http://127.0.0.1:{server[0]}") as session:
+    with open_page(server[0], origin=f"http://127.0.0.1:{server[0]}") as session:
         assert ask(session, type="start")["type"] == "started"
 
 
-def test_two_pages_have_sessions_of_their_own(server):
-    with open_session(server[0]) as first, open_session(server[0]) as second:
-        assert ask(first, type="decide")["type"] == "decision"
-        assert ask(second, type="answer", said="pos", draw=0)["code"] == "out_of_order"
-        assert ask(second, type="decide")["type"] == "decision"
+def test_two_pages_have_services_of_their_own(server):
+    with open_page(server[0]) as first, open_page(server[0]) as second:
+        assert ask(first, type="start")["model"] is not None
+        assert ask(second, **INFER)["code"] == "out_of_order"
+        assert ask(second, type="start")["model"] is not None
+        samples = {"type": "samples", "sense": "motion", "samples": [[0, 1, 9]]}
+        for session in (first, second):
+            assert ask(session, **samples)["points"] == 1
 
 
-def test_refused_messages_keep_the_session(server):
-    with open_session(server[0]) as session:
-        ask(session, type="decide")
-        for text in ("{", b"\xff\xfe", " " * 100_000, "null"):
+def test_refused_messages_keep_the_trial(server):
+    with open_page(server[0]) as session:
+        ask(session, type="start")
+        for text in ("{", b"\xff\xfe", " " * (MAX_REQUEST + 1), "null"):
             session.send(text)
             assert json.loads(session.recv())["type"] == "error"
-        assert ask(session, type="answer", said="pos", draw=0)["type"] == "step"
+        assert ask(session, **INFER)["type"] == "posterior"
 
 
 def test_a_message_beyond_all_bounds_ends_its_connection_alone(server):
-    with open_session(server[0]) as other:
-        with open_session(server[0]) as session:
+    with open_page(server[0]) as other:
+        with open_page(server[0]) as session:
             session.send("x" * (MAX_MESSAGE + 1))
             with pytest.raises(ConnectionClosed):
                 session.recv()
@@ -125,7 +114,7 @@ def test_a_page_that_goes_away_leaves_nothing(server):
     raw.sendall(HANDSHAKE)
     assert b"101" in raw.recv(1024)
     raw.close()  # without a close frame
-    with open_session(port) as session:
+    with open_page(port) as session:
         while len(page.waiting) > 1:
             ask(session, type="start")
     while page.waiting:
@@ -133,16 +122,16 @@ def test_a_page_that_goes_away_leaves_nothing(server):
 
 
 def test_too_many_pages_are_refused(server, monkeypatch):
-    monkeypatch.setattr("lcorpp.web.server.MAX_SESSIONS", 1)
-    with open_session(server[0]) as session:
+    monkeypatch.setattr("lcorpp.web.server.MAX_PAGES", 1)
+    with open_page(server[0]) as session:
         ask(session, type="start")
-        with open_session(server[0]) as second:
+        with open_page(server[0]) as second:
             assert json.loads(second.recv())["message"] == "1 pages are open; expected fewer"
 
 
 def test_a_notice_reaches_all_pages(server):
     port, page = server
-    with open_session(port) as first, open_session(port) as second:
+    with open_page(port) as first, open_page(port) as second:
         for session in (first, second):
             ask(session, type="start")
         page.notify({"type": "learning"})
@@ -179,10 +168,8 @@ def draw_request(rng):
         "labels": {},
         "sense": "motion",
         "samples": [[rng.random(), 1, 9]],
-        "said": "pos",
-        "draw": 0.5,
-        "right": True,
-        "truth": None,
+        "value": ["interested"],
+        "steps": [["greet", "pos"]],
     }
     request = {"id": rng.randrange(9), "type": kind, **{name: good[name] for name in FIELDS[kind]}}
     if rng.random() < 0.9:
@@ -195,7 +182,7 @@ def draw_request(rng):
 
 def test_each_of_many_wrong_requests_has_a_reply(server):
     rng = random.Random(0)
-    with open_session(server[0], max_size=None) as session:
+    with open_page(server[0], max_size=None) as session:
         for _ in range(300):
             session.send(draw_request(rng))
             reply = json.loads(session.recv(), parse_constant=pytest.fail)
@@ -207,12 +194,12 @@ def test_each_of_many_wrong_requests_has_a_reply(server):
 
 
 @pytest.mark.parametrize("value", [10**400, "900 deep", "957 deep", "9000 deep"])
-@pytest.mark.parametrize("field", ["id", "type", "facts", "draw", "samples", "right", "unknown"])
+@pytest.mark.parametrize("field", ["id", "type", "facts", "steps", "samples", "value", "unknown"])
 def test_a_number_of_401_digits_and_deep_arrays_are_refused(server, field, value):
-    kinds = {"facts": "observe", "draw": "answer", "samples": "samples", "right": "judge"}
+    kinds = {"facts": "infer", "steps": "log", "samples": "samples", "value": "judge"}
     kind = kinds.get(field, "start")
-    others = {"labels": {}, "said": "pos", "sense": "motion", "truth": None}
-    with open_session(server[0]) as session:
+    others = {"facts": {}, "labels": {}, "sense": "motion", "samples": {}}
+    with open_page(server[0]) as session:
         request = {"id": 1, "type": kind, **{name: others.get(name) for name in FIELDS[kind]}, field: value}
         session.send(encode(request))
         assert json.loads(session.recv())["code"] in ("malformed", "unknown_type", "invalid")
@@ -220,24 +207,24 @@ def test_a_number_of_401_digits_and_deep_arrays_are_refused(server, field, value
 
 
 class Failing:
-    """A session of which a request fails for an unknown reason, and another has no JSON."""
+    """A service of which a request fails for an unknown reason, and another has no JSON."""
 
     def reply(self, request):
-        if request.type == "hello":
+        if request.type == "infer":
             raise ZeroDivisionError("a fault")
         return {"value": math.nan}
 
 
 def test_any_exception_in_a_request_is_a_reply(caplog):
-    with serve(PageServer(Failing)) as port, open_session(port) as session:
-        reply = ask(session, type="hello")
+    with serve(PageServer(Failing)) as port, open_page(port) as session:
+        reply = ask(session, **INFER)
         assert (reply["id"], reply["code"], reply["message"]) == (1, "failed", "ZeroDivisionError: a fault")
         assert ask(session, type="start")["code"] == "failed"
     assert [record.message for record in caplog.records] == ["a request failed"] * 2
 
 
 class Judging:
-    """A session whose judged trials wait for an event."""
+    """A service whose judged trials wait for an event."""
 
     def __init__(self, event):
         self._event = event
@@ -251,8 +238,10 @@ class Judging:
 def test_a_long_judgement_delays_no_other_page():
     event = threading.Event()
     page = PageServer(lambda: Judging(event))
-    with serve(page) as port, open_session(port) as first, open_session(port) as second:
-        first.send(json.dumps({"id": 1, "type": "judge", "right": True, "truth": None}))
+    with serve(page) as port, open_page(port) as first, open_page(port) as second:
+        first.send(
+            json.dumps({"id": 1, "type": "judge", "facts": {}, "samples": {}, "value": ["interested"]})
+        )
         assert ask(second, type="start")["type"] == "start"
         assert get(port, "/")[0].status == 200
         event.set()
@@ -271,7 +260,7 @@ def impatient(intention):
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(connections, "REQUEST_SECONDS", 0.2)
         patch.setattr(server_module, "PING_SECONDS", 0.2)
-        with serve(PageServer(lambda: Session(lambda: intention))) as port:
+        with serve(PageServer(lambda: Service(lambda: intention))) as port:
             yield port
 
 
@@ -300,7 +289,7 @@ def test_a_page_that_does_not_reply_to_pings_ends(impatient):
 
 
 def test_an_open_page_that_is_silent_stays(impatient):
-    with open_session(impatient) as session, open_session(impatient) as other:
+    with open_page(impatient) as session, open_page(impatient) as other:
         with socket.create_connection(("127.0.0.1", impatient)) as raw:
             raw.recv(1)  # until the limit of a request is over
         for own in (session, other):

@@ -8,10 +8,7 @@ import pytest
 
 from lcorpp import ConsoleWorld, load_domain
 from lcorpp.errors import LcorppError
-from lcorpp.planning.policy_cache import find_cache_folder
 from lcorpp.simulation import Population, SimulationModel
-from lcorpp.web.session import Session
-from lcorpp.web.setup import set_up_robot
 from lcorpp.worlds.ros.perception import Frames, Perception
 from lcorpp.worlds.ros.pose import Pose
 from lcorpp.worlds.ros.ros_world import Behaviour, RosWorld, TopicListener
@@ -32,31 +29,6 @@ def simulated():
 def console():
     lines = iter(["p", "neg", "xx", "none"] * 9)
     yield ConsoleWorld(DOMAIN.pomdp.observations, ask=lambda _: next(lines), show=lambda _: None)
-
-
-class PageWorld:
-    """The page as a world: its session asks, and a person answers."""
-
-    def __init__(self):
-        robot = set_up_robot(DOMAIN, {}, DOMAIN.planning.solver, cache=find_cache_folder())
-        self._session = Session(lambda: robot)
-        self._session.handle('{"type": "start", "id": 1}')
-        self._reply = self._session.handle('{"type": "decide", "id": 2}')
-
-    def act(self, action):
-        if action != self._reply.get("action"):  # the page asks by its own policy
-            raise LcorppError(f"the page does not ask {action}")
-        self._reply = self._session.handle('{"type": "answer", "id": 3, "said": "pos", "draw": 0.1}')
-        if self._reply["type"] == "error":
-            raise LcorppError(self._reply["message"])
-        return self._reply["heard"]
-
-    def report(self, action):
-        pass
-
-
-def page():
-    yield PageWorld()
 
 
 def make_ros_world(robot, *, silence="none", failure=None):
@@ -139,7 +111,7 @@ def corridor():
     robot.server.close()
 
 
-WORLDS = (simulated, console, page, ros, silent_ros, failing_ros, hanging_ros, corridor)
+WORLDS = (simulated, console, ros, silent_ros, failing_ros, hanging_ros, corridor)
 
 
 @pytest.fixture(params=WORLDS, ids=lambda make: make.__name__)

@@ -11,10 +11,10 @@ from lcorpp.web.robot import PlayRobot
 
 
 def describe_domain(robot: PlayRobot, *, learns: bool) -> dict[str, Any]:
-    """Return the reply to "hello", without its id and type.
+    """Return what the page shows of a domain.
 
     Args:
-        learns: whether the engine trains the classifier again.
+        learns: whether the classifier is trained again.
     """
     domain, pomdp = robot.domain, robot.domain.pomdp
     prior = robot.knowledge.infer({})

@@ -29,7 +29,7 @@ def bundle_page(folder: Path, model: Mapping[str, Any]) -> str:
 
     Args:
         folder: the page's files: index.html, style.css, main.js and the modules that it imports.
-        model: see `make_model`.
+        model: see `make_exported_model`.
 
     Raises:
         FileError: a file is missing, or index.html does not name the style and the script.

@@ -6,7 +6,7 @@ import base64
 import json
 from collections.abc import Mapping
 from itertools import product
-from math import prod
+from math import isfinite, prod
 from typing import Any
 
 import numpy as np
@@ -38,35 +38,51 @@ from lcorpp.web.robot import PlayRobot
 
 FORMAT = JsonFormat("lcorpp page", 1)
 MAX_EVIDENCES = 20_000
-"""Combinations of facts and labels, each of them known or unknown, whose posteriors are stored."""
+"""Combinations of facts and labels, each of them known or unknown, whose posteriors an exported page has."""
 MAX_NUMBERS = 50_000
-"""Numbers in alpha vectors; of a larger policy only the vectors are stored that decisions can use."""
+"""Numbers in alpha vectors; of a larger policy an exported page has only the vectors that decisions use."""
 DIGITS = 12
 """Decimal digits of what is only shown."""
 
 
-def make_model(robot: PlayRobot) -> dict[str, Any]:
-    """Return the model of a robot.
+def make_model(robot: PlayRobot, *, learns: bool) -> dict[str, Any]:
+    """Return the model for a page with a server, which infers, and runs the classifiers that the page cannot.
+
+    Args:
+        learns: whether the classifier is trained again.
+    """
+    classifiers = {name: own for name, own in robot.classifiers.items() if find_steps(own.estimator)}
+    return _describe(robot, robot.parts.policy, classifiers, learns=learns)
+
+
+def make_exported_model(robot: PlayRobot) -> dict[str, Any]:
+    """Return the model for a page without a server: also with the posteriors of all evidence.
 
     Raises:
         TooLargeError: the evidence has more than `MAX_EVIDENCES` combinations.
         DataError: a classifier is not an LSTM of the motion.
     """
-    domain = robot.domain
+    domain, policy = robot.domain, robot.parts.policy
     check_evidence(domain)
-    classifiers = {name: describe_classifier(own) for name, own in robot.classifiers.items()}
+    for trained in robot.classifiers.values():
+        require_steps(trained.estimator)
     posteriors, rules = tabulate_posteriors(robot)
-    policy = robot.parts.policy
     if sum(part.vectors.size for part in policy.vector_sets) > MAX_NUMBERS:
         priors = np.array([domain.planning.initial_states.T @ own["shared"] for own in posteriors.values()])
         policy = prune_policy(domain, policy, priors)
+    model = _describe(robot, policy, robot.classifiers, learns=False)
+    return {**model, "posteriors": posteriors, "rules": rules}
+
+
+def _describe(
+    robot: PlayRobot, policy: Policy, classifiers: Mapping[str, TrainedClassifier], *, learns: bool
+) -> dict[str, Any]:
+    domain = robot.domain
     return {
         **FORMAT.header,
-        "domain": describe_domain(robot, learns=False),
-        "posteriors": posteriors,
-        "rules": rules,
+        "domain": describe_domain(robot, learns=learns),
         "planner": _describe_planner(robot, policy),
-        "classifiers": classifiers,
+        "classifiers": {name: describe_classifier(own) for name, own in classifiers.items()},
         "log": {
             "head": {
                 **LOG_FORMAT.header,
@@ -90,7 +106,7 @@ def check_evidence(domain: Domain) -> None:
 
 
 def check_classifiers(classifiers: Mapping[str, ClassifierOptions]) -> None:
-    """Check before the training that the page can run the classifiers.
+    """Check before the training that an exported page can run the classifiers.
 
     Raises:
         DataError: one is not an LSTM of the motion of positions, or a learner or file is wrong.
@@ -98,9 +114,9 @@ def check_classifiers(classifiers: Mapping[str, ClassifierOptions]) -> None:
     """
     for options in classifiers.values():
         if isinstance(options, StoredOptions):
-            find_steps(load_classifier(options.file).estimator)
+            require_steps(load_classifier(options.file).estimator)
         elif options is not None:
-            find_steps(make_untrained(options))
+            require_steps(make_untrained(options))
 
 
 def _list_evidence(domain: Domain) -> dict[str, tuple[str, ...]]:
@@ -147,7 +163,7 @@ def _describe_planner(robot: PlayRobot, policy: Policy) -> dict[str, Any]:
         "O": _list_entries(pomdp.actions, pomdp.observation),
         "R": dict(zip(pomdp.actions, pomdp.reward.tolist(), strict=True)),
         "sets": [_describe_vectors(part) for part in policy.vector_sets],
-        "floor": policy.floor,
+        "floor": policy.floor if isfinite(policy.floor) else None,  # a policy for all states needs none
     }
 
 
@@ -173,26 +189,32 @@ def _list_entries(actions: tuple[str, ...], tables: SparseTables) -> dict[str, l
     return entries
 
 
-def find_steps(estimator: Any) -> tuple[Motion, ChannelStandardizer, LstmClassifier]:
-    """Return the steps of a classifier that the page can run, fitted or not.
-
-    Raises:
-        DataError: it is not an LSTM of the motion of positions.
-    """
+def find_steps(estimator: Any) -> tuple[Motion, ChannelStandardizer, LstmClassifier] | None:
+    """Return the steps of an LSTM of the motion of positions, fitted or not; None for another classifier."""
     steps = [step for _, step in getattr(estimator, "steps", [])]
     kinds = (Motion, ChannelStandardizer, LstmClassifier)
     is_known = len(steps) == len(kinds) and all(map(isinstance, steps, kinds))
-    if not is_known or tuple(steps[0].inputs) != POSITION:
+    return (steps[0], steps[1], steps[2]) if is_known and tuple(steps[0].inputs) == POSITION else None
+
+
+def require_steps(estimator: Any) -> tuple[Motion, ChannelStandardizer, LstmClassifier]:
+    """Return `find_steps`.
+
+    Raises:
+        DataError: there are none.
+    """
+    steps = find_steps(estimator)
+    if steps is None:
         raise DataError(
             f"the exported page cannot run {name_of(estimator)}; expected an LSTM of the motion of positions,"
             f" e.g. --learner {LEARNER}"
         )
-    return steps[0], steps[1], steps[2]
+    return steps
 
 
 def describe_classifier(trained: TrainedClassifier) -> dict[str, Any]:
-    """Return a classifier that the page can run, see `find_steps`."""
-    motion, standardizer, network = find_steps(trained.estimator)
+    """Return a classifier that the page can run; raises as `require_steps`."""
+    motion, standardizer, network = require_steps(trained.estimator)
     streams = StreamingClassifier.from_trained(trained)
     rules, weights = streams.rules, network.weights_
     threshold = trained.threshold

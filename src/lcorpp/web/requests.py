@@ -10,16 +10,18 @@ from typing import Any, NoReturn
 
 from lcorpp.errors import LcorppError, expected_one_of
 
-MAX_REQUEST = 65_536
-"""Characters of a request."""
+MAX_REQUEST = 2**20
+"""Characters of a request; a judged trial has all its samples."""
 MAX_SAMPLES = 64
-"""Samples in a request."""
+"""Samples to classify in a request."""
+MAX_LIST = 20_000
+"""Elements of other lists."""
 MAX_NAME = 200
 """Characters of a name."""
 
 
 class RequestError(LcorppError):
-    """A request that the engine refuses.
+    """A request that the service refuses.
 
     Attributes:
         code: "malformed", "unknown_type", "invalid", "out_of_order", "too_large", "unavailable" or "failed".
@@ -93,10 +95,27 @@ def _check_names(field: str, value: object) -> dict[str, str]:
     return {_check_name(field, name): _check_name(field, own) for name, own in value.items()}
 
 
+def _check_list(field: str, value: object, limit: int, expected: str) -> list[Any]:
+    if not isinstance(value, list) or not 0 < len(value) <= limit:
+        _refuse(field, value, f"1 to {limit} {expected}")
+    return value
+
+
 def _check_samples(field: str, value: object) -> list[tuple[float, ...]]:
-    if not isinstance(value, list) or not 0 < len(value) <= MAX_SAMPLES:
-        _refuse(field, value, f"1 to {MAX_SAMPLES} samples [time, value, ...]")
-    return [_check_sample(field, sample) for sample in value]
+    samples = _check_list(field, value, MAX_SAMPLES, "samples [time, value, ...]")
+    return [_check_sample(field, sample) for sample in samples]
+
+
+def _check_tracks(field: str, value: object) -> dict[str, list[tuple[float, ...]]]:
+    if not isinstance(value, dict):
+        _refuse(field, value, "an object of samples")
+    return {
+        _check_name(field, name): [
+            _check_sample(field, sample)
+            for sample in _check_list(field, own, MAX_LIST, "samples [time, value, ...]")
+        ]
+        for name, own in value.items()
+    }
 
 
 def _check_sample(field: str, value: object) -> tuple[float, ...]:
@@ -105,24 +124,23 @@ def _check_sample(field: str, value: object) -> tuple[float, ...]:
     return tuple(map(float, value))
 
 
-def _check_draw(field: str, value: object) -> float:
-    if not _is_number(value) or not 0 <= value < 1:  # type: ignore[operator]
-        _refuse(field, value, "a number from 0 to below 1")
-    return float(value)  # type: ignore[arg-type]
+def _check_value(field: str, value: object) -> tuple[str, ...]:
+    names = _check_list(field, value, MAX_SAMPLES, "values of the shared variables")
+    return tuple(_check_name(field, name) for name in names)
 
 
-def _check_bool(field: str, value: object) -> bool:
-    if not isinstance(value, bool):
-        _refuse(field, value, "true or false")
-    return value
+def _check_steps(field: str, value: object) -> list[tuple[str, str | None]]:
+    return [
+        _check_step(field, step)
+        for step in _check_list(field, value, MAX_LIST, "steps [action, observation]")
+    ]
 
 
-def _check_truth(field: str, value: object) -> tuple[str, ...] | None:
-    if value is None:
-        return None
-    if not isinstance(value, list) or not 0 < len(value) <= MAX_SAMPLES:
-        _refuse(field, value, "null, or a value of each shared variable")
-    return tuple(_check_name(field, name) for name in value)
+def _check_step(field: str, value: object) -> tuple[str, str | None]:
+    if not isinstance(value, list) or len(value) != 2:
+        _refuse(field, value, "a step [action, observation], null for the observation of a report")
+    action, observation = value
+    return _check_name(field, action), None if observation is None else _check_name(field, observation)
 
 
 def _is_number(value: object) -> bool:
@@ -144,13 +162,10 @@ def _show(value: object) -> str:
 
 
 FIELDS: Mapping[str, Mapping[str, Callable[[str, object], Any]]] = {
-    "hello": {},
     "start": {},
-    "observe": {"facts": _check_names, "labels": _check_names},
+    "infer": {"facts": _check_names, "labels": _check_names},
     "samples": {"sense": _check_name, "samples": _check_samples},
-    "decide": {},
-    "answer": {"said": _check_name, "draw": _check_draw},
-    "judge": {"right": _check_bool, "truth": _check_truth},
-    "record": {},
+    "judge": {"facts": _check_names, "samples": _check_tracks, "value": _check_value},
+    "log": {"facts": _check_names, "labels": _check_names, "steps": _check_steps},
 }
 """Type of request -> its fields with their checks."""

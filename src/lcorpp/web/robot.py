@@ -1,4 +1,4 @@
-"""The robot of the page: the parts of Algorithm 2, set up once and shared by all sessions."""
+"""The robot of the page: the parts of Algorithm 2, set up once and shared by all pages."""
 
 from __future__ import annotations
 
@@ -7,10 +7,8 @@ from dataclasses import dataclass
 from functools import cached_property
 
 from lcorpp.assembly.robot_parts import RobotParts
-from lcorpp.decision import Robot
 from lcorpp.domains import Domain
 from lcorpp.learning import TrainedClassifier
-from lcorpp.planning import Planner
 from lcorpp.reasoning import Program
 from lcorpp.web.knowledge import Knowledge
 
@@ -40,9 +38,3 @@ class PlayRobot:
     def knowledge(self) -> Knowledge:
         """The reasoner of the program."""
         return Knowledge(self.domain, self.program)
-
-    @cached_property
-    def robot(self) -> Robot:
-        """The parts of Algorithm 2, without classifiers: a session gives the labels."""
-        planner = Planner(self.parts.policy, self.domain.pomdp)
-        return Robot({}, self.knowledge.reasoner, planner, self.domain)

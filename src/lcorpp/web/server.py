@@ -1,4 +1,4 @@
-"""The server of the page: static files and a WebSocket with a session each, on the loopback only."""
+"""The server of the page: static files and a WebSocket for each page, on the loopback only."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from starlette.websockets import WebSocket, WebSocketDisconnect
 from lcorpp.web.connections import PING_SECONDS, TimedHttpProtocol
 from lcorpp.web.requests import RequestError, parse_request
 from lcorpp.web.serial_thread import SerialThread
-from lcorpp.web.session import Session
+from lcorpp.web.service import Service
 from lcorpp.web.setup import find_page_folder
 
 LOG = logging.getLogger(__name__)
@@ -30,9 +30,9 @@ LOG = logging.getLogger(__name__)
 HOST = "127.0.0.1"
 HOSTS = [HOST, "localhost", "[::1]"]
 """Names under which the page may be asked for; another one is a page that was given this address."""
-MAX_SESSIONS = 200
+MAX_PAGES = 200
 """Open pages at a time."""
-MAX_MESSAGE = 2**20
+MAX_MESSAGE = 2**21
 """Bytes of a message; a longer one closes its connection."""
 MAX_PUSHED = 64
 """Messages that wait for a slow page; later ones that it did not ask for are left out."""
@@ -52,24 +52,24 @@ HEADERS = {
 
 
 class PageServer:
-    """Serves the page, and a session for each of its connections.
+    """Serves the page, and a service for each of its connections.
 
-    The sessions share a robot, so one thread replies to their requests, one after another; another thread
+    The services share a robot, so one thread replies to their requests, one after another; another thread
     takes the judged trials, which may be long. The event loop never waits for them.
 
     waiting: the messages for each open page.
 
     Args:
-        make_session: called for each connection, in the thread of the requests.
+        make_service: called for each connection, in the thread of the requests.
         folder: of the page's files; by default those of the package.
     """
 
-    def __init__(self, make_session: Callable[[], Session], folder: Path | None = None) -> None:
-        self._make_session = make_session
+    def __init__(self, make_service: Callable[[], Service], folder: Path | None = None) -> None:
+        self._make_service = make_service
         self.waiting: set[asyncio.Queue[str]] = set()
         self._requests, self._judgements = SerialThread("requests"), SerialThread("judgements")
         routes = [
-            WebSocketRoute("/session", self._serve_session),
+            WebSocketRoute("/session", self._serve_page),
             Mount("/", StaticFiles(directory=folder or find_page_folder(), html=True)),
         ]
         hosts = Middleware(TrustedHostMiddleware, allowed_hosts=HOSTS)
@@ -87,13 +87,13 @@ class PageServer:
         self._requests.close()
         self._judgements.close()
 
-    async def _serve_session(self, socket: WebSocket) -> None:
+    async def _serve_page(self, socket: WebSocket) -> None:
         if not is_own_origin(socket):
             await socket.close(1008)  # before `accept`: the answer is 403
             return
         await socket.accept()
-        if len(self.waiting) >= MAX_SESSIONS:
-            error = RequestError("unavailable", f"{MAX_SESSIONS} pages are open; expected fewer")
+        if len(self.waiting) >= MAX_PAGES:
+            error = RequestError("unavailable", f"{MAX_PAGES} pages are open; expected fewer")
             await socket.send_json(error.reply())
             await socket.close(1013)
             return
@@ -101,25 +101,25 @@ class PageServer:
         self.waiting.add(queue)
         sender = asyncio.create_task(_send_all(socket, queue))
         try:
-            session = await self._requests.call(self._make_session)
+            service = await self._requests.call(self._make_service)
             while True:
                 message = await socket.receive()
                 if message["type"] == "websocket.disconnect":
                     break
                 text = message.get("text")
-                await queue.put(await self._reply(session, message["bytes"] if text is None else text))
+                await queue.put(await self._reply(service, message["bytes"] if text is None else text))
         finally:
             self.waiting.discard(queue)
             sender.cancel()
 
-    async def _reply(self, session: Session, text: str | bytes) -> str:
+    async def _reply(self, service: Service, text: str | bytes) -> str:
         """Return the reply to a request as JSON, whatever happens in it."""
         number = None
         try:
             request = parse_request(text)
             number = request.id
             thread = self._judgements if request.type == "judge" else self._requests
-            return json.dumps(await thread.call(session.reply, request), allow_nan=False)
+            return json.dumps(await thread.call(service.reply, request), allow_nan=False)
         except RequestError as error:
             return json.dumps(error.reply())
         except Exception as error:  # of an own learner or of a fault of ours: it must not end the connection

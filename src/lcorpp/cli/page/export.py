@@ -34,7 +34,7 @@ def export(
     from lcorpp.domains import load_domain
     from lcorpp.files import make_folder, write_atomically
     from lcorpp.web.export import bundle_page
-    from lcorpp.web.model import check_classifiers, check_evidence, make_model
+    from lcorpp.web.model import check_classifiers, check_evidence, make_exported_model
     from lcorpp.web.setup import find_page_folder
 
     loaded = load_domain(domain, preset=preset)
@@ -45,7 +45,7 @@ def export(
     solver = page.solving.choose_solver(loaded)
     robot = page.set_up(loaded, chosen, solver)
     with console.show_progress("computing posteriors and reachable beliefs") as _:
-        html = bundle_page(find_page_folder(), make_model(robot)).encode()
+        html = bundle_page(find_page_folder(), make_exported_model(robot)).encode()
     write_atomically(to / "index.html", html)
     size = len(gzip.compress(html)) / 1000
     console.out.print(f"wrote {to / 'index.html'}: {len(html) / 1000:.0f} kB, {size:.0f} kB compressed")

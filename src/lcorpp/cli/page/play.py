@@ -137,17 +137,17 @@ async def serve(
 ) -> None:
     """Serve the page until Ctrl-C."""
     from lcorpp.web.server import PageServer, make_uvicorn
-    from lcorpp.web.session import Session
+    from lcorpp.web.service import Service
 
     append = None if log is None else lambda line: log.append_lines([line])
     loop = asyncio.get_running_loop()
 
-    def make_session() -> Session:
+    def make_service() -> Service:
         if learner is None:
-            return Session(lambda: robot, log=append)
-        return Session(lambda: learner.robot, learner.keep, append)
+            return Service(lambda: robot, log=append)
+        return Service(lambda: learner.robot, learner.keep, append)
 
-    server = PageServer(make_session)
+    server = PageServer(make_service)
 
     def notify(message: Mapping[str, Any]) -> None:
         loop.call_soon_threadsafe(server.notify, message)

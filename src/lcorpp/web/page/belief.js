@@ -13,7 +13,7 @@ const CAPTIONS = {
 };
 
 export class BeliefPicture {
-  /** domain: the reply to "hello". palette: of it. */
+  /** domain: of the model. palette: of it. */
   constructor(domain, palette) {
     this.domain = domain;
     this.palette = palette;

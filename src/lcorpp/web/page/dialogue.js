@@ -6,7 +6,7 @@ const MAX_KEYS = 9;
 
 export class Dialogue {
   /**
-   * domain: the reply to "hello". describe: returns a belief's most probable value as elements.
+   * domain: of the model. describe: returns a belief's most probable value as elements.
    * onDecide: called when the robot shall decide. onAnswer: takes an observation.
    */
   constructor(domain, describe, onDecide, onAnswer) {

@@ -7,7 +7,7 @@ const MANY = 6;
 const RULE_ORDER = ["shared", "label", "hidden", undefined, "fact"];
 
 export class Knowledge {
-  /** domain: the reply to "hello". palette: of it. onChoose: takes "facts" or "labels", a name, a value or null. */
+  /** domain: of the model. palette: of it. onChoose: takes "facts" or "labels", a name, a value or null. */
   constructor(domain, palette, onChoose) {
     this.palette = palette;
     this.onChoose = onChoose;
@@ -23,7 +23,7 @@ export class Knowledge {
     this.seen = domain.attributes.filter((own) => own.role === "fact" || own.role === "label");
   }
 
-  /** Show a reply to "observe" or "decide". chosen: {facts, labels}. */
+  /** Show what follows from evidence. chosen: {facts, labels}. */
   draw(posterior, chosen, isLocked) {
     this.posterior = posterior;
     const focused = document.activeElement?.closest("#reasoning [data-choice]")?.dataset.choice;

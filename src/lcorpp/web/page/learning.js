@@ -12,7 +12,7 @@ const NO_LEARNING =
   "This page does not learn: its classifier stays as it is. Under \u201clcorpp play\u201d the robot keeps your walk and trains again.";
 
 export class Learning {
-  /** domain: the reply to "hello". palette: of it. onJudge: takes whether it was right, and the truth or null. */
+  /** domain: of the model. palette: of it. onJudge: takes the truth if it was wrong, else null. */
   constructor(domain, palette, onJudge) {
     this.domain = domain;
     this.palette = palette;
@@ -29,21 +29,21 @@ export class Learning {
       return;
     }
     const others = this.domain.values.filter((value) => String(value) !== String(report));
-    const buttons = [{ text: "Yes", onpress: () => this.judge(true, null) }];
+    const buttons = [{ text: "Yes", onpress: () => this.judge(null) }];
     const title = `${readable(report)}: was it right?`;
     if (others.length <= MAX_BUTTONS) {
-      const wrong = others.map((value) => ({ text: `No: ${readable(value)}`, onpress: () => this.judge(false, value) }));
+      const wrong = others.map((value) => ({ text: `No: ${readable(value)}`, onpress: () => this.judge(value) }));
       showButtons(title, [...buttons, ...wrong]);
       return;
     }
     const choice = element("select", { "aria-label": "True value" }, ...others.map((value, i) => element("option", { value: i }, readable(value))));
-    const wrong = { text: "No, it was:", onpress: () => this.judge(false, others[Number(choice.value)]) };
+    const wrong = { text: "No, it was:", onpress: () => this.judge(others[Number(choice.value)]) };
     showButtons(title, [...buttons, wrong], choice);
   }
 
-  judge(isRight, truth) {
-    this.judgement = isRight ? "it was right" : `it was wrong, ${readable(truth)} is true`;
-    this.onJudge(isRight, truth);
+  judge(truth) {
+    this.judgement = truth === null ? "it was right" : `it was wrong, ${readable(truth)} is true`;
+    this.onJudge(truth);
   }
 
   /** Show what was judged and kept. path: the walk that was judged. */
@@ -54,7 +54,7 @@ export class Learning {
     showButtons(`You judged: ${this.judgement}`, [again], this.status);
   }
 
-  /** Show a message that the engine sent by itself, the comparison at once or behind a button. */
+  /** Show a message that the server sent by itself, the comparison at once or behind a button. */
   push(message, sense, isAtOnce) {
     this.isTraining = message.type === "learning";
     if (this.isTraining) {

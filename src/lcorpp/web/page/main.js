@@ -1,11 +1,12 @@
-// The page: composes the instruments, and passes on what you do and what the engine replies.
+// The page: composes the instruments, and passes on what you do and what the engine returns.
 
 import { readAddress, writeAddress } from "./address.js";
 import { BeliefPicture } from "./belief.js";
 import { Dialogue, pressKey } from "./dialogue.js";
 import { element, percent, phrase, readable, show } from "./dom.js";
-import { LocalEngine } from "./engine/local.js";
-import { RemoteEngine } from "./engine/remote.js";
+import { ExportedHost } from "./engine/exported_host.js";
+import { ServedHost } from "./engine/served_host.js";
+import { Session } from "./engine/session.js";
 import { Knowledge } from "./knowledge.js";
 import { Learning } from "./learning.js";
 import { Palette } from "./marks.js";
@@ -19,21 +20,21 @@ import { showReasons } from "./why.js";
 const NEXT_TRIAL = "Try to fool it: walk one way, and answer another.";
 
 class Page {
-  constructor(engine) {
-    this.engine = engine;
-    engine.onPush = (message) => this.receive(message);
-    engine.onClose = () => this.refuse("The connection has ended. Start lcorpp play again, and reload this page.");
+  constructor(host) {
+    this.session = new Session(host);
+    host.onPush = (message) => this.receive(message);
+    host.onClose = () => this.refuse("The connection has ended. Start lcorpp play again, and reload this page.");
   }
 
   async open() {
-    const domain = await this.engine.send({ type: "hello" });
-    if (domain.type === "error") throw new Error(domain.message);
+    await this.session.start();
+    const domain = this.session.domain;
     this.domain = domain;
     this.sense = domain.senses.find((sense) => sense.kind === "track") ?? null;
     const palette = new Palette(domain);
     show("description", domain.description);
     document.body.classList.toggle("no-stage", this.sense === null);
-    this.trial = new Trial((request) => this.engine.send(request), this.sense, this.makeViews());
+    this.trial = new Trial(this.session, this.sense, this.makeViews());
     this.walker = new Walker((path) => this.move(path), () => this.rest());
     if (this.sense !== null) this.addStage(palette);
     else show("rules-lead", "Rules with probabilities tell what follows from what the robot sees.");
@@ -41,7 +42,7 @@ class Page {
     this.belief = new BeliefPicture(domain, palette);
     const describe = (shared) => this.belief.describe(shared);
     this.dialogue = new Dialogue(domain, describe, () => this.decide(), (said) => this.trial.answer(said));
-    this.learning = new Learning(domain, palette, (right, truth) => this.trial.judge(right, truth));
+    this.learning = new Learning(domain, palette, (truth) => this.trial.judge(truth));
     document.getElementById("restart").addEventListener("click", () => this.restart());
     document.getElementById("copy").addEventListener("click", () => this.copy());
     document.addEventListener("keydown", (event) => this.press(event));
@@ -69,6 +70,7 @@ class Page {
   makeViews() {
     return {
       refused: (message) => this.refuse(message),
+      started: () => this.knowledge.setDomain(this.session.domain),
       predicted: (prediction) => this.showPrediction(prediction),
       inferred: (posterior) => this.showPosterior(posterior),
       acted: (view, step) => this.showAct(view, step),
@@ -204,12 +206,9 @@ class Page {
     show("live", `${heard}${belief ? `It believes ${belief}. ` : ""}${act}`);
   }
 
-  async receive(message) {
+  receive(message) {
     this.learning.push(message, this.sense, this.trial.phase === "judged");
     show("live", message.type === "learning" ? "The classifier trains." : "The classifier has learnt.");
-    if (message.type !== "learnt" || message.error !== undefined) return;
-    const domain = await this.engine.send({ type: "hello" });
-    if (domain.type !== "error") this.knowledge.setDomain(domain);
   }
 
   async copy() {
@@ -260,9 +259,9 @@ class Page {
   }
 }
 
-function makeEngine() {
-  if (globalThis.LCORPP_MODEL) return new LocalEngine(globalThis.LCORPP_MODEL);
-  return new RemoteEngine(new URL("session", location.href.replace(/^http/, "ws")));
+function makeHost() {
+  if (globalThis.LCORPP_MODEL) return new ExportedHost(globalThis.LCORPP_MODEL);
+  return new ServedHost(new WebSocket(new URL("session", location.href.replace(/^http/, "ws"))));
 }
 
-new Page(makeEngine()).open().catch((error) => show("status", `The page cannot be opened: ${error.message}`));
+new Page(makeHost()).open().catch((error) => show("status", `The page cannot be opened: ${error.message}`));

@@ -12,7 +12,7 @@ const HUES = 4;
 const QUESTION_HUES = 4;
 
 export class Palette {
-  /** domain: the reply to "hello". */
+  /** domain: of the model. */
   constructor(domain) {
     this.domain = domain;
     this.isColoured = domain.values.length <= HUES;

@@ -1,4 +1,4 @@
-// One trial after another: what you do becomes requests to the engine, in their order, and its replies views.
+// One trial after another: what you do goes to the engine, in its order, and what it returns to the views.
 
 import { makeGenerator } from "./address.js";
 import { TICK } from "./walks.js";
@@ -7,11 +7,11 @@ const BATCH = 4;
 
 export class Trial {
   /**
-   * send: takes a request, returns a promise of its reply. sense: the sense of tracks, or null. views: functions
-   * {refused(message), predicted(prediction), inferred(posterior), acted(view, step), judged(reply)}.
+   * session: the engine. sense: the sense of tracks, or null. views: functions {refused(message), started(),
+   * predicted(prediction), inferred(posterior), acted(view, step), judged(reply)}.
    */
-  constructor(send, sense, views) {
-    this.send = send;
+  constructor(session, sense, views) {
+    this.session = session;
     this.sense = sense;
     this.views = views;
     this.queue = Promise.resolve();
@@ -26,7 +26,7 @@ export class Trial {
     return this.enqueue(async () => {
       Object.assign(this, { seed, facts: {}, labels: {}, answers: null, view: null, posterior: null });
       this.draw = makeGenerator(seed);
-      await this.ask({ type: "start" });
+      await this.start();
       try {
         await this.observe(facts, labels);
       } catch (error) {
@@ -41,9 +41,14 @@ export class Trial {
     this.number += 1;
     this.clearTrack();
     return this.enqueue(async () => {
-      await this.ask({ type: "start" });
+      await this.start();
       await this.observe(this.facts, this.labels);
     });
+  }
+
+  async start() {
+    await this.session.start();
+    this.views.started();
   }
 
   /** Change a fact, or the label of a sense; null for unknown. */
@@ -57,7 +62,7 @@ export class Trial {
   }
 
   async observe(facts, labels) {
-    const reply = await this.ask({ type: "observe", facts, labels });
+    const reply = await this.session.observe(facts, labels);
     Object.assign(this, { facts, labels, posterior: reply });
     this.views.inferred(reply);
   }
@@ -83,7 +88,7 @@ export class Trial {
         const end = Math.min(this.path.length, this.sent + BATCH);
         const samples = this.path.slice(this.sent, end).map(([x, y], i) => [seconds(this.sent + i), x, y]);
         this.sent = end;
-        const reply = await this.ask({ type: "samples", sense: this.sense.name, samples });
+        const reply = await this.session.addSamples(this.sense.name, samples);
         if (number !== this.number) return;
         const { probabilities, label, points } = reply;
         const prediction = { index: end - 1, time: seconds(end - 1), points, probabilities, label };
@@ -106,11 +111,11 @@ export class Trial {
     return this.enqueue(async () => {
       if (this.phase !== "before") return;
       await this.pumping;
-      const reply = await this.ask({ type: "decide" });
+      const reply = await this.session.decide();
       this.posterior = reply;
       this.answers = [];
       this.views.inferred(reply);
-      this.act(reply, null);
+      await this.act(reply, null);
     });
   }
 
@@ -118,42 +123,37 @@ export class Trial {
   answer(said) {
     return this.enqueue(async () => {
       if (this.phase !== "asking") return;
-      const reply = await this.ask({ type: "answer", said, draw: this.draw() });
+      const reply = await this.session.answer(said, this.draw());
       this.answers.push(said);
-      this.act(reply, reply);
+      await this.act(reply, reply);
     });
   }
 
-  act(view, step) {
+  async act(view, step) {
     this.view = view;
     this.phase = view.done ? "done" : "asking";
     this.views.acted(view, step);
+    if (view.done) await this.session.log();
   }
 
   /** Judge the report. truth: the true shared value if it was wrong, else null. */
-  judge(right, truth) {
+  judge(truth) {
     return this.enqueue(async () => {
       if (this.phase !== "done") return;
-      const reply = await this.ask({ type: "judge", right, truth });
+      const reply = await this.session.judge(truth);
       this.phase = "judged";
       this.views.judged(reply);
     });
   }
 
   /** Return the trial as a line of the decision log. */
-  async record() {
-    return (await this.ask({ type: "record" })).line;
+  record() {
+    return this.session.record();
   }
 
   enqueue(work) {
     this.queue = this.queue.then(work).catch((error) => this.views.refused(error.message));
     return this.queue;
-  }
-
-  async ask(request) {
-    const reply = await this.send(request);
-    if (reply.type === "error") throw new Error(reply.message);
-    return reply;
   }
 }
 

@@ -2,7 +2,7 @@
 
 import { decimal, element, percent, phrase, show } from "./dom.js";
 
-/** Show what a view has to say. domain: the reply to "hello". describe: returns a belief's most probable value as elements. */
+/** Show what a view has to say. domain: of the model. describe: returns a belief's most probable value as elements. */
 export function showReasons(domain, view, describe) {
   if (view === null) {
     show("why", element("p", { class: "quiet" }, "Once the robot acts, this compares the expected reward of its best two actions, and what each answer would change."));

@@ -1,4 +1,4 @@
-// Beliefs and the policy: lcorpp/planning/belief.py, policy.py, and the view of lcorpp/web/view.py.
+// Beliefs and the policy, as lcorpp/planning/belief.py and policy.py, and what the page shows of a belief.
 
 import { decodeNumbers } from "./lstm.js";
 import { indexOfMaximum } from "./stream.js";
@@ -103,7 +103,10 @@ export class PagePlanner {
     return mass.map((p) => (total > 0 ? p / total : 1 / mass.length));
   }
 
-  /** Return what the page shows of a belief: `view_belief` of the server. */
+  /**
+   * Return what the page shows of a belief before the action that the policy chooses there: the values of all
+   * actions one step ahead, and the outcomes of the chosen one. A terminal belief has no action.
+   */
   view(belief) {
     const known = { belief: this.listBelief(belief), shared: this.marginal(belief) };
     if (this.isTerminal(belief)) {

@@ -1,151 +1,121 @@
-// The engine of the page in the page itself: lcorpp/web/session.py over the tables of a model.
+// The engine of the page: Algorithm 2, one trial after another, over the model of a robot.
+//
+// A host gives what the page has not itself; its methods return promises:
+//   start()                  begin a trial: the model (lcorpp/web/model.py), null if it is still the same
+//   infer(facts, labels)     what follows from facts and classes: {evidence, marginals, shared, fired, world,
+//                            world_probability}
+//   classify(sense, samples) add samples to a track: {points, track, probabilities, class}; for senses whose
+//                            classifier is not in the model
+//   judge(facts, samples, value)  keep a trial with its true value: {stored, batch}
+//   log(line)                keep a decision, a line of the decision log
 
 import { PagePlanner } from "./planner.js";
-import { Stream } from "./stream.js";
-import { RequestError, checkRequest, isId } from "./requests.js";
+import { HostStream, Stream } from "./stream.js";
 
 const MAX_STEPS = 500;
 const MAX_TRACK = 10000;
 
-export class LocalSession {
-  /** model: the JSON of lcorpp/web/model.py. */
-  constructor(model) {
-    this.model = model;
-    this.domain = model.domain;
-    this.planner = new PagePlanner(model);
-    this.handlers = {
-      hello: () => ({ type: "domain", ...this.domain }),
-      start: () => this.start(),
-      observe: (fields) => this.observe(fields),
-      samples: (fields) => this.addSamples(fields),
-      decide: () => this.decide(),
-      answer: (fields) => this.answer(fields),
-      judge: (fields) => this.judge(fields),
-      record: () => this.record(),
-    };
-    this.start();
+/** What the engine does not do, with the reason for the person. */
+export class Refusal extends Error {}
+
+export class Session {
+  /** domain: of the model, from the first `start` on. */
+  constructor(host) {
+    this.host = host;
+    this.queue = Promise.resolve();
+    this.model = null;
   }
 
-  /** Return the reply to a request; a refused one changes nothing. */
-  handle(request) {
-    const id = isId(request?.id) ? request.id : null;
-    const refuse = (error, place) => {
-      if (!(error instanceof RequestError)) throw error;
-      return { id, type: "error", code: error.code, message: `${place}${error.message}` };
-    };
-    let fields;
-    try {
-      fields = checkRequest(request);
-    } catch (error) {
-      return refuse(error, "");
-    }
-    try {
-      return { id, ...this.handlers[request.type](fields) };
-    } catch (error) {
-      return refuse(error, `${request.type}: `);
-    }
+  get domain() {
+    return this.model.domain;
   }
 
+  /** Do one thing after the other, in the order of the calls. */
+  enqueue(work) {
+    const done = this.queue.then(work);
+    this.queue = done.catch(() => {});
+    return done;
+  }
+
+  /** Begin a trial. */
   start() {
-    this.facts = {};
-    this.labels = {};
-    this.streams = {};
-    this.counts = {};
-    for (const [name, classifier] of Object.entries(this.model.classifiers)) {
-      this.streams[name] = new Stream(classifier);
-      this.counts[name] = 0;
-    }
-    this.decision = null;
-    this.belief = null;
-    this.report = null;
-    this.isDone = false;
-    this.isJudged = false;
-    this.steps = [];
-    return { type: "started" };
+    return this.enqueue(async () => {
+      const model = await this.host.start();
+      if (model !== null && model !== this.model) {
+        this.model = model;
+        this.planner = new PagePlanner(model);
+      }
+      this.facts = {};
+      this.labels = {};
+      this.samples = {};
+      this.streams = {};
+      for (const { name } of this.domain.senses.filter((sense) => sense.kind === "track")) {
+        const classifier = find(this.model.classifiers, name);
+        this.samples[name] = [];
+        this.streams[name] = classifier === null ? new HostStream(this.host, name) : new Stream(classifier);
+      }
+      this.decision = null;
+      this.belief = null;
+      this.report = null;
+      this.isDone = false;
+      this.isJudged = false;
+      this.steps = [];
+    });
   }
 
-  observe({ facts, labels }) {
-    require(this.decision === null, "the robot is already deciding; expected `start`");
-    for (const [name, label] of Object.entries(labels)) {
-      const sense = this.domain.senses.find((own) => own.name === name && own.kind === "choice");
-      if (sense === undefined) throw invalid(`labels: '${name}' is not a sense whose label is chosen`);
-      const known = sense.labels.map((own) => own.label);
-      if (!known.includes(label)) throw invalid(`labels: ${name} '${label}'; ${oneOf(known)}`);
-    }
-    for (const [name, value] of Object.entries(facts)) {
-      const fact = this.domain.facts.find((own) => own.name === name);
-      if (fact === undefined) throw invalid(`'${name}' is not observed in ${this.domain.name}`);
-      if (!fact.values.includes(value)) throw invalid(`${name} cannot be '${value}'; ${oneOf(fact.values)}`);
-    }
-    const { reply } = this.infer(facts, labels);
-    this.facts = { ...facts };
-    this.labels = { ...labels };
-    return { type: "posterior", ...reply };
+  /** Take what the robot observes, and the labels of senses without tracks; return what follows from them. */
+  observe(facts, labels) {
+    return this.enqueue(async () => {
+      require(this.decision === null, "the robot is already deciding; expected a new trial");
+      const names = Object.fromEntries(this.domain.facts.map((fact) => [fact.name, fact.values]));
+      checkNames("fact", facts, names);
+      const senses = this.domain.senses.filter((sense) => sense.kind === "choice");
+      checkNames("label", labels, Object.fromEntries(senses.map((sense) => [sense.name, sense.labels.map((own) => own.label)])));
+      const { reply } = await this.infer(facts, labels);
+      this.facts = { ...facts };
+      this.labels = { ...labels };
+      return reply;
+    });
   }
 
   /** Return what follows from facts and labels, with those of the tracks so far: {reply, classes, prior}. */
-  infer(facts, labels) {
-    const evidence = { ...facts };
+  async infer(facts, labels) {
     const classes = {};
     for (const sense of this.domain.senses) {
-      const label = sense.kind === "track" ? this.findLabel(sense) : labels[sense.name];
-      if (label === null || label === undefined) continue;
-      classes[sense.name] = sense.labels.find((own) => own.label === label).class;
-      evidence[sense.attribute] = label;
+      const chosen = sense.labels.find((own) => own.label === labels[sense.name]);
+      const name = sense.kind === "track" ? this.streams[sense.name].class : (chosen?.class ?? null);
+      if (name !== null) classes[sense.name] = name;
     }
-    const names = [...this.domain.facts.map((fact) => fact.name), ...this.domain.senses.map((s) => s.attribute)];
-    const key = names.map((name) => evidence[name] ?? "").join("|");
-    const known = find(this.model.posteriors, key);
-    if (known === null) throw invalid("no possible world satisfies this evidence");
+    const known = await this.host.infer(facts, classes);
     const prior = this.planner.makePrior(known.shared);
-    const byName = (values) => Object.fromEntries(this.domain.attributes.map((own, i) => [own.name, values[i]]));
-    const world = Object.entries(byName(known.world)).filter(([, value]) => value !== null);
-    const reply = {
-      evidence,
-      marginals: byName(known.marginals),
-      shared: known.shared,
-      fired: known.fired.map((rule) => this.model.rules[rule]),
-      world: Object.fromEntries(world),
-      world_probability: known.world_probability,
-      belief: this.planner.listBelief(prior),
-      fan: this.planner.drawFan(prior),
-    };
+    const reply = { ...known, belief: this.planner.listBelief(prior), fan: this.planner.drawFan(prior) };
     return { reply, classes, prior };
   }
 
-  findLabel(sense) {
-    const predicted = this.streams[sense.name].classify();
-    return predicted === null ? null : sense.labels.find((own) => own.class === predicted).label;
+  /** Add samples [seconds, x, y] to the track of a sense; return its class probabilities. */
+  addSamples(sense, samples) {
+    return this.enqueue(async () => {
+      require(this.decision === null, "the robot is already deciding; expected a new trial");
+      const stream = this.streams[sense];
+      const kept = this.samples[sense];
+      require(kept.length + samples.length <= MAX_TRACK, `expected at most ${MAX_TRACK} samples in a trial`);
+      await stream.push(samples);
+      kept.push(...samples);
+      const { points, track, probabilities, class: name } = stream;
+      const { labels } = this.domain.senses.find((own) => own.name === sense);
+      const label = name === null ? null : labels.find((own) => own.class === name).label;
+      return { points, track, probabilities, label };
+    });
   }
 
-  addSamples({ sense, samples }) {
-    require(this.decision === null, "the robot is already deciding; expected `start`");
-    const stream = find(this.streams, sense);
-    if (stream === null) throw invalid(`sense: '${sense}' is not a sense of tracks`);
-    if (this.counts[sense] + samples.length > MAX_TRACK) {
-      throw new RequestError("too_large", `expected at most ${MAX_TRACK} of them in a trial`);
-    }
-    for (const sample of samples) {
-      if (sample.length !== 3) throw invalid(`samples: ${sample.length} numbers; expected time, x, y`);
-    }
-    stream.push(samples);
-    this.counts[sense] += samples.length;
-    const own = this.domain.senses.find((other) => other.name === sense);
-    return {
-      type: "prediction",
-      sense,
-      points: stream.points,
-      track: stream.track,
-      probabilities: stream.probabilities,
-      label: this.findLabel(own),
-    };
-  }
-
+  /** Let the robot decide: return what follows, and the view of its belief. */
   decide() {
-    require(this.decision === null, "the robot is already deciding; expected `answer` or `start`");
-    const { reply, classes, prior } = this.infer(this.facts, this.labels);
-    this.decision = { ...reply, classes };
-    return { type: "decision", ...reply, ...this.act(prior) };
+    return this.enqueue(async () => {
+      require(this.decision === null, "the robot is already deciding; expected an answer or a new trial");
+      const { reply, classes, prior } = await this.infer(this.facts, this.labels);
+      this.decision = { ...reply, classes };
+      return { ...reply, ...this.act(prior) };
+    });
   }
 
   act(belief) {
@@ -159,44 +129,57 @@ export class LocalSession {
     return view;
   }
 
-  answer({ said, draw }) {
-    require(this.belief !== null, "the robot has not asked; expected `decide` before");
-    require(!this.isDone, "the decision has ended; expected `start`");
-    if (this.steps.length >= MAX_STEPS) throw new RequestError("failed", `no report after ${MAX_STEPS} actions`);
-    const action = this.planner.act(this.belief);
-    const row = find(this.domain.noise[action], said);
-    if (row === null) throw invalid(`said: '${said}'; ${oneOf(this.domain.observations)}`);
-    const heard = this.domain.observations[drawIndex(row, draw)];
-    const belief = this.planner.update(this.belief, action, heard);
-    if (belief === null) throw invalid(`observation '${heard}' is impossible after action '${action}'`);
-    this.steps.push({ action, observation: heard, belief: this.planner.listBelief(belief) });
-    return { type: "step", said, heard, answered: action, ...this.act(belief) };
+  /** Answer the robot's action. draw: from 0 to below 1, decides what it hears. */
+  answer(said, draw) {
+    return this.enqueue(async () => {
+      require(this.belief !== null, "the robot has not asked; expected a decision before");
+      require(!this.isDone, "the decision has ended; expected a new trial");
+      require(this.steps.length < MAX_STEPS, `no report after ${MAX_STEPS} actions`);
+      const action = this.planner.act(this.belief);
+      const row = find(this.domain.noise[action], said);
+      require(row !== null, `unknown answer '${said}'; ${oneOf(this.domain.observations)}`);
+      const heard = this.domain.observations[drawIndex(row, draw)];
+      const belief = this.planner.update(this.belief, action, heard);
+      require(belief !== null, `observation '${heard}' is impossible after action '${action}'`);
+      this.steps.push({ action, observation: heard, belief: this.planner.listBelief(belief) });
+      return { said, heard, answered: action, ...this.act(belief) };
+    });
   }
 
-  judge({ right, truth }) {
-    require(this.report !== null, "the robot has not reported; expected `judge` after it");
-    require(!this.isJudged, "this trial is already judged; expected `start`");
-    if (right === (truth !== null)) {
-      throw invalid("truth: expected the true value if the robot was wrong, else null");
-    }
-    if (truth !== null) {
-      const text = truth.join(", ");
-      const known = this.domain.values.map((value) => value.join(", "));
-      if (!known.includes(text)) throw invalid(`truth: ${text}; ${oneOf(known)}`);
-      if (text === this.report.join(", ")) {
-        throw invalid(`truth: ${text} is what the robot reported; expected another value`);
-      }
-    }
-    this.isJudged = true;
-    return { type: "judged", learns: false, stored: 0, batch: 0 };
+  /** Append the decision, which has ended, to the log. */
+  log() {
+    return this.enqueue(() => {
+      require(this.isDone, "the decision has not ended; expected an answer before");
+      return this.host.log(this.makeLine());
+    });
+  }
+
+  /** Judge the report. truth: the true shared value if it was wrong, else null. */
+  judge(truth) {
+    return this.enqueue(async () => {
+      require(this.report !== null, "the robot has not reported; expected a judgement after it");
+      require(!this.isJudged, "this trial is already judged; expected a new trial");
+      const names = this.domain.values.map(String);
+      require(truth === null || names.includes(String(truth)), `unknown value '${truth}'; ${oneOf(names)}`);
+      require(String(truth) !== String(this.report), `'${truth}' is what the robot reported; expected another value`);
+      const kept = await this.host.judge(this.facts, this.samples, truth ?? this.report);
+      this.isJudged = true;
+      return kept;
+    });
   }
 
   /** Return the trial as a line of the decision log. */
   record() {
-    require(this.decision !== null, "there is no decision; expected `decide` before");
+    return this.enqueue(() => {
+      require(this.decision !== null, "there is no decision; expected one before");
+      return this.makeLine();
+    });
+  }
+
+  makeLine() {
     const { facts, decision, domain, model } = this;
     const single = (value) => (value.length === 1 ? value[0] : value);
-    const line = {
+    return {
       ...model.log.head,
       facts,
       labels: decision.classes,
@@ -208,7 +191,6 @@ export class LocalSession {
       seconds: {},
       parts: model.log.parts,
     };
-    return { type: "recorded", line };
   }
 }
 
@@ -221,19 +203,24 @@ function drawIndex(probabilities, draw) {
   return probabilities.findLastIndex((p) => p > 0);
 }
 
+/** Refuse names or values that are not known. known: name -> its values. */
+function checkNames(what, chosen, known) {
+  for (const [name, value] of Object.entries(chosen)) {
+    const values = find(known, name);
+    require(values !== null, `unknown ${what} '${name}'; ${oneOf(Object.keys(known))}`);
+    require(values.includes(value), `${name} cannot be '${value}'; ${oneOf(values)}`);
+  }
+}
+
 /** Return a property of an object itself; null for other names, such as "constructor". */
 function find(object, name) {
   return Object.hasOwn(object, name) ? object[name] : null;
 }
 
 function require(condition, message) {
-  if (!condition) throw new RequestError("out_of_order", message);
-}
-
-function invalid(message) {
-  return new RequestError("invalid", message);
+  if (!condition) throw new Refusal(message);
 }
 
 function oneOf(names) {
-  return `expected one of ${names.join(", ")}`;
+  return names.length === 0 ? "expected none" : `expected one of ${names.join(", ")}`;
 }

@@ -38,8 +38,8 @@ export class Stream {
     if (this.points < rules.min_points) this.probabilities = null;
   }
 
-  /** Return the predicted class; null before the first prediction. */
-  classify() {
+  /** The predicted class; null before the first prediction. */
+  get class() {
     if (this.probabilities === null) return null;
     const { classes, threshold } = this.classifier;
     let candidates = this.probabilities;
@@ -49,6 +49,19 @@ export class Stream {
       candidates = candidates.map((p, k) => (k === column ? -1 : p));
     }
     return classes[indexOfMaximum(candidates)];
+  }
+}
+
+/** A track whose classifier runs in the host, see session.js. */
+export class HostStream {
+  constructor(host, sense) {
+    this.host = host;
+    this.sense = sense;
+    Object.assign(this, { points: 0, track: 0, probabilities: null, class: null });
+  }
+
+  async push(samples) {
+    Object.assign(this, await this.host.classify(this.sense, samples));
   }
 }
 
