@@ -130,4 +130,4 @@ def test_a_connection_that_ends_refuses_what_waits_and_what_follows(intention, n
         node(server=f"ws://127.0.0.1:{port}/session")
         node(call=["start"])
     for _ in range(2):
-        assert node(call=["start"])["refused"] == "the server does not answer"
+        assert node(call=["start"])["refused"].startswith("The connection has ended. Start lcorpp play")

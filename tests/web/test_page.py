@@ -81,6 +81,12 @@ class Visit:
     def wait_for_label(self):
         self.expect("#walk-output").to_contain_text("label \u201c", timeout=PATIENCE)
 
+    def wait_for_decision(self):
+        """Return the request that logs the decision, once the page has sent it."""
+        while not (logs := [request for request in self.sent if request["type"] == "log"]):
+            self.page.wait_for_timeout(50)
+        return logs[-1]
+
     def answer_until_report(self, press):
         """Answer with `press(number of the key)` until the robot reports; return the number of answers."""
         for count in range(50):
@@ -136,7 +142,7 @@ def check_numbers(visit, robot, facts):
     Returns:
         What was answered, and the decision.
     """
-    (decision,) = [request for request in visit.sent if request["type"] == "log"]
+    decision = visit.wait_for_decision()
     assert decision["facts"] == facts
     evidence = robot.domain.evidence(facts, decision["labels"])
     for name, shown in visit.read_marginals().items():
@@ -146,7 +152,7 @@ def check_numbers(visit, robot, facts):
     domain, planner = robot.domain, robot.parts.robot.planner
     belief = domain.prior(robot.parts.robot.reasoner.posterior("intention", evidence))
     expected = [domain.marginal(belief).probabilities]
-    said = re.findall(r"[&#]answers=([^&]*)", visit.page.url)[0].split(",")
+    said = [name for name in re.findall(r"[&#]answers=([^&]*)", visit.page.url)[0].split(",") if name]
     heard = [observation for _, observation in decision["steps"] if observation is not None]
     assert len(heard) == len(said)
     for observation in heard:

@@ -23,7 +23,7 @@ class Page {
   constructor(host) {
     this.session = new Session(host);
     host.onPush = (message) => this.receive(message);
-    host.onClose = () => this.refuse("The connection has ended. Start lcorpp play again, and reload this page.");
+    host.onClose = (reason) => this.refuse(reason);
   }
 
   async open() {

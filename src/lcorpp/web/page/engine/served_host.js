@@ -3,12 +3,12 @@
 import { Refusal } from "./session.js";
 
 export class ServedHost {
-  /** onPush: takes messages that the server sends by itself. onClose: called at the end of the connection. */
+  /** onPush: takes messages that the server sends by itself. onClose: takes the reason if the connection ends. */
   constructor(socket) {
     this.socket = socket;
     this.waiting = new Map();
     this.count = 0;
-    this.failure = "the server does not answer";
+    this.failure = "The connection has ended. Start lcorpp play again, and reload this page.";
     this.onPush = () => {};
     this.onClose = () => {};
     this.opened = new Promise((resolve) => socket.addEventListener("open", resolve));
@@ -60,6 +60,6 @@ export class ServedHost {
   close() {
     for (const { reject } of this.waiting.values()) reject(new Refusal(this.failure));
     this.waiting.clear();
-    this.onClose();
+    this.onClose(this.failure);
   }
 }
