@@ -13,7 +13,7 @@ from lcorpp.assembly import RobotParts, solve_domain
 from lcorpp.assembly.robot_parts import ClassifierPart
 from lcorpp.domains import Domain, load_domain
 from lcorpp.logs.decision_log import FORMAT
-from lcorpp.scoring.exact_evaluation import compute_joint_distribution
+from lcorpp.scoring.cases import compute_joint_distribution
 
 NOISE = 0.3
 ATTRIBUTES = ("time", "location", "identity", "intention")

@@ -16,7 +16,8 @@ from lcorpp.domains.new_domain import RESERVED, NewDomain, NewQuestion, NewSense
 from lcorpp.domains.new_folder import write_new_domain
 from lcorpp.errors import DomainError, FileError
 from lcorpp.reasoning import Enumeration, Reasoner
-from lcorpp.scoring.exact_evaluation import compute_joint_distribution, evaluate_exactly
+from lcorpp.scoring.cases import compute_joint_distribution
+from lcorpp.scoring.exact_evaluation import evaluate_exactly
 from lcorpp.simulation import NoisyChannel
 
 RATES = st.sampled_from(["0.25", ".5", "0.125"])

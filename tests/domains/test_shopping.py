@@ -12,7 +12,7 @@ from lcorpp.experiments import ComparisonOptions, compare_strategies
 from lcorpp.planning import Planner, SolverOptions, solve
 from lcorpp.reasoning import Enumeration, Reasoner
 from lcorpp.scoring import Experiment, Scores, evaluate_exactly, run_trials
-from lcorpp.scoring.exact_evaluation import compute_joint_distribution
+from lcorpp.scoring.cases import compute_joint_distribution
 from lcorpp.scoring.metrics import find_reference
 
 SHARED = ["item", "person", "room"]

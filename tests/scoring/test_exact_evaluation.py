@@ -12,7 +12,8 @@ from lcorpp.domains import load_domain
 from lcorpp.errors import DomainError
 from lcorpp.reasoning import Enumeration, Reasoner, parse_plog
 from lcorpp.scoring import decision_graph, episode_model, episode_totals
-from lcorpp.scoring.exact_evaluation import compute_joint_distribution, evaluate_exactly
+from lcorpp.scoring.cases import compute_joint_distribution
+from lcorpp.scoring.exact_evaluation import evaluate_exactly
 from lcorpp.scoring.experiment import Experiment
 from lcorpp.scoring.metrics import Scores
 from lcorpp.scoring.trials import run_trials

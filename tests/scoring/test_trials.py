@@ -22,7 +22,7 @@ from lcorpp.learning import TrainedClassifier, fit_calibration
 from lcorpp.reasoning import Enumeration, Reasoner
 from lcorpp.scoring import trial_chunks
 from lcorpp.scoring.batch_simulation import BatchWorld, PeopleDraws
-from lcorpp.scoring.exact_evaluation import compute_joint_distribution
+from lcorpp.scoring.cases import compute_joint_distribution
 from lcorpp.scoring.experiment import CHUNK_SIZE, ChunkSource, Experiment, replay_trial
 from lcorpp.scoring.trial_chunks import ChunkWork, make_results
 from lcorpp.scoring.trials import run_trials

@@ -8,7 +8,7 @@ import pytest
 from lcorpp.trust import latent_class
 from lcorpp.trust.alternative import MAX_LEAD, AlternativeSearch
 from lcorpp.trust.answers import AnswerModel
-from lcorpp.trust.latent_class import LatentClassModel
+from lcorpp.trust.latent_class_model import LatentClassModel
 from tests.trust.test_latent_class import RATES, draw_people, make_model
 
 OPPOSITE = np.array([[0.29, 0.71], [0.76, 0.24]])

@@ -6,7 +6,7 @@ import pytest
 from lcorpp.trust import latent_class
 from lcorpp.trust.answers import AnswerModel
 from lcorpp.trust.cases import NO_LABEL, Cases
-from lcorpp.trust.latent_class import LatentClassModel
+from lcorpp.trust.latent_class_model import LatentClassModel
 from lcorpp.trust.optimism import find_optimistic_rows
 
 STATED_TABLES = np.array([[[0.9, 0.1], [0.1, 0.9]]])

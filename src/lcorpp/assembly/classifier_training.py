@@ -11,7 +11,7 @@ from lcorpp.assembly.estimators import (
     TrainingData,
     choose_learner,
     make_estimator,
-    make_untrained as make_untrained,
+    make_untrained,
 )
 from lcorpp.assembly.options import HARD_LABELS, EvidenceOptions, StoredOptions, TrainingOptions
 from lcorpp.assembly.progress import ProgressDisplay, no_progress

@@ -8,7 +8,7 @@ from itertools import combinations
 import numpy as np
 
 from lcorpp.trust.estimates import Estimates
-from lcorpp.trust.latent_class import LatentClassModel
+from lcorpp.trust.latent_class_model import LatentClassModel
 
 MAX_LEAD = 6.0
 """Estimates are credible if their log posterior is at most this much lower than that of the most probable."""

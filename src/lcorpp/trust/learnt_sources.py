@@ -12,7 +12,7 @@ from lcorpp.errors import DecisionError
 from lcorpp.protocols import DomainInterface
 from lcorpp.trust.alternative import AlternativeSearch
 from lcorpp.trust.answers import AnswerModel
-from lcorpp.trust.latent_class import LatentClassModel
+from lcorpp.trust.latent_class_model import LatentClassModel
 from lcorpp.values import Array, Label
 
 KNOWLEDGE_PEOPLE = 20.0

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from lcorpp.latent_classes import sum_log_likelihood
-from lcorpp.trust.latent_class import LatentClassModel
+from lcorpp.trust.latent_class_model import LatentClassModel
 from lcorpp.values import Array
 
 STATED_SHARES = (1.0, 0.75, 0.5, 0.35, 0.2, 0.1)

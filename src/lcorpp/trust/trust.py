@@ -13,7 +13,7 @@ from lcorpp.protocols import Dialogue, DomainInterface, Planner, Reasoner
 from lcorpp.trust.answers import AnswerModel
 from lcorpp.trust.asking import AskingPlanner
 from lcorpp.trust.cases import NO_LABEL
-from lcorpp.trust.latent_class import LatentClassModel
+from lcorpp.trust.latent_class_model import LatentClassModel
 from lcorpp.trust.learnt_sources import LearntSources
 from lcorpp.trust.optimism import find_optimistic_rows
 from lcorpp.trust.options import DEFAULT_OPTIONS, TrustOptions

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from lcorpp.assembly.classifier_training import make_untrained
+from lcorpp.assembly.estimators import make_untrained
 from lcorpp.assembly.options import ClassifierOptions, StoredOptions
 from lcorpp.assembly.robot_parts import describe_strategy
 from lcorpp.assembly.track_robot import LEARNER, POSITION
