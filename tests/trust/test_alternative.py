@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from lcorpp.trust import latent_class
+from lcorpp.trust import latent_class_model
 from lcorpp.trust.alternative import MAX_LEAD, AlternativeSearch
 from lcorpp.trust.answers import AnswerModel
 from lcorpp.trust.latent_class_model import LatentClassModel
@@ -149,7 +149,7 @@ def test_exchange_of_values_is_its_own_inverse():
 @pytest.mark.parametrize("max_cases", [12, 5000])
 def test_an_exchange_that_is_wrong_is_left_where_rare_cases_are_counts_too(max_cases, monkeypatch):
     """With `MAX_CASES` 12 most people are counts, by estimates in which the values are exchanged."""
-    monkeypatch.setattr(latent_class, "MAX_CASES", max_cases)
+    monkeypatch.setattr(latent_class_model, "MAX_CASES", max_cases)
     rng, model = np.random.default_rng(0), make_model(2)
     wrong = np.array([[0.8, 0.2], [0.3, 0.7]])
     model.estimates = replace(model.estimates, pi=wrong, rows=model.answers.add_noise(0.98))

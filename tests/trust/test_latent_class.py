@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from lcorpp.trust import latent_class
+from lcorpp.trust import latent_class_model
 from lcorpp.trust.answers import AnswerModel
 from lcorpp.trust.cases import NO_LABEL, Cases
 from lcorpp.trust.latent_class_model import LatentClassModel
@@ -101,7 +101,7 @@ def test_rows_for_planning_count_the_answers_of_cases_that_are_not_kept(monkeypa
     """With 40 answers the value of each person is certain, so the expected counts contain all information."""
     whole, condensed = make_model(1), make_model(1)
     for model, max_cases in ((whole, 100), (condensed, 4)):
-        monkeypatch.setattr(latent_class, "MAX_CASES", max_cases)
+        monkeypatch.setattr(latent_class_model, "MAX_CASES", max_cases)
         for person in draw_people(np.random.default_rng(2), 30, [0.5], RATES, 0.2, answers=40):
             model.add(*person)
             model.fit(1)
@@ -172,12 +172,12 @@ def test_faded_cases_are_forgotten():
 
 
 def test_counts_of_cases_that_are_not_kept_remain(monkeypatch):
-    monkeypatch.setattr(latent_class, "MAX_CASES", 8)
+    monkeypatch.setattr(latent_class_model, "MAX_CASES", 8)
     rng, small = np.random.default_rng(4), make_model(2)
     monkeypatch.undo()
     whole = make_model(2)
     for k, person in enumerate(draw_people(rng, 2000, [0.8, 0.3], RATES, 0.2, answers=2)):
-        monkeypatch.setattr(latent_class, "MAX_CASES", 8)
+        monkeypatch.setattr(latent_class_model, "MAX_CASES", 8)
         small.add(*person)
         monkeypatch.undo()
         whole.add(*person)

@@ -11,7 +11,7 @@ from lcorpp.domains import load_domain
 from lcorpp.errors import DecisionError
 from lcorpp.experiments.comparison import ComparisonOptions, set_up_experiment
 from lcorpp.scoring.experiment import ChunkSource
-from lcorpp.trust import Trust, TrustOptions, latent_class
+from lcorpp.trust import Trust, TrustOptions, latent_class_model
 from lcorpp.values import Step
 from tests.decision.fakes import FakeDomain, FakePlanner
 from tests.trust.fakes import AskDialogue, SkyReasoner
@@ -38,7 +38,7 @@ def copy_state(trust):
 @pytest.mark.parametrize("n_before", [0, 1, 25, 57, 300])
 def test_a_restart_goes_on_exactly(n_before, monkeypatch):
     """Also with other credible estimates, with rare cases as counts, and where people are forgotten."""
-    monkeypatch.setattr(latent_class, "MAX_CASES", 20)
+    monkeypatch.setattr(latent_class_model, "MAX_CASES", 20)
     rng, whole = np.random.default_rng(3), make_trust(memory=4.0)
     meet(whole, rng, n_before)
     restarted = make_trust(memory=4.0)
