@@ -14,7 +14,7 @@ from lcorpp.decision.dt_control import MAX_STEPS
 from lcorpp.errors import DomainError, LcorppError, expected_one_of
 from lcorpp.learning import StreamingClassifier
 from lcorpp.logs.decision_log import format_decision
-from lcorpp.logs.replay import make_logged_robot
+from lcorpp.simulation.simulated_classifier import PrecomputedLabel
 from lcorpp.values import Instance
 from lcorpp.web.model import make_model
 from lcorpp.web.requests import Request, RequestError, parse_request
@@ -164,7 +164,8 @@ class Service:
         if len(steps) > MAX_STEPS:
             raise RequestError("too_large", f"{len(steps)} steps; expected at most {MAX_STEPS}")
         parts, world = self._own_robot.parts, RepeatedWorld(steps)
-        robot = make_logged_robot(parts, LCORPP, labels, None)
+        classifiers = {name: PrecomputedLabel(label) for name, label in labels.items()}
+        robot = replace(parts.robot, classifiers=classifiers)
         try:
             parts.domain.evidence(facts, labels)
             episode = dt_control(robot, Instance(dict.fromkeys(labels, np.zeros((1, 1))), facts), world)
