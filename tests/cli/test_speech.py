@@ -30,7 +30,7 @@ def test_a_recording_is_heard(tmp_path, capsys):
 
 def test_errors_of_listen(tmp_path, monkeypatch):
     (tmp_path / "bad.wav").write_bytes(b"RIFF")
-    with pytest.raises(DataError, match=r"bad\.wav: no wave file of PCM"):
+    with pytest.raises(DataError, match=r"bad\.wav: not a wave file of PCM"):
         call("listen", "--preset", "heard", "--file", tmp_path / "bad.wav")
     with pytest.raises(FileError, match=r"none\.wav: cannot be read"):
         call("listen", "--preset", "heard", "--file", tmp_path / "none.wav")

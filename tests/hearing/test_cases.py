@@ -133,7 +133,7 @@ def test_folders_that_do_not_fit(tmp_path, texts, words):
 def test_a_wrong_recording_is_found_before_the_work(tmp_path):
     write_recordings(tmp_path, {"pos": POS, "neg": NEG, "none": POS})
     (tmp_path / "neg" / "go_away-ann-2.wav").write_bytes(b"RIFF, but cut")
-    with pytest.raises(DataError, match=r"go_away-ann-2\.wav: no wave file of PCM"):
+    with pytest.raises(DataError, match=r"go_away-ann-2\.wav: not a wave file of PCM"):
         RecordedCases(tmp_path, ("pos", "neg"), 0)
     with pytest.raises(FileError, match="there is no such folder of recordings"):
         RecordedCases(tmp_path / "missing", ("pos", "neg"), 0)
