@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings, strategies as st
+from hypothesis import example, given, settings, strategies as st
 
 from lcorpp.errors import DataError, FileError, LcorppError, ParseError
 from lcorpp.learning import Recording, read_data, read_recording, save_dataset, write_recording
@@ -331,6 +331,7 @@ def test_a_data_set_whose_bytes_are_changed_is_refused_or_whole(tmp_path_factory
     ),
     repairs=st.sampled_from([(), ("all",), ("rows", "cut"), ("gaps", "order", "nonfinite")]),
 )
+@example(edits=[(23, ""), (10, "1e400")], repairs=())  # an infinite number in a row of another format
 def test_any_tracking_data_give_tracks_or_a_typed_error(tmp_path_factory, edits, repairs):
     text = atc_rows(7) + atc_rows(9, speed=0.5)
     for at, letters in edits:

@@ -15,12 +15,15 @@ from lcorpp.values import Array
 MAX_ROWS = 400
 """Maximum number of rows in a sample."""
 
+MAX_SIZE = 1e100
+"""Maximum size of a number: differences and squares of those of a sample are finite."""
+
 
 @dataclass(frozen=True, eq=False)
 class Sample:
     """Rows of equal width.
 
-    table: (rows, columns) numbers, NaN for words. line, text: the first row. delimiter: between its cells.
+    table: (rows, columns) numbers, NaN for words and for numbers beyond those of any data. line, text: the first row. delimiter: between its cells.
     per_second: units of time per second, if the caller gives them.
     frame_rate: frames per second, if a comment before the first row states them.
     """
@@ -97,12 +100,17 @@ def read_sample(file: str, start: str, per_second: float | None) -> Sample | Non
         if not rows and len(cells) < 2:
             return None
         if not rows or len(cells) == len(rows[0]):
-            rows.append([float(cell) if is_number(cell) else np.nan for cell in cells])
+            rows.append([_read_cell(cell) for cell in cells])
         if len(rows) == MAX_ROWS:
             break
     if not rows:
         return None
     return Sample(np.array(rows), first, lines[first - 1], delimiter, per_second, rate)
+
+
+def _read_cell(cell: str) -> float:
+    number = float(cell) if is_number(cell) else np.nan
+    return number if abs(number) <= MAX_SIZE else np.nan
 
 
 def _split(text: str, delimiter: str) -> list[str]:
