@@ -23,7 +23,8 @@ MAX_SIZE = 1e100
 class Sample:
     """Rows of equal width.
 
-    table: (rows, columns) numbers, NaN for words and for numbers beyond those of any data. line, text: the first row. delimiter: between its cells.
+    table: (rows, columns) numbers, NaN for words and for numbers beyond `MAX_SIZE`. line, text: the first
+        row. delimiter: between its cells.
     per_second: units of time per second, if the caller gives them.
     frame_rate: frames per second, if a comment before the first row states them.
     """
