@@ -50,6 +50,7 @@ check-slow: $(VENV)/.dev
 	$(BIN)/python -m pip install --quiet atheris || echo "atheris cannot be installed here: the parser will not be fuzzed"
 	$(BIN)/python -m pip install --quiet playwright || echo "Playwright cannot be installed here: the page will not be played"
 	$(BIN)/python -m pytest -m slow
+	$(BIN)/python -m pytest -m "hypothesis and not slow" -n 2 --hypothesis-profile search
 	$(MAKE) sanitize
 
 # The C++ kernels under the address and undefined-behaviour sanitizers, in an environment of their own.

@@ -383,6 +383,7 @@ def test_a_person_with_rejected_samples_only_has_no_prediction():
     assert str(streams.report()) == "p: 1 samples; rejected: 1 (the first: its time is nan)"
 
 
+@pytest.mark.filterwarnings("ignore:most of the last:UserWarning")
 @settings(max_examples=100)
 @given(
     samples=st.lists(

@@ -111,7 +111,10 @@ def test_driving_ends_with_a_stop():
     with Robot({"back": Behaviour(Drive(-0.2, 0.0, 0.25), listen=0.0)}) as robot:
         robot.world.act("back")
         wait_until(lambda: robot.stand_in.stops)
-        assert [twist["linear"]["x"] for twist in robot.stand_in.twists] == [-0.2] * 3 + [0.0]
+        *driving, last = [twist["linear"]["x"] for twist in robot.stand_in.twists]
+        assert set(driving) == {-0.2}
+        assert len(driving) <= 3  # fewer on a busy machine
+        assert last == 0.0
 
 
 def test_a_failure_is_the_observation_of_its_behaviour_and_stops_the_robot():
