@@ -21,6 +21,11 @@ from joblib.parallel import get_active_backend
 
 from lcorpp.interrupts import ignore_sigint
 
+try:  # joblib's own copy, if it has one
+    from joblib.externals.cloudpickle import dumps
+except ImportError:
+    from cloudpickle import dumps
+
 PARENT_SECONDS = 0.5
 """Seconds between two looks of a worker at its parent process."""
 
@@ -69,6 +74,14 @@ def run_in_workers(
         with warnings.catch_warnings():  # joblib warns of calls that are cancelled
             warnings.simplefilter("ignore", UserWarning)
             results.close()
+
+
+def pickle_for_workers(value: Any) -> bytes:
+    """Return a value as joblib pickles it, at once; `pickle.loads` reads it.
+
+    A thread pickles the arguments of calls later, when other code may change the values that they cache.
+    """
+    return bytes(dumps(value))
 
 
 def start_worker() -> ProcessPoolExecutor:

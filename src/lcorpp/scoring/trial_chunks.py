@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import pickle
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, nullcontext
 from dataclasses import replace
@@ -20,7 +21,7 @@ from lcorpp.logs.decision_log import format_decision
 from lcorpp.scoring.batch_simulation import simulate_at_once
 from lcorpp.scoring.experiment import CHUNK_SIZE, Chunk, ChunkSource, Experiment
 from lcorpp.scoring.gaps import find_gap
-from lcorpp.workers import run_in_workers
+from lcorpp.workers import pickle_for_workers, run_in_workers
 
 Trials = np.ndarray[Any, np.dtype[np.void]]
 """(n,) trials, each with these fields, one number for each of the k strategies:
@@ -63,7 +64,9 @@ def run_groups(
         sessions = start_sessions(experiment)
         yield (run_chunks(experiment, group, sessions) for group in groups)
         return
-    calls = (delayed(_run_in_worker)(find_log_level(), experiment, group) for group in groups)
+    # Once, before other strategies change cached values of the same robot in this process.
+    pickled = pickle_for_workers(experiment)
+    calls = (delayed(_run_in_worker)(find_log_level(), pickled, group) for group in groups)
     with run_in_workers(calls, jobs=jobs, ordered=True) as counts:
         yield counts
 
@@ -81,11 +84,11 @@ def start_sessions(experiment: Experiment) -> list[Session | None]:
     return [None if row.start is None else row.start(*start) for row in experiment.strategies]
 
 
-def _run_in_worker(level: int, experiment: Experiment, work: Sequence[ChunkWork]) -> int:
-    """Run chunks in another process, which shows messages of the same level."""
+def _run_in_worker(level: int, pickled: bytes, work: Sequence[ChunkWork]) -> int:
+    """Run chunks of a pickled experiment in another process, which shows messages of the same level."""
     if level < logging.WARNING:
         show_log(level)
-    return run_chunks(experiment, work)
+    return run_chunks(pickle.loads(pickled), work)
 
 
 def run_chunks(
