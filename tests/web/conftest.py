@@ -58,10 +58,12 @@ def serve(page):
         listening.listen()
         thread = threading.Thread(target=lambda: asyncio.run(uvicorn.serve([listening])))
         thread.start()
-        yield listening.getsockname()[1]
-        uvicorn.should_exit = True
-        thread.join()
-    page.close()
+        try:
+            yield listening.getsockname()[1]
+        finally:
+            uvicorn.should_exit = True
+            thread.join()
+            page.close()
 
 
 class Asker:
