@@ -14,6 +14,8 @@ from contextlib import contextmanager
 from functools import cache
 from typing import Any
 
+import numpy as np
+import numpy.typing as npt
 from joblib import Parallel
 from joblib._parallel_backends import LokyBackend
 from joblib.externals.loky import ProcessPoolExecutor
@@ -76,12 +78,13 @@ def run_in_workers(
             results.close()
 
 
-def pickle_for_workers(value: Any) -> bytes:
-    """Return a value as joblib pickles it, at once; `pickle.loads` reads it.
+def pickle_for_workers(value: Any) -> npt.NDArray[np.uint8]:
+    """Return a value as joblib pickles it, at once, for several calls; `pickle.loads` reads it.
 
     A thread pickles the arguments of calls later, when other code may change the values that they cache.
+    As an array, joblib copies a large one to the memory that all workers share, instead of to each call.
     """
-    return bytes(dumps(value))
+    return np.frombuffer(dumps(value), np.uint8)
 
 
 def start_worker() -> ProcessPoolExecutor:

@@ -49,6 +49,23 @@ def rooms() -> Experiment:
     return Experiment(domain, robot, channels, channels, STRATEGIES, 3)
 
 
+def test_the_experiment_is_pickled_once_by_the_thread_that_decides(rooms):
+    """Strategies that learn from people use the same robot meanwhile, and change what it caches."""
+    threads = []
+
+    class Pickled(Enumeration):
+        def __reduce_ex__(self, protocol):
+            threads.append(threading.current_thread().name)
+            return super().__reduce_ex__(protocol)
+
+    robot = replace(rooms.robot, reasoner=Pickled(rooms.domain.program))
+    results, done = run_trials(replace(rooms, robot=robot), 300, jobs=2)
+    assert done == 300
+    assert threads == [threading.main_thread().name]
+    expected, _ = run_trials(rooms, 300)
+    assert [own.counts.tolist() for own in results] == [own.counts.tolist() for own in expected]
+
+
 def test_all_strategies_run_on_another_domain(rooms):
     results, done = run_trials(rooms, 300)
     assert done == 300

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 from joblib import delayed
 
 from lcorpp.decision import dt_control
@@ -84,11 +85,11 @@ def start_sessions(experiment: Experiment) -> list[Session | None]:
     return [None if row.start is None else row.start(*start) for row in experiment.strategies]
 
 
-def _run_in_worker(level: int, pickled: bytes, work: Sequence[ChunkWork]) -> int:
+def _run_in_worker(level: int, pickled: npt.NDArray[np.uint8], work: Sequence[ChunkWork]) -> int:
     """Run chunks of a pickled experiment in another process, which shows messages of the same level."""
     if level < logging.WARNING:
         show_log(level)
-    return run_chunks(pickle.loads(pickled), work)
+    return run_chunks(pickle.loads(pickled.data), work)
 
 
 def run_chunks(
