@@ -151,4 +151,4 @@ def make_baseline(name: str) -> Strategy:
 
 
 BASELINES = tuple(map(make_baseline, BASELINE_TABLE))
-"""Strategies that are found by their names. `always-report` is L+R by another name, without senses R."""
+"""Strategies that are found by their names, beside the table of the paper."""

@@ -16,7 +16,8 @@ TRUST_NAMES = ("LCORPP+trust", "LCORPP+trust-hearing", "LCORPP+trust-asking")
 class Baseline:
     """A row of the table of baselines; its fields are those of `lcorpp.decision.Strategy`.
 
-    change: the function of `lcorpp.assembly.strategies.baselines` that changes the robot.
+    change: the name of the function of `lcorpp.assembly.strategies.baselines` that changes the robot, None if
+        it only leaves parts out. draws: the function takes a random generator, too.
     """
 
     learns: bool = False
@@ -29,9 +30,9 @@ class Baseline:
 BASELINE_TABLE: Mapping[str, Baseline] = {
     "ask-twice": Baseline(learns=True, reasons=True, plans=True, change="ask_twice"),
     "random": Baseline(change="act_at_random", draws=True),
-    "always-report": Baseline(learns=True, reasons=True),  # L+R by another name; without senses R
+    "always-report": Baseline(learns=True, reasons=True),
 }
-"""Strategies beside the table of the paper, by name."""
+"""Strategies beside the table of the paper, by name. `always-report` is L+R, and without senses R."""
 
 WEIGHT, NOISE = "weight_", "noise"
 """Columns of trust in a table: the weight of each source, and the estimated noise of the answers."""
