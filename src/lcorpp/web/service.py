@@ -159,8 +159,10 @@ class Service:
     ) -> Json:
         """Append a decision to the log: the library makes it again, and it must be the same.
 
-        Nothing of the page but names reaches the log.
+        Nothing of the page but names reaches the log. Without a log there is nothing to do.
         """
+        if self._log is None:
+            return {"type": "logged"}
         if len(steps) > MAX_STEPS:
             raise RequestError("too_large", f"{len(steps)} steps; expected at most {MAX_STEPS}")
         parts, world = self._own_robot.parts, RepeatedWorld(steps)
@@ -176,8 +178,7 @@ class Service:
             raise RequestError("invalid", str(error)) from None
         if [(own.action, own.observation) for own in episode.steps] != steps:
             raise RequestError("invalid", "steps: expected those up to the report, and no more")
-        if self._log is not None:
-            self._log(format_decision(parts, LCORPP, facts, replace(episode, seconds={})))
+        self._log(format_decision(parts, LCORPP, facts, replace(episode, seconds={})))
         return {"type": "logged"}
 
 
