@@ -10,7 +10,7 @@ from lcorpp.web.requests import FIELDS, MAX_REQUEST, RequestError, parse_request
 from tests.web.conftest import Asker, play
 
 REFUSED = {
-    "no JSON": ("{", "malformed", "no JSON"),
+    "no JSON": ("{", "malformed", "not JSON"),
     "a list": ("[1]", "malformed", "[1]; expected an object"),
     "no id": ('{"type": "start"}', "malformed", "id: null; expected a whole number"),
     "an id of text": ('{"id": "1", "type": "start"}', "malformed", 'id: "1"; expected a whole number'),
@@ -52,7 +52,7 @@ REFUSED = {
         "invalid",
         "facts: 1",
     ),
-    "a deep request": ("[" * 60_000, "malformed", "no JSON"),
+    "a deep request": ("[" * 60_000, "malformed", "not JSON"),
     "a long request": (" " * (MAX_REQUEST + 1), "too_large", "expected at most 1048576"),
 }
 

@@ -208,7 +208,8 @@ def compose_robot(
         classifiers[name] = replace(classifiers[name], source="given", fingerprint="", soft=soft)
     if policy is not None:
         return DomainRobot(senses, RobotParts(domain, policy, classifiers, smoothing, None, policy_file))
-    options, any_prior = solver or domain.planning.solver, have_own_rates(classifiers)
+    options = solver or domain.planning.solver
+    any_prior = have_own_rates(classifiers)
     with progress("solving the POMDP") as advance:
         solution = solve_domain(domain, options, any_prior=any_prior, cache=cache, advance=advance)
     return DomainRobot(senses, RobotParts(domain, solution.policy, classifiers, smoothing, options), solution)

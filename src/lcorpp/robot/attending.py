@@ -46,7 +46,7 @@ def forecast_decision(
         prior: (S,) belief before the first action. engaged: the shared value that means engagement.
 
     Raises:
-        NoReportError: the policy goes on without a report.
+        NoReportError: a history has no report after `lcorpp.decision.dt_control.MAX_STEPS` actions.
     """
     graph = DecisionGraph(domain, RoundedBeliefNodes(domain, robot))
     (root,) = graph.find_numbers([prior.tobytes()])

@@ -59,7 +59,7 @@ def parse_request(text: str | bytes) -> Request:
     try:
         content = json.loads(text)
     except (ValueError, RecursionError) as error:
-        raise RequestError("malformed", f"no JSON: {error}; expected an object") from None
+        raise RequestError("malformed", f"not JSON: {error}; expected an object") from None
     if not isinstance(content, dict):
         raise RequestError("malformed", f"{_show(content)}; expected an object")
     number = content.get("id")

@@ -225,7 +225,7 @@ def test_jrdb(tmp_path):
             "a JSON file, a list with id, t, x, y; expected TrajNet",
         ),
         ('{"people": []}', "1:1", "a JSON file, an object of people; expected TrajNet"),
-        ('{\n  "labels": {,}\n}', "2:14", "no JSON: "),
+        ('{\n  "labels": {,}\n}', "2:14", "not JSON: "),
         ("[]", "1:1", "a JSON file, a list; expected"),
     ],
 )

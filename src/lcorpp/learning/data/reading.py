@@ -280,8 +280,10 @@ def _read_dataset(
             dataset = _convert_dataset_units(dataset, source)
     elif kind == "series":
         dataset = read_time_series(file, measures)
-    else:
+    elif kind == "store":
         dataset = read_store(file).dataset()
+    else:
+        raise AssertionError(f"no reader of {kind}, a kind of `DATASETS`")
     classes = [class_of_label(word, labels) for word in dataset.labels]
     for case, (word, name) in enumerate(zip(dataset.labels, classes, strict=True)):
         if name is None:

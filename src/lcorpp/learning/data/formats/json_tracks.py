@@ -63,7 +63,7 @@ def read_json(path: Path, options: ReadOptions) -> tuple[list[Track], tuple[str,
     except json.JSONDecodeError as error:
         if error.msg != "Extra data":
             raise ParseError(
-                str(path), error.lineno, error.colno, f"no JSON: {error.msg}", _line(text, error.lineno)
+                str(path), error.lineno, error.colno, f"not JSON: {error.msg}", _line(text, error.lineno)
             ) from None
         whole = None
     if isinstance(whole, dict) and not {"track", "scene"} & set(whole):
