@@ -23,6 +23,7 @@ from lcorpp.simulation.simulated_classifier import PrecomputedLabel
 from lcorpp.values.probabilities import MIN_BRANCH
 from lcorpp.web.export import bundle_page
 from lcorpp.web.model import make_exported_model, write_model
+from lcorpp.web.page_planner import PagePlanner
 from lcorpp.web.server import PageServer
 from lcorpp.web.service import Service
 from lcorpp.web.setup import find_page_folder, set_up_robot
@@ -54,12 +55,18 @@ class Library:
     def list_belief(self, belief):
         return {state: p for state, p in zip(self.domain.pomdp.states, belief.tolist(), strict=True) if p}
 
-    def view(self, belief):
+    def find_action(self, belief, found):
+        """Return the policy's action; that of the page if it is as good, but for rounding."""
+        return PagePlanner(self.robot.parts.robot.planner, [found]).action(belief)
+
+    def view(self, belief, found):
+        """Return what is to be shown of a belief; found: by the page, whose actions count if as good."""
+        following = {row["observation"]: row["action"] for row in found["outcomes"]}
         domain, pomdp, policy = self.domain, self.domain.pomdp, self.policy
         shown = {"belief": self.list_belief(belief), "shared": list(domain.marginal(belief).probabilities)}
         if domain.is_terminal(belief):
             return shown | {"action": None, "done": True, "report": None, "values": [], "outcomes": []}
-        chosen = pomdp.actions[policy.action(belief)]
+        chosen = self.find_action(belief, found["action"])
         report = domain.reported_value(chosen)
         values, outcomes = {}, []
         for a, action in enumerate(pomdp.actions):
@@ -71,9 +78,8 @@ class Library:
                 values[action] += pomdp.discount * p * policy.value(after)
                 if action == chosen and report is None:
                     outcome = {"observation": pomdp.observations[o], "probability": float(p)}
-                    following = pomdp.actions[policy.action(after)]
-                    shared = list(domain.marginal(after).probabilities)
-                    outcomes.append({**outcome, "action": following, "shared": shared})
+                    outcome["action"] = self.find_action(after, following.get(pomdp.observations[o]))
+                    outcomes.append({**outcome, "shared": list(domain.marginal(after).probabilities)})
         return shown | {
             "action": chosen,
             "done": report is not None,
@@ -89,12 +95,14 @@ class Library:
         totals = joint.sum(axis=1)[:, None]
         return np.where(totals > 0, joint / np.where(totals > 0, totals, 1), planning.initial_states)
 
-    def decide(self, facts, classes, heard):
-        """Return the decision of Algorithm 2 with these answers, as a line of the decision log."""
+    def decide(self, facts, classes, heard, actions):
+        """Return the decision of Algorithm 2 with answers and actions of the page, as a line of the log."""
         parts = self.robot.parts
         classifiers = {name: PrecomputedLabel(own) for name, own in classes.items()}
         instance = Instance(dict.fromkeys(classes, np.zeros((1, 1))), facts)
-        episode = dt_control(replace(parts.robot, classifiers=classifiers), instance, ScriptedWorld(heard))
+        planner = PagePlanner(parts.robot.planner, actions)
+        robot = replace(parts.robot, classifiers=classifiers, planner=planner)
+        episode = dt_control(robot, instance, ScriptedWorld(heard))
         return json.loads(format_decision(parts, LCORPP, facts, replace(episode, seconds={})))
 
 
@@ -145,7 +153,7 @@ def compare_view(library, belief, found, place, *, is_whole):
     A part of a policy bounds them from below, has fewer alpha vectors, and may predict another next action
     after an improbable answer.
     """
-    expected, fan = library.view(belief), found.pop("fan")
+    expected, fan = library.view(belief, found), found.pop("fan")
     one, other = ({row["action"]: row["value"] for row in reply.pop("values")} for reply in (expected, found))
     if not is_whole:
         for row in (*expected["outcomes"], *found["outcomes"]):
@@ -250,8 +258,9 @@ def check_histories(robot, node, count, *, is_whole=True, seed=0):
             assert step == {"said": said, "heard": heard[-1], "answered": action}
             compare_view(library, belief, dict(found), f"{number} after {heard}", is_whole=is_whole)
         else:
-            line = library.decide(facts, classes, heard)
-            compare(line, node(call=["record"]), f"{number} record")
+            record = node(call=["record"])
+            line = library.decide(facts, classes, heard, [step["action"] for step in record["steps"]])
+            compare(line, record, f"{number} record")
             assert node(call=["log"]) == {}
             lines.append(line)
             if found["report"] is not None:

@@ -214,6 +214,17 @@ class Policy:
                 best, action = value, int(part.actions[k])
         return best, action
 
+    def value_of_action(self, belief: Belief, action: int) -> float:
+        """Return the maximum over the vectors of one action at a belief (S,); -inf if it has none."""
+        best = -np.inf
+        for part in self._find_sets(belief):
+            inside = belief[part.states]
+            values = part.vectors[part.actions == action] @ inside
+            rest = max(0.0, float(belief.sum() - inside.sum()))
+            if len(values):
+                best = max(best, float(values.max()) + (self.floor * rest if rest else 0.0))
+        return best
+
     def _find_sets(self, belief: Belief) -> Iterable[AlphaVectors]:
         """Return the vector sets that cover the support of a belief; all sets if none does."""
         if len(self.vector_sets) == 1:

@@ -14,9 +14,11 @@ from lcorpp.decision.dt_control import MAX_STEPS
 from lcorpp.errors import DomainError, LcorppError, expected_one_of
 from lcorpp.learning import StreamingClassifier
 from lcorpp.logs.decision_log import format_decision
+from lcorpp.planning import Planner
 from lcorpp.simulation.simulated_classifier import PrecomputedLabel
 from lcorpp.values import Instance
 from lcorpp.web.model import make_model
+from lcorpp.web.page_planner import PagePlanner
 from lcorpp.web.requests import Request, RequestError, parse_request
 from lcorpp.web.robot import PlayRobot
 from lcorpp.web.trial import JudgedTrial
@@ -166,8 +168,11 @@ class Service:
         if len(steps) > MAX_STEPS:
             raise RequestError("too_large", f"{len(steps)} steps; expected at most {MAX_STEPS}")
         parts, world = self._own_robot.parts, RepeatedWorld(steps)
-        classifiers = {name: PrecomputedLabel(label) for name, label in labels.items()}
-        robot = replace(parts.robot, classifiers=classifiers)
+        robot = replace(
+            parts.robot,
+            classifiers={name: PrecomputedLabel(label) for name, label in labels.items()},
+            planner=PagePlanner(Planner(parts.policy, parts.domain.pomdp), [action for action, _ in steps]),
+        )
         try:
             parts.domain.evidence(facts, labels)
             episode = dt_control(robot, Instance(dict.fromkeys(labels, np.zeros((1, 1))), facts), world)
