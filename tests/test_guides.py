@@ -26,23 +26,23 @@ DOCS = Path(__file__).parents[1] / "docs"
 @pytest.mark.parametrize(
     ("guide", "min_values"),
     [
-        ("planning.md", 16),
-        ("learning.md", 15),
-        ("data.md", 10),
-        ("domains.md", 4),
-        ("worlds.md", 4),
-        ("strategies.md", 1),
-        ("log.md", 6),
-        ("trust.md", 2),
-        ("watch.md", 3),
-        ("audit.md", 3),
-        ("figures.md", 3),
-        ("sweeps.md", 2),
-        ("play.md", 2),
-        ("camera.md", 3),
-        ("early.md", 4),
-        ("speech.md", 0),
-        ("several-people.md", 2),
+        ("planning/planning.md", 16),
+        ("learning/learning.md", 15),
+        ("data/data.md", 10),
+        ("domains/domains.md", 4),
+        ("robot/worlds.md", 4),
+        ("domains/strategies.md", 1),
+        ("trust/log.md", 6),
+        ("trust/trust.md", 2),
+        ("trust/watch.md", 3),
+        ("trust/audit.md", 3),
+        ("results/figures.md", 3),
+        ("results/sweeps.md", 2),
+        ("results/play.md", 2),
+        ("robot/camera.md", 3),
+        ("learning/early.md", 4),
+        ("robot/speech.md", 0),
+        ("robot/several-people.md", 2),
     ],
 )
 def test_a_guide_is_true(
@@ -52,7 +52,7 @@ def test_a_guide_is_true(
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    page = (DOCS / guide).read_text(encoding="utf-8")
+    page = (DOCS / "guides" / guide).read_text(encoding="utf-8")
     blocks = re.findall(r"^```(\w+)(?: (\S+))?\n(.*?)^```$", page, re.MULTILINE | re.DOTALL)
     assert page.count("\n```") == 2 * len(blocks)
     monkeypatch.chdir(tmp_path)

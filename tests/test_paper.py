@@ -1,11 +1,11 @@
-"""docs/paper.md: every path in it exists, every name in it is defined."""
+"""docs/background/paper.md: every path in it exists, every name in it is defined."""
 
 import re
 from importlib import import_module
 from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
-PAGE = (ROOT / "docs" / "paper.md").read_text(encoding="utf-8")
+PAGE = (ROOT / "docs" / "background" / "paper.md").read_text(encoding="utf-8")
 
 
 def test_every_path_exists():

@@ -453,10 +453,10 @@ def test_long_chains_do_not_underflow() -> None:
 
 
 def test_the_example_of_the_guide() -> None:
-    page = (Path(__file__).parents[2] / "docs" / "plog.md").read_text(encoding="utf-8")
+    page = (Path(__file__).parents[2] / "docs" / "reference" / "plog" / "plog.md").read_text(encoding="utf-8")
     (block,) = re.findall(r"^<!-- fit -->\n```py\n(.*?)^```$", page, re.MULTILINE | re.DOTALL)
     names: dict[str, object] = {}
-    exec(compile(block, "docs/plog.md", "exec"), names)
+    exec(compile(block, "docs/reference/plog/plog.md", "exec"), names)
     result, text = names["result"], names["text"]
     assert isinstance(result, Fit)
     assert isinstance(text, str)

@@ -1,4 +1,4 @@
-"""The examples of docs/plog.md and docs/coming-from.md: answers, error messages and the Python blocks."""
+"""Examples of docs/reference/plog/plog.md and docs/background/coming-from.md: answers, errors, Python."""
 
 from __future__ import annotations
 
@@ -16,7 +16,10 @@ from lcorpp.errors import LcorppError
 from lcorpp.reasoning import Enumeration, ask, parse_plog, parse_query, program_text
 
 DOCS = Path(__file__).parents[2] / "docs"
-PAGE, NEIGHBOURS = ((DOCS / name).read_text(encoding="utf-8") for name in ("plog.md", "coming-from.md"))
+PAGE, NEIGHBOURS = (
+    (DOCS / name).read_text(encoding="utf-8")
+    for name in ("reference/plog/plog.md", "background/coming-from.md")
+)
 
 
 def find_blocks(page: str, kind: str) -> list[str]:
@@ -89,7 +92,7 @@ def test_the_python_blocks_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) 
                 assert repr(eval(source, names)) == shown[1]
                 distributions += 1
             else:
-                exec(compile(source, "docs/plog.md", "exec"), names)
+                exec(compile(source, "docs/reference/plog/plog.md", "exec"), names)
     assert distributions == 6
     assert (tmp_path / "intention.npz").exists()
     assert str(names["reasoner"]).startswith("Reasoner(<Program knowledge.plog: ")

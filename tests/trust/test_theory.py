@@ -1,4 +1,4 @@
-"""The ingredients of docs/trust-theory.md hold on random models, drawn at all distances from each other."""
+"""The ingredients of docs/background/trust-theory.md hold on random models at all distances."""
 
 import numpy as np
 import pytest

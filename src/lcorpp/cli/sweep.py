@@ -18,7 +18,7 @@ MAX_SHOWN = 10
 
 @take_consent
 def sweep(
-    file: Annotated[Path, typer.Argument(metavar="FILE", help="The sweep, a TOML file; see docs/sweeps.md.")],
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="A TOML file: docs/guides/results/sweeps.md.")],
     out: options.OutOption = None,
     formats: options.FormatOption = None,
     jobs: options.JobsOption = None,

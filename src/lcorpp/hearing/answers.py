@@ -86,7 +86,7 @@ def check_answers(domain: Domain) -> tuple[str, ...]:
     if not utterances or NONE in utterances:
         raise DomainError(
             f"{file}: expected [planning.utterances] with sentences for each observation but {NONE!r}; see"
-            " docs/speech.md"
+            " docs/guides/robot/speech.md"
         )
     for name in observations:
         if name not in utterances and name != NONE:

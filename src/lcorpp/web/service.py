@@ -35,7 +35,9 @@ PERSON = 0
 
 
 class Service:
-    """Replies to the requests of one page, whose engine plays the trials; docs/play.md has the protocol.
+    """Replies to the requests of one page, whose engine plays the trials.
+
+    docs/guides/results/play.md has the protocol.
 
     A request that is refused changes nothing.
 

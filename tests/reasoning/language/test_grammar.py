@@ -1,4 +1,4 @@
-"""The grammar of docs/plog.md generates what the parser reads, and derives the programs of the repository."""
+"""The grammar of docs/reference/plog/plog.md generates what the parser reads, and derives our programs."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from lcorpp.reasoning.language.lexer import Cursor
 from lcorpp.reasoning.language.statements import parse_statements
 
 ROOT = Path(__file__).parents[3]
-PAGE = (ROOT / "docs" / "plog.md").read_text(encoding="utf-8")
+PAGE = (ROOT / "docs" / "reference" / "plog" / "plog.md").read_text(encoding="utf-8")
 
 TOKENS = {
     "name": ("[a-z][A-Za-z0-9_']*", ["a", "b", "f", "p"]),

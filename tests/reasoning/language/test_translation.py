@@ -288,7 +288,7 @@ def test_refusals_name_the_system_and_the_construct(text: str, place: str, syste
     message = str(caught.value).splitlines()[0]
     assert message.startswith(f"x.pl:{place}: this is a {system} program: ")
     assert words in message
-    assert message.endswith("; see docs/coming-from.md")
+    assert message.endswith("; see docs/background/coming-from.md")
 
 
 @pytest.mark.parametrize(

@@ -35,8 +35,9 @@ PathArgument = Annotated[
     Path,
     typer.Argument(
         metavar="PATH",
-        help="Recorded tracks: CSV (track, time, x, y, ...), .parquet, .npz, or a format of docs/data.md"
-        " (ATC, obsmat, ...); time series (.ts); or a table of features (columns of numbers, and label).",
+        help="Recorded tracks: CSV (track, time, x, y, ...), .parquet, .npz, or a format of"
+        " docs/guides/data/data.md (ATC, obsmat, ...); time series (.ts); or a table of features (columns"
+        " of numbers, and label).",
     ),
 ]
 

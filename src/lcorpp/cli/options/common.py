@@ -73,7 +73,7 @@ WorldOption = Annotated[
     typer.Option(
         metavar="FILE.py:NAME",
         help="Your own world instead of the domain's simulated answers: NAME(person, rng) returns an object"
-        " with act(action) and report(action), see docs/worlds.md.",
+        " with act(action) and report(action), see docs/guides/robot/worlds.md.",
     ),
 ]
 

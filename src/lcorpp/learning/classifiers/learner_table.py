@@ -56,11 +56,13 @@ DEFAULTS: Mapping[Kind, str] = {"motion": "lstm", "series": "minirocket", "table
 RECOMMENDED: Mapping[Kind, tuple[str, str]] = {
     "motion": (
         "summaries",
-        "none has a higher AUC on 1600 simulated tracks, and it trains fastest (docs/learning.md)",
+        "none has a higher AUC on 1600 simulated tracks, and it trains fastest "
+        "(docs/guides/learning/learning.md)",
     ),
     "series": (
         "minirocket",
-        "it has the highest mean accuracy on nine public sets of short or few series (docs/learning.md)",
+        "it has the highest mean accuracy on nine public sets of short or few series "
+        "(docs/guides/learning/learning.md)",
     ),
     "table": ("logistic", "features without time need no summary"),
 }

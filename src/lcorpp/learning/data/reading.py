@@ -134,7 +134,7 @@ def read_recording(
     fps: float | None = None,
     progress: Progress | None = None,
 ) -> Recording:
-    """Read tracks of a format of docs/data.md: CSV, Parquet, .npz, a store, or one of public data sets.
+    """Read tracks: CSV, Parquet, .npz, a store, or a format of public data sets (docs/guides/data/data.md).
 
     The format is recognised by the content. From a store (see `lcorpp.learning.store`) only the labelled
     tracks are read.

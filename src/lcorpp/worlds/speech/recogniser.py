@@ -105,7 +105,7 @@ def _find_answers(utterances: Mapping[str, Sequence[str]]) -> dict[str, str]:
                     f"the sentence {sentence!r} belongs to {answer_of[sentence]!r} and to {observation!r}"
                 )
     if not answer_of:
-        raise DataError("a recogniser without sentences; see docs/speech.md")
+        raise DataError("a recogniser without sentences; see docs/guides/robot/speech.md")
     return answer_of
 
 

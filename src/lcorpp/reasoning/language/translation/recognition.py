@@ -71,4 +71,5 @@ def _translate_problog(text: str, file: str, tokens: Sequence[Token]) -> Transla
 
 
 def _refuse(system: str, issue: SourceIssue) -> SourceIssue:
-    return SourceIssue(issue.at, f"this is a {system} program: {issue.message}; see docs/coming-from.md")
+    message = f"this is a {system} program: {issue.message}; see docs/background/coming-from.md"
+    return SourceIssue(issue.at, message)

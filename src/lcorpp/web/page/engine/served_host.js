@@ -1,4 +1,4 @@
-// What the engine needs besides the page, from the server: requests over a WebSocket (docs/play.md).
+// What the engine needs besides the page, from the server: requests over a WebSocket (docs/guides/results/play.md).
 
 import { Refusal } from "./session.js";
 
