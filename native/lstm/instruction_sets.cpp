@@ -1,3 +1,5 @@
+#include "instruction_set.hpp"
+
 #include <cstring>
 
 #include "lstm.hpp"
@@ -32,15 +34,9 @@ const Kernels* const kAll[] = {
 
 bool is_supported([[maybe_unused]] const Kernels& kernels) {
 #ifdef LCORPP_INSTRUCTION_SETS
-    const auto is = [&](const char* name) { return std::strcmp(kernels.name, name) == 0; };
-    __builtin_cpu_init();
-    const bool v3 = __builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma") && __builtin_cpu_supports("bmi2");
-    if (is("v3")) return v3;
-    if (is("v4")) {
-        return v3 && __builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512bw") &&
-               __builtin_cpu_supports("avx512cd") && __builtin_cpu_supports("avx512dq") &&
-               __builtin_cpu_supports("avx512vl");
-    }
+    static const InstructionSet widest = find_instruction_set();
+    if (std::strcmp(kernels.name, "v3") == 0) return widest >= InstructionSet::v3;
+    if (std::strcmp(kernels.name, "v4") == 0) return widest >= InstructionSet::v4;
 #endif
     return true;
 }

@@ -4,6 +4,8 @@
 #include <cmath>
 #include <limits>
 
+#include "instruction_set.hpp"
+
 namespace lcorpp {
 
 namespace {
@@ -11,16 +13,15 @@ namespace {
 // Number of rows whose sums stay in registers during one pass over the states.
 constexpr std::size_t kRun = 32;
 
-// On x86 the loader selects the widest instruction set of the machine.
-#if defined(__GNUC__) && !defined(__clang__) && defined(__x86_64__) && defined(__linux__)
-#define LCORPP_WIDE __attribute__((target_clones("arch=x86-64-v4", "arch=x86-64-v3", "default")))
+#if defined(__GNUC__)
+#define LCORPP_INLINE inline __attribute__((always_inline))
 #else
-#define LCORPP_WIDE
+#define LCORPP_INLINE inline
 #endif
 
-LCORPP_WIDE
-void dot_run(const double* table, std::size_t capacity, const Index* positions, const double* weights, std::size_t n,
-             std::size_t row, double* out) {
+// out[k] = sum over i of weights[i] * table[positions[i]][row + k]
+LCORPP_INLINE void sum_rows(const double* table, std::size_t capacity, const Index* positions, const double* weights,
+                            std::size_t n, std::size_t row, double* out) {
     double sums[kRun] = {0.0};
     for (std::size_t i = 0; i < n; ++i) {
         const double* run = table + as_size(positions[i]) * capacity + row;
@@ -29,6 +30,41 @@ void dot_run(const double* table, std::size_t capacity, const Index* positions, 
     }
     for (std::size_t k = 0; k < kRun; ++k) out[k] = sums[k];
 }
+
+using SumRows = void (*)(const double*, std::size_t, const Index*, const double*, std::size_t, std::size_t, double*);
+
+void sum_rows_base(const double* table, std::size_t capacity, const Index* positions, const double* weights,
+                   std::size_t n, std::size_t row, double* out) {
+    sum_rows(table, capacity, positions, weights, n, row, out);
+}
+
+#ifdef LCORPP_X86_64
+__attribute__((target("arch=x86-64-v3"))) void sum_rows_v3(const double* table, std::size_t capacity,
+                                                           const Index* positions, const double* weights,
+                                                           std::size_t n, std::size_t row, double* out) {
+    sum_rows(table, capacity, positions, weights, n, row, out);
+}
+
+__attribute__((target("arch=x86-64-v4"))) void sum_rows_v4(const double* table, std::size_t capacity,
+                                                           const Index* positions, const double* weights,
+                                                           std::size_t n, std::size_t row, double* out) {
+    sum_rows(table, capacity, positions, weights, n, row, out);
+}
+#endif
+
+// The widest for this machine; each gives the same sums, as products and sums are not contracted.
+SumRows find_sum_rows() {
+#ifdef LCORPP_X86_64
+    switch (find_instruction_set()) {
+        case InstructionSet::v4: return sum_rows_v4;
+        case InstructionSet::v3: return sum_rows_v3;
+        case InstructionSet::base: break;
+    }
+#endif
+    return sum_rows_base;
+}
+
+const SumRows dot_run = find_sum_rows();
 
 }  // namespace
 
