@@ -2,6 +2,8 @@
 PYTHON ?= python3
 VENV   ?= .venv
 BIN    := $(VENV)/bin
+# Where wheels are.
+DIST   ?= dist
 # PyTorch exactly: a bare `torch` may bring gigabytes of another build.
 TORCH  := torch==2.13.0
 # Without --no-compile most of the set-up goes to compiling modules that are never imported; those that are
@@ -18,7 +20,7 @@ NATIVE := pyproject.toml CMakeLists.txt $(wildcard native/* native/*/* native/*/
 # The demo trains its classifier once and loads it the next time; `make clean` forgets it.
 TRAINED := $(wildcard out/demo/classifier.npz)
 
-.PHONY: demo test check lint format stubs check-slow sanitize bench clean help
+.PHONY: demo test check lint format stubs check-slow coverage sanitize bench wheel clean help
 
 help:
 	@echo "make demo        set up, then run the paper's comparison with a trained classifier, and CORPP's"
@@ -26,6 +28,8 @@ help:
 	@echo "make check       lint, types, import rules and tests"
 	@echo "make check-slow  the checks that take minutes"
 	@echo "make bench       compare with plingo, ProbLog, plog 2.0, APPL and Keras, those that are there (some 40 minutes)"
+	@echo "make wheel       build wheels for Linux into dist/, which make demo then installs instead of compiling"
+	@echo "make coverage    run the tests and print which share of the lines they run"
 	@echo "make format      format the code"
 	@echo "make stubs       regenerate the type stubs of the C++ kernels"
 	@echo "make clean       remove the environment and what was made"
@@ -52,6 +56,16 @@ check-slow: $(VENV)/.dev
 	$(BIN)/python -m pytest -m slow
 	$(BIN)/python -m pytest -m "hypothesis and not slow" -n 2 --hypothesis-profile search
 	$(MAKE) sanitize
+
+# The share of lines that the tests run, in their process and in those that they start.
+coverage: $(VENV)/.dev
+	$(PIP) coverage[toml] pytest-cov
+	$(BIN)/python -m pytest -m "not slow" -n 2 --dist worksteal --cov --cov-report=term:skip-covered --cov-report=xml:build/coverage.xml
+
+# Wheels for other machines: for Python 3.11, and for 3.12 and newer, by the first of these that is there.
+WHEEL_PYTHONS ?= $(PYTHON) python3.11 python3.12 python3.13 python3.14 $(wildcard $(HOME)/.pyenv/versions/3.1[1-9]*/bin/python3)
+wheel:
+	$(PYTHON) tools/build_wheels.py --dist $(DIST) $(WHEEL_PYTHONS)
 
 # The C++ kernels under the address and undefined-behaviour sanitizers, in an environment of their own.
 sanitize: $(VENV)-sanitize/.installed
@@ -84,9 +98,10 @@ stubs: $(VENV)/.dev
 	$(BIN)/python -m nanobind.stubgen -q -m lcorpp.learning.lstm._kernels -o src/lcorpp/learning/lstm/_kernels.pyi
 
 NO_COMPILER := no C++ compiler, which lcorpp needs: install g++ (Debian, Ubuntu: apt install g++; macOS: xcode-select --install)
+REQUIRE_COMPILER = command -v $${CXX:-c++} >/dev/null || { echo "$(NO_COMPILER)" >&2; exit 1; }
 
 $(VENV)/.python:
-	@command -v $${CXX:-c++} >/dev/null || { echo "$(NO_COMPILER)" >&2; exit 1; }
+	@$(if $(wildcard $(DIST)/lcorpp-*.whl),,$(REQUIRE_COMPILER))
 	$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "lcorpp needs Python 3.11 or newer")'
 	$(PYTHON) -m venv $(VENV)
 	touch $@
@@ -95,14 +110,19 @@ $(VENV)/.torch: | $(VENV)/.python
 	$(PIP) $(TORCH)
 	touch $@
 
+# A wheel of these sources in dist/ saves compiling; once a source changes, it no longer fits (.wheel: it was installed).
 # The C++ kernels train the LSTM; PyTorch does where the compiler is too old for them.
-$(VENV)/.runtime: $(NATIVE) | $(VENV)/.python
-	$(PIP) -e .
+$(VENV)/.runtime: $(NATIVE) $(if $(wildcard $(VENV)/.wheel),$(shell git ls-files src)) | $(VENV)/.python
+	@rm -f $(VENV)/.wheel
+	if wheel=$$($(BIN)/python tools/fitting_wheel.py $(DIST)); then \
+	  $(BIN)/pip uninstall --quiet --yes lcorpp 2>/dev/null; $(PIP) $$wheel && touch $(VENV)/.wheel; \
+	else $(PIP) -e .; fi
 	$(BIN)/python -c 'import lcorpp.learning.lstm._kernels' 2>/dev/null || $(PIP) $(TORCH)
 	touch $@
 
 $(VENV)/.dev: $(NATIVE) | $(VENV)/.torch
 	$(PIP) -e '.[torch,dev]'
+	@rm -f $(VENV)/.wheel
 	touch $@ $(VENV)/.runtime
 
 $(VENV)-bench/.peers: pyproject.toml

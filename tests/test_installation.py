@@ -31,7 +31,11 @@ def test_cmake_names_the_package(tmp_path):
 def test_make_names_the_package_before_it_downloads(tmp_path):
     environment = tmp_path / "venv"
     found = run_without_compiler(
-        "make", f"VENV={environment}", f"PYTHON={sys.executable}", f"{environment}/.runtime"
+        "make",
+        f"VENV={environment}",
+        f"DIST={tmp_path}",
+        f"PYTHON={sys.executable}",
+        f"{environment}/.runtime",
     )
     assert "no C++ compiler, which lcorpp needs: install g++ (Debian, Ubuntu: apt install g++;" in found
     assert not environment.exists()

@@ -6,5 +6,5 @@ each one imports its package at first use, so `import lcorpp` is cheap.
 
 import lazy_loader as _lazy
 
-__version__ = "0.1.0"
+__version__ = "0.9.0"
 __getattr__, __dir__, __all__ = _lazy.attach_stub(__name__, __file__)
