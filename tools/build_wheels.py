@@ -103,10 +103,16 @@ def build_wheel(tools: Path, minor: int, target: str, dist: Path) -> Path:
 
 
 def write_compiler(tools: Path, folder: Path, name: str, target: str) -> Path:
-    """Write a program that calls zig's compiler for a target: CMake accepts no command of two words."""
+    """Write a program that calls zig's compiler for a target: CMake accepts no command of two words.
+
+    zig's names of processors have underscores.
+    """
     script = folder / f"zig-{name}"
     zig = f"{tools / 'python'} -m ziglang {name} -target {target}-linux-gnu.{GLIBC} -mcpu={CPUS[target]}"
-    script.write_text(f'#!/bin/sh\nexec {zig} "$@"\n')
+    rename = "case $option in -march=x86-64-v*) option=-march=x86_64_v${option##*-v} ;; esac"
+    script.write_text(
+        f'#!/bin/sh\nfor option; do shift; {rename}; set -- "$@" "$option"; done\nexec {zig} "$@"\n'
+    )
     script.chmod(0o755)
     return script
 
