@@ -75,7 +75,8 @@ def robot(
         )
         stack.callback(setattr, warnings, "showwarning", warnings.showwarning)
         warnings.showwarning = lambda message, *_, **__: console.warn(str(message))
-        for number in (signal.SIGTERM, signal.SIGHUP):  # the end of a service or of a terminal: as Ctrl-C
+        # the end of a service or of a terminal: as Ctrl-C; Windows has no SIGHUP
+        for number in {signal.SIGTERM, getattr(signal, "SIGHUP", signal.SIGTERM)}:
             stack.callback(signal.signal, number, signal.signal(number, signal.default_int_handler))
         count = 0
         try:
