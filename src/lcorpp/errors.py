@@ -11,7 +11,16 @@ from itertools import islice
 
 
 class LcorppError(Exception):
-    """Root of all exceptions of this package."""
+    """Root of all exceptions of this package.
+
+    Examples:
+        >>> from lcorpp import LcorppError, parse_plog
+        >>> try:
+        ...     parse_plog("colours = {red, green}. colour : colors.")
+        ... except LcorppError as error:
+        ...     print(error)
+        <text>:1:25: unknown sort 'colors'; expected one of boolean, colours
+    """
 
 
 class FileError(LcorppError):

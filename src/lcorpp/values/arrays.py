@@ -30,7 +30,13 @@ Number = TypeVar("Number", float, Array)
 
 
 def wrap_angle(angle: Number) -> Number:
-    """Wrap an angle, or an array of angles, to (-pi, pi]."""
+    """Wrap an angle, or an array of angles, to (-pi, pi].
+
+    Examples:
+        >>> from lcorpp.values import wrap_angle
+        >>> round(wrap_angle(4.0), 3)  # 4 - 2 pi
+        -2.283
+    """
     return np.pi - (np.pi - angle) % (2 * np.pi)
 
 
@@ -39,6 +45,15 @@ def check_rows(rows: npt.ArrayLike, n: int) -> Indices:
 
     Raises:
         DataError: another shape, or a number that is none of the n rows.
+
+    Examples:
+        >>> from lcorpp.values import check_rows
+        >>> check_rows([0, -1], 5).tolist()
+        [0, -1]
+        >>> check_rows([5], 5)
+        Traceback (most recent call last):
+            ...
+        lcorpp.errors.DataError: the rows are [5]; expected a sequence of indices below 5
     """
     numbers = to_numbers(rows, "the rows")
     index = numbers.astype(np.intp) if np.isfinite(numbers).all() else np.full(1, n)
@@ -48,14 +63,27 @@ def check_rows(rows: npt.ArrayLike, n: int) -> Indices:
 
 
 def freeze(array: npt.ArrayLike) -> Array:
-    """Return a read-only float64 copy of `array`."""
+    """Return a read-only float64 copy of `array`.
+
+    Examples:
+        >>> from lcorpp.values import freeze
+        >>> freeze([0.5, 0.5]).flags.writeable
+        False
+    """
     copy = np.array(array, dtype=np.float64)
     copy.setflags(write=False)
     return copy
 
 
 def share_frozen(array: npt.ArrayLike) -> Array:
-    """Return `array` itself if it is float64, read-only and owns its memory, otherwise a read-only copy."""
+    """Return `array` itself if it is float64, read-only and owns its memory, otherwise a read-only copy.
+
+    Examples:
+        >>> from lcorpp.values import freeze, share_frozen
+        >>> belief = freeze([0.5, 0.5])
+        >>> share_frozen(belief) is belief
+        True
+    """
     if (
         isinstance(array, np.ndarray)
         and array.dtype == np.float64
@@ -73,6 +101,11 @@ class Interval:
     estimate: the point estimate, in the unit of the estimated quantity; NaN if it is undefined.
     low, high: ends of the interval. It need not be symmetric around the estimate.
     confidence: nominal coverage, between 0 and 1.
+
+    Examples:
+        >>> from lcorpp import Interval
+        >>> str(Interval.from_count(8, 10))  # the proportion of 8 successes of 10, by Wilson
+        '0.800 [0.490, 0.943]'
     """
 
     estimate: float

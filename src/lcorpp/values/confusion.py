@@ -28,6 +28,12 @@ class ConfusionMatrix:
     counts: (n, n) counts[i, j] cases of true class i with predicted class j.
     effective_cases: (n, n) the number of cases of known class i from which the rate of j would be as
         uncertain; None means the sum of the row. It is smaller if the true classes are estimated.
+
+    Examples:
+        >>> from lcorpp import ConfusionMatrix
+        >>> confusion = ConfusionMatrix(("interested", "not_interested"), [[9, 1], [2, 18]])
+        >>> confusion.probabilities[0].round(3).tolist()  # 9.5 / 11 and 0.5 / 11
+        [0.864, 0.136]
     """
 
     classes: tuple[str, ...]

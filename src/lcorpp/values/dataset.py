@@ -36,6 +36,14 @@ def track_hash(trajectory: npt.ArrayLike) -> str:
     """Return the group of a track of an unknown person: a text that only equal trajectories share.
 
     The padding of a track (channels, time points) does not count.
+
+    Examples:
+        >>> import numpy as np
+        >>> from lcorpp.values import track_hash
+        >>> track = np.array([[0.0, 0.5, 1.0], [2.0, 2.0, 2.0]])  # x and y of three time points
+        >>> padded = np.hstack([track, np.full((2, 4), np.nan)])
+        >>> track_hash(track) == track_hash(padded)
+        True
     """
     numbers = np.ascontiguousarray(strip_padding(np.asarray(trajectory, dtype=np.float64)), dtype="<f8")
     return "track " + sha256(repr(numbers.shape).encode() + numbers.tobytes()).hexdigest()[:16]
@@ -48,6 +56,12 @@ class LabelEvidence:
     belief: class -> probability, the robot's belief when it reported.
     context: attribute -> value, the observed facts.
     answers: pairs (action, observation) in their order, without the report; None if they were not recorded.
+
+    Examples:
+        >>> from lcorpp.values import LabelEvidence
+        >>> evidence = LabelEvidence({"interested": 0.9, "not_interested": 0.1}, {"time": "morning"})
+        >>> evidence.belief["interested"]
+        0.9
     """
 
     belief: Mapping[str, float]
@@ -75,6 +89,15 @@ class Dataset:
         weights sum to 1, in one group. Default: 1 for all.
     evidence: (cases,) what the label of a case is based on; None for a certain label, e.g. by a person.
         Default: None for all.
+
+    Examples:
+        >>> from lcorpp import Dataset
+        >>> tracks = [[[0, 1, 2], [0, 0, 0]], [[3, 3, 3], [1, 1, 1]]]  # (2, x and y, 3)
+        >>> walks = Dataset(tracks, ("passing", "waiting"), interval=0.5)
+        >>> walks
+        Dataset(2 trajectories (passing: 1, waiting: 1), 3 points of x, y every 0.5 s, 2 groups)
+        >>> walks.take([1]).labels
+        ('waiting',)
     """
 
     trajectories: Array

@@ -20,6 +20,12 @@ class Distribution:
     values: (n,) the names, in the order of their declaration; those of a joint distribution of several
         variables are tuples, one name for each variable, the last of which varies fastest.
     probabilities: (n,) non-negative, summing to 1.
+
+    Examples:
+        >>> from lcorpp import Distribution
+        >>> weather = Distribution(("sun", "rain"), [0.7, 0.3])
+        >>> weather["rain"], weather.most_likely()
+        (0.3, 'sun')
     """
 
     values: tuple[Any, ...]
@@ -80,12 +86,24 @@ SharedValue = str | tuple[str, ...]
 
 
 def format_value(value: SharedValue) -> str:
-    """Format a value: ``cup``, or that of a joint distribution, ``(cup, ann)``."""
+    """Format a value: ``cup``, or that of a joint distribution, ``(cup, ann)``.
+
+    Examples:
+        >>> from lcorpp.values import format_value
+        >>> format_value(("cup", "ann"))
+        '(cup, ann)'
+    """
     return value if isinstance(value, str) else f"({', '.join(value)})"
 
 
 def read_value(content: Any) -> SharedValue:
-    """Return the shared value that JSON represents: a text, or a list of texts for a tuple."""
+    """Return the shared value that JSON represents: a text, or a list of texts for a tuple.
+
+    Examples:
+        >>> from lcorpp.values import read_value
+        >>> read_value(["cup", "ann"])
+        ('cup', 'ann')
+    """
     return tuple(content) if isinstance(content, list) else content
 
 
@@ -98,6 +116,11 @@ class Likelihood:
     observed: a description of what was observed, e.g. a prediction set; "" without one.
 
     Source: Pearl, Probabilistic Reasoning in Intelligent Systems, 1988, section 2.2.2 (virtual evidence).
+
+    Examples:
+        >>> from lcorpp import Likelihood
+        >>> Likelihood(("interested", "not_interested"), [0.6, 0.2])  # only the ratio 3 : 1 counts
+        Likelihood(interested: 1, not_interested: 0.3333)
     """
 
     values: tuple[str, ...]

@@ -26,6 +26,11 @@ class Instance:
 
     Raises:
         DataError: a signal is not an array of numbers of one or two dimensions, or a part is not a mapping.
+
+    Examples:
+        >>> from lcorpp import Instance
+        >>> Instance({"motion": [[0.0, 0.5, 1.0], [2.0, 2.0, 2.0]]}, {"time": "morning"})
+        Instance(signals: motion (2, 3), context: time=morning)
     """
 
     signals: Mapping[str, Array]
@@ -71,6 +76,12 @@ class Step:
 
     action: the robot's action. observation: the observation that follows, None after a report.
     belief: (S,) the belief after both; a report leaves it unchanged.
+
+    Examples:
+        >>> from lcorpp import Step
+        >>> from lcorpp.values import freeze
+        >>> Step("greet", "pos", freeze([0.9, 0.1]))
+        Step('greet', 'pos', belief [0.9, 0.1])
     """
 
     action: str
@@ -93,6 +104,12 @@ class Episode:
     report: the reported value of the shared variables, L of Algorithm 2; None if the terminal state was
         reached without a report.
     seconds: part -> wall-clock time: "classify", "reason", "plan"; empty if it was not measured.
+
+    Examples:
+        >>> import lcorpp
+        >>> episode = lcorpp.decide("intention", {"time": "afternoon"}, label="one", world=["pos", "pos"])
+        >>> episode.report, episode.answers
+        ('interested', (('move_forward', 'pos'),))
     """
 
     labels: Mapping[str, Label]

@@ -20,6 +20,11 @@ class EvidenceKind:
 
     name: "hard", a label; "soft", a calibrated likelihood; "set", the likelihood of a prediction set.
     coverage: of the prediction sets; None is `COVERAGE`, or that of a stored classifier.
+
+    Examples:
+        >>> from lcorpp.values import EvidenceKind
+        >>> EvidenceKind.parse("set:0.9")
+        EvidenceKind(name='set', coverage=0.9)
     """
 
     name: str = "hard"
@@ -58,6 +63,14 @@ class EvidenceKind:
 
 
 def check_coverage(coverage: Any) -> None:
-    """Raises `DataError` unless the coverage of prediction sets is a number between 0 and 1."""
+    """Raises `DataError` unless the coverage of prediction sets is a number between 0 and 1.
+
+    Examples:
+        >>> from lcorpp.values import check_coverage
+        >>> check_coverage(95)
+        Traceback (most recent call last):
+            ...
+        lcorpp.errors.DataError: the coverage of prediction sets is 95; expected a number between 0 and 1
+    """
     if isinstance(coverage, bool) or not isinstance(coverage, int | float) or not 0 < coverage < 1:
         raise DataError(f"the coverage of prediction sets is {coverage!r}; expected a number between 0 and 1")

@@ -15,7 +15,14 @@ Lengths = npt.NDArray[np.int64]
 
 
 def measure_lengths(tracks: Array) -> Lengths:
-    """(cases,) the number of time points of tracks (cases, channels, time points) before their padding."""
+    """(cases,) the number of time points of tracks (cases, channels, time points) before their padding.
+
+    Examples:
+        >>> import numpy as np
+        >>> from lcorpp.values import measure_lengths
+        >>> measure_lengths(np.array([[[1.0, 2.0, 3.0]], [[1.0, 2.0, np.nan]]])).tolist()
+        [3, 2]
+    """
     points = tracks.shape[2]
     lengths = np.full(len(tracks), points, dtype=np.int64)
     padded = np.flatnonzero(np.isnan(tracks[:, :, -1:]).all(axis=(1, 2)))
@@ -26,7 +33,14 @@ def measure_lengths(tracks: Array) -> Lengths:
 
 
 def strip_padding(track: Array) -> Array:
-    """Return a track (channels, time points) without its padding; any other array as it is."""
+    """Return a track (channels, time points) without its padding; any other array as it is.
+
+    Examples:
+        >>> import numpy as np
+        >>> from lcorpp.values import strip_padding
+        >>> strip_padding(np.array([[0.0, 0.5, np.nan], [2.0, 2.0, np.nan]])).tolist()
+        [[0.0, 0.5], [2.0, 2.0]]
+    """
     if track.ndim != 2 or not track.size or not np.isnan(track[0, -1]):
         return track
     return track[:, : int(measure_lengths(track[None])[0])]
@@ -37,6 +51,11 @@ def count_window(seconds: float, interval: float) -> int:
 
     Raises:
         DataError: an argument is not a finite number above 0.
+
+    Examples:
+        >>> from lcorpp.values import count_window
+        >>> count_window(seconds=3, interval=0.5)  # both ends count
+        7
     """
     for name, value in (("window", seconds), ("interval", interval)):
         if not 0 < value < float("inf"):
@@ -45,7 +64,14 @@ def count_window(seconds: float, interval: float) -> int:
 
 
 def cut_tracks(tracks: Array, part: slice) -> Array:
-    """(cases, channels, time points) a part of each track, e.g. slice(-90, None), its last 90 time points."""
+    """(cases, channels, time points) a part of each track, e.g. slice(-90, None), its last 90 time points.
+
+    Examples:
+        >>> import numpy as np
+        >>> from lcorpp.values import cut_tracks
+        >>> cut_tracks(np.arange(10.0).reshape(1, 2, 5), slice(-2, None)).tolist()
+        [[[3.0, 4.0], [8.0, 9.0]]]
+    """
     return stack_signals([strip_padding(track)[:, part] for track in tracks]) if len(tracks) else tracks
 
 
@@ -53,6 +79,12 @@ def stack_signals(signals: Sequence[Array]) -> Array:
     """Stack signals: tracks (channels, time points) of any length, padded, or features (features,).
 
     The signals, at least one, have the same channels or features.
+
+    Examples:
+        >>> import numpy as np
+        >>> from lcorpp.values import stack_signals
+        >>> stack_signals([np.zeros((2, 3)), np.zeros((2, 5))]).shape
+        (2, 2, 5)
     """
     if signals[0].ndim == 1:
         return np.stack(signals)
