@@ -37,6 +37,13 @@ class PossibleWorld:
 
     values: term -> value, for the terms that have a value.
     measure: its probability, given the evidence and interventions for which it was computed.
+
+    Examples:
+        >>> from lcorpp import Reasoner, parse_plog
+        >>> die = parse_plog("sides = {1..6}. roll : sides. random(roll). pr(roll=6) = 1/2.")
+        >>> (world,) = Reasoner(die).most_probable()
+        >>> world.values["roll"], str(world.measure)
+        ('6', '1/2')
     """
 
     values: Mapping[str, str]

@@ -39,6 +39,16 @@ def with_classifier(
         DataError: `smoothing` is negative, or 0 although a class has no cases.
 
     Source: Algorithm 1 of the LCORPP paper, line 17 (update theta with C).
+
+    Examples:
+        >>> from lcorpp import ConfusionMatrix, Reasoner, parse_plog
+        >>> from lcorpp.reasoning import with_classifier
+        >>> program = parse_plog("asleep, seen : boolean. random(asleep). random(seen).")
+        >>> matrix = ConfusionMatrix(("true", "false"), [[9, 1], [2, 8]])
+        >>> labels = {"true": "true", "false": "false"}
+        >>> measured = with_classifier(program, "seen", "asleep", matrix, labels, smoothing=0)
+        >>> Reasoner(measured).posterior("asleep", {"seen": "true"})  # 0.9 : 0.2
+        Distribution(true: 0.8182, false: 0.1818)
     """
     check_type(program, Program, "program", ProgramError)
     check_type(attribute, str, "attribute", ProgramError)

@@ -28,6 +28,12 @@ class Estimate(float):
 
     interval: the number with its 95 % confidence interval.
     effective: the effective sample size.
+
+    Examples:
+        >>> from lcorpp import Interval
+        >>> from lcorpp.reasoning import Estimate
+        >>> Estimate(Interval.from_count(30, 100), effective=100)  # 30 of 100 sampled worlds
+        Estimate(0.3 [0.2189, 0.3958]; effective sample size 100)
     """
 
     interval: Interval
@@ -80,6 +86,16 @@ class EstimatedDistribution(Distribution):
 
     intervals: (n,) each probability with its 95 % confidence interval.
     effective: the effective sample size.
+
+    Examples:
+        >>> from lcorpp import Interval
+        >>> from lcorpp.reasoning import Estimate, EstimatedDistribution
+        >>> p = Interval.from_count(30, 100)  # 30 of 100 sampled worlds
+        >>> q = Interval.from_count(70, 100)
+        >>> shares = {"true": Estimate(p, effective=100), "false": Estimate(q, effective=100)}
+        >>> estimated = EstimatedDistribution.from_estimates(shares)
+        >>> estimated["true"], str(estimated.intervals[0])
+        (0.3, '0.300 [0.219, 0.396]')
     """
 
     intervals: tuple[Interval, ...]

@@ -25,6 +25,14 @@ class FiredRule:
     term, value: the head, in the world; the value "" of a selection without probabilities.
     conditions: the terms of the body with their values in the world, "" of a term without value.
     probability: that a pr-atom assigns to the value, else None.
+
+    Examples:
+        >>> from lcorpp import Reasoner, parse_plog
+        >>> from lcorpp.reasoning import explain, parse_query
+        >>> wet = parse_plog("rain, wet : boolean. random(rain). wet :- rain.")
+        >>> (_, rules), *_ = explain(Reasoner(wet), parse_query("?rain | obs(wet).", wet)).worlds
+        >>> [(rule.statement, rule.effect) for rule in rules]
+        [('random(rain).', 'rain is random, here true'), ('wet=true :- rain=true.', 'wet=true')]
     """
 
     at: Place
@@ -69,6 +77,14 @@ def explain(reasoner: Reasoner, query: Query, *, count: int = 3) -> Explanation:
     Raises:
         ProgramError: a name in the query is unknown, or a world violates a condition of the language.
         TooLargeError: the program is too large to be compiled.
+
+    Examples:
+        >>> from lcorpp import Reasoner, parse_plog
+        >>> from lcorpp.reasoning import explain, parse_query
+        >>> program = parse_plog("a, b : boolean. random(a). random(b). pr(b | a) = 3/4. pr(b | -a) = 1/4.")
+        >>> explanation = explain(Reasoner(program), parse_query("?{a} | obs(b).", program))
+        >>> str(explanation.answer), [(condition, str(answer)) for condition, answer in explanation.without]
+        ('3/4', [('obs(b=true)', '1/2')])
     """
     check_type(reasoner, Reasoner, "reasoner", ProgramError)
     query = resolve_query(reasoner.program, query)
@@ -104,6 +120,14 @@ def find_fired(reasoner: Reasoner, query: Query, world: PossibleWorld) -> tuple[
 
     Args:
         query: to which the world belongs.
+
+    Examples:
+        >>> from lcorpp import Reasoner, parse_plog
+        >>> from lcorpp.reasoning import find_fired, parse_query
+        >>> program = parse_plog("rain, wet : boolean. random(rain). pr(rain) = 1/5. wet :- rain.")
+        >>> reasoner, query = Reasoner(program), parse_query("?wet | obs(rain).", program)
+        >>> [rule.effect for rule in find_fired(reasoner, query, *reasoner.list_worlds(query, 1))]
+        ['rain is random, here true', 'rain=true with probability 1/5', 'wet=true']
     """
     ground, values = reasoner.build_model(resolve_query(reasoner.program, query)).ground, world.values
     outcomes = []

@@ -71,6 +71,17 @@ class Filter:
             past that is not carried, a world violates a condition of the language, or there are cr-rules.
         UndefinedError: `initial` is impossible.
         TooLargeError: the program is too large to be compiled, or has too many states.
+
+    Examples:
+        >>> from lcorpp import Reasoner, parse_plog
+        >>> doors = parse_plog(
+        ...     "t = {0, 1}. at, seen : t -> boolean. random(at(0)). random(at(1)). random(seen(1))."
+        ...     "pr(at(1) | at(0)) = 0.9. pr(at(1) | -at(0)) = 0.1."
+        ...     "pr(seen(1) | at(1)) = 0.8. pr(seen(1) | -at(1)) = 0.2."
+        ... )
+        >>> tracker = Reasoner(doors).filter({"at(0)": "at(1)"}, ["seen(1)"], "at(1)")
+        >>> [tracker.step({"seen(1)": seen}) for seen in ("true", "true")]
+        [Distribution(true: 0.8, false: 0.2), Distribution(true: 0.9193, false: 0.08075)]
     """
 
     def __init__(

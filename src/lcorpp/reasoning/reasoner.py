@@ -57,6 +57,15 @@ class Reasoner(Inference):
 
     Raises:
         ProgramError: `samples` is not positive, or `seed` negative.
+
+    Examples:
+        >>> from lcorpp import Reasoner, parse_plog
+        >>> coins = parse_plog("a, b : boolean. random(a). random(b). pr(b | a) = 3/4. pr(b | -a) = 1/4.")
+        >>> reasoner = Reasoner(coins)
+        >>> reasoner.posterior("a", {"b": "true"})
+        Distribution(true: 0.75, false: 0.25)
+        >>> reasoner.posterior("a", do={"b": "true"})  # an intervention on b leaves a as it was
+        Distribution(true: 0.5, false: 0.5)
     """
 
     def __init__(self, program: Program, *, samples: int = DEFAULT_SAMPLES, seed: int = 0) -> None:
@@ -227,7 +236,14 @@ class Reasoner(Inference):
 
 
 def ask(program: Program, query: Query) -> QueryAnswer:
-    """Answer one query in fractions: value -> probability, or a number; see `Reasoner.ask`."""
+    """Answer one query in fractions: value -> probability, or a number; see `Reasoner.ask`.
+
+    Examples:
+        >>> from lcorpp.reasoning import ask, parse_plog, parse_query
+        >>> die = parse_plog("sides = {1..6}. roll : sides. random(roll).")
+        >>> str(ask(die, parse_query("?{roll > 4}.", die)))
+        '1/3'
+    """
     return Reasoner(program).ask(query, exact=True)
 
 

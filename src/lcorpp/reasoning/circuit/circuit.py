@@ -57,6 +57,13 @@ class Circuit:
     layers: the matrices, see `matrices`.
 
     Source: Darwiche, J. ACM 50(3), 2003; the elimination tree as in AND/OR search, see `elimination_tree`.
+
+    Examples:
+        >>> from lcorpp import Reasoner, parse_plog
+        >>> coins = parse_plog("a, b : boolean. random(a). random(b). pr(b | a) = 3/4. pr(b | -a) = 1/4.")
+        >>> circuit = Reasoner(coins).compile(["a"], "b")
+        >>> circuit({"a": ["true", "false"]}).tolist()  # in the order of circuit.values["b"], true first
+        [[0.75, 0.25], [0.25, 0.75]]
     """
 
     def __init__(

@@ -42,6 +42,14 @@ def save_circuit(circuit: Circuit, path: str | Path) -> None:
 
     Raises:
         FileError: the file cannot be written.
+
+    Examples:
+        >>> from lcorpp import Reasoner, parse_plog
+        >>> from lcorpp.reasoning import load_circuit, save_circuit
+        >>> coins = parse_plog("a, b : boolean. random(a). random(b). pr(b | a) = 3/4. pr(b | -a) = 1/4.")
+        >>> save_circuit(Reasoner(coins).compile(["a"], "b"), "coins.npz")
+        >>> load_circuit("coins.npz")({"a": "true"})
+        Distribution(true: 0.75, false: 0.25)
     """
     arrays: dict[str, npt.NDArray[Any]] = {}
     layers = []
@@ -84,6 +92,14 @@ def load_circuit(path: str | Path) -> Circuit:
     Raises:
         FileError: the file is missing or unreadable.
         DataError: the file has another format, is damaged, or is of a newer version.
+
+    Examples:
+        >>> from lcorpp import Reasoner, parse_plog
+        >>> from lcorpp.reasoning import load_circuit, save_circuit
+        >>> die = parse_plog("sides = {1..6}. roll : sides. random(roll). pr(roll=6) = 1/2.")
+        >>> save_circuit(Reasoner(die).compile([], "roll"), "die.npz")
+        >>> load_circuit("die.npz").queries
+        ('roll',)
     """
     content = read_bytes(path)
     with locate_damage(path, "circuit"):

@@ -122,6 +122,12 @@ class Enumeration(Inference):
         ProgramError: `limit` is not positive.
 
     Source: Baral, Gelfond and Rushton, TPLP 9(1), 2009, sections 3 and 4.
+
+    Examples:
+        >>> from lcorpp import Enumeration, parse_plog
+        >>> die = parse_plog("sides = {1..6}. roll : sides. random(roll). high : boolean. high :- roll > 4.")
+        >>> str(Enumeration(die).exact("roll", {"high": "true"})["6"])
+        '1/2'
     """
 
     def __init__(self, program: Program, *, limit: int = 200_000) -> None:

@@ -36,4 +36,15 @@ class SortMismatch(SourceIssue):
 
 
 class ReasoningWarning(UserWarning):
-    """An answer is an estimate, or rounded numbers of the program were adjusted."""
+    """An answer is an estimate, or rounded numbers of the program were adjusted.
+
+    Examples:
+        >>> import warnings
+        >>> from lcorpp.reasoning import Reasoner, ReasoningWarning, parse_plog
+        >>> program = parse_plog("s = {u, v}. a : s. random(a). pr(a=u) = 0.33333. pr(a=v) = 0.66666.")
+        >>> with warnings.catch_warnings(record=True) as issued:
+        ...     warnings.simplefilter("always", ReasoningWarning)
+        ...     _ = Reasoner(program).posterior("a")
+        >>> print(issued[0].message)
+        <text>:1:31: the probabilities of a sum to 0.99999, not 1, and are divided by their sum
+    """

@@ -42,6 +42,13 @@ def read_plog(path: str | Path, *, semantics: Semantics | None = None, strict: b
         FileError: the file cannot be read.
         ParseError: the text does not follow the grammar.
         ProgramError: a name, sort, arity or probability in it is wrong.
+
+    Examples:
+        >>> from pathlib import Path
+        >>> from lcorpp import Reasoner, read_plog
+        >>> _ = Path("die.plog").write_text("sides = {1..6}. roll : sides. random(roll).")
+        >>> Reasoner(read_plog("die.plog")).expect("roll")
+        3.5
     """
     check_type(path, (str, PathLike), "path", ProgramError)
     return parse_plog(read_text(path, MAX_PROGRAM_BYTES), file=str(path), semantics=semantics, strict=strict)
@@ -69,6 +76,16 @@ def parse_plog(
 
     Source: Baral, Gelfond and Rushton, TPLP 9(1), 2009, section 2; Balai, Gelfond and Zhang, 2019, section 3;
     the manual of plog 2.0.
+
+    Examples:
+        >>> from lcorpp import Reasoner, parse_plog
+        >>> rain = parse_plog('''
+        ... rain, wet : boolean.
+        ... random(rain). random(wet).
+        ... pr(rain) = 0.2. pr(wet | rain) = 0.9. pr(wet | -rain) = 0.1.
+        ... ''')
+        >>> Reasoner(rain).posterior("rain", {"wet": "true"})  # 0.18 : 0.08
+        Distribution(true: 0.6923, false: 0.3077)
     """
     check_type(text, str, "text", ProgramError)
     check_type(file, str, "file", ProgramError)
@@ -123,6 +140,13 @@ def parse_query(text: str, program: Program) -> Query:
 
     Raises:
         ParseError: the text is not a query, or contains a name unknown to `program`. The file is ``<query>``.
+
+    Examples:
+        >>> from lcorpp.reasoning import ask, parse_plog, parse_query
+        >>> die = parse_plog("sides = {1..6}. roll : sides. random(roll).")
+        >>> query = parse_query("?E[roll] | obs(roll > 4).", die)
+        >>> str(query), str(ask(die, query))
+        ('?E[roll] | obs(roll>4).', '11/2')
     """
     check_type(text, str, "query", ProgramError)
     check_type(program, Program, "program", ProgramError)

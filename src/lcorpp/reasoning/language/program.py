@@ -30,6 +30,12 @@ class Program:
 
     Raises:
         ProgramError: a statement is ill-formed; the message begins with file, line and column.
+
+    Examples:
+        >>> from lcorpp import parse_plog
+        >>> die = parse_plog("sides = {1..6}. roll : sides. random(roll).")
+        >>> die.attributes["roll"].values
+        ('1', '2', '3', '4', '5', '6')
     """
 
     file: str = field(compare=False)
@@ -117,5 +123,12 @@ class Program:
 
 
 def program_text(program: Program) -> str:
-    """Return the canonical text of a program, one statement per line; it parses to an equal program."""
+    """Return the canonical text of a program, one statement per line; it parses to an equal program.
+
+    Examples:
+        >>> from lcorpp.reasoning import parse_plog, program_text
+        >>> print(program_text(parse_plog("rain: boolean. random( rain ).  % weather")))
+        rain : boolean.
+        random(rain).
+    """
     return str(program)

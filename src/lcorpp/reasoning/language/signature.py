@@ -36,6 +36,12 @@ class Attribute(AttributeDeclaration):
     """A declared attribute.
 
     values: the values in order of declaration; integers are decimal text.
+
+    Examples:
+        >>> from lcorpp import parse_plog
+        >>> program = parse_plog("dice = {d1, d2}. sides = {1..6}. roll : dice -> sides. random(roll(D)).")
+        >>> program.attributes["roll"]
+        <Attribute roll : dice -> sides, 6 values>
     """
 
     values: tuple[str, ...]
