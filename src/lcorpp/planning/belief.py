@@ -28,6 +28,14 @@ def update(pomdp: Pomdp, belief: Belief, action: int, observation: int) -> Belie
             observation.
 
     Source: Bayes' rule; Kaelbling, Littman and Cassandra, 1998, section 3.3.
+
+    Examples:
+        >>> from lcorpp import load_domain
+        >>> from lcorpp.planning import update
+        >>> pomdp = load_domain("intention").pomdp
+        >>> action, observation = pomdp.action_index("move_forward"), pomdp.observation_index("pos")
+        >>> update(pomdp, pomdp.start, action, observation).round(3).tolist()  # start: 0.5 0.5 0 0 0
+        [0.9, 0.1, 0.0, 0.0, 0.0]
     """
     predicted, weights = pomdp.transition.forward(action, belief), np.zeros(len(pomdp.states))
     states, likelihood = pomdp.observation.column(action, observation)
@@ -69,7 +77,15 @@ def make_impossible_error(pomdp: Pomdp, belief: Belief, action: int, observation
 
 
 def observation_probabilities(pomdp: Pomdp, belief: Belief, action: int) -> Array:
-    """Return (O,) P(o | b, a) for a belief (S,) and the index of an action."""
+    """Return (O,) P(o | b, a) for a belief (S,) and the index of an action.
+
+    Examples:
+        >>> from lcorpp import load_domain
+        >>> from lcorpp.planning import observation_probabilities
+        >>> pomdp = load_domain("intention").pomdp
+        >>> observation_probabilities(pomdp, pomdp.start, pomdp.action_index("greet")).round(3).tolist()
+        [0.5, 0.5, 0.0]
+    """
     return pomdp.observation.forward(action, pomdp.transition.forward(action, belief))
 
 
@@ -78,6 +94,12 @@ def check_belief(pomdp: Pomdp, belief: npt.ArrayLike) -> Belief:
 
     Raises:
         ModelError: `belief` is not a distribution over the states.
+
+    Examples:
+        >>> from lcorpp import load_domain
+        >>> from lcorpp.planning import check_belief
+        >>> check_belief(load_domain("intention").pomdp, [0.8, 0.2, 0, 0, 0]).flags.writeable
+        False
     """
     try:
         copy = freeze(belief)

@@ -60,6 +60,15 @@ class Planner(ModelPlanner):
     Raises:
         ModelError: an argument has a wrong type.
         PolicyError: the policy belongs to another model, or a policy alone has no model beside it.
+
+    Examples:
+        >>> from lcorpp import Planner, load_domain, solve
+        >>> planner = Planner(solve(load_domain("intention").pomdp))
+        >>> planner.action(planner.start)
+        'move_forward'
+        >>> belief = planner.update(planner.start, "move_forward", "pos")
+        >>> planner.action(planner.update(belief, "move_forward", "pos"))
+        'report_interested'
     """
 
     @overload

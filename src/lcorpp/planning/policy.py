@@ -31,6 +31,11 @@ class AlphaVectors:
 
     Raises:
         PolicyError: the shapes do not match, or a number is not finite.
+
+    Examples:
+        >>> from lcorpp.planning import AlphaVectors
+        >>> AlphaVectors([0, 1], [[-100, 10], [10, -100], [-1, -1]], [1, 2, 0])
+        <AlphaVectors: 3 over 2 states>
     """
 
     states: Indices
@@ -80,6 +85,14 @@ class Policy:
 
     Raises:
         PolicyError: shapes do not match, or an index is out of range.
+
+    Examples:
+        >>> import numpy as np
+        >>> from lcorpp.planning import AlphaVectors, Policy
+        >>> tiger = AlphaVectors([0, 1], [[-100, 10], [10, -100], [-1, -1]], [1, 2, 0])
+        >>> policy = Policy([tiger], ("left", "right"), ("listen", "open_left", "open_right"))
+        >>> policy.action_names[policy.action(np.array([0.5, 0.5]))]
+        'listen'
     """
 
     vector_sets: tuple[AlphaVectors, ...]

@@ -41,6 +41,16 @@ class Pomdp:
 
     Raises:
         ModelError: a shape, sum, sign, name or the discount is invalid; the message names it.
+
+    Examples:
+        >>> from lcorpp import Pomdp
+        >>> lamp = Pomdp(
+        ...     ("on", "off"), ("look", "switch"), ("bright", "dark"),
+        ...     transition=[[[1, 0], [0, 1]], [[0, 1], [1, 0]]], observation=[[[1, 0], [0, 1]]] * 2,
+        ...     reward=[[1, 0], [0, 0]], discount=0.9, start=[0.5, 0.5],
+        ... )
+        >>> lamp
+        <Pomdp 2 states, 2 actions, 2 observations, discount 0.9>
     """
 
     states: tuple[str, ...]

@@ -24,6 +24,13 @@ class Progress:
     seconds: wall-clock time since the call.
     lower, upper: bounds on the optimal value at the start belief, in reward units.
     vectors, beliefs, trials: their numbers so far, as in `Solution`.
+
+    Examples:
+        >>> from lcorpp import load_domain, solve
+        >>> steps = []
+        >>> solution = solve(load_domain("intention").pomdp, callback=steps.append)
+        >>> steps[-1].lower == solution.lower, steps[-1].trials == solution.trials
+        (True, True)
     """
 
     seconds: float
@@ -49,6 +56,12 @@ class Solution:
     start: (S,) the belief of `lower` and `upper`; the model's own when None.
     start_count: number of start beliefs.
     solver: its name, if it was chosen by `SolverOptions`. cached: whether it is from the cache of policies.
+
+    Examples:
+        >>> from lcorpp import load_domain, solve
+        >>> solution = solve(load_domain("intention").pomdp)
+        >>> solution.converged, solution.gap(solution.pomdp.start) <= 5e-4
+        (True, True)
     """
 
     pomdp: Pomdp

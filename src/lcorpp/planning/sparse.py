@@ -33,6 +33,12 @@ class SparseTables:
 
     Raises:
         ModelError: the arrays do not have matching shapes and values.
+
+    Examples:
+        >>> from lcorpp.planning import SparseTables
+        >>> table = SparseTables.of([[[1, 0], [0.1, 0.9]]])  # one action, two states
+        >>> table.shape, table[0, 1].tolist()
+        ((1, 2, 2), [0.1, 0.9])
     """
 
     shape: tuple[int, int, int]

@@ -42,6 +42,15 @@ class BatchPolicy:
 
     The result at a belief does not depend on the other beliefs of its batch: if a fast matrix product leaves
     several vectors close to the maximum, their values are summed again in the order of the states.
+
+    Examples:
+        >>> from lcorpp import load_domain, solve
+        >>> from lcorpp.planning import BatchPolicy
+        >>> pomdp = load_domain("intention").pomdp
+        >>> beliefs = [[1, 0, 0, 0, 0], pomdp.start]
+        >>> values, actions = BatchPolicy(solve(pomdp).policy).values_and_actions(beliefs)
+        >>> [pomdp.actions[action] for action in actions], values.round(1).tolist()
+        (['report_interested', 'move_forward'], [80.0, 66.5])
     """
 
     def __init__(self, policy: Policy) -> None:

@@ -117,6 +117,12 @@ def certificate(
     Raises:
         ModelError: `start` is not a distribution over the states, or an argument is out of range.
         PolicyError: the policy is for another model.
+
+    Examples:
+        >>> from lcorpp import load_domain, solve
+        >>> from lcorpp.planning import certificate
+        >>> certificate(solve(load_domain("intention").pomdp)).verdict
+        'confirmed'
     """
     check_type("solution", solution, Solution)
     pomdp, policy = solution.pomdp, solution.policy

@@ -153,6 +153,14 @@ def evaluate(
         PolicyError: the policy is for another model.
         KeyboardInterrupt: Ctrl-C; the second one if `interruptible`.
         ObservationError: rounding has removed the hidden state from a trial's belief; the message names it.
+
+    Examples:
+        >>> from lcorpp import load_domain, solve
+        >>> from lcorpp.planning import evaluate
+        >>> pomdp = load_domain("intention").pomdp
+        >>> evaluation = evaluate(pomdp, solve(pomdp).policy)
+        >>> evaluation.exact, round(evaluation.interval.estimate, 1)
+        (True, 66.5)
     """
     check_same_model(pomdp, policy)
     numbers = {"precision": precision, "max_nodes": max_nodes, "trials": trials, "confidence": confidence}

@@ -162,6 +162,14 @@ def policy_graph(
 
     Source: the policy graphs of APPL (Kurniawati, Hsu and Lee, RSS 2008); Cassandra, Kaelbling and Littman,
     1994, section 4.
+
+    Examples:
+        >>> from lcorpp import load_domain, solve
+        >>> from lcorpp.planning import policy_graph
+        >>> pomdp = load_domain("intention").pomdp
+        >>> graph = policy_graph(pomdp, solve(pomdp).policy)
+        >>> pomdp.actions[graph.actions[0]], len(graph)
+        ('move_forward', 5)
     """
     check_same_model(pomdp, policy)
     if merge not in ("vector", "belief"):

@@ -172,6 +172,14 @@ def simulate(
             discount is 1 and some policy may never end.
         PolicyError: the policy is for another model.
         ObservationError: rounding has removed the hidden state from a belief; the message names it.
+
+    Examples:
+        >>> from lcorpp import load_domain, solve
+        >>> from lcorpp.planning import simulate
+        >>> pomdp = load_domain("intention").pomdp
+        >>> result = simulate(pomdp, solve(pomdp).policy, trials=1000, seed=0)
+        >>> round(result.mean, 1)
+        66.1
     """
     check_same_model(pomdp, policy)
     for name, number, minimum in (("trials", trials, 1), ("steps", steps, 1), ("traces", traces, 0)):

@@ -43,6 +43,12 @@ def cpt(parents: Words, rows: Mapping[Any, Row] | npt.ArrayLike) -> Cpt:
             matches every value. So does ``-``, with its own numbers for each value: the row is then an array
             with an axis for each ``-``, before the axis of the values. Alternatively one array, with an axis
             for each parent and then one for the values.
+
+    Examples:
+        >>> from lcorpp.planning import cpt
+        >>> moves = cpt("action place", {"* *": "same", "east hall": {"kitchen": 0.9, "hall": 0.1}})
+        >>> moves.parents
+        ('action', 'place')
     """
     return Cpt(split_words(parents), rows)
 

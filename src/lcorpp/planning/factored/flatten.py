@@ -45,6 +45,16 @@ def flatten(problem: Factored, *, reachable: bool = False) -> Pomdp:
 
     Raises:
         ModelError: there are too many states, or the rewards are too large.
+
+    Examples:
+        >>> from lcorpp.planning import Factored, flatten
+        >>> room = Factored.of(
+        ...     states={"cup": "full empty", "lamp": "on off"}, observed="lamp", actions="wait",
+        ...     start={"cup": "full", "lamp": "uniform"}, transition={"cup": "same", "lamp": "same"},
+        ...     reward=1, discount=0.9,
+        ... )
+        >>> flatten(room).states[:2]
+        ('cup=full,lamp=on', 'cup=full,lamp=off')
     """
     states, actions = MixedRadix(problem.states), MixedRadix(problem.actions)
     observations = MixedRadix(
@@ -103,6 +113,16 @@ def start_beliefs(problem: Factored, pomdp: Pomdp) -> Array:
 
     Args:
         pomdp: `flatten(problem)`.
+
+    Examples:
+        >>> from lcorpp.planning import Factored, flatten, start_beliefs
+        >>> room = Factored.of(
+        ...     states={"cup": "full empty", "lamp": "on off"}, observed="lamp", actions="wait",
+        ...     start={"cup": "full", "lamp": "uniform"}, transition={"cup": "same", "lamp": "same"},
+        ...     reward=1, discount=0.9,
+        ... )
+        >>> start_beliefs(room, flatten(room)).tolist()
+        [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0]]
     """
     states = MixedRadix(problem.states)
     codes, weights = _Step(problem, states, MixedRadix(problem.actions)).start()

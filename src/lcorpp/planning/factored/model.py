@@ -108,6 +108,16 @@ class Factored:
             dependencies have a cycle, or a row is not a distribution.
 
     Source: Boutilier, Dean and Hanks, JAIR 1999 (factored); Ong, Png, Hsu and Lee, RSS 2009 (observed parts).
+
+    Examples:
+        >>> from lcorpp.planning import Factored
+        >>> room = Factored.of(
+        ...     states={"cup": "full empty", "lamp": "on off"}, observed="lamp", actions="wait",
+        ...     start={"cup": "full", "lamp": "uniform"}, transition={"cup": "same", "lamp": "same"},
+        ...     reward=1, discount=0.9,
+        ... )
+        >>> [variable.name for variable in room.observed]
+        ['lamp']
     """
 
     states: tuple[Variable, ...]

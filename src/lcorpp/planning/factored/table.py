@@ -30,6 +30,11 @@ class Table:
 
     Raises:
         ModelError: the shapes do not match, or a variable appears twice.
+
+    Examples:
+        >>> from lcorpp.planning import Table
+        >>> Table.of(("door",), ("sound",), [[0.9, 0.1], [0.2, 0.8]])
+        <Table P(sound | door), 4 entries>
     """
 
     parents: tuple[str, ...]

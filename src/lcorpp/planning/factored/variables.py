@@ -22,6 +22,11 @@ class Variable:
 
     Raises:
         ModelError: a name is empty, contains blanks or is one of * and -; or a value appears twice.
+
+    Examples:
+        >>> from lcorpp.planning import Variable
+        >>> Variable("door", ("open", "closed"), observed=True).index("closed")
+        1
     """
 
     name: str

@@ -44,6 +44,14 @@ def write_alphas(policy: Policy, path: str | Path) -> None:
         FileError: the file cannot be written.
         PolicyError: the policy has several vector sets (`AlphaVectors`), each over a part of the states, and
             would become too large as vectors over all states.
+
+    Examples:
+        >>> from pathlib import Path
+        >>> from lcorpp import load_domain
+        >>> from lcorpp.planning import Policy, write_alphas
+        >>> write_alphas(Policy.of(load_domain("intention").pomdp, [[5, 4, 3, 2, 0]], [1]), "greet.alpha")
+        >>> Path("greet.alpha").read_text().split()  # the action, and a value for each state
+        ['1', '5.0', '4.0', '3.0', '2.0', '0.0']
     """
     with open_atomically(path) as file:  # vector by vector: the text may take more memory than the policy
         file.writelines(f"{action}\n{line}\n\n".encode() for action, line in format_vectors(policy))
@@ -95,6 +103,14 @@ def read_alphas(path: str | Path, pomdp: Pomdp) -> Policy:
         FileError: the file cannot be read.
         PolicyError: the file is malformed or belongs to another model; the message has file, line and column.
             Or it promises a value that no policy has, for any number of steps.
+
+    Examples:
+        >>> from lcorpp import load_domain
+        >>> from lcorpp.planning import Policy, read_alphas, write_alphas
+        >>> pomdp = load_domain("intention").pomdp
+        >>> write_alphas(Policy.of(pomdp, [[5, 4, 3, 2, 0]], [1]), "greet.alpha")
+        >>> read_alphas("greet.alpha", pomdp).value(pomdp.start)
+        4.5
     """
     with report_full_memory(path):
         return _read_alphas(path, pomdp)

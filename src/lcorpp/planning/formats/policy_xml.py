@@ -47,6 +47,14 @@ def write_policy(policy: Policy, path: str | Path) -> None:
 
     Raises:
         FileError: the file cannot be written.
+
+    Examples:
+        >>> from lcorpp import load_domain, read_policy, solve, write_policy
+        >>> pomdp = load_domain("intention").pomdp
+        >>> solution = solve(pomdp)
+        >>> write_policy(solution.policy, "intention.policy")
+        >>> len(read_policy("intention.policy", pomdp)) == solution.vectors
+        True
     """
     with open_atomically(path) as file:  # line by line: the whole text may take more memory than the policy
         file.writelines((line + "\n").encode("ascii", "xmlcharrefreplace") for line in _format_lines(policy))
@@ -102,6 +110,13 @@ def read_policy(path: str | Path, pomdp: Pomdp, *, blocks: Sequence[npt.ArrayLik
         FileError: the file cannot be read.
         PolicyError: the file is malformed, contains a DTD, belongs to another model, or promises a value that
             no policy of the model has.
+
+    Examples:
+        >>> from lcorpp import Planner, load_domain, read_policy, solve, write_policy
+        >>> pomdp = load_domain("intention").pomdp
+        >>> write_policy(solve(pomdp).policy, "intention.policy")
+        >>> Planner(read_policy("intention.policy", pomdp), pomdp).action(pomdp.start)
+        'move_forward'
     """
     with report_full_memory(path):
         return _PolicyReader(str(path), pomdp, blocks).read(read_bytes(path))

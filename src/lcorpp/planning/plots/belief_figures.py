@@ -55,6 +55,14 @@ def draw_line(
 
     Raises:
         ModelError: a state is unknown or appears twice, or `base` leaves no probability for the states.
+
+    Examples:
+        >>> from lcorpp import load_domain, solve
+        >>> from lcorpp.planning import draw_line
+        >>> pomdp = load_domain("intention").pomdp
+        >>> figure = draw_line(pomdp, solve(pomdp).policy, pomdp.states[:2])
+        >>> [axes.get_ylabel() for axes in figure.axes]
+        ['value', 'action']
     """
     line = slice_policy(pomdp, policy, states, base)
     regions = line.regions()
@@ -143,6 +151,14 @@ def draw_triangle(
 
     Raises:
         ModelError: a state is unknown or appears twice, or `base` leaves no probability for the states.
+
+    Examples:
+        >>> from lcorpp import load_domain, solve
+        >>> from lcorpp.planning import draw_triangle
+        >>> pomdp = load_domain("intention").pomdp
+        >>> figure = draw_triangle(pomdp, solve(pomdp).policy, pomdp.states[:3])
+        >>> len(figure.axes)
+        3
     """
     triangle = slice_policy(pomdp, policy, states, base)
     regions = triangle.regions()

@@ -27,6 +27,13 @@ def draw_bounds(history: Sequence[tuple[float, float, float, int]], *, title: st
 
     Raises:
         ModelError: `history` is empty.
+
+    Examples:
+        >>> from lcorpp import load_domain, solve
+        >>> from lcorpp.planning import draw_bounds
+        >>> figure = draw_bounds(solve(load_domain("intention").pomdp).history)
+        >>> [axes.get_ylabel() for axes in figure.axes]
+        ['value at the start', 'vectors']
     """
     if not len(history):
         raise ModelError("there is no history to draw")

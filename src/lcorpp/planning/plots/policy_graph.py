@@ -43,6 +43,14 @@ def draw_graph(
 
     Raises:
         ModelError: `nodes` is below 1 or `arrows` below 0.
+
+    Examples:
+        >>> from lcorpp import load_domain, solve
+        >>> from lcorpp.planning import draw_graph, policy_graph
+        >>> pomdp = load_domain("intention").pomdp
+        >>> figure = draw_graph(policy_graph(pomdp, solve(pomdp).policy), title="intention")
+        >>> [text.get_text() for text in figure.axes[0].texts if "report" in text.get_text()]
+        ['report_interested', 'report_not_interested']
     """
     if nodes < 1 or arrows < 0:
         raise ModelError(f"a figure needs at least 1 node, not {nodes}, and at least 0 arrows, not {arrows}")

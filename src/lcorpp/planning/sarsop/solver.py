@@ -81,6 +81,12 @@ def solve(
         PolicyError: `previous` is for another model.
 
     Source: Kurniawati, Hsu and Lee, RSS 2008, Algorithm 1.
+
+    Examples:
+        >>> from lcorpp import load_domain, solve
+        >>> solution = solve(load_domain("intention").pomdp)
+        >>> solution.reason, round(solution.lower, 1), round(solution.upper, 1)
+        ('precision reached', 66.5, 66.5)
     """
     starts = check_solver_arguments(pomdp, start, precision, time_limit, callback)
     check_memory_limit(memory_limit)

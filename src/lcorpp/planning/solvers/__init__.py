@@ -34,6 +34,11 @@ class SolverOptions:
     Raises:
         ModelError: the name is unknown, the file of an own solver is wrong, or a limit is not positive, or
             the precision not finite.
+
+    Examples:
+        >>> from lcorpp.planning import SolverOptions
+        >>> SolverOptions("qmdp", time_limit=10)
+        SolverOptions(name='qmdp', precision=0.0005, time_limit=10)
     """
 
     name: str = "sarsop"
@@ -56,6 +61,12 @@ def load_solver(name: str) -> Callable[..., Solution]:
 
     Raises:
         ModelError: the name is unknown, or the user's file cannot be loaded or has no such function.
+
+    Examples:
+        >>> from lcorpp import load_domain
+        >>> from lcorpp.planning import load_solver
+        >>> round(load_solver("fib")(load_domain("intention").pomdp).upper, 1)  # the fast informed bound
+        77.2
     """
     if name in SOLVERS:
         module, own = SOLVERS[name]

@@ -61,6 +61,14 @@ class OnlinePlanner(ModelPlanner):
         ModelError: a number is out of range.
 
     Source: Ross and others, JAIR 2008.
+
+    Examples:
+        >>> from lcorpp import load_domain
+        >>> from lcorpp.planning import OnlinePlanner
+        >>> planner = OnlinePlanner(load_domain("intention").pomdp, trials=20)
+        >>> found = planner.search(planner.start)
+        >>> planner.pomdp.actions[found.action], round(found.lower), round(found.upper)
+        ('move_forward', 66, 67)
     """
 
     def __init__(

@@ -33,6 +33,17 @@ def read_pomdp(path: str | Path) -> Pomdp:
         FileError: the file cannot be read, or the memory is full.
         ParseError: the text is malformed; the message has file, line and column.
         ModelError: the model is too large.
+
+    Examples:
+        >>> from pathlib import Path
+        >>> from lcorpp import load_domain, read_pomdp
+        >>> _ = Path("lamp.pomdp").write_text('''
+        ... discount: 0.9   values: reward
+        ... states: on off  actions: look   observations: bright dark
+        ... T: look identity    O: look identity    R: look : on : * : * 1
+        ... ''')
+        >>> read_pomdp("lamp.pomdp")
+        <Pomdp lamp.pomdp: 2 states, 1 actions, 2 observations, discount 0.9>
     """
     with report_full_memory(path):
         return _read_file(path)
@@ -59,6 +70,20 @@ def parse_pomdp(text: str, *, file: str = "<text>") -> Pomdp:
     Raises:
         ParseError: the text is malformed.
         ModelError: the model is too large.
+
+    Examples:
+        >>> from lcorpp import solve
+        >>> from lcorpp.planning import parse_pomdp
+        >>> tiger = parse_pomdp('''
+        ... discount: 0.95  values: reward
+        ... states: left right  actions: listen open_left open_right  observations: hear_left hear_right
+        ... T: * uniform  T: listen identity
+        ... O: * uniform  O: listen 0.85 0.15 0.15 0.85
+        ... R: * : * : * : * 10  R: listen : * : * : * -1
+        ... R: open_left : left : * : * -100  R: open_right : right : * : * -100
+        ... ''')
+        >>> round(solve(tiger).lower, 2)
+        19.37
     """
     return _read_tokens(Tokens(text.encode("utf-8", "surrogatepass"), file))
 

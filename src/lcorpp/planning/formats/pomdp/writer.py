@@ -24,6 +24,14 @@ def write_pomdp(pomdp: Pomdp, path: str | Path) -> None:
     Raises:
         FileError: the file cannot be written.
         ModelError: the format does not allow a name, such as one with a space.
+
+    Examples:
+        >>> from lcorpp import load_domain, read_pomdp
+        >>> from lcorpp.planning import write_pomdp
+        >>> pomdp = load_domain("intention").pomdp
+        >>> write_pomdp(pomdp, "copy.pomdp")
+        >>> read_pomdp("copy.pomdp").fingerprint == pomdp.fingerprint
+        True
     """
     write_atomically(path, format_pomdp(pomdp))
 
@@ -33,6 +41,14 @@ def format_pomdp(pomdp: Pomdp) -> str:
 
     Raises:
         ModelError: the format does not allow a name.
+
+    Examples:
+        >>> from lcorpp import load_domain
+        >>> from lcorpp.planning import format_pomdp
+        >>> print(format_pomdp(load_domain("intention").pomdp))
+        discount: 0.99
+        values: reward
+        ...
     """
     return "\n".join(_format_lines(pomdp)) + "\n"
 

@@ -39,6 +39,13 @@ def read_pomdpx(path: str | Path, *, reachable: bool = False) -> Pomdp:
         FileError: the file cannot be read.
         ParseError: it is malformed; the message has file, line and column.
         ModelError: the flat problem would be too large.
+
+    Examples:
+        >>> from lcorpp import load_domain
+        >>> from lcorpp.planning import read_pomdpx, write_pomdpx
+        >>> write_pomdpx(load_domain("intention").pomdp, "intention.pomdpx")
+        >>> read_pomdpx("intention.pomdpx").actions[:2]
+        ('move_forward', 'greet')
     """
     problem = read_factored(path)
     try:
@@ -54,6 +61,13 @@ def read_factored(path: str | Path) -> Factored:
     Raises:
         FileError: the file cannot be read.
         ParseError: it is malformed; the message has file, line and column.
+
+    Examples:
+        >>> from lcorpp import load_domain
+        >>> from lcorpp.planning import read_factored, write_pomdpx
+        >>> write_pomdpx(load_domain("intention").pomdp, "intention.pomdpx")
+        >>> [len(variable.values) for variable in read_factored("intention.pomdpx").states]
+        [5]
     """
     with report_full_memory(path):
         return parse_pomdpx(read_bytes(path), file=str(path))
@@ -72,6 +86,12 @@ def parse_pomdpx(text: str | bytes, *, file: str = "<text>") -> Factored:
 
     Raises:
         ParseError: it is malformed; the message has file, line and column.
+
+    Examples:
+        >>> from lcorpp import load_domain
+        >>> from lcorpp.planning import format_pomdpx, parse_pomdpx
+        >>> parse_pomdpx(format_pomdpx(load_domain("intention").pomdp)).discount
+        0.99
     """
     return _ProblemReader(Document(text, file, "pomdpx")).read()
 

@@ -25,6 +25,14 @@ def write_pomdpx(problem: Factored | Pomdp, path: str | Path) -> None:
     Raises:
         FileError: the file cannot be written.
         ModelError: the format does not allow a name, such as one with a space.
+
+    Examples:
+        >>> from lcorpp import load_domain
+        >>> from lcorpp.planning import read_pomdpx, write_pomdpx
+        >>> pomdp = load_domain("intention").pomdp
+        >>> write_pomdpx(pomdp, "intention.pomdpx")
+        >>> read_pomdpx("intention.pomdpx").fingerprint == pomdp.fingerprint
+        True
     """
     # non-ASCII characters as references: APPL's readers support nothing else
     write_atomically(path, format_pomdpx(problem).encode("ascii", "xmlcharrefreplace"))
@@ -35,6 +43,13 @@ def format_pomdpx(problem: Factored | Pomdp) -> str:
 
     Raises:
         ModelError: the format does not allow a name.
+
+    Examples:
+        >>> from lcorpp import load_domain
+        >>> from lcorpp.planning import format_pomdpx
+        >>> print(format_pomdpx(load_domain("intention").pomdp))
+        <?xml version="1.0" encoding="ISO-8859-1"?>
+        ...
     """
     factored = Factored.of_pomdp(problem) if isinstance(problem, Pomdp) else problem
     return "\n".join(_format_lines(factored)) + "\n"

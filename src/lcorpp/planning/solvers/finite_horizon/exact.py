@@ -58,6 +58,13 @@ def solve_finite_horizon_exact(
             too large for memory.
 
     Source: Cassandra, Littman and Zhang, UAI 1997.
+
+    Examples:
+        >>> from lcorpp import load_domain
+        >>> from lcorpp.planning import solve_finite_horizon_exact
+        >>> pomdp = load_domain("intention").pomdp
+        >>> round(solve_finite_horizon_exact(pomdp, 2).lower, 3)  # -4 + 0.99 (0.9 - 0.1) 80
+        59.36
     """
     starts = check_solver_arguments(pomdp, start, precision, time_limit, callback)
     horizon = check_count("horizon", horizon, 1)

@@ -66,6 +66,14 @@ def solve_finite_horizon(
     Raises:
         ModelError: `start` is not a distribution over the states, a number is out of range, or the horizon is
             too long for memory.
+
+    Examples:
+        >>> from lcorpp import load_domain
+        >>> from lcorpp.planning import solve_finite_horizon
+        >>> pomdp = load_domain("intention").pomdp
+        >>> solution = solve_finite_horizon(pomdp, 3)
+        >>> [pomdp.actions[solution.action(pomdp.start, remaining)] for remaining in (3, 2, 1)]
+        ['move_forward', 'move_forward', 'report_interested']
     """
     starts = check_solver_arguments(pomdp, start, precision, time_limit, callback)
     check_memory_limit(memory_limit)

@@ -44,6 +44,13 @@ class PomcpPlanner(ModelPlanner):
         ModelError: a number is out of range, or the estimate is unknown.
 
     Source: Silver and Veness, NIPS 2010.
+
+    Examples:
+        >>> from lcorpp import load_domain
+        >>> from lcorpp.planning import PomcpPlanner
+        >>> planner = PomcpPlanner(load_domain("intention").pomdp, simulations=200)
+        >>> planner.action([1, 0, 0, 0, 0])  # the person is certainly interested
+        'report_interested'
     """
 
     def __init__(
@@ -117,6 +124,14 @@ class ParticlePlanner:
         ModelError: a number is out of range.
 
     Source: Silver and Veness, NIPS 2010.
+
+    Examples:
+        >>> from lcorpp import load_domain
+        >>> from lcorpp.planning import ParticlePlanner, TableSimulator
+        >>> pomdp = load_domain("intention").pomdp
+        >>> planner = ParticlePlanner(TableSimulator(pomdp), lambda: 0, simulations=200, particles=10)
+        >>> pomdp.actions[planner.action()]  # all particles are state 0, interested
+        'report_interested'
     """
 
     def __init__(

@@ -55,6 +55,14 @@ class TableSimulator:
 
     Raises:
         ModelError: `pomdp` is not a Pomdp, or the estimate is unknown.
+
+    Examples:
+        >>> from lcorpp import load_domain
+        >>> from lcorpp.planning import TableSimulator
+        >>> pomdp = load_domain("intention").pomdp
+        >>> state, _, reward = TableSimulator(pomdp).step(0, pomdp.action_index("report_interested"))
+        >>> pomdp.states[state], reward
+        ('term', 80.0)
     """
 
     def __init__(self, pomdp: Pomdp, *, leaf_values: str = "mdp", seed: int = 0) -> None:
