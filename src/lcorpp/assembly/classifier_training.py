@@ -56,6 +56,14 @@ def train_classifier(
     Raises:
         DataError, FileError: an option or the data are wrong.
         DomainError: the domain cannot simulate signals.
+
+    Examples:
+        >>> from lcorpp import load_domain
+        >>> from lcorpp.assembly import TrainingOptions, train_classifier
+        >>> domain = load_domain("intention")
+        >>> setup = train_classifier(domain, domain.senses[0], TrainingOptions("summaries", tracks=40))
+        >>> setup.source, setup.n_tracks, int(setup.confusion.counts.sum())
+        ('summaries', 40, 40)
     """
     goal = None if options.threshold is None else parse_goal(sense, options.threshold)
     make_untrained(options)  # reject options before the work
@@ -103,6 +111,17 @@ def load_trained(
     Raises:
         DataError, FileError: the file is not a classifier of the sense's classes, or the recorded data have
             another interval, other channels or other features than its training data.
+
+    Examples:
+        >>> from pathlib import Path
+        >>> from lcorpp import load_domain
+        >>> from lcorpp.assembly import StoredOptions, TrainingOptions, load_trained, train_classifier
+        >>> from lcorpp.learning import save_classifier
+        >>> domain = load_domain("intention")
+        >>> setup = train_classifier(domain, domain.senses[0], TrainingOptions("summaries", tracks=40))
+        >>> save_classifier(setup.trained, "motion.npz")
+        >>> load_trained(domain, domain.senses[0], StoredOptions(Path("motion.npz"))).source
+        'motion.npz'
     """
     trained = load_classifier(options.file)
     confusion = trained.confusion

@@ -53,6 +53,12 @@ class TrainingOptions:
     reading: how to read them.
     rate: points of motion per second, see `Motion`.
     seconds: the last seconds of each track that are used; None takes those of the domain, or all.
+
+    Examples:
+        >>> from lcorpp.assembly import TrainingOptions
+        >>> options = TrainingOptions("summaries", tracks=40)  # others as the data and the domain suggest
+        >>> options.epochs is None, options.device
+        (True, 'cpu')
     """
 
     learner: str | None = None
@@ -75,6 +81,12 @@ class StoredOptions:
     file: the classifier.
     data: recorded data for the trials; None takes the domain's, or simulates them. reading: how to read them.
     seconds: as in `TrainingOptions`.
+
+    Examples:
+        >>> from pathlib import Path
+        >>> from lcorpp.assembly import StoredOptions
+        >>> StoredOptions(Path("motion.npz"), seconds=3).seconds
+        3
     """
 
     file: Path
@@ -93,6 +105,13 @@ class EvidenceOptions:
 
     kinds: sense -> kind of evidence; the others give labels, as noisy channels always do.
     smoothing: added to the counts of the confusion matrix that becomes the rules for labels.
+
+    Examples:
+        >>> from lcorpp.assembly import EvidenceOptions
+        >>> from lcorpp.values import LAPLACE, EvidenceKind
+        >>> options = EvidenceOptions({"motion": EvidenceKind("soft")}, smoothing=LAPLACE)
+        >>> options.kind("motion").is_likelihood, options.kind("gaze").is_likelihood
+        (True, False)
     """
 
     kinds: Mapping[str, EvidenceKind] = field(default_factory=dict)

@@ -47,6 +47,17 @@ def read_training_data(
         DataError: a class is none of the sense's, or has no case; x or y is missing; there are too few
             cases; or the options are for tracks, and the data are none.
         FileError, ParseError: the data are missing or malformed.
+
+    Examples:
+        >>> from pathlib import Path
+        >>> from lcorpp import load_domain
+        >>> from lcorpp.assembly import read_training_data, simulate_training_data
+        >>> from lcorpp.learning import save_dataset
+        >>> domain = load_domain("intention")
+        >>> sense = domain.senses[0]
+        >>> save_dataset(simulate_training_data(domain, sense, 0, tracks=40).dataset, "walks.npz")
+        >>> len(read_training_data(domain, sense, Path("walks.npz"), seed=0).dataset)  # 70 % of the people
+        28
     """
     labels = sense.data_labels or {value: value for value in sense.classes}
     dataset = read_data(

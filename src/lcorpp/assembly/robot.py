@@ -41,6 +41,12 @@ class DomainRobot:
     senses: sense -> the setup of its classifier.
     parts: what determines its decisions, for a log.
     solution: of the POMDP; None if the policy was given.
+
+    Examples:
+        >>> from lcorpp import load_robot
+        >>> robot = load_robot("intention")
+        >>> robot.decide({"time": "afternoon"}, label="one", world=["pos", "pos"]).report
+        'interested'
     """
 
     senses: Senses
@@ -202,6 +208,15 @@ def compose_robot(
 
     Raises:
         ModelError, DomainError: as `solve_domain`.
+
+    Examples:
+        >>> from lcorpp import load_robot
+        >>> from lcorpp.assembly import compose_robot
+        >>> from lcorpp.planning import SolverOptions
+        >>> robot = load_robot("intention")
+        >>> fast = compose_robot(robot.domain, robot.senses, SolverOptions(precision=0.1))
+        >>> fast.solution.upper - fast.solution.lower <= 0.1
+        True
     """
     classifiers = describe_classifiers(senses)
     for name, soft in (given or {}).items():
@@ -245,6 +260,12 @@ def load_robot(
         DomainError: the domain or a sense is wrong.
         DataError, FileError: a file or an option of a classifier is wrong.
         ModelError: the solver fails.
+
+    Examples:
+        >>> from lcorpp import load_robot
+        >>> robot = load_robot("intention", preset="paper")
+        >>> robot.domain.preset, round(robot.solution.lower, 1)
+        ('paper', 66.5)
     """
     loaded = domain if isinstance(domain, Domain) else load_domain(domain, preset=preset)
     chosen = {name: _read_options(how) for name, how in (classifiers or {}).items()}
@@ -283,7 +304,15 @@ def decide(
     world: World | Sequence[str] | None = None,
     seed: int = 0,
 ) -> Episode:
-    """Decide about one person: `load_robot` and `DomainRobot.decide`, which describe arguments and errors."""
+    """Decide about one person: `load_robot` and `DomainRobot.decide`, which describe arguments and errors.
+
+    Examples:
+        >>> import lcorpp
+        >>> facts = {"time": "afternoon", "location": "library"}
+        >>> episode = lcorpp.decide("intention", facts, label="zero", world=["pos", "pos"])
+        >>> episode.marginal, episode.report
+        (Distribution(interested: 0.5062, not_interested: 0.4938), 'interested')
+    """
     loaded = domain if isinstance(domain, Domain) else load_domain(domain, preset=preset)
     known = choose_labels(loaded, label, labels or {})
     soft = [name for name, own in known.items() if isinstance(own, Likelihood)]

@@ -35,6 +35,11 @@ class ClassifierPart:
     fingerprint: of the classifier, "" if it has none.
     confusion: the matrix that replaces its rules; None leaves those of the program.
     soft: whether its evidence is a likelihood, so that its label equals the class in the program.
+
+    Examples:
+        >>> from lcorpp import load_robot
+        >>> load_robot("intention").parts.classifiers["motion"].source
+        'channel'
     """
 
     source: str
@@ -62,6 +67,12 @@ class RobotParts:
 
     classifiers: sense -> its classifier. smoothing: of their confusion matrices.
     solver: the options that made the policy; None for a policy from elsewhere. policy_file: its file, if any.
+
+    Examples:
+        >>> from lcorpp import load_robot
+        >>> parts = load_robot("intention").parts
+        >>> parts.description["domain"]["name"], parts.description["policy"]["solver"]["name"]
+        ('intention', 'sarsop')
     """
 
     domain: Domain

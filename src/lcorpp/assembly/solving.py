@@ -55,6 +55,13 @@ def solve_domain(
 
     Raises:
         ModelError: an own solver fails, or returns no policy for this model.
+
+    Examples:
+        >>> from lcorpp import load_domain
+        >>> from lcorpp.assembly import solve_domain
+        >>> solution = solve_domain(load_domain("intention"))
+        >>> solution.start_count, solution.converged
+        (33, True)
     """
     options = solver or domain.planning.solver
     limit = options.time_limit

@@ -52,6 +52,13 @@ def simulate_training_data(
     Raises:
         DomainError: the domain has no `people.py` with a function for the sense.
         DataError: seconds are given, and the signals are features.
+
+    Examples:
+        >>> from lcorpp import load_domain
+        >>> from lcorpp.assembly import simulate_training_data
+        >>> domain = load_domain("intention")
+        >>> simulate_training_data(domain, domain.senses[0], seed=0, tracks=20).dataset.trajectories.shape
+        (20, 2, 304)
     """
     source = make_signal_source(domain, sense, seconds)
     rng = np.random.default_rng([seed, 0])

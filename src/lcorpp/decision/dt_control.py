@@ -33,6 +33,12 @@ class Robot:
 
     Raises:
         DecisionError: a part lacks a method of its protocol.
+
+    Examples:
+        >>> from lcorpp import Planner, Reasoner, Robot, load_domain, solve
+        >>> domain = load_domain("intention")
+        >>> Robot({}, Reasoner(domain.program), Planner(solve(domain.pomdp)), domain)
+        Robot(classifiers: none; reasoner: Reasoner, planner: Planner; shared: intention)
     """
 
     classifiers: Mapping[str, Classifier]
@@ -104,6 +110,13 @@ def dt_control(
 
     Source: Algorithm 2. Line 1 is `classify`, 2 `evidence`, 3 to 6 `posterior` of the shared variables,
     7 `prior`, 8 to 12 `act_until_report`, 13 the value reported by the last action.
+
+    Examples:
+        >>> from lcorpp import Instance, dt_control, load_robot
+        >>> from lcorpp.worlds import ScriptedWorld
+        >>> robot = load_robot("intention").robot
+        >>> dt_control(robot, Instance({}, {"time": "morning"}), ScriptedWorld(["neg", "neg"])).report
+        'not_interested'
     """
     began = perf_counter()
     labels = robot.classify(instance)

@@ -48,6 +48,14 @@ class TrainedSense:
     against_reports: if C is corrected for wrong reports, the matrix that takes them as the true classes.
 
     A matrix without any count, whose rates are uniform, is that of a classifier that is not trained yet.
+
+    Examples:
+        >>> from lcorpp import ConfusionMatrix
+        >>> from lcorpp.decision import TrainedSense
+        >>> before = ConfusionMatrix(("interested", "not_interested"), [[0, 0], [0, 0]])
+        >>> after = ConfusionMatrix(("interested", "not_interested"), [[8, 2], [3, 7]])
+        >>> TrainedSense(classifier=None, confusion=after, previous=before).is_trained
+        True
     """
 
     classifier: Classifier
@@ -105,6 +113,13 @@ class ResumePoint:
 
     number, senses: of the last complete batch, as in `Batch`.
     decided: number of decisions after that batch; the data sets contain their signals.
+
+    Examples:
+        >>> from lcorpp import ConfusionMatrix
+        >>> from lcorpp.decision import ResumePoint, TrainedSense
+        >>> matrix = ConfusionMatrix(("interested", "not_interested"), [[8, 2], [3, 7]])
+        >>> ResumePoint(3, {"motion": TrainedSense(None, matrix, matrix)}, decided=12).decided
+        12
     """
 
     number: int
@@ -163,6 +178,27 @@ def lcorpp(
     the new matrix with the previous one. C_hat starts uniform (line 5), as printed. The paper has one sense.
     Its supplement starts without data from a random classifier, whose matrix is uniform, too: the loop goes
     on until the classifiers are trained.
+
+    Examples:
+        >>> from types import SimpleNamespace
+        >>> from lcorpp import ConfusionMatrix, Dataset, Instance, lcorpp, load_robot
+        >>> from lcorpp.worlds import ScriptedWorld
+        >>> robot, track = load_robot("intention").robot, [[0.0, 1.0], [2.0, 2.0]]
+        >>> matrix = ConfusionMatrix(("interested", "not_interested"), [[80, 20], [30, 70]])
+        >>> classifier = SimpleNamespace(classify=lambda signal: "interested")
+        >>> batches = lcorpp(
+        ...     {"motion": Dataset([track], ("interested",))},
+        ...     train=lambda sense, dataset: (classifier, matrix),
+        ...     make_reasoner=lambda confusions: robot.reasoner,
+        ...     planner=robot.planner,
+        ...     domain=robot.domain,
+        ...     collect=lambda: (Instance({"motion": track}, {}), ScriptedWorld(["pos"] * 9)),
+        ...     batch_size=2,
+        ...     epsilon=0.1,
+        ...     confidence=0,
+        ... )
+        >>> [(batch.number, len(batch.datasets["motion"]), batch.converged) for batch in batches]
+        [(0, 1, False), (1, 3, True)]
     """
     if not datasets:
         raise DecisionError("no sense learns; expected a data set of at least one")

@@ -65,6 +65,13 @@ class Strategy:
     start: starts a session of a strategy that learns from earlier people; from the full robot, and the rates
         of senses with soft evidence, which its program lacks. None for a strategy that decides about each
         person alone.
+
+    Examples:
+        >>> from lcorpp import load_robot
+        >>> from lcorpp.decision import Strategy
+        >>> silent = Strategy("L+R", learns=True, reasons=True, plans=False)
+        >>> silent.robot(load_robot("intention").robot).planner.action([0.9, 0.1, 0, 0, 0])
+        'report_interested'
     """
 
     name: str
@@ -185,6 +192,11 @@ def strategies(
 
     Raises:
         DecisionError: an unknown name.
+
+    Examples:
+        >>> from lcorpp.decision import strategies
+        >>> [strategy.name for strategy in strategies(["r+p", "LCORPP"])]
+        ['R+P', 'LCORPP']
     """
     given, table = list(names), list_strategies(senses)
     selected = [name.upper() for name in given]

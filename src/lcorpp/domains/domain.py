@@ -43,6 +43,14 @@ class Domain:
     preset: name of the chosen preset, None without one.
     reasoning, planning, simulation: the sections of its `domain.toml`.
     senses: the sections `[[learning]]`, none for a robot without classifiers.
+
+    Examples:
+        >>> from lcorpp import load_domain
+        >>> domain = load_domain("intention")
+        >>> domain.observed, domain.values
+        (('time', 'location'), ('interested', 'not_interested'))
+        >>> domain.evidence({"time": "morning"}, {"motion": "interested"})
+        {'time': 'morning', 'classifier': 'one'}
     """
 
     name: str

@@ -20,7 +20,13 @@ from lcorpp.user_code import split_function
 
 
 def list_domains() -> tuple[str, ...]:
-    """The names of the domains that come with lcorpp."""
+    """The names of the domains that come with lcorpp.
+
+    Examples:
+        >>> from lcorpp.domains import list_domains
+        >>> list_domains()
+        ('intention', 'museum', 'shopping')
+    """
     return tuple(sorted(file.parent.name for file in SHIPPED_FOLDER.glob("*/domain.toml")))
 
 
@@ -38,6 +44,12 @@ def load_domain(
         DomainError: a file is missing, one file uses a name that another does not declare, or a shared
             variable has no value in some possible world; the message names both places.
         ParseError, ProgramError, ModelError, FileError: a file of the folder is itself wrong.
+
+    Examples:
+        >>> from lcorpp import load_domain
+        >>> domain = load_domain("intention", preset="paper", changes={"simulation": {"noise": 0.2}})
+        >>> domain.preset, domain.simulation.feedback_model[0, 0].round(2).tolist()
+        ('paper', [0.8, 0.2, 0.0])
     """
     check_type(name_or_folder, (str, Path), "the domain", DomainError)
     folder = Path(name_or_folder)
@@ -79,6 +91,19 @@ def with_world(domain: Domain, text: str) -> Domain:
 
     Raises:
         DomainError: the text is something else, or the file is wrong.
+
+    Examples:
+        >>> from pathlib import Path
+        >>> from lcorpp import load_domain
+        >>> from lcorpp.domains import with_world
+        >>> _ = Path("people.py").write_text('''
+        ... class Friend:
+        ...     def __init__(self, person, rng): ...
+        ...     def act(self, action): return "pos"
+        ...     def report(self, action): ...
+        ... ''')
+        >>> with_world(load_domain("intention"), "people.py:Friend").simulation.world
+        people.py:Friend
     """
     parts = split_function(text)
     if parts is None:

@@ -22,6 +22,15 @@ class Population:
     """People drawn from a domain's simulation program (section "Experimental Results" of the paper).
 
     The program's rules order the draw, e.g. identity, then time and location, then intention.
+
+    Examples:
+        >>> import numpy as np
+        >>> from lcorpp import load_domain
+        >>> from lcorpp.simulation import Population
+        >>> population, rng = Population(load_domain("intention")), np.random.default_rng(0)
+        >>> people = population.sample(2, rng, {"time": "evening"})
+        >>> [person["time"] for person in people]
+        ['evening', 'evening']
     """
 
     def __init__(self, domain: Domain) -> None:
@@ -45,7 +54,17 @@ class SignalSource(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class SimulatedSignals:
-    """Signals from a function of a domain's `people.py`."""
+    """Signals from a function of a domain's `people.py`.
+
+    Examples:
+        >>> import numpy as np
+        >>> from lcorpp import load_domain
+        >>> from lcorpp.simulation import Population, SimulatedSignals
+        >>> domain, rng = load_domain("intention"), np.random.default_rng(0)
+        >>> people = Population(domain).sample(3, rng)
+        >>> SimulatedSignals.from_domain(domain, domain.senses[0]).simulate(people, rng).shape[:2]
+        (3, 2)
+    """
 
     function: Callable[[Sequence[Person], np.random.Generator], Array]
 
@@ -72,6 +91,15 @@ class RecordedSignals:
     """Signals sampled from a recorded data set, e.g. a held-out test set.
 
     Each person gets a signal whose label equals the person's value of the attribute `of`.
+
+    Examples:
+        >>> import numpy as np
+        >>> from lcorpp import Dataset
+        >>> from lcorpp.simulation import RecordedSignals
+        >>> walks = Dataset([[[0, 1], [0, 0]], [[3, 3], [1, 1]]], ("passing", "waiting"))
+        >>> signals = RecordedSignals("intention", walks)
+        >>> signals.simulate([{"intention": "waiting"}], np.random.default_rng(0)).tolist()
+        [[[3.0, 3.0], [1.0, 1.0]]]
     """
 
     of: str
@@ -111,6 +139,16 @@ def simulate_dataset(
 
     Raises:
         DomainError: the signals have another number of channels than the sense names.
+
+    Examples:
+        >>> import numpy as np
+        >>> from lcorpp import load_domain
+        >>> from lcorpp.simulation import SimulatedSignals, simulate_dataset
+        >>> domain = load_domain("intention")
+        >>> source = SimulatedSignals.from_domain(domain, domain.senses[0])
+        >>> dataset = simulate_dataset(domain, domain.senses[0], source, 10, np.random.default_rng(0))
+        >>> dataset.trajectories.shape, dataset.labels.count("interested")
+        ((10, 2, 304), 5)
     """
     population = Population(domain)
     per_class = max(-(-count // len(sense.classes)), 1)  # of no cases the shape of signals is needed

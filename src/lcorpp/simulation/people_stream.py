@@ -24,6 +24,11 @@ class DecisionResult:
 
     actual: the true shared value. report: the reported value, None without a report.
     cost, return_: as in `SimulatedWorld`.
+
+    Examples:
+        >>> from lcorpp.simulation import DecisionResult
+        >>> DecisionResult("interested", "interested", cost=4.0, return_=76.0).to_extra()
+        {'simulated': {'actual': 'interested', 'report': 'interested', 'cost': 4.0, 'earned': 76.0}}
     """
 
     actual: SharedValue
@@ -50,6 +55,15 @@ class PeopleStream:
     """An endless sequence of simulated people.
 
     Each person depends only on the seed and the position, so a resumed run continues the same sequence.
+
+    Examples:
+        >>> from lcorpp import dt_control, load_robot
+        >>> from lcorpp.simulation import PeopleStream
+        >>> robot = load_robot("intention")
+        >>> stream = PeopleStream(robot.domain, {"motion": robot.senses["motion"].signals}, seed=0)
+        >>> episode = dt_control(robot.robot, *stream.next())
+        >>> stream.result(episode)
+        DecisionResult(actual='not_interested', report='not_interested', cost=4.0, return_=76.0)
     """
 
     def __init__(

@@ -35,6 +35,14 @@ def simulate_recording(
     Raises:
         DomainError: the domain has no `people.py` with recordings or no positive class, or its `people.py`
             fails.
+
+    Examples:
+        >>> import numpy as np
+        >>> from lcorpp import load_domain
+        >>> from lcorpp.simulation import simulate_recording
+        >>> recording = simulate_recording(load_domain("intention"), np.random.default_rng(0), tracks=5)
+        >>> sorted(track.label for track in recording.tracks)
+        ['interested', 'not_interested', 'not_interested', 'not_interested', 'not_interested']
     """
     if domain.simulation.recordings is None:
         raise DomainError(f"{domain.folder}: no people.py with recordings to simulate a recording with")

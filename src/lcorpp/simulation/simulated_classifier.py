@@ -32,6 +32,13 @@ class NoisyChannel:
 
     of: the attribute that is classified. classes: its V values.
     rates: (V, V) rates[i, j] = P(predicted class j | true class i).
+
+    Examples:
+        >>> from lcorpp import load_domain
+        >>> from lcorpp.simulation import NoisyChannel
+        >>> domain = load_domain("intention")
+        >>> NoisyChannel.from_domain(domain, domain.senses[0]).rates.round(2).tolist()
+        [[0.76, 0.24], [0.29, 0.71]]
     """
 
     of: str

@@ -19,6 +19,15 @@ class SimulationModel:
     Each table has one list of interval ends for each row of probabilities:
     initial_states[v] over states, `find_successors` over next states, feedback[a][s'] over observations;
     reward[a][s] is the expected immediate reward.
+
+    Examples:
+        >>> import numpy as np
+        >>> from lcorpp import load_domain
+        >>> from lcorpp.simulation import SimulationModel
+        >>> model = SimulationModel(load_domain("intention"))
+        >>> world = model.make_world({"intention": "interested"}, np.random.default_rng(0))
+        >>> world.act("greet"), world.cost
+        ('pos', 2.0)
     """
 
     def __init__(self, domain: Domain) -> None:
@@ -66,6 +75,16 @@ class SimulatedWorld:
 
     cost: the sum of the costs of the actions before the report, positive.
     return_: the sum of all rewards, undiscounted.
+
+    Examples:
+        >>> import numpy as np
+        >>> from lcorpp import load_domain
+        >>> from lcorpp.simulation import SimulatedWorld, SimulationModel
+        >>> model = SimulationModel(load_domain("intention"))
+        >>> world = SimulatedWorld(model, {"intention": "interested"}, np.random.default_rng(0))
+        >>> world.report("report_interested")  # without a question, so it costs nothing
+        >>> world.cost, world.return_
+        (0.0, 80.0)
     """
 
     def __init__(self, model: SimulationModel, person: Mapping[str, str], rng: np.random.Generator) -> None:

@@ -15,6 +15,13 @@ class ConsoleWorld:
         observations: the possible answers.
         ask: shows a question and returns the typed line, as `input` does.
         show: shows a line, as `print` does.
+
+    Examples:
+        >>> from lcorpp import ConsoleWorld
+        >>> world = ConsoleWorld(["pos", "neg", "none"], ask=lambda question: "po", show=print)
+        >>> world.act("greet")
+        The robot does: greet
+        'pos'
     """
 
     def __init__(
@@ -50,6 +57,11 @@ def choose(
 
     Raises:
         DecisionError: the input ended.
+
+    Examples:
+        >>> from lcorpp.worlds import choose
+        >>> choose(["pos", "neg", "none"], "What does it observe?", ask=lambda question: "neg")
+        'neg'
     """
     while True:
         try:

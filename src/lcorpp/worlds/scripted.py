@@ -13,6 +13,12 @@ class ScriptedWorld:
     Args:
         answers: the observations, in order.
         source: where they come from, for messages.
+
+    Examples:
+        >>> from lcorpp.worlds import ScriptedWorld
+        >>> world = ScriptedWorld(["pos", "neg"])
+        >>> world.act("greet"), world.act("turn")
+        ('pos', 'neg')
     """
 
     def __init__(self, answers: Sequence[str], source: str = "the world") -> None:

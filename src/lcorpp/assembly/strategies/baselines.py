@@ -38,6 +38,11 @@ def find_strategies(names: Iterable[str], senses: Sequence[str] = ("",)) -> tupl
 
     Raises:
         DecisionError: an unknown name, two strategies of one name, or an own strategy that cannot be loaded.
+
+    Examples:
+        >>> from lcorpp.assembly import find_strategies
+        >>> [strategy.name for strategy in find_strategies(["LCORPP", "ask-twice"])]
+        ['LCORPP', 'ask-twice']
     """
     rows, own = list[str](), list[Strategy]()
     for name in names:

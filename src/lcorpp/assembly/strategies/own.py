@@ -34,6 +34,13 @@ def load_strategy(path: Path, name: str) -> Strategy:
 
     Raises:
         DecisionError: the file cannot be loaded, or has no such function or object.
+
+    Examples:
+        >>> from pathlib import Path
+        >>> from lcorpp.assembly import load_strategy
+        >>> _ = Path("mine.py").write_text("def same(robot): return robot")
+        >>> load_strategy(Path("mine.py"), "same").name
+        'same'
     """
     value = getattr(load_file(path, f"lcorpp_user_{path.stem}", DecisionError), name, None)
     if hasattr(value, "robot") and not isinstance(value, type):

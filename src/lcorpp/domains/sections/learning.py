@@ -47,6 +47,12 @@ class Sense:
     data: recorded data for training and trials; None simulates them.
     seconds, rate: duration and points per second to which recorded tracks are cut and resampled; None for
         those of `read_data`.
+
+    Examples:
+        >>> from lcorpp import load_domain
+        >>> (sense,) = load_domain("intention").senses
+        >>> sense.name, sense.of, sense.label_of
+        ('motion', 'intention', {'interested': 'one', 'not_interested': 'zero'})
     """
 
     name: str

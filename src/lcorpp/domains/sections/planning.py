@@ -113,6 +113,11 @@ class PlanningSection:
     phrases: action or observation -> its text for people; without one its name is shown.
     utterances: observation -> the sentences by which people give it, for a recogniser, in lower case.
     recogniser: the file of what `lcorpp observe` learnt of the recogniser, for this model; None without.
+
+    Examples:
+        >>> from lcorpp import load_domain
+        >>> load_domain("intention").planning.reports
+        {'report_interested': 'interested', 'report_not_interested': 'not_interested'}
     """
 
     pomdp: Pomdp

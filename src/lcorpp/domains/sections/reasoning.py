@@ -26,6 +26,11 @@ class ReasoningSection:
     program: the P-log program.
     observed: attributes that the robot observes as facts; beta of Algorithm 2.
     shared: attributes shared by reasoner and planner, at least one.
+
+    Examples:
+        >>> from lcorpp import load_domain
+        >>> load_domain("intention").reasoning.observed_values
+        {'time': ('morning', 'afternoon', 'evening'), 'location': ('library', 'classroom')}
     """
 
     program: Program

@@ -47,6 +47,11 @@ class SimulationSection:
     recordings: like `signals` of the motion, with the keyword `seconds` (min, max: the duration); returns one
         array (samples, columns) for each person, as a tracker records it.
     columns: the names of these columns; () without recordings.
+
+    Examples:
+        >>> from lcorpp import load_domain
+        >>> load_domain("intention").simulation.noisy_channels["motion"]["interested"]
+        {'one': 0.76, 'zero': 0.24}
     """
 
     true_program: Program
