@@ -11,7 +11,6 @@ from lcorpp.assembly.senses import Senses, from_channel
 from lcorpp.domains import Domain
 from lcorpp.errors import DomainError
 from lcorpp.protocols import World
-from lcorpp.simulation import Population, SimulationModel
 from lcorpp.values import Label, SharedValue
 
 
@@ -72,6 +71,8 @@ def draw_case(
     Raises:
         DomainError: no such person is possible, or a sense has no noisy channel.
     """
+    from lcorpp.simulation import Population, SimulationModel  # a real person is not simulated
+
     rng = np.random.default_rng([seed, 0])
     given = facts if truth is None else {**facts, **domain.reasoning.split(truth)}
     person = Population(domain).sample(1, rng, given)[0]

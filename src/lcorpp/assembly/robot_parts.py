@@ -8,12 +8,11 @@ from dataclasses import asdict, dataclass, field, replace
 from fractions import Fraction
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import lcorpp
 from lcorpp.assembly.solving import RatesSource, solve_domain
-from lcorpp.decision import Robot, Strategy
-from lcorpp.decision.strategies import Rates
+from lcorpp.decision import Robot
 from lcorpp.domains import Domain, load_domain
 from lcorpp.domains.loading import SHIPPED_FOLDER
 from lcorpp.errors import DecisionError, LcorppError
@@ -23,6 +22,9 @@ from lcorpp.planning.upper_bounds import MixtureBound
 from lcorpp.reasoning import Program, Reasoner
 from lcorpp.user_code import split_function
 from lcorpp.values import JEFFREYS, ConfusionMatrix
+
+if TYPE_CHECKING:
+    from lcorpp.decision.strategies import Rates, Strategy
 
 Json = Mapping[str, Any]
 

@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING
 from lcorpp.assembly.options import LABEL
 from lcorpp.domains import Domain
 from lcorpp.domains.sections.learning import Sense
-from lcorpp.simulation.people import SignalSource
 from lcorpp.simulation.simulated_classifier import BatchClassifier, NoisyChannel
 from lcorpp.values import ConfusionMatrix, EvidenceKind
 
 if TYPE_CHECKING:  # scikit-learn takes seconds to load, and a noisy channel does without
     from lcorpp.learning import EvaluationReport, Rate, TrainedClassifier
+    from lcorpp.simulation.people import SignalSource
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Any
 
 from lcorpp.domains.domain import Domain
-from lcorpp.domains.own_world import OwnWorlds
 from lcorpp.domains.sections.learning import Sense, read_senses
 from lcorpp.domains.sections.names import check_defined
 from lcorpp.domains.sections.planning import read_planning
@@ -20,7 +19,7 @@ from lcorpp.user_code import split_function
 
 
 def list_domains() -> tuple[str, ...]:
-    """The names of the domains that come with lcorpp.
+    """Return the names of the domains that come with lcorpp.
 
     Examples:
         >>> from lcorpp.domains import list_domains
@@ -105,6 +104,8 @@ def with_world(domain: Domain, text: str) -> Domain:
         >>> with_world(load_domain("intention"), "people.py:Friend").simulation.world
         people.py:Friend
     """
+    from lcorpp.domains.own_world import OwnWorlds
+
     parts = split_function(text)
     if parts is None:
         raise DomainError(f"the world {text!r}: expected FILE.py:NAME")

@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 
-from lcorpp.domains.own_world import ReactionWorld
 from lcorpp.errors import DomainError
 from lcorpp.protocols import World
 from lcorpp.user_code import UserFile, load_file
@@ -137,6 +136,8 @@ class SimulationPlugin:
 
     def make_world(self, person: Mapping[str, str], rng: np.random.Generator) -> World:
         """Return the world of a person who answers by `reaction`."""
+        from lcorpp.domains.own_world import ReactionWorld
+
         return ReactionWorld(self.reaction, f"{self.path}: reaction", person, rng)
 
     def _call(self, name: str, *arguments: Any, **options: Any) -> Any:

@@ -4,15 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
 from lcorpp.domains import Domain
 from lcorpp.domains.sections.learning import Sense
 from lcorpp.errors import DomainError
-from lcorpp.simulation.people import Person
 from lcorpp.values import Array, Label
+
+if TYPE_CHECKING:
+    from lcorpp.simulation.people import Person
 
 
 class BatchClassifier(Protocol):

@@ -8,7 +8,6 @@ from pathlib import Path
 
 import numpy as np
 
-from lcorpp.domains.own_world import OwnWorlds
 from lcorpp.domains.plugin import SimulationPlugin
 from lcorpp.domains.sections.files import find_file, find_function
 from lcorpp.domains.sections.learning import Sense
@@ -135,6 +134,8 @@ def _read_world(
     parts = find_function(table, "world", folder)
     if parts is None:
         raise DomainError(f"{table.location('world')}: expected FILE.py:NAME, not {table.text('world')!r}")
+    from lcorpp.domains.own_world import OwnWorlds  # few domains have worlds of their own
+
     return OwnWorlds(*parts)
 
 
