@@ -53,6 +53,12 @@ def train_classifier(
 ) -> SenseSetup:
     """Train and cross-validate the classifier of a sense; its confusion matrix becomes the rules.
 
+    Args:
+        options: how to train it. evidence: what it gives to the reasoner.
+        seed: of the simulated data, the folds and the training.
+        jobs: number of processes; it does not affect the result.
+        progress: shows the completed folds.
+
     Raises:
         DataError, FileError: an option or the data are wrong.
         DomainError: the domain cannot simulate signals.
@@ -107,6 +113,10 @@ def load_trained(
     seed: int = 0,
 ) -> SenseSetup:
     """Load a stored classifier of a sense; its confusion matrix becomes the rules.
+
+    Args:
+        options: its file, and the data for the trials. evidence: what it gives to the reasoner.
+        seed: of the split of recorded data; that of the training makes the people of the trials new.
 
     Raises:
         DataError, FileError: the file is not a classifier of the sense's classes, or the recorded data have

@@ -37,6 +37,7 @@ def read_training_data(
 
     Args:
         path: a path that `read_data` accepts: a folder of the authors' files, CSV, Parquet or .npz.
+        seed: of the split.
         features: the classifier's features, see `Motion`; None takes those that need x and y only. Channels
             of motion that no feature needs are dropped, so that the classifier also works where they are not
             measured.

@@ -205,6 +205,7 @@ def compose_robot(
         given: sense -> whether its evidence is a likelihood, for senses whose evidence comes from elsewhere.
         smoothing: of the confusion matrices that become rules.
         cache: a folder that keeps policies, None for none.
+        progress: shows the solver's progress.
 
     Raises:
         ModelError, DomainError: as `solve_domain`.
@@ -253,7 +254,7 @@ def load_robot(
         evidence: of trained and loaded classifiers.
         likelihoods: the senses for which `decide` is given a `Likelihood`.
         solver: None takes that of the domain. policy: None solves the POMDP.
-        cache: whether solved policies are kept in the user's cache.
+        cache: whether solved policies are kept in the user's cache. progress: shows training and solving.
         seed, jobs: of the training.
 
     Raises:

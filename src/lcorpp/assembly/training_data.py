@@ -46,6 +46,7 @@ def simulate_training_data(
     """Simulate a training set; the trials simulate new trajectories.
 
     Args:
+        seed: of the simulation.
         tracks: the number of tracks; None takes the sense's number.
         seconds: the last seconds of each track that are used; None takes all.
 

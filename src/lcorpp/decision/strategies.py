@@ -184,7 +184,7 @@ def list_strategies(senses: Sequence[str]) -> tuple[Strategy, ...]:
 def strategies(
     names: Iterable[str], senses: Sequence[str] = ("",), *, more: Sequence[Strategy] = ()
 ) -> tuple[Strategy, ...]:
-    """The rows with the given names, in the order of the table; all rows if no name is given.
+    """Return the rows with the given names, in the order of the table; all rows if no name is given.
 
     Args:
         senses: of the domain, see `list_strategies`; by default one.

@@ -77,7 +77,7 @@ def make_impossible_error(pomdp: Pomdp, belief: Belief, action: int, observation
 
 
 def observation_probabilities(pomdp: Pomdp, belief: Belief, action: int) -> Array:
-    """Return (O,) P(o | b, a) for a belief (S,) and the index of an action.
+    """Return (O,) P(o | b, a): of each observation, for a belief (S,) and the index of an action.
 
     Examples:
         >>> from lcorpp import load_domain

@@ -76,6 +76,7 @@ class Policy:
     Most policies have one set of vectors, over all states. With mixed observability there is one set for each
     value of the observed parts, and possibly another one for beliefs over several values.
 
+    vector_sets: at least one; see `AlphaVectors`.
     state_names, action_names: the names of the model.
     fingerprint: `Pomdp.fingerprint` of the policy's model; "" if unknown.
     model: name of the model's file, for messages.

@@ -82,7 +82,7 @@ class Estimate(float):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class EstimatedDistribution(Distribution):
-    """A distribution estimated from sampled worlds.
+    """A `Distribution` estimated from sampled worlds.
 
     intervals: (n,) each probability with its 95 % confidence interval.
     effective: the effective sample size.

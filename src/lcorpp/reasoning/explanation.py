@@ -119,7 +119,7 @@ def find_fired(reasoner: Reasoner, query: Query, world: PossibleWorld) -> tuple[
     that the value has what the pr-atoms of other values leave.
 
     Args:
-        query: to which the world belongs.
+        query: to which the world belongs, as `Reasoner.list_worlds` found it.
 
     Examples:
         >>> from lcorpp import Reasoner, parse_plog

@@ -88,7 +88,7 @@ class SimulatedSignals:
 
 @dataclass(frozen=True, eq=False)
 class RecordedSignals:
-    """Signals sampled from a recorded data set, e.g. a held-out test set.
+    """Signals sampled from a recorded `dataset`, e.g. a held-out test set.
 
     Each person gets a signal whose label equals the person's value of the attribute `of`.
 
@@ -135,6 +135,7 @@ def simulate_dataset(
     """Simulate a balanced, shuffled training set of a sense.
 
     Args:
+        source: of the signals. rng: draws the people and their signals.
         count: the number of cases, rounded up to a multiple of the number of classes; 0 for an empty set.
 
     Raises:

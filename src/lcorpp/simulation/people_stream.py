@@ -69,7 +69,7 @@ class PeopleStream:
     def __init__(
         self, domain: Domain, sources: Mapping[str, SignalSource], seed: int, *, position: int = 0
     ) -> None:
-        """sources: sense -> its signals. position: of the first person, counted from 0."""
+        """sources: sense -> its signals. seed: of all people. position: of the first, counted from 0."""
         self._domain, self._sources, self._seed = domain, sources, seed
         self._population, self._model = Population(domain), SimulationModel(domain)
         self._group: list[tuple[Person, dict[str, Array]]] = []

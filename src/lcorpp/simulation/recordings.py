@@ -26,6 +26,7 @@ def simulate_recording(
     """Simulate one recorded track per person, in random order.
 
     Args:
+        rng: draws the people and their tracks.
         tracks: the number of tracks.
         positives: the number of tracks of the domain's positive class; None takes the paper's share, 63 of
             2286, and at least one. The other classes are drawn from the simulation program.

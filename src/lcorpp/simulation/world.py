@@ -71,7 +71,8 @@ class SimulatedWorld:
     The hidden state starts where the domain places the person's shared value and moves by the planner's
     transition model. The person answers by the simulation's feedback model, not by the planner's
     observation model. If the domain has worlds of its own (`SimulationSection.world`), these answer instead,
-    until the state is terminal; costs and return are scored from the hidden state all the same.
+    until the state is terminal; costs and return are scored from the hidden state all the same. `rng` draws
+    states and answers.
 
     cost: the sum of the costs of the actions before the report, positive.
     return_: the sum of all rewards, undiscounted.

@@ -63,7 +63,7 @@ class EvidenceKind:
 
 
 def check_coverage(coverage: Any) -> None:
-    """Raises `DataError` unless the coverage of prediction sets is a number between 0 and 1.
+    """Raise `DataError` unless the coverage of prediction sets is a number between 0 and 1.
 
     Examples:
         >>> from lcorpp.values import check_coverage

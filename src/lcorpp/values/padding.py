@@ -15,7 +15,7 @@ Lengths = npt.NDArray[np.int64]
 
 
 def measure_lengths(tracks: Array) -> Lengths:
-    """(cases,) the number of time points of tracks (cases, channels, time points) before their padding.
+    """Return (cases,) the lengths of tracks (cases, channels, time points): time points before the padding.
 
     Examples:
         >>> import numpy as np
@@ -47,7 +47,10 @@ def strip_padding(track: Array) -> Array:
 
 
 def count_window(seconds: float, interval: float) -> int:
-    """Return the number of time points of a window, at least two.
+    """Return the number of time points in a window of some seconds, at least two.
+
+    Args:
+        interval: seconds between two time points.
 
     Raises:
         DataError: an argument is not a finite number above 0.
@@ -64,7 +67,10 @@ def count_window(seconds: float, interval: float) -> int:
 
 
 def cut_tracks(tracks: Array, part: slice) -> Array:
-    """(cases, channels, time points) a part of each track, e.g. slice(-90, None), its last 90 time points.
+    """Return a part of each of the tracks (cases, channels, time points), padded where it is shorter.
+
+    Args:
+        part: of the time points of each track, e.g. slice(-90, None), the last 90.
 
     Examples:
         >>> import numpy as np

@@ -55,6 +55,10 @@ def choose(
 ) -> str:
     """Ask until the answer is one of the options or an unambiguous prefix of one.
 
+    Args:
+        question: the prompt, to which the options are added.
+        ask, show: as in `ConsoleWorld`.
+
     Raises:
         DecisionError: the input ended.
 
