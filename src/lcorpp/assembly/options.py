@@ -84,9 +84,15 @@ class StoredOptions:
 
     Examples:
         >>> from pathlib import Path
-        >>> from lcorpp.assembly import StoredOptions
-        >>> StoredOptions(Path("motion.npz"), seconds=3).seconds
-        3
+        >>> from lcorpp import load_robot
+        >>> from lcorpp.assembly import StoredOptions, TrainingOptions
+        >>> from lcorpp.learning import save_classifier
+        >>> ways = {"motion": TrainingOptions("summaries", tracks=40)}
+        >>> robot = load_robot("intention", classifiers=ways)
+        >>> save_classifier(robot.senses["motion"].trained, "motion.npz")
+        >>> ways = {"motion": StoredOptions(Path("motion.npz"))}
+        >>> load_robot("intention", classifiers=ways).senses["motion"].source
+        'motion.npz'
     """
 
     file: Path

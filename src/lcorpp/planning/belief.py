@@ -98,8 +98,10 @@ def check_belief(pomdp: Pomdp, belief: npt.ArrayLike) -> Belief:
     Examples:
         >>> from lcorpp import load_domain
         >>> from lcorpp.planning import check_belief
-        >>> check_belief(load_domain("intention").pomdp, [0.8, 0.2, 0, 0, 0]).flags.writeable
-        False
+        >>> check_belief(load_domain("intention").pomdp, [1, 0.5, 0, 0, 0])
+        Traceback (most recent call last):
+            ...
+        lcorpp.errors.ModelError: belief {...} is not a distribution; it sums to 1.5
     """
     try:
         copy = freeze(belief)
