@@ -25,15 +25,12 @@ def public_names(package: str) -> dict[str, type]:
     """Return the functions and classes that a package exports; of `lcorpp`, those of no other package."""
     module = importlib.import_module(package)
     values = {name: getattr(module, name) for name in module.__all__}
-    values = {
-        name: value for name, value in values.items() if inspect.isclass(value) or inspect.isroutine(value)
+    others = [] if package != "lcorpp" else [v for other in PACKAGES for v in public_names(other).values()]
+    return {
+        name: value
+        for name, value in values.items()
+        if (inspect.isclass(value) or inspect.isroutine(value)) and value not in others
     }
-    if package == "lcorpp":
-        others = [value for other in PACKAGES for value in public_names(other).values()]
-        values = {
-            name: value for name, value in values.items() if not any(value is other for other in others)
-        }
-    return values
 
 
 def public_methods(value: type) -> Iterator[tuple[str, object]]:
@@ -64,6 +61,16 @@ def find_shown_returns(package: str) -> str:
     return " ".join(str(getattr(function, "__annotations__", {}).get("return", "")) for function in found)
 
 
+def find_missing_package(error: BaseException | None) -> str:
+    """Return the package without which an example failed, "" if another reason made it fail."""
+    while error is not None:
+        package = (getattr(error, "name", None) or "").partition(".")[0]
+        if isinstance(error, ModuleNotFoundError) and package and not find_spec(package):
+            return package
+        error = error.__context__  # of an error that names the extra
+    return ""
+
+
 @pytest.mark.parametrize("package", ["lcorpp", *PACKAGES])
 def test_examples_are_true(package: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
@@ -77,10 +84,9 @@ def test_examples_are_true(package: str, tmp_path: Path, monkeypatch: pytest.Mon
                 failures.append(f"{test.name}: {failure.example.source}{difference}")
             except doctest.UnexpectedException as failure:
                 error = failure.exc_info[1]
-                if isinstance(error, ModuleNotFoundError) and not find_spec(
-                    (error.name or "").partition(".")[0]
-                ):
-                    missing.add(error.name)
+                absent = find_missing_package(error)
+                if absent:
+                    missing.add(absent)
                 else:
                     lines = traceback.format_exception_only(error)
                     failures.append(f"{test.name}: {failure.example.source}{''.join(lines)}")
