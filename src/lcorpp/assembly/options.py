@@ -85,14 +85,12 @@ class StoredOptions:
     Examples:
         >>> from pathlib import Path
         >>> from lcorpp import load_robot
-        >>> from lcorpp.assembly import StoredOptions, TrainingOptions
-        >>> from lcorpp.learning import save_classifier
-        >>> ways = {"motion": TrainingOptions("summaries", tracks=40)}
-        >>> robot = load_robot("intention", classifiers=ways)
-        >>> save_classifier(robot.senses["motion"].trained, "motion.npz")
-        >>> ways = {"motion": StoredOptions(Path("motion.npz"))}
-        >>> load_robot("intention", classifiers=ways).senses["motion"].source
-        'motion.npz'
+        >>> from lcorpp.assembly import StoredOptions
+        >>> options = StoredOptions(Path("motion.npz"))  # which `save_classifier` has written
+        >>> load_robot("intention", classifiers={"motion": options})
+        Traceback (most recent call last):
+            ...
+        lcorpp.errors.FileError: motion.npz: ...
     """
 
     file: Path
