@@ -112,7 +112,10 @@ def read_truth(
     Raises:
         DomainError: it has other values than the robot's.
     """
-    program = read_plog(find_file(table, "truth", folder)) if "truth" in table else reasoning.program
+    program = reasoning.program
+    file = find_file(table, "truth", folder) if "truth" in table else None
+    if file is not None and str(file) != program.file:
+        program = read_plog(file)
     for name in dict.fromkeys([*reasoning.shared, *[sense.of for sense in senses], *reasoning.observed]):
         values = find_attribute_values(table.location("truth"), name, program)
         what = f"the values of {name} at {reasoning.locate(name)}"
