@@ -114,6 +114,9 @@ def test_intervals_are_those_of_jeffreys():
     np.testing.assert_allclose(wrong.interval.high, 1 - yes.interval.low)
     narrow = estimate_rates(validation.confusion, level=0.5)[0][0]
     assert no.interval.low < narrow.interval.low < narrow.interval.high < no.interval.high
+    assert (no.interval.confidence, narrow.interval.confidence) == (0.95, 0.5)
+    with pytest.raises(DataError, match="the level of an interval is 95; expected a number between 0 and 1"):
+        estimate_rates(validation.confusion, level=95)
 
 
 def test_too_few_groups_are_an_error():

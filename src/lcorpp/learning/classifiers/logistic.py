@@ -37,6 +37,13 @@ class QuadraticLogistic(ProbabilityClassifier):
         classes_: (K,) the class names in order, set by `fit`.
         mean_, scale_: (features,) of the training data.
         weights_: (1 or K, 2 features), bias_: (1 or K,); two classes share one row.
+
+    Examples:
+        >>> from lcorpp.learning import QuadraticLogistic
+        >>> speeds = [[0.0], [0.1], [0.8], [0.9], [1.7], [1.8]]
+        >>> labels = 2 * ["stands or hurries"] + 2 * ["strolls"] + 2 * ["stands or hurries"]
+        >>> QuadraticLogistic(C=1).fit(speeds, labels).predict([[0.05], [0.85], [2.0]]).tolist()
+        ['stands or hurries', 'strolls', 'stands or hurries']
     """
 
     def __init__(self, *, C: float = 0.02, max_cases: float | None = None) -> None:

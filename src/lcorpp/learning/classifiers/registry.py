@@ -143,6 +143,16 @@ def learner(
         DataError: the learner is unknown, the function fails or does not return a classifier, learns from
             another kind of data, `epochs`, `device`, `features` or `rate` is given to a learner without that
             option, or an argument has another type.
+
+    Examples:
+        >>> import numpy as np
+        >>> from lcorpp import Dataset
+        >>> from lcorpp.learning import learner, train
+        >>> walks = [np.outer([speed, 0], np.arange(30) / 10) for speed in (0.2, 0.3, 0.4, 1.1, 1.2, 1.3)]
+        >>> data = Dataset(walks, 3 * ["slow"] + 3 * ["fast"], interval=0.1)
+        >>> classifier = train(learner("summaries", interval=data.interval, inputs=data.channels), data)
+        >>> classifier.classify_many(walks)
+        ['slow', 'slow', 'slow', 'fast', 'fast', 'fast']
     """
     if kind is None:
         kind = "motion" if set(inputs) <= set(CHANNELS) else "series"

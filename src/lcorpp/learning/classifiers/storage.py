@@ -47,6 +47,15 @@ def save_classifier(classifier: TrainedClassifier, path: str | Path) -> None:
         DataError: the classifier is not a pipeline, is not trained, or has a step that cannot be stored
             safely.
         FileError: the file cannot be written.
+
+    Examples:
+        >>> from lcorpp import Dataset
+        >>> from lcorpp.learning import learner, load_classifier, save_classifier, train
+        >>> data = Dataset([[0.1 * n] for n in range(20)], 10 * ["stands"] + 10 * ["walks"])  # speeds in m/s
+        >>> classifier = train(learner("logistic", inputs=data.channels, kind=data.kind), data)
+        >>> save_classifier(classifier, "walking.npz")
+        >>> load_classifier("walking.npz").classify([1.3])
+        'walks'
     """
     kinds = _native_kinds()
     names = {kind: name for name, kind in kinds.items()}
@@ -88,6 +97,15 @@ def load_classifier(path: str | Path) -> TrainedClassifier:
     Raises:
         FileError: the file is missing or unreadable.
         DataError: the file is not a stored classifier, is damaged, of another version, or needs skops.
+
+    Examples:
+        >>> from lcorpp import Dataset
+        >>> from lcorpp.learning import learner, load_classifier, save_classifier, train
+        >>> data = Dataset([[0.2], [0.3], [1.2], [1.3]], 2 * ["stands"] + 2 * ["walks"], channels=["speed"])
+        >>> save_classifier(train(learner("logistic", inputs=data.channels), data), "walking.npz")
+        >>> classifier = load_classifier("walking.npz")
+        >>> classifier.inputs, classifier.classes
+        (('speed',), ('stands', 'walks'))
     """
     content = read_bytes(path)
     with locate_damage(path, "classifier"):

@@ -30,6 +30,14 @@ class TrainedClassifier:
     threshold: decision threshold of one class; if None, the label is the most probable class.
     inputs: the channels or features of its training data; () if they are unknown.
     prediction_sets: its conformal prediction sets; None if it was not validated.
+
+    Examples:
+        >>> from lcorpp import Dataset
+        >>> from lcorpp.learning import QuadraticLogistic, train
+        >>> data = Dataset([[0.1 * n] for n in range(20)], 10 * ["stands"] + 10 * ["walks"])  # speeds in m/s
+        >>> classifier = train(QuadraticLogistic(C=1), data)
+        >>> classifier.classify([1.3]), classifier.probabilities([[1.3]]).round(2).tolist()
+        ('walks', [[0.23, 0.77]])
     """
 
     estimator: Any
@@ -121,6 +129,14 @@ class SoftClassifier:
     The reasoner multiplies its prior knowledge by the likelihood, see `Domain.soft_program`.
 
     source: of the likelihoods: calibrated probabilities, or prediction sets.
+
+    Examples:
+        >>> from lcorpp import Dataset
+        >>> from lcorpp.learning import QuadraticLogistic, train_and_validate
+        >>> data = Dataset([[0.1 * n] for n in range(20)], 10 * ["stands"] + 10 * ["walks"])  # speeds in m/s
+        >>> classifier, _ = train_and_validate(QuadraticLogistic(C=1), data)
+        >>> classifier.soft().classify([1.9])
+        Likelihood(stands: 0.06225, walks: 1)
     """
 
     trained: TrainedClassifier
@@ -151,8 +167,19 @@ class SoftClassifier:
 def train(estimator: Any, dataset: Dataset) -> TrainedClassifier:
     """Train a clone of `estimator` on all of `dataset`, without validation.
 
+    Args:
+        estimator: a scikit-learn classifier on (cases, channels, time points), or (cases, features), e.g. a
+            `learner`.
+
     Raises:
         DataError: `dataset` is not trainable, see `check_trainable`, or the estimator fails.
+
+    Examples:
+        >>> from lcorpp import Dataset
+        >>> from lcorpp.learning import QuadraticLogistic, train
+        >>> data = Dataset([[0.1 * n] for n in range(20)], 10 * ["stands"] + 10 * ["walks"])  # speeds in m/s
+        >>> train(QuadraticLogistic(), data).classify_many([[0.2], [1.3]])
+        ['stands', 'walks']
     """
     check_trainable(dataset)
     usable = ensure_predict_proba(estimator)
@@ -175,6 +202,15 @@ def train_and_validate(
 
     The final training runs in parallel with the folds; arguments and errors are those of `cross_validate`.
     Calibration and prediction sets are fitted to all out-of-fold predictions; `coverage` is that of the sets.
+
+    Examples:
+        >>> from lcorpp import Dataset
+        >>> from lcorpp.learning import QuadraticLogistic, train_and_validate
+        >>> labels = 4 * ["stands"] + ["walks"] + 5 * ["stands"] + 10 * ["walks"]  # one person walks slowly
+        >>> data = Dataset([[0.1 * n] for n in range(20)], labels)
+        >>> classifier, validation = train_and_validate(QuadraticLogistic(), data)
+        >>> classifier.confusion.counts.tolist(), validation.predictions[4]
+        ([[8.0, 1.0], [1.0, 10.0]], 'stands')
     """
     check_coverage(coverage)
     trained, validation = fit_and_validate(estimator, dataset, folds, seed, jobs, progress)

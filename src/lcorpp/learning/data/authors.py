@@ -46,7 +46,7 @@ class _Row:
 
 @check_arguments
 def read_authors(folder: str | Path, *, labels: Mapping[str, str]) -> Dataset:
-    """Read `interposx.csv` and `interposy.csv` of the authors' repository.
+    r"""Read `interposx.csv` and `interposy.csv` of the authors' repository.
 
     Args:
         folder: contains the two files. A row is an id, 304 positions in mm (x in one file, y in the other)
@@ -62,6 +62,15 @@ def read_authors(folder: str | Path, *, labels: Mapping[str, str]) -> Dataset:
             number, a label is not in `labels`, or the rows of the files do not belong together.
 
     Source: bu-air-lab/LCORPP; Kato, Kanda and Ishiguro, HRI 2015.
+
+    Examples:
+        >>> from pathlib import Path
+        >>> from lcorpp.learning import read_authors
+        >>> for file in ("interposx.csv", "interposy.csv"):  # a row: id, 304 positions in mm, label
+        ...     _ = Path(file).write_text("1," + 304 * "2500," + "1\n")
+        >>> data = read_authors(".", labels={"1": "interested", "0": "not_interested"})
+        >>> data.labels, data.trajectories[0, :, 0].tolist()
+        (('interested',), [2.5, 2.5])
     """
     x_rows, y_rows = (_read(Path(folder) / f"interpos{axis}.csv", labels) for axis in "xy")
     for x, y in zip(x_rows, y_rows, strict=False):

@@ -112,6 +112,14 @@ def check_trainable(dataset: Dataset, *, folds: int = 1) -> None:
     Raises:
         DataError: fewer than two classes, a class in fewer groups than folds, a number that is not finite,
             tracks of fewer than two points, or identical cases only.
+
+    Examples:
+        >>> from lcorpp import Dataset
+        >>> from lcorpp.learning import check_trainable
+        >>> check_trainable(Dataset([[0.2], [1.1], [1.3]], ["stands", "walks", "walks"]), folds=2)
+        Traceback (most recent call last):
+            ...
+        lcorpp.errors.DataError: 2 folds need every class in at least 2 groups; there are: stands in 1, ...
     """
     if not len(dataset):
         raise DataError(f"there are no {dataset.unit}; at least two classes are needed")

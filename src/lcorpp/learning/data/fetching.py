@@ -37,6 +37,15 @@ def fetch_authors(folder: str | Path, *, progress: Progress | None = None) -> tu
 
     Raises:
         FileError, DataError: as `fetch`.
+
+    Examples:
+        >>> from pathlib import Path
+        >>> from lcorpp.learning import fetch_authors
+        >>> _ = Path("interposx.csv").write_text("another file")
+        >>> fetch_authors(".")  # before anything is downloaded
+        Traceback (most recent call last):
+            ...
+        lcorpp.errors.DataError: ...interposx.csv: exists, but has another checksum; remove it or choose ...
     """
     return tuple(fetch(url, folder, sha256=digest, progress=progress) for url, digest in AUTHORS.items())
 

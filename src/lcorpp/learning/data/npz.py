@@ -27,6 +27,13 @@ def save_dataset(dataset: Dataset, path: str | Path) -> None:
 
     Raises:
         FileError: the file cannot be written.
+
+    Examples:
+        >>> from lcorpp import Dataset
+        >>> from lcorpp.learning import load_dataset, save_dataset
+        >>> save_dataset(Dataset([[0.2], [1.1]], ["stands", "walks"], channels=["speed"]), "walking.npz")
+        >>> load_dataset("walking.npz").trajectories.tolist()
+        [[0.2], [1.1]]
     """
     fields = ("labels", "groups", "source", "notes", "interval", "channels")
     header = {name: getattr(dataset, name) for name in fields}
@@ -41,6 +48,13 @@ def load_dataset(path: str | Path) -> Dataset:
     Raises:
         FileError: the file is missing or unreadable.
         DataError: the file is not a data set, is damaged or has a newer version, or a number is not finite.
+
+    Examples:
+        >>> from lcorpp import Dataset
+        >>> from lcorpp.learning import load_dataset, save_dataset
+        >>> save_dataset(Dataset([[0.2], [1.1]], ["stands", "walks"], channels=["speed"]), "walking.npz")
+        >>> load_dataset("walking.npz")
+        Dataset(2 cases (stands: 1, walks: 1), features speed, 2 groups)
     """
     content = read_bytes(path)
     with locate_damage(path, "data set"):

@@ -46,6 +46,13 @@ def plot_tracks(recording: Recording, *, title: str = "", max_tracks: int = MAX_
 
     Raises:
         DataError: there are no tracks, or `max_tracks` is below 1.
+
+    Examples:
+        >>> from lcorpp.learning import Recording, Track, plot_tracks
+        >>> track = Track("7", [0.0, 1.0], {"x": [5.0, 4.0], "y": [2.0, 2.0]}, "interested")
+        >>> figure = plot_tracks(Recording([track]), title="One person")
+        >>> [axes.get_xlabel() for axes in figure.axes]
+        ['x (m)', 'seconds before the track ends']
     """
     if max_tracks < 1:
         raise DataError(f"max_tracks is {max_tracks}; expected 1 or more")

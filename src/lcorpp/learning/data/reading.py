@@ -59,7 +59,7 @@ def read_data(
     fps: float | None = None,
     progress: Progress | None = None,
 ) -> Dataset:
-    """Read labelled tracks of any format, time series, or a table of features, as a data set to learn from.
+    r"""Read labelled tracks of any format, time series, or a table of features, as a data set to learn from.
 
     The authors' files, .npz and stores stay unchanged unless an argument changes them; other formats of
     tracks are cut to the last ten seconds of each track, at most 304 points .033 s apart, see `to_dataset`.
@@ -71,6 +71,15 @@ def read_data(
     Raises:
         FileError, ParseError, DataError: as `read_recording`, `read_table` and `to_dataset`; or an argument
             for tracks is given for other data.
+
+    Examples:
+        >>> from pathlib import Path
+        >>> from lcorpp.learning import read_data
+        >>> rows = "track,time,x,y,label\n7,0,4,1,interested\n7,2,2,1,interested\n"
+        >>> _ = Path("people.csv").write_text(rows)
+        >>> data = read_data("people.csv", interval=0.5, seconds=1)
+        >>> data.labels, data.trajectories.tolist()  # the last second of the track
+        (('interested',), [[[3.0, 2.5, 2.0], [1.0, 1.0, 1.0]]])
     """
     measures = parse_measures(unit, time_unit, fps)
     found = detect_format(path, columns, measures)
@@ -134,7 +143,7 @@ def read_recording(
     fps: float | None = None,
     progress: Progress | None = None,
 ) -> Recording:
-    """Read tracks: CSV, Parquet, .npz, a store, or a format of public data sets (docs/guides/data/data.md).
+    r"""Read tracks: CSV, Parquet, .npz, a store, or a format of public data sets (docs/guides/data/data.md).
 
     The format is recognised by the content. From a store (see `lcorpp.learning.store`) only the labelled
     tracks are read.
@@ -158,6 +167,15 @@ def read_recording(
         FileError: a file is missing or cannot be read.
         ParseError: a row or a track has a fault whose repair was not requested.
         DataError: likewise, for files without lines; or an argument is wrong.
+
+    Examples:
+        >>> from pathlib import Path
+        >>> from lcorpp.learning import read_recording
+        >>> rows = "track,time,x,y,label\n7,0,4,1,1\n7,1,3,1,1\n8,0,5,0,0\n8,2,5,4,0\n"
+        >>> _ = Path("people.csv").write_text(rows)
+        >>> recording = read_recording("people.csv", labels={"1": "interested", "0": "not_interested"})
+        >>> [(track.id, track.label, track.duration) for track in recording.tracks]
+        [('7', 'interested', 1.0), ('8', 'not_interested', 2.0)]
     """
     measures = parse_measures(unit, time_unit, fps)
     file, found = Path(path), detect_format(path, columns, measures)
@@ -227,6 +245,14 @@ def convert_snapshot(snapshot: Snapshot) -> Recording:
 
     Raises:
         DataError: the tracks have no x or y. FileError: the file of the store was changed or damaged.
+
+    Examples:
+        >>> from lcorpp.learning import NewTrack, Store, TrackSchema, convert_snapshot
+        >>> with Store("people.tracks", TrackSchema(["x", "y"], 0.5, ["interested"])) as store:
+        ...     _ = store.append(NewTrack([[0.0, 1.0, 2.0], [0.0, 0.0, 0.0]], "interested", id="7"))
+        ...     recording = convert_snapshot(store.snapshot())
+        >>> recording.tracks[0].label, recording.tracks[0].duration
+        ('interested', 1.0)
     """
     schema = snapshot.schema
     tracks = [

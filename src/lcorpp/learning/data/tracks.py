@@ -28,11 +28,19 @@ MAX_NUMBER = 1e9
 
 
 class Repair(NamedTuple):
-    """A fault that was repaired on request.
+    r"""A fault that was repaired on request.
 
     reason: the name of the repair, from `repairs.REPAIRS`. file, line: the place of the fault, from line 1.
     track: the id of the track as in the file, empty if none. rows: number of rows changed.
     done: the fault and the action, as a phrase.
+
+    Examples:
+        >>> from pathlib import Path
+        >>> from lcorpp.learning import read_recording
+        >>> _ = Path("people.csv").write_text("track,time,x,y\n7,0,4,1\n7,1,nan,1\n7,2,3,1\n")
+        >>> repair = read_recording("people.csv", repair="all").repairs[0]
+        >>> repair.reason, repair.line, repair.done
+        ('nonfinite', 3, 'the x is missing or NaN; expected a finite number: left out')
     """
 
     reason: str
@@ -61,6 +69,12 @@ class Track:
     Raises:
         DataError: an unknown or missing column, another shape, a number that is not finite, or fewer than
             two samples.
+
+    Examples:
+        >>> from lcorpp.learning import Track
+        >>> track = Track("7", [0.0, 1.0, 2.0], {"x": [0.0, 3.0, 3.0], "y": [0.0, 4.0, 4.0]}, "interested")
+        >>> track.duration, track.speeds.tolist()
+        (2.0, [5.0, 0.0])
     """
 
     id: str
@@ -154,6 +168,13 @@ class Recording:
 
     Raises:
         DataError: two tracks have the same id.
+
+    Examples:
+        >>> from lcorpp.learning import Recording, Track
+        >>> recording = Recording([Track("7", [0.0, 1.0], {"x": [5.0, 4.0], "y": [2.0, 2.0]})])
+        >>> from_robot = recording.in_robot_frame(4.0, 0.0, 0.0)  # the robot's pose: x, y and heading
+        >>> from_robot.tracks[0].positions.tolist()
+        [[1.0, 0.0], [2.0, 2.0]]
     """
 
     tracks: tuple[Track, ...]
@@ -213,7 +234,15 @@ class Recording:
 
 @check_arguments
 def count_repairs(repairs: Collection[Repair]) -> dict[str, tuple[int, int]]:
-    """Count repairs: reason -> (rows changed, places)."""
+    r"""Count repairs: reason -> (rows changed, places).
+
+    Examples:
+        >>> from pathlib import Path
+        >>> from lcorpp.learning import count_repairs, read_recording
+        >>> _ = Path("people.csv").write_text("track,time,x,y\n7,0,4,1\n7,1,nan,1\n7,2,nan,1\n7,3,3,1\n")
+        >>> count_repairs(read_recording("people.csv", repair="all").repairs)
+        {'nonfinite': (2, 2)}
+    """
     counts: dict[str, tuple[int, int]] = {}
     for repair in repairs:
         rows, places = counts.get(repair.reason, (0, 0))

@@ -50,6 +50,12 @@ def to_dataset(
 
     Raises:
         DataError: an argument is out of range, a track lacks its label or a channel, or all are left out.
+
+    Examples:
+        >>> from lcorpp.learning import Recording, Track, to_dataset
+        >>> track = Track("7", [0.0, 4.0], {"x": [0.0, 4.0], "y": [1.0, 1.0]}, "interested")
+        >>> to_dataset(Recording([track]), interval=0.5, points=3).trajectories.tolist()  # the last second
+        [[[3.0, 3.5, 4.0], [1.0, 1.0, 1.0]]]
     """
     if points < 2:
         raise DataError(f"a data set needs at least 2 time points, not {points}")

@@ -38,6 +38,16 @@ def write_recording(recording: Recording, path: str | Path) -> None:
         FileError: the file cannot be written, or its name has another ending.
         DataError: there are no tracks, a track has two samples within a tenth of a millisecond, which CSV
             cannot tell apart, or pyarrow is not installed.
+
+    Examples:
+        >>> from pathlib import Path
+        >>> from lcorpp.learning import Recording, Track, write_recording
+        >>> track = Track("7", [0.0, 4.0], {"x": [0.0, 4.0], "y": [1.0, 1.0]}, "interested")
+        >>> write_recording(Recording([track]), "people.csv")
+        >>> print(Path("people.csv").read_text())
+        track,time,x,y,label
+        7,0.0000,0.0000,1.0000,interested
+        7,4.0000,4.0000,1.0000,interested
     """
     if not recording.tracks:
         raise DataError(f"{path}: there are no tracks to write")

@@ -53,6 +53,13 @@ class Calibration:
 
     Source: Platt 1999; Guo, Pleiss, Sun and Weinberger, ICML 2017; Wichmann and Hill, Perception and
     Psychophysics 63, 2001, for the lapses.
+
+    Examples:
+        >>> import numpy as np
+        >>> from lcorpp.learning import Calibration
+        >>> curve = Calibration(("no", "yes"), 0.5, np.zeros(2), lapses=np.zeros(2), shares=np.full(2, 0.5))
+        >>> curve.calibrate([[0.1, 0.9]]).round(3).tolist()  # odds of 9 become odds of 3
+        [[0.25, 0.75]]
     """
 
     evidence: ClassVar[str] = "soft"
@@ -132,6 +139,13 @@ def fit_calibration(
     Maximum likelihood with Platt's smoothed targets: the target of a case of a class with n cases is
     (n + 1) / (n + K). The logarithm of the slope has a standard normal prior, which matters only for some ten
     cases.
+
+    Examples:
+        >>> from lcorpp.learning import fit_calibration
+        >>> predicted = 10 * [[0.1, 0.9]] + 10 * [[0.9, 0.1]]  # P(no), P(yes)
+        >>> labels = 8 * ["yes"] + 2 * ["no"] + 8 * ["no"] + 2 * ["yes"]  # 80 % are correct, not 90 %
+        >>> fit_calibration(["no", "yes"], predicted, labels).calibrate([[0.1, 0.9]]).round(2).tolist()
+        [[0.25, 0.75]]
     """
     columns = {name: column for column, name in enumerate(classes)}
     if not len(labels):
@@ -183,6 +197,14 @@ def cross_calibrate(validation: Validation) -> Array:
     """(cases, K) the out-of-fold probabilities, each fold calibrated by a fit to the other folds.
 
     The fits count the cases by weight, as `fit_calibration` in `train_and_validate` does.
+
+    Examples:
+        >>> from lcorpp import Dataset
+        >>> from lcorpp.learning import QuadraticLogistic, cross_calibrate, cross_validate
+        >>> data = Dataset([[0.1 * n] for n in range(20)], 10 * ["stands"] + 10 * ["walks"])  # speeds in m/s
+        >>> validation = cross_validate(QuadraticLogistic(), data)  # which is underconfident
+        >>> validation.probabilities[0].round(2).tolist(), cross_calibrate(validation)[0].round(2).tolist()
+        ([0.55, 0.45], [0.82, 0.18])
     """
     calibrated = np.empty_like(validation.probabilities)
     folds, labels = np.array(validation.folds), np.array(validation.labels)

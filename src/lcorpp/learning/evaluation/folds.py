@@ -87,6 +87,15 @@ def split(dataset: Dataset, *, test: float = 0.3, seed: int) -> tuple[Dataset, D
 
     Raises:
         DataError: `test` is not between 0 and 1, a side lacks a class, or the seed is out of range.
+
+    Examples:
+        >>> from lcorpp import Dataset
+        >>> from lcorpp.learning import split
+        >>> speeds, people = [[0.1 * n] for n in range(20)], [f"person {n // 2}" for n in range(20)]
+        >>> data = Dataset(speeds, 10 * ["stands"] + 10 * ["walks"], people)
+        >>> training, test = split(data, test=0.2, seed=0)
+        >>> len(training), len(test), set(training.groups) & set(test.groups)
+        (16, 4, set())
     """
     if not 0 < test < 1:
         raise DataError(f"the test share must lie between 0 and 1, not {test}")

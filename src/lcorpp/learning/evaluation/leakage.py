@@ -166,6 +166,14 @@ def measure_leakage(
     Raises:
         DataError: there are not two classes, each in two groups or more; a track has no label; the data are
             features without time; or `n_splits` or `seed` is out of range.
+
+    Examples:
+        >>> from lcorpp.learning import Recording, Track, measure_leakage
+        >>> labels = 8 * ["interested"] + 8 * ["not_interested"]  # the interested people are nearer
+        >>> tracks = [Track(str(x), [0, 1], {"x": [x, x], "y": [0, 1]}, labels[x]) for x in range(16)]
+        >>> scores = measure_leakage(Recording(tracks), n_splits=1)
+        >>> [score.name for score in scores if score.is_suspicious]
+        ['start position', 'end position']
     """
     if n_splits < 1:
         raise DataError(f"a leak check needs at least 1 split, not {n_splits}")
@@ -198,6 +206,13 @@ def format_leakage_warning(data: Dataset | Recording) -> str | None:
     Two splits are faster than the default of `measure_leakage` and accurate enough for a warning. Data that
     cannot be measured give None: they are not trainable either, and the message of `check_trainable` is
     better.
+
+    Examples:
+        >>> from lcorpp.learning import Recording, Track, format_leakage_warning
+        >>> labels = 8 * ["interested"] + 8 * ["not_interested"]  # the interested people are nearer
+        >>> tracks = [Track(str(x), [0, 1], {"x": [x, x], "y": [0, 1]}, labels[x]) for x in range(16)]
+        >>> print(format_leakage_warning(Recording(tracks)))
+        The label can be predicted from start position alone (AUC 0.9...
     """
     if _find_missing_requirement(data) is not None:
         return None

@@ -66,7 +66,7 @@ def jeffreys_interval(count: float, cases: float, *, level: float = 0.95, smooth
     a, b, tail = count + smoothing, cases - count + smoothing, (1 - level) / 2
     low = float(betaincinv(a, b, tail)) if count else 0.0
     high = float(betaincinv(a, b, 1 - tail)) if count < cases else 1.0
-    return Interval(count / cases if cases else 0.0, low, high)
+    return Interval(count / cases if cases else 0.0, low, high, level)
 
 
 def compute_auc(scores: Array, positive: Flags, weights: Array) -> Array:

@@ -42,6 +42,15 @@ class PredictionSets:
     best: (outcomes,) the column of the most probable class. members: (outcomes, K) the classes in the set.
     counts: (outcomes, K) out-of-fold people of each true class, by weight; the cases of a person share a
         count of 1, and the sets of a fold have the floors of the other folds.
+
+    Examples:
+        >>> from lcorpp import Dataset
+        >>> from lcorpp.learning import QuadraticLogistic, cross_validate, fit_prediction_sets
+        >>> labels = 4 * ["stands"] + ["walks"] + 5 * ["stands"] + 10 * ["walks"]  # one person walks slowly
+        >>> validation = cross_validate(QuadraticLogistic(), Dataset([[0.1 * n] for n in range(20)], labels))
+        >>> sets = fit_prediction_sets(validation, 0.85)
+        >>> sets.predict([[0.6, 0.4], [0.5, 0.5]])  # the second set means "don't know"
+        [('stands',), ('stands', 'walks')]
     """
 
     evidence: ClassVar[str] = "set"
@@ -202,6 +211,14 @@ def fit_prediction_sets(
     and Tibshirani, Annals of Statistics 49, 2021 (the jackknife, of which this is the form with folds: no
     guarantee); Sadinle, Lei and Wasserman, JASA 114, 2019 (sets by class); Lee, Barber and Willett,
     arXiv:2306.06342 (several cases of a person).
+
+    Examples:
+        >>> from lcorpp import Dataset
+        >>> from lcorpp.learning import QuadraticLogistic, cross_validate, fit_prediction_sets
+        >>> data = Dataset([[0.1 * n] for n in range(20)], 10 * ["stands"] + 10 * ["walks"])  # speeds in m/s
+        >>> validation = cross_validate(QuadraticLogistic(), data)
+        >>> [fit_prediction_sets(validation, coverage).mean_size for coverage in (0.5, 0.8, 0.95)]
+        [0.5, 1.0, 2.0]
     """
     check_coverage(coverage)
     columns = np.searchsorted(np.array(validation.classes), np.array(validation.labels))

@@ -30,6 +30,14 @@ def write_report(report: EvaluationReport, folder: str | Path) -> tuple[Path, ..
 
     Raises:
         FileError: a file cannot be written.
+
+    Examples:
+        >>> from lcorpp import Dataset
+        >>> from lcorpp.learning import QuadraticLogistic, build_report, cross_validate, write_report
+        >>> data = Dataset([[0.1 * n] for n in range(20)], 10 * ["stands"] + 10 * ["walks"])  # speeds in m/s
+        >>> files = write_report(build_report(cross_validate(QuadraticLogistic(), data)), "report")
+        >>> [file.name for file in files]
+        ['report.json', 'report.csv', 'report.md']
     """
     directory = make_folder(folder)
     texts = {

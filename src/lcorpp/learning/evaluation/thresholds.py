@@ -19,7 +19,14 @@ from lcorpp.values import Array, Flags
 
 @dataclass(frozen=True)
 class DecisionThreshold:
-    """The probability from which on a class is predicted; below it, the most probable other class is."""
+    """The probability from which on a class is predicted; below it, the most probable other class is.
+
+    Examples:
+        >>> from lcorpp.learning import DecisionThreshold, apply_threshold
+        >>> threshold = DecisionThreshold("interested", 0.2)  # to miss few who are
+        >>> apply_threshold(["interested", "not_interested"], [[0.3, 0.7], [0.1, 0.9]], threshold)
+        ['interested', 'not_interested']
+    """
 
     name: str
     probability: float
@@ -44,6 +51,14 @@ def apply_threshold(
 
     Raises:
         DataError: there is a threshold of an unknown class, or the probabilities have another shape.
+
+    Examples:
+        >>> from lcorpp.learning import DecisionThreshold, apply_threshold
+        >>> classes, probabilities = ["interested", "not_interested"], [[0.3, 0.7], [0.1, 0.9]]
+        >>> apply_threshold(classes, probabilities)
+        ['not_interested', 'not_interested']
+        >>> apply_threshold(classes, probabilities, DecisionThreshold("interested", 0.2))
+        ['interested', 'not_interested']
     """
     classes, probabilities = tuple(classes), check_probabilities(probabilities, len(classes))
     if threshold is None:
@@ -81,6 +96,13 @@ class ThresholdChoice:
     in_sample: utility on the cases from which it was chosen (optimistic); of costs, minus the mean cost.
     out_of_fold: utility if each fold uses a threshold chosen on the other folds.
     tpr, fpr: true and false positive rate on the cases from which it was chosen.
+
+    Examples:
+        >>> from lcorpp.learning import choose_threshold
+        >>> scores, positive = [0.1, 0.2, 0.3, 0.6, 0.4, 0.7, 0.8, 0.9], 4 * [False] + 4 * [True]
+        >>> choice = choose_threshold(scores, positive, 4 * [0, 1], prevalence=0.5)
+        >>> round(choice.probability, 3), choice.tpr, choice.fpr
+        (0.65, 0.75, 0.0)
     """
 
     goal: str
@@ -144,6 +166,15 @@ def choose_threshold(
         DataError: the goal or the prevalence is invalid, or there are no positive or no negative cases.
 
     Among equally good thresholds the one nearest to .5 is chosen.
+
+    Examples:
+        >>> from lcorpp.learning import choose_threshold
+        >>> scores, positive = [0.1, 0.2, 0.3, 0.6, 0.4, 0.7, 0.8, 0.9], 4 * [False] + 4 * [True]
+        >>> for goal in ("accuracy", (9.0, 1.0)):  # or the costs of a miss and of a false alarm
+        ...     choice = choose_threshold(scores, positive, 4 * [0, 1], prevalence=0.5, goal=goal)
+        ...     print(round(choice.probability, 3), choice.tpr, choice.fpr)
+        0.65 0.75 0.0
+        0.35 1.0 0.25
     """
     name, utility = resolve_goal(goal)
     if not 0 < prevalence < 1:

@@ -32,6 +32,13 @@ class Rate:
     """The fraction of cases of class `true` with predicted class `predicted`: count / cases.
 
     count, cases: sums of weights if the cases have some.
+
+    Examples:
+        >>> from lcorpp import ConfusionMatrix
+        >>> from lcorpp.learning import estimate_rates
+        >>> rate = estimate_rates(ConfusionMatrix(("no", "yes"), [[8, 2], [1, 9]]))[0][1]
+        >>> rate.true, rate.predicted, rate.value
+        ('no', 'yes', 0.2)
     """
 
     true: str
@@ -58,6 +65,14 @@ class Validation:
     labels: (cases,) the true classes.
     groups: (cases,) the group, e.g. the person, of each case.
     weights: (cases,) as in `Dataset`; `confusion`, `auc` and what follows from them count cases by weight.
+
+    Examples:
+        >>> from lcorpp import Dataset
+        >>> from lcorpp.learning import QuadraticLogistic, cross_validate
+        >>> data = Dataset([[0.1 * n] for n in range(20)], 10 * ["stands"] + 10 * ["walks"])  # speeds in m/s
+        >>> validation = cross_validate(QuadraticLogistic(), data)
+        >>> validation.accuracy, validation.auc, validation.recalls[1].value
+        (0.95, 0.99, 0.9)
     """
 
     confusion: ConfusionMatrix
@@ -133,9 +148,21 @@ def estimate_rates(
     For two classes the diagonal is the true positive rate and the true negative rate.
 
     Args:
-        level: the posterior probability of the interval.
+        level: the posterior probability of the interval, between 0 and 1.
         smoothing: of the counts: `JEFFREYS` gives Jeffreys' interval, `LAPLACE` that of a uniform prior.
+
+    Raises:
+        DataError: `level` is not between 0 and 1.
+
+    Examples:
+        >>> from lcorpp import ConfusionMatrix
+        >>> from lcorpp.learning import estimate_rates
+        >>> rates = estimate_rates(ConfusionMatrix(("no", "yes"), [[8, 2], [1, 9]]))
+        >>> rates[0][1].interval  # P(predicted yes | true no)
+        Interval(0.200 [0.044, 0.503], 0.95)
     """
+    if not 0 < level < 1:
+        raise DataError(f"the level of an interval is {level}; expected a number between 0 and 1")
     names, counts = confusion.classes, confusion.counts
     counts = (counts.astype(int) if (counts == np.round(counts)).all() else counts).tolist()
 
@@ -175,6 +202,14 @@ def cross_validate(
     Raises:
         DataError: `dataset` is not trainable or cannot be split, see `check_trainable`; or the estimator
             fails, or gives no probabilities.
+
+    Examples:
+        >>> from lcorpp import Dataset
+        >>> from lcorpp.learning import QuadraticLogistic, cross_validate
+        >>> labels = 4 * ["stands"] + ["walks"] + 5 * ["stands"] + 10 * ["walks"]  # one person walks slowly
+        >>> validation = cross_validate(QuadraticLogistic(), Dataset([[0.1 * n] for n in range(20)], labels))
+        >>> validation.confusion.counts.tolist(), validation.predictions[4]
+        ([[8.0, 1.0], [1.0, 10.0]], 'stands')
     """
     return fit_and_validate(estimator, dataset, folds, seed, jobs, progress, whole=False)[1]
 

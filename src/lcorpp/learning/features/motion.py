@@ -78,6 +78,14 @@ class Motion(TransformerMixin, BaseEstimator):  # type: ignore[misc]  # scikit-l
 
     Attributes:
         rows_: the names of the rows of the result, such as heading_cos, set by `fit`.
+
+    Examples:
+        >>> import numpy as np
+        >>> from lcorpp.learning import Motion
+        >>> walk = np.outer([1.2, 0.0], np.arange(31) / 30)  # x and y of a second's walk ahead at 1.2 m/s
+        >>> motion = Motion(rate=2, interval=1 / 30, features=["x", "velocity"])
+        >>> motion.fit_transform([walk]).round(3).tolist()
+        [[[0.0, 0.6, 1.2], [0.0, 1.2, 1.2]]]
     """
 
     def __init__(
@@ -204,6 +212,12 @@ class ChannelStandardizer(TransformerMixin, BaseEstimator):  # type: ignore[misc
     """Standardize each channel to mean 0 and standard deviation 1 over all training cases and times.
 
     Unscaled millimetres, or tens of metres, would saturate the gates of an LSTM.
+
+    Examples:
+        >>> from lcorpp.learning import ChannelStandardizer
+        >>> tracks = [[[1000.0, 3000.0]], [[5000.0, 7000.0]]]  # millimetres: (cases, channels, time points)
+        >>> ChannelStandardizer().fit_transform(tracks).round(3).tolist()
+        [[[-1.342, -0.447]], [[0.447, 1.342]]]
     """
 
     def fit(self, X: npt.ArrayLike, y: object = None) -> Self:

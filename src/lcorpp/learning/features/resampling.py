@@ -48,6 +48,11 @@ def resample(
     Raises:
         DataError: `rate` is out of range, shapes do not match, a number is not finite, times do not increase,
             or the track has more than `MAX_POINTS` points.
+
+    Examples:
+        >>> from lcorpp.learning import resample
+        >>> resample([10.0, 10.5, 12.0], [[0.0, 1.0, 4.0]], rate=2).tolist()  # x at three times
+        [[0.0, 1.0, 2.0, 3.0, 4.0]]
     """
     check_rate(rate)
     stamps = np.asarray(times, dtype=np.float64)

@@ -39,6 +39,13 @@ class SummaryFeatures(TransformerMixin, BaseEstimator):  # type: ignore[misc]  #
 
     Attributes:
         rows_: number of rows of the tracks, set by `fit`.
+
+    Examples:
+        >>> from lcorpp.learning import SummaryFeatures
+        >>> there_and_back = [[0.0, 1.0, 2.0, 1.0], [0.0, 0.0, 0.0, 0.0]]  # x and y in metres
+        >>> features = SummaryFeatures(rate=1).fit_transform([there_and_back])
+        >>> features[0, -3:].round(3).tolist()  # path length, straightness, fraction of time standing still
+        [3.0, 0.333, 0.0]
     """
 
     def __init__(self, *, rate: float | None = 3.0) -> None:

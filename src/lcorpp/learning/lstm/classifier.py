@@ -36,6 +36,17 @@ class LstmState:
 
     weights: those of the classifier that created it; no other classifier can advance it.
     hidden, cell: (n, units) float32.
+
+    Examples:
+        >>> import numpy as np
+        >>> from lcorpp.learning import LstmClassifier
+        >>> tracks = np.array([[[0.0, 0.5, 1.0]], [[1.0, 0.5, 0.0]]])  # (cases, channels, time points)
+        >>> lstm = LstmClassifier(units=8, epochs=100, learning_rate=0.05).fit(tracks, ["up", "down"])
+        >>> state = lstm.begin(2)  # before the first point of two tracks
+        >>> for point in range(3):
+        ...     probabilities = lstm.advance(state, tracks[:, :, point])
+        >>> np.allclose(probabilities, lstm.predict_proba(tracks))
+        True
     """
 
     weights: Weights
@@ -93,6 +104,14 @@ class LstmClassifier(ProbabilityClassifier):
         weights_: the trained weights, set by `fit`.
 
     Source: Amiri, Shirazi and Zhang, AAAI 2020, section "Learning"; Hochreiter and Schmidhuber 1997.
+
+    Examples:
+        >>> from lcorpp.learning import LstmClassifier
+        >>> rising, falling = [[0.0, 0.5, 1.0]], [[1.0, 0.5, 0.0]]  # (channels, time points)
+        >>> lstm = LstmClassifier(units=8, epochs=100, learning_rate=0.05)
+        >>> lstm = lstm.fit([rising, falling], ["up", "down"])
+        >>> lstm.predict([[[0.1, 0.2, 0.9]], [[0.6, 0.4, 0.2]]]).tolist()
+        ['up', 'down']
     """
 
     def __init__(

@@ -48,6 +48,14 @@ class TrackSchema:
 
     Raises:
         DataError: a name is empty or repeated, or a number is out of range.
+
+    Examples:
+        >>> from lcorpp import Dataset
+        >>> from lcorpp.learning import TrackSchema
+        >>> data = Dataset([[[0.0, 1.0], [0.0, 0.5]]], ["interested"], interval=0.1)
+        >>> schema = TrackSchema.from_dataset(data, ["interested", "not_interested"])
+        >>> print(schema)
+        2 time points of x, y every 0.1 s
     """
 
     channels: tuple[str, ...]
@@ -124,6 +132,14 @@ class NewTrack:
     id: the name of the track in the store; None draws a random one.
     time: when the track was observed, with a time zone; None means now.
     extra: further data that JSON can represent; no classifier uses it.
+
+    Examples:
+        >>> from lcorpp.learning import NewTrack, Store, TrackSchema
+        >>> track = NewTrack([[0.0, 0.1, 0.3], [0.0, 0.0, 0.0]], "interested", context={"time": "morning"})
+        >>> with Store("people.tracks", TrackSchema(["x", "y"], 0.1, ["interested"])) as store:
+        ...     _ = store.append(track)
+        ...     print(store.snapshot().tracks[0].context)
+        {'time': 'morning'}
     """
 
     trajectory: npt.ArrayLike
@@ -143,7 +159,17 @@ class NewTrack:
 
 @dataclass(frozen=True, slots=True)
 class LabelRecord:
-    """A label of a track, with its source, time and the belief behind it; see `NewTrack`."""
+    """A label of a track, with its source, time and the belief behind it; see `NewTrack`.
+
+    Examples:
+        >>> from lcorpp.learning import NewTrack, Store, TrackSchema
+        >>> with Store("people.tracks", TrackSchema(["x", "y"], 0.1, ["no", "yes"])) as store:
+        ...     id = store.append(NewTrack([[0.0, 0.1], [0.0, 0.0]], "no"))  # the robot's report
+        ...     store.relabel(id, "yes")  # a person corrects it
+        ...     track = store.snapshot().tracks[0]
+        >>> [(record.source, record.label) for record in track.label_history]
+        [('robot', 'no'), ('person', 'yes')]
+    """
 
     label: str | None
     source: str
@@ -168,6 +194,14 @@ class StoredTrack:
 
     record: the number of its record, from 1. points: its time points.
     label_history: all its label records, oldest first. Other fields: as in `NewTrack`.
+
+    Examples:
+        >>> from lcorpp.learning import NewTrack, Store, TrackSchema
+        >>> with Store("people.tracks", TrackSchema(["x", "y"], 0.1, ["no", "yes"])) as store:
+        ...     _ = store.append(NewTrack([[0.0, 0.1, 0.3], [0.0, 0.0, 0.0]], "no", id="7"))
+        ...     track = store.snapshot().tracks[0]
+        >>> track.id, track.points, track.label, track.source
+        ('7', 3, 'no', 'robot')
     """
 
     record: int

@@ -54,6 +54,14 @@ class Snapshot:
     path: the file. schema: what all its tracks have in common. tracks: in the order of their records.
     records: number of tracks and later labels. damage: damaged places; their records are lost.
     identity: 32 hexadecimal digits that no other store has.
+
+    Examples:
+        >>> from lcorpp.learning import NewTrack, Store, TrackSchema
+        >>> with Store("people.tracks", TrackSchema(["x", "y"], 0.1, ["no", "yes"])) as store:
+        ...     _ = store.extend([NewTrack([[0.0, 0.1], [0.0, 0.0]], label) for label in ("no", "yes", None)])
+        ...     snapshot = store.snapshot()
+        >>> len(snapshot.tracks), snapshot.dataset().labels
+        (3, ('no', 'yes'))
     """
 
     path: Path
@@ -230,6 +238,14 @@ def read_store(path: str | Path) -> Snapshot:
     Raises:
         FileError: the file is missing or unreadable.
         DataError: the file is not a store, has a newer version, or its header is damaged.
+
+    Examples:
+        >>> from lcorpp.learning import NewTrack, Store, TrackSchema, read_store
+        >>> with Store("people.tracks", TrackSchema(["x", "y"], 0.1, ["no", "yes"])) as store:
+        ...     _ = store.append(NewTrack([[0.0, 0.1], [0.0, 0.0]], "yes"))
+        >>> snapshot = read_store("people.tracks")
+        >>> snapshot.tracks[0].label, snapshot.trajectories().tolist()
+        ('yes', [[[0.0, 0.1], [0.0, 0.0]]])
     """
     path = Path(path)
     version = database.detect_version(path)

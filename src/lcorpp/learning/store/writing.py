@@ -44,6 +44,14 @@ class Store:
     path: the file. schema: channels, interval, classes and length of the tracks.
     identity: 32 hexadecimal digits that no other store has.
     notes: the damage found when the store was opened, and what was done about it, as sentences.
+
+    Examples:
+        >>> from lcorpp.learning import NewTrack, Store, TrackSchema
+        >>> with Store("people.tracks", TrackSchema(["x", "y"], 0.1, ["no", "yes"])) as store:
+        ...     id = store.append(NewTrack([[0.0, 0.1], [0.0, 0.0]], "no"))
+        ...     store.relabel(id, "yes")
+        ...     store.snapshot().tracks[0].label
+        'yes'
     """
 
     @check_arguments

@@ -22,18 +22,7 @@ N_EXAMPLES = 6
 def draw_timeline(
     timeline: PredictionTimeline, *, class_name: str | None = None, examples: int = N_EXAMPLES
 ) -> Figure:
-    """Draw the probability of a class over time and, for two classes, the AUC below it.
-
-    A band contains the middle half of a class, a thick line is its median, and thin lines are examples at
-    equal distances in the order of the final prediction.
-
-    Args:
-        class_name: the class; None takes the first.
-        examples: people of each class drawn one by one.
-
-    Raises:
-        DataError: the class is unknown.
-    """
+    """Draw the figure of `plot_timeline`; arguments and errors are the same."""
     name = timeline.classes[0] if class_name is None else class_name
     probabilities, seconds = timeline.probability_of(name), timeline.seconds
     binary = len(timeline.classes) == 2
@@ -61,11 +50,31 @@ def plot_timeline(
     class_name: str | None = None,
     examples: int = N_EXAMPLES,
 ) -> None:
-    """Write `draw_timeline` to a file.
+    """Plot the probability of a class over time and, for two classes, the AUC below it, to a file.
+
+    A band contains the middle half of a class, a thick line is its median, and thin lines are examples at
+    equal distances in the order of the final prediction.
+
+    Args:
+        path: a .png, .svg or .pdf file.
+        class_name: the class; None takes the first.
+        examples: people of each class drawn one by one.
 
     Raises:
         FileError: the file cannot be written, or has no suffix of a picture.
         DataError: the class is unknown.
+
+    Examples:
+        >>> from pathlib import Path
+        >>> import numpy as np
+        >>> from lcorpp.learning import PredictionTimeline, plot_timeline
+        >>> yes = np.array([[0.4, 0.6], [0.1, 0.9]])  # P(no), P(yes) after one point, after two
+        >>> tracks = 8 * [yes] + 2 * [1 - yes] + 8 * [1 - yes] + 2 * [yes]  # correct in 80 % of the cases
+        >>> labels, folds = 10 * ["yes"] + 10 * ["no"], 10 * [0, 1]
+        >>> timeline = PredictionTimeline(tracks, (1, 2), labels, ("no", "yes"), 0.5, folds)
+        >>> plot_timeline(timeline, "timeline.png")
+        >>> Path("timeline.png").read_bytes()[1:4]
+        b'PNG'
     """
     save_figure(draw_timeline(timeline, class_name=class_name, examples=examples), path)
 

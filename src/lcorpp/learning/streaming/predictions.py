@@ -21,6 +21,17 @@ class Prediction:
     points: points of that track at the fixed rate. time: stamp of the last point, None without one.
     probabilities: (K,) uncalibrated, of the classes of the classifier; None with too few points.
     decision: of the trigger on this track, once enough of it is seen; None before, and without a trigger.
+
+    Examples:
+        >>> import numpy as np
+        >>> from lcorpp import Dataset
+        >>> from lcorpp.learning import StreamingClassifier, learner, train
+        >>> walks = [np.outer([speed, 0], np.arange(30) / 10) for speed in (0.2, 0.3, 1.2, 1.3)]
+        >>> data = Dataset(walks, 2 * ["slow"] + 2 * ["fast"], interval=0.1)
+        >>> streams = StreamingClassifier.from_trained(train(learner("summaries", interval=0.1), data))
+        >>> prediction = streams.push(0.0, "person 7", 4.0, 1.5)
+        >>> prediction.points, prediction.probabilities  # one point is not a motion
+        (1, None)
     """
 
     person: Hashable
@@ -44,6 +55,17 @@ class StreamReport:
 
     people: counts of each tracked person. removed: counts of all people no longer tracked, together.
     removals: number of people removed or forgotten.
+
+    Examples:
+        >>> import numpy as np
+        >>> from lcorpp import Dataset
+        >>> from lcorpp.learning import StreamingClassifier, learner, train
+        >>> walks = [np.outer([speed, 0], np.arange(30) / 10) for speed in (0.2, 0.3, 1.2, 1.3)]
+        >>> data = Dataset(walks, 2 * ["slow"] + 2 * ["fast"], interval=0.1)
+        >>> streams = StreamingClassifier.from_trained(train(learner("summaries", interval=0.1), data))
+        >>> _ = streams.push(0.0, "person 7", 4.0, float("nan"))
+        >>> streams.report().total.rejected
+        1
     """
 
     people: Mapping[Hashable, RepairCounts]

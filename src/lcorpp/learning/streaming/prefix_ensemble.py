@@ -72,6 +72,15 @@ class PrefixEnsemble(ProbabilityClassifier):
     Attributes:
         classes_: (K,) the class names, set by `fit`. classifiers_: the copies. lengths_: (copies,) number of
             points of the training prefixes.
+
+    Examples:
+        >>> import numpy as np
+        >>> from lcorpp.learning import LstmClassifier, PrefixEnsemble
+        >>> walks = np.array([np.outer([speed, 0], np.arange(8) / 3) for speed in (0.2, 0.3, 1.2, 1.3)])
+        >>> lstm = LstmClassifier(units=8, epochs=60, learning_rate=0.05)
+        >>> ensemble = PrefixEnsemble(lstm, fractions=[0.5, 1.0]).fit(walks, 2 * ["slow"] + 2 * ["fast"])
+        >>> ensemble.lengths_.tolist(), ensemble.predict(walks[:, :, :3]).tolist()
+        ([4.0, 8.0], ['slow', 'slow', 'fast', 'fast'])
     """
 
     def __init__(self, classifier: Any, *, fractions: Sequence[float] = FRACTIONS) -> None:
@@ -158,6 +167,12 @@ def with_prefix_ensemble(pipeline: Pipeline, *, fractions: Sequence[float] = FRA
 
     Raises:
         DataError: there is no step after `Motion` and `ChannelStandardizer`.
+
+    Examples:
+        >>> from lcorpp.learning import learner, with_prefix_ensemble
+        >>> pipeline = with_prefix_ensemble(learner("summaries"), fractions=[0.5, 1.0])
+        >>> [name for name, step in pipeline.steps], pipeline[-1].fractions
+        (['motion', 'logistic'], [0.5, 1.0])
     """
     steps = list(pipeline.steps)
     shared = list(takewhile(lambda step: isinstance(step[1], Motion | ChannelStandardizer), steps))

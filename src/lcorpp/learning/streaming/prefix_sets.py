@@ -24,6 +24,17 @@ class PrefixSets:
 
     min_points: points of the shortest prefix with a prediction.
     sets: for prefixes of `min_points` points, of one more, and so on; longer tracks use the last ones.
+
+    Examples:
+        >>> import numpy as np
+        >>> from lcorpp.learning import PredictionTimeline, fit_prefix_sets
+        >>> yes = np.array([[0.4, 0.6], [0.1, 0.9]])  # P(no), P(yes) after one point, after two
+        >>> tracks = 8 * [yes] + 2 * [1 - yes] + 8 * [1 - yes] + 2 * [yes]  # correct in 80 % of the cases
+        >>> labels, folds = 10 * ["yes"] + 10 * ["no"], 10 * [0, 1]
+        >>> timeline = PredictionTimeline(tracks, (1, 2), labels, ("no", "yes"), 0.5, folds)
+        >>> sets = fit_prefix_sets(timeline, 0.9)
+        >>> sets.at(1).predict([[0.2, 0.8]]), sets.at(2).predict([[0.2, 0.8]])
+        ([('yes',)], [('yes', 'no')])
     """
 
     min_points: int
@@ -79,6 +90,17 @@ def fit_prefix_sets(
 
     Raises:
         DataError: the coverage is not between 0 and 1, or the timeline has no folds or no predictions.
+
+    Examples:
+        >>> import numpy as np
+        >>> from lcorpp.learning import PredictionTimeline, fit_prefix_sets
+        >>> yes = np.array([[0.4, 0.6], [0.1, 0.9]])  # P(no), P(yes) after one point, after two
+        >>> tracks = 8 * [yes] + 2 * [1 - yes] + 8 * [1 - yes] + 2 * [yes]  # correct in 80 % of the cases
+        >>> labels, folds = 10 * ["yes"] + 10 * ["no"], 10 * [0, 1]
+        >>> timeline = PredictionTimeline(tracks, (1, 2), labels, ("no", "yes"), 0.5, folds)
+        >>> sets = fit_prefix_sets(timeline, 0.9)
+        >>> sets.at(1).floors.round(2).tolist(), sets.at(2).floors.round(2).tolist()
+        ([0.4, 0.4], [0.1, 0.1])
     """
     check_coverage(coverage)
     timeline.require_folds()

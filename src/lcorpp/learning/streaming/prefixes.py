@@ -28,6 +28,14 @@ def truncate(dataset: Dataset, fraction: float) -> Dataset:
 
     Raises:
         DataError: `fraction` is not in (0, 1], or leaves less than two time points of a track.
+
+    Examples:
+        >>> import numpy as np
+        >>> from lcorpp import Dataset
+        >>> from lcorpp.learning import truncate
+        >>> data = Dataset([np.outer([1.2, 0.0], np.arange(8.0))], ["walks"], interval=1.0)
+        >>> truncate(data, 0.5).trajectories.round(1).tolist()
+        [[[0.0, 1.2, 2.4, 3.6], [0.0, 0.0, 0.0, 0.0]]]
     """
     if not 0 < fraction <= 1:
         raise DataError(f"the fraction of a track must lie in (0, 1], not {fraction}")
@@ -55,6 +63,15 @@ def with_prefixes(dataset: Dataset, fractions: Sequence[float] = FRACTIONS) -> D
 
     Raises:
         DataError: there are no fractions; or as `truncate`.
+
+    Examples:
+        >>> import numpy as np
+        >>> from lcorpp import Dataset
+        >>> from lcorpp.learning import with_prefixes
+        >>> data = Dataset([np.outer([1.2, 0.0], np.arange(8.0))], ["walks"], interval=1.0)
+        >>> prefixes = with_prefixes(data, [0.25, 1.0])
+        >>> prefixes.lengths.tolist(), prefixes.groups
+        ([2, 8], ('0', '0'))
     """
     if not len(fractions):
         raise DataError("there are no fractions of the tracks; expected at least one in (0, 1]")
@@ -77,6 +94,16 @@ def predict_over_time(
 
     Raises:
         DataError: as `StreamingClassifier`, or the tracks do not have the inputs of the pipeline.
+
+    Examples:
+        >>> import numpy as np
+        >>> from lcorpp import Dataset
+        >>> from lcorpp.learning import learner, predict_over_time, train
+        >>> walks = [np.outer([speed, 0], np.arange(30) / 10) for speed in (0.2, 0.3, 0.4, 1.1, 1.2, 1.3)]
+        >>> data = Dataset(walks, 3 * ["slow"] + 3 * ["fast"], interval=0.1)
+        >>> timeline = predict_over_time(train(learner("summaries", interval=0.1), data).estimator, data)
+        >>> timeline.probability_of("fast")[-1, ::7].round(2).tolist()  # of the fastest, every .7 s
+        [nan, 0.58, 0.58, 0.61, 0.6]
     """
     gap = max(MIN_GAP_LIMIT, 2 * dataset.interval)
     limits = {"max_gap": gap, "max_duration": np.inf, "max_speed": np.inf, "max_silence": 2 * gap}
@@ -130,6 +157,16 @@ def cross_predict_over_time(
     Raises:
         DataError: `dataset` is not trainable or cannot be split (see `check_trainable`), or as
             `predict_over_time`.
+
+    Examples:
+        >>> import numpy as np
+        >>> from lcorpp import Dataset
+        >>> from lcorpp.learning import cross_predict_over_time, learner
+        >>> walks = [np.outer([speed, 0], np.arange(30) / 10) for speed in (0.2, 0.3, 0.4, 1.1, 1.2, 1.3)]
+        >>> data = Dataset(walks, 3 * ["slow"] + 3 * ["fast"], interval=0.1)
+        >>> timeline = cross_predict_over_time(learner("summaries", interval=0.1), data, folds=3)
+        >>> timeline.auc_at(0.5)  # at half of each track
+        1.0
     """
     estimator = ensure_predict_proba(estimator)
     labels, fold_of = np.array(dataset.labels), assign_training_folds(dataset, folds, seed)

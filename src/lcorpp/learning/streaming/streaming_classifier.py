@@ -70,6 +70,18 @@ class StreamingClassifier:
     Raises:
         DataError: the pipeline does not begin with `Motion`, or an option is out of range.
         NotFittedError: the pipeline is not fitted.
+
+    Examples:
+        >>> import numpy as np
+        >>> from lcorpp import Dataset
+        >>> from lcorpp.learning import StreamingClassifier, learner, train
+        >>> walks = [np.outer([speed, 0], np.arange(30) / 10) for speed in (0.2, 0.3, 0.4, 1.1, 1.2, 1.3)]
+        >>> data = Dataset(walks, 3 * ["slow"] + 3 * ["fast"], interval=0.1)
+        >>> streams = StreamingClassifier.from_trained(train(learner("summaries", interval=0.1), data))
+        >>> for n in range(11):
+        ...     prediction = streams.push(n / 10, "person 7", 1.5 * n / 10, 0.0)
+        >>> streams.classes, prediction.points, prediction.probabilities.round(2).tolist()
+        (('fast', 'slow'), 4, [0.61, 0.39])
     """
 
     @check_arguments

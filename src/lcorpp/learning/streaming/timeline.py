@@ -38,6 +38,15 @@ class PredictionTimeline:
     folds: (cases,) the fold in which each case was held out; () if the predictions are not out of fold.
     groups: (cases,) the group, e.g. the person, of each case; () if it is unknown.
     weights: (cases,) as in `Dataset`: AUC, calibrations and prediction sets count cases by weight.
+
+    Examples:
+        >>> import numpy as np
+        >>> from lcorpp.learning import PredictionTimeline
+        >>> yes = [[0.5, 0.5], [0.3, 0.7], [0.1, 0.9]]  # of "no" and "yes" after each of three samples
+        >>> no = [[0.6, 0.4], [0.2, 0.8], [0.7, 0.3]]
+        >>> timeline = PredictionTimeline([yes, no], [1, 2, 3], ["yes", "no"], ["no", "yes"], interval=0.5)
+        >>> timeline.seconds.tolist(), timeline.auc.tolist()
+        ([0.0, 0.5, 1.0], [1.0, 0.0, 1.0])
     """
 
     probabilities: Array
@@ -160,6 +169,17 @@ class PrefixCalibration:
 
     min_points: points of the shortest prefix with a prediction.
     calibrations: for prefixes of `min_points` points, of one more, and so on; longer tracks use the last one.
+
+    Examples:
+        >>> import numpy as np
+        >>> from lcorpp.learning import PredictionTimeline, calibrate_prefixes
+        >>> yes = np.array([[0.4, 0.6], [0.1, 0.9]])  # P(no), P(yes) after one point, after two
+        >>> tracks = 8 * [yes] + 2 * [1 - yes] + 8 * [1 - yes] + 2 * [yes]  # correct in 80 % of the cases
+        >>> labels, folds = 10 * ["yes"] + 10 * ["no"], 10 * [0, 1]
+        >>> timeline = PredictionTimeline(tracks, (1, 2), labels, ("no", "yes"), 0.5, folds)
+        >>> calibrated = calibrate_prefixes(timeline).calibrate(timeline)
+        >>> calibrated.probability_of("yes")[0].round(2).tolist()
+        [0.71, 0.75]
     """
 
     min_points: int
@@ -221,6 +241,16 @@ def calibrate_prefixes(timeline: PredictionTimeline) -> PrefixCalibration:
 
     Raises:
         DataError: the timeline has no predictions.
+
+    Examples:
+        >>> import numpy as np
+        >>> from lcorpp.learning import PredictionTimeline, calibrate_prefixes
+        >>> yes = np.array([[0.4, 0.6], [0.1, 0.9]])  # P(no), P(yes) after one point, after two
+        >>> tracks = 8 * [yes] + 2 * [1 - yes] + 8 * [1 - yes] + 2 * [yes]  # correct in 80 % of the cases
+        >>> labels, folds = 10 * ["yes"] + 10 * ["no"], 10 * [0, 1]
+        >>> timeline = PredictionTimeline(tracks, (1, 2), labels, ("no", "yes"), 0.5, folds)
+        >>> calibrate_prefixes(timeline).at(2).calibrate([[0.1, 0.9]]).round(2).tolist()
+        [[0.25, 0.75]]
     """
     return PrefixCalibration(
         *fit_by_points(
@@ -267,6 +297,16 @@ def cross_calibrate_prefixes(timeline: PredictionTimeline) -> PredictionTimeline
 
     Raises:
         DataError: the timeline has no folds or no predictions.
+
+    Examples:
+        >>> import numpy as np
+        >>> from lcorpp.learning import PredictionTimeline, cross_calibrate_prefixes
+        >>> yes = np.array([[0.4, 0.6], [0.1, 0.9]])  # P(no), P(yes) after one point, after two
+        >>> tracks = 8 * [yes] + 2 * [1 - yes] + 8 * [1 - yes] + 2 * [yes]  # correct in 80 % of the cases
+        >>> labels, folds = 10 * ["yes"] + 10 * ["no"], 10 * [0, 1]
+        >>> timeline = PredictionTimeline(tracks, (1, 2), labels, ("no", "yes"), 0.5, folds)
+        >>> cross_calibrate_prefixes(timeline).probability_of("yes")[0].round(2).tolist()
+        [0.65, 0.71]
     """
     timeline.require_folds()
     folds = np.array(timeline.folds)

@@ -26,6 +26,18 @@ def write_timeline(timeline: PredictionTimeline, path: str | Path) -> None:
     Raises:
         FileError: the file cannot be written, or its name has another ending.
         DataError: pyarrow is not installed.
+
+    Examples:
+        >>> from pathlib import Path
+        >>> import numpy as np
+        >>> from lcorpp.learning import PredictionTimeline, write_timeline
+        >>> yes = np.array([[0.4, 0.6], [0.1, 0.9]])  # P(no), P(yes) after one point, after two
+        >>> tracks = 8 * [yes] + 2 * [1 - yes] + 8 * [1 - yes] + 2 * [yes]  # correct in 80 % of the cases
+        >>> labels, folds = 10 * ["yes"] + 10 * ["no"], 10 * [0, 1]
+        >>> timeline = PredictionTimeline(tracks, (1, 2), labels, ("no", "yes"), 0.5, folds)
+        >>> write_timeline(timeline, "timeline.csv")
+        >>> Path("timeline.csv").read_text().splitlines()[:2]
+        ['case,label,fold,age,points,probability no,probability yes', '0,yes,0,0.0,1,0.4,0.6']
     """
     columns = tabulate_timeline(timeline)
     suffix, content = Path(path).suffix.lower(), io.BytesIO()

@@ -69,6 +69,14 @@ class EarlyScore:
 
     accuracy: fraction of correct decisions. seconds: mean age of a track at its decision.
     earliness: mean fraction of a track that was not needed: 1 at once, 0 at the end.
+
+    Examples:
+        >>> from lcorpp.learning import EarlyScore
+        >>> early, late = EarlyScore(0.8, 2.0, earliness=0.8), EarlyScore(0.9, 9.0, earliness=0.1)
+        >>> round(early.harmonic_mean, 3), round(late.harmonic_mean, 3)
+        (0.8, 0.18)
+        >>> round(early.value(0.01), 3), round(late.value(0.01), 3)  # if a second costs 0.01
+        (0.78, 0.81)
     """
 
     accuracy: float
@@ -105,6 +113,17 @@ class Trigger:
     consecutive: number of consecutive accepted predictions of one class that decide.
     last_points: number of points after which waiting ends.
     expected: its score on unseen people, if it was fitted.
+
+    Examples:
+        >>> import numpy as np
+        >>> from lcorpp.learning import PredictionTimeline, fit_trigger
+        >>> yes = np.array([[0.5, 0.5], [0.1, 0.9], [0.1, 0.9], [0.1, 0.9]])  # P(no), P(yes) at each point
+        >>> timeline = PredictionTimeline(
+        ...     10 * [yes, 1 - yes], (1, 2, 3, 4), 10 * ["yes", "no"], ("no", "yes"), 0.5, 5 * [0, 0, 1, 1]
+        ... )
+        >>> decision = fit_trigger(timeline).decide(timeline)[0]
+        >>> decision.label, decision.points
+        ('yes', 2)
     """
 
     calibration: PrefixCalibration

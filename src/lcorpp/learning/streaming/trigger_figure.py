@@ -18,17 +18,7 @@ from lcorpp.plot_style import BLUE, INK, MUTED, ORANGE, despine, save_figure, wi
 @with_style
 @check_arguments
 def draw_trigger(searches: Mapping[str, TriggerSearch]) -> Figure:
-    """Draw the accuracy over the age of the tracks, and the triggers to choose from.
-
-    The line is the accuracy if all tracks are decided at one age. Each small point is a trigger that was not
-    chosen, at its mean age; the large one is the expected score of the chosen trigger on unseen people.
-
-    Args:
-        searches: name for the legend -> search, all on the same timeline.
-
-    Raises:
-        DataError: there are no searches.
-    """
+    """Draw the figure of `plot_trigger`; arguments and errors are the same."""
     if not searches:
         raise DataError("there is no search of a trigger to draw")
     figure = Figure(figsize=(7, 4), layout="constrained")
@@ -57,10 +47,29 @@ def draw_trigger(searches: Mapping[str, TriggerSearch]) -> Figure:
 
 @check_arguments
 def plot_trigger(searches: Mapping[str, TriggerSearch], path: str | Path) -> None:
-    """Write `draw_trigger` to a file.
+    """Plot the accuracy over the age of the tracks, and the triggers to choose from, to a file.
+
+    The line is the accuracy if all tracks are decided at one age. Each small point is a trigger that was not
+    chosen, at its mean age; the large one is the expected score of the chosen trigger on unseen people.
+
+    Args:
+        searches: name for the legend -> search, all on the same timeline.
+        path: a .png, .svg or .pdf file.
 
     Raises:
         FileError: the file cannot be written, or has no suffix of a picture.
         DataError: there are no searches.
+
+    Examples:
+        >>> from pathlib import Path
+        >>> import numpy as np
+        >>> from lcorpp.learning import PredictionTimeline, plot_trigger, search_trigger
+        >>> yes = np.array([[0.5, 0.5], [0.1, 0.9], [0.1, 0.9], [0.1, 0.9]])  # P(no), P(yes) at each point
+        >>> timeline = PredictionTimeline(
+        ...     10 * [yes, 1 - yes], (1, 2, 3, 4), 10 * ["yes", "no"], ("no", "yes"), 0.5, 5 * [0, 0, 1, 1]
+        ... )
+        >>> plot_trigger({"one threshold": search_trigger(timeline)}, "trigger.png")
+        >>> Path("trigger.png").read_bytes()[1:4]
+        b'PNG'
     """
     save_figure(draw_trigger(searches), path)

@@ -60,7 +60,18 @@ class TriggerSearch:
 def fit_trigger(
     timeline: PredictionTimeline, *, rule: str = "threshold", waiting_cost: float | None = None
 ) -> Trigger:
-    """Return the trigger of `search_trigger`; arguments and errors are the same."""
+    """Return the trigger of `search_trigger`; arguments and errors are the same.
+
+    Examples:
+        >>> import numpy as np
+        >>> from lcorpp.learning import PredictionTimeline, fit_trigger
+        >>> yes = np.array([[0.5, 0.5], [0.1, 0.9], [0.1, 0.9], [0.1, 0.9]])  # P(no), P(yes) at each point
+        >>> timeline = PredictionTimeline(
+        ...     10 * [yes, 1 - yes], (1, 2, 3, 4), 10 * ["yes", "no"], ("no", "yes"), 0.5, 5 * [0, 0, 1, 1]
+        ... )
+        >>> print(fit_trigger(timeline).expected)
+        accuracy 1.000 after 0.50 s, earliness 0.667
+    """
     return search_trigger(timeline, rule=rule, waiting_cost=waiting_cost).trigger
 
 
@@ -88,6 +99,17 @@ def search_trigger(
 
     Source: Schäfer and Leser, "TEASER: early and accurate time series classification", Data Mining and
     Knowledge Discovery 34, 2020.
+
+    Examples:
+        >>> import numpy as np
+        >>> from lcorpp.learning import PredictionTimeline, search_trigger
+        >>> yes = np.array([[0.5, 0.5], [0.1, 0.9], [0.1, 0.9], [0.1, 0.9]])  # P(no), P(yes) at each point
+        >>> timeline = PredictionTimeline(
+        ...     10 * [yes, 1 - yes], (1, 2, 3, 4), 10 * ["yes", "no"], ("no", "yes"), 0.5, 5 * [0, 0, 1, 1]
+        ... )
+        >>> search = search_trigger(timeline)
+        >>> search.seconds.tolist(), search.accuracy.tolist(), search.candidates[search.chosen]
+        ([0.0, 0.5, 1.0, 1.5], [0.5, 1.0, 1.0, 1.0], (0.51, 1))
     """
     if rule not in RULES:
         raise DataError(f"the rule of a trigger is {rule!r}; {expected_one_of(RULES)}")
