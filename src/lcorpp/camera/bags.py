@@ -44,6 +44,7 @@ class Bag:
     32FC1 in metres (REP 118).
 
     Args:
+        path: of the bag.
         topic: of the images; None takes the only one.
         depth_scale: values of the depth images for a metre; None takes the units above.
 
@@ -55,6 +56,22 @@ class Bag:
         FileError: the path does not exist.
         DataError: the bag is damaged, has no such topic, its camera is not calibrated, or rosbags is not
             installed.
+
+    Examples:
+        >>> import numpy as np
+        >>> from rosbags.rosbag1 import Writer
+        >>> from rosbags.typesys import Stores, get_typestore
+        >>> from rosbags.typesys.stores import ros1_noetic as ros
+        >>> from lcorpp.camera import Bag
+        >>> header = ros.std_msgs__msg__Header(0, ros.builtin_interfaces__msg__Time(7, 0), "camera")
+        >>> pixels = np.array([0, 255], np.uint8)
+        >>> image = ros.sensor_msgs__msg__Image(header, 1, 2, "mono8", 0, 2, pixels)
+        >>> with Writer("camera.bag") as writer:
+        ...     store, kind = get_typestore(Stores.ROS1_NOETIC), "sensor_msgs/msg/Image"
+        ...     topic = writer.add_connection("/image", kind, typestore=store)
+        ...     writer.write(topic, 0, store.serialize_ros1(image, kind))
+        >>> [(frame.time, frame.image.shape) for frame in Bag("camera.bag")]
+        [(7.0, (1, 2, 3))]
     """
 
     @check_arguments

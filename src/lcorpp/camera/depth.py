@@ -55,6 +55,17 @@ class DepthLocator:
 
     Source: Munaro and Menegatti, Fast RGB-D People Tracking for Service Robots, Autonomous Robots 37, 2014
     (floor, height map, clusters split at head maxima).
+
+    Examples:
+        >>> import numpy as np
+        >>> from lcorpp.camera import DepthLocator, Intrinsics
+        >>> rows, columns = np.mgrid[:120, :160]  # of a level camera, 1.2 m above the floor
+        >>> depths = np.where(rows > 60, 120 / np.maximum(rows - 60, 1), np.nan)
+        >>> person = (abs(columns - 60) < 6) & (rows > 45) & (rows < 100)  # 3 m away, 1.65 m tall
+        >>> locator = DepthLocator(Intrinsics(100, 100, 80, 60))
+        >>> positions, covariances = locator.locate(np.where(person, 3.0, depths))
+        >>> positions.round(1).tolist(), round(locator.floor.height, 2)
+        ([[3.1, 0.6]], 1.2)
     """
 
     @check_arguments

@@ -32,7 +32,18 @@ MIN_BRIGHTNESS, MIN_BRIGHT_PIXELS = 16, 16
 
 
 class Detector(Protocol):
-    """What finds people in an image; a function is one."""
+    """The interface of a detector of people in images; functions have it.
+
+    Examples:
+        >>> import numpy as np
+        >>> from lcorpp.camera import find_feet
+        >>> def detect_white(image):  # a `Detector`: (n, 2) columns and rows
+        ...     return np.argwhere(image.min(axis=2) == 255)[:, ::-1]
+        >>> image = np.zeros((120, 160, 3), np.uint8)
+        >>> image[110, 80] = 255
+        >>> find_feet(detect_white, image).tolist()
+        [[80.0, 110.0]]
+    """
 
     def __call__(self, image: Image, /) -> npt.ArrayLike:
         """Return people as (n, 2) feet (column, row), or (n, 4) boxes (left, top, width, height), in pixels.
@@ -45,8 +56,20 @@ class Detector(Protocol):
 def make_detector(name: str, camera: GroundCamera) -> Detector:
     """Return a detector by its name: `background`, `hog`, or a user's function as FILE.py:NAME.
 
+    Args:
+        camera: of the images, for `background`.
+
     Raises:
         DataError: the name is unknown, the user's file fails, or OpenCV is not installed.
+
+    Examples:
+        >>> from pathlib import Path
+        >>> import numpy as np
+        >>> from lcorpp.camera import GroundCamera, make_detector
+        >>> _ = Path("mine.py").write_text("def find(image): return [[80, 110]]")
+        >>> camera = GroundCamera([[0, 0, 150], [-1.5, 0, 120], [0, 1, -60]], (160, 120))  # 1.5 m high
+        >>> make_detector("mine.py:find", camera)(np.zeros((120, 160, 3), np.uint8))
+        [[80, 110]]
     """
     if name == "background":
         return BackgroundDetector(camera)
@@ -61,8 +84,18 @@ def make_detector(name: str, camera: GroundCamera) -> Detector:
 def find_feet(detector: Detector, image: Image) -> Array:
     """Return the (n, 2) feet of the people that a detector finds: of boxes the middle of the bottom.
 
+    Args:
+        image: (height, width, 3) blue, green, red.
+
     Raises:
         DataError: the detector fails, or returns something else.
+
+    Examples:
+        >>> import numpy as np
+        >>> from lcorpp.camera import find_feet
+        >>> image = np.zeros((120, 160, 3), np.uint8)
+        >>> find_feet(lambda image: [[70, 50, 20, 60]], image).tolist()  # a box: left, top, width, height
+        [[80.0, 110.0]]
     """
     found = to_numbers(detector(image), f"the result of {detector!r}")
     if not found.size:
@@ -82,7 +115,23 @@ class HogDetector:
 
     It finds people from about 96 pixels high after images are enlarged by `scale`.
 
+    Args:
+        scale: above 0, up to 8.
+
+    Raises:
+        DataError: the scale is out of range, or OpenCV is not installed.
+
     Source: Dalal and Triggs, Histograms of Oriented Gradients for Human Detection, CVPR 2005.
+
+    Examples:
+        >>> import cv2
+        >>> import numpy as np
+        >>> from lcorpp.camera import HogDetector
+        >>> image = np.full((300, 300, 3), 200, np.uint8)
+        >>> for x, y, a, b in [(150, 70, 13, 13), (150, 125, 26, 45), (139, 200, 8, 50), (161, 200, 8, 50)]:
+        ...     _ = cv2.ellipse(image, (x, y), (a, b), 0, 0, 360, (0, 0, 0), -1)  # head, trunk, legs
+        >>> HogDetector()(image).round().tolist()
+        [[115.0, 49.0, 66.0, 200.0]]
     """
 
     MARGIN = (0.22, 0.08)
@@ -136,8 +185,23 @@ class BackgroundDetector:
     Args:
         camera: above the floor; the images have its size.
 
+    Raises:
+        DataError: OpenCV is not installed.
+
     Source: for ghosts after Cucchiara, Grana, Piccardi and Prati, Detecting Moving Objects, Ghosts, and
     Shadows in Video Streams, PAMI 2003; here edges replace optical flow.
+
+    Examples:
+        >>> import cv2
+        >>> import numpy as np
+        >>> from lcorpp.camera import BackgroundDetector, GroundCamera
+        >>> camera = GroundCamera([[0, 0, 150], [-1.5, 0, 120], [0, 1, -60]], (160, 120))  # 1.5 m high
+        >>> detector, image = BackgroundDetector(camera), np.full((120, 160, 3), 90, np.uint8)
+        >>> len(detector(image))  # the background
+        0
+        >>> _ = cv2.rectangle(image, (52, 53), (68, 110), (200, 200, 200), -1)  # 1.7 m tall at 3 m
+        >>> camera.to_metres(detector(image)).round(1).tolist()
+        [[3.1, 0.6]]
     """
 
     MIN_DIFFERENCE, NOISE_FACTOR = 10.0, 4.0

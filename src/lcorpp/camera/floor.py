@@ -62,6 +62,15 @@ class Intrinsics:
 
     Raises:
         DataError: a focal length is not positive, or a number is not finite.
+
+    Examples:
+        >>> from lcorpp.camera import Intrinsics
+        >>> Intrinsics(525.0, 525.0, cx=319.5, cy=239.5)  # of a Kinect's images of 640 x 480
+        Intrinsics(fx=525.0, fy=525.0, cx=319.5, cy=239.5)
+        >>> Intrinsics(0.0, 525.0, 319.5, 239.5)
+        Traceback (most recent call last):
+            ...
+        lcorpp.errors.DataError: Intrinsics(fx=0.0, ...); expected finite numbers and focal lengths above 0
     """
 
     fx: float
@@ -80,6 +89,13 @@ class Floor:
     """The plane of the floor in the frame of the camera (x right, y down, z forward).
 
     normal: unit vector upwards. height: of the camera above the floor in metres.
+
+    Examples:
+        >>> from lcorpp.camera import Floor
+        >>> floor = Floor((0.0, -1.0, 0.0), 1.2)  # of a level camera
+        >>> forward, left, up = floor.axes().tolist()
+        >>> forward, left
+        ([0.0, 0.0, 1.0], [-1.0, 0.0, 0.0])
     """
 
     normal: tuple[float, float, float]

@@ -34,6 +34,12 @@ class Frame:
     image: (height, width, 3) uint8 blue, green, red; or (height, width) float32, depths in metres, NaN where
         unknown.
     depth_scale: of depths, the values in the file for a metre.
+
+    Examples:
+        >>> import numpy as np
+        >>> from lcorpp.camera import Frame
+        >>> Frame(0.1, np.full((480, 640), 2.5, np.float32), "frame 1").is_depth
+        True
     """
 
     time: float
@@ -48,7 +54,7 @@ class Frame:
 
 
 class FrameSource(Protocol):
-    """A source of frames in the order of time. Iterating reads it from its beginning."""
+    r"""A source of frames in the order of time. Iterating reads it from its beginning."""
 
     def __len__(self) -> int:
         """Return the number of frames; of a video as the file states it."""
@@ -64,13 +70,25 @@ class ImageFolder:
     those of 32 bits in metres.
 
     Args:
-        depth_scale: values of the depth images for a metre; None takes the units above.
+        folder: with .png, .jpg, .jpeg, .bmp, .tif, .tiff, .pgm or .ppm; other files are left out.
         rate: images a second, in the order of the names; None takes the names as times in seconds, e.g.
             1305031102.175304.png.
+        depth_scale: values of the depth images for a metre; None takes the units above.
 
     Raises:
         FileError: the folder is missing or has no images.
         DataError: a name is not a time, two names are the same time, or the rate is not positive.
+
+    Examples:
+        >>> from pathlib import Path
+        >>> import cv2
+        >>> import numpy as np
+        >>> from lcorpp.camera import ImageFolder
+        >>> Path("images").mkdir()
+        >>> for time in ("12.5", "12.6"):
+        ...     _ = cv2.imwrite(f"images/{time}.png", np.zeros((48, 64, 3), np.uint8))
+        >>> [(frame.time, frame.image.shape) for frame in ImageFolder("images")]
+        [(12.5, (48, 64, 3)), (12.6, (48, 64, 3))]
     """
 
     @check_arguments
@@ -116,11 +134,23 @@ class Video:
     """The frames of a video file.
 
     Args:
+        file: of a format that OpenCV reads, e.g. .avi or .mp4.
         rate: frames a second; None takes the file's.
 
     Raises:
         FileError: the file is missing.
-        DataError: it is not a video that OpenCV reads, or has no valid rate.
+        DataError: it is not a video that OpenCV reads, or has no valid rate; or OpenCV is not installed.
+
+    Examples:
+        >>> import cv2
+        >>> import numpy as np
+        >>> from lcorpp.camera import Video
+        >>> writer = cv2.VideoWriter("people.avi", cv2.VideoWriter_fourcc(*"MJPG"), 10.0, (64, 48))
+        >>> for _ in range(3):
+        ...     writer.write(np.zeros((48, 64, 3), np.uint8))
+        >>> writer.release()
+        >>> [(round(frame.time, 3), frame.image.shape) for frame in Video("people.avi")]
+        [(0.0, (48, 64, 3)), (0.1, (48, 64, 3)), (0.2, (48, 64, 3))]
     """
 
     @check_arguments

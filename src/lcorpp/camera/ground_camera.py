@@ -36,6 +36,14 @@ class GroundCamera:
             seen at the middle of the image's bottom.
 
     Source: Zhang, A Flexible New Technique for Camera Calibration, 2000, equations 3 and 4.
+
+    Examples:
+        >>> from lcorpp.camera import GroundCamera
+        >>> camera = GroundCamera([[0, 0, 150], [-1.5, 0, 120], [0, 1, -60]], (160, 120))  # 1.5 m high
+        >>> camera.to_metres([[80, 110], [60, 110]]).round(2).tolist()  # x ahead, y to the left
+        [[3.0, 0.0], [3.0, 0.6]]
+        >>> camera.to_pixels([[3, 0.6]]).round(1).tolist()
+        [[60.0, 110.0]]
     """
 
     homography: Array
@@ -97,13 +105,20 @@ class GroundCamera:
 
 @check_arguments
 def read_homography(path: str | Path) -> Array:
-    """Read a (3, 3) homography from text: three lines of three numbers, separated by spaces or commas.
+    r"""Read a (3, 3) homography from text: three lines of three numbers, separated by spaces or commas.
 
     Empty lines, and what follows a #, are left out.
 
     Raises:
         FileError: the file cannot be read.
         ParseError: other than three lines of three finite numbers.
+
+    Examples:
+        >>> from pathlib import Path
+        >>> from lcorpp.camera import read_homography
+        >>> _ = Path("camera.txt").write_text("0 0 150\n-1.5 0 120\n0 1 -60  # of a level camera\n")
+        >>> read_homography("camera.txt").tolist()
+        [[0.0, 0.0, 150.0], [-1.5, 0.0, 120.0], [0.0, 1.0, -60.0]]
     """
     rows: list[list[float]] = []
     lines = read_text(path).splitlines()

@@ -34,6 +34,14 @@ class TrackingScore:
     without a true one. switches: changes of the track that a person is matched with.
     identified: matched samples under the best one-to-one assignment of tracks to people over all time.
     samples: number of samples of all tracks. squared_error: sum over the matched samples, m^2 (or pixels^2).
+
+    Examples:
+        >>> from lcorpp.camera import score_tracks
+        >>> truth = [(time, "Ann", float(time), 2.0) for time in range(4)]  # time, id, x, y
+        >>> tracks = [(0, 1, 0.0, 2.0), (1, 1, 1.0, 2.0), (2, 2, 2.0, 2.0)]  # another id, then none
+        >>> score = score_tracks(truth, tracks, max_distance=0.5)
+        >>> score.misses, score.switches, score.mota
+        (1, 1, 0.5)
     """
 
     truths: int
@@ -84,6 +92,13 @@ def score_tracks(
 
     Raises:
         DataError: a sample is malformed, an id has two at one time, or the distance is not positive.
+
+    Examples:
+        >>> from lcorpp.camera import score_tracks
+        >>> truth = [(t / 10, "Ann", t / 10, 2.0) for t in range(10)]  # time, id, x, y
+        >>> tracks = [(t / 10, 7, t / 10 + 0.1, 2.0) for t in range(8)]  # two samples fewer
+        >>> print(score_tracks(truth, tracks, max_distance=0.5))
+        MOTA 0.800, IDF1 0.889, RMSE 0.100; of 10 true samples 2 missed, 0 false, 0 switches
     """
     if not (isfinite(max_distance) and max_distance > 0):
         raise DataError(f"score_tracks: max_distance is {max_distance:g}; expected a number above 0")

@@ -44,6 +44,14 @@ class TrackerOptions:
 
     Raises:
         DataError: a constant is not positive.
+
+    Examples:
+        >>> from lcorpp.camera import Tracker, TrackerOptions
+        >>> tracker = Tracker(TrackerOptions(min_hits=2))
+        >>> tracker.update(0.0, [[1.0, 2.0]])
+        []
+        >>> [id for time, id, x, y in tracker.update(0.1, [[1.1, 2.0]])]  # of both samples
+        [1, 1]
     """
 
     noise: float = 0.1
@@ -87,6 +95,14 @@ class Tracker:
     Source: Bar-Shalom, Li and Kirubarajan, Estimation with Applications to Tracking and Navigation, 2001,
     section 6.2 (discretised white-noise acceleration); Blackman and Popoli, Design and Analysis of Modern
     Tracking Systems, 1999, chapter 6 (global nearest neighbour).
+
+    Examples:
+        >>> from lcorpp.camera import Tracker
+        >>> tracker = Tracker()
+        >>> for n in range(11):  # two people walk towards each other at 1 m/s, seen 10 times a second
+        ...     samples = tracker.update(n / 10, [[n / 10, 0.0], [5 - n / 10, 1.0]])
+        >>> {id: [round(number, 1) for number in state] for id, state in tracker.people.items()}
+        {1: [1.0, 0.0, 1.0, 0.0], 2: [4.0, 1.0, -1.0, 0.0]}
     """
 
     @check_arguments

@@ -26,7 +26,19 @@ MAX_NOISE = 2.0
 
 
 class Locator(Protocol):
-    """What locates people on the floor by an image."""
+    """The interface of what locates people on the floor in images.
+
+    Examples:
+        >>> import numpy as np
+        >>> from lcorpp.camera import Frame, track_people
+        >>> class Pressure:  # a mat as a `Locator`: its image has the pressure of each square metre
+        ...     def locate(self, image):
+        ...         positions = np.argwhere(image > 0) + 0.5
+        ...         return positions, np.tile(0.1 * np.eye(2), (len(positions), 1, 1))
+        >>> frames = [Frame(n / 5, np.eye(3), f"frame {n}") for n in range(3)]
+        >>> [len(samples) for frame, samples in track_people(frames, Pressure())]
+        [0, 0, 9]
+    """
 
     def locate(self, image: npt.NDArray[Any], /) -> tuple[Array, Array]:
         """Return (n, 2) positions in metres and their (n, 2, 2) covariances. image: as a `Frame` has it."""
@@ -37,6 +49,15 @@ class ImageLocator:
 
     Args:
         detector: e.g. of `make_detector`. camera: of the images.
+
+    Examples:
+        >>> import numpy as np
+        >>> from lcorpp.camera import GroundCamera, ImageLocator
+        >>> camera = GroundCamera([[0, 0, 150], [-1.5, 0, 120], [0, 1, -60]], (160, 120))  # 1.5 m high
+        >>> locator = ImageLocator(lambda image: [[80, 110]], camera)  # a detector that finds one person
+        >>> positions, covariances = locator.locate(np.zeros((120, 160, 3), np.uint8))
+        >>> positions.round(2).tolist(), np.sqrt(covariances[0].diagonal()).round(2).tolist()
+        ([[3.0, 0.0]], [0.24, 0.13])
     """
 
     def __init__(self, detector: Detector, camera: GroundCamera) -> None:
@@ -76,6 +97,15 @@ def track_people(
 
     Raises:
         DataError: an image is unfit for the locator, or a time does not rise; the message names the frame.
+
+    Examples:
+        >>> import numpy as np
+        >>> from lcorpp.camera import Frame, GroundCamera, ImageLocator, track_people
+        >>> camera = GroundCamera([[0, 0, 150], [-1.5, 0, 120], [0, 1, -60]], (160, 120))  # 1.5 m high
+        >>> locator = ImageLocator(lambda image: [[80, 110]], camera)  # a detector that finds one person
+        >>> frames = [Frame(n / 10, np.zeros((120, 160, 3), np.uint8), f"frame {n}") for n in range(5)]
+        >>> [(frame.time, len(samples)) for frame, samples in track_people(frames, locator)]
+        [(0.0, 0), (0.1, 0), (0.2, 3), (0.3, 1), (0.4, 1)]
     """
     tracker = tracker or Tracker()
     for frame in frames:
