@@ -39,6 +39,16 @@ class Faults:
         probabilities p (B,) in these programs has the probabilities ``weights @ p`` under the hypotheses.
     attributes: (F,) the attribute whose pr-atoms are wrong, "" in row 0. changes: (F,) what is wrong.
     priors: (F,) prior probabilities: `PROGRAM_PRIOR`, and equal for the attributes.
+
+    Examples:
+        >>> import numpy as np
+        >>> from lcorpp import parse_plog
+        >>> from lcorpp.fitting import list_faults
+        >>> program = parse_plog("toss: {heads, tails}. random(toss). pr(toss = heads) = 9/10.")
+        >>> faults = list_faults(program, used=["toss"])
+        >>> heads = np.array([reasoner.posterior("toss", {})["heads"] for reasoner in faults.reasoners])
+        >>> (faults.weights @ heads)[:4].round(2).tolist()  # P(heads): as stated, uniform, halfway, inverted
+        [0.9, 0.5, 0.7, 0.1]
     """
 
     reasoners: Sequence[Reasoner]
@@ -61,6 +71,13 @@ def list_faults(program: Program, used: Sequence[str], may_lack_rules: Sequence[
         used: the attributes that are observed or inferred. Faults whose programs are invalid for these are
             left out.
         may_lack_rules: attributes that may lack pr-atoms.
+
+    Examples:
+        >>> from lcorpp import parse_plog
+        >>> from lcorpp.fitting import list_faults
+        >>> program = parse_plog("toss: {heads, tails}. random(toss). pr(toss = heads) = 9/10.")
+        >>> list_faults(program, used=["toss"]).changes[1:4]
+        ['equally probable values', 'halfway to equally probable values', 'inverted probabilities']
     """
     reasoners, rows = [Reasoner(program)], [{0: 1.0}]
     attributes, changes, priors = [""], [""], list[float]()

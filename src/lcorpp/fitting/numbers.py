@@ -45,6 +45,14 @@ class FittedNumber:
     old: the number in the program.
     interval: the 95 % interval; None if the data do not determine the number.
     cases: the expected number of times that the pr-atom applied.
+
+    Examples:
+        >>> from lcorpp import parse_plog
+        >>> from lcorpp.fitting import fit
+        >>> program = parse_plog("toss: {heads, tails}. random(toss). pr(toss = heads) = 1/2.")
+        >>> number = fit(program, 7 * [{"toss": "heads"}] + 3 * [{"toss": "tails"}]).numbers[0]
+        >>> float(number.value), float(number.old), [round(end, 2) for end in number.interval]
+        (0.7, 0.5, [0.38, 0.9])
     """
 
     statement: Probability
@@ -81,6 +89,14 @@ class Fit:
     iterations: the number of iterations from the start that was kept.
     converged: whether the numbers did not change any more.
     starts: the number of starts.
+
+    Examples:
+        >>> from lcorpp import parse_plog
+        >>> from lcorpp.fitting import fit
+        >>> text = "toss: {heads, tails}. random(toss). pr(toss = heads) = 1/2."
+        >>> result = fit(parse_plog(text), 7 * [{"toss": "heads"}] + 3 * [{"toss": "tails"}])
+        >>> result.rewrite(text)
+        'toss: {heads, tails}. random(toss). pr(toss = heads) = 0.7.'
     """
 
     program: Program
@@ -161,6 +177,14 @@ def fit(
             language, or `starts` or `seed` is too small.
         UndefinedError: a record is impossible.
         TooLargeError: the program is too large to be compiled.
+
+    Examples:
+        >>> from lcorpp import parse_plog
+        >>> from lcorpp.fitting import fit
+        >>> program = parse_plog("toss: {heads, tails}. random(toss). pr(toss = heads) = 1/2.")
+        >>> print(fit(program, 7 * [{"toss": "heads"}] + 3 * [{"toss": "tails"}]))
+        10 records, log likelihood -6.108643, 2 iterations
+        line 1: pr(toss=heads) = 0.7; 95 % interval 0.376318 to 0.900232; was 0.5; 10 cases
     """
     check_type(program, Program, "program", ProgramError)
     check_type(prior, (int, float), "prior", DataError)

@@ -28,7 +28,7 @@ class Record(dict[str, str]):
 
 
 def read_records(path: str | Path) -> Iterator[Record]:
-    """Read records from a CSV file, one at a time.
+    r"""Read records from a CSV file, one at a time.
 
     The header names terms, such as ``time`` or ``"roll(d1)"``. A cell is a value; an empty cell and ``?`` are
     not observed.
@@ -36,6 +36,13 @@ def read_records(path: str | Path) -> Iterator[Record]:
     Raises:
         FileError: the file cannot be read.
         DataError: it is not a table with a header, or a row has another number of cells.
+
+    Examples:
+        >>> from pathlib import Path
+        >>> from lcorpp.fitting import read_records
+        >>> _ = Path("tosses.csv").write_text("day, toss\nmonday, heads\ntuesday, ?\n")
+        >>> list(read_records("tosses.csv"))
+        [{'day': 'monday', 'toss': 'heads'}, {'day': 'tuesday'}]
     """
     with open_text(path) as file:
         reader = csv.reader(file, strict=True, skipinitialspace=True)
