@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 
-from lcorpp.errors import DecisionError, UndefinedError
+from lcorpp.errors import DataError, DecisionError, UndefinedError
 from lcorpp.trust import Alarm, Hypotheses
 from lcorpp.trust.alarm import ALTERNATIVE_DEGREES, BIASES
 from lcorpp.trust.answers import NOISE_DEGREES
@@ -196,6 +196,9 @@ def test_bad_arguments_are_refused():
         Hypotheses([STATED_PROGRAM], np.zeros((1, 1)), [""], [""], np.ones(1), FakeDomain())
     with pytest.raises(DecisionError, match=r"weights of shape \(2, 1\); expected \(1, 1\)"):
         Hypotheses([STATED_PROGRAM], np.ones((2, 1)), [""], [""], np.ones(1), FakeDomain())
+    with pytest.raises(DataError, match="hypotheses: priors is 'even'; expected an array of numbers"):
+        Hypotheses([STATED_PROGRAM], np.eye(1), [""], [""], "even", FakeDomain())
+    assert Hypotheses([STATED_PROGRAM], [[1]], [""], [""], [1], FakeDomain()).priors.tolist() == [1.0]
 
 
 def test_evidence_that_the_stated_program_excludes_is_an_error_others_have_probability_0():

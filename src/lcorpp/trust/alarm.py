@@ -61,15 +61,36 @@ class Alarm:
     hypotheses. If both are right, both E are at most M / L(0, 0), so the probability of any alarm is at most
     `rate`, too.
 
-    n_people: number of people so far. findings: the alarms, at most one for each part.
-
     Args:
+        hypotheses: the stated program, and what may be wrong with it.
         dialogue: the planner's model as questions.
+        rate: the largest probability of a false alarm, between 0 and 1.
+
+    Attributes:
+        n_people: number of people so far. findings: the alarms, at most one for each part.
 
     Raises:
         DecisionError: `rate` is not between 0 and 1.
 
     Source: Wasserman, Ramdas and Balakrishnan, "Universal inference", PNAS 117(29), 2020.
+
+    Examples:
+        >>> from lcorpp import Reasoner, Step, load_domain, parse_plog
+        >>> from lcorpp.domains.dialogue import DomainDialogue
+        >>> from lcorpp.trust import Alarm, Hypotheses
+        >>> domain, rule = load_domain("intention"), "pr(intention=interested | identity=visitor) = "
+        >>> other = parse_plog(str(domain.program).replace(rule + "4/5", rule + "1/5"))
+        >>> hypotheses = Hypotheses(
+        ...     [Reasoner(domain.program), Reasoner(other)], [[1, 0], [0, 1]],
+        ...     ["", "intention"], ["", "inverted for visitors"], [0.5, 0.5], domain,
+        ... )
+        >>> alarm = Alarm(hypotheses, DomainDialogue(domain), rate=0.05)
+        >>> facts = {"time": "afternoon", "location": "library"}  # of visitors, who are said to be interested
+        >>> answer = Step("move_forward", "neg", domain.pomdp.start)
+        >>> for _ in range(12):  # people who say no three times
+        ...     findings = alarm.update(facts, 3 * [answer])
+        >>> [(finding.person, finding.part, finding.change) for finding in alarm.findings]
+        [(9, 'knowledge', 'inverted for visitors')]
     """
 
     def __init__(self, hypotheses: Hypotheses, dialogue: Dialogue, *, rate: float = FALSE_ALARM_RATE) -> None:

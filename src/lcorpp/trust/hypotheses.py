@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from lcorpp.arguments import to_numbers
 from lcorpp.errors import DecisionError, UndefinedError
 from lcorpp.protocols import DomainInterface, Reasoner
 from lcorpp.trust.evidence_cache import EvidenceCache
@@ -15,18 +16,35 @@ from lcorpp.values import Array, Label, Likelihood
 class Hypotheses:
     """F hypotheses: the stated program, and programs with one wrong attribute.
 
-    attributes: (F,) the attribute that is wrong, "" for the first, which is the stated program. changes: (F,)
-    what is wrong. priors: (F,) prior probabilities. given: see below.
-
     Args:
         reasoners: (B,) the first is that of the stated program.
         weights: (F, B) a hypothesis gives evidence the probability ``weights @ p`` of its probabilities p by
             the reasoners; the first row is 1, 0, ... 0.
+        attributes: (F,) the attribute that is wrong, "" for the first, which is the stated program.
+        changes: (F,) what is wrong.
+        priors: (F,) prior probabilities.
+        domain: names the values, labels and the shared attribute.
         given: whether the facts are given, e.g. by the robot's own schedule; otherwise the program predicts
             them, too.
 
+    Attributes:
+        attributes, changes, priors, domain, given: as above.
+
     Raises:
         DecisionError: the shapes do not fit, or the first hypothesis is not the stated program.
+        DataError: `weights` or `priors` are no numbers.
+
+    Examples:
+        >>> from lcorpp import Reasoner, load_domain, parse_plog
+        >>> from lcorpp.trust import Hypotheses
+        >>> domain, rule = load_domain("intention"), "pr(intention=interested | identity=visitor) = "
+        >>> other = parse_plog(str(domain.program).replace(rule + "4/5", rule + "1/5"))
+        >>> hypotheses = Hypotheses(
+        ...     [Reasoner(domain.program), Reasoner(other)], [[1, 0], [0, 1]],
+        ...     ["", "intention"], ["", "inverted for visitors"], [0.5, 0.5], domain,
+        ... )
+        >>> hypotheses.predict({"time": "afternoon"}).round(2).tolist()  # P(value, facts) by each program
+        [[0.2, 0.11], [0.06, 0.25]]
     """
 
     def __init__(
@@ -40,7 +58,9 @@ class Hypotheses:
         *,
         given: bool = False,
     ) -> None:
-        self.attributes, self.changes, self.priors = tuple(attributes), tuple(changes), priors
+        self.attributes, self.changes = tuple(attributes), tuple(changes)
+        self.priors = priors = to_numbers(priors, "hypotheses: priors")
+        weights = to_numbers(weights, "hypotheses: weights")
         shape = len(self.attributes), len(reasoners)
         if weights.shape != shape or len(changes) != len(priors) or len(priors) != shape[0]:
             raise DecisionError(f"hypotheses have weights of shape {weights.shape}; expected {shape}")

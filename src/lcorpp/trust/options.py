@@ -21,6 +21,15 @@ class TrustOptions:
     iterations: of EM at each fit; each begins at the estimates of the one before.
     max_loss: plans are for the best observation model whose log posterior is at most this much lower than
         that of the estimate, question by question; 2 is two standard errors, 0.5 one, 0 the estimate.
+
+    Examples:
+        >>> from lcorpp.trust import TrustOptions
+        >>> TrustOptions(share=0.01, ask_every=0).memory  # people; without questions that are asked to learn
+        100.0
+        >>> TrustOptions(share=1)
+        Traceback (most recent call last):
+            ...
+        lcorpp.errors.DecisionError: `share` of trust is 1; expected from 0 to below 1
     """
 
     share: float = 0.005

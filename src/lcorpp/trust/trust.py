@@ -36,17 +36,32 @@ class Trust:
     probability that it gave to the answers. The sources are those of `StatedSources`, and two latent class
     models that do not depend on the knowledge; see docs/guides/trust/trust.md.
 
-    sources: their names. weights: (K,) of the sources, summing to 1. n_people: number of people learnt from.
-    tables: (K, V, O) the observation model for planning. planner: for the next person, by that model.
-
     Args:
         reasoner: theta, the program with the stated rates of the classifiers.
+        domain: names the values, labels and the shared attribute.
         dialogue: the planner's model as questions. planner: for that model.
         rates: attribute of a sense -> label -> (V,) P(label | value), for senses whose rates are not in the
             program (soft evidence); a likelihood counts as its most probable label in the learnt models.
 
+    Attributes:
+        sources: their names. weights: (sources,) summing to 1. n_people: number of people learnt from.
+        tables: (K, V, O) P(answer | value) of K kinds of questions, the observation model for planning.
+        planner: for the next person, by that model.
+
     Source of the mixture: Herbster and Warmuth, "Tracking the best expert", Machine Learning 32, 1998 (fixed
     share).
+
+    Examples:
+        >>> from lcorpp import Step, load_robot
+        >>> from lcorpp.assembly.strategies.trust_setup import set_up_trust
+        >>> robot = load_robot("intention", cache=False).robot
+        >>> trust = set_up_trust(robot.domain, robot.reasoner, robot.planner)
+        >>> facts = {"time": "afternoon", "location": "classroom"}
+        >>> for _ in range(10):  # ten people say no three times
+        ...     trust.learn(facts, 3 * [Step("move_forward", "neg", robot.planner.start)])
+        >>> before, after = robot.reasoner.posterior("intention", facts), trust.posterior("intention", facts)
+        >>> round(before["interested"], 2), round(after["interested"], 2)
+        (0.46, 0.02)
     """
 
     def __init__(
