@@ -37,6 +37,19 @@ class DecisionLog:
     Raises:
         FileError: the file cannot be written, or its disk is full.
         DataError: the file is something else than a log of decisions.
+
+    Examples:
+        >>> from pathlib import Path
+        >>> from lcorpp import load_robot
+        >>> from lcorpp.decision import LCORPP
+        >>> from lcorpp.logs import DecisionLog, read_log
+        >>> facts = {"time": "afternoon", "location": "classroom"}
+        >>> robot = load_robot("intention", cache=False)
+        >>> episode = robot.decide(facts, label="zero", world=["pos", "pos", "pos"])
+        >>> with DecisionLog(Path("decisions.jsonl")) as log:
+        ...     log.append(robot.parts, LCORPP, facts, episode)
+        >>> [line.context for line in read_log(Path("decisions.jsonl"))]
+        [{'time': 'afternoon', 'location': 'classroom'}]
     """
 
     def __init__(self, path: Path) -> None:
@@ -192,6 +205,19 @@ class LoggedDecision:
     """A line of a log that is a decision.
 
     line: counted from 1. content: the JSON object.
+
+    Examples:
+        >>> from pathlib import Path
+        >>> from lcorpp import load_robot
+        >>> from lcorpp.decision import LCORPP
+        >>> from lcorpp.logs import DecisionLog, read_log
+        >>> facts = {"time": "afternoon", "location": "classroom"}
+        >>> robot = load_robot("intention", cache=False)
+        >>> with DecisionLog(Path("decisions.jsonl")) as log:
+        ...     log.append(robot.parts, LCORPP, facts, robot.decide(facts, label="zero", world=3 * ["pos"]))
+        >>> (line,) = read_log(Path("decisions.jsonl"))
+        >>> line.strategy, line.read_episode(robot.domain).report
+        ({'name': 'LCORPP'}, 'interested')
     """
 
     line: int
@@ -259,6 +285,18 @@ def read_log(path: Path, *, wait: Callable[[], None] | None = None) -> Iterator[
 
     Raises:
         FileError: the file cannot be read.
+
+    Examples:
+        >>> from pathlib import Path
+        >>> from lcorpp import load_robot
+        >>> from lcorpp.decision import LCORPP
+        >>> from lcorpp.logs import DecisionLog, read_log
+        >>> robot = load_robot("intention", cache=False)
+        >>> with DecisionLog(Path("decisions.jsonl")) as log:
+        ...     for answer in ("pos", "neg"):
+        ...         log.append(robot.parts, LCORPP, {}, robot.decide({}, label="zero", world=3 * [answer]))
+        >>> [line.read_episode(robot.domain).report for line in read_log(Path("decisions.jsonl"))]
+        ['interested', 'not_interested']
     """
     try:
         with open_lines(path, MAX_MAPPED_BYTES) as file:

@@ -72,6 +72,18 @@ def replay_log(
 
     Raises:
         FileError: the log cannot be read.
+
+    Examples:
+        >>> from pathlib import Path
+        >>> from lcorpp import load_robot
+        >>> from lcorpp.decision import LCORPP
+        >>> from lcorpp.logs import DecisionLog, replay_log
+        >>> facts = {"time": "afternoon", "location": "classroom"}
+        >>> robot = load_robot("intention", cache=False)
+        >>> with DecisionLog(Path("decisions.jsonl")) as log:
+        ...     log.append(robot.parts, LCORPP, facts, robot.decide(facts, label="zero", world=3 * ["pos"]))
+        >>> [(again.episode.report, again.differences) for again in replay_log(Path("decisions.jsonl"))]
+        [('interested', ())]
     """
     known = KnownParts(folder, cache)
     for line in read_log(path):

@@ -87,6 +87,22 @@ class LogWatch:
 
     Raises:
         DecisionError: `rate` is not between 0 and 1.
+
+    Examples:
+        >>> from pathlib import Path
+        >>> from lcorpp import load_robot
+        >>> from lcorpp.decision import LCORPP
+        >>> from lcorpp.logs import DecisionLog, LogWatch
+        >>> robot = load_robot("intention", cache=False)
+        >>> no = robot.decide({}, label="one", world=9 * ["neg"])
+        >>> with DecisionLog(Path("decisions.jsonl")) as log:
+        ...     for _ in range(30):
+        ...         log.append(robot.parts, LCORPP, {}, no)
+        >>> watch = LogWatch(Path("decisions.jsonl"))
+        >>> [(line, finding.part, finding.attributes) for line, finding in watch.read()]
+        [(13, 'knowledge', ('classifier',))]
+        >>> watch.n_decisions
+        30
     """
 
     def __init__(
