@@ -55,6 +55,7 @@ def audit_people(
     people of the log, those that are 0 are taken as a little more, see `EXCLUDED_SHARE`.
 
     Args:
+        people: of `read_people`.
         progress: is called with the number of fits done, and the number of all.
         given: whether the facts are given, e.g. by the robot's own schedule, so that the likelihood
             conditions on them.
@@ -63,6 +64,21 @@ def audit_people(
         ProgramError: the program has no numbers to audit, or they cannot be fitted.
         UndefinedError: what is known of a person is impossible under the program, whatever its numbers.
         TooLargeError: the program is too large to be compiled, or there are too many contexts.
+
+    Examples:
+        >>> from pathlib import Path
+        >>> from lcorpp import load_domain
+        >>> from lcorpp.audit import audit_people, read_people
+        >>> from lcorpp.decision import strategies
+        >>> from lcorpp.experiments import ComparisonOptions, compare_strategies
+        >>> domain = load_domain("intention", changes={"simulation": {"noise": 0.4}})  # above the model's
+        >>> options = ComparisonOptions(strategies(["LCORPP"]), trials=100, log=Path("decisions.jsonl"))
+        >>> comparison = compare_strategies(domain, options)
+        >>> audit = audit_people(read_people(Path("decisions.jsonl")))
+        >>> len(audit.changes)  # the knowledge is not refuted, but how people answer:
+        0
+        >>> sorted({rate.name.partition(":")[0] for rate in audit.changed_rates})
+        ['greet', 'move_forward']
     """
     return _Auditor(people, progress, given).audit()
 

@@ -24,9 +24,11 @@ from lcorpp.values import Array, Label, Likelihood
 class LoggedPeople:
     """The people about whom one strategy decided.
 
-    program: with the rules of the log's last classifiers. contexts: the facts of each. labels: those of each
-    sense. stated_rates: for each sense (V, L) the program's; None for a sense with soft evidence.
-    cases: the distinct people. strategy: its name. n_others: number of decisions of other strategies.
+    program: with the rules of the log's last classifiers.
+    contexts: the distinct facts. labels: for each sense its L possible labels.
+    stated_rates: for each sense (V, L) the program's P(label | value); None for a sense with soft evidence.
+    cases: the distinct people, by the numbers of their contexts and labels, with their weights.
+    strategy: its name. n_others: number of decisions of other strategies.
     skipped: why lines are left out -> how many.
     """
 
@@ -49,7 +51,7 @@ def read_people(path: Path, *, folder: Path | None = None, strategy: str | None 
     Labels of other classifiers are left out.
 
     Args:
-        folder: of the domain, if it is not the one of the log.
+        path: of the log. folder: of the domain, if it is not the one of the log.
         strategy: whose decisions are read; None: the one with the most decisions, of equal ones the last in
             the log, as strategies of one run decide about the same people.
 
@@ -57,6 +59,20 @@ def read_people(path: Path, *, folder: Path | None = None, strategy: str | None 
         FileError: the log cannot be read.
         DataError: it has no decision of the strategy, or none that can be read.
         LcorppError: the domain cannot be loaded, or its dialogue cannot be followed.
+
+    Examples:
+        >>> from pathlib import Path
+        >>> from lcorpp import load_robot
+        >>> from lcorpp.audit import read_people
+        >>> from lcorpp.decision import LCORPP
+        >>> from lcorpp.logs import DecisionLog
+        >>> robot = load_robot("intention", cache=False)
+        >>> with DecisionLog(Path("decisions.jsonl")) as log:
+        ...     for answer in ("pos", "pos", "neg"):
+        ...         log.append(robot.parts, LCORPP, {}, robot.decide({}, label="zero", world=9 * [answer]))
+        >>> people = read_people(Path("decisions.jsonl"))
+        >>> people.strategy, people.cases.weights.tolist()  # of two distinct people
+        ('LCORPP', [2.0, 1.0])
     """
     skipped, decisions = Counter[str](), list[LoggedDecision]()
     for line in read_log(path):

@@ -39,6 +39,20 @@ def write_batches(
 
     Raises:
         FileError: a file cannot be written.
+
+    Examples:
+        >>> from pathlib import Path
+        >>> from lcorpp import load_robot
+        >>> from lcorpp.assembly import TrainingOptions
+        >>> from lcorpp.experiments import write_batches
+        >>> from lcorpp.runs import ActiveLearningOptions, run_active_learning, set_up_learning
+        >>> full = load_robot("intention", cache=False)
+        >>> options = ActiveLearningOptions({"motion": TrainingOptions("summaries", tracks=20)})
+        >>> senses = set_up_learning(full.domain, options)
+        >>> first = next(run_active_learning(full.domain, senses, full.robot.planner, options))
+        >>> _ = write_batches(Path("results"), "intention", first, formats=["svg"])
+        >>> sorted(file.name for file in Path("results").iterdir())
+        ['batches.csv', 'batches.json', 'classifier.npz']
     """
     make_folder(folder)
     flat = [{name: cell for name, cell in row.items() if name != "matrices"} for row in result.rows]

@@ -48,6 +48,15 @@ class ComparisonOptions:
         DataError: an option has another type.
         DecisionError: as of `check_numbers`.
         DomainError: exact scores are requested with classifiers other than noisy channels, or with a log.
+
+    Examples:
+        >>> from lcorpp.experiments import ComparisonOptions
+        >>> ComparisonOptions(trials=100, seed=1).trials
+        100
+        >>> ComparisonOptions(trials=0)
+        Traceback (most recent call last):
+            ...
+        lcorpp.errors.DecisionError: `trials` must be at least 1, not 0
     """
 
     strategies: tuple[Strategy, ...] = ()
@@ -82,6 +91,16 @@ class Comparison:
     trials: the number of completed trials, less than requested after an interrupt; None for exact scores.
     senses: sense -> its classifier and error rates, for the senses that a strategy uses.
     solution: the solution of the POMDP; None if a policy was given.
+
+    Examples:
+        >>> from lcorpp import load_domain
+        >>> from lcorpp.decision import strategies
+        >>> from lcorpp.experiments import ComparisonOptions, compare_strategies
+        >>> options = ComparisonOptions(strategies(["R+P", "LCORPP"]), trials=None)  # exact scores
+        >>> compare_strategies(load_domain("intention"), options)
+        <Comparison, exact:
+          <Scores R+P: F1 0.817 ..., accuracy 0.852 ..., cost 10.27 ..., return 45.98 ...>
+          <Scores LCORPP: F1 0.848 ..., accuracy 0.880 ..., cost 9.28 ..., return 51.53 ...>>
     """
 
     scores: tuple[Scores, ...]
@@ -123,6 +142,15 @@ def compare_strategies(
             `DomainDialogue`.
         DataError, FileError: the training options or files are wrong.
         KeyboardInterrupt: an interrupt before the first trial was complete.
+
+    Examples:
+        >>> from lcorpp import load_domain
+        >>> from lcorpp.decision import strategies
+        >>> from lcorpp.experiments import ComparisonOptions, compare_strategies
+        >>> options = ComparisonOptions(strategies(["R+P", "LCORPP"]), trials=None)  # exact scores
+        >>> comparison = compare_strategies(load_domain("intention"), options)
+        >>> {scores.strategy: round(scores.return_.estimate, 2) for scores in comparison.scores}
+        {'R+P': 45.98, 'LCORPP': 51.53}
     """
     for name in options.classifiers:
         domain.find_sense(name)

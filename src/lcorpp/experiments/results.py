@@ -91,6 +91,19 @@ def write_comparison(
 
     Raises:
         FileError: a file cannot be written.
+
+    Examples:
+        >>> from pathlib import Path
+        >>> from lcorpp import load_domain
+        >>> from lcorpp.decision import strategies
+        >>> from lcorpp.experiments import ComparisonOptions, compare_strategies, write_comparison
+        >>> from lcorpp.experiments.results import describe_run
+        >>> options = ComparisonOptions(strategies(["R+P", "LCORPP"]), trials=None)  # exact scores
+        >>> comparison = compare_strategies(load_domain("intention"), options)
+        >>> configuration = describe_run(load_domain("intention"), options, comparison, policy=None)
+        >>> _ = write_comparison(Path("results"), comparison, configuration, formats=["svg"])
+        >>> sorted(file.name for file in Path("results").iterdir())
+        ['results.csv', 'results.json', 'results.svg']
     """
     from lcorpp.experiments.figures.strategies import plot_strategies  # imports matplotlib
     from lcorpp.plot_style import save_figures

@@ -68,7 +68,8 @@ def replay_log(
     learns from earlier people learns from the decisions as they are in the log, in their order.
 
     Args:
-        folder: of the domain, if it is not the one of the log. cache: a folder that keeps policies.
+        path: of the log. folder: of the domain, if it is not the one of the log.
+        cache: a folder that keeps policies.
 
     Raises:
         FileError: the log cannot be read.

@@ -76,14 +76,16 @@ class LogWatch:
     If the program changes within the log, as the rates of a classifier do after a training, the alarm
     continues with the hypotheses about the new program; if its faults are others, it starts again.
 
-    alarm, domain: the present ones, None before the first decision. strategy: its name, "" before that.
-    n_decisions: number of decisions so far. log_e: with `keep_log_e`, the logarithm of E of each part after
-    each.
-
     Args:
-        folder: of the domain, if it is not the one of the log.
+        path: of the log. folder: of the domain, if it is not the one of the log.
         strategy: whose decisions are read; by default all, which must be of one strategy.
         given, rate: as of `Hypotheses` and `Alarm`.
+        keep_log_e: whether the attribute `log_e` is filled.
+
+    Attributes:
+        alarm, domain: the present ones, None before the first decision.
+        strategy: its name, "" before the first decision. n_decisions: number of decisions so far.
+        log_e: the logarithm of E of each part after each decision.
 
     Raises:
         DecisionError: `rate` is not between 0 and 1.

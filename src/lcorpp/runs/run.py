@@ -111,6 +111,20 @@ def run_active_learning(
     Raises:
         DataError, DecisionError: an option is wrong, or uncertain labels are for a learner without
             `sample_weight`; and whatever the robot's parts raise.
+
+    Examples:
+        >>> from lcorpp import load_robot
+        >>> from lcorpp.assembly import TrainingOptions
+        >>> from lcorpp.runs import ActiveLearningOptions, run_active_learning, set_up_learning
+        >>> full = load_robot("intention", cache=False)
+        >>> training = TrainingOptions("summaries", tracks=20)
+        >>> options = ActiveLearningOptions({"motion": training}, batch_size=10, max_batches=1)
+        >>> senses = set_up_learning(full.domain, options)
+        >>> results = list(run_active_learning(full.domain, senses, full.robot.planner, options))
+        >>> [len(result.batch.datasets["motion"]) for result in results]  # the second with 10 reports
+        [20, 30]
+        >>> results[1].scores.counts.sum().astype(int).tolist()  # decisions
+        10
     """
     if log is not None and parts is None:
         raise DecisionError("a log needs the `parts`, which determine the decisions")

@@ -32,6 +32,19 @@ class RunStore:
     notes: warnings from opening the stores and reading the checkpoint, as sentences.
     pending: the stored decisions since the last training.
     n_people: number of people that the run has drawn so far, in all batches.
+
+    Examples:
+        >>> from lcorpp import Dataset, Distribution
+        >>> from lcorpp.runs import RunStore
+        >>> walk, classes = [[0.0, 1.0, 2.0], [0.0, 0.0, 0.0]], ("no", "yes")  # x and y in metres
+        >>> data, belief = Dataset([walk], ["yes"], interval=0.5), Distribution(classes, [0.9, 0.1])
+        >>> store = RunStore("run.tracks", {"motion": data}, {"motion": classes}, {"seed": 0})
+        >>> _ = store.append_decision(
+        ...     {"motion": walk}, {"time": "noon"}, {"motion": "no"}, {"motion": belief}, [("ask", "neg")], {}
+        ... )
+        >>> store.datasets()["motion"].labels  # the initial data, and the report
+        ('yes', 'no')
+        >>> store.close()
     """
 
     def __init__(

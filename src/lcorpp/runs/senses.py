@@ -38,6 +38,17 @@ class ActiveLearningOptions:
     trust: whether LCORPP+trust decides, which learns from each person what its sources are worth.
     watch: whether an alarm is raised if knowledge, rates or hearing are not as stated, see `Alarm`.
     seed: of all random numbers. jobs: processes for training.
+
+    Examples:
+        >>> from lcorpp.assembly import TrainingOptions
+        >>> from lcorpp.runs import ActiveLearningOptions
+        >>> options = ActiveLearningOptions({"motion": TrainingOptions("summaries")}, batch_size=50)
+        >>> options.max_batches * options.batch_size  # decisions at most
+        1000
+        >>> ActiveLearningOptions(batch_size="many")
+        Traceback (most recent call last):
+            ...
+        lcorpp.errors.DataError: ActiveLearningOptions: batch_size is 'many'; expected a whole number
     """
 
     classifiers: Mapping[str, ClassifierOptions] = field(default_factory=dict)
@@ -103,6 +114,15 @@ def set_up_learning(
         DecisionError: the options name no kind of labels.
         DomainError: no sense learns, or the domain has no such signals or noisy channel.
         DataError, FileError: a threshold, the data, or the files of other classifiers, are wrong.
+
+    Examples:
+        >>> from lcorpp import load_domain
+        >>> from lcorpp.assembly import TrainingOptions
+        >>> from lcorpp.runs import ActiveLearningOptions, set_up_learning
+        >>> training = TrainingOptions("summaries", tracks=20)
+        >>> senses = set_up_learning(load_domain("intention"), ActiveLearningOptions({"motion": training}))
+        >>> senses.data["motion"].dataset.trajectories.shape, senses.training["motion"].learner
+        ((20, 2, 304), 'summaries')
     """
     if options.labels not in LABEL_KINDS:
         raise DecisionError(f"the labels are {options.labels!r}; {expected_one_of(LABEL_KINDS)}")

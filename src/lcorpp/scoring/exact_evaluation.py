@@ -50,6 +50,16 @@ def evaluate_exactly(
         DecisionError: a strategy draws its actions, learns from people, acts differently after equal
             histories, has too many histories, or branches so much that the bounds are wide.
         NoReportError: a strategy's policy never reports.
+
+    Examples:
+        >>> from lcorpp import load_robot
+        >>> from lcorpp.decision import strategies
+        >>> from lcorpp.scoring import evaluate_exactly
+        >>> full = load_robot("intention", cache=False)
+        >>> channels = {"motion": full.senses["motion"].classifier}
+        >>> scores = evaluate_exactly(full.domain, full.robot, channels, strategies(["L+R", "LCORPP"]))
+        >>> [(each.strategy, round(each.accuracy.estimate, 3)) for each in scores]
+        [('L+R', 0.771), ('LCORPP', 0.88)]
     """
     check_enumerable(domain, strategies)
     classified = [channel.of for channel in channels.values()]

@@ -59,6 +59,17 @@ def run_trials(
     Raises:
         DecisionError: as of `check_numbers`; and whatever the robot's parts raise.
         KeyboardInterrupt: an interrupt before the first trial was complete.
+
+    Examples:
+        >>> from lcorpp import load_robot
+        >>> from lcorpp.decision import strategies
+        >>> from lcorpp.scoring import Experiment, run_trials
+        >>> full = load_robot("intention", cache=False)
+        >>> channels, chosen = {"motion": full.senses["motion"].classifier}, strategies(["R", "LCORPP"])
+        >>> experiment = Experiment(full.domain, full.robot, channels, channels, chosen, seed=1)
+        >>> (reasoning, lcorpp), completed = run_trials(experiment, 500)
+        >>> lcorpp.accuracy.low > reasoning.accuracy.high, completed
+        (True, 500)
     """
     check_numbers(trials, jobs, experiment.seed)
     if log is not None and experiment.parts is None:

@@ -72,11 +72,20 @@ class Sweep:
 
 
 def read_sweep(file: Path) -> Sweep:
-    """Read a sweep and check the values of its axes in the domain.
+    r"""Read a sweep and check the values of its axes in the domain.
 
     Raises:
         FileError, ParseError: the file cannot be read or is not TOML.
         DomainError: a key, name, type or value is wrong; the message names file, line and key.
+
+    Examples:
+        >>> from pathlib import Path
+        >>> from lcorpp.experiments import read_sweep
+        >>> text = 'domain = "intention"\nstrategies = ["LCORPP"]\n[axes]\nnoise = [0.1, 0.3]\n'
+        >>> _ = Path("noise.toml").write_text(text)
+        >>> sweep = read_sweep(Path("noise.toml"))
+        >>> sweep.strategies, [setting.value for (setting,) in sweep.configurations]
+        (('LCORPP',), [0.1, 0.3])
     """
     table, folder = read_toml(file), file.resolve().parent
     name = table.text("domain", "intention")

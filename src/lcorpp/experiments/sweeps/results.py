@@ -26,13 +26,23 @@ def summarise(result: SweepResult) -> str:
 
 
 def write_sweep(folder: Path, result: SweepResult, *, formats: Sequence[str] = FORMATS) -> list[Path]:
-    """Write sweep.csv, sweep.parquet (with the extra `parquet`), sweep.txt, sweep.json and the figure.
+    r"""Write sweep.csv, sweep.parquet (with the extra `parquet`), sweep.txt, sweep.json and the figure.
 
     Returns:
         The files.
 
     Raises:
         FileError: a file cannot be written.
+
+    Examples:
+        >>> from pathlib import Path
+        >>> from lcorpp.experiments import read_sweep, run_sweep, write_sweep
+        >>> text = 'domain = "intention"\nstrategies = ["LCORPP"]\n[axes]\nnoise = [0.1, 0.3]\n'
+        >>> _ = Path("noise.toml").write_text(text)
+        >>> result = run_sweep(read_sweep(Path("noise.toml")), "results")
+        >>> files = write_sweep(Path("results"), result, formats=["svg"])
+        >>> [file.name for file in files if file.suffix != ".parquet"]  # which needs pyarrow
+        ['sweep.csv', 'sweep.svg', 'sweep.txt', 'sweep.json']
     """
     make_folder(folder)
     sweep, rows, text = result.sweep, result.rows, summarise(result)

@@ -55,7 +55,7 @@ def run_sweep(
     cluster: str | None = None,
     progress: Advance = lambda done, total, seconds: None,
 ) -> SweepResult:
-    """Score the strategies in all configurations of a sweep.
+    r"""Score the strategies in all configurations of a sweep.
 
     The scores are the same for any number of workers: they depend on the sweep and the configuration alone.
 
@@ -71,6 +71,15 @@ def run_sweep(
         WorkerError: worker processes or the cluster are lost.
         DecisionError: all configurations fail, e.g. an observation has probability 0 for the robot.
         KeyboardInterrupt: an interrupt. Finished configurations are kept in each case.
+
+    Examples:
+        >>> from pathlib import Path
+        >>> from lcorpp.experiments import read_sweep, run_sweep
+        >>> text = 'domain = "intention"\nstrategies = ["LCORPP"]\n[axes]\nnoise = [0.1, 0.3]\n'
+        >>> _ = Path("noise.toml").write_text(text)
+        >>> result = run_sweep(read_sweep(Path("noise.toml")), "results")
+        >>> [(row["noise"], round(row["accuracy"], 3)) for row in result.rows]
+        [(0.1, 0.984), (0.3, 0.88)]
     """
     began = perf_counter()
     units = {find_key(configuration): configuration for configuration in sweep.configurations}
