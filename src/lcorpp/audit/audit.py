@@ -72,9 +72,9 @@ def audit_people(
         >>> from lcorpp.decision import strategies
         >>> from lcorpp.experiments import ComparisonOptions, compare_strategies
         >>> domain = load_domain("intention", changes={"simulation": {"noise": 0.4}})  # above the model's
-        >>> options = ComparisonOptions(strategies(["LCORPP"]), trials=100, log=Path("decisions.jsonl"))
+        >>> options = ComparisonOptions(strategies(["LCORPP"]), trials=100, log=Path("audited.jsonl"))
         >>> comparison = compare_strategies(domain, options)
-        >>> audit = audit_people(read_people(Path("decisions.jsonl")))
+        >>> audit = audit_people(read_people(Path("audited.jsonl")))
         >>> len(audit.changes)  # the knowledge is not refuted, but how people answer:
         0
         >>> sorted({rate.name.partition(":")[0] for rate in audit.changed_rates})

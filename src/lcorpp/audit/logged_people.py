@@ -67,10 +67,10 @@ def read_people(path: Path, *, folder: Path | None = None, strategy: str | None 
         >>> from lcorpp.decision import LCORPP
         >>> from lcorpp.logs import DecisionLog
         >>> robot = load_robot("intention", cache=False)
-        >>> with DecisionLog(Path("decisions.jsonl")) as log:
+        >>> with DecisionLog(Path("three.jsonl")) as log:
         ...     for answer in ("pos", "pos", "neg"):
         ...         log.append(robot.parts, LCORPP, {}, robot.decide({}, label="zero", world=9 * [answer]))
-        >>> people = read_people(Path("decisions.jsonl"))
+        >>> people = read_people(Path("three.jsonl"))
         >>> people.strategy, people.cases.weights.tolist()  # of two distinct people
         ('LCORPP', [2.0, 1.0])
     """

@@ -50,8 +50,8 @@ def write_batches(
         >>> options = ActiveLearningOptions({"motion": TrainingOptions("summaries", tracks=20)})
         >>> senses = set_up_learning(full.domain, options)
         >>> first = next(run_active_learning(full.domain, senses, full.robot.planner, options))
-        >>> _ = write_batches(Path("results"), "intention", first, formats=["svg"])
-        >>> sorted(file.name for file in Path("results").iterdir())
+        >>> _ = write_batches(Path("batches"), "intention", first)  # a figure comes with the decisions
+        >>> sorted(file.name for file in Path("batches").iterdir())
         ['batches.csv', 'batches.json', 'classifier.npz']
     """
     make_folder(folder)

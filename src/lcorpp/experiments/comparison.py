@@ -91,16 +91,6 @@ class Comparison:
     trials: the number of completed trials, less than requested after an interrupt; None for exact scores.
     senses: sense -> its classifier and error rates, for the senses that a strategy uses.
     solution: the solution of the POMDP; None if a policy was given.
-
-    Examples:
-        >>> from lcorpp import load_domain
-        >>> from lcorpp.decision import strategies
-        >>> from lcorpp.experiments import ComparisonOptions, compare_strategies
-        >>> options = ComparisonOptions(strategies(["R+P", "LCORPP"]), trials=None)  # exact scores
-        >>> compare_strategies(load_domain("intention"), options)
-        <Comparison, exact:
-          <Scores R+P: F1 0.817 ..., accuracy 0.852 ..., cost 10.27 ..., return 45.98 ...>
-          <Scores LCORPP: F1 0.848 ..., accuracy 0.880 ..., cost 9.28 ..., return 51.53 ...>>
     """
 
     scores: tuple[Scores, ...]

@@ -101,9 +101,9 @@ def write_comparison(
         >>> options = ComparisonOptions(strategies(["R+P", "LCORPP"]), trials=None)  # exact scores
         >>> comparison = compare_strategies(load_domain("intention"), options)
         >>> configuration = describe_run(load_domain("intention"), options, comparison, policy=None)
-        >>> _ = write_comparison(Path("results"), comparison, configuration, formats=["svg"])
-        >>> sorted(file.name for file in Path("results").iterdir())
-        ['results.csv', 'results.json', 'results.svg']
+        >>> _ = write_comparison(Path("comparison"), comparison, configuration, formats=[])  # no figures
+        >>> sorted(file.name for file in Path("comparison").iterdir())
+        ['results.csv', 'results.json']
     """
     from lcorpp.experiments.figures.strategies import plot_strategies  # imports matplotlib
     from lcorpp.plot_style import save_figures

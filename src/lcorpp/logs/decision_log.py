@@ -211,11 +211,10 @@ class LoggedDecision:
         >>> from lcorpp import load_robot
         >>> from lcorpp.decision import LCORPP
         >>> from lcorpp.logs import DecisionLog, read_log
-        >>> facts = {"time": "afternoon", "location": "classroom"}
         >>> robot = load_robot("intention", cache=False)
-        >>> with DecisionLog(Path("decisions.jsonl")) as log:
-        ...     log.append(robot.parts, LCORPP, facts, robot.decide(facts, label="zero", world=3 * ["pos"]))
-        >>> (line,) = read_log(Path("decisions.jsonl"))
+        >>> with DecisionLog(Path("one.jsonl")) as log:
+        ...     log.append(robot.parts, LCORPP, {}, robot.decide({}, label="zero", world=3 * ["pos"]))
+        >>> (line,) = read_log(Path("one.jsonl"))
         >>> line.strategy, line.read_episode(robot.domain).report
         ({'name': 'LCORPP'}, 'interested')
     """
@@ -292,10 +291,10 @@ def read_log(path: Path, *, wait: Callable[[], None] | None = None) -> Iterator[
         >>> from lcorpp.decision import LCORPP
         >>> from lcorpp.logs import DecisionLog, read_log
         >>> robot = load_robot("intention", cache=False)
-        >>> with DecisionLog(Path("decisions.jsonl")) as log:
+        >>> with DecisionLog(Path("two.jsonl")) as log:
         ...     for answer in ("pos", "neg"):
         ...         log.append(robot.parts, LCORPP, {}, robot.decide({}, label="zero", world=3 * [answer]))
-        >>> [line.read_episode(robot.domain).report for line in read_log(Path("decisions.jsonl"))]
+        >>> [line.read_episode(robot.domain).report for line in read_log(Path("two.jsonl"))]
         ['interested', 'not_interested']
     """
     try:

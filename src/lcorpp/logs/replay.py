@@ -79,11 +79,10 @@ def replay_log(
         >>> from lcorpp import load_robot
         >>> from lcorpp.decision import LCORPP
         >>> from lcorpp.logs import DecisionLog, replay_log
-        >>> facts = {"time": "afternoon", "location": "classroom"}
         >>> robot = load_robot("intention", cache=False)
-        >>> with DecisionLog(Path("decisions.jsonl")) as log:
-        ...     log.append(robot.parts, LCORPP, facts, robot.decide(facts, label="zero", world=3 * ["pos"]))
-        >>> [(again.episode.report, again.differences) for again in replay_log(Path("decisions.jsonl"))]
+        >>> with DecisionLog(Path("replayed.jsonl")) as log:
+        ...     log.append(robot.parts, LCORPP, {}, robot.decide({}, label="zero", world=3 * ["pos"]))
+        >>> [(again.episode.report, again.differences) for again in replay_log(Path("replayed.jsonl"))]
         [('interested', ())]
     """
     known = KnownParts(folder, cache)

@@ -96,15 +96,13 @@ class LogWatch:
         >>> from lcorpp.decision import LCORPP
         >>> from lcorpp.logs import DecisionLog, LogWatch
         >>> robot = load_robot("intention", cache=False)
-        >>> no = robot.decide({}, label="one", world=9 * ["neg"])
-        >>> with DecisionLog(Path("decisions.jsonl")) as log:
-        ...     for _ in range(30):
-        ...         log.append(robot.parts, LCORPP, {}, no)
-        >>> watch = LogWatch(Path("decisions.jsonl"))
-        >>> [(line, finding.part, finding.attributes) for line, finding in watch.read()]
-        [(13, 'knowledge', ('classifier',))]
-        >>> watch.n_decisions
-        30
+        >>> with DecisionLog(Path("watched.jsonl")) as log:
+        ...     log.append(robot.parts, LCORPP, {}, robot.decide({}, label="one", world=3 * ["pos"]))
+        >>> for alarm in LogWatch(Path("watched.jsonl"), strategy="R+P").read():
+        ...     print(alarm)
+        Traceback (most recent call last):
+            ...
+        lcorpp.errors.DecisionError: watched.jsonl: no decision of the strategy 'R+P'; expected one of LCORPP
     """
 
     def __init__(

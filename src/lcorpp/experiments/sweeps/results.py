@@ -37,12 +37,12 @@ def write_sweep(folder: Path, result: SweepResult, *, formats: Sequence[str] = F
     Examples:
         >>> from pathlib import Path
         >>> from lcorpp.experiments import read_sweep, run_sweep, write_sweep
-        >>> text = 'domain = "intention"\nstrategies = ["LCORPP"]\n[axes]\nnoise = [0.1, 0.3]\n'
-        >>> _ = Path("noise.toml").write_text(text)
-        >>> result = run_sweep(read_sweep(Path("noise.toml")), "results")
-        >>> files = write_sweep(Path("results"), result, formats=["svg"])
+        >>> text = 'domain = "intention"\nstrategies = ["LCORPP"]\n[axes]\nnoise = [0.1]\n'
+        >>> _ = Path("one_noise.toml").write_text(text)
+        >>> result = run_sweep(read_sweep(Path("one_noise.toml")), "one_noise")
+        >>> files = write_sweep(Path("one_noise"), result, formats=[])  # no figure
         >>> [file.name for file in files if file.suffix != ".parquet"]  # which needs pyarrow
-        ['sweep.csv', 'sweep.svg', 'sweep.txt', 'sweep.json']
+        ['sweep.csv', 'sweep.txt', 'sweep.json']
     """
     make_folder(folder)
     sweep, rows, text = result.sweep, result.rows, summarise(result)

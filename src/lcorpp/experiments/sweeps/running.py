@@ -77,7 +77,7 @@ def run_sweep(
         >>> from lcorpp.experiments import read_sweep, run_sweep
         >>> text = 'domain = "intention"\nstrategies = ["LCORPP"]\n[axes]\nnoise = [0.1, 0.3]\n'
         >>> _ = Path("noise.toml").write_text(text)
-        >>> result = run_sweep(read_sweep(Path("noise.toml")), "results")
+        >>> result = run_sweep(read_sweep(Path("noise.toml")), "noise")  # the folder of the results
         >>> [(row["noise"], round(row["accuracy"], 3)) for row in result.rows]
         [(0.1, 0.984), (0.3, 0.88)]
     """

@@ -248,7 +248,7 @@ def convert_snapshot(snapshot: Snapshot) -> Recording:
 
     Examples:
         >>> from lcorpp.learning import NewTrack, Store, TrackSchema, convert_snapshot
-        >>> with Store("people.tracks", TrackSchema(["x", "y"], 0.5, ["interested"])) as store:
+        >>> with Store("converted.tracks", TrackSchema(["x", "y"], 0.5, ["interested"])) as store:
         ...     _ = store.append(NewTrack([[0.0, 1.0, 2.0], [0.0, 0.0, 0.0]], "interested", id="7"))
         ...     recording = convert_snapshot(store.snapshot())
         >>> recording.tracks[0].label, recording.tracks[0].duration

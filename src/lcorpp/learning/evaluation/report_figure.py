@@ -42,9 +42,9 @@ def plot_report(report: EvaluationReport, path: str | Path) -> None:
         >>> from lcorpp import Dataset
         >>> from lcorpp.learning import QuadraticLogistic, build_report, cross_validate, plot_report
         >>> data = Dataset([[0.1 * n] for n in range(20)], 10 * ["stands"] + 10 * ["walks"])  # speeds in m/s
-        >>> plot_report(build_report(cross_validate(QuadraticLogistic(), data)), "report.png")
-        >>> Path("report.png").read_bytes()[1:4]
-        b'PNG'
+        >>> plot_report(build_report(cross_validate(QuadraticLogistic(), data)), "report.svg")
+        >>> Path("report.svg").read_text()[:5]
+        '<?xml'
     """
     figure = Figure(figsize=(11, 8), layout="constrained")
     (left, right), (low_left, low_right) = figure.subplots(2, 2)

@@ -136,7 +136,7 @@ class NewTrack:
     Examples:
         >>> from lcorpp.learning import NewTrack, Store, TrackSchema
         >>> track = NewTrack([[0.0, 0.1, 0.3], [0.0, 0.0, 0.0]], "interested", context={"time": "morning"})
-        >>> with Store("people.tracks", TrackSchema(["x", "y"], 0.1, ["interested"])) as store:
+        >>> with Store("new.tracks", TrackSchema(["x", "y"], 0.1, ["interested"])) as store:
         ...     _ = store.append(track)
         ...     print(store.snapshot().tracks[0].context)
         {'time': 'morning'}
@@ -163,7 +163,7 @@ class LabelRecord:
 
     Examples:
         >>> from lcorpp.learning import NewTrack, Store, TrackSchema
-        >>> with Store("people.tracks", TrackSchema(["x", "y"], 0.1, ["no", "yes"])) as store:
+        >>> with Store("labels.tracks", TrackSchema(["x", "y"], 0.1, ["no", "yes"])) as store:
         ...     id = store.append(NewTrack([[0.0, 0.1], [0.0, 0.0]], "no"))  # the robot's report
         ...     store.relabel(id, "yes")  # a person corrects it
         ...     track = store.snapshot().tracks[0]
@@ -197,7 +197,7 @@ class StoredTrack:
 
     Examples:
         >>> from lcorpp.learning import NewTrack, Store, TrackSchema
-        >>> with Store("people.tracks", TrackSchema(["x", "y"], 0.1, ["no", "yes"])) as store:
+        >>> with Store("stored.tracks", TrackSchema(["x", "y"], 0.1, ["no", "yes"])) as store:
         ...     _ = store.append(NewTrack([[0.0, 0.1, 0.3], [0.0, 0.0, 0.0]], "no", id="7"))
         ...     track = store.snapshot().tracks[0]
         >>> track.id, track.points, track.label, track.source

@@ -57,7 +57,7 @@ class Snapshot:
 
     Examples:
         >>> from lcorpp.learning import NewTrack, Store, TrackSchema
-        >>> with Store("people.tracks", TrackSchema(["x", "y"], 0.1, ["no", "yes"])) as store:
+        >>> with Store("snapshot.tracks", TrackSchema(["x", "y"], 0.1, ["no", "yes"])) as store:
         ...     _ = store.extend([NewTrack([[0.0, 0.1], [0.0, 0.0]], label) for label in ("no", "yes", None)])
         ...     snapshot = store.snapshot()
         >>> len(snapshot.tracks), snapshot.dataset().labels
@@ -241,9 +241,9 @@ def read_store(path: str | Path) -> Snapshot:
 
     Examples:
         >>> from lcorpp.learning import NewTrack, Store, TrackSchema, read_store
-        >>> with Store("people.tracks", TrackSchema(["x", "y"], 0.1, ["no", "yes"])) as store:
+        >>> with Store("read.tracks", TrackSchema(["x", "y"], 0.1, ["no", "yes"])) as store:
         ...     _ = store.append(NewTrack([[0.0, 0.1], [0.0, 0.0]], "yes"))
-        >>> snapshot = read_store("people.tracks")
+        >>> snapshot = read_store("read.tracks")
         >>> snapshot.tracks[0].label, snapshot.trajectories().tolist()
         ('yes', [[[0.0, 0.1], [0.0, 0.0]]])
     """

@@ -68,8 +68,8 @@ def plot_trigger(searches: Mapping[str, TriggerSearch], path: str | Path) -> Non
         >>> timeline = PredictionTimeline(
         ...     10 * [yes, 1 - yes], (1, 2, 3, 4), 10 * ["yes", "no"], ("no", "yes"), 0.5, 5 * [0, 0, 1, 1]
         ... )
-        >>> plot_trigger({"one threshold": search_trigger(timeline)}, "trigger.png")
-        >>> Path("trigger.png").read_bytes()[1:4]
-        b'PNG'
+        >>> plot_trigger({"one threshold": search_trigger(timeline)}, "trigger.svg")
+        >>> Path("trigger.svg").read_text()[:5]
+        '<?xml'
     """
     save_figure(draw_trigger(searches), path)
