@@ -17,6 +17,7 @@ def test_representations_are_short():
     assert repr(recording) == "Recording('some.csv', 3 tracks: 2 wants, 1 without a label)"
     assert "<td>wants</td><td>2</td><td>2.0</td>" in recording._repr_html_()
     assert repr(Recording(())) == "Recording('', 0 tracks: none)"
+    assert Recording(list(recording.tracks), notes=["from two days"]).notes == ("from two days",)
 
 
 def test_the_last_seconds_of_a_track():

@@ -57,6 +57,16 @@ def make_trigger(floors, consecutive: int = 1, last_points: int = 100) -> Trigge
     return Trigger(PrefixCalibration(2, (IDENTITY,)), np.array(floors), consecutive, last_points)
 
 
+def test_lists_of_names_are_those_of_tuples():
+    timeline = make_timeline(0, cases=40)
+    names = ("points", "labels", "classes", "folds", "groups")
+    listed = replace(timeline, **{name: list(getattr(timeline, name)) for name in names})
+    assert [getattr(listed, name) for name in names] == [getattr(timeline, name) for name in names]
+    calibration = replace(IDENTITY, classes=list(CLASSES))
+    trigger = Trigger(PrefixCalibration(2, (calibration,)), [[0.7, 0.7]], 1, 100)
+    assert trigger.decide(listed) == make_trigger([[0.7, 0.7]]).decide(timeline)
+
+
 @pytest.mark.parametrize(
     ("floors", "consecutive", "last_points", "points", "label"),
     [
