@@ -54,7 +54,7 @@ class Frame:
 
 
 class FrameSource(Protocol):
-    r"""A source of frames in the order of time. Iterating reads it from its beginning."""
+    """A source of frames in the order of time. Iterating reads it from its beginning."""
 
     def __len__(self) -> int:
         """Return the number of frames; of a video as the file states it."""

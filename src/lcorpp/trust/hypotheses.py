@@ -43,8 +43,8 @@ class Hypotheses:
         ...     [Reasoner(domain.program), Reasoner(other)], [[1, 0], [0, 1]],
         ...     ["", "intention"], ["", "inverted for visitors"], [0.5, 0.5], domain,
         ... )
-        >>> hypotheses.predict({"time": "afternoon"}).round(2).tolist()  # P(value, facts) by each program
-        [[0.2, 0.11], [0.06, 0.25]]
+        >>> hypotheses.predict({"time": "afternoon"}).round(3).tolist()  # P(value, facts) by each program
+        [[0.205, 0.112], [0.065, 0.252]]
     """
 
     def __init__(

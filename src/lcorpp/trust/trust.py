@@ -57,11 +57,11 @@ class Trust:
         >>> robot = load_robot("intention", cache=False).robot
         >>> trust = set_up_trust(robot.domain, robot.reasoner, robot.planner)
         >>> facts = {"time": "afternoon", "location": "classroom"}
-        >>> for _ in range(10):  # ten people say no three times
+        >>> for _ in range(10):  # people who say no three times
         ...     trust.learn(facts, 3 * [Step("move_forward", "neg", robot.planner.start)])
         >>> before, after = robot.reasoner.posterior("intention", facts), trust.posterior("intention", facts)
-        >>> round(before["interested"], 2), round(after["interested"], 2)
-        (0.46, 0.02)
+        >>> round(before["interested"], 3), round(after["interested"], 3)
+        (0.455, 0.025)
     """
 
     def __init__(

@@ -136,7 +136,7 @@ class SoftClassifier:
         >>> data = Dataset([[0.1 * n] for n in range(20)], 10 * ["stands"] + 10 * ["walks"])  # speeds in m/s
         >>> classifier, _ = train_and_validate(QuadraticLogistic(C=1), data)
         >>> classifier.soft().classify([1.9])
-        Likelihood(stands: 0.06225, walks: 1)
+        Likelihood(stands: 0.06..., walks: 1)
     """
 
     trained: TrainedClassifier

@@ -40,7 +40,6 @@ class PredictionTimeline:
     weights: (cases,) as in `Dataset`: AUC, calibrations and prediction sets count cases by weight.
 
     Examples:
-        >>> import numpy as np
         >>> from lcorpp.learning import PredictionTimeline
         >>> yes = [[0.5, 0.5], [0.3, 0.7], [0.1, 0.9]]  # of "no" and "yes" after each of three samples
         >>> no = [[0.6, 0.4], [0.2, 0.8], [0.7, 0.3]]
