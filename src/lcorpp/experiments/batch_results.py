@@ -35,7 +35,10 @@ def write_batches(
     folder of its name.
 
     Args:
+        folder: created if missing. domain_name: for batches.json.
+        result: of `run_active_learning`; without decisions there is no figure.
         solution: of the POMDP, for batches.json.
+        formats: of the figure: "png", "svg", "pdf".
 
     Raises:
         FileError: a file cannot be written.

@@ -125,6 +125,8 @@ def compare_strategies(
 
     Args:
         policy: a policy for the domain's POMDP; None solves it. policy_file: its file, for the log.
+        progress: displays long steps; called with a title and the number of parts, it returns a context that
+            yields a callback with (parts done, parts).
 
     Raises:
         DomainError: exact scores are requested of a domain with a world of its own; a sense has no noisy

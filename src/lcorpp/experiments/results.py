@@ -85,8 +85,8 @@ def write_comparison(
     With several senses, the files of each are in a folder of its name.
 
     Args:
-        folder: created if missing.
-        configuration: see `describe_run`.
+        folder: created if missing. comparison: of `compare_strategies`.
+        configuration: of `describe_run`, for results.json.
         formats: of the figures: "png", "svg", "pdf".
 
     Raises:

@@ -107,6 +107,8 @@ def run_active_learning(
             where the last one ended, and its first batch is the last completed one.
         on_alarm: called with the batch, the number of people and the finding when an alarm is raised.
         log: receives every decision. parts: the domain and the planner's policy, which a log needs.
+        progress: displays long steps; called with a title and the number of parts, it returns a context that
+            yields a callback with (parts done, parts).
 
     Raises:
         DataError, DecisionError: an option is wrong, or uncertain labels are for a learner without

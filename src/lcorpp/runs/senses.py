@@ -110,6 +110,9 @@ def set_up_learning(
 ) -> LearningSenses:
     """Make the initial data of the senses that learn, and the classifiers of the others.
 
+    Args:
+        progress: as of `run_active_learning`.
+
     Raises:
         DecisionError: the options name no kind of labels.
         DomainError: no sense learns, or the domain has no such signals or noisy channel.

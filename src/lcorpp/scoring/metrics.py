@@ -24,6 +24,8 @@ class Scores:
 
     counts: (V, V + 1) counts[i, j] decisions with true value i and reported value j; the last column counts
         decisions without a report.
+    f1, precision, recall: of the domain's positive class; without one, means over all values.
+    accuracy: fraction of correct reports among all decisions.
     cost: mean cost of the actions before the report.
     return_: mean return: reward of the report minus cost, undiscounted.
     cost_sd: standard deviation of the cost of single decisions.

@@ -42,6 +42,7 @@ class Trust:
         dialogue: the planner's model as questions. planner: for that model.
         rates: attribute of a sense -> label -> (V,) P(label | value), for senses whose rates are not in the
             program (soft evidence); a likelihood counts as its most probable label in the learnt models.
+        options: see `TrustOptions`.
 
     Attributes:
         sources: their names. weights: (sources,) summing to 1. n_people: number of people learnt from.

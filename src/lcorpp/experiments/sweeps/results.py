@@ -28,6 +28,10 @@ def summarise(result: SweepResult) -> str:
 def write_sweep(folder: Path, result: SweepResult, *, formats: Sequence[str] = FORMATS) -> list[Path]:
     r"""Write sweep.csv, sweep.parquet (with the extra `parquet`), sweep.txt, sweep.json and the figure.
 
+    Args:
+        folder: created if missing. result: of `run_sweep`.
+        formats: of the figure: "png", "svg", "pdf".
+
     Returns:
         The files.
 

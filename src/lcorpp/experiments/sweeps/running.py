@@ -64,6 +64,7 @@ def run_sweep(
             axes, the run continues. Created if missing.
         jobs: processes; None takes joblib's active configuration, by default this process alone.
         cluster: address of a Dask scheduler, whose workers take the place of processes.
+        progress: callback with (configurations done, configurations, estimated seconds left or None).
 
     Raises:
         DataError: the folder has results of another sweep or version.

@@ -35,8 +35,16 @@ def fetch_authors(folder: str | Path, *, progress: Progress | None = None) -> tu
 
     The repository has no licence file: the tracks belong to its authors.
 
+    Args:
+        folder: created if missing.
+        progress: callback with (bytes received, bytes in all or None).
+
+    Returns:
+        The paths of both files.
+
     Raises:
-        FileError, DataError: as `fetch`.
+        FileError: the server cannot be reached or is cut off, or a file cannot be written.
+        DataError: a downloaded or existing file has another checksum.
 
     Examples:
         >>> from pathlib import Path
