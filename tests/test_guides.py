@@ -1,9 +1,9 @@
-"""Run the guides in docs/ from top to bottom: commands succeed, outputs and values are as printed there.
+"""Run the pages in docs/ from top to bottom: commands succeed, outputs and values are as printed there.
 
 Blocks: ``sh`` is run, the ``text`` after it is its output (``...`` matches anything); each line of ``python``
 with ``# =`` has that value; blocks of another kind with a name are files, those without are not used. A
 second word after ``sh`` or ``text`` is the reason why the block is not run; after ``python`` it names a
-required package.
+required package. Notebooks, pages with the header ``file_format: mystnb``, run when the site is built.
 """
 
 from __future__ import annotations
@@ -21,56 +21,82 @@ import pytest
 from lcorpp.cli.main import main
 
 DOCS = Path(__file__).parents[1] / "docs"
+BLOCK = re.compile(r"^```(\w+)(?: (\S+))?\n(.*?)^```$", re.MULTILINE | re.DOTALL)
+NOTEBOOK = "file_format: mystnb"
+MAX_WORDS = 1500
+"""Words of a page, without its code blocks."""
+
+CHECKS = {
+    "guides/data/data.md": 18,
+    "guides/domains/domains.md": 4,
+    "guides/domains/strategies.md": 1,
+    "guides/learning/corrected-labels.md": 1,
+    "guides/learning/early.md": 4,
+    "guides/learning/features.md": 4,
+    "guides/learning/likelihoods.md": 1,
+    "guides/learning/lstm.md": 2,
+    "guides/learning/prediction-sets.md": 1,
+    "guides/learning/prefixes.md": 6,
+    "guides/learning/seen-enough.md": 2,
+    "guides/learning/series.md": 5,
+    "guides/learning/tables.md": 3,
+    "guides/planning/planning.md": 16,
+    "guides/results/figures.md": 3,
+    "guides/results/play.md": 2,
+    "guides/results/sweeps.md": 2,
+    "guides/robot/camera.md": 3,
+    "guides/robot/several-people.md": 2,
+    "guides/robot/worlds.md": 4,
+    "guides/trust/audit.md": 3,
+    "guides/trust/log.md": 6,
+    "guides/trust/trust.md": 2,
+    "guides/trust/watch.md": 3,
+}
+"""Page -> how many values and outputs it has at least. A page whose checks are removed fails."""
+
+PAGES = {str(path.relative_to(DOCS)): path.read_text(encoding="utf-8") for path in DOCS.rglob("*.md")}
 
 
-@pytest.mark.parametrize(
-    ("guide", "min_values"),
-    [
-        ("planning/planning.md", 16),
-        ("learning/learning.md", 15),
-        ("data/data.md", 10),
-        ("domains/domains.md", 4),
-        ("robot/worlds.md", 4),
-        ("domains/strategies.md", 1),
-        ("trust/log.md", 6),
-        ("trust/trust.md", 2),
-        ("trust/watch.md", 3),
-        ("trust/audit.md", 3),
-        ("results/figures.md", 3),
-        ("results/sweeps.md", 2),
-        ("results/play.md", 2),
-        ("robot/camera.md", 3),
-        ("learning/early.md", 4),
-        ("robot/speech.md", 0),
-        ("robot/several-people.md", 2),
-    ],
-)
-def test_a_guide_is_true(
-    guide: str,
-    min_values: int,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
+def find_runnable_pages() -> list[str]:
+    """Return the pages with commands or Python that run here."""
+    kinds = re.compile(r"^```(?:python\b|sh$)", re.MULTILINE)
+    return sorted(name for name, page in PAGES.items() if kinds.search(page) and NOTEBOOK not in page[:500])
+
+
+@pytest.mark.parametrize("name", find_runnable_pages())
+def test_a_page_is_true(
+    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    page = (DOCS / "guides" / guide).read_text(encoding="utf-8")
-    blocks = re.findall(r"^```(\w+)(?: (\S+))?\n(.*?)^```$", page, re.MULTILINE | re.DOTALL)
-    assert page.count("\n```") == 2 * len(blocks)
+    blocks = BLOCK.findall(PAGES[name])
+    assert PAGES[name].count("\n```") == 2 * len(blocks)
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("COLUMNS", "200")
     names: dict[str, Any] = {}
-    printed, values = "", 0
+    printed, checks = "", 0
     for kind, note, text in blocks:
         if kind == "python":
             if not note or find_spec(note):
-                values += run(text, names)
+                checks += run(text, names)
         elif kind == "sh" and not note:
             printed = "".join(run_command(line, monkeypatch, capsys) for line in text.splitlines())
         elif kind == "text" and not note:
             pattern = re.escape(text).replace(re.escape("..."), ".*")
             assert re.fullmatch(pattern, printed, re.DOTALL), printed
+            checks += 1
         elif note and kind not in ("sh", "text"):
             Path(note).write_text(text)
-    assert values >= min_values
+    assert checks >= CHECKS.get(name, 0)
+    assert name in CHECKS or not checks, f"add {name} with {checks} checks to CHECKS"
+
+
+def test_every_page_with_checks_exists() -> None:
+    assert CHECKS.keys() <= set(find_runnable_pages())
+
+
+@pytest.mark.parametrize("name", sorted(PAGES))
+def test_a_page_is_short(name: str) -> None:
+    prose = re.sub(r"^(`{3,}).*?^\1[ \t]*$", "", PAGES[name], flags=re.MULTILINE | re.DOTALL)
+    assert len(prose.split()) < MAX_WORDS
 
 
 def test_the_readme_s_tiger_can_be_pasted(tmp_path, monkeypatch, capsys):
