@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from lcorpp.errors import DataError, ProgramError, UndefinedError
-from lcorpp.fitting import Fit, fit, read_records
+from lcorpp.fitting import fit, read_records
 from lcorpp.fitting.expectation import Expectation
 from lcorpp.fitting.maximisation import draw_start
 from lcorpp.fitting.number_model import NumberModel, build_number_model, list_free_numbers
@@ -450,18 +450,6 @@ def test_long_chains_do_not_underflow() -> None:
     chances = [float(result.numbers[not before].value) for before, _ in pairs]
     steps = sum(log(p if after else 1 - p) for p, (_, after) in zip(chances, pairs, strict=True))
     assert result.log_likelihood == pytest.approx(log(0.5) + steps, abs=1e-3)
-
-
-def test_the_example_of_the_guide() -> None:
-    page = (Path(__file__).parents[2] / "docs" / "reference" / "plog" / "plog.md").read_text(encoding="utf-8")
-    (block,) = re.findall(r"^<!-- fit -->\n```py\n(.*?)^```$", page, re.MULTILINE | re.DOTALL)
-    names: dict[str, object] = {}
-    exec(compile(block, "docs/reference/plog/plog.md", "exec"), names)
-    result, text = names["result"], names["text"]
-    assert isinstance(result, Fit)
-    assert isinstance(text, str)
-    assert "pr(bent) = 0.25.           % a guess" in result.rewrite(text)
-    assert result.numbers[0].interval is not None
 
 
 @pytest.mark.slow

@@ -1,37 +1,33 @@
-"""Examples of docs/reference/plog/plog.md and docs/background/coming-from.md: answers, errors, Python."""
+"""Examples of docs/reference/plog/ and docs/background/coming-from.md: answers and errors."""
 
 from __future__ import annotations
 
-import ast
 import re
-import shutil
 from fractions import Fraction
 from importlib import import_module
 from pathlib import Path
 
 import pytest
 
-from lcorpp.domains import load_domain
 from lcorpp.errors import LcorppError
 from lcorpp.reasoning import Enumeration, ask, parse_plog, parse_query, program_text
 
 DOCS = Path(__file__).parents[2] / "docs"
-PAGE, NEIGHBOURS = (
-    (DOCS / name).read_text(encoding="utf-8")
-    for name in ("reference/plog/plog.md", "background/coming-from.md")
-)
+PAGES = [path.read_text(encoding="utf-8") for path in sorted((DOCS / "reference" / "plog").glob("*.md"))]
+LIMITS = (DOCS / "reference" / "plog" / "limits.md").read_text(encoding="utf-8")
+NEIGHBOURS = (DOCS / "background" / "coming-from.md").read_text(encoding="utf-8")
 
 
 def find_blocks(page: str, kind: str) -> list[str]:
     return re.findall(rf"^```{kind}\n(.*?)^```$", page, re.MULTILINE | re.DOTALL)
 
 
-EXAMPLES = find_blocks(PAGE + NEIGHBOURS, "plog")
+EXAMPLES = [block for page in [*PAGES, NEIGHBOURS] for block in find_blocks(page, "plog")]
 
 
 def test_the_pages_have_examples() -> None:
     assert len(EXAMPLES) >= 28
-    assert (PAGE + NEIGHBOURS).count("```plog") == len(EXAMPLES)
+    assert "".join([*PAGES, NEIGHBOURS]).count("```plog") == len(EXAMPLES)
 
 
 def test_the_problog_example_has_the_answers_in_its_comment() -> None:
@@ -42,7 +38,7 @@ def test_the_problog_example_has_the_answers_in_its_comment() -> None:
 
 
 def test_the_table_of_limits_has_the_numbers_of_the_code() -> None:
-    rows = re.findall(r"^\|.*\| ([\d,]+) \| `([\w.]+)\.(\w+)` \|", PAGE, re.MULTILINE)
+    rows = re.findall(r"^\|.*\| ([\d,]+) \| `([\w.]+)\.(\w+)` \|", LIMITS, re.MULTILINE)
     assert len(rows) >= 15
     for number, module, name in rows:
         value = getattr(import_module(f"lcorpp.reasoning.{module}"), name)
@@ -76,23 +72,3 @@ def test_examples_have_the_answers_in_their_comments(text: str) -> None:
             assert abs(answer - Fraction(value)) <= Fraction(1, 2_000_000), query
         else:
             assert answer == Fraction(value), query
-
-
-def test_the_python_blocks_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    blocks = find_blocks(PAGE, "python")
-    shutil.copy(load_domain("intention").folder / "knowledge.plog", tmp_path)
-    monkeypatch.chdir(tmp_path)
-    names: dict[str, object] = {}
-    distributions = 0
-    for block in blocks:
-        for statement in ast.parse(block).body:
-            source = ast.get_source_segment(block, statement)
-            shown = re.search(r"  # (Distribution\(.*)", block.splitlines()[statement.lineno - 1])
-            if shown:
-                assert repr(eval(source, names)) == shown[1]
-                distributions += 1
-            else:
-                exec(compile(source, "docs/reference/plog/plog.md", "exec"), names)
-    assert distributions == 6
-    assert (tmp_path / "intention.npz").exists()
-    assert str(names["reasoner"]).startswith("Reasoner(<Program knowledge.plog: ")

@@ -1,4 +1,4 @@
-"""The grammar of docs/reference/plog/plog.md generates what the parser reads, and derives our programs."""
+"""The grammar of docs/reference/plog/grammar.md generates what the parser reads, and derives our programs."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from lcorpp.reasoning.language.lexer import Cursor
 from lcorpp.reasoning.language.statements import parse_statements
 
 ROOT = Path(__file__).parents[3]
-PAGE = (ROOT / "docs" / "reference" / "plog" / "plog.md").read_text(encoding="utf-8")
+PAGES = ROOT / "docs" / "reference" / "plog"
 
 TOKENS = {
     "name": ("[a-z][A-Za-z0-9_']*", ["a", "b", "f", "p"]),
@@ -41,7 +41,8 @@ BEYOND = (
 
 def read_grammar() -> dict[str, object]:
     """Read the rules: ("or" or "all", parts), ("many" or "maybe", part), the name of a rule, a "literal"."""
-    text = re.search(r"^```ebnf\n(.*?)^```$", PAGE, re.MULTILINE | re.DOTALL)[1]
+    page = (PAGES / "grammar.md").read_text(encoding="utf-8")
+    text = re.search(r"^```ebnf\n(.*?)^```$", page, re.MULTILINE | re.DOTALL)[1]
     words = [*re.findall(r'"[^"]+"|\w+|[=|{}()\[\]]|\n(?=\w)', text), "\n"]
     position = 0
 
@@ -178,7 +179,13 @@ def accepts(text: str) -> bool:
 
 
 EXAMPLES = [
-    *re.findall(r"^```plog\n(.*?)^```$", PAGE, re.MULTILINE | re.DOTALL),
+    *(
+        block
+        for path in sorted(PAGES.glob("*.md"))
+        for block in re.findall(
+            r"^```plog\n(.*?)^```$", path.read_text(encoding="utf-8"), re.MULTILINE | re.DOTALL
+        )
+    ),
     *(path.read_text() for path in sorted((ROOT / "tests" / "plog").glob("*.plog"))),
     (ROOT / "src/lcorpp/domains/intention/knowledge.plog").read_text(),
 ]
