@@ -36,7 +36,7 @@ PathArgument = Annotated[
     typer.Argument(
         metavar="PATH",
         help="Recorded tracks: CSV (track, time, x, y, ...), .parquet, .npz, or a format of"
-        " docs/guides/data/data.md (ATC, obsmat, ...); time series (.ts); or a table of features (columns"
+        " docs/guides/data/formats.md (ATC, obsmat, ...); time series (.ts); or a table of features (columns"
         " of numbers, and label).",
     ),
 ]

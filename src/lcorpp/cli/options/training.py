@@ -20,7 +20,7 @@ FeaturesOption = Annotated[
     str | None,
     typer.Option(
         help="The classifier's features of the motion, separated by commas: x, y, velocity, turn_rate"
-        " and more, see docs/guides/learning/learning.md; by default those that suit the learner."
+        " and more, see docs/guides/learning/features.md; by default those that suit the learner."
     ),
 ]
 RateOption = Annotated[

@@ -52,7 +52,7 @@ NAMES = ("L", "L+R", "LCORPP")
 COLOURS: Mapping[str, str] = {"L": MUTED, "L+R": BLUE, "LCORPP": ORANGE}
 
 LEARNER = "summaries"
-"""The learner: as good as `lstm-fast` (docs/guides/learning/learning.md), without random weights."""
+"""The learner: as good as `lstm-fast` (docs/guides/learning/learners.md), without random weights."""
 
 SEEDS, FAST_SEEDS = 10, 4
 TRACKS, FAST_TRACKS = 1600, 600

@@ -57,12 +57,12 @@ RECOMMENDED: Mapping[Kind, tuple[str, str]] = {
     "motion": (
         "summaries",
         "none has a higher AUC on 1600 simulated tracks, and it trains fastest "
-        "(docs/guides/learning/learning.md)",
+        "(docs/guides/learning/learners.md)",
     ),
     "series": (
         "minirocket",
         "it has the highest mean accuracy on nine public sets of short or few series "
-        "(docs/guides/learning/learning.md)",
+        "(docs/guides/learning/learners.md)",
     ),
     "table": ("logistic", "features without time need no summary"),
 }

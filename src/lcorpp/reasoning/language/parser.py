@@ -136,7 +136,7 @@ def parse_query(text: str, program: Program) -> Query:
     """Parse a query about `program`: ``a``, ``a=v, b=w | obs(c=u), do(d=x)`` or ``?{a=v} | obs(c=u).``.
 
     Attributes without values and braces ask for their joint distribution, `E[a+b]` for an expectation, any
-    other query for a probability; see docs/reference/plog/plog.md.
+    other query for a probability; see docs/reference/plog/queries.md.
 
     Raises:
         ParseError: the text is not a query, or contains a name unknown to `program`. The file is ``<query>``.

@@ -24,7 +24,7 @@ class Program:
 
     file: the file name, for errors; equality ignores it.
     statements: the syntax tree.
-    semantics: the meaning of `do` and Condition 1, "2009" or "2018"; see docs/reference/plog/plog.md.
+    semantics: the meaning of `do` and Condition 1, "2009" or "2018"; see docs/reference/plog/semantics.md.
     names: of a translated program: its names with an apostrophe, and what they are in the source.
     signature: its declarations.
 

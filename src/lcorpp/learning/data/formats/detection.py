@@ -154,7 +154,7 @@ def _find_layout(file: Path, sample: Sample, columns: Mapping[str, str]) -> Layo
     message = (
         f"{sample.width} columns of numbers; expected a line that names {', '.join(REQUIRED)}, the number"
         " of each of these columns, e.g. --column track=1 --column time=2 --column x=3 --column y=4, or a"
-        f" format of docs/guides/data/data.md{hint}"
+        f" format of docs/guides/data/formats.md{hint}"
     )
     if reasons:
         message += f"; it is not {'; nor '.join(reasons)}"

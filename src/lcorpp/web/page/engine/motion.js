@@ -1,4 +1,4 @@
-// Motion features of a track of positions, point by point; docs/guides/learning/learning.md describes each.
+// Motion features of a track of positions, point by point; docs/guides/learning/features.md describes each.
 
 const MIN_SPEED = 0.1;
 const START_DISTANCE = 0.5;
