@@ -13,13 +13,13 @@ from lcorpp.experiments import ComparisonOptions, compare_strategies
 from lcorpp.reasoning import Reasoner
 from tests.domains.test_loading import edit
 
-PAGE = Path(__file__).parents[2] / "docs" / "guides" / "domains" / "domains.md"
+PAGE = Path(__file__).parents[2] / "docs" / "guides" / "domains" / "models.md"
 PRESETS = ("pattern", "variables", "function")
 
 
 @pytest.fixture
 def errands(tmp_path):
-    """The domain of docs/guides/domains/domains.md, which has one model in three forms."""
+    """The domain of docs/guides/domains/models.md, which has one model in three forms."""
     blocks = re.findall(r"^```(?!python)\w+ (\S+)\n(.*?)^```$", PAGE.read_text(), re.MULTILINE | re.DOTALL)
     for name, text in blocks:
         (tmp_path / name).write_text(text)
