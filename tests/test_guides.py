@@ -68,6 +68,7 @@ CHECKS = {
     "guides/results/sweeps.md": 2,
     "guides/robot/camera.md": 3,
     "guides/robot/several-people.md": 2,
+    "guides/robot/speech.md": 1,
     "guides/robot/worlds.md": 4,
     "guides/trust/audit.md": 3,
     "guides/trust/log.md": 6,

@@ -1,11 +1,13 @@
-"""docs/background/paper.md: every path in it exists, every name in it is defined."""
+"""docs/background/paper.md and departures.md: every path in them exists, every name is defined."""
 
 import re
 from importlib import import_module
 from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
-PAGE = (ROOT / "docs" / "background" / "paper.md").read_text(encoding="utf-8")
+PAGE = "".join(
+    (ROOT / "docs" / "background" / name).read_text(encoding="utf-8") for name in ("paper.md", "departures.md")
+)
 
 
 def test_every_path_exists():

@@ -13,7 +13,7 @@ The c mu / theta rule for many-server queues with abandonment, Operations Resear
 postponed person is served later all the same, and those who are about to leave come first. With equal
 hazards the order is that of value per second whatever the load is. The weight w is below q because later
 service takes time from others, and a person who was passed over once may be so again;
-docs/guides/robot/several-people.md compares exponents.
+benchmarks/results/attention.md compares exponents.
 """
 
 from __future__ import annotations

@@ -85,7 +85,7 @@ def track(
 ) -> None:
     """Track the people whom a camera sees, and write their tracks.
 
-    A bag with messages of a people tracker is read as tracks, not images (docs/guides/robot/robot.md).
+    A bag with messages of a people tracker is read as tracks, not images (docs/guides/robot/people.md).
 
     Colour images need a homography, depth images the intrinsics. Positions are in metres: those of the
     homography, or x forward and y to the left of a depth camera, on the floor below it. Times are those of
