@@ -6,7 +6,8 @@ from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
 PAGE = "".join(
-    (ROOT / "docs" / "background" / name).read_text(encoding="utf-8") for name in ("paper.md", "departures.md")
+    (ROOT / "docs" / "background" / name).read_text(encoding="utf-8")
+    for name in ("paper.md", "departures.md")
 )
 
 

@@ -34,7 +34,7 @@ class Trust:
 
     The prior of a person is the mixture of what the sources predict. A source's weight grows with the
     probability that it gave to the answers. The sources are those of `StatedSources`, and two latent class
-    models that do not depend on the knowledge; see docs/guides/trust/trust.md.
+    models that do not depend on the knowledge; see docs/guides/trust/sources.md.
 
     Args:
         reasoner: theta, the program with the stated rates of the classifiers.

@@ -56,7 +56,7 @@ class ClassifierGroup:
         typer.Option(
             metavar="[SENSE=]PATH",
             help="Recorded tracks or a table of features for training and trials: a folder or a file, see"
-            " docs/guides/learning/learners.md; one for each sense.",
+            " docs/guides/data/formats.md; one for each sense.",
         ),
     ] = None
 
