@@ -1,4 +1,4 @@
-"""Each format of docs/guides/data/formats.md: walks with a known answer, and the error for what is missing."""
+"""Formats of docs/guides/data/formats.md: walks with a known answer, errors for what is missing."""
 
 from __future__ import annotations
 

@@ -143,7 +143,7 @@ def read_recording(
     fps: float | None = None,
     progress: Progress | None = None,
 ) -> Recording:
-    r"""Read tracks: CSV, Parquet, .npz, a store, or a format of public data sets (docs/guides/data/formats.md).
+    r"""Read tracks: CSV, Parquet, .npz, stores, formats of public data sets (docs/guides/data/formats.md).
 
     The format is recognised by the content. From a store (see `lcorpp.learning.store`) only the labelled
     tracks are read.
