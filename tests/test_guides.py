@@ -3,7 +3,8 @@
 Blocks: ``sh`` is run, the ``text`` after it is its output (``...`` matches anything); each line of ``python``
 with ``# =`` has that value; blocks of another kind with a name are files, those without are not used. A
 second word after ``sh`` or ``text`` is the reason why the block is not run; after ``python`` it names a
-required package. Notebooks, pages with the header ``file_format: mystnb``, run when the site is built.
+required package. Directives, ``{name}``, are not used. Notebooks, pages with the header
+``file_format: mystnb``, run when the site is built.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ import pytest
 from lcorpp.cli.main import main
 
 DOCS = Path(__file__).parents[1] / "docs"
-BLOCK = re.compile(r"^```(\w+)(?: (\S+))?\n(.*?)^```$", re.MULTILINE | re.DOTALL)
+BLOCK = re.compile(r"^```(\{?[\w-]+\}?)(?: (\S+)[^\n]*)?\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 NOTEBOOK = "file_format: mystnb"
 MAX_WORDS = 1500
 """Words of a page, without its code blocks."""
@@ -110,7 +111,7 @@ def test_a_page_is_true(
             pattern = re.escape(text).replace(re.escape("..."), ".*")
             assert re.fullmatch(pattern, printed, re.DOTALL), printed
             checks += 1
-        elif note and kind not in ("sh", "text"):
+        elif note and kind not in ("sh", "text") and not kind.startswith("{"):
             Path(note).write_text(text)
     assert checks >= CHECKS.get(name, 0)
     assert name in CHECKS or not checks, f"add {name} with {checks} checks to CHECKS"
