@@ -22,7 +22,8 @@ import pytest
 
 from lcorpp.cli.main import main
 
-DOCS = Path(__file__).parents[1] / "docs"
+ROOT = Path(__file__).parents[1]
+DOCS = ROOT / "docs"
 BLOCK = re.compile(r"^```(\{?[\w-]+\}?)(?: (\S+)[^\n]*)?\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 NOTEBOOK = "file_format: mystnb"
 MAX_WORDS = 1500
@@ -125,6 +126,17 @@ def test_every_page_with_checks_exists() -> None:
 def test_a_page_is_short(name: str) -> None:
     prose = re.sub(r"^(`{3,}).*?^\1[ \t]*$", "", PAGES[name], flags=re.MULTILINE | re.DOTALL)
     assert len(prose.split()) < MAX_WORDS
+
+
+def test_paths_of_pages_in_sources_exist() -> None:
+    """Messages, docstrings and comments name pages by their path, `docs/...`."""
+    files = [*(ROOT / "src" / "lcorpp").rglob("*"), *ROOT.glob("*.md"), *(ROOT / "examples").rglob("*")]
+    texts = [
+        path.read_text(encoding="utf-8") for path in files if path.suffix in (".py", ".js", ".md", ".toml")
+    ]
+    found = {path for text in texts for path in re.findall(r"\bdocs/[\w/-]+\.md\b", text)}
+    assert len(found) > 20
+    assert [path for path in sorted(found) if not (ROOT / path).exists()] == []
 
 
 def test_the_readme_s_tiger_can_be_pasted(tmp_path, monkeypatch, capsys):
