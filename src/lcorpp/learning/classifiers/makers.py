@@ -24,7 +24,7 @@ TREES = 100
 
 MAX_CASES = 25
 """More training tracks do not weaken the regularization of a logistic regression: people at another place
-differ from those of the training by more than chance (measured in docs/guides/learning/features.md)."""
+differ from those of the training by more than chance (benchmarks/results/learning.md)."""
 
 
 @dataclass(frozen=True)
