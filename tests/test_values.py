@@ -1,5 +1,6 @@
 """Shared values: checked at construction, read-only, short `repr`."""
 
+import re
 from fractions import Fraction
 
 import numpy as np
@@ -160,9 +161,11 @@ def test_repr_and_html_are_short_and_escaped():
         assert "array" not in repr(value)
         if hasattr(value, "_repr_html_"):
             html = value._repr_html_()
-            assert html.startswith("<table>")
+            assert re.search("<table><caption>[^<]", html)
             assert "<v0>" not in html
+            assert "<th></th>" not in html
             assert len(html) < 6000
+    assert "<td>a</td><td>150</td><td>150</td>" in values[4]._repr_html_()
     assert repr(values[0]) == "Distribution(a: 0.25, b: 0.75)"
     assert repr(values[3]) == "ConfusionMatrix(a: 3 of 4 correct, b: 2 of 2 correct)"
     assert repr(step) == "Step('ask', 'yes', belief [0.25, 0.75])"

@@ -11,6 +11,15 @@ def join_some(parts: Sequence[str], limit: int = 6) -> str:
     return ", ".join(parts[:limit]) + cut
 
 
+STYLE = (
+    "<style>.lcorpp{overflow-x:auto}.lcorpp table{border-collapse:collapse;min-width:min(100%,26em);"
+    "font-variant-numeric:tabular-nums}.lcorpp :is(th,td,caption){text-align:left;vertical-align:top;"
+    "padding:.2em .9em .2em 0}.lcorpp td{border-top:thin solid color-mix(in srgb,currentcolor 25%,#0000)}"
+    "</style>"
+)
+"""Of all tables; colours are those of the page, light or dark."""
+
+
 def html_table(
     header: Sequence[str], rows: Iterable[Sequence[str]], *, caption: str = "", limit: int = 100
 ) -> str:
@@ -18,11 +27,13 @@ def html_table(
     from html import escape  # here, as commands need none of its tables
 
     def format_row(tag: str, cells: Sequence[str]) -> str:
-        return "<tr>" + "".join(f"<{tag}>{escape(cell)}</{tag}>" for cell in cells) + "</tr>"
+        return f"<tr>{''.join(f'<{tag}>{escape(cell)}</{tag[:2]}>' for cell in cells)}</tr>"
 
     all_rows = list(rows)
-    lines = [format_row("th", header), *(format_row("td", row) for row in all_rows[:limit])]
+    lines = [format_row("td", row) for row in all_rows[:limit]]
     if len(all_rows) > limit:
         lines.append(format_row("td", [f"... ({len(all_rows)} rows in all)"]))
     title = f"<caption>{escape(caption)}</caption>" if caption else ""
-    return f"<table>{title}{''.join(lines)}</table>"
+    head = format_row('th scope="col"', header)
+    table = f"<table>{title}<thead>{head}</thead><tbody>{''.join(lines)}</tbody></table>"
+    return f'<div class="lcorpp">{STYLE}{table}</div>'

@@ -23,6 +23,16 @@ def robot():
     return lcorpp.load_robot("intention", cache=False)
 
 
+def test_a_notebook_shows_the_parts_of_a_robot(robot):
+    html = robot._repr_html_()
+    assert "<td>SenseSetup channel; recall: interested 0.760, not_interested 0.710</td>" in html
+    assert "<td>knowledge.plog: 5 attributes, 29 statements</td>" in html
+    generic = robot.robot._repr_html_()
+    assert "<td>NoisyChannel of intention" not in generic
+    assert "&lt;NoisyChannel of intention; recall: interested 0.760, not_interested 0.710&gt;" in generic
+    assert "<td>planner</td>" in generic
+
+
 def test_the_trial_of_the_paper_as_composed_by_hand(robot):
     class Wrong:
         def classify(self, signal):

@@ -140,4 +140,5 @@ def test_an_interrupted_sweep_continues(file, tmp_path):
     assert re.search(r"interrupted while evaluating configurations; finished .* kept in out; the same", err)
     result = run_sweep(read_sweep(file), tmp_path / "out")
     assert 0 < result.resumed < 40
+    assert '<th scope="col">strategy</th><th scope="col">f1</th>' in result._repr_html_()
     assert result.rows == run_sweep(read_sweep(file), tmp_path / "again").rows

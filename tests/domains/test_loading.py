@@ -373,6 +373,9 @@ def test_repr_is_one_line():
         "Domain('intention', preset 'paper': observes time, location; senses motion; shares intention"
         " (interested, not_interested); POMDP with 5 states, 5 actions, 3 observations)"
     )
+    html = domain._repr_html_()
+    assert "<td>shared</td><td>intention: interested, not_interested</td>" in html
+    assert "<td>sense motion</td>" in html
     for section in (domain.reasoning, *domain.senses, domain.planning, domain.simulation):
         assert "array" not in repr(section)
         assert "\n" not in repr(section)

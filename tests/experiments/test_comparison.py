@@ -37,6 +37,7 @@ def test_a_comparison_prints_nothing_and_returns_everything(capsys):
     assert comparison.senses["heading"].trained is None
     assert len(repr(comparison).splitlines()) == 3
     assert comparison._repr_html_().count("<tr>") == 3
+    assert "<caption>Scores of the strategies, exact</caption>" in comparison._repr_html_()
     assert repr(comparison.senses["heading"]).startswith("<SenseSetup channel; recall: lab ")
     assert capsys.readouterr() == ("", "")
 

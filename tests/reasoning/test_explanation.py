@@ -65,6 +65,11 @@ def test_explanations_list_the_fired_rules_of_each_world():
         (5, "q=true with probability 3/4"), (6, "r=true"),
     ]  # fmt: skip
     assert others[3].statement == str(program.statements[-2])
+    html = asked(program, "?{r}", count=2)._repr_html_()
+    assert "<td>answer</td><td>?{r=true}.</td><td>0.375</td>" in html
+    assert "<td>world of 0.5</td><td>{p=false, q=false, r=false}</td>" in html
+    assert "random(p)" not in html
+    assert "<td>q</td><td>false</td>" in world._repr_html_()
 
 
 def test_intervened_terms_are_not_explained_as_random():

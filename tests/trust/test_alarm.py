@@ -94,6 +94,10 @@ def test_noisy_answers_are_a_fault_of_hearing_alone():
     (finding,) = alarm.findings
     assert (finding.part, finding.attributes) == (HEARING, ())
     assert finding.noise > 0.3
+    html = alarm._repr_html_()
+    assert "<caption>Alarm after 400 people; raised at E = 20</caption>" in html
+    assert f"<td>{HEARING}</td><td>{np.exp(alarm.log_e[HEARING]):.3g}</td><td>{finding.person}</td>" in html
+    assert repr(alarm).startswith("<Alarm at 20 after 400 people: E(knowledge) = ")
 
 
 @pytest.mark.parametrize("n_answers", [1, 3])

@@ -60,6 +60,8 @@ def test_knowledge_that_is_wrong_loses_and_knowledge_that_is_right_wins():
             trust.learn({"sky": sky}, steps(*heard))
         weight = dict(zip(trust.sources, trust.weights, strict=True))["knowledge"]
         assert (weight > 0.2) == wins
+        assert f"<td>knowledge</td><td>{weight:.3f}</td>" in trust._repr_html_()
+        assert repr(trust).startswith("<Trust after 300 people: ")
         assert trust.posterior("wish", {"sky": "sunny"})["yes"] == pytest.approx(0.9, abs=0.08)
 
 

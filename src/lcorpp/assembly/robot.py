@@ -26,6 +26,7 @@ from lcorpp.decision import Robot, dt_control
 from lcorpp.domains import Domain, load_domain
 from lcorpp.domains.sections.learning import Sense
 from lcorpp.errors import DomainError
+from lcorpp.notebook import html_table
 from lcorpp.planning import Policy, Solution, SolverOptions
 from lcorpp.planning.policy_cache import find_cache_folder
 from lcorpp.protocols import World
@@ -52,6 +53,16 @@ class DomainRobot:
     senses: Senses
     parts: RobotParts
     solution: Solution | None = None
+
+    def _repr_html_(self) -> str:
+        program, policy = self.parts.program, self.parts.policy
+        numbers = f"{len(program.attributes)} attributes, {len(program.statements)} statements"
+        rows = [
+            *[(f"classifier of {name}", repr(setup).strip("<>")) for name, setup in self.senses.items()],
+            ("knowledge", f"{Path(program.file).name}: {numbers}"),
+            ("policy", f"for {Path(policy.model).name}: {len(policy)} vectors"),
+        ]
+        return html_table(("part", "contents"), rows, caption=f"Robot of the domain {self.domain.name}")
 
     @property
     def domain(self) -> Domain:

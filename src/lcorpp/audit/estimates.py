@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
+from lcorpp.notebook import html_table
 from lcorpp.reasoning.language.syntax import Probability
 
 MAX_P_VALUE = 0.05
@@ -109,6 +111,22 @@ class Audit:
     n_undetermined: int
     undetermined: Sequence[str]
     excluded: Mapping[str, int]
+
+    def _repr_html_(self) -> str:
+        found = {id(x) for x in (*self.changes, *self.changed_rates)}
+        changes = {x.name: x for x in self.changes}  # estimated together
+        rows = []
+        for x in (*(changes.get(x.name, x) for x in self.numbers), *self.rates):
+            interval = (
+                "not determined" if x.interval is None else f"{x.interval[0]:.3f} to {x.interval[1]:.3f}"
+            )
+            stated = "" if x.stated is None else f"{x.stated:.3g}"
+            rows.append((x.name, stated, f"{x.estimate:.3f}", interval, "refuted" if id(x) in found else ""))
+        name = Path(self.program_file).name
+        caption = f"Audit of {name}: {self.n_people} people about whom {self.strategy} decided"
+        return html_table(
+            ("number", "stated", "suggested", "95 % interval", "by the data"), rows, caption=caption
+        )
 
     @property
     def changed_rates(self) -> list[RateEstimate]:

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from time import perf_counter
 
 from lcorpp.errors import DecisionError, NoReportError, ObservationError
+from lcorpp.notebook import html_table
 from lcorpp.protocols import Classifier, DomainInterface, Planner, Reasoner, World
 from lcorpp.values import Belief, Distribution, Episode, Instance, Label, SharedValue, Step, format_value
 
@@ -20,6 +21,7 @@ MAX_STEPS = 500
 
 
 PARTS = {"classifier": Classifier, "reasoner": Reasoner, "planner": Planner, "domain": DomainInterface}
+MAIN_PARTS = ("reasoner", "planner", "domain")
 MEMBERS = {part: [name for name in vars(protocol) if name[0] != "_"] for part, protocol in PARTS.items()}
 """The methods and properties that each part of a robot needs: those of its protocol."""
 
@@ -54,7 +56,7 @@ class Robot:
             )
         for classifier in self.classifiers.values():
             _check_part("classifier", classifier)
-        for part in ("reasoner", "planner", "domain"):
+        for part in MAIN_PARTS:
             _check_part(part, getattr(self, part))
 
     def __repr__(self) -> str:
@@ -63,6 +65,13 @@ class Robot:
         shared = self.domain.shared
         names = shared if isinstance(shared, str) else ", ".join(shared)
         return f"Robot(classifiers: {senses or 'none'}; {parts}; shared: {names})"
+
+    def _repr_html_(self) -> str:
+        parts = {f"classifier of {sense}": part for sense, part in self.classifiers.items()}
+        rows = (
+            (name, repr(part)) for name, part in (parts | {x: getattr(self, x) for x in MAIN_PARTS}).items()
+        )
+        return html_table(("part", "object"), rows, caption="Robot")
 
     def classify(self, instance: Instance) -> dict[str, Label]:
         """Return the output of the classifier of each sense that perceived the person."""

@@ -16,6 +16,7 @@ from lcorpp.domains.sections.reasoning import ReasoningSection
 from lcorpp.domains.sections.simulation import SimulationSection
 from lcorpp.domains.start_beliefs import StartBeliefs, list_start_beliefs
 from lcorpp.errors import DomainError, expected_one_of
+from lcorpp.notebook import html_table, join_some
 from lcorpp.planning import Pomdp
 from lcorpp.reasoning import Program, with_classifier
 from lcorpp.values import (
@@ -72,6 +73,16 @@ class Domain:
             f" {', '.join(shared)} ({values}); POMDP with {len(pomdp.states)} states,"
             f" {len(pomdp.actions)} actions, {len(pomdp.observations)} observations)"
         )
+
+    def _repr_html_(self) -> str:
+        values = join_some([format_value(value) for value in self.values])
+        rows = [
+            ("observed facts", ", ".join(self.observed)),
+            *[(f"sense {sense.name}", f"classes {', '.join(sense.classes)}") for sense in self.senses],
+            ("shared", f"{', '.join(self.reasoning.shared)}: {values}"),
+            *[(part, join_some(getattr(self.pomdp, part))) for part in ("states", "actions", "observations")],
+        ]
+        return html_table(("part", "contents"), rows, caption=f"Domain {self.name}. {self.description}")
 
     @property
     def program(self) -> Program:

@@ -109,7 +109,8 @@ class Comparison:
         return f"<Comparison, {count}:{rows}>"
 
     def _repr_html_(self) -> str:
-        return scores_to_html(self.scores)
+        count = "exact" if self.trials is None else f"{self.trials} people, 95 % intervals"
+        return scores_to_html(self.scores, f"Scores of the strategies, {count}")
 
 
 @check_arguments

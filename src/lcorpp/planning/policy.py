@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from pathlib import Path
 from typing import Protocol
 
 import numpy as np
@@ -158,7 +159,9 @@ class Policy:
     def _repr_html_(self) -> str:
         used, counts = np.unique(self.actions, return_counts=True)
         rows = [(self.action_names[action], f"{count}") for action, count in zip(used, counts, strict=True)]
-        return html_table(("action", "vectors"), rows, caption=repr(self)[1:-1], limit=20)
+        return html_table(
+            ("action", "vectors"), rows, caption=f"Policy for {Path(self.model).name}", limit=20
+        )
 
     @cached_property
     def vectors(self) -> Array:

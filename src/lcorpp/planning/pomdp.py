@@ -7,6 +7,7 @@ from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from pathlib import Path
 
 import numpy as np
 
@@ -112,7 +113,7 @@ class Pomdp:
         ]
         rows.append(("reward", f"{self.reward.min():g} to {self.reward.max():g}"))
         rows.append(("discount", f"{self.discount:g}"))
-        return html_table(("POMDP", self.file), rows)
+        return html_table(("part", "contents"), rows, caption=f"POMDP {Path(self.file).name}")
 
     def _check_rows(self, field: str, table: SparseTables) -> None:
         S = len(self.states)

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from math import inf
 from operator import sub
+from pathlib import Path
 from time import monotonic
 
 from lcorpp.notebook import html_table
@@ -112,7 +113,7 @@ class Solution:
             ("start beliefs", f"{self.start_count}{'; bounds at the widest gap' * (self.start_count > 1)}"),
             ("search", f"{self.reason} after {self.seconds:.2f} s"),
         ]
-        return html_table(("solution", self.pomdp.file), rows)
+        return html_table(("quantity", "value"), rows, caption=f"Solution of {Path(self.pomdp.file).name}")
 
 
 def describe_start(count: int) -> str:

@@ -10,6 +10,7 @@ from operator import mul, truediv
 from typing import TYPE_CHECKING, Any
 
 from lcorpp.errors import NoValueError, ProgramError, UndefinedError
+from lcorpp.notebook import html_table
 from lcorpp.reasoning.language.arithmetic import evaluate_number
 from lcorpp.reasoning.language.issues import SourceIssue
 from lcorpp.reasoning.language.program import Program
@@ -54,6 +55,11 @@ class PossibleWorld:
         n_hidden = len(self.values) - len(shown)
         more = f" and {n_hidden} more" if n_hidden else ""
         return f"PossibleWorld({self.measure}: {format_world(shown)}{more})"
+
+    def _repr_html_(self) -> str:
+        return html_table(
+            ("term", "value"), self.values.items(), caption=f"World of probability {self.measure}"
+        )
 
 
 def format_world(values: Mapping[str, str]) -> str:

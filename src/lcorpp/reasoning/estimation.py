@@ -133,7 +133,7 @@ class EstimatedDistribution(Distribution):
             (format_value(value), f"{interval:.4g}")
             for value, interval in zip(self.values, self.intervals, strict=True)
         ]
-        return html_table(("value", "probability"), rows)
+        return html_table(("value", "probability"), rows, caption="Estimated distribution")
 
 
 def estimate_answer(

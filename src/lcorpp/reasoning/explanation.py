@@ -7,12 +7,14 @@ from dataclasses import dataclass, replace
 from fractions import Fraction
 
 from lcorpp.errors import LcorppError, ProgramError, UndefinedError, check_type
-from lcorpp.reasoning.answers import PossibleWorld, QueryAnswer
+from lcorpp.notebook import html_table
+from lcorpp.reasoning.answers import PossibleWorld, QueryAnswer, format_world
 from lcorpp.reasoning.grounding.ground_program import ASSIGN, DERIVE, SELECT, Clause, GroundProgram
 from lcorpp.reasoning.language.issues import Place
 from lcorpp.reasoning.language.syntax import Query
 from lcorpp.reasoning.reasoner import Reasoner
 from lcorpp.reasoning.resolve import resolve_query
+from lcorpp.values import format_value
 
 
 @dataclass(frozen=True)
@@ -64,6 +66,22 @@ class Explanation:
             f"<Explanation of {self.query}: answer {self.answer}, {len(self.without)} conditions,"
             f" {len(self.worlds)} worlds>"
         )
+
+    def _repr_html_(self) -> str:
+        rows = [("answer", str(self.query), format_answer(self.answer))]
+        for condition, answer in self.without:
+            rows.append(("without", condition, format_answer(answer)))
+        for world, fired in self.worlds:
+            rules = " ".join(rule.statement for rule in fired if rule.value)
+            rows.append((f"world of {float(world.measure):.3g}", format_world(world.values), rules))
+        return html_table(("part", "what", "answer or rules"), rows, caption=f"Explanation of {self.query}")
+
+
+def format_answer(answer: QueryAnswer | str | None) -> str:
+    """Format an answer in decimals; None is that of conditions that no world satisfies."""
+    if isinstance(answer, dict):
+        return ", ".join(f"{format_value(value)}: {float(p):.4g}" for value, p in answer.items())
+    return "no world" if answer is None else answer if isinstance(answer, str) else f"{float(answer):.4g}"
 
 
 def explain(reasoner: Reasoner, query: Query, *, count: int = 3) -> Explanation:

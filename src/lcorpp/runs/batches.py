@@ -13,6 +13,7 @@ from lcorpp.assembly.strategies.strategy_table import NOISE, WEIGHT
 from lcorpp.decision import LCORPP, Batch, Strategy, TrainedSense
 from lcorpp.decision.stopping import choose_epsilon
 from lcorpp.domains import Domain
+from lcorpp.notebook import html_table
 from lcorpp.scoring.decision_scores import score_decisions
 from lcorpp.scoring.metrics import Scores, get_format, make_cells
 from lcorpp.simulation.people_stream import DecisionResult
@@ -44,6 +45,15 @@ class BatchResult:
     rows: tuple[Row, ...]
     resumed: bool
     decisions: tuple[DecisionResult, ...] = ()
+
+    def _repr_html_(self) -> str:
+        names = list(
+            dict.fromkeys(name for row in self.rows for name in row if not name.endswith(("_low", "_high")))
+        )
+        rows = [
+            [f"{x:.4g}" if isinstance(x, float) else str(x) for x in map(row.get, names)] for row in self.rows
+        ]
+        return html_table(names, rows, caption=self.summary())
 
     def summary(self) -> str:
         """Return the size of each data set, the recall of each class and the scores in one line."""

@@ -142,13 +142,13 @@ def find_reference(scores: Sequence[Scores]) -> Scores:
     return rows[shipped[-1]] if shipped else scores[-1]
 
 
-def scores_to_html(scores: Sequence[Scores]) -> str:
+def scores_to_html(scores: Sequence[Scores], caption: str = "Scores") -> str:
     """Return the scores of several strategies as an HTML table, intervals included."""
     rows = [
         (row.strategy, *(format(cell, get_format(name)) for name, cell in row.columns.items()))
         for row in scores
     ]
-    return html_table(("strategy", *(scores[0].columns if scores else METRICS)), rows)
+    return html_table(("strategy", *(scores[0].columns if scores else METRICS)), rows, caption=caption)
 
 
 def get_format(name: str) -> str:

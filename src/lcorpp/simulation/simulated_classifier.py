@@ -47,6 +47,10 @@ class NoisyChannel:
     classes: tuple[str, ...]
     rates: Array
 
+    def __repr__(self) -> str:
+        recalls = zip(self.classes, self.rates.diagonal(), strict=True)
+        return f"<NoisyChannel of {self.of}; recall: {', '.join(f'{name} {p:.3f}' for name, p in recalls)}>"
+
     @classmethod
     def from_domain(cls, domain: Domain, sense: Sense) -> NoisyChannel:
         """Return the noisy channel of a sense.

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from lcorpp.errors import DecisionError
+from lcorpp.notebook import html_table
 from lcorpp.protocols import Dialogue
 from lcorpp.trust.answers import NOISE_DEGREES, STATED_DEGREE, AnswerModel
 from lcorpp.trust.finding import BIAS_CHANGE, HEARING, KNOWLEDGE, Finding
@@ -108,6 +109,21 @@ class Alarm:
         self._hearing = np.zeros(len(hypotheses.priors))  # log L(f, 0)
         self.n_people = 0
         self.findings = list[Finding]()
+
+    def __repr__(self) -> str:
+        values = ", ".join(f"E({part}) = {np.exp(value):.3g}" for part, value in self.log_e.items())
+        return f"<Alarm at {1 / self._rate:g} after {self.n_people} people: {values}>"
+
+    def _repr_html_(self) -> str:
+        raised = {finding.part: finding for finding in self.findings}
+        rows = []
+        for part, value in self.log_e.items():
+            finding = raised.get(part)
+            where = "" if finding is None else ", ".join((*finding.attributes, finding.change)).strip(", ")
+            person = "" if finding is None else str(finding.person)
+            rows.append((part, f"{np.exp(value):.3g}", person, where))
+        caption = f"Alarm after {self.n_people} people; raised at E = {1 / self._rate:g}"
+        return html_table(("part", "E", "raised after people", "probably wrong"), rows, caption=caption)
 
     @property
     def log_e(self) -> Mapping[str, float]:

@@ -9,6 +9,7 @@ import numpy as np
 
 from lcorpp.decision.strategies import NO_RATES, Rates
 from lcorpp.errors import DecisionError
+from lcorpp.notebook import html_table, join_some
 from lcorpp.protocols import Dialogue, DomainInterface, Planner, Reasoner
 from lcorpp.trust.answers import AnswerModel
 from lcorpp.trust.asking import AskingPlanner
@@ -85,6 +86,16 @@ class Trust:
         self.weights = np.full(len(self.sources), 1 / len(self.sources))
         self.n_people, self._next_fit, self._next_search = 0, 1, FIRST_SEARCH
         self._n_repeated = 0  # people with `ask_answers` answers
+
+    def __repr__(self) -> str:
+        weights = zip(self.sources, self.weights.tolist(), strict=True)
+        parts = join_some([f"{name} {weight:.2f}" for name, weight in weights])
+        return f"<Trust after {self.n_people} people: {parts}>"
+
+    def _repr_html_(self) -> str:
+        weights = zip(self.sources, self.weights.tolist(), strict=True)
+        rows = [(name, f"{weight:.3f}") for name, weight in weights]
+        return html_table(("source", "weight"), rows, caption=f"Trust after {self.n_people} people")
 
     def posterior(self, attribute: str | Sequence[str], evidence: Mapping[str, Label]) -> Distribution:
         """Return the mixture of the sources' predictions (`lcorpp.protocols.Reasoner`).

@@ -122,5 +122,5 @@ class ConfusionMatrix:
         return html_table(
             ("true class", *self.classes),
             [(name, *(f"{count:g}" for count in row)) for name, row in rows],
-            caption="Columns: predicted class",
+            caption="Confusion matrix; columns: predicted class",
         )

@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from lcorpp.arguments import check_arguments, check_fields
 from lcorpp.errors import DataError
-from lcorpp.notebook import join_some
+from lcorpp.notebook import html_table, join_some
 from lcorpp.values.arrays import Array, check_rows, freeze
 from lcorpp.values.padding import (
     Lengths,
@@ -183,6 +183,12 @@ class Dataset:
             f"Dataset({len(self)} trajectories ({join_some(counts)}), {self.extent} of {names} every"
             f" {self.interval:g} s, {groups})"
         )
+
+    def _repr_html_(self) -> str:
+        counts = Counter(self.labels).items()
+        people = Counter(label for label, _ in set(zip(self.labels, self.groups, strict=True)))
+        rows = [(label, str(count), str(people[label])) for label, count in counts]
+        return html_table(("class", self.unit, "groups"), rows, caption=repr(self))
 
     @property
     def extent(self) -> str:

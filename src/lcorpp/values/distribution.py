@@ -74,7 +74,7 @@ class Distribution:
 
     def _repr_html_(self) -> str:
         rows = [(format_value(value), f"{p:.4g}") for value, p in self]
-        return html_table(("value", "probability"), rows)
+        return html_table(("value", "probability"), rows, caption="Distribution")
 
     def most_likely(self) -> Any:
         """Return the value with the highest probability, the first declared among equals."""
@@ -149,7 +149,8 @@ class Likelihood:
         return f"Likelihood({join_some([f'{value}: {weight:.4g}' for value, weight in self])})"
 
     def _repr_html_(self) -> str:
-        return html_table(("value", "likelihood"), [(value, f"{weight:.4g}") for value, weight in self])
+        rows = [(value, f"{weight:.4g}") for value, weight in self]
+        return html_table(("value", "likelihood"), rows, caption="Likelihood, relative to the largest")
 
     def rename(self, names: Mapping[str, str]) -> Likelihood:
         """Return this likelihood with other value names: old name -> new name, one for each value."""

@@ -143,15 +143,16 @@ class Episode:
         rows = [
             *[(sense, str(label), "") for sense, label in self.labels.items()],
             ("evidence", evidence, ""),
-            ("marginal", "" if self.marginal is None else repr(self.marginal), ""),
+            ("marginal", "" if self.marginal is None else str(self.marginal), ""),
             ("prior", "", _describe_belief(self.prior)),
         ]
         for step in self.steps[:SHOWN_STEPS]:
             rows.append((step.action, step.observation or "", _describe_belief(step.belief)))
         if len(self.steps) > SHOWN_STEPS:
             rows.append(("...", f"{len(self.steps)} steps in all", ""))
-        rows.append(("report", "" if self.report is None else format_value(self.report), ""))
-        return html_table(("part or action", "value or observation", "belief"), rows)
+        report = "none" if self.report is None else format_value(self.report)
+        header = ("part or action", "value or observation", "belief")
+        return html_table(header, [*rows, ("report", report, "")], caption=f"Decision: {report}")
 
 
 SHOWN_STEPS = 20

@@ -73,6 +73,7 @@ def test_a_file_of_an_earlier_version_is_read(name):
     assert loaded.threshold == DecisionThreshold("slow", 0.3)
     assert loaded.estimator[0].features[0] == "x"
     assert repr(loaded).startswith("<TrainedClassifier: ")
+    assert f"<td>{loaded.classes[0]}</td><td>0." in loaded._repr_html_()
 
 
 def test_the_names_in_the_file_do_not_change(tmp_path):

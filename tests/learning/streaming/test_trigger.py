@@ -124,6 +124,12 @@ def test_streams_decide_as_recorded_tracks(rule, pipeline, interval):
                 assert prediction.decision.points == expected.points
                 assert prediction.decision.probability == pytest.approx(expected.probability, abs=1e-6)
     assert "; decided: " in repr(streams.predictions[0])
+    last = streams.predictions[0]
+    values = "".join(f"<td>{p:.3f}</td>" for p in last.probabilities)
+    row = f"<td>{last.points}</td><td>{last.time:.2f}</td>{values}<td>{last.decision.label}</td>"
+    assert row in streams._repr_html_()
+    assert row in last._repr_html_()
+    assert f"<td>39</td><td>{samples} samples" in streams.report()._repr_html_()
     again = streams.push(1000, 0, *tracks[0, :, 0])  # another track of the same id
     assert (again.track, again.decision) == (2, None)
     first = streams.predictions[1]

@@ -14,6 +14,7 @@ from lcorpp.experiments.sweeps.definition import Sweep
 from lcorpp.experiments.sweeps.evaluation import Rows, find_key, try_configuration
 from lcorpp.experiments.sweeps.hypotheses import judge_configuration
 from lcorpp.files import make_folder
+from lcorpp.notebook import html_table
 from lcorpp.work_units.running import evaluate_units
 from lcorpp.work_units.store import UnitStore
 
@@ -45,6 +46,18 @@ class SweepResult:
     def __repr__(self) -> str:
         counts = f"{len(self.sweep.configurations)} configurations, {len(self.failures)} failed"
         return f"<SweepResult {self.sweep.file.name}: {counts}>"
+
+    def _repr_html_(self) -> str:
+        axes = [".".join(axis) for axis in self.sweep.axes]
+        shown = [
+            *axes,
+            "strategy",
+            *(name for name in ("f1", "accuracy", "cost", "return") if name in self.rows[0]),
+        ]
+        rows = [
+            [f"{x:.3f}" if isinstance(x, float) else str(x) for x in map(row.get, shown)] for row in self.rows
+        ]
+        return html_table(shown, rows, caption=repr(self)[1:-1])
 
 
 def run_sweep(

@@ -17,6 +17,7 @@ from lcorpp.learning.evaluation.calibration import Calibration, fit_calibration
 from lcorpp.learning.evaluation.prediction_sets import PredictionSets, fit_prediction_sets
 from lcorpp.learning.evaluation.thresholds import DecisionThreshold, apply_threshold
 from lcorpp.learning.evaluation.validation import Progress, Validation, fit_and_validate
+from lcorpp.notebook import html_table
 from lcorpp.values import COVERAGE, Array, ConfusionMatrix, Dataset, EvidenceKind, Likelihood, check_coverage
 
 
@@ -55,6 +56,13 @@ class TrainedClassifier:
         if self.threshold is not None:
             parts.append(str(self.threshold))
         return f"<TrainedClassifier: {'; '.join(parts)}>"
+
+    def _repr_html_(self) -> str:
+        measured = self.confusion
+        rows = [] if measured is None else zip(measured.classes, measured.probabilities, strict=True)
+        cells = [(name, *(f"{rate:.3f}" for rate in own)) for name, own in rows]
+        header = ("true class", *(f"P(predicted {name})" for name in self.classes))
+        return html_table(header, cells, caption=repr(self)[1:-1])
 
     def classify(self, signal: Array) -> str:
         """Return the hard label of one person's trajectory (channels, time points), or features (features,).

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Mapping
+from collections.abc import Hashable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 from lcorpp.learning.streaming.resampler import RepairCounts
 from lcorpp.learning.streaming.trigger import EarlyDecision
+from lcorpp.notebook import html_table
 from lcorpp.values import Array
 
 
@@ -48,6 +49,9 @@ class Prediction:
             f"<Prediction for {self.person!r}: track {self.track}, {self.points} points, {values}{decided}>"
         )
 
+    def _repr_html_(self) -> str:
+        return predictions_to_html([self], (), caption="Prediction")
+
 
 @dataclass(frozen=True, eq=False)
 class StreamReport:
@@ -80,6 +84,12 @@ class StreamReport:
             total.add(counts)
         return total
 
+    def _repr_html_(self) -> str:
+        rows = [(str(person), str(counts)) for person, counts in self.people.items()]
+        if self.removals:
+            rows.append((f"{self.removals} no longer tracked", str(self.removed)))
+        return html_table(("person", "samples and repairs"), rows, caption="Samples of a stream")
+
     def __str__(self) -> str:
         lines = [f"{person}: {counts}" for person, counts in self.people.items()]
         if self.removals:
@@ -88,6 +98,20 @@ class StreamReport:
 
     def __repr__(self) -> str:
         return f"<StreamReport: {len(self.people)} people tracked, {self.removals} removed; {self.total}>"
+
+
+def predictions_to_html(predictions: Iterable[Prediction], classes: Sequence[str], *, caption: str) -> str:
+    """Return predictions as an HTML table with a column for each class; without their names, by number."""
+    shown = list(predictions)
+    count = max((len(x.probabilities) for x in shown if x.probabilities is not None), default=0)
+    names = classes or [f"class {number + 1}" for number in range(count)]
+    rows = []
+    for x in shown:
+        values = [""] * len(names) if x.probabilities is None else [f"{p:.3f}" for p in x.probabilities]
+        time = "" if x.time is None else f"{x.time:.2f}"
+        decided = "" if x.decision is None else x.decision.label
+        rows.append((str(x.person), str(x.track), str(x.points), time, *values, decided))
+    return html_table(("person", "track", "points", "time", *names, "decided"), rows, caption=caption)
 
 
 class ConstantEstimator:

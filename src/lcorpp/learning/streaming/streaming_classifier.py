@@ -15,7 +15,12 @@ from lcorpp.learning.classifiers.trained import TrainedClassifier
 from lcorpp.learning.contract import name_of
 from lcorpp.learning.streaming.clock import Clock, describe_doubtful_stamps
 from lcorpp.learning.streaming.people_predictor import PeoplePredictor, TrackedPerson
-from lcorpp.learning.streaming.predictions import ConstantEstimator, Prediction, StreamReport
+from lcorpp.learning.streaming.predictions import (
+    ConstantEstimator,
+    Prediction,
+    StreamReport,
+    predictions_to_html,
+)
 from lcorpp.learning.streaming.prefix_sets import PrefixSets
 from lcorpp.learning.streaming.resampler import RepairCounts, Sample, StreamRules, TrackResampler
 from lcorpp.learning.streaming.state import make_state
@@ -118,6 +123,9 @@ class StreamingClassifier:
     def __repr__(self) -> str:
         name = name_of(self._trained.estimator)
         return f"<StreamingClassifier: {name}; classes {', '.join(self.classes)}; {len(self._people)} people>"
+
+    def _repr_html_(self) -> str:
+        return predictions_to_html(self.predictions.values(), self.classes, caption=repr(self)[1:-1])
 
     @classmethod
     @check_arguments

@@ -81,7 +81,7 @@ class Certificate:
         return f"<Certificate\n{self.text}>"
 
     def _repr_html_(self) -> str:
-        return html_table(("certificate", ""), self._parts())
+        return html_table(("check", "result"), self._parts(), caption="Certificate")
 
 
 def certificate(

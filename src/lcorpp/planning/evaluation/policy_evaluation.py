@@ -104,7 +104,7 @@ class Evaluation:
             ("beliefs", f"{self.beliefs}" + ("" if self.complete else ", not all")),
             ("trials", f"{self.trials}"),
         ]
-        return html_table(("policy evaluation", ""), rows)
+        return html_table(("quantity", "value"), rows, caption="Value of a policy")
 
 
 def evaluate(

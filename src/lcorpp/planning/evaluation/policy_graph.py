@@ -65,7 +65,8 @@ class PolicyGraph:
                 f"{self.observation_names[self.observations[edge]]}: {self.targets[edge]}" for edge in edges
             )
             rows.append((f"{node}", self.action_names[action], self._find_likeliest_state(node), following))
-        return html_table(("node", "action", "likeliest state", "next node"), rows, limit=20)
+        header = ("node", "action", "likeliest state", "next node")
+        return html_table(header, rows, caption="Policy graph", limit=20)
 
     def belief(self, node: int) -> Belief:
         """Return (S,) the belief of a node, as first reached."""

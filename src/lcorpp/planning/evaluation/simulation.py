@@ -137,7 +137,7 @@ class SimulationResult:
             ("steps", f"{self.steps}, {float(self.lengths.mean()):.3g} a trial"),
             ("cut off", f"{self.unfinished}; effect on the mean {low:.3g} to {high:.3g}"),
         ]
-        return html_table(("simulation", ""), rows)
+        return html_table(("quantity", "value"), rows, caption="Simulation")
 
 
 def simulate(
