@@ -46,6 +46,7 @@ def test_swapped_rules_are_named_with_what_explains_the_data_as_well(tmp_path: P
     for x, right in zip(result.changes, (0.1, 0.8), strict=True):
         assert x.interval is not None
         assert x.interval[0] < right < x.interval[1]
+    assert f"{INTENTION('professor')}: 0.8 -> " in repr(result)
     html = result._repr_html_()
     assert f"<td>{INTENTION('professor')}</td><td>0.8</td><td>{result.changes[0].estimate:.3f}</td>" in html
     assert html.count("<td>refuted</td>") == len(result.changes) + len(result.changed_rates)

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from lcorpp.notebook import html_table
+from lcorpp.notebook import html_table, join_some
 from lcorpp.reasoning.language.syntax import Probability
 
 MAX_P_VALUE = 0.05
@@ -111,6 +111,13 @@ class Audit:
     n_undetermined: int
     undetermined: Sequence[str]
     excluded: Mapping[str, int]
+
+    def __repr__(self) -> str:
+        changes = join_some([f"{x.name}: {x.stated:.3g} -> {x.estimate:.3f}" for x in self.changes])
+        return (
+            f"<Audit of {self.program_file}: {self.n_people} people, {len(self.numbers)} numbers,"
+            f" {len(self.rates)} rates; to change: {changes or 'none'}>"
+        )
 
     def _repr_html_(self) -> str:
         found = {id(x) for x in (*self.changes, *self.changed_rates)}
