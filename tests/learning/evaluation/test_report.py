@@ -7,10 +7,13 @@ import json
 
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 
 from lcorpp.errors import DataError, FileError
 from lcorpp.learning import build_report, cross_validate, learner, plot_report, write_report
+from lcorpp.learning.evaluation.report_figure import _mark_thresholds
 from lcorpp.learning.evaluation.report_files import COLUMNS, as_markdown
+from lcorpp.learning.evaluation.thresholds import ThresholdChoice
 from lcorpp.values import Dataset
 from tests.learning.walkers import walkers
 
@@ -91,3 +94,15 @@ def test_unknown_classes_and_prevalences_are_errors(two, tmp_path):
         build_report(two, positive="fast", prevalence={"fast": 0.0})
     with pytest.raises(FileError, match="not a figure file"):
         plot_report(build_report(two), tmp_path / "report.txt")
+
+
+def test_labels_of_near_thresholds_do_not_overlap():
+    choices = [
+        ThresholdChoice(goal, 0.4, 0.5, 0.7, 0.7, tpr, fpr)
+        for goal, fpr, tpr in (("f1", 0.31, 0.79), ("accuracy", 0.3, 0.78), ("youden", 0.8, 0.78))
+    ]
+    axes = Figure().subplots()
+    _mark_thresholds(axes, choices)
+    below = {text.get_text().partition(":")[0]: text.xyann[1] for text in axes.texts}
+    assert below["accuracy"] < below["f1"] - 8
+    assert below["youden"] == below["f1"]

@@ -93,10 +93,14 @@ def _mark_thresholds(axes: Axes, choices: Sequence[ThresholdChoice]) -> None:
     choices_at: dict[tuple[float, float], list[ThresholdChoice]] = {}
     for choice in choices:
         choices_at.setdefault((choice.fpr, choice.tpr), []).append(choice)
-    for point, chosen in choices_at.items():
+    marked: list[tuple[float, float]] = []
+    for point, chosen in sorted(choices_at.items(), key=lambda item: -item[0][1]):
+        near = sum(abs(point[0] - x) < 0.4 and y - point[1] < 0.06 for x, y in marked)
         text = f"{', '.join(choice.goal for choice in chosen)}: threshold {chosen[0].probability:.2f}"
         axes.plot(*point, "o", color=ORANGE, markersize=5)
-        axes.annotate(text, point, xytext=(6, -9), textcoords="offset points", fontsize=8)
+        below = (6, -9 - 11 * near)  # labels of near points are in lines of their own
+        axes.annotate(text, point, xytext=below, textcoords="offset points", fontsize=8)
+        marked.append(point)
 
 
 def _draw_reliability(axes: Axes, report: EvaluationReport) -> None:
