@@ -127,6 +127,7 @@ def test_a_run_of_algorithm_1_reports_that_the_signals_have_changed():
     assert last.summary().endswith(f"; drift: {CHANGES['signals']}")
     assert [row.get("drift") for row in last.rows] == [None, None, "", CHANGES["signals"], CHANGES["signals"]]
     assert all("p_signals" in row for row in last.rows[2:])
+    assert repr(last) == f"<BatchResult {last.batch.number}: {last.summary()}>"
     html = last._repr_html_()
     assert html.count("<tr>") == 6
     assert '<th scope="col">drift</th>' in html
