@@ -31,7 +31,7 @@ def test_the_commands_make_the_pictures(tmp_path, monkeypatch):
         if kind != "sh":
             Path(note).write_text(text)
             continue
-        for line in text.splitlines() if note in ("", "exit-code-1") else ():
+        for line in text.replace("\\\n", "").splitlines() if note in ("", "exit-code-1") else ():
             monkeypatch.setattr("sys.argv", shlex.split(line))
             try:
                 main()

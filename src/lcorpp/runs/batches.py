@@ -46,9 +46,6 @@ class BatchResult:
     resumed: bool
     decisions: tuple[DecisionResult, ...] = ()
 
-    def __repr__(self) -> str:
-        return f"<BatchResult {self.batch.number}: {self.summary()}>"
-
     def _repr_html_(self) -> str:
         names = list(
             dict.fromkeys(name for row in self.rows for name in row if not name.endswith(("_low", "_high")))
