@@ -83,6 +83,14 @@ def test_lines_without_rich():
     assert out.getvalue() == "\x1b[1mtitle\\x1b[2J\x1b[0m end\n"
 
 
+@pytest.mark.parametrize(("value", "bar"), [("", "\x1b[36m##\x1b[0m"), ("1", "##")])
+def test_no_color_leaves_out_colours(value, bar, monkeypatch):
+    monkeypatch.setenv("NO_COLOR", value)
+    with terminals() as (out, _):
+        console.print_spans(("title", console.BOLD), " ", ("##", console.CYAN))
+    assert out.getvalue() == f"\x1b[1mtitle\x1b[0m {bar}\n"
+
+
 def test_json_remains_json():
     content = {"name": "\x1b[2J\x7f\x9b é"}
     with terminals() as (out, _):

@@ -61,16 +61,20 @@ def warn(text: str) -> None:
 
 
 def print_spans(*spans: str | tuple[str, int]) -> None:
-    """Print a line of texts, or pairs of a text and its code on a terminal; rich takes longer to load."""
+    """Print a line of texts, or pairs of a text and its code on a terminal; rich takes longer to load.
+
+    With the environment variable NO_COLOR there are no colours, as rich has it (no-color.org).
+    """
     stream = sys.stdout
     if stream is None:  # it is closed
         return
-    is_terminal = stream.isatty()
+    is_terminal, has_colours = stream.isatty(), not os.environ.get("NO_COLOR")
     line = ""
     for span in spans:
         text, code = (span, 0) if isinstance(span, str) else span
         visible = escape_controls(text)
-        line += f"\033[{code}m{visible}\033[0m" if code and is_terminal else visible
+        is_styled = code and is_terminal and (code == BOLD or has_colours)
+        line += f"\033[{code}m{visible}\033[0m" if is_styled else visible
     print(line, file=find_unescaped(stream), flush=True)
 
 
