@@ -1,8 +1,8 @@
 """Build wheels for Linux that need no compiler and no newer glibc than 2.17: `make wheel`.
 
-zig's C++ compiler, a package of PyPI, contains libraries and headers for old versions of glibc and for other
-processors, so that neither Docker nor an old machine is needed; auditwheel checks what each wheel links. One
-wheel is for Python 3.11, one, by the stable ABI, for 3.12 and newer.
+zig's C++ compiler, a package of PyPI, contains libraries and headers for old versions of glibc and for
+other processors, so that neither Docker nor an old machine is needed. One wheel is for Python 3.11, one, by
+the stable ABI, for 3.12 and newer. auditwheel checks what each links, abi3audit what the second uses.
 
 Usage: build_wheels.py [--target x86_64] PYTHON ... (names or paths; missing ones are skipped)
 """
@@ -19,6 +19,7 @@ from pathlib import Path
 ROOT = Path(__file__).parents[1]
 WORK = ROOT / "build" / "wheels"
 TOOLS = [
+    "abi3audit",
     "auditwheel>=6.4",
     "cmake>=3.26",
     "nanobind>=2.4",
@@ -67,11 +68,12 @@ def find_minor_version(python: str) -> int:
 def make_environment(python: str, minor: int) -> Path:
     """Make an environment with what builds a wheel, and return the folder of its programs."""
     environment = WORK / f"python3.{minor}"
-    if not (environment / "complete").exists():
+    complete = environment / "complete"
+    if not complete.exists() or complete.read_text().split() != TOOLS:
         subprocess.run([python, "-m", "venv", "--clear", str(environment)], check=True)
         pip = [str(environment / "bin" / "pip"), "install", "--quiet", "--disable-pip-version-check"]
         subprocess.run([*pip, *TOOLS], check=True)
-        (environment / "complete").touch()
+        complete.write_text("\n".join(TOOLS))
     return environment / "bin"
 
 
@@ -98,6 +100,8 @@ def build_wheel(tools: Path, minor: int, target: str, dist: Path) -> Path:
     repair = [str(tools / "auditwheel"), "repair", "--plat", f"manylinux_{GLIBC.replace('.', '_')}_{target}"]
     subprocess.run([*repair, "--wheel-dir", str(work / "checked"), str(wheel)], check=True, env=environment)
     (checked,) = (work / "checked").glob("*.whl")
+    if minor >= 12:
+        subprocess.run([str(tools / "abi3audit"), "--strict", "--summary", str(checked)], check=True)
     dist.mkdir(parents=True, exist_ok=True)
     return Path(shutil.copy2(checked, dist))
 
