@@ -20,13 +20,14 @@ NATIVE := pyproject.toml CMakeLists.txt $(wildcard native/* native/*/* native/*/
 # The demo trains its classifier once and loads it the next time; `make clean` forgets it.
 TRAINED := $(wildcard out/demo/classifier.npz)
 
-.PHONY: demo test check lint format stubs check-slow coverage sanitize bench wheel clean help
+.PHONY: demo test check lint format stubs docs check-slow coverage sanitize bench wheel clean help
 
 help:
 	@echo "make demo        set up, then run the paper's comparison with a trained classifier, and CORPP's"
 	@echo "make test        set up, then run the tests"
 	@echo "make check       lint, types, import rules and tests"
 	@echo "make check-slow  the checks that take minutes"
+	@echo "make docs        build the documentation's site into build/site"
 	@echo "make bench       compare with plingo, ProbLog, plog 2.0, APPL and Keras, those that are there (some 40 minutes)"
 	@echo "make wheel       build wheels for Linux into dist/, which make demo then installs instead of compiling"
 	@echo "make coverage    run the tests and print which share of the lines they run"
@@ -96,6 +97,15 @@ stubs: $(VENV)/.dev
 	$(BIN)/python -m nanobind.stubgen -q -m lcorpp.planning._native -o src/lcorpp/planning/_native.pyi
 	$(BIN)/python -m nanobind.stubgen -q -m lcorpp.planning.formats.pomdp._scanner -o src/lcorpp/planning/formats/pomdp/_scanner.pyi
 	$(BIN)/python -m nanobind.stubgen -q -m lcorpp.learning.lstm._kernels -o src/lcorpp/learning/lstm/_kernels.pyi
+
+# Warnings are errors. Once the packages are installed, the build needs no network.
+docs: $(VENV)/.docs
+	$(BIN)/python -m sphinx -q -W --keep-going -j auto -b html docs build/site
+	@echo "the site is in build/site/index.html"
+
+$(VENV)/.docs: pyproject.toml | $(VENV)/.runtime
+	$(PIP) -e '.[docs]'
+	touch $@
 
 NO_COMPILER := no C++ compiler, which lcorpp needs: install g++ (Debian, Ubuntu: apt install g++; macOS: xcode-select --install)
 REQUIRE_COMPILER = command -v $${CXX:-c++} >/dev/null || { echo "$(NO_COMPILER)" >&2; exit 1; }

@@ -1,0 +1,272 @@
+"""The documentation's site: pages, links, figures, generated references; built in `make check-slow`."""
+
+from __future__ import annotations
+
+import os
+import re
+import subprocess
+import sys
+from collections import Counter
+from fnmatch import fnmatch
+from html.parser import HTMLParser
+from importlib import import_module
+from pathlib import Path
+from types import ModuleType
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+DOCS = ROOT / "docs"
+PAGES = sorted(DOCS.rglob("*.md"))
+REPOSITORY_PAGES = [*sorted(ROOT.glob("[A-Z]*.md")), *sorted((ROOT / "benchmarks/results").glob("*.md"))]
+MAX_WORDS = 1500
+"""Words of a page, without code; tables of measurements are not counted."""
+
+
+@pytest.fixture(scope="module")
+def extensions() -> dict[str, ModuleType]:
+    """Return the modules of docs/_extensions that import without Sphinx."""
+    sys.path.insert(0, str(DOCS / "_extensions"))
+    try:
+        names = ("api_reference", "blocks", "command_reference", "docstrings", "repository")
+        return {name: import_module(name) for name in names}
+    finally:
+        sys.path.remove(str(DOCS / "_extensions"))
+
+
+def read(page: Path) -> str:
+    return page.read_text(encoding="utf-8")
+
+
+def prose(text: str) -> str:
+    """Return a page without its blocks of code and spans of code."""
+    text = re.sub(r"^(`{3,}|:{3,}\{raw).*?^\1[ \t]*$", "", text, flags=re.MULTILINE | re.DOTALL)
+    return re.sub(r"`[^`\n]*`", "", text)
+
+
+def find_links(text: str, mark: str = r"(?<!!)\[") -> list[str]:
+    """Return the targets of a page's links, without those to other sites."""
+    targets = re.findall(rf"{mark}[^\[\]]*\]\(([^()\s]+)\)", prose(text))
+    return [target for target in targets if not re.match(r"[a-z]+:", target)]
+
+
+def find_anchors(page: Path, extensions: dict[str, ModuleType]) -> set[str]:
+    repository = extensions["repository"]
+    counts = Counter[str]()
+    anchors = set()
+    for _, _, title in repository.find_headings(read(page)):
+        anchor = repository.make_anchor(title)
+        anchors.add(f"{anchor}-{counts[anchor]}" if counts[anchor] else anchor)
+        counts[anchor] += 1
+    return anchors
+
+
+@pytest.mark.parametrize("page", [*PAGES, *REPOSITORY_PAGES], ids=lambda page: str(page.relative_to(ROOT)))
+def test_links_lead_to_files_and_headings(page: Path, extensions: dict[str, ModuleType]):
+    links = find_links(read(page)) + find_links(read(page), r"!\[")
+    for link in links:
+        path, _, anchor = link.partition("#")
+        target = Path(os.path.normpath(page.parent / path)) if path else page
+        assert target.exists(), link
+        assert target.is_relative_to(ROOT), link
+        if anchor and not anchor.startswith(("lcorpp.", "L")):  # names of Python, lines of a source
+            assert anchor in find_anchors(target, extensions), link
+
+
+def test_every_page_is_in_one_table_of_contents():
+    names = {page.relative_to(DOCS).with_suffix("").as_posix() for page in PAGES}
+    listed = Counter[str]()
+    for page in PAGES:
+        folder = page.parent.relative_to(DOCS)
+        for block in re.findall(r"^`{3,}\{toctree\}\n(.*?)^`{3,}$", read(page), re.MULTILINE | re.DOTALL):
+            entries = [line for line in block.splitlines() if line and not line.startswith(":")]
+            for entry in entries:
+                pattern = os.path.normpath(folder / (re.sub(r".*<(.*)>", r"\1", entry)))
+                own = page.relative_to(DOCS).with_suffix("").as_posix()
+                found = [
+                    name
+                    for name in names - {own}
+                    if fnmatch(name, pattern) and name.count("/") == pattern.count("/")
+                ]
+                assert found, (str(page), entry)
+                listed.update(found)
+    assert names - listed.keys() == {"index"}
+    assert {name: count for name, count in listed.items() if count > 1} == {}
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(DOCS)))
+def test_images_have_alternative_texts(page: Path):
+    for alternative in re.findall(r"!\[([^\]]*)\]\(", prose(read(page))):
+        assert len(alternative.split()) >= 5, alternative
+    for frame in re.findall(r"<(?:img|iframe)\b[^>]*>", read(page)):
+        assert re.search(r'(?:alt|title)="[^"]{20,}"', frame), frame
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(DOCS)))
+def test_pages_are_short(page: Path, extensions: dict[str, ModuleType]):
+    """A page that contains a page of the repository counts with it."""
+    text = read(page)
+    for file, options in extensions["blocks"].find_blocks(text, "repository-page"):
+        part = extensions["repository"].cut_part(read(ROOT / file), options)
+        rows = r"^\|.*$" if file.startswith("benchmarks/") else r"(?!)"
+        text += re.sub(rows, "", part, flags=re.MULTILINE)
+    words = len(re.sub(r"^(`{3,}).*?^\1[ \t]*$", "", text, flags=re.MULTILINE | re.DOTALL).split())
+    assert words < MAX_WORDS
+
+
+def test_every_command_is_in_the_reference_once(extensions: dict[str, ModuleType]):
+    blocks, commands = extensions["blocks"], extensions["command_reference"].list_commands()
+    assert len(commands) > 20
+    folder = DOCS / "reference/commands"
+    pages = [read(page) for page in folder.glob("*.md")]
+    described = [name for page in pages for name, _ in blocks.find_blocks(page, "command")]
+    assert sorted(described) == sorted([*commands, "lcorpp"])
+    listed = set(re.findall(r"\blcorpp (\w+)", read(folder / "index.md")))
+    assert {name.split()[0] for name in commands} <= listed
+
+
+def test_every_option_is_in_the_reference(extensions: dict[str, ModuleType]):
+    """The options that `--help` prints are those of the generated text, with their defaults."""
+    from typer.main import get_command
+
+    from lcorpp.cli.app import app
+
+    reference = extensions["command_reference"]
+    root = get_command(app)
+    options = 0
+    for name in reference.list_commands():
+        command = root
+        for part in name.split():
+            command = command.commands[part]
+        text = reference.describe_command(name)
+        for parameter in command.params:
+            options += 1
+            for flag in parameter.opts if parameter.param_type_name == "option" else []:
+                line = re.search(rf"^`+{{option}} (?:.*, )?{re.escape(flag)}\b.*\n(.*)$", text, re.MULTILINE)
+                assert line, (name, flag)
+                is_plain = isinstance(parameter.default, (int, float)) and not parameter.is_flag
+                assert not is_plain or f"{parameter.default}" in line[1], (name, flag, line[1])
+    assert options > 300
+
+
+def test_every_public_name_is_in_the_api_reference_once(extensions: dict[str, ModuleType]):
+    api = extensions["api_reference"]
+    described = Counter[tuple[str, str]]()
+    for page in sorted((DOCS / "reference").rglob("*.md")):
+        for package, options in extensions["blocks"].find_blocks(read(page), "api"):
+            described.update((package, name) for name in api.choose_names(package, options))
+    stubs = sorted((ROOT / "src/lcorpp").glob("*/__init__.pyi"))
+    packages = [f"lcorpp.{stub.parent.name}" for stub in stubs] + ["lcorpp.errors"]
+    assert len(packages) > 15
+    expected = {(package, name) for package in packages for name in api.list_names(package)}
+    assert described == Counter(expected)
+
+
+def test_messages_and_helps_name_pages_that_exist():
+    named = {
+        (str(file.relative_to(ROOT)), page)
+        for file in (ROOT / "src").rglob("*.py")
+        for page in re.findall(r"\bdocs/[\w/-]+\.md", read(file))
+    }
+    assert len(named) > 3
+    assert {pair for pair in named if not (ROOT / pair[1]).exists()} == set()
+
+
+def test_a_docstring_s_fields_become_a_section(extensions: dict[str, ModuleType]):
+    lines = [
+        "A pair.",
+        "",
+        "first, second: the numbers. unit: theirs,",
+        "    in metres.",
+        "",
+        "Raises:",
+        "    E: a * b.",
+    ]
+    extensions["docstrings"].convert_docstring(lines, {"first", "second", "unit"})
+    assert lines == [
+        "A pair.", "", "", "Fields:",
+        "    first, second: the numbers.", "    unit: theirs,", "        in metres.",
+        "", "Raises:", r"    E: a \* b.",
+    ]  # fmt: skip
+
+
+def test_code_in_a_docstring_is_unchanged(extensions: dict[str, ModuleType]):
+    lines = [
+        "Add.",
+        "",
+        "    add(*pair)",
+        "",
+        "Example:",
+        "    >>> add(*pair) | 1",
+        "    3",
+        "",
+        "name_ ends so.",
+    ]
+    extensions["docstrings"].convert_docstring(lines, {"pair"})
+    assert lines[2:5] == ["::", "", "    add(*pair)"]
+    assert "    >>> add(*pair) | 1" in lines
+    assert extensions["docstrings"].escape_references(lines[-1]) == r"name\_ ends so."
+
+
+def test_links_to_files_lead_to_their_pages_or_the_repository(extensions: dict[str, ModuleType]):
+    repository = extensions["repository"]
+    pages = repository.find_pages()
+    guide = DOCS / "guides" / "trust" / "trust.md"
+
+    def resolve(target: str) -> str:
+        return repository.resolve_link(target, guide.parent, guide, pages)
+
+    assert resolve("../../../benchmarks/results/trust.md") == "../../background/benchmarks/trust.md"
+    assert resolve("../../../ARCHITECTURE.md#decisions") == "../../background/decisions.md#decisions"
+    assert resolve("../../../examples/drinks") == f"{repository.URL}/tree/main/examples/drinks"
+    assert (
+        resolve("../../../src/lcorpp/errors.py#L9") == f"{repository.URL}/blob/main/src/lcorpp/errors.py#L9"
+    )
+    assert resolve("watch.md#limits") == "watch.md#limits"
+    text = repository.resolve_links("`[a](b.md)` ![x](../../images/loop.svg)\n", guide.parent, guide, pages)
+    assert text == "`[a](b.md)` ![x](../../images/loop.svg)\n"
+
+
+class _Links(HTMLParser):
+    """Collects what a page loads from elsewhere."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.loaded: list[str] = []
+
+    def handle_starttag(self, tag: str, attributes: list[tuple[str, str | None]]) -> None:
+        values = dict(attributes)
+        if tag in ("script", "img", "iframe", "source"):
+            self.loaded.append(values.get("src") or "")
+        if tag == "link" and values.get("rel") in ("stylesheet", "preload", "icon"):
+            self.loaded.append(values.get("href") or "")
+
+
+@pytest.mark.slow
+def test_the_site_is_built_without_a_warning(tmp_path: Path):
+    """Warnings are errors; no page loads anything from elsewhere; the page to play on is in it."""
+    for package in ("sphinx", "furo", "myst_nb", "sphinx_design", "sphinx_copybutton"):
+        pytest.importorskip(package)
+    command = [
+        sys.executable,
+        "-m",
+        "sphinx",
+        "-q",
+        "-W",
+        "--keep-going",
+        "-b",
+        "html",
+        str(DOCS),
+        str(tmp_path),
+    ]
+    ended = subprocess.run(command, capture_output=True, text=True, cwd=ROOT)
+    assert ended.returncode == 0, ended.stderr
+    built = [page for page in tmp_path.rglob("*.html") if page.parent.name != "play"]
+    assert len(built) >= len(PAGES)
+    for page in built:
+        links = _Links()
+        links.feed(read(page))
+        assert [address for address in links.loaded if re.match(r"https?:|//", address)] == [], page
+    assert len(read(tmp_path / "play" / "index.html")) > 100_000
+    assert 'id="cmdoption-lcorpp-solve-precision"' in read(tmp_path / "reference/commands/planning.html")
+    assert 'id="lcorpp.planning.Pomdp"' in read(tmp_path / "reference/api/planning/models.html")
