@@ -20,6 +20,7 @@ extensions = [
     "sphinx.ext.napoleon",
     "sphinx_copybutton",
     "sphinx_design",
+    "accessible",
     "repository",
     "api_reference",
     "command_reference",
@@ -59,6 +60,7 @@ html_theme = "furo"
 html_title = "lcorpp"
 html_static_path = ["_static"]
 html_css_files = ["site.css"]
+html_js_files = ["site.js"]
 html_math_renderer = "mathml"
 html_copy_source = False
 html_theme_options = {

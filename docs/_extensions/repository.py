@@ -7,8 +7,7 @@ A page contains a Markdown file of the repository, or some of its sections:
     :until: A heading after it
     ```
 
-If the page has no title of its own, the first heading of the part becomes its title, with the text of
-`:title:`, if there is one. Relative links lead to
+If the page has no title of its own, the first heading of the part becomes its title. Relative links lead to
 the page of the site that contains the file and, where there is none, to the file in the repository.
 """
 
@@ -56,14 +55,18 @@ def cut_part(text: str, options: Mapping[str, str]) -> str:
     return "".join(lines[begin:end])
 
 
-def promote_headings(part: str, title: str | None) -> str:
-    """Return the part with its first heading as a title, and the others raised by as many levels."""
-    place, level, text = find_headings(part)[0]
-    lines = [
-        line[level - 1 :] if not is_code and _HEADING.match(line) else line
-        for line, is_code in mark_code(part)
-    ]
-    lines[place] = f"# {title or text}\n"
+def fit_headings(part: str, title: str | None) -> str:
+    """Return a part for a page with this title, without it a second time.
+
+    Without a title the first heading becomes the title, and the others are raised by as many levels.
+    """
+    headings = find_headings(part)
+    lines = [line for line, _ in mark_code(part)]
+    if title is None:
+        for k, level, text in headings:
+            lines[k] = f"{'#' * (1 + max(0, level - headings[0][1]))} {text}\n"
+    elif headings and (headings[0][1] == 1 or headings[0][2] == title):
+        del lines[headings[0][0]]
     return "".join(lines)
 
 
@@ -122,13 +125,12 @@ def _read_page(app: Any, docname: str, source: list[str]) -> None:
         return
     pages = app.env.lcorpp_repository_pages
     text = resolve_links(source[0], page.parent, page, pages)
-    has_title = any(level == 1 for _, level, _ in find_headings(text))
+    title = next((title for _, level, title in find_headings(text) if level == 1), None)
 
     def expand(file: str, options: Mapping[str, str]) -> str:
         app.env.note_dependency(str(ROOT / file))
         part = cut_part((ROOT / file).read_text(encoding="utf-8"), options)
-        part = part if has_title else promote_headings(part, options.get("title"))
-        return resolve_links(part, (ROOT / file).parent, page, pages)
+        return resolve_links(fit_headings(part, title), (ROOT / file).parent, page, pages)
 
     source[0] = expand_blocks(text, "repository-page", expand)
 

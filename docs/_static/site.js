@@ -1,0 +1,12 @@
+// Code and tables that are wider than the page scroll, and the keyboard reaches them.
+addEventListener("load", () => {
+  const parts = document.querySelectorAll("pre, .table-wrapper");
+  const mark = () => {
+    for (const part of parts) {
+      if (part.scrollWidth > part.clientWidth) part.tabIndex = 0;
+      else part.removeAttribute("tabindex");
+    }
+  };
+  addEventListener("resize", mark);
+  mark();
+});
