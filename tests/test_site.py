@@ -73,25 +73,29 @@ def test_links_lead_to_files_and_headings(page: Path, extensions: dict[str, Modu
             assert anchor in find_anchors(target, extensions), link
 
 
+def list_entries(page: Path, names: set[str]) -> set[str]:
+    """Return the pages that a page's tables of contents list; a pattern leaves out those listed before."""
+    own = page.relative_to(DOCS).with_suffix("")
+    listed = set[str]()
+    for block in re.findall(r"^`{3,}\{toctree\}\n(.*?)^`{3,}$", read(page), re.MULTILINE | re.DOTALL):
+        entries = [line for line in block.splitlines() if line and not line.startswith(":")]
+        in_block = set[str]()
+        for entry in entries:
+            pattern = os.path.normpath(own.parent / re.sub(r".*<(.*)>", r"\1", entry))
+            found = {name for name in names - {str(own)} if fnmatch(name, pattern)}
+            found = {name for name in found if name.count("/") == pattern.count("/")} - in_block
+            assert found, f"{page}: {entry} names no page"
+            in_block |= found
+        assert not in_block & listed, page
+        listed |= in_block
+    return listed
+
+
 def test_every_page_is_in_one_table_of_contents():
     names = {page.relative_to(DOCS).with_suffix("").as_posix() for page in PAGES}
-    listed = Counter[str]()
-    for page in PAGES:
-        folder = page.parent.relative_to(DOCS)
-        for block in re.findall(r"^`{3,}\{toctree\}\n(.*?)^`{3,}$", read(page), re.MULTILINE | re.DOTALL):
-            entries = [line for line in block.splitlines() if line and not line.startswith(":")]
-            for entry in entries:
-                pattern = os.path.normpath(folder / (re.sub(r".*<(.*)>", r"\1", entry)))
-                own = page.relative_to(DOCS).with_suffix("").as_posix()
-                found = [
-                    name
-                    for name in names - {own}
-                    if fnmatch(name, pattern) and name.count("/") == pattern.count("/")
-                ]
-                assert found, (str(page), entry)
-                listed.update(found)
-    assert names - listed.keys() == {"index"}
-    assert {name: count for name, count in listed.items() if count > 1} == {}
+    counts = Counter(name for page in PAGES for name in list_entries(page, names))
+    assert names - counts.keys() == {"index"}
+    assert {name: count for name, count in counts.items() if count > 1} == {}
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(DOCS)))
