@@ -1,5 +1,6 @@
 """Settings of the site, for Sphinx: `make docs` builds it into build/site."""
 
+import os
 import sys
 from importlib.metadata import version as installed_version
 from pathlib import Path
@@ -38,6 +39,9 @@ nb_execution_mode = "cache"
 nb_execution_cache_path = str(Path(__file__).parents[1] / "build" / "notebooks")
 nb_execution_raise_on_error = True
 nb_execution_timeout = 300
+os.environ["PATH"] = os.pathsep.join(
+    [str(Path(sys.executable).parent), os.environ["PATH"]]
+)  # `lcorpp` in notebooks
 nb_ipywidgets_js: dict[str, dict[str, str]] = {}  # by default from a server
 smartquotes = False  # `--option` keeps its hyphens
 
