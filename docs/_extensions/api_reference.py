@@ -151,7 +151,7 @@ def _process_docstring(_app: Any, what: str, _name: str, value: Any, _options: A
 def _escape_docstring(
     _app: Any, _what: str, _name: str, _value: Any, _options: Any, lines: list[str]
 ) -> None:
-    lines[:] = escape_references("\n".join(lines)).split("\n")
+    escape_references(lines)
 
 
 def _list_parameters(value: Any) -> set[str]:

@@ -6,6 +6,8 @@ A field of a class is a line `name: text`, without a heading; several may share 
 from __future__ import annotations
 
 import re
+from itertools import groupby
+from operator import itemgetter
 
 _SECTION = re.compile(r"[A-Z]\w*( \w+)?:")
 _SPAN = re.compile(r"(``.+?``|`[^`]+`)", re.DOTALL)
@@ -17,17 +19,26 @@ def convert_docstring(lines: list[str], names: set[str]) -> None:
     names: the fields, or the parameters of a function.
     """
     _split_fields(lines, names)
-    text, result = list[str](), list[str]()
-    for line, is_code in _mark_code(lines):
-        if not is_code:
-            text.append(line)
-            continue
-        result += _escape("\n".join(text)).split("\n") if text else []
-        text.clear()
-        if line.startswith(" ") and result and not result[-1]:
+    result = list[str]()
+    for part, is_code in _split_code(lines):
+        if is_code and part[0].startswith(" ") and not part[0].lstrip().startswith(">>>"):
             result += ["::", ""]
-        result.append(line)
-    lines[:] = result + (_escape("\n".join(text)).split("\n") if text else [])
+        result += part if is_code else _escape("\n".join(part)).split("\n")
+    lines[:] = result
+
+
+def escape_references(lines: list[str]) -> None:
+    """Escape what reStructuredText takes for references, after napoleon: underscores at the ends of names."""
+    result = list[str]()
+    for part, is_code in _split_code(lines):
+        result += part if is_code else _escape_names("\n".join(part)).split("\n")
+    lines[:] = result
+
+
+def _split_code(lines: list[str]) -> list[tuple[list[str], bool]]:
+    """Return the parts of a docstring that are code or not."""
+    groups = groupby(_mark_code(lines), key=itemgetter(1))
+    return [([line for line, _ in group], is_code) for is_code, group in groups]
 
 
 def _mark_code(lines: list[str]) -> list[tuple[str, bool]]:
@@ -59,11 +70,10 @@ def _escape(text: str) -> str:
     return "".join(parts)
 
 
-def escape_references(text: str) -> str:
-    """Escape the underscores at the ends of names, which reStructuredText takes for references."""
+def _escape_names(text: str) -> str:
     parts = _SPAN.split(text)
     parts[::2] = [re.sub(r"(?<=\w)(?<!\\)_(?![\w`])", r"\\_", part) for part in parts[::2]]
-    return "".join(parts)
+    return re.sub(r"(?<=[*)]) -- ", " – ", "".join(parts))  # napoleon's, between a name and its text
 
 
 def _split_fields(lines: list[str], names: set[str]) -> None:
