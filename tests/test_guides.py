@@ -77,6 +77,7 @@ CHECKS = {
     "guides/trust/log.md": 6,
     "guides/trust/trust.md": 2,
     "guides/trust/watch.md": 3,
+    "start/index.md": 3,
     "start/plog.md": 8,
     "start/pomdp.md": 5,
     "start/trajectories.md": 5,
