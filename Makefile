@@ -105,6 +105,7 @@ docs: $(VENV)/.docs
 
 $(VENV)/.docs: pyproject.toml | $(VENV)/.runtime
 	$(PIP) -e '.[docs]'
+	@rm -f $(VENV)/.wheel
 	touch $@
 
 NO_COMPILER := no C++ compiler, which lcorpp needs: install g++ (Debian, Ubuntu: apt install g++; macOS: xcode-select --install)

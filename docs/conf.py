@@ -12,6 +12,7 @@ from repository import URL
 
 project = "lcorpp"
 author = "The lcorpp founders"
+copyright = "2026, the lcorpp founders, MIT licence"
 version = release = installed_version("lcorpp")
 
 extensions = [
