@@ -252,6 +252,7 @@ def test_a_program_without_numbers_is_an_error(tmp_path: Path) -> None:
         audit_people(replace(people, program=parse_plog("\n".join(kept))))
 
 
+@pytest.mark.slow
 def test_given_facts_do_not_determine_their_own_numbers(tmp_path: Path) -> None:
     """A robot on duty in the library in the mornings: no number of the knowledge is wrong."""
     log = tmp_path / "log"

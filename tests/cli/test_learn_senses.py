@@ -77,6 +77,7 @@ def test_the_last_matrix_is_that_of_all_labels(lcorpp, domain, tmp_path):
     assert f"voice: 48 cases; recall: {recall}; change" in ended.out
 
 
+@pytest.mark.slow
 def test_an_interrupted_run_of_two_senses_resumes(lcorpp, domain, tmp_path, monkeypatch):
     """Ctrl-C between the stores of the two senses, after a decision and after a training."""
     learn = ("learn", domain, *LEARN, *BATCHES, "--max-batches", 3)

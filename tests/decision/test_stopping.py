@@ -49,6 +49,7 @@ def test_many_cases_agree_with_the_normal_distribution():
     assert change.high - change.estimate == pytest.approx(radius, rel=0.03)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "rates", [[[0.75, 0.25], [0.3, 0.7]], [[0.8, 0.1, 0.1], [0.2, 0.7, 0.1], [0, 0.3, 0.7]]]
 )

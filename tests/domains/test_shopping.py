@@ -116,6 +116,7 @@ def test_the_people_of_a_program_are_its_worlds():
     assert sum(full.values()) == pytest.approx(1)
 
 
+@pytest.mark.slow
 def test_three_values_each_return_more_at_less_cost_than_planning_alone():
     """The search stops at a gap, not at a time, so that the policy is the same on every machine."""
     domain = load_domain("shopping")

@@ -57,6 +57,7 @@ def test_the_precision_is_reached_at_the_priors_of_soft_evidence():
     assert min(before[2].gap, before[3].gap) > 0.1
 
 
+@pytest.mark.slow
 def test_the_gap_of_decisions_one_by_one_and_of_exact_ones(tmp_path):
     domain, rows = load_domain("museum"), strategies(["R+P", "LCORPP"])
     exact = compare_strategies(domain, ComparisonOptions(rows, trials=None))

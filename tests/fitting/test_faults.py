@@ -139,6 +139,7 @@ def test_hypotheses_of_tables_are_the_programs_with_their_numbers(given):
         np.testing.assert_allclose(found[f], joint / joint.sum() if given else joint, atol=1e-12)
 
 
+@pytest.mark.slow
 def test_overlapping_conditions_and_arguments_have_simple_faults_alone():
     faults = list_faults(load_domain("shopping").program, ["time", "item", "person", "room"])
     kinds = {

@@ -165,6 +165,7 @@ def test_without_answers_the_report_is_an_answer(intention, unknown, known):
     np.testing.assert_allclose(found, expected, atol=0.06)
 
 
+@pytest.mark.slow
 def test_a_sense_of_one_of_several_shared_variables(tmp_path):
     """Three variables: the gaze shows the item, the voice the person; each question is about one of them."""
     domain, rng = load_domain(write_learning_domain(tmp_path / "deliveries")), np.random.default_rng(0)

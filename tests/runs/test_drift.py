@@ -37,6 +37,7 @@ def run(rng, senses=("walk",), batches=8, size=30, change_at=None, shift=0.0, ag
     return rows
 
 
+@pytest.mark.slow
 def test_without_a_change_alarms_are_as_rare_as_stated():
     """100 runs of two senses, four tests; 5 false alarms or fewer are expected, 12 are 3 sigma more."""
     rng = np.random.default_rng(0)
@@ -45,6 +46,7 @@ def test_without_a_change_alarms_are_as_rare_as_stated():
     assert sum(false) < 100 * FALSE_ALARMS + 3 * (100 * FALSE_ALARMS) ** 0.5
 
 
+@pytest.mark.slow
 def test_a_capital_exceeds_n_in_at_most_one_of_n_runs():
     rng = np.random.default_rng(0)
     highest = [max(compute_capital(p[:n]) for n in range(1, 21)) for p in rng.random((800, 20))]

@@ -109,8 +109,8 @@ def interrupt(monkeypatch):
     [
         # the checkpoint of the initial training and 14 decisions come first; a run begins with a checkpoint
         ("rooms, soft", (2, 17, 19, 27), (30,)),
-        ("deliveries", (16, 29), ()),
-        ("rooms, watched", (12, 26), ()),
+        pytest.param("deliveries", (16, 29), (), marks=pytest.mark.slow),
+        pytest.param("rooms, watched", (12, 26), (), marks=pytest.mark.slow),
     ],
 )
 def test_an_interrupted_run_decides_as_one_that_was_not(

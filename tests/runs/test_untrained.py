@@ -59,7 +59,9 @@ def test_soft_labels_count_by_weight():
     assert is_trainable(weighted, ("a", "b"), 4)
 
 
-@pytest.mark.parametrize("evidence", ["hard", "soft", "set"])
+@pytest.mark.parametrize(
+    "evidence", ["hard", *(pytest.param(kind, marks=pytest.mark.slow) for kind in ("soft", "set"))]
+)
 def test_without_data_lcorpp_decides_like_r_and_p(evidence):
     """One batch of 400 people: within four standard errors of the exact scores of R+P."""
     domain = load_domain("intention", preset="paper")

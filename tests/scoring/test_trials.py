@@ -215,6 +215,7 @@ def test_an_interrupt_keeps_the_people_who_are_complete_at_once(rooms, monkeypat
     assert all(np.sum(result.counts) == 3000 for result in results)
 
 
+@pytest.mark.slow
 @dataclass(frozen=True)
 class Stalling:
     """A reasoner that never returns from its 200th answer in a process, after it has created a file."""

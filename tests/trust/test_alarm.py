@@ -109,6 +109,7 @@ def test_biased_answers_are_no_fault_of_the_knowledge(n_answers):
     assert [(finding.part, finding.change) for finding in alarm.findings] == [(HEARING, BIAS_CHANGE)]
 
 
+@pytest.mark.slow
 def test_false_alarms_are_rarer_than_the_rate():
     alarms = 0
     for seed in range(100):

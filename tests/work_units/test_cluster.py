@@ -68,6 +68,7 @@ def start_worker(start: Start, address: str) -> subprocess.Popen[bytes]:
     return start("worker", address, "--nthreads", "1", "--no-nanny")
 
 
+@pytest.mark.slow
 def test_the_units_of_a_killed_worker_go_to_another_one(start, scheduler):
     _, address = scheduler
     workers = [start_worker(start, address) for _ in range(2)]
@@ -99,6 +100,7 @@ def test_a_sweep_on_a_cluster_has_the_numbers_of_one_process(start, scheduler, t
     assert found.rows == run_sweep(sweep, tmp_path / "here").rows
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("lost", ["scheduler", "worker"])
 def test_a_cluster_that_goes_away_is_named(start, scheduler, monkeypatch, lost):
     monkeypatch.setattr(cluster, "IDLE_SECONDS", 2)

@@ -37,6 +37,7 @@ def test_the_unit_of_a_killed_worker_is_evaluated_again(tmp_path):
     assert (tmp_path / "killed").exists()
 
 
+@pytest.mark.slow
 def test_a_unit_that_always_ends_its_worker_is_given_up():
     words = r"3 times in a row with \d units left, perhaps for lack of memory"
     with pytest.raises(WorkerError, match=words):

@@ -63,6 +63,7 @@ def whole(tmp_path_factory):
     return compare(load_domain(ROOMS), log=log), log
 
 
+@pytest.mark.slow
 def test_scores_and_log_do_not_depend_on_the_processes(whole, tmp_path):
     domain, (one, log) = load_domain(ROOMS), whole
     two = compare(domain, jobs=2, log=tmp_path / "two")

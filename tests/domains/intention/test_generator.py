@@ -33,6 +33,7 @@ def benchmark() -> Iterator[ModuleType]:
     del sys.modules[spec.name]
 
 
+@pytest.mark.slow
 def test_no_shortcut_feature_reveals_the_class():
     recording = simulate_recording(
         load_domain("intention"), np.random.default_rng(0), tracks=1200, positives=600

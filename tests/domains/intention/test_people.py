@@ -149,6 +149,7 @@ def test_interested_people_face_the_robot():
     assert away(interested) < away(passing)
 
 
+@pytest.mark.slow
 @settings(max_examples=10)
 @given(st.floats(0.04, 60), st.integers(1, 3), st.integers(0, 2**32))
 def test_recordings_last_as_long_as_asked(seconds, size, seed):

@@ -37,6 +37,7 @@ def found():
     return run_from_no_data(clear, planner, 3, **SIZES)
 
 
+@pytest.mark.slow
 def test_without_learning_all_batches_are_decided_like_r_and_p(found):
     _, accuracy, cost, cost_sd, _ = TABLE["paper"]["R+P"]
     outcomes = found[NONE]

@@ -64,6 +64,7 @@ def report(tmp_path_factory):
     return folder / "report.html"
 
 
+@pytest.mark.slow
 def test_the_report_fits_a_phone_and_a_desk(report, tmp_path):
     frames = "".join(
         f'<iframe src="{report.as_uri()}" style="width:{w}px;height:900px"></iframe>' for w in (390, 1100)

@@ -30,6 +30,7 @@ def run_kills(kills: int, longest: float) -> str:
     return ended.stdout
 
 
+@pytest.mark.slow
 def test_three_kills():
     report = run_kills(3, longest=0.05)
     assert re.match(

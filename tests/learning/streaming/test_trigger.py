@@ -152,6 +152,7 @@ def test_laws_of_the_threshold(seed):
     assert (before == 1 + timeline.lengths // 2).all()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("rule", "cost"), [("threshold", 0.005), ("teaser", None)])
 def test_the_expected_score_is_that_of_other_people(rule, cost):
     expected, reached = [], []
@@ -168,6 +169,7 @@ def test_the_expected_score_is_that_of_other_people(rule, cost):
     assert abs(seconds) < 0.5
 
 
+@pytest.mark.slow
 def test_dearer_waiting_decides_earlier():
     timeline = make_timeline(0, 200)
     for rule in ("threshold", "teaser"):

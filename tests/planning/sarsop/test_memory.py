@@ -81,6 +81,7 @@ def test_a_search_goes_on_at_the_limit():
     assert certificate(found, tolerance=1e-6).verdict != "refuted"
 
 
+@pytest.mark.slow
 def test_it_goes_on_several_times_on_a_published_model():
     pomdp = read_pomdp(shared_model("tag-avoid.pomdp"))
     found = solve(pomdp, time_limit=600, memory_limit=1e7, callback=Watch(4))
