@@ -5,7 +5,9 @@ import gc
 import os
 import shutil
 import signal
+import sys
 import tempfile
+from dataclasses import dataclass
 from functools import cache
 
 import pytest
@@ -31,6 +33,37 @@ if "PYTEST_XDIST_WORKER" not in os.environ:
 
 # The parser of all commands takes longer than most commands of the tests; they share it.
 typer.main.get_command = cache(typer.main.get_command)
+
+
+@dataclass(frozen=True)
+class Ended:
+    """What a command printed and its exit code."""
+
+    code: int
+    out: str
+    err: str
+
+
+@pytest.fixture
+def lcorpp(monkeypatch, capsys):
+    """Run a command in this process, as the shell would see it."""
+    from lcorpp.cli.main import main  # after the settings above
+
+    monkeypatch.setenv("COLUMNS", "200")
+    monkeypatch.setenv("TERM", "dumb")
+
+    def run(*arguments: object) -> Ended:
+        monkeypatch.setattr(sys, "argv", ["lcorpp", *map(str, arguments)])
+        capsys.readouterr()
+        try:
+            main()
+            code = 0
+        except SystemExit as ended:
+            code = 0 if ended.code is None else int(ended.code)
+        captured = capsys.readouterr()
+        return Ended(code, captured.out, captured.err)
+
+    return run
 
 
 @pytest.fixture

@@ -8,8 +8,6 @@ from pathlib import Path
 
 import pytest
 
-from lcorpp.cli.main import main
-
 DOCS = Path(__file__).parents[1] / "docs"
 PAGE = (DOCS / "gallery.md").read_text(encoding="utf-8")
 PICTURES = re.findall(r"^!\[(.*)\]\((.*)\)$", PAGE, re.MULTILINE)
@@ -24,7 +22,7 @@ def test_each_picture_is_there_and_described():
 
 
 @pytest.mark.slow
-def test_the_commands_make_the_pictures(tmp_path, monkeypatch):
+def test_the_commands_make_the_pictures(tmp_path, monkeypatch, lcorpp):
     """Blocks of ``sh`` with a second word are not run, apart from ``exit-code-1``; named blocks are files."""
     monkeypatch.chdir(tmp_path)
     for kind, note, text in re.findall(r"^```(\w+)(?: (\S+))?\n(.*?)^```$", PAGE, re.MULTILINE | re.DOTALL):
@@ -32,13 +30,9 @@ def test_the_commands_make_the_pictures(tmp_path, monkeypatch):
             Path(note).write_text(text)
             continue
         for line in text.replace("\\\n", "").splitlines() if note in ("", "exit-code-1") else ():
-            monkeypatch.setattr("sys.argv", shlex.split(line))
-            try:
-                main()
-                code = 0
-            except SystemExit as end:
-                code = end.code or 0
-            assert code == (note == "exit-code-1"), line
+            program, *arguments = shlex.split(line)
+            assert program == "lcorpp"
+            assert lcorpp(*arguments).code == (note == "exit-code-1"), line
     names = {"strategies": "strategies/results", "trial": "figures/trial", "sweep": "sweep/sweep"}
     names |= {"report": "learnt/report"}
     made = [Path(path).stem for _, path in PICTURES if "/gallery/" in path and "bounds" not in path]

@@ -13,6 +13,7 @@ import ast
 import re
 import shlex
 import subprocess
+from collections.abc import Callable
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
@@ -20,7 +21,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from lcorpp.cli.main import main
+from tests.conftest import Ended
 
 ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"
@@ -98,12 +99,11 @@ def find_runnable_pages() -> list[str]:
 
 @pytest.mark.parametrize("name", find_runnable_pages())
 def test_a_page_is_true(
-    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, lcorpp: Callable[..., Ended]
 ) -> None:
     blocks = BLOCK.findall(PAGES[name])
     assert PAGES[name].count("\n```") == 2 * len(blocks)
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setenv("COLUMNS", "200")
     names: dict[str, Any] = {}
     printed, checks = "", 0
     for kind, note, text in blocks:
@@ -111,7 +111,7 @@ def test_a_page_is_true(
             if not note or find_spec(note):
                 checks += run(text, names)
         elif kind == "sh" and not note:
-            printed = "".join(run_command(line, monkeypatch, capsys) for line in text.splitlines())
+            printed = "".join(run_command(line, lcorpp) for line in text.splitlines())
         elif kind == "text" and not note:
             pattern = re.escape(text).replace(re.escape("..."), ".*")
             assert re.fullmatch(pattern, printed, re.DOTALL), printed
@@ -143,7 +143,7 @@ def test_paths_of_pages_in_sources_exist() -> None:
     assert [path for path in sorted(found) if not (ROOT / path).exists()] == []
 
 
-def test_the_readme_s_tiger_can_be_pasted(tmp_path, monkeypatch, capsys):
+def test_the_readme_s_tiger_can_be_pasted(tmp_path, monkeypatch, lcorpp):
     page = (DOCS.parent / "README.md").read_text(encoding="utf-8")
     copy, *commands = re.search(r"^```sh\n(sed .*?)^```$", page, re.MULTILINE | re.DOTALL)[1].splitlines()
     (tmp_path / "docs").symlink_to(DOCS)
@@ -151,23 +151,19 @@ def test_the_readme_s_tiger_can_be_pasted(tmp_path, monkeypatch, capsys):
     subprocess.run(copy, shell=True, check=True)
     assert commands[0].startswith("lcorpp solve tiger.pomdp -o tiger.policy")
     for command in commands:
-        run_command(command, monkeypatch, capsys)
+        run_command(command, lcorpp)
     assert {path.name for path in tmp_path.iterdir()} >= {"tiger.policy", "beliefs.png", "graph.png"}
 
 
-def run_command(line: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> str:
+def run_command(line: str, lcorpp: Callable[..., Ended]) -> str:
     """Return the output of a command, or its error message."""
-    monkeypatch.setattr("sys.argv", shlex.split(line, comments=True))
-    code: str | int | None = 0
-    try:
-        main()
-    except SystemExit as ended:
-        code = ended.code
-    output = capsys.readouterr()
-    if code == 2 and output.err.strip().startswith("lcorpp: broken"):
-        return output.err.lstrip("\n")
-    assert code in (0, None), output.err
-    return output.out
+    program, *arguments = shlex.split(line, comments=True)
+    assert program == "lcorpp"
+    ended = lcorpp(*arguments)
+    if ended.code == 2 and ended.err.strip().startswith("lcorpp: broken"):
+        return ended.err.lstrip("\n")
+    assert ended.code == 0, ended.err
+    return ended.out
 
 
 def run(text: str, names: dict[str, Any]) -> int:

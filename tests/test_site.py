@@ -169,16 +169,6 @@ def test_every_public_name_is_in_the_api_reference_once(extensions: dict[str, Mo
     assert described == Counter(expected)
 
 
-def test_messages_and_helps_name_pages_that_exist():
-    named = {
-        (str(file.relative_to(ROOT)), page)
-        for file in (ROOT / "src").rglob("*.py")
-        for page in re.findall(r"\bdocs/[\w/-]+\.md", read(file))
-    }
-    assert len(named) > 3
-    assert {pair for pair in named if not (ROOT / pair[1]).exists()} == set()
-
-
 def test_a_docstring_s_fields_become_a_section(extensions: dict[str, ModuleType]):
     lines = [
         "A pair.",

@@ -11,12 +11,13 @@ import re
 import shlex
 import sys
 import textwrap
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from lcorpp.cli.main import main
+from tests.conftest import Ended
 
 TUTORIALS = Path(__file__).parents[1] / "docs" / "tutorials"
 
@@ -30,19 +31,17 @@ def list_cells(page: str) -> list[str]:
 class Notebook:
     """The names that the cells define, everything that they print, and the number of failed commands."""
 
-    def __init__(self, capsys: pytest.CaptureFixture[str]) -> None:
+    def __init__(self, lcorpp: Callable[..., Ended], capsys: pytest.CaptureFixture[str]) -> None:
         self.names: dict[str, Any] = {"run_command": self.run_command}
-        self.printed, self.failed, self._capsys = "", 0, capsys
+        self.printed, self.failed, self._lcorpp, self._capsys = "", 0, lcorpp, capsys
 
     def run_command(self, line: str) -> None:
+        self.printed += "".join(self._capsys.readouterr())  # of the cell so far
         program, *arguments = shlex.split(line)
         assert program == "lcorpp"
-        with pytest.MonkeyPatch.context() as patch:
-            patch.setattr("sys.argv", [program, *arguments])
-            try:
-                main()
-            except SystemExit as end:
-                self.failed += end.code not in (None, 0)
+        ended = self._lcorpp(*arguments)
+        self.failed += ended.code != 0
+        self.printed += ended.out + ended.err
 
     def run(self, cell: str) -> None:
         magic, _, text = cell.partition("\n")
@@ -99,12 +98,15 @@ def test_all_tutorials_are_run():
     "name", [pytest.param(x, marks=pytest.mark.slow if x in SLOW else ()) for x in STATED]
 )
 def test_a_tutorial_is_true(
-    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    name: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    lcorpp: Callable[..., Ended],
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
     monkeypatch.chdir(tmp_path)
     monkeypatch.syspath_prepend(tmp_path)
-    monkeypatch.setenv("COLUMNS", "200")
-    notebook = Notebook(capsys)
+    notebook = Notebook(lcorpp, capsys)
     for cell in list_cells((TUTORIALS / f"{name}.md").read_text(encoding="utf-8")):
         notebook.run(cell)
     for file in tmp_path.glob("*.py"):

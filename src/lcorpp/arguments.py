@@ -44,13 +44,18 @@ def check_arguments(function: Callable[P, R]) -> Callable[P, R]:
 def check_fields(value: object) -> None:
     """Check the fields of a dataclass, as `check_arguments` does; for `__post_init__`.
 
+    Another sequence where a tuple is expected becomes a tuple.
+
     Raises:
         DataError: a field has a value that its annotation does not allow.
     """
     kind: Any = type(value)
     hints = _read_hints(kind)
     for field in fields(value):  # type: ignore[arg-type]  # a dataclass
-        check_value(getattr(value, field.name), hints[field.name], f"{type(value).__name__}: {field.name}")
+        own, hint = getattr(value, field.name), hints[field.name]
+        check_value(own, hint, f"{kind.__name__}: {field.name}")
+        if get_origin(hint) is tuple and not isinstance(own, tuple):
+            object.__setattr__(value, field.name, tuple(own))  # the dataclass is frozen
 
 
 @functools.cache

@@ -1,41 +1,10 @@
-"""Running a command inside the test's process, as the shell would see it."""
+"""Inputs and settings of the tests of commands; the fixture `lcorpp` runs one."""
 
 import logging
-import sys
-from dataclasses import dataclass
 
 import pytest
 
-from lcorpp.cli.main import main
 from tests.planning.models import TIGER
-
-
-@dataclass(frozen=True)
-class Ended:
-    """What a command printed and its exit code."""
-
-    code: int
-    out: str
-    err: str
-
-
-@pytest.fixture
-def lcorpp(monkeypatch, capsys):
-    monkeypatch.setenv("COLUMNS", "200")
-    monkeypatch.setenv("TERM", "dumb")
-
-    def run(*arguments: object) -> Ended:
-        monkeypatch.setattr(sys, "argv", ["lcorpp", *map(str, arguments)])
-        capsys.readouterr()
-        try:
-            main()
-            code = 0
-        except SystemExit as ended:
-            code = 0 if ended.code is None else int(ended.code)
-        captured = capsys.readouterr()
-        return Ended(code, captured.out, captured.err)
-
-    return run
 
 
 @pytest.fixture

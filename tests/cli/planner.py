@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from tests.cli.conftest import Ended
+from tests.conftest import Ended
 
 AUTHORS = Path(__file__).parents[2] / "src/lcorpp/domains/intention/authors.pomdp"
 

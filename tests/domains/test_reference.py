@@ -12,7 +12,7 @@ PAGE = Path(__file__).parents[2] / "docs" / "reference" / "domain-toml.md"
 
 
 @pytest.fixture(scope="module")
-def known():
+def known_keys():
     """Section -> keys that the readers access in the shipped domains."""
     found: dict[str, set[str]] = {}
     reject = TomlTable.reject_unknown_keys
@@ -30,7 +30,7 @@ def known():
 
 
 @pytest.mark.parametrize("section", ["reasoning", "learning", "planning", "simulation"])
-def test_the_page_lists_the_keys_of_a_section(known, section):
+def test_the_page_lists_the_keys_of_a_section(known_keys, section):
     page = PAGE.read_text(encoding="utf-8")
     part = re.search(rf"^## \[{section}\]\n(.*?)(?=^## )", page, re.MULTILINE | re.DOTALL)[1]
     cells = re.findall(r"^\| (`.*?) \| ", part, re.MULTILINE)
@@ -39,4 +39,4 @@ def test_the_page_lists_the_keys_of_a_section(known, section):
         for cell in cells
         for key in re.findall(r"`\[?([\w.]+)\]?`", cell)
     }
-    assert keys == known[section]
+    assert keys == known_keys[section]

@@ -12,7 +12,6 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from lcorpp.errors import DataError, FileError
 from lcorpp.learning import read_recording
 from lcorpp.worlds.ros.people_bag import list_people_topics, read_people_bag
-from tests.cli.conftest import lcorpp  # noqa: F401
 
 PEOPLE_MSGS = {
     "people_msgs/msg/Person": "string name\ngeometry_msgs/Point position\nfloat64 reliability\n",
@@ -78,7 +77,7 @@ def test_a_bag_has_the_samples_of_its_people(bag):
     assert read_people_bag(bag, "/people") == samples
 
 
-def test_lcorpp_track_writes_its_tracks(bag, lcorpp, tmp_path):  # noqa: F811
+def test_lcorpp_track_writes_its_tracks(bag, lcorpp, tmp_path):
     ended = lcorpp("track", bag, "-o", tmp_path / "tracks.csv")
     assert (ended.code, ended.err) == (0, "")
     assert "2 tracks, 40 samples" in ended.out

@@ -184,8 +184,6 @@ class Recording:
 
     def __post_init__(self) -> None:
         check_fields(self)
-        for name in ("tracks", "notes", "repairs"):
-            object.__setattr__(self, name, tuple(getattr(self, name)))
         names = [track.id for track in self.tracks]
         if len(set(names)) < len(names):
             twice = next(name for name in names if names.count(name) > 1)

@@ -71,7 +71,6 @@ class Calibration:
 
     def __post_init__(self) -> None:
         check_fields(self)
-        object.__setattr__(self, "classes", tuple(self.classes))
         for name in ARRAYS:
             object.__setattr__(self, name, freeze(getattr(self, name)))
         k = len(self.classes)

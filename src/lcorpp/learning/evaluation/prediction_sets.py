@@ -64,7 +64,6 @@ class PredictionSets:
     def __post_init__(self) -> None:
         check_fields(self)
         check_coverage(self.coverage)
-        object.__setattr__(self, "classes", tuple(self.classes))
         for name in ("floors", "counts"):
             object.__setattr__(self, name, freeze(getattr(self, name)))
         object.__setattr__(self, "best", np.asarray(self.best, dtype=np.intp))

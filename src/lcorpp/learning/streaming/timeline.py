@@ -59,8 +59,6 @@ class PredictionTimeline:
 
     def __post_init__(self) -> None:
         check_fields(self)
-        for name in ("points", "labels", "classes", "folds", "groups"):
-            object.__setattr__(self, name, tuple(getattr(self, name)))
         object.__setattr__(self, "probabilities", freeze(self.probabilities))
         weights = self.weights if np.size(self.weights) else np.ones(len(self.labels))
         object.__setattr__(self, "weights", freeze(weights))
