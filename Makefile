@@ -60,7 +60,7 @@ check-slow: $(VENV)/.dev
 
 # The share of lines that the tests run, in their process and in those that they start.
 coverage: $(VENV)/.dev
-	$(PIP) coverage[toml] pytest-cov
+	$(PIP) "coverage[toml]>=7.10" pytest-cov
 	$(BIN)/python -m pytest -m "not slow" -n 2 --dist worksteal --cov --cov-report=term:skip-covered --cov-report=xml:build/coverage.xml
 
 # Wheels for other machines: for Python 3.11, and for 3.12 and newer, by the first of these that is there.
@@ -123,7 +123,7 @@ $(VENV)/.torch: | $(VENV)/.python
 
 # A wheel of these sources in dist/ saves compiling; once a source changes, it no longer fits (.wheel: it was installed).
 # The C++ kernels train the LSTM; PyTorch does where the compiler is too old for them.
-$(VENV)/.runtime: $(NATIVE) $(if $(wildcard $(VENV)/.wheel),$(shell git ls-files src)) | $(VENV)/.python
+$(VENV)/.runtime: $(NATIVE) $(if $(wildcard $(VENV)/.wheel),$(shell find src -type f -not -path "*/__pycache__/*")) | $(VENV)/.python
 	@rm -f $(VENV)/.wheel
 	if wheel=$$($(BIN)/python tools/fitting_wheel.py $(DIST)); then \
 	  $(BIN)/pip uninstall --quiet --yes lcorpp 2>/dev/null; $(PIP) $$wheel && touch $(VENV)/.wheel; \
@@ -143,4 +143,4 @@ $(VENV)-bench/.peers: pyproject.toml
 	touch $@
 
 clean:
-	rm -rf $(VENV) $(VENV)-bench $(VENV)-sanitize out build dist .mypy_cache .pytest_cache .ruff_cache .hypothesis .import_linter_cache
+	rm -rf $(VENV) $(VENV)-bench $(VENV)-sanitize out build dist .coverage* .mypy_cache .pytest_cache .ruff_cache .hypothesis .import_linter_cache

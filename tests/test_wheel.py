@@ -94,6 +94,10 @@ def test_make_demo_installs_a_wheel_of_these_sources_only(tmp_path):
         folder.mkdir()
         pack(folder / HERE, **{name: "lcorpp/errors.py"})
         assert find_fitting_wheel(folder) is None
+    cut = tmp_path / "cut"
+    cut.mkdir()
+    (cut / HERE).write_bytes((tmp_path / HERE).read_bytes()[:1000])
+    assert find_fitting_wheel(cut) is None
     other = tmp_path / "other"
     other.mkdir()
     (tmp_path / HERE).rename(other / f"lcorpp-{lcorpp.__version__}-cp310-cp310-linux_x86_64.whl")

@@ -122,4 +122,7 @@ def write_compiler(tools: Path, folder: Path, name: str, target: str) -> Path:
 
 
 if __name__ == "__main__":
-    main()
+    try:
+        main()
+    except subprocess.CalledProcessError as error:  # the program has written why
+        sys.exit(f"no wheel: {' '.join(map(str, error.cmd[:3]))} ... failed")

@@ -43,6 +43,8 @@ def contains_sources(wheel: Path) -> bool:
     """Whether the wheel was built from the files of this checkout."""
     source = ROOT / "src"
     stamp = "lcorpp/native.sha256"
+    if not zipfile.is_zipfile(wheel):  # e.g. a copy that was cut off
+        return False
     with zipfile.ZipFile(wheel) as archive:
         packed = {
             name for name in archive.namelist() if name.startswith("lcorpp/") and not name.endswith("/")
