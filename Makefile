@@ -104,7 +104,7 @@ docs: $(VENV)/.docs
 	@echo "the site is in build/site/index.html"
 
 $(VENV)/.docs: pyproject.toml | $(VENV)/.runtime
-	$(PIP) -e '.[docs]'
+	$(PIP) -e '.[plots,docs]'
 	@rm -f $(VENV)/.wheel
 	touch $@
 
@@ -126,13 +126,13 @@ $(VENV)/.torch: | $(VENV)/.python
 $(VENV)/.runtime: $(NATIVE) $(if $(wildcard $(VENV)/.wheel),$(shell find src -type f -not -path "*/__pycache__/*")) | $(VENV)/.python
 	@rm -f $(VENV)/.wheel
 	if wheel=$$($(BIN)/python tools/fitting_wheel.py $(DIST)); then \
-	  $(BIN)/pip uninstall --quiet --yes lcorpp 2>/dev/null; $(PIP) $$wheel && touch $(VENV)/.wheel; \
-	else $(PIP) -e .; fi
+	  $(BIN)/pip uninstall --quiet --yes lcorpp 2>/dev/null; $(PIP) "$$wheel[plots]" && touch $(VENV)/.wheel; \
+	else $(PIP) -e '.[plots]'; fi
 	$(BIN)/python -c 'import lcorpp.learning.lstm._kernels' 2>/dev/null || $(PIP) $(TORCH)
 	touch $@
 
 $(VENV)/.dev: $(NATIVE) | $(VENV)/.torch
-	$(PIP) -e '.[torch,dev]'
+	$(PIP) -e '.[plots,fetch,torch,dev]'
 	@rm -f $(VENV)/.wheel
 	touch $@ $(VENV)/.runtime
 

@@ -5,8 +5,9 @@ from __future__ import annotations
 import codecs
 import io
 import os
-from collections.abc import Container, Iterable, Iterator
+from collections.abc import Container, Iterable, Iterator, Sequence
 from contextlib import contextmanager
+from importlib.util import find_spec
 from itertools import chain
 from typing import TYPE_CHECKING, BinaryIO, TextIO
 
@@ -137,6 +138,24 @@ def locate_bad_byte(path: str | Path) -> FileError:
     """Return the error for a file whose reading raised UnicodeDecodeError: the line of its first bad byte."""
     with open_input(path, MAX_MAPPED_BYTES) as file:
         return _locate_bad_byte(path, file)
+
+
+def has_matplotlib() -> bool:
+    """Whether figures can be drawn: with the extra `plots`."""
+    return find_spec("matplotlib") is not None
+
+
+def choose_formats(formats: Sequence[str] | None, default: Sequence[str]) -> Sequence[str]:
+    """Return the formats of figures, e.g. "png": those given, or the default ones; none without matplotlib.
+
+    Raises:
+        FileError: formats are given, and matplotlib is not installed.
+    """
+    if has_matplotlib():
+        return default if formats is None else formats
+    if formats:
+        raise FileError("figures need matplotlib, which is not installed: pip install 'lcorpp[plots]'")
+    return ()
 
 
 def write_atomically(path: str | Path, content: str | bytes) -> None:

@@ -4,6 +4,7 @@ import os
 import signal
 import subprocess
 import sys
+from importlib.resources import files
 from pathlib import Path
 
 import pytest
@@ -13,6 +14,8 @@ from lcorpp.errors import FileError
 from tests.cli.test_bad_input import refused
 
 fcntl = pytest.importorskip("fcntl")
+
+PLANNING = Path(str(files("lcorpp.domains") / "intention" / "interaction.pomdp"))
 
 RESULTS = [
     ("run", "--classifier", "channel", "--trials", 300),
@@ -50,6 +53,7 @@ def test_a_folder_that_cannot_be_written_is_refused():
 def test_a_killed_process_leaves_no_lock(tmp_path):
     code = """
 import sys, time
+from importlib.resources import files
 from pathlib import Path
 from lcorpp.cli.output_files import lock_results
 with lock_results(Path(sys.argv[1]), None):
@@ -82,3 +86,43 @@ def test_a_file_that_cannot_be_written_is_refused(tmp_path):
     check_writable(tmp_path / "new.csv")
     check_writable(Path(os.devnull))
     assert list(tmp_path.iterdir()) == []
+
+
+def test_results_have_no_figures_without_matplotlib(lcorpp, tmp_path, monkeypatch):
+    """The extra `plots` is named before the work; numbers are written as ever."""
+    monkeypatch.setitem(sys.modules, "matplotlib", None)
+    run = ("run", "intention", "--classifier", "channel", "--trials", 100, "--out", tmp_path / "run")
+    learn = ("learn", "intention", "--learner", "summaries", "--tracks", 40, "--max-batches", 1)
+    for command in (run, (*learn, "--batch-size", 5, "--out", tmp_path / "learn")):
+        ended = lcorpp(*command)
+        assert ended.code == 0, ended.err
+        assert "note: no figures are drawn; they need the extra lcorpp[plots]" in ended.out
+    (tmp_path / "noise.toml").write_text(
+        'domain = "intention"\nstrategies = ["LCORPP"]\n[axes]\nnoise = [0.1]\n'
+    )
+    assert lcorpp("sweep", tmp_path / "noise.toml", "--out", tmp_path / "sweep").code == 0
+    written = sorted(path.suffix for path in tmp_path.glob("*/*"))
+    assert {".csv", ".json", ".npz"} < set(written)
+    assert not {".png", ".pdf", ".svg"} & set(written)
+
+
+def test_a_figure_without_matplotlib_is_refused_before_the_work(lcorpp, tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "matplotlib", None)
+    commands = [
+        ("run", "intention", "--out", tmp_path / "run", "--format", "png"),
+        ("figures", "trial", "--out", tmp_path / "figures"),
+        ("solve", PLANNING, "-o", tmp_path / "tiger.alpha", "--plot", tmp_path / "bounds.svg"),
+        ("data", "plot", "tracks.csv", tmp_path / "tracks.png"),
+        ("audit", "decisions.jsonl", "--figure", tmp_path / "audit.png"),
+    ]
+    for command in commands:
+        refused(
+            lcorpp(*command), "figures need matplotlib, which is not installed: pip install 'lcorpp[plots]'"
+        )
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_download_without_pooch_is_refused(lcorpp, tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "pooch", None)
+    ended = lcorpp("data", "fetch", "http://127.0.0.1:9/tracks.csv", "-o", tmp_path)
+    refused(ended, "a download needs pooch: pip install 'lcorpp[fetch]'")

@@ -53,7 +53,7 @@ def figures(
 
     chosen = FigureOptions(fast, seed, console.count_processes(jobs), trials)
     folder = out or Path("out/figures")
-    with output_files.lock_results(folder, None):
+    with output_files.lock_results(folder, ["png"]):
         if not has_parquet():
             console.print_note("tables are written as CSV alone; Parquet needs the extra lcorpp[parquet]")
         run = FigureRun(folder, names, chosen, again=again)

@@ -103,13 +103,10 @@ class _Outcome:
             self.gaps += [self.solution.gap(episode.prior) for episode in result.batch.episodes]
 
     def write(self, folder: Path, domain: str, result: BatchResult, formats: Sequence[str] | None) -> None:
-        """Write all batches so far; formats: of the figure, None for the default ones."""
+        """Write all batches so far; formats: as of `write_batches`."""
         from lcorpp.experiments.batch_results import write_batches
-        from lcorpp.experiments.result_folder import FORMATS
 
-        self.written = write_batches(
-            folder, domain, result, solution=self.solution, formats=formats or FORMATS
-        )
+        self.written = write_batches(folder, domain, result, solution=self.solution, formats=formats)
 
 
 @contextmanager

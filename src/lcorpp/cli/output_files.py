@@ -8,8 +8,9 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
+from lcorpp.cli import console
 from lcorpp.errors import FileError, expected_one_of
-from lcorpp.files import FIGURE_SUFFIXES, make_folder
+from lcorpp.files import FIGURE_SUFFIXES, choose_formats, has_matplotlib, make_folder
 
 try:
     import fcntl
@@ -61,17 +62,21 @@ def lock_results(out: Path | None, formats: Sequence[str] | None) -> Iterator[No
     """Create a folder of results (--out), check that it can be written, and lock it for the block.
 
     The system ends the lock with the process, however it ends. A new folder is removed if it stays empty.
+    A note says that there are no figures if matplotlib is not installed.
     Without a folder there is nothing to do. On Windows, and on a file system without locks, there is no lock.
 
     Raises:
         FileError: another process has the lock, the folder cannot be created or written to, or there are
-            formats of figures (--format) and no folder.
+            formats of figures (--format) and no folder or no matplotlib.
     """
     if out is None:
         if formats:
             raise FileError("--format is for the figures in --out; without --out none is drawn")
         yield
         return
+    choose_formats(formats, ())
+    if not has_matplotlib():
+        console.print_note("no figures are drawn; they need the extra lcorpp[plots]")
     is_new = _check_folder(out)
     lock = _lock(out)
     try:
@@ -134,9 +139,10 @@ def check_figure(path: Path, *, also: Sequence[str] = ()) -> None:
     """Reject a figure file that cannot be written, or whose suffix is neither a figure's nor in `also`.
 
     Raises:
-        FileError: the suffix is another one, or the file cannot be written.
+        FileError: the suffix is another one, the file cannot be written, or matplotlib is not installed.
     """
     suffixes = (*FIGURE_SUFFIXES, *also)
     if path.suffix.lower() not in suffixes:
         raise FileError(f"{path}: not a figure file; {expected_one_of(suffixes)} at its end")
+    choose_formats([path.suffix] if path.suffix.lower() in FIGURE_SUFFIXES else [], ())
     check_writable(path)

@@ -159,11 +159,10 @@ def _write_results(
 ) -> None:
     """Write the files of a comparison. noted: whether a note says that a classifier cannot be saved."""
     from lcorpp.cli.robot_output import print_written
-    from lcorpp.experiments.result_folder import FORMATS
     from lcorpp.experiments.results import describe_run, write_comparison
 
     configuration = describe_run(domain, chosen, comparison, given.policy)
-    written = write_comparison(out, comparison, configuration, formats=given.formats or FORMATS)
+    written = write_comparison(out, comparison, configuration, formats=given.formats)
     print_written(written, noted=noted)
 
 

@@ -36,7 +36,7 @@ def sweep(
     kept as soon as it is finished: after Ctrl-C or a crash the same command continues.
     """
     from lcorpp.experiments.sweeps.definition import read_sweep
-    from lcorpp.experiments.sweeps.results import FORMATS, summarise, write_sweep
+    from lcorpp.experiments.sweeps.results import summarise, write_sweep
     from lcorpp.experiments.sweeps.running import run_sweep
     from lcorpp.experiments.tables import has_parquet
 
@@ -64,7 +64,7 @@ def sweep(
             console.warn(f"without scores: {message}")
         if len(result.failures) > MAX_SHOWN:
             console.warn(f"... ({len(result.failures)} in all, listed in sweep.json)")
-        written = write_sweep(folder, result, formats=formats or FORMATS)
+        written = write_sweep(folder, result, formats=formats)
         console.out.print(summarise(result))
         if not has_parquet():
             console.print_note("the table is written as CSV alone; Parquet needs the extra lcorpp[parquet]")

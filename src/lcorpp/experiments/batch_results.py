@@ -14,7 +14,7 @@ from lcorpp.experiments.result_folder import (
     save_if_trained,
 )
 from lcorpp.experiments.tables import write_csv, write_json
-from lcorpp.files import make_folder
+from lcorpp.files import choose_formats, make_folder
 from lcorpp.planning import Solution
 from lcorpp.runs.batches import BatchResult, Row
 from lcorpp.scoring.metrics import METRICS
@@ -27,7 +27,7 @@ def write_batches(
     result: BatchResult,
     *,
     solution: Solution | None = None,
-    formats: Sequence[str] = FORMATS,
+    formats: Sequence[str] | None = None,
 ) -> WrittenFiles:
     """Write batches.csv, batches.json, the latest classifiers and the figure of all batches so far.
 
@@ -38,10 +38,10 @@ def write_batches(
         folder: created if missing. domain_name: for batches.json.
         result: of `run_active_learning`; without decisions there is no figure.
         solution: of the POMDP, for batches.json.
-        formats: of the figure: "png", "svg", "pdf".
+        formats: of the figure: "png", "svg", "pdf"; by default png and pdf, or none without matplotlib.
 
     Raises:
-        FileError: a file cannot be written.
+        FileError: a file cannot be written, or formats are given without matplotlib.
 
     Examples:
         >>> from pathlib import Path
@@ -57,6 +57,7 @@ def write_batches(
         >>> sorted(file.name for file in Path("batches").iterdir())
         ['batches.csv', 'batches.json', 'classifier.npz']
     """
+    formats = choose_formats(formats, FORMATS)
     make_folder(folder)
     flat = [{name: cell for name, cell in row.items() if name != "matrices"} for row in result.rows]
     columns = dict.fromkeys(name for row in flat for name in row if name not in METRICS)
@@ -68,7 +69,7 @@ def write_batches(
         save_if_trained(sense.classifier, own) for own, sense in make_folders(folder, result.batch.senses)
     ]
     scored = [row for row in result.rows if "f1" in row]
-    if scored:
+    if scored and formats:
         from lcorpp.experiments.figures.batches import plot_batches
         from lcorpp.plot_style import save_figures
 

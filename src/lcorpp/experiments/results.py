@@ -20,7 +20,7 @@ from lcorpp.experiments.result_folder import (
     save_if_trained,
 )
 from lcorpp.experiments.tables import write_csv, write_json
-from lcorpp.files import make_folder
+from lcorpp.files import choose_formats, make_folder
 from lcorpp.scoring.metrics import Scores, find_reference, make_cells
 from lcorpp.values import LAPLACE
 
@@ -78,7 +78,7 @@ def write_comparison(
     comparison: Comparison,
     configuration: Mapping[str, Any],
     *,
-    formats: Sequence[str] = FORMATS,
+    formats: Sequence[str] | None = None,
 ) -> WrittenFiles:
     """Write results.csv, results.json, the figures and, if trained now, the reports and the classifiers.
 
@@ -87,10 +87,10 @@ def write_comparison(
     Args:
         folder: created if missing. comparison: of `compare_strategies`.
         configuration: of `describe_run`, for results.json.
-        formats: of the figures: "png", "svg", "pdf".
+        formats: of the figures: "png", "svg", "pdf"; by default png and pdf, or none without matplotlib.
 
     Raises:
-        FileError: a file cannot be written.
+        FileError: a file cannot be written, or formats are given without matplotlib.
 
     Examples:
         >>> from pathlib import Path
@@ -105,9 +105,7 @@ def write_comparison(
         >>> sorted(file.name for file in Path("comparison").iterdir())
         ['results.csv', 'results.json']
     """
-    from lcorpp.experiments.figures.strategies import plot_strategies  # imports matplotlib
-    from lcorpp.plot_style import save_figures
-
+    formats = choose_formats(formats, FORMATS)
     make_folder(folder)
     sources = [sense["classifier"] for sense in configuration["senses"].values()]
     title = ", ".join([configuration["domain"], *sources, f"{configuration['trials']} trials"])
@@ -127,7 +125,11 @@ def write_comparison(
     ]
     write_json(folder / "results.json", {"configuration": dict(configuration), "strategies": detailed})
     written = [folder / "results.csv", folder / "results.json"]
-    written += save_figures(plot_strategies(comparison.scores, title), folder / "results", formats)
+    if formats:
+        from lcorpp.experiments.figures.strategies import plot_strategies  # imports matplotlib
+        from lcorpp.plot_style import save_figures
+
+        written += save_figures(plot_strategies(comparison.scores, title), folder / "results", formats)
     return join_files(
         written,
         [_write_sense(own, setup, formats) for own, setup in make_folders(folder, comparison.senses)],

@@ -11,13 +11,11 @@ from typing import Any
 import numpy as np
 
 from lcorpp.csv_text import format_records
-from lcorpp.files import make_folder, write_atomically
+from lcorpp.files import has_matplotlib, make_folder, write_atomically
 from lcorpp.hearing.answers import SILENCE, SOUND
-from lcorpp.hearing.figure import plot_rates
 from lcorpp.hearing.observing import Observed
 from lcorpp.hearing.rates import HeardCases
 from lcorpp.planning import format_pomdp
-from lcorpp.plot_style import save_figure
 from lcorpp.worlds.speech.confidence import NONE, write_confidence
 
 MODEL, CONFIDENCE, TABLE, SUMMARY, FIGURE = (
@@ -31,7 +29,7 @@ MODEL, CONFIDENCE, TABLE, SUMMARY, FIGURE = (
 
 
 def write_observed(observed: Observed, folder: Path) -> list[Path]:
-    """Write all files and return their paths.
+    """Write all files, the figure with matplotlib, and return their paths.
 
     Raises:
         FileError: the folder cannot be written.
@@ -42,8 +40,14 @@ def write_observed(observed: Observed, folder: Path) -> list[Path]:
     rates = list_rates(observed)
     write_atomically(folder / TABLE, format_records(list(rates[0]), rates))
     write_atomically(folder / SUMMARY, json.dumps(summarise(observed), indent=1) + "\n")
-    save_figure(plot_rates(observed), folder / FIGURE)
-    return [folder / name for name in (MODEL, CONFIDENCE, TABLE, SUMMARY, FIGURE)]
+    written = [MODEL, CONFIDENCE, TABLE, SUMMARY]
+    if has_matplotlib():
+        from lcorpp.hearing.figure import plot_rates
+        from lcorpp.plot_style import save_figure
+
+        save_figure(plot_rates(observed), folder / FIGURE)
+        written.append(FIGURE)
+    return [folder / name for name in written]
 
 
 def describe_origin(observed: Observed) -> str:

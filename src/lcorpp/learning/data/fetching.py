@@ -84,9 +84,12 @@ def fetch(
         raise DataError(f"{url!r} is not the address of a file; expected http(s)://SERVER/.../NAME")
     if sha256 is not None and not re.fullmatch("[0-9a-fA-F]{64}", sha256):
         raise DataError(f"{sha256!r} is not a checksum; expected the 64 hexadecimal digits of a SHA-256")
-    import pooch
-    import requests
-    import urllib3.exceptions
+    try:
+        import pooch
+        import requests
+        import urllib3.exceptions
+    except ModuleNotFoundError as error:
+        raise DataError(f"a download needs {error.name}: pip install 'lcorpp[fetch]'") from None
 
     target = make_folder(folder).resolve() / name
     known = None if sha256 is None else f"sha256:{sha256.lower()}"
