@@ -24,6 +24,8 @@ def test_flags_write_a_domain_that_runs(tmp_path, lcorpp):
     ended = lcorpp("new", folder, *flags, *senses)
     assert ended.code == 0, ended.err
     assert f"then: lcorpp run {folder}" in ended.out
+    question = "question ask_item, of item: costs 1, understood rightly with probability 0.85"
+    assert question in " ".join(ended.out.split())
     ended = lcorpp("check", folder)
     assert (ended.code, "decides item, room among 4 combinations" in ended.out) == (0, True), ended.err
     ended = lcorpp("run", folder, "--trials", 50, "--jobs", 1)

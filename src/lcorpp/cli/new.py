@@ -81,7 +81,13 @@ def new(
             )
         answers = ask_answers(folder.absolute().name, console.ask)
     domain = write_new_domain(folder, answers)
-    console.out.print(f"{folder}: {len(domain.values)} values to decide among, {domain.pomdp!r}")
+    pomdp = domain.pomdp
+    sizes = f"{len(pomdp.states)} states, {len(pomdp.actions)} actions"
+    values = f"{len(domain.values)} values to decide among"
+    console.out.print(f"{folder}: {values}; {sizes}, {len(pomdp.observations)} observations")
+    for asked in answers.questions:
+        understood = f"understood rightly with probability {asked.reliability}"
+        console.out.print(f"question {asked.name}, of {asked.of}: costs {asked.cost}, {understood}")
     console.out.print(f"edit its knowledge.plog and interaction.py; then: lcorpp run {folder}")
 
 
