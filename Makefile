@@ -65,8 +65,10 @@ coverage: $(VENV)/.dev
 
 # Wheels for other machines: for Python 3.11, and for 3.12 and newer, by the first of these that is there.
 WHEEL_PYTHONS ?= $(PYTHON) python3.11 python3.12 python3.13 python3.14 $(wildcard $(HOME)/.pyenv/versions/3.1[1-9]*/bin/python3)
+# Processors: x86_64, aarch64.
+TARGETS ?= x86_64
 wheel:
-	$(PYTHON) tools/build_wheels.py --dist $(DIST) $(WHEEL_PYTHONS)
+	$(PYTHON) tools/build_wheels.py --dist $(DIST) $(addprefix --target ,$(TARGETS)) $(WHEEL_PYTHONS)
 
 # The C++ kernels under the address and undefined-behaviour sanitizers, in an environment of their own.
 sanitize: $(VENV)-sanitize/.installed

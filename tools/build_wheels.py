@@ -97,9 +97,12 @@ def build_wheel(tools: Path, minor: int, target: str, dist: Path) -> Path:
     command += [f"--config-settings=build-dir={work / 'objects'}", f"--config-settings=cmake.args={cmake}"]
     subprocess.run(command, check=True, env=environment)
     (wheel,) = (work / "built").glob("*.whl")
-    repair = [str(tools / "auditwheel"), "repair", "--plat", f"manylinux_{GLIBC.replace('.', '_')}_{target}"]
-    subprocess.run([*repair, "--wheel-dir", str(work / "checked"), str(wheel)], check=True, env=environment)
+    # "auto" is the oldest glibc that suffices; auditwheel takes other names for this processor only.
+    repair = [str(tools / "auditwheel"), "repair", "--plat", "auto", "--wheel-dir", str(work / "checked")]
+    subprocess.run([*repair, str(wheel)], check=True, env=environment)
     (checked,) = (work / "checked").glob("*.whl")
+    if f"manylinux_{GLIBC.replace('.', '_')}_{target}" not in checked.name:
+        sys.exit(f"no wheel: {checked.name} needs a newer glibc than {GLIBC}")
     if minor >= 12:
         subprocess.run([str(tools / "abi3audit"), "--strict", "--summary", str(checked)], check=True)
     dist.mkdir(parents=True, exist_ok=True)
