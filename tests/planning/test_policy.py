@@ -27,6 +27,24 @@ def test_actions_at_many_beliefs_are_those_at_each(chunk, monkeypatch):
         assert each.actions_at(beliefs).tolist() == actions
 
 
+def test_actions_at_beliefs_of_several_supports_are_those_at_each():
+    """Ten states, more than bits of a byte; two sets cover some of the beliefs, one covers all, a fourth none."""
+    rng = np.random.default_rng(2)
+    names = tuple(f"s{i}" for i in range(10))
+    parts = [[0, 1, 8], [1, 8, 9], list(range(10)), [5]]
+    sets = [AlphaVectors(part, rng.normal(size=(4, len(part))), rng.permutation(4)) for part in parts]
+    beliefs = np.zeros((200, 10))
+    for belief in beliefs:
+        support = rng.choice(10, rng.integers(1, 4), replace=False)
+        belief[support] = rng.dirichlet(np.ones(len(support)))
+    for chosen in (sets, sets[:2]):
+        several = Policy(tuple(chosen), names, ("a", "b", "c", "d"), floor=-0.5)
+        actions = [several.action(belief) for belief in beliefs]
+        assert set(actions) == {0, 1, 2, 3}
+        assert several.actions_at(beliefs).tolist() == actions
+    assert several.actions_at(beliefs[:0]).tolist() == []
+
+
 @pytest.mark.parametrize(
     ("vectors", "actions"),
     [

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -194,14 +194,13 @@ class Policy:
 
     def actions_at(self, beliefs: Array) -> Indices:
         """Return the index of the action at each of n beliefs (n, S): the same as `action`, faster."""
-        if not self.covers_all_states:
-            return np.array([self.action(belief) for belief in beliefs], np.intp)
-        best, size = np.empty(len(beliefs), np.intp), max(1, MAX_CHUNK_NUMBERS // len(self))
-        for i in range(0, len(beliefs), size):
-            # a product for each belief, as in `action`: one for all may round equal values differently
-            values = self.vectors @ beliefs[i : i + size, :, None]
-            best[i : i + size] = values[:, :, 0].argmax(axis=1)
-        return self.actions[best]
+        actions = np.empty(len(beliefs), np.intp)
+        for rows in self._group_by_sets(beliefs):
+            sets = tuple(self._find_sets(beliefs[rows[0]]))
+            size = max(1, MAX_CHUNK_NUMBERS // max(len(part.actions) for part in sets))
+            for i in range(0, len(rows), size):
+                actions[rows[i : i + size]] = self._find_actions(sets, beliefs[rows[i : i + size]])
+        return actions
 
     def value(self, belief: Belief) -> float:
         """Return the lower bound on the policy's discounted reward from a belief (S,)."""
@@ -253,6 +252,31 @@ class Policy:
             if len(part.states) == len(belief) or np.count_nonzero(belief[part.states]) == count
         ]
         return covering or self.vector_sets
+
+    def _group_by_sets(self, beliefs: Array) -> list[Indices]:
+        """Return the indices of the beliefs (n, S) in groups, for each of which `_find_sets` is the same."""
+        if len(self.vector_sets) == 1:
+            return [np.arange(len(beliefs))] if len(beliefs) else []
+        supports = np.packbits(beliefs != 0, axis=1)
+        _, group, counts = np.unique(supports, axis=0, return_inverse=True, return_counts=True)
+        order = np.argsort(group.reshape(-1), kind="stable")
+        return np.split(order, np.cumsum(counts)[:-1]) if len(beliefs) else []
+
+    def _find_actions(self, sets: Sequence[AlphaVectors], beliefs: Array) -> Indices:
+        """Return the action index of the best vector of `sets` at each of n beliefs (n, S), as `action` does."""
+        best, actions = np.full(len(beliefs), -np.inf), np.full(len(beliefs), -1, np.intp)
+        for part in sets:
+            covers = len(part.states) == beliefs.shape[1]
+            inside = beliefs if covers else np.ascontiguousarray(beliefs[:, part.states])
+            # a product for each belief, as in `action`: one for all may round equal values differently
+            products = (part.vectors @ inside[:, :, None])[:, :, 0]
+            k = products.argmax(axis=1)
+            values = products[np.arange(len(beliefs)), k]
+            if not covers:
+                values = values + self.floor * np.maximum(0.0, beliefs.sum(axis=1) - inside.sum(axis=1))
+            better = values > best
+            best[better], actions[better] = values[better], part.actions[k[better]]
+        return actions
 
     @cached_property
     def _sets_by_state(self) -> Mapping[int, list[AlphaVectors]]:
