@@ -28,7 +28,7 @@ def test_actions_at_many_beliefs_are_those_at_each(chunk, monkeypatch):
 
 
 def test_actions_at_beliefs_of_several_supports_are_those_at_each():
-    """Ten states, more than bits of a byte; two sets cover some of the beliefs, one covers all, a fourth none."""
+    """Ten states, more than a byte has bits; a belief is covered by several sets, by one or by none."""
     rng = np.random.default_rng(2)
     names = tuple(f"s{i}" for i in range(10))
     parts = [[0, 1, 8], [1, 8, 9], list(range(10)), [5]]

@@ -42,8 +42,10 @@ class ModelPlanner:
 
         They equal those of `update` up to rounding errors, faster. Errors are those of `update`.
         """
-        done = np.array([self.pomdp.action_index(name) for name in actions], np.intp)
-        seen = np.array([self.pomdp.observation_index(name) for name in observations], np.intp)
+        action_index = {name: self.pomdp.action_index(name) for name in set(actions)}
+        observation_index = {name: self.pomdp.observation_index(name) for name in set(observations)}
+        done = np.array([action_index[name] for name in actions], np.intp)
+        seen = np.array([observation_index[name] for name in observations], np.intp)
         return update_many(self.pomdp, beliefs, done, seen)
 
 

@@ -263,7 +263,7 @@ class Policy:
         return np.split(order, np.cumsum(counts)[:-1]) if len(beliefs) else []
 
     def _find_actions(self, sets: Sequence[AlphaVectors], beliefs: Array) -> Indices:
-        """Return the action index of the best vector of `sets` at each of n beliefs (n, S), as `action` does."""
+        """Return the action index of the best vector of `sets` at each of n beliefs (n, S)."""
         best, actions = np.full(len(beliefs), -np.inf), np.full(len(beliefs), -1, np.intp)
         for part in sets:
             covers = len(part.states) == beliefs.shape[1]
