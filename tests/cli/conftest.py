@@ -18,8 +18,11 @@ def silent_afterwards():
 
 @pytest.fixture
 def unrendered(monkeypatch):
-    """Figures are drawn but not rendered, which takes most of the time of small runs that write them."""
+    """Figures are files without content: drawing takes most of the time of small runs that write them."""
     monkeypatch.setattr("lcorpp.plot_style._render", lambda figure, kind: b"a figure")
+    monkeypatch.setattr("lcorpp.experiments.figures.strategies.plot_strategies", lambda *_: None)
+    monkeypatch.setattr("lcorpp.experiments.figures.batches.plot_batches", lambda *_: None)
+    monkeypatch.setattr("lcorpp.learning.plot_report", lambda _, file: file.write_bytes(b"a figure"))
 
 
 @pytest.fixture
