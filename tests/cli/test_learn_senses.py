@@ -5,6 +5,8 @@ import csv
 import numpy as np
 import pytest
 
+from lcorpp.assembly import TrainingOptions
+from lcorpp.assembly.training_data import make_training_data
 from lcorpp.domains import load_domain
 from lcorpp.learning import learner, read_data, train_and_validate
 from lcorpp.learning.store import Store, read_store
@@ -30,7 +32,10 @@ def read_rows(folder):
 
 
 def test_each_sense_is_retrained_on_its_own_labels(lcorpp, domain, tmp_path):
-    """Three shared variables; the reports label the item by gaze and the person by voice."""
+    """Three shared variables; the reports label the item by gaze and the person by voice.
+
+    The last matrix is that of the initial data and the store, trained and cross-validated here.
+    """
     paths = tmp_path / "s.tracks", tmp_path / "s-voice.tracks"
     out = tmp_path / "out"
     ended = lcorpp("learn", domain, *LEARN, *BATCHES, "--max-batches", 2, "--store", paths[0], "--out", out)
@@ -55,26 +60,20 @@ def test_each_sense_is_retrained_on_its_own_labels(lcorpp, domain, tmp_path):
         assert words in lcorpp("check", path).out
     added = read_data(paths[1])
     assert (added.kind, added.channels, len(added)) == ("table", ("pitch", "pace"), 8)
+    assert f"voice: 48 cases; recall: {compute_recall(domain, snapshots[1].dataset())}; change" in ended.out
 
 
-def test_the_last_matrix_is_that_of_all_labels(lcorpp, domain, tmp_path):
-    """The initial data and the store, trained and cross-validated here, give the command's matrix."""
-    from lcorpp.assembly import TrainingOptions
-    from lcorpp.assembly.training_data import make_training_data
-
-    path = tmp_path / "s.tracks"
-    ended = lcorpp("learn", domain, *LEARN, *BATCHES, "--max-batches", 2, "--store", path)
+def compute_recall(domain, added):
+    """Train and cross-validate voice's classifier on the initial data and those of the store."""
     loaded = load_domain(domain)
     initial = make_training_data(loaded, loaded.find_sense("voice"), TrainingOptions(tracks=40), 0).dataset
-    added = read_store(tmp_path / "s-voice.tracks").dataset()
     whole = initial.append(list(zip(added.trajectories, added.labels, strict=True)), added.groups)
     estimator = learner("logistic", inputs=whole.channels, kind="table", seed=0)
     _, validation = train_and_validate(estimator, whole, folds=5, seed=0)
     rates = np.diag(validation.confusion.probabilities)
-    recall = ", ".join(
+    return ", ".join(
         f"{name} {rate:.3f}" for name, rate in zip(validation.confusion.classes, rates, strict=True)
     )
-    assert f"voice: 48 cases; recall: {recall}; change" in ended.out
 
 
 @pytest.mark.slow
