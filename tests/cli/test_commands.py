@@ -74,7 +74,7 @@ def test_explain_asks_you(lcorpp, monkeypatch):
 
 def test_run_writes_table_figure_and_configuration(lcorpp, tmp_path):
     ended = lcorpp(
-        "run", "--classifier", "channel", "--trials", 40, "--seed", 4, "--jobs", 1, "--out", tmp_path
+        "run", "--classifier", "channel", "--trials", 20, "--seed", 4, "--jobs", 1, "--out", tmp_path
     )
     assert ended.code == 0
     with (tmp_path / "results.csv").open() as file:
@@ -86,7 +86,7 @@ def test_run_writes_table_figure_and_configuration(lcorpp, tmp_path):
             assert float(row[f"{name}_low"]) <= float(row[name]) <= float(row[f"{name}_high"])
     content = json.loads((tmp_path / "results.json").read_text())
     assert content["configuration"]["seed"] == 4
-    assert content["configuration"]["trials"] == 40
+    assert content["configuration"]["trials"] == 20
     assert content["configuration"]["senses"]["motion"]["rates"]["interested"]["interested"] == pytest.approx(
         0.76
     )
@@ -97,7 +97,7 @@ def test_run_writes_table_figure_and_configuration(lcorpp, tmp_path):
 
 @pytest.mark.usefixtures("unrendered")
 def test_files_have_the_accuracy_of_each_variable_and_paired_differences(lcorpp, tmp_path):
-    ended = lcorpp("run", "shopping", "--preset", "small", "--trials", 50, "--jobs", 1, "--out", tmp_path)
+    ended = lcorpp("run", "shopping", "--preset", "small", "--trials", 20, "--jobs", 1, "--out", tmp_path)
     assert ended.code == 0
     with (tmp_path / "results.csv").open() as file:
         rows = list(csv.DictReader(file))
@@ -133,7 +133,7 @@ def test_run_with_a_solved_policy(lcorpp, tmp_path):
 @pytest.mark.usefixtures("unrendered")
 def test_run_trains_an_lstm_on_another_domain_and_loads_it_again(lcorpp, tmp_path):
     """Shows 5 and 6; the classifier it saved is used again, and gives the same decisions."""
-    common = ("run", ROOMS, "--trials", 60, "--jobs", 1, "--strategy", "LCORPP")
+    common = ("run", ROOMS, "--trials", 20, "--jobs", 1, "--strategy", "LCORPP")
     first = lcorpp(*common, "--epochs", 3, "--out", tmp_path)
     assert first.code == 0, first.err
     assert "true class lab (20 cases); predicted: lab" in first.out
@@ -146,7 +146,8 @@ def test_run_trains_an_lstm_on_another_domain_and_loads_it_again(lcorpp, tmp_pat
 @pytest.mark.skipif(not AUTHORS.is_dir(), reason="the authors' trajectories are not there")
 def test_run_on_the_authors_tracks(lcorpp):
     """Shows 8, with few epochs: the whole path, and the warning."""
-    ended = lcorpp("run", "--data", AUTHORS, "--epochs", 2, "--trials", 60, "--jobs", 1)
+    options = ("--epochs", 2, "--trials", 20, "--jobs", 1, "--strategy", "LCORPP")
+    ended = lcorpp("run", "--data", AUTHORS, *options)
     assert ended.code == 0, ended.err
     assert "leaks its label" in ended.out
     assert "LCORPP" in ended.out

@@ -15,7 +15,7 @@ from lcorpp.runs.run_store import RunStore
 pytestmark = pytest.mark.usefixtures("unrendered")
 
 ROOMS = Path(__file__).parents[1] / "domains" / "rooms"
-OPTIONS = ("--tracks", 60, "--learner", "summaries", "--batch-size", 4, "--epsilon", 0, "--jobs", 1)
+OPTIONS = ("--tracks", 30, "--learner", "summaries", "--batch-size", 4, "--epsilon", 0, "--jobs", 1)
 
 
 def stored(path):
@@ -36,7 +36,7 @@ def test_an_interrupted_run_resumes_with_the_results_of_an_uninterrupted_run(lco
     assert f"{tmp_path / 'plain.tracks'}: 0 tracks" in plain.out
     with (tmp_path / "plain" / "batches.csv").open() as file:
         rows = list(csv.DictReader(file))
-    assert [int(row["tracks"]) for row in rows] == [60, 64, 68, 72]
+    assert [int(row["tracks"]) for row in rows] == [30, 34, 38, 42]
 
     keep, save, calls = RunStore.append_decision, RunStore.save_checkpoint, []
 

@@ -11,7 +11,7 @@ from lcorpp.planning import write_policy
 
 pytestmark = pytest.mark.usefixtures("unrendered")
 
-FAST_OPTIONS = ("--tracks", 60, "--learner", "summaries", "--batch-size", 4, "--epsilon", 0, "--jobs", 1)
+FAST_OPTIONS = ("--tracks", 40, "--learner", "summaries", "--batch-size", 4, "--epsilon", 0, "--jobs", 1)
 
 WORLD = """
 class Honest:
@@ -61,7 +61,10 @@ def test_the_same_policy_from_a_file_decides_alike(lcorpp, tmp_path):
 
 
 def test_smoothing_changes_the_rules_and_no_matrix(lcorpp):
-    lines = [learn(lcorpp, "--batch-size", 40, *smoothing) for smoothing in ((), ("--smoothing", "laplace"))]
+    lines = [
+        learn(lcorpp, "--tracks", 60, "--batch-size", 40, *smoothing)
+        for smoothing in ((), ("--smoothing", "laplace"))
+    ]
     assert lines[0][0] == lines[1][0]
     assert lines[0][1] != lines[1][1]
 

@@ -10,8 +10,8 @@ from tests.cli.test_bad_input import refused
 pytestmark = pytest.mark.usefixtures("unrendered")
 
 ROOMS = Path(__file__).parents[1] / "domains/rooms"
-FEW = ("--trials", 60, "--tracks", 60, "--jobs", 1, "--strategy", "L+R")
-NAMES = ["summaries", "forest", "lstm", "lstm-fast"]
+FEW = ("--trials", 20, "--tracks", 60, "--jobs", 1, "--strategy", "L+R")
+NAMES = ["summaries", pytest.param("forest", marks=pytest.mark.slow), "lstm", "lstm-fast"]
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -97,7 +97,7 @@ def test_evidence_now_and_from_the_file(lcorpp, tmp_path, kind):
     again = lcorpp(
         "run",
         "--trials",
-        60,
+        20,
         "--jobs",
         1,
         "--strategy",

@@ -168,6 +168,7 @@ def test_an_own_learner(refused, name, line, words):
     refused(rf"own\.py:{line}: the learner own\.py:{name}: .*{words}", *learn(name))
 
 
+@pytest.mark.slow
 def test_an_own_learner_in_another_process(refused):
     write_guests()
     refused(r"own\.py:13: the learner own\.py:fit: Mine failed in fit", *learn("fit")[:-1], 2)

@@ -20,8 +20,8 @@ FACTS = ("--fact", "time=afternoon", "--fact", "location=classroom")
 
 @pytest.fixture
 def log(lcorpp, tmp_path):
-    """80 decisions."""
-    return write_log(lcorpp, tmp_path / "log.jsonl", 10)
+    """40 decisions."""
+    return write_log(lcorpp, tmp_path / "log.jsonl", 5)
 
 
 def write_log(lcorpp, file, people):
@@ -31,13 +31,13 @@ def write_log(lcorpp, file, people):
 
 
 def test_the_decisions_of_all_strategies_have_no_differences(lcorpp, tmp_path):
-    log = write_log(lcorpp, tmp_path / "log.jsonl", 25)
+    log = write_log(lcorpp, tmp_path / "log.jsonl", 12)
     ended = lcorpp("replay", log)
     assert ended.code == 0
     lines = ended.out.splitlines()
-    assert len(lines) == 201
+    assert len(lines) == 97
     assert re.fullmatch(r"1  L: time=\w+, location=\w+, classifier=\w+: report_(\w+); \1", lines[0])
-    assert lines[-1] == "200 decisions, 0 differences"
+    assert lines[-1] == "96 decisions, 0 differences"
     assert lcorpp("replay", log, "--quiet").out == f"{lines[-1]}\n"
 
 
@@ -52,7 +52,7 @@ def test_changed_knowledge_is_named_before_the_differences(lcorpp, log, tmp_path
     assert ended.code == 1
     assert ended.out.startswith(f"changed since the log: knowledge: {knowledge}\n1  L: ")
     assert "\n    marginal of interested: " in ended.out
-    assert re.search(r"\n80 decisions, \d+ differences in \d+ of them\n$", ended.out)
+    assert re.search(r"\n40 decisions, \d+ differences in \d+ of them\n$", ended.out)
 
 
 def test_damaged_lines_are_named_and_the_others_checked(lcorpp, log):
@@ -162,6 +162,7 @@ def test_messages_are_shown_on_request(lcorpp, silent_afterwards):
     assert steps[-1].startswith("lcorpp.decision: report_interested: a report, belief [")
 
 
+@pytest.mark.slow
 def test_messages_of_other_processes_are_shown():
     options = ("--classifier", "channel", "--strategy", "LCORPP", "--trials", 101, "--jobs", 2)
     child = start("--verbose", "run", *options)

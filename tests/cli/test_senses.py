@@ -30,7 +30,7 @@ from sklearn.preprocessing import StandardScaler
 def pipeline():
     return make_pipeline(StandardScaler(), LogisticRegression())
 """
-FEW = ("--trials", 60, "--jobs", 1, "--strategy", "LCORPP")
+FEW = ("--trials", 20, "--jobs", 1, "--strategy", "LCORPP")
 
 
 def write_table(file, labels, *, cases=120, spread=0.4, seed=0):

@@ -45,8 +45,7 @@ def test_the_default_table_has_trust_where_it_can_follow(lcorpp, tmp_path):
     assert (exact.code, "learns from each person" in exact.err) == (2, True)
 
 
-def test_trust_and_alarm_of_algorithm_1_are_in_the_results(lcorpp, tmp_path, monkeypatch):
-    monkeypatch.setattr("lcorpp.fitting.faults.find_table", lambda *_: None)  # tables take seconds
+def test_trust_and_alarm_of_algorithm_1_are_in_the_results(lcorpp, tmp_path, few_faults):
     log, store, out = tmp_path / "log", tmp_path / "s.tracks", tmp_path / "out"
     few = ("--tracks", 60, "--learner", "summaries", "--batch-size", 40, "--max-batches", 1, "--jobs", 1)
     learn = ("learn", *few, "--store", store)

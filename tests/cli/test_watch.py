@@ -24,23 +24,23 @@ def run(lcorpp, tmp_path):
     return run
 
 
-def test_few_people_are_no_alarm(lcorpp, run, tmp_path):
-    log, figure = run(30), tmp_path / "evidence.png"
+def test_few_people_are_no_alarm(lcorpp, run, few_faults, tmp_path):
+    log, figure = run(20), tmp_path / "evidence.png"
     ended = lcorpp("watch", log, "--plot", figure)
-    assert (ended.code, ended.out, ended.err) == (0, "30 decisions of LCORPP, no alarm\n", "")
+    assert (ended.code, ended.out, ended.err) == (0, "20 decisions of LCORPP, no alarm\n", "")
     assert figure.stat().st_size > 1000
 
 
 @pytest.mark.parametrize("options", [(), ("--given",)])
 def test_swapped_knowledge_is_named(lcorpp, run, options):
     """The people answer as noisily as the domain states, which is more noise than the model states."""
-    log = run(300, "--preset", "low", "--strategy", "LCORPP")
+    log = run(100, "--preset", "low", "--strategy", "LCORPP")
     ended = lcorpp("watch", log, *options)
     assert ended.code == 1
     first = next(line for line in ended.out.splitlines() if "probably wrong" in line)
     assert "probably wrong: the knowledge about intention (" in first
     assert "the answers are noisier than the model states (degree 0." in ended.out
-    assert ended.out.endswith("300 decisions of LCORPP, 2 alarms\n")
+    assert ended.out.endswith("100 decisions of LCORPP, 2 alarms\n")
 
 
 def test_one_strategy_of_several_is_chosen(lcorpp, run, few_faults):
