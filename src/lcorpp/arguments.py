@@ -28,11 +28,11 @@ def check_arguments(function: Callable[P, R]) -> Callable[P, R]:
     True is not a number, and a text is not a sequence of texts. Other annotations, such as
     `Any`, allow everything.
     """
-    signature, source = inspect.signature(function), cast(Any, function)
+    names, source = tuple(inspect.signature(function).parameters), cast(Any, function)
 
     @functools.wraps(function)
     def checked(*args: P.args, **kwargs: P.kwargs) -> R:
-        given = signature.bind(*args, **kwargs).arguments
+        given = dict(zip(names, args, strict=False)) | kwargs
         for name, hint in _read_hints(source).items():
             if name in given:
                 check_value(given[name], hint, f"{function.__name__}: {name}")
@@ -93,8 +93,8 @@ def _find_fault(value: Any, hint: Any, what: str) -> str | None:
         if element is not None:  # the sequence or mapping fits
             return element
     elif origin in (tuple, list, Sequence, Collection) and _is_sequence(value):
-        if parts[0] in (str, int) and set(map(type, value)) <= {parts[0]}:
-            return None  # the usual case, of which there may be many
+        if _has_fitting_types(value, parts):
+            return None
         kinds = parts[:1] * len(value) if origin is not tuple or parts[1:] == (...,) else parts
         if len(kinds) == len(value):
             faults = [
@@ -109,6 +109,14 @@ def _find_fault(value: Any, hint: Any, what: str) -> str | None:
     elif _fits(value, hint, origin, parts):
         return None
     return f"{what} is {reprlib.repr(value)}; expected {_describe(hint)}"
+
+
+def _has_fitting_types(value: Collection[Any], parts: tuple[Any, ...]) -> bool:
+    """Whether the elements of a sequence, of which there may be many, fit by their types alone."""
+    is_uniform = len(parts) == 1 or parts[1:] == (...,)
+    if not is_uniform or not isinstance(parts[0], type) or get_origin(parts[0]) is not None:
+        return False
+    return all(_fits(each, parts[0], None, ()) for each in {type(each): each for each in value}.values())
 
 
 def _is_sequence(value: Any) -> bool:
