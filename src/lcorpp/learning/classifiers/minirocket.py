@@ -216,6 +216,7 @@ class MiniRocket(ProbabilityClassifier):
         layer, kernel = divmod(number, len(KERNELS))
         dilation, points = int(self.dilations_[layer]), tracks.shape[2]
         reach = dilation * (N_TAPS // 2)
-        signal = np.pad(tracks[:, self.channels_[number]].sum(axis=1), ((0, 0), (reach, reach)))
+        signal = np.zeros((len(tracks), points + 2 * reach), dtype=tracks.dtype)
+        signal[:, reach : reach + points] = tracks[:, self.channels_[number]].sum(axis=1)
         shifted = [signal[:, tap * dilation :][:, :points] for tap in range(N_TAPS)]
         return weigh_taps([shifted[tap] for tap in KERNELS[kernel]], shifted)
