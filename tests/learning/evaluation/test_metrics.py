@@ -11,6 +11,7 @@ from lcorpp.learning.evaluation.metrics import (
     brier,
     cluster_bootstrap_weights,
     compute_auc,
+    compute_aucs,
     expected_calibration_error,
     expected_ece_if_calibrated,
     reliability,
@@ -45,6 +46,18 @@ def test_as_scikit_learn_computes_them():
     ):
         assert area == pytest.approx(roc_auc_score(positive, scores, sample_weight=row))
         assert distance == pytest.approx(brier_score_loss(positive, scores, sample_weight=row))
+
+
+def test_areas_of_many_scores_are_those_of_each():
+    rng = np.random.default_rng(1)
+    scores, positive = rng.random((5, 80)).round(1), rng.random((5, 80)) < 0.5  # with ties
+    scores[1], positive[2] = 0.5, True
+    weights = rng.integers(0, 4, 80).astype(float)
+    each = [
+        compute_auc(score, flags, weights[None])[0] for score, flags in zip(scores, positive, strict=True)
+    ]
+    np.testing.assert_allclose(compute_aucs(scores, positive, weights), each)
+    assert (each[1], np.isnan(each[2])) == (0.5, True)
 
 
 def test_right_probabilities_have_the_error_of_chance_and_sure_ones_more():

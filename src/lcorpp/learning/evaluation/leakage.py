@@ -43,6 +43,7 @@ from lcorpp.learning.evaluation.metrics import (
     bootstrap_interval,
     cluster_bootstrap_weights,
     compute_auc,
+    compute_aucs,
 )
 from lcorpp.values import Array, Dataset, Flags, Indices, Interval
 
@@ -281,12 +282,8 @@ def _measure_shortcut(
     means = np.average(truth, axis=0, weights=weights)
     targets = np.concatenate(relabelled, axis=1) - np.tile(means, len(relabelled))
     predicted = _predict_out_of_fold(features, targets, groups, weights, n_splits, seed)
-    scores = np.split(predicted, len(relabelled), axis=1)
-    once = weights[np.newaxis]
-    estimate, *null = (
-        float(_compute_mean_auc(score, flags, strata, once)[0])
-        for score, flags in zip(scores, relabelled, strict=True)
-    )
+    scores = np.stack(np.split(predicted, len(relabelled), axis=1))
+    estimate, *null = _compute_mean_auc(scores, np.stack(relabelled), strata, weights[None]).tolist()
     if np.isnan(estimate):  # no two cases can be compared
         return chance
     resampled = cluster_bootstrap_weights(groups.tolist(), count=BOOTSTRAP_REPLICATES, seed=seed) * weights
@@ -352,20 +349,21 @@ def _stratify_by_way(tracks: Sequence[Track]) -> Indices:
 
 
 def _compute_mean_auc(scores: Array, truth: Flags, strata: Indices, weights: Array) -> Array:
-    """(resamples,) mean AUC over classes of scores (cases, classes).
+    """(n,) mean AUC over classes: of one score with n weights, or of n scores.
 
-    truth: (cases, classes). weights: (resamples, cases), as in `metrics`. Cases are compared with those of
-    the same stratum (cases,); NaN if no stratum has two classes.
+    scores, truth: (cases, classes), and weights (n, cases) as in `metrics`; or scores, truth: (n, cases,
+    classes), and weights (1, cases). Cases are compared with those of the same stratum (cases,); NaN if no
+    stratum has two classes.
     """
-    areas = []
-    for score, positive in zip(scores.T, truth.T, strict=True):
-        ordered, pairs = np.zeros((2, len(weights)))
+    areas, n = [], len(weights) if scores.ndim == 2 else len(scores)
+    for score, positive in zip(np.moveaxis(scores, -1, 0), np.moveaxis(truth, -1, 0), strict=True):
+        ordered, pairs = np.zeros((2, n))
         for stratum in np.unique(strata):
             rows = np.flatnonzero(strata == stratum)
-            counts = weights[:, rows]
-            compared = (counts @ positive[rows]) * (counts @ ~positive[rows])
-            area = compute_auc(score[rows], positive[rows], counts)
+            own, flags, counts = score[..., rows], positive[..., rows], weights[:, rows]
+            compared = (counts * flags).sum(axis=1) * (counts * ~flags).sum(axis=1)
+            area = compute_auc(own, flags, counts) if own.ndim == 1 else compute_aucs(own, flags, counts[0])
             ordered += np.where(compared > 0, area, 0) * compared
             pairs += compared
-        areas.append(np.divide(ordered, pairs, out=np.full(len(weights), np.nan), where=pairs > 0))
+        areas.append(np.divide(ordered, pairs, out=np.full(len(pairs), np.nan), where=pairs > 0))
     return np.asarray(np.mean(areas, axis=0))

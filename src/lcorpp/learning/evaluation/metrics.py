@@ -91,6 +91,26 @@ def compute_auc(scores: Array, positive: Flags, weights: Array) -> Array:
     return np.asarray(np.divide(wins, pairs, out=np.full(len(weights), np.nan), where=pairs > 0))
 
 
+def compute_aucs(scores: Array, positive: Flags, weights: Array) -> Array:
+    """(n,) the AUC, as `compute_auc`, of each of n scores of the same cases.
+
+    Args:
+        scores: (n, cases). positive: (n, cases). weights: (cases,).
+    """
+    order = np.argsort(scores, axis=1, kind="stable")
+    rises = np.diff(np.take_along_axis(scores, order, axis=1), axis=1) > 0
+    edge = np.ones((len(scores), 1), dtype=bool)
+    is_first, is_last = np.hstack([edge, rises]), np.hstack([rises, edge])  # of the cases of a distinct score
+    sorted_weights, is_positive = weights[order], np.take_along_axis(positive, order, axis=1)
+    positives, negatives = sorted_weights * is_positive, sorted_weights * ~is_positive
+    sums = np.cumsum(negatives, axis=1)
+    below = np.maximum.accumulate(np.where(is_first, sums - negatives, 0), axis=1)
+    at_most = np.minimum.accumulate(np.where(is_last, sums, np.inf)[:, ::-1], axis=1)[:, ::-1]
+    pairs = positives.sum(axis=1) * negatives.sum(axis=1)
+    wins = (positives * (below + at_most)).sum(axis=1) / 2
+    return np.asarray(np.divide(wins, pairs, out=np.full(len(scores), np.nan), where=pairs > 0))
+
+
 def brier(scores: Array, positive: Flags, weights: Array) -> Array:
     """(resamples,) the Brier score: mean squared error of the probabilities; constant .5 scores .25.
 
