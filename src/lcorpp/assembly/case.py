@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import NamedTuple
+from functools import lru_cache
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -12,6 +13,9 @@ from lcorpp.domains import Domain
 from lcorpp.errors import DomainError
 from lcorpp.protocols import World
 from lcorpp.values import Label, SharedValue
+
+if TYPE_CHECKING:
+    from lcorpp.simulation import Population
 
 
 class Case(NamedTuple):
@@ -71,11 +75,11 @@ def draw_case(
     Raises:
         DomainError: no such person is possible, or a sense has no noisy channel.
     """
-    from lcorpp.simulation import Population, SimulationModel  # a real person is not simulated
+    from lcorpp.simulation import SimulationModel  # a real person is not simulated
 
     rng = np.random.default_rng([seed, 0])
     given = facts if truth is None else {**facts, **domain.reasoning.split(truth)}
-    person = Population(domain).sample(1, rng, given)[0]
+    person = _make_population(domain).sample(1, rng, given)[0]
     labels = dict(predicted)
     for sense in domain.senses:
         if sense.name not in labels:
@@ -85,3 +89,11 @@ def draw_case(
     known = {name: labels[name] for name in senses}
     world = SimulationModel(domain).make_world(person, rng)
     return Case(context, known, world, domain.reasoning.join(person), person)
+
+
+@lru_cache(maxsize=4)
+def _make_population(domain: Domain) -> Population:
+    """Return the people of a domain; the next person is drawn from the program that the first one compiled."""
+    from lcorpp.simulation import Population
+
+    return Population(domain)

@@ -15,7 +15,10 @@ from lcorpp.experiments.figures.result import FigureOptions
 from lcorpp.experiments.figures.running import FigureRun
 
 CHROMIUM = shutil.which("chromium")
-pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="chromium is not installed")
+pytestmark = [
+    pytest.mark.slow,  # the fast suite has the elements of the report: test_running.py
+    pytest.mark.skipif(CHROMIUM is None, reason="chromium is not installed"),
+]
 
 OPTIONS = ("--headless", "--no-sandbox", "--disable-gpu", "--disable-background-networking")
 
@@ -64,7 +67,6 @@ def report(tmp_path_factory):
     return folder / "report.html"
 
 
-@pytest.mark.slow
 def test_the_report_fits_a_phone_and_a_desk(report, tmp_path):
     frames = "".join(
         f'<iframe src="{report.as_uri()}" style="width:{w}px;height:900px"></iframe>' for w in (390, 1100)

@@ -102,11 +102,11 @@ def test_decisions_by_hand(floors, consecutive, last_points, points, label):
     ("interval", "rule"), [(0.033, "threshold"), (1.0, "teaser")]
 )
 def test_streams_decide_as_recorded_tracks(rule, pipeline, interval):
-    samples = 100 if interval < 1 else 40
+    samples = 100 if interval < 1 else 16
     tracks = np.stack([walk(seed, samples=samples) for seed in range(40)])
     labels, trained = CLASSES * 20, pipeline(interval=interval)
     timeline = predict_over_time(trained, Dataset(tracks, labels, interval=interval))
-    folds = tuple(case // 2 % 4 for case in range(40))
+    folds = tuple(case // 2 % 2 for case in range(40))
     trigger = fit_trigger(replace(timeline, folds=folds), rule=rule, waiting_cost=0.01)
     trigger = replace(trigger, consecutive=2)
     decisions = trigger.decide(timeline)
@@ -199,13 +199,13 @@ def test_a_search_on_tracks_of_unequal_length(rule):
 
 
 def test_a_trigger_is_better_than_one_age_for_all():
-    search = search_trigger(make_timeline(1, 2000), waiting_cost=0.01)
+    search = search_trigger(make_timeline(1, 2000, 6), waiting_cost=0.01)
     at_one_age = search.accuracy - 0.01 * search.seconds
     assert search.trigger.expected.value(0.01) > at_one_age.max() + 0.01
 
 
 def test_predictions_are_calibrated_out_of_fold():
-    timeline = make_timeline(3, 100)
+    timeline = make_timeline(3, 100, 3)
     calibrated = cross_calibrate_prefixes(timeline)
     folds = np.array(timeline.folds)
     for fold in range(5):
@@ -217,7 +217,7 @@ def test_predictions_are_calibrated_out_of_fold():
 @pytest.mark.parametrize("rule", ["threshold", "teaser"])
 def test_samples_may_be_farther_apart_than_points(rule):
     """With three points for each sample, every age has the calibration and the floors of its own."""
-    timeline = make_timeline(0, 100)
+    timeline = make_timeline(0, 100, 3)
     sparse = replace(timeline, points=tuple(3 * points for points in timeline.points))
     calibrated = [calibrate_prefixes(each).calibrate(each).probabilities for each in (timeline, sparse)]
     assert np.array_equal(*calibrated)
@@ -265,7 +265,7 @@ def test_the_table_has_a_row_for_each_track_and_age(tmp_path, suffix):
 
 
 def test_a_trigger_survives_json():
-    timeline = make_timeline(0, 100)
+    timeline = make_timeline(0, 100, 3)
     for rule in ("threshold", "teaser"):
         trigger = fit_trigger(timeline, rule=rule)
         again = Trigger.from_json(json.loads(json.dumps(trigger.to_json())))
@@ -290,7 +290,7 @@ def test_three_classes_and_tracks_without_a_prediction():
 
 
 def test_the_figure_is_drawn(tmp_path):
-    timeline = make_timeline(0, 100)
+    timeline = make_timeline(0, 100, 3)
     plot_trigger(
         {rule: search_trigger(timeline, rule=rule) for rule in ("threshold", "teaser")}, tmp_path / "t.svg"
     )
