@@ -60,7 +60,7 @@ def stop_early(progress: planning.Progress) -> None:
 
 
 @given(new=new_domains())
-@settings(max_examples=12, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=8, suppress_health_check=[HealthCheck.function_scoped_fixture])
 def test_every_new_domain_loads_and_runs_exactly(tmp_path, new):
     folder = tmp_path / "domain"
     domain = write_new_domain(folder, new)

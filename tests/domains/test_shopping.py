@@ -6,10 +6,12 @@ from functools import cache
 import numpy as np
 import pytest
 
+from lcorpp.assembly.solving import solve_domain
 from lcorpp.decision import Robot, strategies
 from lcorpp.domains import load_domain
 from lcorpp.experiments import ComparisonOptions, compare_strategies
-from lcorpp.planning import Planner, SolverOptions, solve
+from lcorpp.planning import Planner, SolverOptions
+from lcorpp.planning.policy_cache import find_cache_folder
 from lcorpp.reasoning import Enumeration, Reasoner
 from lcorpp.scoring import Experiment, Scores, evaluate_exactly, run_trials
 from lcorpp.scoring.cases import compute_joint_distribution
@@ -21,7 +23,7 @@ SHARED = ["item", "person", "room"]
 @cache
 def small():
     domain = load_domain("shopping", preset="small")
-    planner = Planner(solve(domain.pomdp, domain.start_beliefs(), precision=0.1, time_limit=60))
+    planner = Planner(solve_domain(domain, cache=find_cache_folder()))
     return domain, Robot({}, Reasoner(domain.program), planner, domain)
 
 

@@ -49,11 +49,11 @@ def test_the_precision_is_reached_at_the_priors_of_soft_evidence():
     soft = EvidenceOptions({"motion": EvidenceKind("soft")})
     options = ComparisonOptions(rows, classifiers={"motion": training}, evidence=soft)
     experiment, *_ = set_up_experiment(domain, options)
-    scores, _ = run_trials(experiment, 110)
+    scores, _ = run_trials(experiment, 60)
     assert scores[0].gap is None
     assert all(0 < row.gap <= 5e-4 for row in scores[1:])
     starts = replace(experiment.robot, planner=Planner(solve_domain(domain)))
-    before, _ = run_trials(replace(experiment, robot=starts), 110)
+    before, _ = run_trials(replace(experiment, robot=starts), 60)
     assert min(before[2].gap, before[3].gap) > 0.1
 
 

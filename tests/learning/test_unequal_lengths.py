@@ -39,7 +39,7 @@ def make(name: str, **options):
 
 @pytest.mark.parametrize("name", ["lstm", "lstm-fast", "summaries", "forest", "minirocket"])
 def test_padding_changes_nothing(name):
-    data = walks()
+    data = walks(16)
     tracks, labels = data.trajectories, np.array(data.labels)
     trained = make(name).fit(tracks, labels)
     found = trained.predict_proba(tracks)

@@ -61,9 +61,8 @@ def normalise(counts):
     return counts / counts.sum(axis=1, keepdims=True)
 
 
-@pytest.mark.parametrize("seed", [0, 1])
-def test_the_confusion_matrix_is_that_of_the_true_classes(intention, seed):
-    true, dataset, predictions = make_reports(4000, error=0.3, seed=seed)
+def test_the_confusion_matrix_is_that_of_the_true_classes(intention):
+    true, dataset, predictions = make_reports(4000, error=0.3)
     corrected = correct_labels(intention, "motion", dataset, predictions)
     assert corrected.confusion.classes == CLASSES
     assert corrected.confusion.counts.sum() == pytest.approx(4000)
@@ -149,10 +148,10 @@ def test_perfect_answers_are_hard_labels(intention):
     np.testing.assert_allclose(corrected.confusion.counts, count(true, predictions), atol=6)
 
 
-@pytest.mark.parametrize(("unknown", "known"), [(None, 0), ((), 0), (None, 2000)])
+@pytest.mark.parametrize(("unknown", "known"), [(None, 0), ((), 0), (None, 1000)])
 def test_without_answers_the_report_is_an_answer(intention, unknown, known):
     """Stores of earlier versions have no answers, or of some cases; a robot may report without a question."""
-    true, dataset, predictions = make_reports(3000, error=0.2)
+    true, dataset, predictions = make_reports(1500, error=0.2)
     bare = [
         LabelEvidence(own.belief, own.context, own.answers if row < known else unknown)
         for row, own in enumerate(dataset.evidence)

@@ -75,7 +75,7 @@ def test_without_data_lcorpp_decides_like_r_and_p(evidence):
     planner = Planner(solve_domain(domain, cache=find_cache_folder()))
     start, first = (
         result
-        for result, _ in zip(run_active_learning(domain, senses, planner, options), range(2), strict=False)
+        for _, result in zip(range(2), run_active_learning(domain, senses, planner, options), strict=False)
     )
     assert start.summary() == "0 tracks; random labels, as cross-validation needs 5 of each class"
     _, accuracy, cost, cost_sd, _ = TABLE["paper"]["R+P"]

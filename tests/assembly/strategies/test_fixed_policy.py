@@ -66,7 +66,7 @@ def test_returns_are_those_of_simulated_people(intention, noise):
     model = moved.pomdp
     for state in (0, 1):
         sums = []
-        for _ in range(3000):
+        for _ in range(1200):
             belief, s, total = start, state, 0.0
             while not domain.is_terminal(belief):
                 a = model.action_index(action := planner.action(belief))

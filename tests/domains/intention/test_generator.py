@@ -48,7 +48,7 @@ def test_no_shortcut_feature_reveals_the_class():
 def test_passers_by_are_like_real_pedestrians(benchmark):
     scenes = benchmark.pedestrians(REAL)
     assert sorted(scenes) == ["eth", "hotel", "students03", "zara01", "zara02"]
-    ours = benchmark.measure_motion(benchmark.passers_by(load_domain("intention"), 1000, 0), 0.396)
+    ours = benchmark.measure_motion(benchmark.passers_by(load_domain("intention"), 500, 0), 0.396)
     for real_ones in (scenes, benchmark.walkers(scenes)):
         them = benchmark.measure_motion(benchmark.all_tracks(real_ones), 0.4)
         for name, distance in benchmark.distances(ours, them).items():

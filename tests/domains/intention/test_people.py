@@ -60,7 +60,7 @@ def velocities(tracks: np.ndarray) -> np.ndarray:
 
 
 def model() -> HistGradientBoostingClassifier:
-    return HistGradientBoostingClassifier(max_iter=60, max_depth=3, random_state=0)
+    return HistGradientBoostingClassifier(max_iter=30, max_depth=3, random_state=0)
 
 
 def test_shape_and_reproducibility():

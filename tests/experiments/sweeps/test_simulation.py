@@ -47,7 +47,7 @@ def find_errors(count: int, trials: int) -> np.ndarray:
 
 
 def test_simulated_means_are_near_the_exact_ones():
-    assert np.abs(find_errors(8, 200)).max() <= 4
+    assert np.abs(find_errors(5, 200)).max() <= 4
 
 
 @pytest.mark.slow

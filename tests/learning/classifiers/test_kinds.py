@@ -71,15 +71,15 @@ def test_data_that_a_learner_cannot_use_are_refused(name, options, words):
         learner(name, **options)
 
 
-@pytest.mark.parametrize("channels", [1, 6, 12])
+@pytest.mark.parametrize("channels", [1, 12])
 def test_channels_of_any_name_need_no_kind(channels):
     rng = np.random.default_rng(0)
     names = tuple(f"sensor {i}" for i in range(channels))
-    data = Dataset(rng.normal(size=(30, channels, 20)), CLASSES * 10, channels=names)
+    data = Dataset(rng.normal(size=(15, channels, 20)), CLASSES * 5, channels=names)
     for name, row in LEARNERS.items():
         if "series" in row.kinds:
             trained = train(learner(name, inputs=names, **FAST.get(name, {})), data)
-            assert trained.probabilities(data.trajectories).shape == (30, 3)
+            assert trained.probabilities(data.trajectories).shape == (15, 3)
 
 
 @pytest.mark.parametrize(

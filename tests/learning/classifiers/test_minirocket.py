@@ -56,11 +56,10 @@ def test_kernels_and_dilations_are_those_of_the_paper():
     assert model.counts_[0] == model.counts_.max()
 
 
-@pytest.mark.parametrize("channels", [1, 12])
-def test_waves_in_any_channel_are_recognised(channels):
-    tracks, labels = make_waves(90, channels)
-    data = Dataset(tracks, tuple(labels), channels=tuple(f"c{i}" for i in range(channels)))
-    validation = cross_validate(learner("minirocket", inputs=data.channels, kind="series"), data, folds=3)
+def test_waves_in_one_of_many_channels_are_recognised():
+    tracks, labels = make_waves(90, channels=12)
+    data = Dataset(tracks, tuple(labels), channels=tuple(f"c{i}" for i in range(12)))
+    validation = cross_validate(learner("minirocket", inputs=data.channels, kind="series"), data, folds=2)
     assert validation.classes == ("fast", "medium", "slow")
     assert validation.accuracy > 0.8  # a third is chance
 
@@ -78,7 +77,7 @@ def test_a_padded_track_counts_as_far_as_it_goes():
 
 def test_the_seed_decides():
     tracks, labels = make_waves()
-    one, same, other = (MiniRocket(features=840, random_state=seed).fit(tracks, labels) for seed in (0, 0, 1))
+    one, same, other = (MiniRocket(features=420, random_state=seed).fit(tracks, labels) for seed in (0, 0, 1))
     new, truth = make_waves(seed=5)
     assert np.array_equal(one.predict_proba(new), same.predict_proba(new))
     assert not np.array_equal(one.predict_proba(new), other.predict_proba(new))

@@ -15,6 +15,9 @@ from .test_minirocket import make_waves
 SHAPES = [(1, 26, 0), (2, 22, 1), (12, 18, 2), (3, 2, 3), (1, 80, 0), (12, 61, 2), (2, 200, 4)]
 """Channels, time points and seed."""
 
+FAST = ((1, 26, 0), (12, 18, 2), (3, 2, 3))
+"""Those whose model is quickly compared."""
+
 
 def make_model(channels: int, points: int, seed: int = 0, features: int = 840) -> MiniRocket:
     return MiniRocket(features=features, random_state=seed).fit(*make_waves(12, channels, points, seed))
@@ -22,7 +25,7 @@ def make_model(channels: int, points: int, seed: int = 0, features: int = 840) -
 
 @pytest.mark.parametrize(
     ("channels", "points", "seed"),
-    [s if s[1] <= 40 else pytest.param(*s, marks=pytest.mark.slow) for s in SHAPES],
+    [s if s in FAST else pytest.param(*s, marks=pytest.mark.slow) for s in SHAPES],
 )
 def test_features_and_predictions_equal_the_batch_at_every_length(channels, points, seed):
     model = make_model(channels, points, seed)
@@ -42,7 +45,7 @@ def test_tracks_of_any_age_advance_together(monkeypatch):
     monkeypatch.setattr("lcorpp.learning.classifiers.running_convolutions.BLOCK_SIZE", 2 * 840 * 4)
     model, rng = make_model(2, 40), np.random.default_rng(0)
     state, tracks = model.begin(7), [np.empty((2, 0)) for _ in range(7)]
-    for _ in range(30):
+    for _ in range(20):
         rows = rng.permutation(7)[: rng.integers(1, 8)]
         for row in rows[rng.uniform(size=len(rows)) < 0.04]:
             state.put([row], model.begin())

@@ -81,10 +81,13 @@ def test_a_person_with_many_cases_counts_once():
 
 
 @pytest.mark.parametrize(
-    ("classes", "many"),
-    [(2, 20), *(pytest.param(*p, marks=pytest.mark.slow) for p in [(2, 1), (3, 1), (3, 20)])],
+    ("classes", "many", "data_sets"),
+    [
+        (2, 20, 16),
+        *(pytest.param(*p, 40, marks=pytest.mark.slow) for p in [(2, 1), (2, 20), (3, 1), (3, 20)]),
+    ],
 )
-def test_coverage_over_many_data_sets(classes, many):
+def test_coverage_over_many_data_sets(classes, many, data_sets):
     """Of classifiers trained on all cases, for new people; and of the reported out-of-fold sets.
 
     Some people have many cases that are alike, and other ones than people with one.
@@ -100,9 +103,9 @@ def test_coverage_over_many_data_sets(classes, many):
         x[cases > 1] /= 3
         return x[person] + (many > 1) * rng.normal(0, 0.3, (len(person), 2)), truth[person], person
 
-    for _ in range(40):
+    for _ in range(data_sets):
         x, truth, person = draw(300)
-        new_x, new_truth, new_person = draw(2000)
+        new_x, new_truth, new_person = draw(1500)
         share = 1 / np.bincount(new_person)[new_person]
         dataset = Dataset(x, tuple(names[truth]), groups=tuple(map(str, person)), channels=("u", "v"))
         trained, validation = train_and_validate(LogisticRegression(), dataset)
@@ -127,9 +130,9 @@ def test_the_likelihood_is_bayes_with_the_measured_rates():
         scores = np.eye(3)[np.searchsorted(["a", "b", "c"], labels)] + rng.normal(size=(n, 3))
         return np.exp(scores) / np.exp(scores).sum(axis=1, keepdims=True), labels
 
-    p, labels = draw(30000)
-    sets = fit_prediction_sets(make_validation(p, labels.tolist(), rng.integers(0, 5, 30000)), 0.8)
-    new_p, new_labels = draw(30000)
+    p, labels = draw(15000)
+    sets = fit_prediction_sets(make_validation(p, labels.tolist(), rng.integers(0, 5, 15000)), 0.8)
+    new_p, new_labels = draw(15000)
     weights = np.array([each.weights for each in sets.likelihoods(new_p)])
     posterior = weights / weights.sum(axis=1, keepdims=True)  # the classes are equally frequent
     for row in np.unique(posterior.round(6), axis=0):

@@ -24,12 +24,12 @@ def draw_choices(rng, n):
 
 @pytest.mark.parametrize("draw", [draw_tracks, draw_features, draw_choices])
 def test_p_values_of_equal_distributions_are_uniform_or_larger(draw):
-    """300 repetitions; the share of p-values up to a level may exceed it by chance alone."""
+    """150 repetitions; the share of p-values up to a level may exceed it by chance alone."""
     rng = np.random.default_rng(1)
-    p_values = np.array([compare_signals(draw(rng, 30), draw(rng, 12), rng) for _ in range(300)])
+    p_values = np.array([compare_signals(draw(rng, 30), draw(rng, 12), rng) for _ in range(150)])
     for level in (0.05, 0.2, 0.5):
         hits = int((p_values <= level).sum())
-        assert binomtest(hits, 300, level, alternative="greater").pvalue > 0.001
+        assert binomtest(hits, 150, level, alternative="greater").pvalue > 0.001
     assert p_values.min() > 0
 
 

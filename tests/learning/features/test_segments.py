@@ -42,13 +42,13 @@ def test_padding_and_prefixes():
 
 
 def test_the_fast_lstm_learns_long_series_and_is_stored(tmp_path):
-    rng, truth = np.random.default_rng(0), np.arange(90) % 3
+    rng, truth = np.random.default_rng(0), np.arange(60) % 3
     is_loud = np.arange(300) // 100 == truth[:, None]
-    tracks = rng.normal(scale=np.where(is_loud, 2, 1)[:, None], size=(90, 2, 300))
+    tracks = rng.normal(scale=np.where(is_loud, 2, 1)[:, None], size=(60, 2, 300))
     labels = ("first", "second", "third")
     data = Dataset(tracks, tuple(labels[third] for third in truth), channels=("pitch", "loudness"))
     fast = learner("lstm-fast", inputs=data.channels)
-    assert cross_validate(fast, data, folds=3).accuracy > 0.8  # a third is chance
+    assert cross_validate(fast, data, folds=2).accuracy > 0.8  # a third is chance
     trained = train(learner("lstm-fast", inputs=data.channels, epochs=2), data)
     save_classifier(trained, tmp_path / "c.npz")
     again = load_classifier(tmp_path / "c.npz")

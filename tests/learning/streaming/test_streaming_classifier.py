@@ -54,7 +54,10 @@ def test_predictions_of_regular_samples_equal_the_batch_result(name):
     pipeline = PIPELINES[name]
     samples = walk(3, samples=120, inputs=len(pipeline[0].inputs))
     answers = pushed(StreamingClassifier(pipeline), np.arange(120) * INTERVAL, samples)
-    for end, answer in enumerate(answers, start=1):
+    changes = [end for end in range(1, 120) if answers[end] is not answers[end - 1]]
+    assert len(changes) > 8
+    for end in sorted({1, 120, *changes, *(end + 1 for end in changes)}):  # before and after each new point
+        answer = answers[end - 1]
         if answer.points < 2:
             assert answer.probabilities is None
             with pytest.raises(DataError):
