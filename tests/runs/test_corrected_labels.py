@@ -199,7 +199,7 @@ def test_three_values_and_questions_that_distinguish_some_of_them():
         "offer_directions": {"tour": 0.3, "directions": 0.75, "nothing": 0.2},
     }
     true, evidence, predictions = [], [], []
-    for _ in range(5000):
+    for _ in range(3000):
         wish = classes[rng.integers(3)]
         answers = tuple(
             (action, "yes" if rng.random() < chances[action][wish] else "no")
@@ -208,7 +208,7 @@ def test_three_values_and_questions_that_distinguish_some_of_them():
         true.append(wish)
         evidence.append(LabelEvidence({}, {}, answers))
         predictions.append(wish if rng.random() < 0.7 else classes[rng.integers(3)])
-    dataset = Dataset(np.zeros((5000, 2, 3)), tuple(true), evidence=tuple(evidence))
+    dataset = Dataset(np.zeros((3000, 2, 3)), tuple(true), evidence=tuple(evidence))
     corrected = correct_labels(domain, "motion", dataset, predictions)
     confusion = corrected.confusion
     expected = normalise(count(true, predictions, confusion.classes))

@@ -93,7 +93,7 @@ def draw_case(
 
 @lru_cache(maxsize=4)
 def _make_population(domain: Domain) -> Population:
-    """Return the people of a domain; the next person is drawn from the program that the first one compiled."""
+    """Return the people of a domain; all are drawn from one compiled program."""
     from lcorpp.simulation import Population
 
     return Population(domain)

@@ -135,7 +135,7 @@ def test_always_report_is_l_and_r(intention):
 def test_histories_and_beliefs_give_the_same_exact_scores(rooms):
     """Of robots that act by the belief alone, once by beliefs and once by histories."""
     domain, robot, channels = rooms
-    rows = STRATEGIES
+    rows = tuple(row for row in STRATEGIES if row.name in ("L+R", "P", "LCORPP"))
     unchanged = [replace(row, change=lambda robot: robot) for row in rows]
     by_belief = evaluate_exactly(domain, robot, channels, rows)
     by_history = evaluate_exactly(domain, robot, channels, tuple(unchanged))

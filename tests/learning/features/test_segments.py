@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from lcorpp.errors import DataError
-from lcorpp.learning import LstmClassifier, cross_validate, learner, load_classifier, save_classifier, train
+from lcorpp.learning import LstmClassifier, learner, load_classifier, save_classifier, train
 from lcorpp.learning.features.segments import SegmentStatistics
 from lcorpp.values import Dataset, stack_signals
 from tests.learning.classifiers.test_minirocket import make_waves
@@ -47,9 +47,9 @@ def test_the_fast_lstm_learns_long_series_and_is_stored(tmp_path):
     tracks = rng.normal(scale=np.where(is_loud, 2, 1)[:, None], size=(60, 2, 300))
     labels = ("first", "second", "third")
     data = Dataset(tracks, tuple(labels[third] for third in truth), channels=("pitch", "loudness"))
-    fast = learner("lstm-fast", inputs=data.channels)
-    assert cross_validate(fast, data, folds=2).accuracy > 0.8  # a third is chance
-    trained = train(learner("lstm-fast", inputs=data.channels, epochs=2), data)
+    trained = train(learner("lstm-fast", inputs=data.channels), data.take(range(30)))
+    found = trained.classify_many(tracks[30:])
+    assert np.mean(np.array(found) == data.labels[30:]) > 0.8  # a third is chance
     save_classifier(trained, tmp_path / "c.npz")
     again = load_classifier(tmp_path / "c.npz")
     assert np.array_equal(again.probabilities(tracks), trained.probabilities(tracks))
