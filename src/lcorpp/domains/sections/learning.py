@@ -126,7 +126,8 @@ def _read_sense(table: TomlTable, reasoning: ReasoningSection, folder: Path) -> 
         raise DomainError(
             f"{table.location('of')}: {of!r} is the sense's own label or observed; expected another attribute"
         )
-    check_defined(table.location("of"), (of,), program)
+    if of not in reasoning.shared:  # which are checked
+        check_defined(table.location("of"), (of,), program)
     check_defined(table.location("attribute"), (attribute,), program)
     label_of = _read_labels(table, attribute, of, reasoning)
     positive = table.text("positive") if "positive" in table else None

@@ -261,14 +261,18 @@ def compute_noisy_channel(program: Program, sense: Sense) -> dict[str, dict[str,
     """Compute P(label | class) of a program: class -> label -> probability."""
     from lcorpp.reasoning import Reasoner  # imports the grounder and the compiler
 
-    reasoner, labels = Reasoner(program), sense.label_of.values()
-    marginal = reasoner.posterior(sense.of, {})
-    return {
-        value: {k: float(p) for k, p in reasoner.exact(sense.attribute, {sense.of: value}).items()}
-        if marginal[value]
-        else dict.fromkeys(labels, 1 / len(labels))  # an impossible value: its row is never used
-        for value in sense.classes
-    }
+    labels = sense.label_of.values()
+    joint = Reasoner(program).exact((sense.of, sense.attribute))
+    channel = {}
+    for value in sense.classes:
+        row = {label: joint[value, label] for label in program.attributes[sense.attribute].values}
+        total = sum(row.values())
+        channel[value] = (
+            {label: float(p / total) for label, p in row.items()}
+            if total
+            else dict.fromkeys(labels, 1 / len(labels))  # an impossible value: its row is never used
+        )
+    return channel
 
 
 def _read_noisy_channel(table: TomlTable, sense: Sense) -> dict[str, dict[str, float]]:
