@@ -49,6 +49,7 @@ def test_the_interval_of_a_difference_is_newcombe_s():
     )
 
 
+@pytest.mark.slow  # 600 tracks; tests/assembly trains classifiers of few
 def test_the_classifier_is_trained_and_cross_validated():
     result = make_figure(FigureOptions(fast=True), no_progress)
     assert [row["of"] for row in result.table] == [300] * 4

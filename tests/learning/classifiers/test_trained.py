@@ -71,7 +71,6 @@ def test_unknown_names_are_no_attributes():
 
 
 def test_the_papers_pipeline_learns_and_its_matrix_is_kept():
-    pytest.importorskip("torch")
     from lcorpp.learning import paper_pipeline
 
     data = walkers(60)
@@ -90,7 +89,6 @@ def test_data_of_one_class_cannot_be_learnt():
 
 
 def test_the_papers_parameters():
-    pytest.importorskip("torch")
     from lcorpp.learning import paper_pipeline
 
     found = paper_pipeline().get_params()

@@ -77,7 +77,6 @@ def test_three_classes_have_no_auc():
 
 
 def test_the_result_does_not_depend_on_the_processes():
-    pytest.importorskip("torch")
     from lcorpp.learning import paper_pipeline
 
     pipeline = paper_pipeline(epochs=2, rate=4.0)

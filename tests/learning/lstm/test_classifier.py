@@ -17,6 +17,7 @@ from sklearn.utils.class_weight import compute_class_weight
 
 from lcorpp.errors import DataError
 from lcorpp.learning import LstmClassifier, fast_pipeline, paper_pipeline
+from lcorpp.learning.lstm import training
 from lcorpp.learning.lstm.trainer import CompiledTrainer
 from lcorpp.learning.lstm.training import TrainingConfig, compute_class_weights, compute_learning_rates
 
@@ -291,5 +292,10 @@ def test_the_kernels_need_no_torch_and_torch_no_kernels(tmp_path):
     np.testing.assert_allclose([float(p) for p in compiled], [float(p) for p in by_torch], atol=1e-6)
 
 
-def test_without_kernels_and_torch_the_error_names_the_installation(tmp_path):
-    assert "pip install 'lcorpp[torch]'" in run_without(tmp_path, "kernels", "torch")
+def test_without_kernels_and_torch_the_error_names_the_installation(monkeypatch):
+    monkeypatch.setattr(training, "load_kernels", lambda: None)
+    monkeypatch.setitem(sys.modules, "torch", None)  # its import fails
+    monkeypatch.delitem(sys.modules, "lcorpp.learning.lstm.torch_trainer", raising=False)
+    x = tracks()
+    with pytest.raises(DataError, match=r"pip install 'lcorpp\[torch\]'"):
+        LstmClassifier(units=3, epochs=2).fit(x, labels(x))

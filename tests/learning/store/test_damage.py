@@ -12,7 +12,7 @@ from lcorpp.errors import DataError, FileError, LcorppError
 from lcorpp.learning.store import Store, read_store
 from tests.learning.store.stores import SCHEMA, crash, filled, track, walk
 
-ROWS, POINTS, PAGE = 30, 40, 4096
+ROWS, POINTS, PAGE = 15, 40, 4096
 HEADER = 5 * PAGE
 """Bytes of SQLite's header, the tables' definitions, the store's header and the roots of the tables."""
 
@@ -103,7 +103,7 @@ def test_any_byte_of_the_structure_may_be_flipped(whole, path, flip):
     """Every 61st byte of the tables' definitions, all of SQLite's counters, and the headers of pages."""
     definitions = range(100, PAGE, 61)
     counters = range(4 * PAGE, 5 * PAGE)
-    headers = (page * PAGE + at for page in (2, 3, 6, 9) for at in range(16))
+    headers = (page * PAGE + at for page in (2, 3, 6) for at in range(16))
     for at in (*definitions, *counters, *headers):
         if whole[at]:
             check_flipped(whole, path, at, flip)
@@ -119,7 +119,7 @@ def test_a_header_that_forbids_writing_is_replaced(whole, path):
     assert path.with_name("s.damaged").read_bytes()[18] == 3
 
 
-@pytest.mark.parametrize("last", ["29", "0", "-5", "'x'", "NULL", "1e12"])
+@pytest.mark.parametrize("last", ["14", "0", "-5", "'x'", "NULL", "1e12"])
 def test_a_wrong_number_of_the_last_record_is_corrected(whole, path, last):
     """Otherwise the next record would have the number of another one, or none would fit after it."""
     write_file(path, whole)
