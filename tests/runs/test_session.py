@@ -108,7 +108,7 @@ def interrupt(monkeypatch):
     ("place", "after", "before"),
     [
         # the checkpoint of the initial training and 14 decisions come first; a run begins with a checkpoint
-        ("rooms, soft", (2, 17, 19, 27), (30,)),
+        ("rooms, soft", (2, 17, 19), (30,)),
         pytest.param("deliveries", (16, 29), (), marks=pytest.mark.slow),
         pytest.param("rooms, watched", (12, 26), (), marks=pytest.mark.slow),
     ],

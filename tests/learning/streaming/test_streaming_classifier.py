@@ -387,7 +387,7 @@ def test_a_person_with_rejected_samples_only_has_no_prediction():
 
 
 @pytest.mark.filterwarnings("ignore:most of the last:UserWarning")
-@settings(max_examples=100)
+@settings(max_examples=50)
 @given(
     samples=st.lists(
         st.tuples(
