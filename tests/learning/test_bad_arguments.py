@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 
 import numpy as np
 import pytest
@@ -194,6 +195,23 @@ def test_lists_and_numpy_numbers_are_as_good_as_arrays_and_numbers():
     assert cross_validate(TRAINED.estimator, DATA, folds=np.int64(2)).accuracy == VALIDATION.accuracy
     rows = fit_calibration(["a", "b"], [[0.2, 0.8], [0.7, 0.3]], ["b", "a"]).calibrate([[0.5, 0.5]])
     assert rows.shape == (1, 2)
+
+
+def test_each_element_of_a_sequence_is_checked():
+    @check_arguments
+    def call(
+        names: tuple[str, ...] = (), rates: Sequence[float] = (), shape: tuple[int, int] = (1, 1)
+    ) -> None:
+        return None
+
+    call(np.array(["a", "b"]), [1, np.float32(2), 3.0], (2, 3))
+    for options, words in (
+        ({"names": (*"ab" * 50, 7)}, r"names\[100\] is 7; expected a text"),
+        ({"rates": [1.0] * 50 + [True]}, r"rates\[50\] is True; expected a number"),
+        ({"shape": (2, 3, 4)}, r"shape is \(2, 3, 4\); expected a sequence of 2, each a whole number"),
+    ):
+        with pytest.raises(DataError, match=f"call: {words}"):
+            call(**options)
 
 
 def test_what_is_imported_for_type_checkers_only_is_not_checked():
