@@ -138,8 +138,8 @@ def one_by_one(rows):
 
 
 def test_decisions_at_once_equal_those_one_by_one(rooms):
-    together, _ = run_trials(rooms, 450)
-    single, _ = run_trials(replace(rooms, strategies=one_by_one(STRATEGIES)), 450)
+    together, _ = run_trials(rooms, 150)
+    single, _ = run_trials(replace(rooms, strategies=one_by_one(STRATEGIES)), 150)
     for a, b in zip(together, single, strict=True):
         np.testing.assert_array_equal(a.counts, b.counts)
         assert (a.cost, a.return_, a.cost_sd) == (b.cost, b.return_, b.cost_sd)
@@ -183,22 +183,22 @@ def test_a_decision_that_fails_at_once_is_found_one_by_one(rooms, monkeypatch):
 
 
 def test_an_interrupt_keeps_the_complete_trials(rooms, monkeypatch):
-    """Of decisions one by one also those of an incomplete chunk: here 250 trials of two chunks and a half."""
+    """Of decisions one by one also those of an incomplete chunk: here 130 trials of a chunk and a half."""
     honest, calls = trial_chunks.dt_control, itertools.count(1)
     rows = one_by_one(STRATEGIES)
 
     def interrupt(robot, instance, world):
-        if next(calls) > 250 * len(STRATEGIES):
+        if next(calls) > 130 * len(STRATEGIES):
             raise KeyboardInterrupt
         return honest(robot, instance, world)
 
     monkeypatch.setattr(trial_chunks, "dt_control", interrupt)
     results, done = run_trials(replace(rooms, strategies=rows), 1000)
-    assert done == 250
+    assert done == 130
     monkeypatch.undo()
-    whole, _ = run_trials(rooms, 300)
+    whole, _ = run_trials(rooms, 200)
     assert (whole[0].counts >= results[0].counts).all()
-    assert all(np.sum(result.counts) == 250 for result in results)
+    assert all(np.sum(result.counts) == 130 for result in results)
 
 
 def test_an_interrupt_keeps_the_people_who_are_complete_at_once(rooms, monkeypatch):
@@ -215,7 +215,6 @@ def test_an_interrupt_keeps_the_people_who_are_complete_at_once(rooms, monkeypat
     assert all(np.sum(result.counts) == 3000 for result in results)
 
 
-@pytest.mark.slow
 @dataclass(frozen=True)
 class Stalling:
     """A reasoner that never returns from its 200th answer in a process, after it has created a file."""
@@ -232,6 +231,7 @@ class Stalling:
         return self.reasoner.posterior(attribute, evidence)
 
 
+@pytest.mark.slow
 def test_an_interrupt_keeps_the_trials_of_incomplete_chunks_of_all_processes(rooms, tmp_path):
     def interrupt_when_stalled():
         while len(list(tmp_path.iterdir())) < 2:  # while a process starts, an interrupt would be lost
