@@ -276,14 +276,14 @@ def export(robot, node, folder):
     return sum(len(part["actions"]) for part in model["planner"]["sets"]) == len(robot.parts.policy)
 
 
-@pytest.mark.parametrize(("name", "count"), [("intention", 30), ("museum", 20)])
+@pytest.mark.parametrize(("name", "count"), [("intention", 15), ("museum", 6)])
 def test_trials_without_a_server(name, count, node, tmp_path, request):
     robot = request.getfixturevalue(name)
     assert export(robot, node, tmp_path)
     assert check_histories(robot, node, count)
 
 
-@pytest.mark.parametrize(("name", "count"), [("intention", 10), ("museum", 5)])
+@pytest.mark.parametrize(("name", "count"), [("intention", 6), ("museum", 3)])
 def test_trials_with_a_server_and_their_log(name, count, node, request):
     robot, logged = request.getfixturevalue(name), []
     with serve(PageServer(lambda: Service(lambda: robot, log=logged.append))) as port:

@@ -60,7 +60,7 @@ def check(trained, node, samples, sizes):
 @pytest.mark.parametrize(("classes", "rate"), [(2, 10.0), (3, 4.0)])
 def test_all_features_sample_by_sample(node, classes, rate):
     pipeline = lstm(classes=classes, features=FEATURES, rate=rate, robot=(0.3, -0.2, 0.7))
-    for seed in range(8):
+    for seed in range(3):
         check(TrainedClassifier(pipeline), node, make_samples(seed), [1] * 120)
 
 
