@@ -35,7 +35,7 @@ def copy_state(trust):
     return json.loads(json.dumps(trust.state()))
 
 
-@pytest.mark.parametrize("n_before", [0, 1, 25, 57, 300])
+@pytest.mark.parametrize("n_before", [0, 25, 120])
 def test_a_restart_goes_on_exactly(n_before, monkeypatch):
     """Also with other credible estimates, with rare cases as counts, and where people are forgotten."""
     monkeypatch.setattr(latent_class_model, "MAX_CASES", 20)
@@ -47,8 +47,8 @@ def test_a_restart_goes_on_exactly(n_before, monkeypatch):
     if n_before == 25:
         assert copy_state(whole)["learnt"]["learnt"]["alternative"] is not None
     other = np.random.default_rng(4)
-    meet(whole, np.random.default_rng(4), 150)
-    meet(restarted, other, 150)
+    meet(whole, np.random.default_rng(4), 60)
+    meet(restarted, other, 60)
     assert copy_state(restarted) == copy_state(whole)
     evidence = {"sky": "sunny", "label": "no"}
     np.testing.assert_array_equal(
@@ -56,8 +56,7 @@ def test_a_restart_goes_on_exactly(n_before, monkeypatch):
     )
 
 
-@pytest.mark.parametrize("row", WITH_TRUST[:2], ids=lambda row: row.name)
-@pytest.mark.parametrize("name", ["intention", "museum"])
+@pytest.mark.parametrize(("name", "row"), [("museum", WITH_TRUST[0]), ("intention", WITH_TRUST[1])])
 def test_a_domain_s_restart_goes_on_exactly(name, row):
     """With the policies for the estimated observation model, whose search may be unfinished."""
     experiment, *_ = set_up_experiment(
