@@ -129,10 +129,10 @@ def test_the_program_is_that_of_a_comparison(rooms):
 
 
 def test_a_log_is_the_same_for_any_number_of_processes(tmp_path):
-    one = write_log(tmp_path / "one", ROOMS, trials=250, jobs=1)
-    two = write_log(tmp_path / "two", ROOMS, trials=250, jobs=2)
+    one = write_log(tmp_path / "one", ROOMS, trials=120, jobs=1)
+    two = write_log(tmp_path / "two", ROOMS, trials=120, jobs=2)
     assert one == two
-    assert [line["simulated"]["trial"] for line in one] == [i // len(NAMES) for i in range(250 * len(NAMES))]
+    assert [line["simulated"]["trial"] for line in one] == [i // len(NAMES) for i in range(120 * len(NAMES))]
     assert [line["strategy"]["name"] for line in one[: len(NAMES)]] == NAMES
     assert all(line["simulated"]["truth"]["goal"] in ("lab", "office", "store") for line in one)
 
@@ -145,16 +145,16 @@ def test_a_log_does_not_change_the_scores(tmp_path):
 
 
 def test_an_interrupt_keeps_the_decisions_of_the_complete_trials(tmp_path, monkeypatch):
-    whole = write_log(tmp_path / "whole", ROOMS, trials=200)
+    whole = write_log(tmp_path / "whole", ROOMS, trials=120)
     honest, calls = trial_chunks.dt_control, itertools.count(1)
 
     def interrupt(robot, instance, world):
-        if next(calls) > 130 * len(NAMES) + 4:
+        if next(calls) > 110 * len(NAMES) + 4:
             raise KeyboardInterrupt
         return honest(robot, instance, world)
 
     monkeypatch.setattr(trial_chunks, "dt_control", interrupt)
-    assert write_log(tmp_path / "part", ROOMS, trials=200) == whole[: 130 * len(NAMES)]
+    assert write_log(tmp_path / "part", ROOMS, trials=120) == whole[: 110 * len(NAMES)]
 
 
 def test_an_error_keeps_the_decisions_before_it(tmp_path, monkeypatch):
