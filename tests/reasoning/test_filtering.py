@@ -109,7 +109,7 @@ def test_fifty_steps_are_those_of_the_unrolled_program() -> None:
         np.testing.assert_allclose(found.probabilities, unrolled.probabilities, rtol=1e-12)
 
 
-@pytest.mark.parametrize("seed", range(8))
+@pytest.mark.parametrize("seed", range(3))
 def test_filter_and_enumeration_agree_on_random_programs(seed: int) -> None:
     rng = np.random.default_rng(seed)
     p = [round(float(x), 3) for x in rng.uniform(0.05, 0.95, 7)]

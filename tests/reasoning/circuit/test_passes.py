@@ -51,7 +51,7 @@ def test_batches_with_likelihoods_equal_the_weighted_worlds(weather):
     rng = np.random.default_rng(1)
     values = {name: weather.values[name] for name in weather.inputs}
     rows = []
-    for _ in range(12):
+    for _ in range(6):
         row = {}
         for name in rng.permutation(weather.inputs)[:3].tolist():
             weights = Likelihood(values[name][::-1], rng.random(len(values[name])))
