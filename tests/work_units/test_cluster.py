@@ -80,6 +80,7 @@ def test_the_units_of_a_killed_worker_go_to_another_one(start, scheduler):
     assert results == SQUARES
 
 
+@pytest.mark.slow
 def test_a_sweep_on_a_cluster_has_the_numbers_of_one_process(start, scheduler, tmp_path):
     """Show 5: one of two workers is killed in the middle."""
     _, address = scheduler
@@ -156,7 +157,7 @@ def test_a_program_that_never_answers_is_no_cluster(monkeypatch):
             dict(evaluate_units(functions.square, UNITS, cluster=address))
 
 
-def test_a_cluster_without_workers_is_named(scheduler, monkeypatch):
+def test_a_cluster_without_workers_is_named_and_one_with_a_worker_evaluates(start, scheduler, monkeypatch):
     connect, address = cluster._connect, scheduler[1]
 
     def connect_patiently(address):
@@ -167,6 +168,10 @@ def test_a_cluster_without_workers_is_named(scheduler, monkeypatch):
     monkeypatch.setattr(cluster, "_connect", connect_patiently)
     with pytest.raises(WorkerError, match=f"{address} has no worker after 1 seconds; expected `dask worker"):
         dict(evaluate_units(functions.square, UNITS, cluster=address))
+    monkeypatch.setattr(cluster, "_connect", connect)
+    monkeypatch.setattr(cluster, "CONNECT_SECONDS", 600)
+    start_worker(start, address)
+    assert dict(evaluate_units(functions.square, UNITS, cluster=address)) == SQUARES
 
 
 def test_dask_is_an_extra(monkeypatch):
