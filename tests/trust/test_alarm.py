@@ -70,8 +70,9 @@ def test_e_is_the_mean_likelihood_over_that_of_the_null():
     assert alarm.n_people == 40
 
 
-@pytest.mark.parametrize(("truth", "attribute"), [(SWAPPED_PROGRAM, "wish"), (UNINFORMATIVE_RATES, "label")])
-@pytest.mark.parametrize("wrong", [0.15, 0.35])
+@pytest.mark.parametrize(
+    ("truth", "attribute", "wrong"), [(SWAPPED_PROGRAM, "wish", 0.35), (UNINFORMATIVE_RATES, "label", 0.15)]
+)
 def test_the_wrong_attribute_is_named_whatever_the_noise(truth, attribute, wrong):
     alarm, named = (
         make_alarm(STATED_PROGRAM, UNIFORM_PROGRAM, SWAPPED_PROGRAM, UNINFORMATIVE_RATES),
