@@ -13,6 +13,7 @@ from lcorpp.assembly import RobotParts, solve_domain
 from lcorpp.assembly.robot_parts import ClassifierPart
 from lcorpp.domains import Domain, load_domain
 from lcorpp.logs.decision_log import FORMAT
+from lcorpp.planning.policy_cache import find_cache_folder
 from lcorpp.scoring.cases import compute_joint_distribution
 
 NOISE = 0.3
@@ -41,7 +42,7 @@ def write_log(
         soft: whether labels are likelihoods.
     """
     domain = load_domain("intention", preset=preset)
-    policy = solve_domain(domain).policy
+    policy = solve_domain(domain, cache=find_cache_folder()).policy
     parts = RobotParts(domain, policy, {"motion": ClassifierPart("channel", soft=soft)})
     kinds, probabilities = zip(*_list_people(domain, asked), strict=True)
     ends = np.floor(np.cumsum([0, *probabilities]) * n + np.random.default_rng(seed).random())

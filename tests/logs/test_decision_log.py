@@ -3,6 +3,7 @@
 import itertools
 import json
 import shutil
+from collections.abc import Iterator
 from dataclasses import replace
 from fractions import Fraction
 from pathlib import Path
@@ -20,6 +21,7 @@ from lcorpp.experiments.comparison import ComparisonOptions, compare_strategies
 from lcorpp.logs.decision_log import DecisionLog, LoggedDecision, format_decision, read_log
 from lcorpp.logs.replay import ChangedPart, ReplayedDecision, compare, replay_log
 from lcorpp.planning import read_policy, write_policy
+from lcorpp.planning.policy_cache import find_cache_folder
 from lcorpp.scoring import trial_chunks
 from lcorpp.values import ConfusionMatrix, Episode, Instance, Likelihood
 from tests.domains.deliveries import GAZE, VOICE, write_domain
@@ -66,9 +68,14 @@ def decide(parts: RobotParts, label, context) -> Episode:
 
 def write_log(path: Path, folder: Path, **options) -> list[dict]:
     domain = load_domain(folder)
-    chosen = {"trials": 30, "seed": 7} | options
+    chosen = {"trials": 30, "seed": 7, "cache": find_cache_folder()} | options
     compare_strategies(domain, ComparisonOptions(log=path, **chosen))
     return read_lines(path)
+
+
+def replay(path: Path) -> Iterator[ReplayedDecision | ChangedPart | DataError]:
+    """Replay with the policies that the tests share."""
+    return replay_log(path, cache=find_cache_folder())
 
 
 def read_lines(path: Path) -> list[dict]:
@@ -250,7 +257,7 @@ def test_a_replay_finds_no_differences_in_any_domain(tmp_path):
     write_log(tmp_path / "rooms", ROOMS)
     write_log(tmp_path / "deliveries", write_domain(tmp_path / "domain", senses=GAZE + VOICE))
     for name in ("rooms", "deliveries"):
-        results = list(replay_log(tmp_path / name))
+        results = list(replay(tmp_path / name))
         assert len(results) in (30 * len(NAMES), 30 * (len(NAMES) + 2))
         assert all(isinstance(result, ReplayedDecision) and not result.differences for result in results)
 
@@ -267,17 +274,17 @@ def test_baselines_and_own_strategies_are_replayed(tmp_path):
     )
     chosen = find_strategies(["ask-twice", "random", "always-report", f"{own}:hasty"], ["heading"])
     write_log(log, ROOMS, strategies=chosen)
-    results = list(replay_log(log))
+    results = list(replay(log))
     assert [result.strategy for result in results[:4]] == [strategy.name for strategy in chosen]
     assert len(results) == 4 * 30
     assert not any(result.differences for result in results)
     own.write_text(own.read_text().replace("to_lab", "to_store"))
-    results = list(replay_log(log))
+    results = list(replay(log))
     assert results.pop(3) == ChangedPart(4, f"strategy hasty: {own}:hasty")
     different = {result.strategy for result in results if result.differences}
     assert different == {"hasty"}
     own.write_text(own.read_text().replace("belief[0]", "belief['lab']"))
-    errors = [result for result in replay_log(log) if isinstance(result, DataError)]
+    errors = [result for result in replay(log) if isinstance(result, DataError)]
     assert len(errors) == 30
     assert str(errors[0]).startswith(f"{log}:4: cannot be replayed: {own}:4: strategy 'hasty'")
 
@@ -292,7 +299,7 @@ def change_and_replay(tmp_path):
         text = (folder / file).read_text()
         assert old in text
         (folder / file).write_text(text.replace(old, new))
-        results = list(replay_log(tmp_path / "log"))
+        results = list(replay(tmp_path / "log"))
         parts = [result.what for result in results if isinstance(result, ChangedPart)]
         if parts:
             assert isinstance(results[0], ChangedPart)
@@ -357,17 +364,17 @@ def test_a_changed_classifier_and_policy_file_are_named(rooms, tmp_path):
     context = {"badge": "guest"}
     with DecisionLog(log) as decisions:
         decisions.append(parts, LCORPP, context, decide(parts, "lab", context))
-    (result,) = replay_log(log)
+    (result,) = replay(log)
     assert isinstance(result, ReplayedDecision)
     assert result.differences == ()
     stored.write_bytes(b"two")
     (alphas,) = policy.vector_sets
     write_policy(replace(policy, vector_sets=(replace(alphas, vectors=alphas.vectors - 1),)), policy_file)
-    *named, result = replay_log(log)
+    *named, result = replay(log)
     assert [change.what for change in named] == [f"classifier of heading: {stored}", f"policy: {policy_file}"]
     assert result.differences == ()
     policy_file.unlink()
-    *_, error = replay_log(log)
+    *_, error = replay(log)
     assert f"{log}:1: cannot be replayed: {policy_file}: cannot be read" in str(error)
 
 
@@ -395,7 +402,7 @@ def test_content_of_another_form_is_an_error_of_its_line(rooms, tmp_path):
         damaged += [{**content, name: other} for other in (7, "x", [[]], {"x": {"y": []}}, {"x": -1})]
     log = tmp_path / "log"
     log.write_text("".join(json.dumps(line) + "\n" for line in damaged))
-    results = list(replay_log(log))
+    results = list(replay(log))
     assert len(results) == len(damaged)
     for number, result in enumerate(results, 1):
         if isinstance(result, DataError):

@@ -7,6 +7,7 @@ from lcorpp.decision.strategies import strategies
 from lcorpp.domains import load_domain
 from lcorpp.errors import DecisionError
 from lcorpp.experiments import ComparisonOptions, compare_strategies
+from lcorpp.planning.policy_cache import find_cache_folder
 from lcorpp.scoring.decision_scores import score_decisions, score_probabilities
 from lcorpp.scoring.metrics import find_reference
 from lcorpp.values import Z95, Interval
@@ -57,7 +58,9 @@ def test_scores_of_other_people_are_refused():
 
 
 def test_a_notebook_shows_each_variable():
-    comparison = compare_strategies(load_domain("shopping", preset="small"), ComparisonOptions(trials=None))
+    comparison = compare_strategies(
+        load_domain("shopping", preset="small"), ComparisonOptions(trials=None, cache=find_cache_folder())
+    )
     html = comparison._repr_html_()
     assert all(f">{name}</th>" in html for name in ("item", "person", "room", "all", "cost", "return"))
 

@@ -10,6 +10,7 @@ from lcorpp.decision import dt_control, strategies
 from lcorpp.domains import load_domain
 from lcorpp.errors import DecisionError
 from lcorpp.experiments.comparison import ComparisonOptions, set_up_experiment
+from lcorpp.planning.policy_cache import find_cache_folder
 from lcorpp.scoring.experiment import ChunkSource
 from lcorpp.trust import Trust, TrustOptions, latent_class_model
 from lcorpp.values import Step
@@ -60,7 +61,8 @@ def test_a_restart_goes_on_exactly(n_before, monkeypatch):
 def test_a_domain_s_restart_goes_on_exactly(name, row):
     """With the policies for the estimated observation model, whose search may be unfinished."""
     experiment, *_ = set_up_experiment(
-        load_domain(name), ComparisonOptions((row, *strategies(["LCORPP"])), seed=5)
+        load_domain(name),
+        ComparisonOptions((row, *strategies(["LCORPP"])), seed=5, cache=find_cache_folder()),
     )
     chunk = ChunkSource(experiment).draw(0, 100)
     sessions = [row.start(experiment.robot, {})]
