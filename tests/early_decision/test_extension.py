@@ -34,6 +34,12 @@ def extended(domain):
 
 
 @pytest.fixture(scope="module")
+def own_planner(extended):
+    """The planner of the extended domain for its own priors."""
+    return Planner(solve_domain(extended))
+
+
+@pytest.fixture(scope="module")
 def planner(extended):
     return Planner(solve_domain(extended, any_prior=True))
 
@@ -43,9 +49,9 @@ def prior_of(domain, p):
     return p * belief[0] + (1 - p) * belief[1]
 
 
-def test_watching_is_bayes_rule(extended):
+def test_watching_is_bayes_rule(extended, own_planner):
     """Prior .4, the bin has .8 and .3: .4 x .8 / (.4 x .8 + .6 x .3) = .64; the same bin adds nothing."""
-    planner = Planner(solve_domain(extended))
+    planner = own_planner
     belief = planner.update(prior_of(extended, 0.4), WATCH, "bin_2")
     assert extended.marginal(belief).probabilities == pytest.approx([0.64, 0.36])
     again = planner.update(belief, WATCH, "bin_2")
@@ -54,9 +60,9 @@ def test_watching_is_bayes_rule(extended):
     assert over == pytest.approx(np.append(prior_of(load_domain("intention"), 0.64), np.zeros(10)))
 
 
-def test_the_dialogue_is_that_of_the_domain(domain, extended):
+def test_the_dialogue_is_that_of_the_domain(domain, extended, own_planner):
     """After a bin, a question gives the belief that the domain gives from the same distribution."""
-    base, planner = Planner(solve_domain(domain)), Planner(solve_domain(extended))
+    base, planner = Planner(solve_domain(domain)), own_planner
     belief = planner.update(prior_of(extended, 0.4), WATCH, "bin_2")
     after = planner.update(belief, "greet", "pos")
     assert after[:5] == pytest.approx(base.update(prior_of(domain, 0.64), "greet", "pos"))
