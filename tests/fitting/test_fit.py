@@ -137,7 +137,7 @@ def test_no_other_numbers_nearby_are_more_likely(name: str, hidden: float) -> No
     model = build(program, ())
     linked = [case.parameters for case in model.cases if case.is_full]
     rng, changed = np.random.default_rng(4), 0
-    for _ in range(12):
+    for _ in range(5):
         numbers = [float(x.value) * (1 + 0.02 * rng.normal()) for x in result.numbers]
         exact = [Fraction(x).limit_denominator(10**6) for x in numbers]
         for own in linked:  # their sum is 1
@@ -147,7 +147,7 @@ def test_no_other_numbers_nearby_are_more_likely(name: str, hidden: float) -> No
         other = set_numbers(program, dict(zip(model.statements, exact, strict=True)))
         assert log_likelihood(other, records) <= best + 1e-4
         changed += other != result.program
-    assert changed == 12
+    assert changed == 5
 
 
 def test_complete_records_give_relative_frequencies() -> None:
