@@ -81,7 +81,7 @@ def test_any_fields_are_accepted_or_refused_with_a_reason(asker, type, data):
     assert reply.get("code") in (None, "invalid")
 
 
-def test_ten_thousand_hostile_messages_leave_the_service_usable(intention):
+def test_three_thousand_hostile_messages_leave_the_service_usable(intention):
     logged = []
     asker = Asker(intention, log=logged.append)
     rng = random.Random(0)
@@ -108,7 +108,7 @@ def test_ten_thousand_hostile_messages_leave_the_service_usable(intention):
         "__proto__",
         "\ud800",
     ]
-    for number in range(10_000):
+    for number in range(3_000):
         message = {"id": number, **rng.choice(valid)}
         if rng.random() < 0.7:
             message[rng.choice([*message, "more"])] = rng.choice(values)
