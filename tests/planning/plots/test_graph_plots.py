@@ -29,7 +29,7 @@ def graphs(draw: st.DrawFn) -> tuple[list[int], list[tuple[int, int]]]:
     return depths, list(dict.fromkeys(arrows))
 
 
-@settings(max_examples=40)
+@settings(max_examples=20)
 @given(graphs())
 def test_nodes_do_not_overlap(graph):
     depths, arrows = graph
@@ -115,7 +115,7 @@ def test_large_graphs_show_the_most_visited_nodes():
     assert "1 of" in " ".join(shown(draw_graph(graph, nodes=1, arrows=0)))
 
 
-@pytest.mark.parametrize("name", ["cheese.95.pomdp", "light_maze.POMDP", "shuttle.95.pomdp", "hallway.pomdp"])
+@pytest.mark.parametrize("name", ["cheese.95.pomdp", "light_maze.POMDP", "shuttle.95.pomdp"])
 def test_all_text_of_a_graph_lies_inside_the_figure(name):
     pomdp = read_pomdp(shared_model(name))
     graph = policy_graph(pomdp, solve(pomdp, time_limit=0.5).policy)
