@@ -17,9 +17,9 @@ from hypothesis import HealthCheck, settings
 # Imports leave almost no garbage; looking for it takes a tenth of the collection of the tests.
 gc.disable()
 
-# The suite draws the same examples each time; `make check-slow` searches with new ones.
+# The suite draws the same few examples each time; `make check-slow` searches with new ones, and more.
 settings.register_profile("search", deadline=None, suppress_health_check=[HealthCheck.too_slow])
-settings.register_profile("lcorpp", settings.get_profile("search"), derandomize=True)
+settings.register_profile("lcorpp", settings.get_profile("search"), derandomize=True, max_examples=40)
 settings.load_profile("lcorpp")
 
 # Tests interrupt themselves and their children; a shell that runs them in the background ignores the signals.

@@ -24,7 +24,7 @@ def test_an_impossible_observation_names_everything():
 
 
 @given(pomdps())
-@settings(max_examples=30)
+@settings(max_examples=15)
 def test_update_is_bayes_rule(pomdp):
     T, Z, b = pomdp.transition, pomdp.observation, pomdp.start
     S = range(len(pomdp.states))
@@ -44,7 +44,7 @@ def test_update_is_bayes_rule(pomdp):
 
 
 @given(pomdps(), st.integers(0, 2**32 - 1))
-@settings(max_examples=30)
+@settings(max_examples=15)
 def test_many_updates_are_those_of_single_beliefs(pomdp, seed):
     rng = np.random.default_rng(seed)
     beliefs = rng.dirichlet(np.ones(len(pomdp.states)), size=5)

@@ -43,7 +43,7 @@ def test_each_solver_is_myopic(solver, start):
 
 
 @given(pomdps(discounts=(0.0,)))
-@settings(max_examples=10)
+@settings(max_examples=6)
 def test_sarsop_and_a_finite_horizon_are_myopic(pomdp):
     expected = pytest.approx((pomdp.reward @ pomdp.start).max())
     for found in (solve(pomdp), solve_finite_horizon(pomdp, 3)):

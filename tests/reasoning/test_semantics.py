@@ -152,7 +152,7 @@ RULES = st.lists(st.builds("{}{}".format, st.sampled_from(NAMES), BODIES), max_s
 
 
 @given(rules=RULES, cr_rules=RULES, observed=LITERALS, asked=st.sampled_from(NAMES))
-@settings(max_examples=50)
+@settings(max_examples=25)
 def test_cr_rules_agree_with_trying_sets_of_rules(
     rules: list[str], cr_rules: list[str], observed: str, asked: str
 ) -> None:

@@ -32,7 +32,7 @@ def weighed(asked: str, facts: dict[str, str], soft: dict[str, Likelihood]) -> d
     return {value: mass / total for value, mass in sums.items()}
 
 
-@settings(max_examples=60)
+@settings(max_examples=30)
 @given(
     st.lists(WEIGHT, min_size=2, max_size=2).filter(any),
     st.lists(WEIGHT, min_size=3, max_size=3).filter(any),

@@ -38,7 +38,7 @@ def dyadic(draw):
 
 
 @given(pieces(), st.lists(dyadic(), min_size=1, max_size=8))
-@settings(max_examples=50)
+@settings(max_examples=25)
 def test_a_batch_agrees_with_single_beliefs(policy, beliefs):
     values, actions = BatchPolicy(policy).values_and_actions(np.array(beliefs))
     for belief, value, action in zip(beliefs, values, actions, strict=True):
@@ -46,7 +46,7 @@ def test_a_batch_agrees_with_single_beliefs(policy, beliefs):
 
 
 @given(pieces(), st.lists(dyadic(), min_size=1, max_size=8))
-@settings(max_examples=30)
+@settings(max_examples=15)
 def test_results_do_not_depend_on_the_batch(policy, beliefs):
     scaled = np.array(beliefs) / 3  # not exact: the order of summation matters
     together = BatchPolicy(policy).best(SparseBeliefs.of(scaled))

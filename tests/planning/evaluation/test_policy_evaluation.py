@@ -46,7 +46,7 @@ def test_an_absorbing_belief_ends_the_evaluation():
 
 
 @given(pomdps(discounts=(0.5,)), st.data())
-@settings(max_examples=12)
+@settings(max_examples=6)
 def test_the_bounds_bracket_the_value_by_all_histories(pomdp, data):
     policy = data.draw(policies(pomdp))
     steps = 5
@@ -58,7 +58,7 @@ def test_the_bounds_bracket_the_value_by_all_histories(pomdp, data):
 
 
 @given(pomdps(discounts=(0.8, 0.95)), st.data())
-@settings(max_examples=10)
+@settings(max_examples=6)
 def test_blind_policies_agree_with_a_linear_system(pomdp, data):
     a = data.draw(st.integers(0, len(pomdp.actions) - 1))
     found = evaluate(pomdp, Policy.of(pomdp, [[0.0] * len(pomdp.states)], [a]), precision=1e-4, trials=0)
@@ -67,7 +67,7 @@ def test_blind_policies_agree_with_a_linear_system(pomdp, data):
 
 
 @given(pomdps(), st.data())
-@settings(max_examples=30)
+@settings(max_examples=15)
 def test_mdp_bounds_bracket_every_policy(pomdp, data):
     low, high = mdp_value_bounds(pomdp)
     value = np.zeros(len(pomdp.states))

@@ -41,7 +41,7 @@ def test_the_graph_of_the_tiger(merge):
 
 
 @given(pomdps(), st.data())
-@settings(max_examples=12)
+@settings(max_examples=6)
 def test_a_graph_by_belief_is_the_policy(pomdp, data):
     policy = data.draw(policies(pomdp))
     graph = policy_graph(pomdp, policy, merge="belief", max_nodes=25)
@@ -64,7 +64,7 @@ def test_a_graph_by_belief_is_the_policy(pomdp, data):
 
 
 @given(pomdps(), st.data())
-@settings(max_examples=20)
+@settings(max_examples=10)
 def test_merged_by_vector_there_are_no_more_nodes_than_vectors(pomdp, data):
     policy = data.draw(policies(pomdp))
     graph = policy_graph(pomdp, policy)

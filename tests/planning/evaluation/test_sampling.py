@@ -11,7 +11,7 @@ ROWS = st.lists(st.lists(st.integers(0, 4), min_size=1, max_size=9).filter(any),
 
 
 @given(ROWS, st.lists(st.floats(0, 1, exclude_max=True), min_size=1, max_size=20))
-@settings(max_examples=100)
+@settings(max_examples=50)
 def test_a_sample_is_the_first_entry_whose_sum_exceeds_the_number(rows, numbers):
     begins = np.cumsum([0, *map(len, rows)])
     columns = np.concatenate([np.arange(len(row)) + 10 for row in rows]).astype(np.int32)

@@ -44,7 +44,7 @@ def test_the_mean_is_the_exact_value_of_a_published_model():
 
 
 @given(pomdps(discounts=(0.5, 0.95)), st.data())
-@settings(max_examples=25, derandomize=True)
+@settings(max_examples=12, derandomize=True)
 def test_the_mean_agrees_with_all_histories(pomdp, data):
     policy = data.draw(policies(pomdp))
     found = simulate(pomdp, policy, trials=4_000, steps=4, seed=3)
@@ -52,7 +52,7 @@ def test_the_mean_agrees_with_all_histories(pomdp, data):
 
 
 @given(pomdps(), st.data())
-@settings(max_examples=25)
+@settings(max_examples=12)
 def test_a_trace_follows_model_and_policy(pomdp, data):
     policy = data.draw(policies(pomdp))
     found = simulate(pomdp, policy, trials=12, steps=6, seed=data.draw(st.integers(0, 99)), traces=12)

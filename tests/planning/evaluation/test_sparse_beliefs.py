@@ -21,7 +21,7 @@ def points(pomdp, draw):
 
 
 @given(pomdps(), st.data())
-@settings(max_examples=40)
+@settings(max_examples=20)
 def test_batches_agree_with_single_updates(pomdp, data):
     dense, actions = points(pomdp, data.draw)
     S = len(pomdp.states)
@@ -43,7 +43,7 @@ def test_batches_agree_with_single_updates(pomdp, data):
 
 
 @given(pomdps(), st.data())
-@settings(max_examples=20)
+@settings(max_examples=10)
 def test_posteriors_do_not_depend_on_the_batch(pomdp, data):
     dense, actions = points(pomdp, data.draw)
 

@@ -168,7 +168,7 @@ def dense(problem: Factored) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.nda
     return T, Z, R, np.array([chance(problem.start, x) for x in before])
 
 
-@settings(max_examples=20, suppress_health_check=list(HealthCheck))
+@settings(max_examples=10, suppress_health_check=list(HealthCheck))
 @given(factored_models())
 def test_flat_is_the_product_of_the_tables(problem):
     T, Z, R, start = dense(problem)
@@ -181,7 +181,7 @@ def test_flat_is_the_product_of_the_tables(problem):
     assert np.abs(flat.start - start).max() < 1e-12
 
 
-@settings(max_examples=20, suppress_health_check=list(HealthCheck))
+@settings(max_examples=10, suppress_health_check=list(HealthCheck))
 @given(factored_models())
 def test_reachable_states_are_a_subset(problem):
     whole, part = flatten(problem), flatten(problem, reachable=True)
@@ -200,7 +200,7 @@ def test_reachable_states_are_a_subset(problem):
         assert (np.asarray(part.observation)[:, :, mine] == expected).all()
 
 
-@settings(max_examples=20, suppress_health_check=list(HealthCheck))
+@settings(max_examples=10, suppress_health_check=list(HealthCheck))
 @given(factored_models())
 def test_start_beliefs_mix_to_the_start_belief(problem):
     flat = flatten(problem)

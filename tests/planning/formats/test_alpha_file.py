@@ -66,7 +66,7 @@ def test_write_gives_action_numbers_and_empty_line_for_each_vector(tmp_path):
         max_size=6,
     )
 )
-@settings(max_examples=50, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=25, suppress_health_check=[HealthCheck.function_scoped_fixture])
 def test_write_then_read_is_the_same(tmp_path, vectors):
     lcorpp = parse_pomdp(LCORPP)
     lcorpp = replace(lcorpp, reward=[[1e145] * 5, *[[-1e145] * 5] * (len(lcorpp.actions) - 1)])
@@ -131,7 +131,7 @@ WORDS = st.sampled_from(["0", "1", "2", "7", "\n", "\n\n", "-1.5", "1e3", "1_0",
 
 
 @given(st.text() | st.lists(WORDS).map(" ".join))
-@settings(max_examples=150, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=75, suppress_health_check=[HealthCheck.function_scoped_fixture])
 def test_any_text_ends_in_a_policy_or_a_typed_error(tmp_path, text):
     (tmp_path / "x.alpha").write_bytes(text.encode("utf-8", "surrogatepass"))
     with suppress(PolicyError, FileError):

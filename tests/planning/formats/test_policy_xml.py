@@ -239,7 +239,7 @@ PIECES = st.sampled_from(
 @given(
     cuts=st.lists(st.tuples(st.floats(0, 1), st.integers(0, 12), PIECES | st.text(max_size=3)), max_size=4)
 )
-@settings(max_examples=150, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=75, suppress_health_check=[HealthCheck.function_scoped_fixture])
 def test_damaged_files_end_in_a_policy_or_a_typed_error(tmp_path, cuts):
     text = SPARSE
     for place, length, piece in cuts:

@@ -40,7 +40,7 @@ def blocks_by_definition(pomdp: Pomdp) -> list[int]:
 
 
 @given(pomdp=models)
-@settings(max_examples=40)
+@settings(max_examples=20)
 def test_blocks_agree_with_their_definition(pomdp):
     assert build_model(pomdp).export_blocks().tolist() == blocks_by_definition(pomdp)
 
@@ -53,7 +53,7 @@ def test_blocks_of_known_models():
 
 
 @given(pomdp=models)
-@settings(max_examples=30)
+@settings(max_examples=15)
 def test_children_follow_bayes_rule(pomdp):
     tree, _, _ = make_tree(pomdp)
     root = tree.find_or_add_node(pomdp.start)
@@ -73,7 +73,7 @@ def test_children_follow_bayes_rule(pomdp):
 
 
 @given(pomdp=models)
-@settings(max_examples=25)
+@settings(max_examples=12)
 def test_bounds_are_ordered_and_close_to_their_equations(pomdp):
     blind, above, informed = bounds(build_model(pomdp), tolerance=1e-6)
     exact, mdp, fixed_point = initial_bounds(pomdp, sweeps=1000)  # .97^1000 is 1e-13
@@ -88,7 +88,7 @@ def test_bounds_are_ordered_and_close_to_their_equations(pomdp):
 
 
 @given(pomdp=models)
-@settings(max_examples=20)
+@settings(max_examples=10)
 def test_more_sweeps_are_never_worse(pomdp):
     """Every sweep yields a bound that is at least as tight as the one before."""
     model = build_model(pomdp)
@@ -135,7 +135,7 @@ def test_rows_that_miss_one_by_rounding_do_not_cross_the_bounds():
 
 
 @given(st.integers(0, 10**6))
-@settings(max_examples=10)
+@settings(max_examples=6)
 def test_vectors_are_stored_by_block(seed):
     """An observed state is a block of its own."""
     pomdp = random_model(seed, seen=5, hidden=1, signals=1)

@@ -39,7 +39,7 @@ def test_the_controller_needs_fewer_vectors_and_is_worth_as_much():
     assert_vectors_are_earned(pomdp, export_policy(pomdp, tree))
 
 
-@settings(max_examples=10, deadline=None)
+@settings(max_examples=6, deadline=None)
 @given(random_models(actions=3), st.integers(2, 12))
 def test_laws_of_compression(pomdp, trials):
     """No bound at the root falls, and a policy that continues with its vectors earns all it promises."""

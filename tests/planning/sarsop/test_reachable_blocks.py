@@ -99,7 +99,7 @@ def blocks_by_definition(pomdp: Pomdp, supports: list[set[int]]) -> list[int]:
 
 
 @given(seed=st.integers(0, 10**6), data=st.data())
-@settings(max_examples=60)
+@settings(max_examples=30)
 def test_blocks_agree_with_their_definition(seed, data):
     pomdp = sparse_model(seed)
     support = st.sets(st.integers(0, 11), min_size=1, max_size=3)

@@ -59,7 +59,7 @@ def test_bounds_agree_with_those_of_appl(name, least, most, gap):
 
 
 @given(pomdps())
-@settings(max_examples=25)
+@settings(max_examples=12)
 def test_vectors_are_achievable(pomdp):
     """No vector exceeds the value of the fully observable problem."""
     solution = solve(pomdp, precision=1e-2, time_limit=1)

@@ -122,7 +122,7 @@ def slack_of(informed: Any) -> float:
 
 
 @given(random_models(), CALLS)
-@settings(max_examples=30)
+@settings(max_examples=15)
 def test_any_sequence_of_calls_keeps_the_bounds_valid(pomdp, calls):
     """At every belief, of every action and of every child they contain the optimal value."""
     tree, predictor, informed = make_tree(pomdp)
@@ -263,7 +263,7 @@ def test_known_values_are_between_the_bounds(text, least, most):
 
 
 @given(pomdps(discounts=(0.3, 0.6)) | random_models(hidden=2, actions=2, signals=2, discount=0.3))
-@settings(max_examples=20)
+@settings(max_examples=10)
 def test_bounds_contain_the_value(pomdp):
     """The value by enumeration of as many steps as possible."""
     tree, predictor, informed = make_tree(pomdp)
@@ -297,7 +297,7 @@ def test_bounds_contain_the_value_of_exact_value_iteration(seed):
 
 
 @given(pomdp=pomdps() | random_models())
-@settings(max_examples=15)
+@settings(max_examples=7)
 def test_bounds_never_cross_and_the_upper_one_never_rises(pomdp):
     tree, predictor, informed = make_tree(pomdp)
     root = tree.find_or_add_node(pomdp.start)

@@ -51,7 +51,7 @@ def test_the_sawtooth_by_hand():
 
 
 @given(pomdp=random_models(), seed=st.integers(0, 1000))
-@settings(max_examples=15)
+@settings(max_examples=7)
 def test_the_upper_bound_outlives_its_tree(pomdp, seed):
     tree, predictor, informed = make_tree(pomdp)
     search(tree, predictor, tree.find_or_add_node(pomdp.start), 5)

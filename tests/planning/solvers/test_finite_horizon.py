@@ -39,7 +39,7 @@ def test_how_many_vectors_the_tiger_has():
 
 @pytest.mark.parametrize("solver", BOTH)
 @given(pomdp=pomdps(), steps=st.integers(1, 4), discount=st.sampled_from([None, 1.0, 0.7]))
-@settings(max_examples=15)
+@settings(max_examples=7)
 def test_brute_force_agrees(solver, pomdp, steps, discount):
     solution = solver(pomdp, steps, precision=1e-4, discount=discount)
     exact = best(pomdp, pomdp.start, steps, discount)
@@ -52,7 +52,7 @@ def test_brute_force_agrees(solver, pomdp, steps, discount):
 
 
 @given(pomdps(), st.integers(1, 4))
-@settings(max_examples=15)
+@settings(max_examples=7)
 def test_the_exact_policies_are_optimal_at_all_beliefs(pomdp, steps):
     solution = solve_finite_horizon_exact(pomdp, steps, discount=1)
     for to_go, policy in enumerate(solution.policies, 1):
@@ -63,7 +63,7 @@ def test_the_exact_policies_are_optimal_at_all_beliefs(pomdp, steps):
 
 
 @given(pomdps(), st.integers(1, 4))
-@settings(max_examples=12)
+@settings(max_examples=6)
 def test_the_other_policies_are_bounds_at_all_beliefs(pomdp, steps):
     solution = solve_finite_horizon(pomdp, steps, precision=1e-2, discount=1)
     for to_go, policy in enumerate(solution.policies, 1):

@@ -36,7 +36,7 @@ def test_a_repeated_search_needs_no_trials():
 
 
 @given(pomdps(discounts=(0.5, 0.8)))
-@settings(max_examples=12)
+@settings(max_examples=6)
 def test_exact_is_between_the_bounds(pomdp):
     planner, exact = OnlinePlanner(pomdp, trials=5), solve_exact(pomdp, precision=1e-3, time_limit=1)
     for belief in (pomdp.start, *corners(pomdp)):
@@ -46,7 +46,7 @@ def test_exact_is_between_the_bounds(pomdp):
 
 
 @given(pomdps(discounts=(0.3, 0.5)))
-@settings(max_examples=15)
+@settings(max_examples=7)
 def test_searching_at_every_step_earns_the_lower_bound(pomdp):
     planner, steps = OnlinePlanner(pomdp, trials=3), 4
     low = planner.search(pomdp.start).lower

@@ -56,7 +56,7 @@ def test_known_values_are_bracketed(solver, precision, model, least, most):
     [("sarsop", {"time_limit": 1}), ("perseus", {"time_limit": 0.5, "beliefs": 50})],
 )
 @given(pomdp=pomdps(discounts=(0.3, 0.5)))
-@settings(max_examples=12)
+@settings(max_examples=6)
 def test_brute_force_is_between_the_bounds(solver, options, pomdp):
     solution = load_solver(solver)(pomdp, precision=1e-2, **options)
     assert solution.lower <= solution.upper

@@ -32,7 +32,7 @@ def test_perseus_on_tag_comes_close_to_the_published_bound():
 
 
 @given(pomdps())
-@settings(max_examples=12)
+@settings(max_examples=6)
 def test_exact_is_between_the_bounds_everywhere(pomdp):
     solution = solve_perseus(pomdp, precision=1e-2, time_limit=0.2, beliefs=50)
     exact = solve_exact(pomdp, precision=1e-3, time_limit=1)

@@ -55,7 +55,7 @@ def test_the_loss_is_reported():
 
 
 @given(sets, st.sampled_from([1e-9, 0.3]))
-@settings(max_examples=40)
+@settings(max_examples=20)
 def test_no_belief_loses_more_than_the_reported_loss(vectors, tolerance):
     kept = prune(vectors, np.empty((0, vectors.shape[1])), tolerance=tolerance)
     beliefs = grid(vectors.shape[1])
@@ -66,7 +66,7 @@ def test_no_belief_loses_more_than_the_reported_loss(vectors, tolerance):
 
 
 @given(sets)
-@settings(max_examples=40)
+@settings(max_examples=20)
 def test_every_kept_vector_is_needed(vectors):
     """Without any one of the kept vectors, some belief has a loss."""
     kept = prune(vectors, np.empty((0, vectors.shape[1])), tolerance=1e-9)
@@ -79,7 +79,7 @@ def test_every_kept_vector_is_needed(vectors):
 
 
 @given(sets, sets)
-@settings(max_examples=20)
+@settings(max_examples=10)
 def test_excess_is_a_bound_and_close(left, right):
     states = min(left.shape[1], right.shape[1])
     left, right = left[:, :states], right[:, :states]

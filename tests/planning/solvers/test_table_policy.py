@@ -76,7 +76,7 @@ def test_the_tables_of_the_tiger():
 
 
 @given(pomdps())
-@settings(max_examples=15)
+@settings(max_examples=7)
 def test_qmdp_is_above_fib_and_that_above_the_truth(pomdp):
     # interrupted when the tables are complete, before the evaluation of the policies
     qmdp, fib = (solver(pomdp, precision=1e-3, callback=interrupt) for solver in (solve_qmdp, solve_fib))

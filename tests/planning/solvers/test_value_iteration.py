@@ -50,7 +50,7 @@ def test_a_model_of_eight_states():
 
 
 @given(pomdps(discounts=(0.3, 0.5)))
-@settings(max_examples=15)
+@settings(max_examples=7)
 def test_brute_force_is_between_the_bounds(pomdp):
     solution = solve_exact(pomdp, precision=1e-4, time_limit=600)  # a second or two on a quiet machine
     assert solution.reason == "precision reached"
@@ -62,7 +62,7 @@ def test_brute_force_is_between_the_bounds(pomdp):
 
 
 @given(pomdps(discounts=(0.5, 0.8)))
-@settings(max_examples=15)
+@settings(max_examples=7)
 def test_sarsop_agrees(pomdp):
     """Some models of two states take seconds: bounds at the time limit must agree as well."""
     exact = solve_exact(pomdp, precision=1e-3, time_limit=0.5)
@@ -72,7 +72,7 @@ def test_sarsop_agrees(pomdp):
 
 
 @given(pomdps(discounts=(0.5, 0.8)))
-@settings(max_examples=10)
+@settings(max_examples=6)
 def test_the_policy_earns_its_value_at_all_beliefs(pomdp):
     solution = solve_exact(pomdp, precision=1e-3, time_limit=0.5)
     most = 1e-3 + 1e-12 if solution.reason == "precision reached" else np.inf

@@ -20,7 +20,7 @@ from lcorpp.reasoning.circuit.circuit import Circuit
 from lcorpp.reasoning.reasoner import Reasoner
 from lcorpp.values import Distribution, Likelihood
 
-SUITE = settings(max_examples=30, suppress_health_check=list(HealthCheck))
+SUITE = settings(max_examples=15, suppress_health_check=list(HealthCheck))
 
 
 def outcome(answer: Callable[[], object]) -> object:
@@ -171,6 +171,6 @@ def test_circuit_and_enumeration_agree_on_trees(case: Case) -> None:
 
 @pytest.mark.slow
 @given(case=cases() | maps() | trees())
-@settings(SUITE, max_examples=20_000)
+@settings(SUITE, max_examples=10_000)
 def test_circuit_and_enumeration_agree_on_twenty_thousand_programs(case: Case) -> None:
     check(case)

@@ -65,7 +65,7 @@ def test_the_most_probable_worlds_given_evidence():
     )
 
 
-@settings(max_examples=35, suppress_health_check=list(HealthCheck))
+@settings(max_examples=17, suppress_health_check=list(HealthCheck))
 @given(cases() | maps())
 def test_all_worlds_of_random_programs_in_order(case):
     program = parse_plog(case.text)

@@ -118,7 +118,7 @@ def path_programs(draw: st.DrawFn) -> str:
 
 
 @given(text=path_programs(), semantics=st.sampled_from(["2009", "2018"]))
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=25, deadline=None)
 def test_the_worlds_are_those_of_the_enumeration(text, semantics):
     program = parse_plog(text, semantics=semantics)
     found = outcome(lambda: Reasoner(program).most_probable({}, 1000))

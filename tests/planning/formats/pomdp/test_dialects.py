@@ -171,7 +171,7 @@ def written_models(draw):
 
 
 @given(written_models())
-@settings(max_examples=25)
+@settings(max_examples=12)
 def test_both_scanners_read_what_was_written(written):
     pomdp, text, is_mdp = written
     found = []

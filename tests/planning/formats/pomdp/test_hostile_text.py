@@ -55,7 +55,7 @@ def check_result(text: str) -> None:
 @example(LCORPP)
 @example("startinclude: a")
 @example(HEAD + "startinclude: a\n" + BODY)
-@settings(max_examples=120)
+@settings(max_examples=60)
 def test_any_text_ends_in_a_model_or_a_typed_error(text):
     check_result(text)
 
@@ -74,7 +74,7 @@ REAL = [path.read_text(errors="replace") for name in NAMES if (path := SHARED / 
 
 @pytest.mark.parametrize("text", [TIGER, LCORPP, *REAL], ids=str.__len__)
 @given(cuts=CUTS)
-@settings(max_examples=25)
+@settings(max_examples=12)
 def test_damaged_files_end_in_a_model_or_a_typed_error(text, cuts):
     for place, length, piece in cuts:
         at = int(place * len(text))

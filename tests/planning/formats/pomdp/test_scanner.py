@@ -43,7 +43,7 @@ def scan(
     limit=st.sampled_from([1, 3, 100]),
     references=st.sampled_from([3, 4]),
 )
-@settings(max_examples=200)
+@settings(max_examples=100)
 def test_both_scanners_read_the_same_statements(parts, limit, references):
     text = "".join(parts).encode()
     found = [scan(each, text, 0, limit, references) for each in (_scanner, python_scanner)]
@@ -56,7 +56,7 @@ def test_both_scanners_read_the_same_statements(parts, limit, references):
     )
     | st.floats(allow_nan=False, allow_infinity=False).map(repr)
 )
-@settings(max_examples=250)
+@settings(max_examples=125)
 def test_numbers_have_the_bits_of_float(text):
     found = _scanner.scan_rows(text.encode(), 0, 1, 1)
     if not np.isfinite(float(text)):

@@ -87,7 +87,7 @@ def read_all(given: list[Statement]) -> Statements:
 
 @pytest.mark.parametrize("batch_size", [1, 3, 10**6])
 @given(given=st.lists(statements("TTOO"), max_size=14))
-@settings(max_examples=25)
+@settings(max_examples=12)
 def test_tables_are_what_the_statements_write(batch_size, given):
     """With statements in small batches, and rows in small parts."""
     with patch.object(pomdp_scanner, "MAX_NUMBERS", batch_size):
@@ -128,7 +128,7 @@ def distributions(draw: st.DrawFn, N: int) -> np.ndarray:
 
 @pytest.mark.parametrize("batch_size", [1, 3, 10**6])
 @given(given=st.lists(statements("R"), max_size=10), T=distributions(S), Z=distributions(O))
-@settings(max_examples=20)
+@settings(max_examples=10)
 def test_expected_rewards_are_the_explicit_sums(batch_size, given, T, Z):
     """With small chunks, matrix products replace looking up all cases."""
     expected = np.einsum("ast,ato,asto->as", T, Z, dense_tables(given)[0]["R"])
@@ -138,7 +138,7 @@ def test_expected_rewards_are_the_explicit_sums(batch_size, given, T, Z):
 
 
 @given(given=st.lists(statements("TTOOR"), min_size=1, max_size=8), data=st.data())
-@settings(max_examples=60)
+@settings(max_examples=30)
 def test_the_offset_of_a_row_is_that_of_the_last_statement_about_it(given, data):
     read = read_all(given)
     text = read.tokens.text

@@ -18,7 +18,7 @@ def test_published_models_are_read_and_written_back(name, tmp_path):
 
 
 @given(pomdps())
-@settings(max_examples=30)
+@settings(max_examples=15)
 def test_write_then_read_is_the_same(pomdp):
     assert same(parse_pomdp(format_pomdp(pomdp)), pomdp)
 
@@ -52,7 +52,7 @@ def sparse_pomdps(draw: st.DrawFn) -> Pomdp:
 
 
 @given(sparse_pomdps())
-@settings(max_examples=40)
+@settings(max_examples=20)
 def test_sparse_models_are_written_and_read_exactly(pomdp):
     back = parse_pomdp(format_pomdp(pomdp))
     assert same(back, pomdp)

@@ -111,7 +111,7 @@ def check_result(data: str | bytes) -> None:
     assert isinstance(found, Factored) or str(found).startswith("rover.pomdpx:")
 
 
-@settings(SUITE, max_examples=150)
+@settings(SUITE, max_examples=75)
 @given(st.randoms(use_true_random=False), st.sampled_from([TEXT, HEAD + DIAGRAMS]))
 def test_damaged_files_give_a_problem_or_an_error(chance: random.Random, text: str):
     """Parts are deleted, repeated and moved, and characters inserted."""
@@ -132,7 +132,7 @@ def test_damaged_files_give_a_problem_or_an_error(chance: random.Random, text: s
 WORD = re.compile(r"[\w.]+|[*-]")
 
 
-@settings(SUITE, max_examples=100)
+@settings(SUITE, max_examples=50)
 @given(st.randoms(use_true_random=False), st.sampled_from([TEXT, HEAD + DIAGRAMS]))
 def test_words_in_wrong_places_give_a_problem_or_an_error(chance: random.Random, text: str):
     """Mostly valid XML with wrong values, names, numbers and signs."""
@@ -147,7 +147,7 @@ def test_words_in_wrong_places_give_a_problem_or_an_error(chance: random.Random,
     check_result(text)
 
 
-@settings(SUITE, max_examples=80)
+@settings(SUITE, max_examples=40)
 @given(st.binary(max_size=60), st.integers(0, len(TEXT)))
 def test_any_bytes_give_a_problem_or_an_error(noise, at):
     data = TEXT.encode()

@@ -9,7 +9,7 @@ from tests.planning.factored.models import factored_models, rover
 from tests.planning.formats.pomdpx.texts import parse
 from tests.planning.models import pomdps
 
-SUITE = settings(max_examples=25, suppress_health_check=list(HealthCheck))
+SUITE = settings(max_examples=12, suppress_health_check=list(HealthCheck))
 
 
 def test_a_rule_is_written_before_its_exceptions():
