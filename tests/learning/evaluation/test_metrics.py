@@ -11,7 +11,6 @@ from lcorpp.learning.evaluation.metrics import (
     brier,
     cluster_bootstrap_weights,
     compute_auc,
-    compute_aucs,
     expected_calibration_error,
     expected_ece_if_calibrated,
     reliability,
@@ -56,7 +55,7 @@ def test_areas_of_many_scores_are_those_of_each():
     each = [
         compute_auc(score, flags, weights[None])[0] for score, flags in zip(scores, positive, strict=True)
     ]
-    np.testing.assert_allclose(compute_aucs(scores, positive, weights), each)
+    np.testing.assert_allclose(compute_auc(scores, positive, weights[None]), each)
     assert (each[1], np.isnan(each[2])) == (0.5, True)
 
 

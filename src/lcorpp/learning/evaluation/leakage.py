@@ -43,7 +43,6 @@ from lcorpp.learning.evaluation.metrics import (
     bootstrap_interval,
     cluster_bootstrap_weights,
     compute_auc,
-    compute_aucs,
 )
 from lcorpp.values import Array, Dataset, Flags, Indices, Interval
 
@@ -360,9 +359,9 @@ def _compute_mean_auc(scores: Array, truth: Flags, strata: Indices, weights: Arr
         ordered, pairs = np.zeros((2, n))
         for stratum in np.unique(strata):
             rows = np.flatnonzero(strata == stratum)
-            own, flags, counts = score[..., rows], positive[..., rows], weights[:, rows]
+            flags, counts = positive[..., rows], weights[:, rows]
             compared = (counts * flags).sum(axis=1) * (counts * ~flags).sum(axis=1)
-            area = compute_auc(own, flags, counts) if own.ndim == 1 else compute_aucs(own, flags, counts[0])
+            area = compute_auc(score[..., rows], flags, counts)
             ordered += np.where(compared > 0, area, 0) * compared
             pairs += compared
         areas.append(np.divide(ordered, pairs, out=np.full(len(pairs), np.nan), where=pairs > 0))

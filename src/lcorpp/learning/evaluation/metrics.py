@@ -70,45 +70,31 @@ def jeffreys_interval(count: float, cases: float, *, level: float = 0.95, smooth
 
 
 def compute_auc(scores: Array, positive: Flags, weights: Array) -> Array:
-    """(resamples,) the area under the ROC curve; ties count half.
+    """(n,) the area under the ROC curve, of one score with n weights or of n scores; ties count half.
 
     Args:
-        scores: (cases,). positive: (cases,). weights: (resamples, cases).
+        scores, positive: (cases,) or (n, cases). weights: (n, cases) or (1, cases).
 
-    The AUC of a resample without both positive and negative cases is NaN.
+    The AUC without both positive and negative cases is NaN.
 
     Source: Hanley and McNeil, Radiology 143, 1982.
     """
-    order = np.argsort(scores, kind="stable")
-    starts = np.diff(scores[order], prepend=-np.inf) > 0  # the first case of each distinct score
-    first = np.flatnonzero(starts)
-    sorted_weights, is_positive = weights[:, order], positive[order]
-    positives = np.add.reduceat(sorted_weights * is_positive, first, axis=1)
-    negatives = np.add.reduceat(sorted_weights * ~is_positive, first, axis=1)
-    below = np.cumsum(negatives, axis=1) - negatives
-    pairs = positives.sum(axis=1) * negatives.sum(axis=1)
-    wins = (positives * (below + negatives / 2)).sum(axis=1)
-    return np.asarray(np.divide(wins, pairs, out=np.full(len(weights), np.nan), where=pairs > 0))
-
-
-def compute_aucs(scores: Array, positive: Flags, weights: Array) -> Array:
-    """(n,) the AUC, as `compute_auc`, of each of n scores of the same cases.
-
-    Args:
-        scores: (n, cases). positive: (n, cases). weights: (cases,).
-    """
+    scores, positive = np.atleast_2d(scores, positive)
     order = np.argsort(scores, axis=1, kind="stable")
     rises = np.diff(np.take_along_axis(scores, order, axis=1), axis=1) > 0
-    edge = np.ones((len(scores), 1), dtype=bool)
-    is_first, is_last = np.hstack([edge, rises]), np.hstack([rises, edge])  # of the cases of a distinct score
-    sorted_weights, is_positive = weights[order], np.take_along_axis(positive, order, axis=1)
-    positives, negatives = sorted_weights * is_positive, sorted_weights * ~is_positive
+    sorted_weights = weights[:, order[0]] if len(order) == 1 else np.take_along_axis(weights, order, axis=1)
+    positives = sorted_weights * np.take_along_axis(positive, order, axis=1)
+    negatives = sorted_weights - positives
     sums = np.cumsum(negatives, axis=1)
-    below = np.maximum.accumulate(np.where(is_first, sums - negatives, 0), axis=1)
-    at_most = np.minimum.accumulate(np.where(is_last, sums, np.inf)[:, ::-1], axis=1)[:, ::-1]
-    pairs = positives.sum(axis=1) * negatives.sum(axis=1)
+    below, at_most = sums - negatives, sums  # of negative cases, for each case
+    if not rises.all():
+        edge = np.ones((len(scores), 1), dtype=bool)
+        is_first, is_last = np.hstack([edge, rises]), np.hstack([rises, edge])  # of the cases of one score
+        below = np.maximum.accumulate(np.where(is_first, below, 0), axis=1)
+        at_most = np.minimum.accumulate(np.where(is_last, sums, np.inf)[:, ::-1], axis=1)[:, ::-1]
+    pairs = positives.sum(axis=1) * sums[:, -1]
     wins = (positives * (below + at_most)).sum(axis=1) / 2
-    return np.asarray(np.divide(wins, pairs, out=np.full(len(scores), np.nan), where=pairs > 0))
+    return np.asarray(np.divide(wins, pairs, out=np.full(len(pairs), np.nan), where=pairs > 0))
 
 
 def brier(scores: Array, positive: Flags, weights: Array) -> Array:
