@@ -92,8 +92,8 @@ def compute_auc(scores: Array, positive: Flags, weights: Array) -> Array:
         is_first, is_last = np.hstack([edge, rises]), np.hstack([rises, edge])  # of the cases of one score
         below = np.maximum.accumulate(np.where(is_first, below, 0), axis=1)
         at_most = np.minimum.accumulate(np.where(is_last, sums, np.inf)[:, ::-1], axis=1)[:, ::-1]
-    pairs = positives.sum(axis=1) * sums[:, -1]
-    wins = (positives * (below + at_most)).sum(axis=1) / 2
+    pairs = positives.sum(axis=1) * negatives.sum(axis=1)
+    wins = np.einsum("nc,nc->n", positives, below + at_most) / 2
     return np.asarray(np.divide(wins, pairs, out=np.full(len(pairs), np.nan), where=pairs > 0))
 
 
