@@ -133,10 +133,15 @@ $(VENV)/.runtime: $(NATIVE) $(if $(wildcard $(VENV)/.wheel),$(shell find src -ty
 	$(BIN)/python -c 'import lcorpp.learning.lstm._kernels' 2>/dev/null || $(PIP) $(TORCH)
 	touch $@
 
-$(VENV)/.dev: $(NATIVE) | $(VENV)/.torch
-	$(PIP) -e '.[plots,fetch,torch,dev]'
+# The kernels compile while the packages are installed.
+REQUIREMENTS := import sys, tomllib; own = tomllib.load(open("pyproject.toml", "rb"))["project"]; \
+  print(*own["dependencies"], *[r for e in sys.argv[1:] for r in own["optional-dependencies"][e]], sep="\n")
+
+$(VENV)/.dev: $(NATIVE) | $(VENV)/.python
+	$(BIN)/python -c '$(REQUIREMENTS)' plots fetch torch dev > $(VENV)/requirements.txt
+	$(PIP) --no-deps -e . & kernels=$$!; $(PIP) $(TORCH) -r $(VENV)/requirements.txt; installed=$$?; wait $$kernels && exit $$installed
 	@rm -f $(VENV)/.wheel
-	touch $@ $(VENV)/.runtime
+	touch $@ $(VENV)/.runtime $(VENV)/.torch
 
 $(VENV)-bench/.peers: pyproject.toml
 	$(PYTHON) -m venv $(VENV)-bench
