@@ -119,10 +119,6 @@ $(VENV)/.python:
 	$(PYTHON) -m venv $(VENV)
 	touch $@
 
-$(VENV)/.torch: | $(VENV)/.python
-	$(PIP) $(TORCH)
-	touch $@
-
 # A wheel of these sources in dist/ saves compiling; once a source changes, it no longer fits (.wheel: it was installed).
 # The C++ kernels train the LSTM; PyTorch does where the compiler is too old for them.
 $(VENV)/.runtime: $(NATIVE) $(if $(wildcard $(VENV)/.wheel),$(shell find src -type f -not -path "*/__pycache__/*")) | $(VENV)/.python
@@ -141,7 +137,7 @@ $(VENV)/.dev: $(NATIVE) | $(VENV)/.python
 	$(BIN)/python -c '$(REQUIREMENTS)' plots fetch torch dev > $(VENV)/requirements.txt
 	$(PIP) --no-deps -e . & kernels=$$!; $(PIP) $(TORCH) -r $(VENV)/requirements.txt; installed=$$?; wait $$kernels && exit $$installed
 	@rm -f $(VENV)/.wheel
-	touch $@ $(VENV)/.runtime $(VENV)/.torch
+	touch $@ $(VENV)/.runtime
 
 $(VENV)-bench/.peers: pyproject.toml
 	$(PYTHON) -m venv $(VENV)-bench

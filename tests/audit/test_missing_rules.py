@@ -79,6 +79,7 @@ def test_the_numbers_of_missing_rules_are_estimated_together(tmp_path: Path) -> 
     assert "% new, as there are no rules: was 0.333, suggested 0." in format_patch(audit)
 
 
+@pytest.mark.slow
 def test_weakly_determined_numbers_do_not_return_to_wrong_ones(tmp_path: Path) -> None:
     """Wald's statistic of each is small if all numbers of an attribute are free, even if all are wrong."""
     wrong = {"3/20": "17/40", "4/5": "1/10", "1/10": "9/20", "7/10": "3/20"}

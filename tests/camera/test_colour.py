@@ -117,7 +117,7 @@ def walk_across(time):
     return people + ([(7.0, 1.8 + max(0.0, time - 3))] if time < 4 else [])
 
 
-@pytest.mark.parametrize("change", ["none", "light"])
+@pytest.mark.parametrize("change", ["none", pytest.param("light", marks=pytest.mark.slow)])
 def test_people_in_front_of_a_background_are_tracked(change):
     """The one who stands there is part of the background at first; where it stood is a ghost, no person."""
     locator = ImageLocator(make_detector("background", CAMERA), CAMERA)

@@ -67,7 +67,9 @@ def test_a_person_next_to_a_wall_is_found():
     assert locate(SMALL, [Person(4.0, 1.0)], Corridor(1.3))[0] == pytest.approx([4.0, 1.0], abs=0.15)
 
 
-@pytest.mark.parametrize(("scene", "count"), [(walk, 3), (walk_side_by_side, 3)])
+@pytest.mark.parametrize(
+    ("scene", "count"), [(walk, 3), pytest.param(walk_side_by_side, 3, marks=pytest.mark.slow)]
+)
 def test_tracks_in_a_corridor(scene, count):
     rng = np.random.default_rng(5)
     locator, tracker, truth, samples = DepthLocator(SMALL.intrinsics), Tracker(), [], []

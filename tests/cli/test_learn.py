@@ -28,6 +28,7 @@ def stored(path):
     return said, reading.trajectories().tolist()
 
 
+@pytest.mark.slow
 def test_an_interrupted_run_resumes_with_the_results_of_an_uninterrupted_run(lcorpp, tmp_path, monkeypatch):
     """Of corrected labels; those of test_learn_senses.py are hard."""
     learn = ("learn", ROOMS, *OPTIONS, "--labels", "corrected", "--max-batches", 3, "--precision", 0.1)

@@ -30,7 +30,7 @@ def learn(lcorpp, *options, batches=1):
     return [line for line in ended.out.splitlines() if line.startswith("batch")]
 
 
-@pytest.mark.parametrize("labels", ["hard", "corrected"])
+@pytest.mark.parametrize("labels", ["hard", pytest.param("corrected", marks=pytest.mark.slow)])
 def test_the_threshold_determines_the_labels_and_the_matrix(lcorpp, labels):
     always = learn(lcorpp, "--threshold", 0, "--labels", labels)
     assert all("interested 0.9" in line and "not_interested 0.0" in line for line in always)

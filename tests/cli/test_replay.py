@@ -129,6 +129,7 @@ def start(*arguments: object) -> subprocess.Popen[str]:
     )
 
 
+@pytest.mark.slow
 def test_an_interrupted_run_keeps_whole_lines(tmp_path):
     log = tmp_path / "log"
     rows = ("--strategy", "L", "--strategy", "LCORPP")

@@ -66,6 +66,7 @@ def test_another_sweep_in_the_same_folder_is_refused(lcorpp, file, tmp_path):
         assert "units.sqlite: its 4 results are of another run" in ended.err
 
 
+@pytest.mark.slow
 def test_simulated_scores_do_not_depend_on_the_processes(file, tmp_path):
     file.write_text("trials = 110" + SWEEP.replace("cost.greet = [1, 2]", ""))
     sweep = read_sweep(file)

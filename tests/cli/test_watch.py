@@ -31,7 +31,7 @@ def test_few_people_are_no_alarm(lcorpp, run, few_faults, tmp_path):
     assert figure.stat().st_size > 1000
 
 
-@pytest.mark.parametrize("options", [(), ("--given",)])
+@pytest.mark.parametrize("options", [(), pytest.param(("--given",), marks=pytest.mark.slow)])
 def test_swapped_knowledge_is_named(lcorpp, run, options):
     """The people answer as noisily as the domain states, which is more noise than the model states."""
     log = run(100, "--preset", "low", "--strategy", "LCORPP")

@@ -115,6 +115,7 @@ class ShiftedSignals:
         return signals + np.array([[0], [1]]) * (self.simulated > 100)
 
 
+@pytest.mark.slow
 def test_a_run_of_algorithm_1_reports_that_the_signals_have_changed():
     """Two batches of 50, then two of shifted tracks; motion features hide a shift from the classifier."""
     domain = load_domain("intention")

@@ -276,7 +276,9 @@ def export(robot, node, folder):
     return sum(len(part["actions"]) for part in model["planner"]["sets"]) == len(robot.parts.policy)
 
 
-@pytest.mark.parametrize(("name", "count"), [("intention", 15), ("museum", 6)])
+@pytest.mark.parametrize(
+    ("name", "count"), [("intention", 15), pytest.param("museum", 6, marks=pytest.mark.slow)]
+)
 def test_trials_without_a_server(name, count, node, tmp_path, request):
     robot = request.getfixturevalue(name)
     assert export(robot, node, tmp_path)

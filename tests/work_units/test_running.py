@@ -30,6 +30,7 @@ def test_an_active_configuration_of_joblib_is_used():
     assert threading.main_thread() not in threads
 
 
+@pytest.mark.slow
 def test_the_unit_of_a_killed_worker_is_evaluated_again(tmp_path):
     marker = str(tmp_path / "killed")
     units = {key: (marker, number) for key, number in UNITS.items()}

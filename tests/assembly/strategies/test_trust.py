@@ -123,7 +123,7 @@ def test_a_trial_follows_those_before_it(whole):
     np.testing.assert_array_equal(first.prior, alone.prior)
 
 
-@pytest.mark.parametrize("place", ["rooms", "deliveries"])
+@pytest.mark.parametrize("place", ["rooms", pytest.param("deliveries", marks=pytest.mark.slow)])
 def test_a_replay_learns_in_the_order_of_the_log(tmp_path, place):
     """With one sense and with several senses and shared variables; two runs in one file."""
     folder = ROOMS if place == "rooms" else write_domain(tmp_path / "domain", senses=GAZE + VOICE)
