@@ -140,10 +140,12 @@ def _write_sense(folder: Path, setup: SenseSetup, formats: Sequence[str]) -> Wri
     """Write the evaluation of a classifier that was trained now, and the classifier if it was trained."""
     written = list[Path]()
     if setup.report is not None:
-        from lcorpp.learning import plot_report, write_report
+        from lcorpp.learning import write_report
 
         written += write_report(setup.report, folder)
         for figure in [folder / f"report.{suffix}" for suffix in formats]:
+            from lcorpp.learning import plot_report  # imports matplotlib
+
             plot_report(setup.report, figure)
             written.append(figure)
     saved = save_if_trained(setup.trained, folder)

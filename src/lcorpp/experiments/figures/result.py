@@ -5,13 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import StrEnum
-from typing import Literal
-
-from matplotlib.figure import Figure
+from typing import TYPE_CHECKING, Literal
 
 from lcorpp.errors import DecisionError
 from lcorpp.experiments.figures.published import Deviation
 from lcorpp.values import Interval
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 TRIALS, FAST_TRIALS = 5000, 1000
 """Simulated people per setting: as many as in the paper, and with `FigureOptions.fast`."""
