@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from contextlib import suppress
-from itertools import chain, combinations_with_replacement, product
+from itertools import combinations_with_replacement, product
 from math import comb, prod
 from typing import Any, NamedTuple
 
@@ -13,7 +12,7 @@ import numpy as np
 from lcorpp.domains.sections.learning import Sense
 from lcorpp.domains.sections.planning import PlanningSection
 from lcorpp.domains.sections.reasoning import ReasoningSection
-from lcorpp.errors import NoValueError, ProgramError, TooLargeError, UndefinedError
+from lcorpp.errors import NoValueError, ProgramError, TooLargeError
 from lcorpp.values import Array
 
 MAX_GRID_STEPS, MAX_PRIORS = 10, 36
@@ -83,27 +82,34 @@ def _compute_all_marginals(section: ReasoningSection, senses: Sequence[Sense]) -
     except ProgramError:
         return None, nothing
 
-    def infer(evidence: Sequence[str | None]) -> list[Array]:
-        with suppress(NoValueError, UndefinedError):
-            answers: Any = circuit({name: [value] for name, value in zip(choices, evidence, strict=True)})
-            return [rows[0] for rows in answers.values()]
-        return []
+    def infer(rows: Sequence[Sequence[str | None]]) -> Array:
+        """(n, V) the marginals given rows of evidence; NaN where it is impossible, or there is no value."""
+        columns: Any = dict(zip(choices, map(list, zip(*rows, strict=True)), strict=True))
+        try:
+            answers: Any = circuit(columns, undefined="nan")
+        except NoValueError:
+            single = np.full((1, len(section.values)), np.nan)
+            return np.vstack([infer([row]) for row in rows]) if len(rows) > 1 else single
+        (marginals,) = answers.values()
+        return np.asarray(marginals)
 
-    before = infer([None] * len(choices))  # not all facts can be observed of everybody
-    marginals = [*before, *chain.from_iterable(map(infer, product(*choices.values())))]
-    distinct = _find_distinct(marginals, nothing)
+    marginals = infer([[None] * len(choices), *product(*choices.values())])
+    before = marginals[0]  # without evidence: not all facts can be observed of all people
+    distinct = _find_distinct(marginals)
     if len(distinct) > MAX_EVIDENCE_PRIORS:
         return None, nothing
-    no_facts, ratios = [None] * len(section.observed_values), list[Array]()
-    for labels in product(*[[None, *sense.label_of.values()] for sense in senses]):
-        if any(labels):
-            for prior, given in zip(before, infer([*no_facts, *labels]), strict=False):
-                ratios.append(np.divide(given, prior, out=np.zeros(len(prior)), where=prior > 0))
-    return distinct, _find_distinct([own / own.sum() for own in ratios], nothing)
+    no_facts = [None] * len(section.observed_values)
+    labels = list(product(*[[None, *sense.label_of.values()] for sense in senses]))[1:]
+    if not labels or np.isnan(before).any():
+        return distinct, nothing
+    given = infer([[*no_facts, *own] for own in labels])
+    ratios = np.divide(given, before, out=np.zeros_like(given), where=before > 0)
+    return distinct, _find_distinct(ratios / ratios.sum(axis=1, keepdims=True))
 
 
-def _find_distinct(marginals: Sequence[Array], nothing: Array) -> Array:
-    distinct: Array = np.unique(np.round([*nothing, *marginals], 12).reshape(-1, nothing.shape[1]), axis=0)
+def _find_distinct(marginals: Array) -> Array:
+    """Return the distinct rows (n, V) without NaN, rounded."""
+    distinct: Array = np.unique(np.round(marginals[~np.isnan(marginals).any(axis=1)], 12), axis=0)
     return distinct
 
 
