@@ -151,11 +151,21 @@ def choose_formats(formats: Sequence[str] | None, default: Sequence[str]) -> Seq
     Raises:
         FileError: formats are given, and matplotlib is not installed.
     """
-    if has_matplotlib():
-        return default if formats is None else formats
     if formats:
+        check_matplotlib()
+    if formats is None:
+        return default if has_matplotlib() else ()
+    return formats
+
+
+def check_matplotlib() -> None:
+    """Check before a figure is computed that it can be drawn.
+
+    Raises:
+        FileError: matplotlib is not installed.
+    """
+    if not has_matplotlib():
         raise FileError("figures need matplotlib, which is not installed: pip install 'lcorpp[plots]'")
-    return ()
 
 
 def write_atomically(path: str | Path, content: str | bytes) -> None:

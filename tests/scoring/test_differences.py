@@ -80,14 +80,14 @@ def test_the_reference_uses_most_parts(names, reference):
 
 
 def test_paired_intervals_cover_the_true_difference_in_95_of_100_samples():
-    """400 experiments of 100 people; the number of hits is binomial(400, .95), so 363 is 4 SD below.
+    """1000 experiments of 100 people; the number of hits is binomial(1000, .95), so 922 is 4 SD below.
 
     The costs of one person are strongly correlated, as both strategies meet the same person: the paired
     interval is far narrower than one of independent samples.
     """
     rng = np.random.default_rng(11)
     hits, width, independent = 0, 0.0, 0.0
-    for _ in range(400):
+    for _ in range(1000):
         person = rng.exponential(5, size=(100, 1))
         cost = person + rng.normal([0.0, 0.5], 1, size=(100, 2))
         worse, better = (score(name, cost[:, k], -cost[:, k]) for k, name in enumerate(("P", "R+P")))
@@ -95,7 +95,7 @@ def test_paired_intervals_cover_the_true_difference_in_95_of_100_samples():
         hits += found.low <= 0.5 <= found.high
         width += found.high - found.low
         independent += sum(row.cost.high - row.cost.low for row in (worse, better))
-    assert 363 <= hits <= 397
+    assert 922 <= hits <= 978
     assert width < independent / 4
 
 
@@ -130,17 +130,17 @@ def test_a_class_that_never_occurs_has_f1_of_zero():
 
 
 def test_paired_intervals_of_f1_cover_the_true_difference():
-    """F1 = 2 * .4 * (1 - e) / (.4 + .4 (1 - e) + .6 e) for an error rate e; 400 samples, as above."""
+    """F1 = 2 * .4 * (1 - e) / (.4 + .4 (1 - e) + .6 e) for an error rate e; 1000 samples, as above."""
     rng = np.random.default_rng(4)
     first, second = (0.8 * (1 - e) / (0.4 + 0.4 * (1 - e) + 0.6 * e) for e in (0.3, 0.2))
     hits, width, independent = 0, 0.0, 0.0
-    for _ in range(400):
+    for _ in range(1000):
         worse, better = draw_decisions(rng)
         found = better.subtract(worse)["f1"]
         hits += found.low <= second - first <= found.high
         width += found.high - found.low
         independent += sum(2 * Z95 * row.samples["f1"].std() / 20 for row in (worse, better))
-    assert 363 <= hits <= 397
+    assert 922 <= hits <= 978
     assert width < 0.6 * independent
 
 

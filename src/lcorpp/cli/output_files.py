@@ -10,7 +10,7 @@ from pathlib import Path
 
 from lcorpp.cli import console
 from lcorpp.errors import FileError, expected_one_of
-from lcorpp.files import FIGURE_SUFFIXES, choose_formats, has_matplotlib, make_folder
+from lcorpp.files import FIGURE_SUFFIXES, check_matplotlib, has_matplotlib, make_folder
 
 try:
     import fcntl
@@ -74,7 +74,8 @@ def lock_results(out: Path | None, formats: Sequence[str] | None) -> Iterator[No
             raise FileError("--format is for the figures in --out; without --out none is drawn")
         yield
         return
-    choose_formats(formats, ())
+    if formats:
+        check_matplotlib()
     if not has_matplotlib():
         console.print_note("no figures are drawn; they need the extra lcorpp[plots]")
     is_new = _check_folder(out)
@@ -144,5 +145,6 @@ def check_figure(path: Path, *, also: Sequence[str] = ()) -> None:
     suffixes = (*FIGURE_SUFFIXES, *also)
     if path.suffix.lower() not in suffixes:
         raise FileError(f"{path}: not a figure file; {expected_one_of(suffixes)} at its end")
-    choose_formats([path.suffix] if path.suffix.lower() in FIGURE_SUFFIXES else [], ())
+    if path.suffix.lower() in FIGURE_SUFFIXES:
+        check_matplotlib()
     check_writable(path)

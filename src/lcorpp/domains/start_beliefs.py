@@ -124,7 +124,7 @@ def _compute_likely_marginals(section: ReasoningSection) -> Array:
     reasoner, subject = Reasoner(section.program), list(section.shared)
     try:
         likely = reasoner.most_probable(count=MAX_PRIORS, of=section.observed) if section.observed else ()
-    except NoValueError:  # not all facts can be observed of everybody
+    except NoValueError:  # not all facts can be observed of all people
         likely = ()
     except TooLargeError:  # each marginal would take seconds of sampling
         return np.zeros((0, len(section.values)))
