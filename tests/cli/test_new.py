@@ -43,6 +43,29 @@ def test_flags_write_a_domain_that_runs(tmp_path, lcorpp):
     assert not (tmp_path / "x").exists()
 
 
+def test_check_names_the_values_where_a_sense_guesses(tmp_path, lcorpp):
+    folder = tmp_path / "errands"
+    lcorpp("new", folder, "--shared", "room=lab,hall", "--sense", "gaze:room:0.9")
+    assert "guesses" not in lcorpp("check", folder).out
+    for name, changes in {
+        "knowledge.plog": {
+            "lab, hall": "lab, hall, shop",
+            "gaze_lab, gaze_hall": "gaze_lab, gaze_hall, gaze_shop",
+        },
+        "domain.toml": {'gaze_hall = "hall"': 'gaze_hall = "hall", gaze_shop = "shop"'},
+    }.items():
+        text = (folder / name).read_text()
+        for old, new in changes.items():
+            assert old in text
+            text = text.replace(old, new)
+        (folder / name).write_text(text)
+    ended = lcorpp("check", folder)
+    assert ended.code == 0, ended.err
+    words = " ".join(ended.out.split())
+    assert "note: gaze guesses where room is shop: its labels are equally probable there" in words
+    assert "e.g. pr(gaze=gaze_shop | room=shop) = 0.8." in words
+
+
 def test_six_questions(tmp_path, lcorpp, answer):
     answer("Drinks", "time=morning,evening", "wish=tea,coffee", "gaze:0.9", "", "20 -30")
     ended = lcorpp("new", tmp_path / "drinks")

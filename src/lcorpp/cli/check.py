@@ -13,6 +13,7 @@ from lcorpp.errors import DataError, FileError, TooLargeError
 from lcorpp.notebook import join_some
 
 if TYPE_CHECKING:
+    from lcorpp.domains import Domain
     from lcorpp.domains.sections.reasoning import ReasoningSection
     from lcorpp.planning import Pomdp
 
@@ -149,6 +150,22 @@ def _check_domain(folder: Path) -> None:
             f"{folder} ({name}): observes {', '.join(domain.observed) or 'nothing'};"
             f" decides {_format_shared(domain.reasoning)}; {_format_size(domain.pomdp)}: OK"
         )
+        _note_guesses(domain)
+
+
+def _note_guesses(domain: Domain) -> None:
+    """Name the classes whose labels are all equally probable, e.g. as the program states no rates."""
+    for sense in domain.senses:
+        channel = domain.simulation.noisy_channels.get(sense.name, {})
+        guessed = [
+            name for name, rates in channel.items() if len(rates) > 1 and len(set(rates.values())) == 1
+        ]
+        if guessed:
+            console.print_note(
+                f"{sense.name} guesses where {sense.of} is {join_some(guessed, MAX_VALUES)}: its labels are"
+                f" equally probable there; {domain.simulation.true_program.file} states rates, e.g."
+                f" pr({sense.attribute}={sense.label_of[guessed[0]]} | {sense.of}={guessed[0]}) = 0.8."
+            )
 
 
 def _inspect_domain(folder: Path) -> None:
