@@ -125,8 +125,7 @@ $(VENV)/.runtime: $(NATIVE) $(if $(wildcard $(VENV)/.wheel),$(shell find src -ty
 	@rm -f $(VENV)/.wheel
 	if wheel=$$($(BIN)/python tools/fitting_wheel.py $(DIST)); then \
 	  $(BIN)/pip uninstall --quiet --yes lcorpp 2>/dev/null; $(PIP) "$$wheel[plots]" && touch $(VENV)/.wheel; \
-	else $(PIP) -e '.[plots]'; fi
-	$(BIN)/python -c 'import lcorpp.learning.lstm._kernels' 2>/dev/null || $(PIP) $(TORCH)
+	else $(PIP) -e '.[plots]' && { $(BIN)/python -c 'import lcorpp.learning.lstm._kernels' 2>/dev/null || $(PIP) $(TORCH); }; fi
 	touch $@
 
 # The kernels compile while the packages are installed.

@@ -38,10 +38,13 @@ def print_domain(domain: Domain) -> None:
 
 def note_storage_problems(classifiers: Iterable[ClassifierOptions]) -> bool:
     """Print, before the training, why a classifier cannot be saved; return whether there is one."""
-    from lcorpp.assembly.classifier_training import find_storage_problem
     from lcorpp.assembly.options import TrainingOptions
 
     trained = [options for options in classifiers if isinstance(options, TrainingOptions)]
+    if not trained:
+        return False
+    from lcorpp.assembly.classifier_training import find_storage_problem  # imports scikit-learn
+
     problems = [problem for options in trained if (problem := find_storage_problem(options)) is not None]
     for problem in problems:
         console.print_note(f"the classifier will not be saved: {problem}")
