@@ -45,7 +45,7 @@ test: $(VENV)/.dev
 
 check: lint test
 
-lint: $(VENV)/.dev
+lint: $(VENV)/.packages
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
 	$(BIN)/mypy
@@ -90,7 +90,7 @@ bench: $(VENV)-bench/.peers
 	$(VENV)-bench/bin/python benchmarks/large_models.py
 	$(VENV)-bench/bin/python benchmarks/learner.py
 
-format: $(VENV)/.dev
+format: $(VENV)/.packages
 	$(BIN)/ruff format .
 	$(BIN)/ruff check --fix .
 
@@ -132,11 +132,16 @@ $(VENV)/.runtime: $(NATIVE) $(if $(wildcard $(VENV)/.wheel),$(shell find src -ty
 REQUIREMENTS := import sys, tomllib; own = tomllib.load(open("pyproject.toml", "rb"))["project"]; \
   print(*own["dependencies"], *[r for e in sys.argv[1:] for r in own["optional-dependencies"][e]], sep="\n")
 
-$(VENV)/.dev: $(NATIVE) | $(VENV)/.python
-	$(BIN)/python -c '$(REQUIREMENTS)' plots fetch torch dev > $(VENV)/requirements.txt
-	$(PIP) --no-deps -e . & kernels=$$!; $(PIP) $(TORCH) -r $(VENV)/requirements.txt; installed=$$?; wait $$kernels && exit $$installed
+$(VENV)/.packages: $(NATIVE) | $(VENV)/.python
+	$(BIN)/python -c '$(REQUIREMENTS)' plots fetch dev > $(VENV)/requirements.txt
+	$(PIP) --no-deps -e . & kernels=$$!; $(PIP) -r $(VENV)/requirements.txt; installed=$$?; wait $$kernels && exit $$installed
 	@rm -f $(VENV)/.wheel
 	touch $@ $(VENV)/.runtime
+
+# The linters do without PyTorch.
+$(VENV)/.dev: $(VENV)/.packages
+	$(PIP) $(TORCH)
+	touch $@
 
 $(VENV)-bench/.peers: pyproject.toml
 	$(PYTHON) -m venv $(VENV)-bench
