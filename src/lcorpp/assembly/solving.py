@@ -107,7 +107,12 @@ def explain_missing_reports(solution: Solution | None) -> Iterator[None]:
     try:
         yield
     except NoReportError as error:
-        raise NoReportError(f"{error}; {_describe_solver(solution)}") from error
+        raise NoReportError(explain_error(error, solution)) from error
+
+
+def explain_error(error: Exception, solution: Solution | None) -> str:
+    """Return the message of an error; see `explain_missing_reports`."""
+    return f"{error}; {_describe_solver(solution)}" if isinstance(error, NoReportError) else str(error)
 
 
 def _describe_solver(solution: Solution | None) -> str:

@@ -22,6 +22,9 @@ if TYPE_CHECKING:
     from lcorpp.experiments.comparison import Comparison, ComparisonOptions
     from lcorpp.planning import Policy
 
+MAX_MISSED = 0.01
+"""Probability of the decisions that exact scores leave out, above which a note recommends trials."""
+
 TRIALS = 5000
 """Number of simulated people without --trials."""
 
@@ -142,10 +145,25 @@ def _print_comparison(domain: Domain, comparison: Comparison, chosen: Comparison
     from lcorpp.cli.robot_output import print_classifiers, print_scores, print_solution
 
     print_scores(comparison.scores, domain.positive, comparison.trials)
+    for name, reason in comparison.failures.items():
+        console.warn(f"{name} has no exact scores: {reason}")
+    if comparison.trials is None:
+        _note_bounds(comparison)
     print_classifiers(domain, comparison.senses)
     if comparison.solution is not None:
         solver = chosen.solver or domain.planning.solver
         print_solution(comparison.solution, comparison.gap, precision=solver.precision)
+
+
+def _note_bounds(comparison: Comparison) -> None:
+    """Name the strategies of which too few decisions are enumerated."""
+    missed = {row.strategy: row.accuracy.high - row.accuracy.low for row in comparison.scores}
+    wide = [f"{name} {share:.1%}" for name, share in missed.items() if share > MAX_MISSED]
+    if wide:
+        console.print_note(
+            f"too many decisions are possible; not enumerated are {', '.join(wide)}: their bounds are wide;"
+            " --trials estimates their scores"
+        )
 
 
 def _write_results(

@@ -31,6 +31,9 @@ from lcorpp.values import Array, Distribution, Indices
 DIGITS = 12
 """Beliefs are rounded to so many decimals, so that equal ones are found."""
 
+MAX_DROPPED = 1e-8
+"""Maximum probability of the decisions that are left out of a sum."""
+
 MAX_TOGETHER = 200
 """Number of beliefs before a dialogue whose episodes are summed at once."""
 
@@ -165,7 +168,7 @@ def sum_dialogues(domain: Domain, planner: Planner, beliefs: Array) -> Array:
         roots = {(number, i * v + k): np.eye(v)[k] for i, number in enumerate(part) for k in range(v)}
         names = ["the policy"] * (len(part) * v)
         sums = sum_episodes(model, graph, roots, names)
-        if any(own.dropped.any() for own in sums):
+        if any(own.dropped.sum() > MAX_DROPPED for own in sums):
             raise DecisionError("the dialogues branch too much for an exact sum; expected simulated trials")
         returns[begin : begin + MAX_TOGETHER] = np.reshape([own.return_ for own in sums], (-1, v))
     return returns

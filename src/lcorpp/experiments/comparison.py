@@ -16,12 +16,12 @@ from lcorpp.assembly.options import (
 from lcorpp.assembly.progress import ProgressDisplay, no_progress
 from lcorpp.assembly.robot import compose_robot, set_up_senses
 from lcorpp.assembly.senses import Senses
-from lcorpp.assembly.solving import explain_missing_reports
+from lcorpp.assembly.solving import explain_error, explain_missing_reports
 from lcorpp.assembly.strategies.trust import check_dialogue
 from lcorpp.decision import Strategy
 from lcorpp.decision.strategies import list_strategies
 from lcorpp.domains import Domain
-from lcorpp.errors import DomainError
+from lcorpp.errors import DecisionError, DomainError
 from lcorpp.logs.decision_log import DecisionLog
 from lcorpp.planning import Policy, Solution, SolverOptions
 from lcorpp.scoring.exact_evaluation import check_enumerable, evaluate_exactly
@@ -88,6 +88,7 @@ class Comparison:
     """The result of a comparison.
 
     scores: one for each strategy, in the order of the options.
+    failures: name of a strategy without exact scores -> the reason; the others have theirs.
     trials: the number of completed trials, less than requested after an interrupt; None for exact scores.
     senses: sense -> its classifier and error rates, for the senses that a strategy uses.
     solution: the solution of the POMDP; None if a policy was given.
@@ -97,6 +98,7 @@ class Comparison:
     trials: int | None
     senses: Senses
     solution: Solution | None
+    failures: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def gap(self) -> float | None:
@@ -155,11 +157,20 @@ def compare_strategies(
         stack.enter_context(explain_missing_reports(solution))
         if options.trials is None:
             channels = {sense.name: NoisyChannel.from_domain(domain, sense) for sense in domain.senses}
+            errors: dict[str, DecisionError] = {}
             with progress("enumerating people and answers") as advance:
                 exact_scores = evaluate_exactly(
-                    domain, experiment.robot, channels, experiment.strategies, progress=advance
+                    domain,
+                    experiment.robot,
+                    channels,
+                    experiment.strategies,
+                    progress=advance,
+                    on_failure=lambda strategy, error: errors.update({strategy.name: error}),
                 )
-            return Comparison(tuple(exact_scores), None, senses, solution)
+            if not exact_scores:
+                raise next(iter(errors.values()))
+            failures = {name: explain_error(error, solution) for name, error in errors.items()}
+            return Comparison(tuple(exact_scores), None, senses, solution, failures)
         with progress("simulating trials", options.trials) as advance:
             scores, completed = run_trials(
                 experiment, options.trials, jobs=options.jobs, progress=advance, log=log

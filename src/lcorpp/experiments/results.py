@@ -123,7 +123,10 @@ def write_comparison(
         }
         for row, scores in zip(rows, comparison.scores, strict=True)
     ]
-    write_json(folder / "results.json", {"configuration": dict(configuration), "strategies": detailed})
+    content = {"configuration": dict(configuration), "strategies": detailed}
+    if comparison.failures:
+        content["failures"] = dict(comparison.failures)
+    write_json(folder / "results.json", content)
     written = [folder / "results.csv", folder / "results.json"]
     if formats:
         from lcorpp.experiments.figures.strategies import plot_strategies  # imports matplotlib

@@ -24,7 +24,12 @@ MAX_ACTIONS = 100_000
 
 
 class DecisionNodes(Protocol):
-    """The points of decisions at which a robot acts; equal nodes are merged."""
+    """The points of decisions at which a robot acts; equal nodes are merged.
+
+    n_numbers: numbers that are multiplied to find an action, those in alpha vectors.
+    """
+
+    n_numbers: int
 
     def root(self, context: Mapping[str, str], labels: Mapping[str, Any]) -> Hashable:
         """Return the node before the first action, given the facts and the output of each sense."""
@@ -46,6 +51,9 @@ class BeliefNodes:
 
     def __init__(self, domain: Domain, robot: Robot) -> None:
         self._domain, self._robot = domain, robot
+        planner = robot.planner
+        sets = planner.policy.vector_sets if isinstance(planner, Planner) else ()
+        self.n_numbers = sum(part.vectors.size for part in sets)
 
     def root(self, context: Mapping[str, str], labels: Mapping[str, Label]) -> bytes:
         marginal = self._robot.reasoner.posterior(self._domain.shared, self._domain.evidence(context, labels))
@@ -120,7 +128,7 @@ class HistoryNodes:
         self._full = replace(full, classifiers=channels)
         parts = (full.reasoner, full.planner, full.domain, strategy.change, *channels.values())
         self._shared = {id(part) for part in parts}
-        self._count = 0
+        self._count, self.n_numbers = 0, 0
         self._first: dict[Hashable, _History] = {}  # key of the point of a decision -> its first history
         self._actions: dict[_History, str | None] = {}
         self._merge = cache(self._find_first)

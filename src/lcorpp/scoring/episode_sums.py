@@ -9,14 +9,14 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
 from lcorpp.decision import Strategy
 from lcorpp.decision.dt_control import MAX_STEPS
 from lcorpp.domains import Domain
-from lcorpp.errors import DecisionError, NoReportError
+from lcorpp.errors import NoReportError
 from lcorpp.scoring.cases import Case
 from lcorpp.scoring.decision_graph import ENDED, DecisionGraph
 from lcorpp.scoring.decision_nodes import DecisionNodes
@@ -25,11 +25,17 @@ from lcorpp.scoring.episode_totals import EpisodeTotals
 from lcorpp.values import Array, Indices, Interval
 from lcorpp.values.probabilities import MIN_BRANCH
 
-MAX_POINTS = 200_000
-"""Maximum number of points at which the episodes of a strategy are continued: some ten seconds."""
+MAX_POINTS, MAX_TOGETHER = 200_000, 500_000
+"""Maximum numbers of points at which the episodes of a strategy, and of those that act alike, continue."""
 
-MAX_DROPPED = 0.001
-"""Maximum probability of the episodes that are left out of a sum over too many."""
+MAX_NUMBERS = 40_000_000_000
+"""Maximum product of these points and the numbers in the policy's alpha vectors: half a minute in all."""
+
+MIN_BATCH = 5_000
+"""Up to this many points are continued at once; of more, the likeliest."""
+
+MAX_LEFT = 1e-9
+"""Probability of the episodes of a strategy that are left out if they are at more than `MIN_BATCH` points."""
 
 MAX_ENTRIES = 4_000_000
 """Maximum number of entries after the same number of actions, times three numbers of 8 bytes."""
@@ -92,16 +98,27 @@ def sum_strategies(
         for number, case in zip(numbers, own, strict=True):
             roots[number, k] += case.masses
     names = [strategy.location for strategy in cases]
-    found = sum_episodes(model, graph, roots, names, progress)
-    for name, sums in zip(names, found, strict=True):
-        share = float(sums.dropped.sum())
-        if share > MAX_DROPPED:
-            raise DecisionError(
-                f"the decisions of {name} pass more than {MAX_POINTS} points; the"
-                f" likeliest cover {1 - share:.2%} of them, less than {1 - MAX_DROPPED:.1%}; its scores need"
-                " simulated trials"
-            )
-    return found
+    shared = min(MAX_TOGETHER, MAX_NUMBERS // max(1, nodes_of[0].n_numbers))
+    max_points = min(MAX_POINTS, shared // len(names))
+    return sum_episodes(model, graph, roots, names, progress, max_points)
+
+
+class _Episodes(NamedTuple):
+    """Episodes that continue, as n entries.
+
+    nodes, owners: (n,) the point of the decision, and the strategy. moments: (n, 3, J) their probability with
+    each pair of true value and hidden state, and the first two moments of their cost. steps: (n,) the fewest
+    actions before.
+    """
+
+    nodes: Indices
+    owners: Indices
+    moments: Array
+    steps: Indices
+
+    def take(self, rows: Indices) -> _Episodes:
+        """Return some of the entries."""
+        return _Episodes(self.nodes[rows], self.owners[rows], self.moments[rows], self.steps[rows])
 
 
 class _Sums:
@@ -122,11 +139,11 @@ class _Sums:
         cost, squared_cost = moments[:, 1:].sum(axis=2).T
         np.add.at(self._known, owners, np.stack([cost, squared_cost, reward - cost], axis=1))
 
-    def drop(self, owners: Indices, moments: Array, steps_left: int) -> None:
+    def drop(self, episodes: _Episodes, steps_left: int) -> None:
         """Add episodes that are dropped before their end, with at most `steps_left` further actions."""
-        model, ends = self._model, np.array(self._model.end_range)
-        np.add.at(self._dropped, (owners[:, None], model.values), moments[:, 0])
-        mass, cost = moments[:, :2].sum(axis=2).T[:, :, None]
+        model, ends, owners = self._model, np.array(self._model.end_range), episodes.owners
+        np.add.at(self._dropped, (owners[:, None], model.values), episodes.moments[:, 0])
+        mass, cost = episodes.moments[:, :2].sum(axis=2).T[:, :, None]
         steps = steps_left * np.array(model.step_range)
         costs, returns = cost - mass * steps[::-1], mass * (steps + ends) - cost
         np.add.at(self._ranges, owners, np.stack([costs, returns], axis=1))
@@ -165,62 +182,88 @@ def sum_episodes(
     nodes, owners = np.array(list(roots), np.intp).T
     moments = np.zeros((len(nodes), 3, len(model.values)))
     moments[:, 0] = np.array(list(roots.values())) @ model.starts
-    max_points = MAX_POINTS if max_points is None else max_points
-    points, max_width = 0, max(1, MAX_ENTRIES // len(model.values))
+    waiting = _Episodes(nodes, owners, moments, np.zeros(len(nodes), np.intp))
+    max_points = count * (MAX_POINTS if max_points is None else max_points)
+    branching = max([len(possible) for possible, _ in model.feedback.values()], default=1)
+    max_width = MAX_ENTRIES // (len(model.values) * branching)
+    points = 0
     totals: EpisodeTotals | None = None  # of the graph when no new point was reached
-    for step in range(MAX_STEPS + 1):
-        actions = graph.find_actions(nodes)
-        ends = _find_ends(model, actions)
-        if ends.any():
-            sums.end(owners[ends], moments[ends], actions[ends])
-        sources, observations, parts = [nodes[:0]], [nodes[:0]], [moments[:0]]
-        moments = _add_cost(moments, -model.reward[actions])
-        for a in sorted(set(actions[~ends].tolist())):
-            rows = np.flatnonzero(actions == a)
-            part = moments[rows]  # (n, 3, J); a sparse matrix takes two dimensions
-            after = (part.reshape(-1, part.shape[2]) @ model.transition[a]).reshape(part.shape)
-            possible, probabilities = model.feedback[a]
-            n, o = np.nonzero(after[:, 0] @ probabilities.T >= MIN_BRANCH)
-            sources.append(rows[n])
-            observations.append(possible[o])
-            parts.append(after[n] * probabilities[o, None])
-        source, observation = np.concatenate(sources), np.concatenate(observations)
-        moments = np.concatenate(parts)
-        if not len(source):
+    while True:
+        waiting = _end(sums, model, graph, waiting)
+        mass = waiting.moments[:, 0].sum(axis=1)
+        progress(100 - round(100 * float(mass.sum()) / count), 100)
+        if points >= max_points or (len(mass) > MIN_BATCH and mass.sum() <= count * MAX_LEFT):
+            sums.drop(waiting, MAX_STEPS)
             return sums.list_sums()
-        if step == MAX_STEPS:
-            break
-        width = min(max_width, count * max_points - points)
-        if len(source) > width:
-            order = np.argsort(-moments[:, 0].sum(axis=1), kind="stable")
-            rest, kept = order[width:], np.sort(order[:width])
-            sums.drop(owners[source[rest]], moments[rest], MAX_STEPS - step)
-            source, observation, moments = source[kept], observation[kept], moments[kept]
-        points += len(source)
-        progress(100 - round(100 * float(moments[:, 0].sum()) / count), 100)
-        n_known, children = len(graph), graph.find_children(nodes[source], observation)
-        nodes, owners, moments = _merge(children * count + owners[source], moments, count)
-        if len(graph) == n_known:
+        if not len(mass):
+            return sums.list_sums()
+        here, rest = _split(mass, 1 + min(max_width, (max_points - points) // branching))
+        batch = waiting.take(here)
+        if batch.steps.max() >= MAX_STEPS:
+            late = int(batch.steps.argmax())
+            node, owner = int(batch.nodes[late]), int(batch.owners[late])
+            root = graph.describe_root([first for first, k in roots if k == owner], node)
+            raise NoReportError(
+                f"{names[owner]}: no report after {MAX_STEPS} actions; the policy does not report from {root}"
+            )
+        n_known = len(graph)
+        continued = _continue(model, graph, batch)
+        points += len(continued.nodes)
+        waiting = _merge(waiting.take(rest), continued, count)
+        if len(graph) == n_known and not len(rest):
             if totals is None or totals.n_arcs != graph.n_arcs:
                 totals = EpisodeTotals(model, graph)
-            total = totals.find(nodes, owners, moments, count)
+            total = totals.find(waiting.nodes, waiting.owners, waiting.moments, count)
             if total is not None:
                 nodes, owners = np.divmod(np.arange(len(graph) * count), count)
-                actions = graph.find_actions(nodes)
-                ends = _find_ends(model, actions)
-                sums.end(owners[ends], total.reshape(-1, *total.shape[2:])[ends], actions[ends])
+                moments = total.reshape(-1, *total.shape[2:])
+                _end(sums, model, graph, _Episodes(nodes, owners, moments, np.zeros_like(nodes)))
                 return sums.list_sums()
-    owner, node = int(owners[source[0]]), int(nodes[source[0]])
-    root = graph.describe_root([first for first, k in roots if k == owner], node)
-    raise NoReportError(
-        f"{names[owner]}: no report after {MAX_STEPS} actions; the policy does not report from {root}"
-    )
 
 
-def _find_ends(model: EpisodeModel, actions: Indices) -> npt.NDArray[np.bool_]:
-    """Return whether a decision ends with each action, (n,)."""
-    ends: npt.NDArray[np.bool_] = (model.reports[actions] < model.n_values) | (actions == ENDED)
-    return ends
+def _split(mass: Array, width: int) -> tuple[Indices, Indices]:
+    """Return the indices of the episodes to continue next, and of the others, from their probabilities.
+
+    All, if they are few; else the likeliest, which have half of the probability: so a limited number of
+    points covers as much of it as possible.
+    """
+    if len(mass) <= min(MIN_BATCH, width):
+        return np.arange(len(mass)), np.arange(0)
+    order = np.argsort(-mass, kind="stable")
+    half = 1 + int(np.searchsorted(np.cumsum(mass[order]), mass.sum() / 2))
+    n = min(max(half, MIN_BATCH), width)
+    return np.sort(order[:n]), np.sort(order[n:])
+
+
+def _end(sums: _Sums, model: EpisodeModel, graph: DecisionGraph, episodes: _Episodes) -> _Episodes:
+    """Add the episodes that end to the sums, and return the others."""
+    actions = graph.find_actions(episodes.nodes)
+    ends = (model.reports[actions] < model.n_values) | (actions == ENDED)
+    if not ends.any():
+        return episodes
+    ended = episodes.take(np.flatnonzero(ends))
+    sums.end(ended.owners, ended.moments, actions[ends])
+    return episodes.take(np.flatnonzero(~ends))
+
+
+def _continue(model: EpisodeModel, graph: DecisionGraph, episodes: _Episodes) -> _Episodes:
+    """Continue episodes by one action; return them after each possible observation."""
+    nodes, owners, moments, steps = episodes
+    actions = graph.find_actions(nodes)
+    sources, observations, parts = [nodes[:0]], [nodes[:0]], [moments[:0]]
+    moments = _add_cost(moments, -model.reward[actions])
+    for a in sorted(set(actions.tolist())):
+        rows = np.flatnonzero(actions == a)
+        part = moments[rows]  # (n, 3, J); a sparse matrix takes two dimensions
+        after = (part.reshape(-1, part.shape[2]) @ model.transition[a]).reshape(part.shape)
+        possible, probabilities = model.feedback[a]
+        n, o = np.nonzero(after[:, 0] @ probabilities.T >= MIN_BRANCH)
+        sources.append(rows[n])
+        observations.append(possible[o])
+        parts.append(after[n] * probabilities[o, None])
+    source, observation = np.concatenate(sources), np.concatenate(observations)
+    children = graph.find_children(nodes[source], observation)
+    return _Episodes(children, owners[source], np.concatenate(parts), steps[source] + 1)
 
 
 def _add_cost(moments: Array, cost: Array) -> Array:
@@ -231,10 +274,15 @@ def _add_cost(moments: Array, cost: Array) -> Array:
     return moments
 
 
-def _merge(keys: Indices, moments: Array, count: int) -> tuple[Indices, Indices, Array]:
-    """Return the nodes and owners of the distinct keys, node * count + owner, and their summed moments."""
+def _merge(some: _Episodes, others: _Episodes, count: int) -> _Episodes:
+    """Return the episodes of both, those of a strategy at the same node as one; `count`: of strategies."""
+    if not len(some.nodes) + len(others.nodes):
+        return others
+    keys = np.append(some.nodes, others.nodes) * count + np.append(some.owners, others.owners)
+    moments, steps = np.concatenate([some.moments, others.moments]), np.append(some.steps, others.steps)
     order = np.argsort(keys, kind="stable")
     ordered = keys[order]
     first = np.flatnonzero(np.diff(ordered, prepend=-1))
     nodes, owners = np.divmod(ordered[first], count)
-    return nodes, owners, np.add.reduceat(moments[order], first, axis=0)
+    sums = np.add.reduceat(moments[order], first, axis=0)
+    return _Episodes(nodes, owners, sums, np.minimum.reduceat(steps[order], first))

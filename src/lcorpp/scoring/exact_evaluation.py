@@ -32,6 +32,7 @@ def evaluate_exactly(
     strategies: tuple[Strategy, ...],
     *,
     progress: Callable[[int, int], None] = lambda _done, _total: None,
+    on_failure: Callable[[Strategy, DecisionError], None] | None = None,
 ) -> list[Scores]:
     """Compute the exact scores of some strategies.
 
@@ -40,15 +41,18 @@ def evaluate_exactly(
         channels: sense -> the noisy channel that replaces its classifier.
         strategies: the strategies, in the order of the result.
         progress: called with the percentage of the episodes of some strategies that have ended, and 100.
+        on_failure: called with a strategy whose decisions cannot be summed, and the error; the result has the
+            scores of the others. None raises the error.
 
     Returns:
         The scores. If the decisions of a strategy branch too much, the least likely episodes are left out,
-        and the ends of the intervals are bounds for whatever they may be.
+        and the ends of the intervals are bounds for whatever they may be: at most `MAX_STEPS` further actions
+        and the best or the worst report.
 
     Raises:
         DomainError: the domain has a world of its own, whose probabilities are unknown.
         DecisionError: a strategy draws its actions, learns from people, acts differently after equal
-            histories, has too many histories, or branches so much that the bounds are wide.
+            histories, or has too many histories.
         NoReportError: a strategy's policy never reports.
 
     Examples:
@@ -75,19 +79,29 @@ def evaluate_exactly(
     informed = replace(robot, reasoner=infer_posteriors(domain, robot.reasoner, cases))
     model = EpisodeModel(domain)
     sums: dict[Strategy, EpisodeSums] = {}
-    for alike in _group_strategies(used):
+    waiting = _group_strategies(used)
+    for alike in waiting:  # grows
         nodes_of = [
             RoundedBeliefNodes(domain, strategy.robot(informed))
             if strategy.change is None
             else HistoryNodes(domain, robot, strategy, used[strategy])
             for strategy in alike
         ]
-        found = sum_strategies(domain, nodes_of, {each: cases[each] for each in alike}, model, progress)
+        try:
+            found = sum_strategies(domain, nodes_of, {each: cases[each] for each in alike}, model, progress)
+        except DecisionError as error:
+            if on_failure is None:
+                raise
+            if len(alike) > 1:
+                waiting += [[strategy] for strategy in alike]
+            else:
+                on_failure(alike[0], error)
+            continue
         sums |= zip(alike, found, strict=True)
-    gaps = [take_gap(find_gaps(domain, informed, strategy, cases[strategy])) for strategy in strategies]
+    scored = [strategy for strategy in strategies if strategy in sums]
+    gaps = [take_gap(find_gaps(domain, informed, strategy, cases[strategy])) for strategy in scored]
     return [
-        score_sums(domain, strategy, sums[strategy], gap)
-        for strategy, gap in zip(strategies, gaps, strict=True)
+        score_sums(domain, strategy, sums[strategy], gap) for strategy, gap in zip(scored, gaps, strict=True)
     ]
 
 
