@@ -14,6 +14,7 @@ from time import monotonic
 
 import numpy as np
 import numpy.typing as npt
+from threadpoolctl import threadpool_limits
 
 from lcorpp.planning.arguments import check_solver_arguments
 from lcorpp.planning.policy import AlphaVectors, Policy
@@ -82,7 +83,8 @@ def solve_exact(
     starts = check_solver_arguments(pomdp, start, precision, time_limit, callback)
     search = _ValueIteration(pomdp, starts, precision, time_limit)
     try:
-        reason = search.run(callback)
+        with threadpool_limits(1):  # small matrices and programs: threads would only wait for each other
+            reason = search.run(callback)
     except KeyboardInterrupt:
         reason = "interrupted"
     except DeadlineExceeded:
