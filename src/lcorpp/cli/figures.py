@@ -21,7 +21,11 @@ def figures(
         ),
     ] = None,
     fast: Annotated[
-        bool, typer.Option("--fast", help="Fewer people, tracks and seeds: all figures within two minutes.")
+        bool,
+        typer.Option(
+            "--fast",
+            help="Fewer people, tracks and seeds: a look at all figures in a minute; less is decided.",
+        ),
     ] = False,
     trials: Annotated[
         int | None,

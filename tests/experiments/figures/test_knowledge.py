@@ -88,29 +88,35 @@ def judged(low, half=0.01):
             scores = low if level == "Low" else SCORES | {"LCORPP": (0.85, 0.9, 6 + step, 46)}
             evaluations[setting, level] = make_evaluation(f"{setting}, {level}", scores, half)
     found = make_result(evaluations).findings
-    assert len(found) == 14
-    return {finding.claim.split(",")[0]: str(finding.verdict) for finding in found[:7]}
+    assert len(found) == 22
+    return {finding.claim.split(",")[0].split(":")[0]: str(finding.verdict) for finding in found[:11]}
+
+
+INSENSITIVE = "Neither R+P nor LCORPP is sensitive to misleading knowledge"
+KEPT = "LCORPP keeps its F1 score with misleading knowledge"
+MORE = "R+P and LCORPP make up for misleading knowledge by more actions"
 
 
 def test_all_findings_hold_with_scores_that_fit_them():
-    assert set(judged(SCORES).values()) == {"holds"}
+    """Both sentences on sensitivity exclude each other: one holds with each of these scores."""
+    low = SCORES | {"R+P": (0.78, 0.83, 11, 43), "LCORPP": (0.84, 0.9, 12, 46)}
+    verdicts = judged(low)
+    assert verdicts.pop(KEPT) == "does not hold"
+    assert set(verdicts.values()) == {"holds"}
+    falls = low | {"R+P": (0.7, 0.8, 9, 43)}
+    verdicts = judged(falls)
+    assert [name for name, verdict in verdicts.items() if verdict != "holds"] == [INSENSITIVE, MORE]
 
 
-def test_findings_follow_the_numbers():
+def test_findings_follow_the_exact_numbers():
     harmful = SCORES | {"R": (0.5, 0.5, 0, 10), "L+R": (0.4, 0.5, 0, 20), "LCORPP": (0.7, 0.8, 9, 39)}
     verdicts = judged(harmful)
-    assert verdicts["R falls below 0.4 in F1 with misleading knowledge"] == "does not hold"
-    assert verdicts["L+R falls below 0.4 in F1 with misleading knowledge"] == "is not decided"
-    assert verdicts["LCORPP returns more than R+P with each program"] == "does not hold"
-    assert verdicts["LCORPP has a higher F1 score than R+P with each program"] == "does not hold"
-    assert (
-        verdicts["Even incomplete knowledge is better than none: R+P and LCORPP return more than P"]
-        == "holds"
-    )
-    assert (
-        verdicts["Even misleading knowledge is better than none: R+P and LCORPP return more than P"]
-        == "does not hold"
-    )
+    assert verdicts.pop("R+P and LCORPP make up for misleading knowledge by more actions") == "does not hold"
+    assert [name for name, verdict in verdicts.items() if verdict == "holds"] == [
+        "LCORPP acts more",
+        "Even incomplete knowledge is better than none",
+    ]
+    assert set(verdicts.values()) == {"holds", "does not hold"}
 
 
 def test_large_deviations_have_a_reason(result):

@@ -51,25 +51,35 @@ def test_the_authors_preset_meets_the_published_numbers(result):
 
 def test_findings_hold_with_the_order_of_the_paper():
     result = make_result([make_evaluation("paper", SCORES)])
-    assert [finding.verdict for finding in result.findings] == ["holds"] * 3
+    assert [finding.verdict for finding in result.findings] == ["holds"] * 4
     assert "LCORPP > R+P > P in return, preset paper: holds" in result.paragraph
-    assert "R+P - P 5.00 [4.90, 5.10]" in result.paragraph
+    assert "R+P - P 5.00 (simulated 5.00 [4.90, 5.10])" in result.paragraph
 
 
 def test_findings_fail_where_the_order_is_another():
     changed = SCORES | {"R+P": (0.9, 0.85, 10, 51)}
-    returns, costs, f1 = make_result([make_evaluation("paper", changed)]).findings
+    returns, costs, planning, f1 = make_result([make_evaluation("paper", changed)]).findings
     assert str(returns).startswith(
-        "LCORPP > R+P > P in return, preset paper: does not hold (paired: LCORPP - R+P -1.00"
+        "LCORPP > R+P > P in return, preset paper: does not hold (exact: LCORPP - R+P -1.00"
     )
-    assert costs.verdict == "holds"
+    assert (costs.verdict, planning.verdict) == ("holds", "holds")
     assert f1.verdict == "does not hold"
-    assert f1.evidence == "paired: LCORPP - R+P -0.050 [-0.060, -0.040], exact -0.050"
+    assert f1.evidence == "exact: LCORPP - R+P -0.050 (simulated -0.050 [-0.060, -0.040])"
+    weak = SCORES | {"P": (0.7, 0.8, 12, 40)}
+    _, _, planning, _ = make_result([make_evaluation("paper", weak)]).findings
+    assert planning.verdict == "does not hold"
+    assert planning.evidence == "exact: P - L+R 0.000 (simulated 0.000 [-0.010, 0.010])"
 
 
-def test_findings_are_open_where_an_interval_contains_zero():
+def test_exact_numbers_decide_where_a_simulated_interval_contains_zero():
     returns, *_ = make_result([make_evaluation("paper", SCORES, half=0.6)]).findings
-    assert returns.verdict == "is not decided"
+    assert returns.verdict == "holds"
+    assert "(simulated 5.00 [-1.00, 11.00])" in returns.evidence
+
+
+def test_no_verdict_of_a_run_contradicts_its_exact_numbers(result):
+    for finding in result.findings:
+        assert finding.verdict in ("holds", "does not hold")
 
 
 @pytest.mark.parametrize(("layout", "size"), [("wide", (7.2, 3.1)), ("column", (3.5, 8.5))])

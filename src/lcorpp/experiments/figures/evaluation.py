@@ -39,6 +39,24 @@ class Evaluation:
         """Return the simulated "f1", "cost" or "return" of a strategy minus another's, see `Scores`."""
         return self.simulated[strategy].subtract(self.simulated[other])[metric]
 
+    def subtract_exactly(self, metric: str, strategy: str, other: str) -> float:
+        """Return the exact score of a strategy minus another's."""
+        mine, its = (self.exact[name].metrics[metric].estimate for name in (strategy, other))
+        return mine - its
+
+    def describe_difference(self, metric: str, strategy: str, other: str, digits: int) -> str:
+        """Return the exact difference of two strategies with its simulated check, for evidence."""
+        exact, found = (
+            self.subtract_exactly(metric, strategy, other),
+            self.find_difference(metric, strategy, other),
+        )
+        return f"{strategy} - {other} {exact:.{digits}f} (simulated {found:.{digits}f})"
+
+    def describe_score(self, metric: str, strategy: str, digits: int = 3) -> str:
+        """Return the exact score of a strategy with its simulated check, for evidence."""
+        exact, found = self.exact[strategy].metrics[metric], self.simulated[strategy].metrics[metric]
+        return f"{strategy} {exact.estimate:.{digits}f} (simulated {found:.{digits}f})"
+
     def make_rows(self, **columns: str) -> list[Row]:
         """Return two tidy rows for each strategy; `columns` come first, e.g. the setting."""
         return [

@@ -54,7 +54,7 @@ COLOURS: Mapping[str, str] = {"L": MUTED, "L+R": BLUE, "LCORPP": ORANGE}
 LEARNER = "summaries"
 """The learner: as good as `lstm-fast` (docs/guides/learning/learners.md), without random weights."""
 
-SEEDS, FAST_SEEDS = 10, 4
+SEEDS, FAST_SEEDS = 10, 3
 TRACKS, FAST_TRACKS = 1600, 600
 """Seeds, and training tracks of each; with --fast."""
 

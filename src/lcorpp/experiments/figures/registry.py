@@ -41,11 +41,11 @@ FIGURES: Mapping[str, PaperFigure] = {
     name: PaperFigure(partial(_make, name), *seconds)
     for name, seconds in {
         "strategies": (2, 1),
-        "knowledge": (4, 2),
-        "trust": (28, 16),
-        "partial": (38, 8),
-        "augmentation": (40, 45),
-        "confusion": (6, 2),
+        "knowledge": (4, 1),
+        "trust": (28, 8),
+        "partial": (38, 6),
+        "augmentation": (40, 10),
+        "confusion": (6, 1),
         "trial": (1, 1),
     }.items()
 }

@@ -31,7 +31,7 @@ Layout = Literal["wide", "column"]
 class FigureOptions:
     """Options of all figures.
 
-    fast: fewer people, tracks and seeds, for a look at everything within two minutes.
+    fast: fewer people, tracks and seeds, for a look at everything; then more is not decided.
     seed: of all random numbers. jobs: processes; the results are the same for any number.
     trials: simulated people per setting; None takes `TRIALS`, or `FAST_TRIALS` with `fast`.
     """
@@ -73,7 +73,8 @@ class Verdict(StrEnum):
 class Finding:
     """A claim of the paper, or of ours, and the verdict of the numbers on it.
 
-    claim: a clause, e.g. "LCORPP returns more than R+P". evidence: the numbers, with intervals.
+    claim: a clause, e.g. "LCORPP returns more than R+P". evidence: the numbers that decide, and beside exact
+        ones the simulated ones with intervals, as a check.
     """
 
     claim: str
@@ -115,11 +116,16 @@ class FigureResult:
 def judge(differences: Sequence[Interval]) -> Verdict:
     """Decide whether all differences are above 0: each whole interval, or none of one.
 
-    Exact differences have intervals of zero width, so they always decide.
+    Simulated differences may leave it open; where an exact number is known, it decides, see `judge_exactly`.
     """
     if all(difference.low > 0 for difference in differences):
         return Verdict.HOLDS
     return Verdict.FAILS if any(difference.high <= 0 for difference in differences) else Verdict.OPEN
+
+
+def judge_exactly(numbers: Sequence[float]) -> Verdict:
+    """Decide whether all exact numbers are above 0."""
+    return judge([Interval.exact(number) for number in numbers])
 
 
 def subtract_from(value: float, interval: Interval) -> Interval:

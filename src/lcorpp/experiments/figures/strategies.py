@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from functools import partial
+from itertools import product
 
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -19,8 +20,7 @@ from lcorpp.experiments.figures.result import (
     FigureResult,
     Finding,
     Layout,
-    judge,
-    subtract_from,
+    judge_exactly,
 )
 from lcorpp.plot_style import BLUE, ORANGE, with_style
 from lcorpp.scoring.metrics import Scores
@@ -66,29 +66,29 @@ def make_result(evaluations: Sequence[Evaluation]) -> FigureResult:
 
 
 def _judge(scores: Evaluation) -> list[Finding]:
-    """Decide hypothesis I: more F1 and return, at less cost, with each part that is added."""
+    """Decide the section's sentences on the baselines, and hypothesis I, by the exact scores."""
     steps = (("LCORPP", "R+P"), ("R+P", "P"))
     findings = []
     for metric, claim, sign in (
         ("return", "LCORPP > R+P > P in return", 1),
         ("cost", "LCORPP < R+P < P in cost", -1),
     ):
-        differences = [scores.find_difference(metric, *pair) for pair in steps]
-        directed = [d if sign > 0 else subtract_from(0, d) for d in differences]
-        numbers = ", ".join(
-            f"{a} - {b} {difference:.2f}" for (a, b), difference in zip(steps, differences, strict=True)
-        )
-        findings.append(Finding(f"{claim}, preset {scores.setting}", judge(directed), f"paired: {numbers}"))
-    gains = {name: scores.find_difference("f1", "LCORPP", name) for name in scores.exact if name != "LCORPP"}
-    closest = min(gains, key=lambda name: gains[name].estimate)
-    exact = scores.exact["LCORPP"].f1.estimate - scores.exact[closest].f1.estimate
-    findings.append(
-        Finding(
-            f"Hypothesis I, LCORPP has the highest F1 score, preset {scores.setting}",
-            judge(list(gains.values())),
-            f"paired: LCORPP - {closest} {gains[closest]:.3f}, exact {exact:+.3f}",
-        )
-    )
+        numbers = "; ".join(scores.describe_difference(metric, *pair, digits=2) for pair in steps)
+        verdict = judge_exactly([sign * scores.subtract_exactly(metric, *pair) for pair in steps])
+        findings.append(Finding(f"{claim}, preset {scores.setting}", verdict, f"exact: {numbers}"))
+    others = [name for name in scores.exact if name not in PLANNERS]
+    for claim, pairs in (
+        ("The strategies that plan have higher F1 scores than the others", product(PLANNERS, others)),
+        (
+            "Hypothesis I, LCORPP has the highest F1 score",
+            [("LCORPP", name) for name in scores.exact if name != "LCORPP"],
+        ),
+    ):
+        gains = {pair: scores.subtract_exactly("f1", *pair) for pair in pairs}
+        closest = min(gains, key=lambda pair: gains[pair])
+        numbers = scores.describe_difference("f1", *closest, digits=3)
+        verdict = judge_exactly(list(gains.values()))
+        findings.append(Finding(f"{claim}, preset {scores.setting}", verdict, f"exact: {numbers}"))
     return findings
 
 

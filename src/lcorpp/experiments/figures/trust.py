@@ -56,8 +56,8 @@ BASELINES: Mapping[str, str] = {"P": MUTED, "R+P": COLOURS[5], "L+P": COLOURS[0]
 
 TRUST_COLOUR = COLOURS[2]
 
-SEEDS, FAST_SEEDS = 6, 4
-BLOCKS, FAST_BLOCKS = 10, 5
+SEEDS, FAST_SEEDS = 6, 3
+BLOCKS, FAST_BLOCKS = 10, 2
 BLOCK = 100
 """Streams of people; blocks of people in each, and people in a block."""
 
