@@ -35,7 +35,7 @@ def test_an_error_names_the_users_line(tmp_path, text, words):
 
 
 def test_a_missing_file(tmp_path):
-    with pytest.raises(DomainError, match=r"none\.py: not a Python file"):
+    with pytest.raises(DomainError, match=r"none\.py: there is no such file"):
         load_file(tmp_path / "none.py", "none", DomainError)
 
 
@@ -59,6 +59,18 @@ def test_a_function_of_a_file(tmp_path):
         again(0)
     with pytest.raises(DataError, match=r"own\.py has no function 'VALUE'; expected one of half"):
         UserFunction(tmp_path / "own.py", "VALUE", DataError)
+
+
+def test_functions_that_a_file_imports_are_not_offered(tmp_path):
+    file = tmp_path / "own.py"
+    file.write_text(
+        "from pathlib import Path\nfrom math import sqrt\nclass Own: pass\ndef half(x): return x\n"
+    )
+    with pytest.raises(DataError, match=r"no function 'double'; expected one of Own, half$"):
+        UserFunction(file, "double", DataError)
+    file.write_text("from math import sqrt\n")
+    with pytest.raises(DataError, match=r"no function 'double'; it defines no function$"):
+        UserFunction(file, "double", DataError)
 
 
 def test_names_of_functions():

@@ -203,8 +203,7 @@ class UserFunction:
         except AttributeError:
             self.function = None
         if not callable(self.function):
-            known = [key for key, value in vars(module).items() if callable(value) and key[0] != "_"]
-            raise error(f"{path} has no function {name!r}; {expected_one_of(known)}")
+            raise error(f"{path} has no function {name!r}; {describe_functions(module)}")
 
     @classmethod
     def parse(cls, text: str, error: type[LcorppError]) -> UserFunction | None:
@@ -233,6 +232,18 @@ class UserFunction:
         return UserFunction, (self.path, self.name, self._error)  # another process loads the file again
 
 
+def describe_functions(module: ModuleType) -> str:
+    """Return which functions and classes a module defines itself, for the message about another name."""
+    defined = [
+        name
+        for name, value in vars(module).items()
+        if callable(value)
+        and name[0] != "_"
+        and f"{getattr(value, '__module__', '')}.".startswith(f"{module.__name__}.")
+    ]
+    return expected_one_of(defined) if defined else "it defines no function"
+
+
 def split_function(text: str) -> tuple[Path, str] | None:
     """Return the file and the function of ``FILE.py:NAME``; None if the text is something else."""
     file, _, name = text.rpartition(":")
@@ -251,6 +262,8 @@ def load_file(path: Path, name: str, error: type[LcorppError], *, importable: bo
         error: the file does not exist or fails; the message names the file and the line.
     """
     spec = importlib.util.spec_from_file_location(name, path)
+    if not path.exists():
+        raise error(f"{path}: there is no such file")
     if spec is None or spec.loader is None or not path.is_file():
         raise error(f"{path}: not a Python file")
     check_consent(path, error)

@@ -219,7 +219,7 @@ WRONG_TOML = [
     ("[reasoning]", "[reasning]", r"reasoning is missing"),
     ("[learning]\n", "[learning\n", r"domain\.toml:9:\d+: "),
     ('name = "rooms"', "name = ", r"domain\.toml:1:8: "),
-    ('people = "people.py"', 'people = "crowd.py"', r"crowd\.py: not a Python file"),
+    ('people = "people.py"', 'people = "crowd.py"', r"crowd\.py: there is no such file"),
     (
         "noise = 0.2\n",
         "noise = 0.2\n[simulation.channel]\nlab = { left = 1 }\n",

@@ -8,9 +8,10 @@ import pytest
 
 from lcorpp.decision import strategies
 from lcorpp.domains import load_domain
+from lcorpp.domains.sections.names import check_defined, find_attribute_values
 from lcorpp.errors import DomainError, LcorppError, ModelError
 from lcorpp.experiments import ComparisonOptions, compare_strategies
-from lcorpp.reasoning import Reasoner
+from lcorpp.reasoning import Reasoner, parse_plog
 from tests.domains.test_loading import edit
 
 PAGE = Path(__file__).parents[2] / "docs" / "guides" / "domains" / "models.md"
@@ -191,7 +192,7 @@ WRONG = [
         "n.py",
         r"domain\.toml:22: \[planning\] model: 'interaction\.py' names no function; expected interaction",
     ),
-    (FUNCTION, "domain.toml", "n.py:make_model", ".py:model", r"interactio\.py: not a Python file"),
+    (FUNCTION, "domain.toml", "n.py:make_model", ".py:model", r"interactio\.py: there is no such file"),
     (
         FUNCTION,
         "interaction.py",
@@ -246,6 +247,31 @@ def test_a_shared_variable_without_a_value_in_some_world(errands):
     )
     with pytest.raises(DomainError, match=message):
         load_domain(errands)
+
+
+PROBLOG = "0.5::item(tea); 0.5::item(book). 0.3::time(morning); 0.7::time(evening). 0.4::busy; 0.6::idle."
+
+
+def test_a_program_of_problog_needs_attributes_of_the_variables(errands):
+    (errands / "knowledge.pl").write_text(PROBLOG)
+    edit(errands / "domain.toml", "knowledge.plog", "knowledge.pl")
+    with pytest.raises(
+        DomainError, match=r"'\w+' takes arguments .* in the P-log that `lcorpp translate .*\.pl -o"
+    ):
+        load_domain(errands)
+    program = parse_plog(PROBLOG)
+    with pytest.raises(
+        DomainError, match=r"expected one without, e\.g\. item_is by `(.*)`, in the P-log"
+    ) as found:
+        find_attribute_values("a.toml:3: shared", "item", program)
+    suggested = re.search("`(item_is : .*?)`", str(found.value))[1]
+    with pytest.raises(
+        DomainError, match=r"`-busy :- not busy\.` makes it false, in the P-log that `lcorpp tr"
+    ):
+        check_defined("a.toml:3: shared", ("busy",), program)
+    mended = parse_plog(f"{program}\n{suggested}\n-busy :- not busy.")
+    assert find_attribute_values("a.toml:3: shared", "item_is", mended) == ("tea", "book")
+    check_defined("a.toml:3: shared", ("item_is", "busy"), mended)
 
 
 def test_a_model_that_is_too_large(errands):

@@ -435,7 +435,7 @@ def test_names_that_are_wrong(tmp_path, own):
         (["nobody"], "unknown strategy 'nobody'; expected one of L, R, .* ask-twice, random, always-report"),
         ([f"{tmp_path / 'bad.py'}:VALUE"], r"bad\.py has no function 'VALUE'; expected one of"),
         ([f"{tmp_path / 'bad.py'}:named"], r"the name of a strategy is 3; expected a text"),
-        ([f"{tmp_path / 'none.py'}:x"], r"none\.py: not a Python file"),
+        ([f"{tmp_path / 'none.py'}:x"], r"none\.py: there is no such file"),
         (
             [f"{own}patient", f"{own}patient"],
             r"own\.py:26: strategy 'patient': another strategy has this name",

@@ -145,7 +145,7 @@ def test_more_cases_than_the_limit_do_not_weaken_the_regularization():
         ("no_such_module_here:make", {}, "No module named 'no_such_module_here'"),
         ("sklearn.svm:nothing", {}, "sklearn.svm has no function 'nothing'; expected one of"),
         ("sklearn.svm:", {}, "expected MODULE:FUNCTION or FILE.py:FUNCTION"),
-        ("no_such_file.py:make", {}, "no_such_file.py: not a Python file"),
+        ("no_such_file.py:make", {}, "no_such_file.py: there is no such file"),
         (
             "sklearn.metrics:accuracy_score",
             {},

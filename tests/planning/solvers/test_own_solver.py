@@ -92,11 +92,20 @@ def test_faults_name_the_file_and_the_line(write, body, message):
         solver(tiger)
 
 
+def test_other_parameters_are_refused_before_the_solver_runs(write):
+    name = write("def own(pomdp, start):\n    raise AssertionError\n")
+    words = (
+        r"own\.py:3: own\(pomdp, start\) cannot be called as a solver \(.*'precision'\); expected own\(pomdp,"
+    )
+    with pytest.raises(ModelError, match=words + r" start, \*, precision, time_limit, callback\)"):
+        load_solver(name)
+
+
 @pytest.mark.parametrize(
     ("options", "message"),
     [
         ({"name": "magic"}, r"unknown solver 'magic'; expected one of sarsop, .*, or FILE\.py:NAME"),
-        ({"name": "none.py:own"}, r"none\.py: not a Python file"),
+        ({"name": "none.py:own"}, r"none\.py: there is no such file"),
         ({"name": 3}, r"the solver is 3; expected str"),
         ({"precision": 0}, r"the precision is 0; expected a finite positive number"),
         ({"precision": "x"}, r"precision must be a number, not 'x' \(str\)"),

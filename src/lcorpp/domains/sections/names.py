@@ -10,6 +10,13 @@ from lcorpp.errors import DomainError, NoValueError, TooLargeError, expected_one
 from lcorpp.files import open_text
 from lcorpp.planning import Pomdp
 from lcorpp.reasoning import Program
+from lcorpp.reasoning.language.signature import Attribute
+
+BOOLEANS = ("true", "false")
+"""The values of a Boolean attribute."""
+
+CHOICE = "choice'"
+"""Begins the attributes of the choices in a translated program of ProbLog."""
 
 Kind = Literal["states", "actions", "observations"]
 
@@ -30,9 +37,25 @@ def find_attribute_values(location: str, name: str, program: Program) -> tuple[s
     attribute = program.attributes[name]
     if attribute.arguments:
         raise DomainError(
-            f"{location}: {name!r} takes arguments ({program.file}:{attribute.line}); expected one without"
+            f"{location}: {name!r} takes arguments ({program.file}:{attribute.line}); expected one"
+            f" without{_suggest_attribute(name, attribute, program)}"
         )
     return attribute.values
+
+
+def _suggest_attribute(name: str, attribute: Attribute, program: Program) -> str:
+    """Suggest an attribute without arguments that a unary predicate defines, e.g. one of ProbLog."""
+    if len(attribute.arguments) != 1 or attribute.values != BOOLEANS:
+        return ""
+    rule = f"{name}_is : {attribute.arguments[0]}. {name}_is = X :- {name}(X)."
+    return f", e.g. {name}_is by `{rule}`{_describe_translation(program)}"
+
+
+def _describe_translation(program: Program) -> str:
+    """Return where a program of ProbLog can have rules of P-log; "" for one of P-log."""
+    if not any(CHOICE in name for name in program.attributes):
+        return ""
+    return f", in the P-log that `lcorpp translate {program.file} -o FILE.plog` writes"
 
 
 def check_defined(location: str, names: tuple[str, ...], program: Program) -> None:
@@ -56,9 +79,12 @@ def check_defined(location: str, names: tuple[str, ...], program: Program) -> No
         except TooLargeError:
             return
         except NoValueError as error:
+            hint = ""
+            if program.attributes[name].values == BOOLEANS:
+                hint = f"; `-{name} :- not {name}.` makes it false{_describe_translation(program)}"
             raise DomainError(
                 f"{location}: {name!r} needs a value in every possible world"
-                f" ({program.file}:{program.attributes[name].line}): {str(error).partition(';')[0]}"
+                f" ({program.file}:{program.attributes[name].line}): {str(error).partition(';')[0]}{hint}"
             ) from None
 
 

@@ -31,7 +31,7 @@ from lcorpp.learning.contract import (
 )
 from lcorpp.learning.features.rate import RATE
 from lcorpp.notebook import join_some
-from lcorpp.user_code import UserFile, load_file
+from lcorpp.user_code import UserFile, describe_functions, load_file
 from lcorpp.values import CHANNELS, Kind
 
 try:  # joblib's own copy, if it has one, because joblib ignores modules registered with another
@@ -63,8 +63,7 @@ def load_learner_plugin(name: str, arguments: Mapping[str, Any], required: Colle
         module = _import_module(place)
     function = getattr(module, function_name, None)
     if not callable(function):
-        known = [key for key, value in vars(module).items() if callable(value) and not key.startswith("_")]
-        raise DataError(f"{place} has no function {function_name!r}; {expected_one_of(known)}")
+        raise DataError(f"{place} has no function {function_name!r}; {describe_functions(module)}")
     parameters = inspect.signature(function).parameters.values()
     mandatory = [
         p.name for p in parameters if p.default is p.empty and p.kind not in (p.VAR_POSITIONAL, p.VAR_KEYWORD)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 from collections.abc import Callable
 from dataclasses import replace
 from math import isfinite
@@ -33,10 +34,23 @@ class OwnSolver:
     `Solution`, or only a `Policy`: its vectors are then the lower bound, as those of every policy, and the
     fast informed bound is the upper one.
 
+    Raises:
+        ModelError: the function has other parameters.
     """
 
     def __init__(self, function: UserFunction) -> None:
         self.function = function
+        keywords = dict.fromkeys(["precision", "time_limit", "callback"])
+        try:
+            signature = inspect.signature(function.function)
+            signature.bind(None, None, **keywords)
+        except TypeError as mismatch:
+            raise ModelError(
+                f"{function.location}: {function.name}{signature} cannot be called as a solver ({mismatch});"
+                f" expected {function.name}(pomdp, start, *, precision, time_limit, callback)"
+            ) from None
+        except ValueError:
+            pass  # a function without a signature
 
     def __call__(
         self,
