@@ -86,6 +86,10 @@ class DomainInterface(Protocol):
     def label_attributes(self) -> tuple[str, ...]:
         """The attributes of the evidence that are outputs of classifiers; the others are observed facts."""
 
+    @property
+    def shared_label_attributes(self) -> tuple[str, ...]:
+        """Those of classifiers of a shared variable."""
+
     def label_marginal(self, evidence: Mapping[str, Label]) -> Distribution | None:
         """Return the marginal of the shared variables by the labels alone; None if none is about them."""
 

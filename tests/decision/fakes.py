@@ -16,7 +16,7 @@ class FakeDomain:
 
     shared = "wish"
     values = VALUES
-    label_attributes = ("label",)
+    label_attributes = shared_label_attributes = ("label",)
 
     def evidence(self, context: Mapping[str, str], labels: Mapping[str, Label]) -> dict[str, Label]:
         return {**context, **({"label": labels["eyes"]} if "eyes" in labels else {})}

@@ -39,6 +39,19 @@ def test_both_senses_are_better_than_each_alone():
     assert find_reference(list(exactly().values())).strategy == "LCORPP"
 
 
+def test_without_knowledge_only_senses_of_the_wish_count():
+    """L+P by hand: rates of the motion, a uniform prior; what attention means for a wish is knowledge."""
+    domain = load_domain("museum")
+    robot = Robot({}, Reasoner(domain.program), Planner(solve(domain.pomdp, precision=1)), domain)
+    (own,) = (row.robot(robot) for row in strategies(["L+P"], ["motion", "gaze"]))
+    waits = np.array([0.65, 0.2, 0.2])
+    for gaze in ("robot", "exhibits"):
+        evidence = domain.evidence({"group": "class"}, {"motion": "tour", "gaze": gaze})
+        marginal = own.reasoner.posterior("wish", evidence)
+        np.testing.assert_allclose(marginal.probabilities, waits / waits.sum(), atol=1e-12)
+    assert own.reasoner.posterior("wish", domain.evidence({}, {"gaze": "robot"})) is None
+
+
 def test_the_answer_by_hand():
     """P(wish | alone, morning, waits, at_robot) by Bayes' rule; the gaze acts through the attention."""
     prior = np.array([0.3, 0.25, 0.45])

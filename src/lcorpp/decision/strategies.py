@@ -232,7 +232,8 @@ class LabelRatesReasoner:
     """A reasoner that knows the error rates of the classifiers, and nothing else (strategy L+P).
 
     Its posterior of the shared values is proportional to P(labels | value), as if all values were equally
-    probable before. Without a label there is no posterior, as in `LabelOnlyReasoner`.
+    probable before. Labels of other variables are left out: what they mean for the shared ones is knowledge.
+    Without a label there is no posterior, as in `LabelOnlyReasoner`.
 
     reasoner: whose program has the rates.
     """
@@ -241,15 +242,21 @@ class LabelRatesReasoner:
     domain: DomainInterface
 
     def posterior(self, attribute: str | Sequence[str], evidence: Mapping[str, Label]) -> Distribution | None:
-        labels = {name: evidence[name] for name in self.domain.label_attributes if name in evidence}
-        if not labels:
-            return None
-        given, prior = self.reasoner.posterior(attribute, labels), self.reasoner.posterior(attribute, {})
-        assert given is not None
-        assert prior is not None
-        ratio = np.zeros(len(prior.values))
-        np.divide(given.probabilities, prior.probabilities, out=ratio, where=prior.probabilities > 0)
-        return Distribution(prior.values, ratio / ratio.sum())
+        used = self.domain.shared_label_attributes
+        labels = {name: evidence[name] for name in used if name in evidence}
+        return infer_from_rates(self.reasoner, attribute, labels) if labels else None
+
+
+def infer_from_rates(
+    reasoner: Reasoner, attribute: str | Sequence[str], labels: Mapping[str, Label]
+) -> Distribution:
+    """Return the distribution that is proportional to P(labels | value) under a program."""
+    given, prior = reasoner.posterior(attribute, labels), reasoner.posterior(attribute, {})
+    assert given is not None
+    assert prior is not None
+    ratio = np.zeros(len(prior.values))
+    np.divide(given.probabilities, prior.probabilities, out=ratio, where=prior.probabilities > 0)
+    return Distribution(prior.values, ratio / ratio.sum())
 
 
 @dataclass(frozen=True, eq=False)

@@ -111,6 +111,11 @@ class Domain:
         return tuple(sense.attribute for sense in self.senses)
 
     @property
+    def shared_label_attributes(self) -> tuple[str, ...]:
+        """Those of the senses that classify a shared variable: their rates need no other knowledge."""
+        return tuple(sense.attribute for sense in self.senses if sense.of in self.reasoning.shared)
+
+    @property
     def pomdp(self) -> Pomdp:
         """The planner's model: M."""
         return self.planning.pomdp

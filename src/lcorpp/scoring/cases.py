@@ -87,6 +87,8 @@ def infer_posteriors(
             continue
         for case in own:
             each = domain.evidence(case.context if strategy.reasons else {}, case.labels)
+            if not strategy.reasons:  # as `LabelRatesReasoner` asks
+                each = {name: each[name] for name in domain.shared_label_attributes if name in each}
             evidence[tuple(each.items())] = each
         if not strategy.reasons:
             evidence[()] = {}  # see `LabelRatesReasoner`

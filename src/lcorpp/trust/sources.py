@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from lcorpp.decision.strategies import LabelRatesReasoner
+from lcorpp.decision.strategies import infer_from_rates
 from lcorpp.protocols import DomainInterface, Reasoner
 from lcorpp.trust.evidence_cache import EvidenceCache
 from lcorpp.values import Array, Distribution, Label
@@ -61,8 +61,9 @@ class StatedSources:
 
     def _combine_uniform(self, labels: Mapping[str, Label]) -> Array:
         """Return (V,) P(value | labels) if all values were equally probable before."""
-        found = LabelRatesReasoner(self._reasoner, self._domain).posterior(self._domain.shared, labels)
-        return np.full(len(self._start), 1 / len(self._start)) if found is None else found.probabilities
+        if not labels:
+            return np.full(len(self._start), 1 / len(self._start))
+        return infer_from_rates(self._reasoner, self._domain.shared, labels).probabilities
 
     def _infer(self, evidence: Mapping[str, Label]) -> Distribution:
         found = self._reasoner.posterior(self._domain.shared, evidence)
