@@ -5,13 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Iterable
 from dataclasses import replace
 from itertools import combinations
-from math import log
+from math import inf, log
 
 import numpy as np
-from scipy.special import logit
 from scipy.stats import chi2
 
-from lcorpp.audit.answer_rates import AnswerRates, invert
+from lcorpp.audit.answer_rates import AnswerRates
 from lcorpp.audit.estimates import (
     MAX_CHANGE_P_VALUE,
     MAX_P_VALUE,
@@ -20,8 +19,8 @@ from lcorpp.audit.estimates import (
     NumberEstimate,
     Rival,
 )
-from lcorpp.audit.intervals import bound_stated, compare_log_odds
-from lcorpp.audit.knowledge import KnowledgeFits, NumbersFit
+from lcorpp.audit.intervals import compare_log_odds, match_chi_squared
+from lcorpp.audit.knowledge import KnowledgeFits, NumbersFit, find_ratio_weights
 from lcorpp.audit.logged_people import LoggedPeople
 from lcorpp.audit.missing_rules import add_missing_rules
 from lcorpp.audit.rates import list_rates
@@ -201,10 +200,8 @@ class _Auditor:
             refuted = []
             for own in candidates:
                 larger = tuple(sorted({*chosen, *own}))
-                if larger != chosen:
-                    statistic, rank = self._compare(larger, chosen)
-                    if self._is_refuted(statistic, rank):
-                        refuted.append(larger)
+                if larger != chosen and self._is_refuted(*self._compare(larger, chosen)):
+                    refuted.append(larger)
             best = self._reduce(max(refuted, key=self._find_bic, default=chosen))
             if self._find_bic(best) <= self._find_bic(chosen):
                 return chosen
@@ -215,10 +212,10 @@ class _Auditor:
         singles = [self._complete((i,)) for i in self._fits.free]
         return list(dict.fromkeys([*singles, *self._groups.values()]))
 
-    def _is_refuted(self, statistic: float, rank: int) -> bool:
+    def _is_refuted(self, statistic: float, degrees: float) -> bool:
         """Whether numbers are refuted by BIC, and by a test that counts all candidates (Bonferroni)."""
-        p_value = float(chi2.sf(statistic, rank)) * len(self._list_candidates())
-        return statistic > rank * log(self._n_people) and p_value < MAX_CHANGE_P_VALUE
+        p_value = float(chi2.sf(statistic, degrees)) * len(self._list_candidates())
+        return statistic > degrees * log(self._n_people) and p_value < MAX_CHANGE_P_VALUE
 
     def _reduce(self, chosen: tuple[int, ...]) -> tuple[int, ...]:
         """Return to the stated numbers one by one, as long as the data do not refute the next."""
@@ -234,28 +231,30 @@ class _Auditor:
             chosen = reduced
         return chosen
 
-    def _compare(self, free: Collection[int], known: Collection[int]) -> tuple[float, int]:
+    def _compare(self, free: Collection[int], known: Collection[int]) -> tuple[float, float]:
         """Test the stated numbers that are free, apart from the known ones, against the fit of the free ones.
 
-        Wald's statistic takes the uncertainty of senses and answers into account, but is small if numbers are
-        weakly determined and correlated, however wrong they are together (Hauck and Donner, JASA 72, 1977).
-        So the likelihood ratio is used if it is larger, even divided by the largest inflation of a variance.
+        As the rates of senses and answers are estimated before, the likelihood ratio is distributed as a
+        weighted sum of chi-squared variables, see `find_ratio_weights`. Wald's statistic is not used: its
+        p-values are too small if numbers are weakly determined, as those of hidden identities are, and too
+        large if they are wrong together (Hauck and Donner, JASA 72, 1977).
 
         Returns:
-            The larger statistic, and the number of free directions.
+            The statistic, scaled so that it is distributed as chi-squared, and its degrees of freedom.
+            Infinity for numbers by which people of the log are impossible.
         """
-        fit = self._fits.fit(free)
-        wald, rank = _compute_wald(fit, known)
-        ratio = (self._find_gain(free) - self._find_gain(known)) / fit.inflation
-        return max(wald, ratio), rank
+        scale, degrees = match_chi_squared(find_ratio_weights(self._fits.fit(free), known))
+        if self._fits.excluding.intersection(free) - set(known):
+            return inf, degrees
+        return (self._find_gain(free) - self._find_gain(known)) / scale, degrees
 
     def _list_rivals(self, chosen: tuple[int, ...]) -> list[Rival]:
         """List other changes that explain the data as well: single numbers, or whole other attributes.
 
         The chosen numbers fit the data better than the truth by chance, and the others may not.
         """
-        by_chance = self._fits.fit(chosen).inflation * float(chi2.isf(MAX_P_VALUE, len(chosen)))
-        min_gain = self._find_gain(chosen) - by_chance
+        scale, degrees = match_chi_squared(find_ratio_weights(self._fits.fit(chosen), ()))
+        min_gain = self._find_gain(chosen) - scale * float(chi2.isf(MAX_P_VALUE, degrees))
         numbers = [i for i in self._fits.free if i not in chosen]
         single = [i for i in numbers if self._find_gain(self._complete((i,))) > min_gain]
         if single:
@@ -297,16 +296,6 @@ class _Auditor:
         own = self._groups[name]
         p_value = float(chi2.sf(*self._compare(own, ())))
         return AttributeTest(name, len(own), self._find_gain(own), self._find_bic(own), p_value)
-
-
-def _compute_wald(fit: NumbersFit, known: Collection[int]) -> tuple[float, int]:
-    """Compare the stated numbers with the fit, apart from the known ones: Wald's statistic, and its rank."""
-    places = [k for k, i in enumerate(fit.statements) if i not in known]
-    slopes = fit.estimates * (1 - fit.estimates)  # of the log-odds
-    shift = (logit(fit.estimates) - logit(bound_stated(fit.stated)))[places]
-    covariance = (fit.covariance / np.outer(slopes, slopes))[np.ix_(places, places)]
-    rank = int(np.linalg.matrix_rank(covariance, tol=1e-9 * np.abs(covariance).max(), hermitian=True))
-    return float(shift @ invert(covariance) @ shift), rank
 
 
 def _guess_rates(people: LoggedPeople, place: int) -> Array:

@@ -30,3 +30,15 @@ def compare_log_odds(
         return (low, high), 1.0
     z = float(log(odds) - logit(bound_stated(np.array(stated)))) / spread
     return (low, high), float(chi2.sf(z * z, 1))
+
+
+def match_chi_squared(weights: Array) -> tuple[float, float]:
+    """Return the scale and the degrees of freedom of a chi-squared variable like a weighted sum of such.
+
+    Each has one degree; mean and variance of the sum are matched.
+
+    Source: Satterthwaite, "An approximate distribution of estimates of variance components", Biometrics
+    Bulletin 2, 1946.
+    """
+    total, squares = float(weights.sum()), float((weights**2).sum())
+    return squares / total, total**2 / squares

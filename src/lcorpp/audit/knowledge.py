@@ -36,23 +36,27 @@ EXCLUDED_SHARE = 1e-3
 """If the stated numbers exclude people, those that are 0, or leave nothing, are taken this far on the way."""
 
 
+MIN_WEIGHT = 1e-6
+"""Weights of a likelihood ratio below this share of the largest are of directions without freedom."""
+
+
 @dataclass(frozen=True, eq=False)
 class NumbersFit:
     """The most probable numbers of some pr-atoms, with the others as stated.
 
     statements: their indexes in the program. stated, estimates: (k,). covariance: (k, k), the uncertainty of
-    senses and answers included. prior_variance: (k,) without data.
-    log_likelihood: of the people's facts, labels and answers. inflation: the largest factor by which the
-    uncertainty of the rates of senses and answers increases the variance of a combination.
+    senses and answers included. known_covariance: (k, k) if the rates of senses and answers were known, the
+    inverse of the information. prior_variance: (k,) without data.
+    log_likelihood: of the people's facts, labels and answers.
     """
 
     statements: tuple[int, ...]
     stated: Array
     estimates: Array
     covariance: Array
+    known_covariance: Array
     prior_variance: Array
     log_likelihood: float
-    inflation: float
 
 
 class KnowledgeFits:
@@ -126,6 +130,12 @@ class KnowledgeFits:
             if not self._find_excluded(replace(model, start=start))[are_possible].any():
                 model = replace(model, start=start)
         return model
+
+    @cached_property
+    def excluding(self) -> frozenset[int]:
+        """The statements of the numbers by which people are excluded."""
+        changed = self._model.start != self._compiled.start
+        return frozenset(i for i, own in zip(self._model.statements, changed, strict=True) if own)
 
     @cached_property
     def is_excluded(self) -> npt.NDArray[np.bool_]:
@@ -211,7 +221,7 @@ class KnowledgeFits:
         values = model.evaluate(best)
         expected = self._expectation.compute(values)
         places = np.flatnonzero(np.isin(model.statements, statements))
-        covariance, prior_covariance, inflation = self._find_covariance(
+        covariance, known_covariance, prior_covariance = self._find_covariances(
             places, objective.prior, expected, values
         )
         return NumbersFit(
@@ -219,9 +229,9 @@ class KnowledgeFits:
             self._compiled.start[places],
             best[places],
             covariance,
+            known_covariance,
             np.diag(prior_covariance),
             expected.log_likelihood,
-            inflation,
         )
 
     def _compute_scores(self, expected: Expected, values: Array) -> Array:
@@ -231,10 +241,10 @@ class KnowledgeFits:
         scores: Array = (expected.counts[:, :-2].T + rejected) @ forms
         return scores
 
-    def _find_covariance(
+    def _find_covariances(
         self, places: npt.NDArray[np.intp], prior_counts: Array, expected: Expected, values: Array
-    ) -> tuple[Array, Array, float]:
-        """Return the covariance of some numbers, that of the pseudo-counts alone, and the inflation."""
+    ) -> tuple[Array, Array, Array]:
+        """Return the covariance of some numbers, that with known rates, and that by pseudo-counts alone."""
         rates = self._rates
         scores = self._compute_scores(expected, values)[:, places]
         forms = self._model.coefficients[:, places] / np.maximum(values, MIN_FORM)[:, None]
@@ -247,8 +257,7 @@ class KnowledgeFits:
         basis = self._find_basis(places)
         bread = basis @ invert(basis.T @ (weighted.T @ scores + prior) @ basis) @ basis.T
         meat = (corrected * rates.weights[:, None]).T @ corrected + prior
-        inflation = float(np.linalg.eigvals(bread @ meat).real.max())
-        return bread @ meat @ bread, basis @ invert(basis.T @ prior @ basis) @ basis.T, inflation
+        return bread @ meat @ bread, bread, basis @ invert(basis.T @ prior @ basis) @ basis.T
 
     def _find_basis(self, places: npt.NDArray[np.intp]) -> Array:
         """Return a basis (k, d) of the directions of k numbers that keep the sums of cases without a rest."""
@@ -256,6 +265,22 @@ class KnowledgeFits:
         sums = self._model.coefficients[full][:, places]
         basis: Array = null_space(sums[sums.any(axis=1)])
         return basis
+
+
+def find_ratio_weights(fit: NumbersFit, known: Collection[int]) -> Array:
+    """Return the weights of the chi-squared variables whose sum a likelihood ratio with estimated rates is.
+
+    It compares the fit with one of the stated numbers, apart from the `known` ones. The weights are 1
+    in directions for which the rates of senses and answers do not matter.
+
+    Source: Vuong, "Likelihood ratio tests for model selection and non-nested hypotheses", Econometrica 57,
+    1989, theorem 3.3; here the information and the covariance differ as in Murphy and Topel.
+    """
+    places = [k for k, i in enumerate(fit.statements) if i not in known]
+    block = np.ix_(places, places)
+    weights = np.linalg.eigvals(invert(fit.known_covariance[block]) @ fit.covariance[block]).real
+    positive: Array = weights[weights > MIN_WEIGHT * weights.max()]
+    return positive
 
 
 def _get_case(atom: Statement) -> tuple[Term, Body]:
