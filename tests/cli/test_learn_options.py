@@ -60,6 +60,60 @@ def test_the_same_policy_from_a_file_decides_alike(lcorpp, tmp_path):
     assert (replayed.code, "4 decisions, 0 differences" in replayed.out) == (0, True)
 
 
+OWN = """
+from dataclasses import replace
+
+class Silent:
+    def __init__(self, robot):
+        self.robot, self.start = robot, robot.planner.start
+
+    def action(self, belief):
+        return self.robot.domain.report_action("not_interested")
+
+    def update(self, belief, action, observation):
+        return belief
+
+def silent(robot):
+    return replace(robot, planner=Silent(robot))
+
+def broken(robot):
+    return replace(robot, planner=Broken(robot))
+
+class Broken(Silent):
+    def action(self, belief):
+        return 1 / 0
+"""
+
+
+def test_another_strategy_decides_and_a_resumed_run_needs_the_same(lcorpp, tmp_path):
+    own, log, store = tmp_path / "own.py", tmp_path / "log.jsonl", tmp_path / "s.tracks"
+    own.write_text(OWN)
+    learn(lcorpp, "--strategy", f"{own}:silent", "--log", log, "--store", store)
+    decisions = [json.loads(line) for line in log.read_text().splitlines()]
+    reports = [step["action"] for line in decisions for step in line.get("steps", ())]
+    assert reports == ["report_not_interested"] * 4
+    assert "4 decisions, 0 differences" in lcorpp("replay", log).out
+    command = ("learn", *FAST_OPTIONS, "--max-batches", 2, "--store", store)
+    words = (
+        "silent decided in the run of this store, and LCORPP does in this one; expected the same --strategy"
+    )
+    refused = lcorpp(*command)
+    assert (refused.code, words in " ".join(refused.err.split())) == (2, True)
+    assert lcorpp(*command, "--strategy", f"{own}:silent").code == 0
+    failed = lcorpp("learn", *FAST_OPTIONS, "--strategy", f"{own}:broken")
+    assert failed.code == 2
+    assert "own.py:22: strategy 'broken' failed" in failed.err
+    assert "ZeroDivisionError" in failed.err
+
+
+def test_learning_without_the_knowledge_logs_decisions_of_that_strategy(lcorpp, tmp_path):
+    log = tmp_path / "log.jsonl"
+    learn(lcorpp, "--strategy", "L+P", "--log", log)
+    replayed = lcorpp("replay", log)
+    assert (replayed.code, "4 decisions, 0 differences" in replayed.out) == (0, True)
+    assert "L+P" in log.read_text()
+
+
 def test_smoothing_changes_the_rules_and_no_matrix(lcorpp):
     lines = [
         learn(lcorpp, "--tracks", 60, "--batch-size", 40, *smoothing)
@@ -88,6 +142,9 @@ def test_an_own_world_answers(lcorpp, tmp_path):
         (("--policy", "no.policy"), "no.policy"),
         (("--policy", "no.policy", "--solver", "exact"), "--solver: nothing is solved, as --policy gives"),
         (("--world", "own.py"), "the world 'own.py': expected FILE.py:NAME"),
+        (("--strategy", "L+Q"), "unknown strategy 'L+Q'; expected one of"),
+        (("--strategy", "random"), "strategy 'random' draws its actions; expected one that does not"),
+        (("--strategy", "L+P", "--trust"), "--strategy: --trust is --strategy LCORPP+trust; expected one of"),
     ],
 )
 def test_options_without_effect_or_meaning_are_refused(lcorpp, options, words):

@@ -63,8 +63,9 @@ def test_trust_and_alarm_of_algorithm_1_are_in_the_results(lcorpp, tmp_path, few
     assert "the answers are noisier than the model states" in last["alarm"]
     assert lcorpp("replay", "-q", log).out == "40 decisions, 0 differences\n"
     for options, words in (
-        ((), "the run of this store was begun with --trust, and this one is without it; expected"),
-        (("--watch",), "begun with --trust"),
+        ((), "LCORPP+trust decided in the run of this store, and LCORPP does in this one; expected"),
+        (("--watch",), "LCORPP+trust decided in the run of this store"),
+        (("--strategy", "R+P"), "LCORPP+trust decided in the run of this store, and R+P does in this one"),
     ):
         refused = lcorpp(*learn, *options)
         assert (refused.code, "batch" in refused.out) == (2, False)

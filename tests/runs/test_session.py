@@ -1,6 +1,7 @@
 """Algorithm 1 with trust and the alarm: interruptions change nothing."""
 
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +10,8 @@ import pytest
 from lcorpp.assembly.options import EvidenceOptions, TrainingOptions
 from lcorpp.assembly.robot_parts import RobotParts
 from lcorpp.assembly.solving import solve_domain
+from lcorpp.assembly.strategies.trust import TRUST
+from lcorpp.decision import LCORPP
 from lcorpp.decision.lcorpp import Training
 from lcorpp.domains import load_domain
 from lcorpp.errors import DataError, DecisionError, FileError
@@ -52,7 +55,7 @@ def run(domain, store, log=None, *, trust=True, watch=False, soft=(), batches=BA
         batch_size=BATCH,
         epsilon=0,
         max_batches=batches,
-        trust=trust,
+        strategy=TRUST if trust else LCORPP,
         watch=watch,
     )
     solution = solve_domain(domain, cache=find_cache_folder())
@@ -168,13 +171,14 @@ def test_without_a_checkpoint_trust_learns_from_the_stored_decisions(tmp_path, f
 def test_a_store_of_a_run_with_trust_is_none_of_a_run_without(tmp_path, fast_training, trust):
     domain, store = load_domain(ROOMS), tmp_path / "s.tracks"
     run(domain, store, trust=trust, batches=1)
-    before, now = ("with", "without") if trust else ("without", "with")
-    with pytest.raises(DataError, match=f"was begun {before} --trust, and this one is {now} it; expected"):
+    before, now = (TRUST.name, "LCORPP") if trust else ("LCORPP", TRUST.name)
+    words = f"{before} decided in the run of this store, and {now} does in this one; expected"
+    with pytest.raises(DataError, match=re.escape(words)):
         run(domain, store, trust=not trust)
     run(domain, store, trust=trust, batches=1)
 
 
 def test_trust_needs_the_planner_of_a_policy(fast_training):
-    domain, options = load_domain(ROOMS), ActiveLearningOptions(trust=True)
+    domain, options = load_domain(ROOMS), ActiveLearningOptions(strategy=TRUST)
     with pytest.raises(DecisionError, match="the planner of a run with trust"):
         next(run_active_learning(domain, set_up_learning(domain, options), FakePlanner(), options))

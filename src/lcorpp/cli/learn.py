@@ -78,7 +78,7 @@ def learn(given: RobotGroup, learning: LearningGroup) -> None:
                 progress=console.show_progress,
             )
             for result in _print_batches(results, chosen, run_store):
-                outcome.add(result, trust=chosen.trust)
+                outcome.add(result, trust=chosen.learns_from_people)
                 if given.out is not None:
                     outcome.write(given.out, loaded.name, result, given.formats)
     _print_outcome(outcome, solving.precision, noted=noted)

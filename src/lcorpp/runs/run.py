@@ -11,7 +11,8 @@ from lcorpp.assembly.options import TrainingOptions
 from lcorpp.assembly.progress import ProgressDisplay, no_progress
 from lcorpp.assembly.robot_parts import RobotParts
 from lcorpp.assembly.strategies.trust import TRUST
-from lcorpp.decision import lcorpp
+from lcorpp.decision import LCORPP, Strategy, lcorpp
+from lcorpp.decision.lcorpp import Batch
 from lcorpp.domains import Domain
 from lcorpp.errors import DataError, DecisionError
 from lcorpp.logs.decision_log import DecisionLog
@@ -38,8 +39,7 @@ def open_run_store(
 
     Raises:
         FileError, DataError: as `RunStore`.
-        DataError: its decisions were made with trust and this run is without it, or vice versa; or the run
-            has the alarm and the decisions no evidence.
+        DataError: another strategy made its decisions; or the run has the alarm and these no evidence.
     """
     settings = {"domain": domain.name, "preset": domain.preset, "seed": options.seed}
     for number, (name, training) in enumerate(senses.training.items()):
@@ -53,8 +53,10 @@ def open_run_store(
             if (value := getattr(training, key)) != getattr(DEFAULTS, key):
                 own[key] = str(value)
         settings |= {key if number == 0 else f"{name} {key}": value for key, value in own.items()}
-    if options.trust:
+    if options.strategy is TRUST:
         settings["trust"] = True
+    elif options.strategy is not LCORPP:
+        settings["strategy"] = options.strategy.name
     datasets = {name: data.dataset for name, data in senses.data.items()}
     classes = {name: domain.find_sense(name).classes for name in datasets}
     run_store = RunStore(path, datasets, classes, settings)
@@ -69,12 +71,11 @@ def open_run_store(
 def _check_decisions(run_store: RunStore, options: ActiveLearningOptions) -> None:
     """Check that the earlier decisions are of the same strategy, and have what the run needs."""
     path, decisions = run_store.store.path, [t.extra for t in run_store.store.snapshot() if "met" in t.extra]
-    had_trust = [extra.get(STRATEGY) == TRUST.name for extra in decisions]
-    if had_trust and had_trust[-1] != options.trust:
-        before, now = ("with", "without") if had_trust[-1] else ("without", "with")
+    before = [extra.get(STRATEGY, LCORPP.name) for extra in decisions]
+    if before and before[-1] != options.strategy.name:
         raise DataError(
-            f"{path}: the run of this store was begun {before} --trust, and this one is {now} it; expected"
-            " the same, or another store"
+            f"{path}: {before[-1]} decided in the run of this store, and {options.strategy.name} does in"
+            " this one; expected the same --strategy, or another store"
         )
     if options.watch and not all(EVIDENCE in extra for extra in decisions):
         raise DataError(
@@ -148,7 +149,13 @@ def run_active_learning(
         on_alarm(next_batch, person, finding)
 
     session = LearningSession(
-        domain, planner, trainer, run_store, trust=options.trust, watch=options.watch, listener=report_alarm
+        domain,
+        planner,
+        trainer,
+        run_store,
+        strategy=options.strategy,
+        watch=options.watch,
+        listener=report_alarm,
     )
     recorder = DecisionRecorder(domain, tuple(senses.data), stream, monitor, run_store, log, session)
     batches = lcorpp(
@@ -167,7 +174,7 @@ def run_active_learning(
         resume_point=resume_point,
     )
     resumed = resume_point is not None  # true of the first batch only
-    for batch in batches:
+    for batch in _locate_failures(session.strategy, batches):
         if log is not None and parts is not None:
             classifiers = trainer.describe_classifiers(batch)
             recorder.parts = replace(parts, classifiers=classifiers, smoothing=options.evidence.smoothing)
@@ -183,3 +190,13 @@ def run_active_learning(
         resumed, next_batch = False, batch.number + 1
         if batch.number >= options.max_batches:
             return
+
+
+def _locate_failures(strategy: Strategy, batches: Iterator[Batch]) -> Iterator[Batch]:
+    """Yield the batches; errors of an own strategy name its file and line."""
+    while True:
+        with strategy.locate_failures():
+            batch = next(batches, None)
+        if batch is None:
+            return
+        yield batch

@@ -13,6 +13,7 @@ from lcorpp.assembly.robot import set_up_senses
 from lcorpp.assembly.senses import Senses
 from lcorpp.assembly.thresholds import parse_goal
 from lcorpp.assembly.training_data import make_training_data
+from lcorpp.decision import LCORPP, Strategy
 from lcorpp.decision.lcorpp import CONFIDENCE
 from lcorpp.domains import Domain
 from lcorpp.errors import DecisionError, DomainError, expected_one_of
@@ -35,7 +36,8 @@ class ActiveLearningOptions:
     epsilon, confidence: the run ends when no confusion matrix changes by more than this, with this
         probability; the default of epsilon depends on the number of classes.
     max_batches: the run ends after this many batches.
-    trust: whether LCORPP+trust decides, which learns from each person what its sources are worth.
+    strategy: decides about each person; LCORPP+trust learns from each what its sources are worth. The
+        classifiers of senses that it does not use are trained all the same.
     watch: whether an alarm is raised if knowledge, rates or hearing are not as stated, see `Alarm`.
     seed: of all random numbers. jobs: processes for training.
 
@@ -58,13 +60,23 @@ class ActiveLearningOptions:
     epsilon: float | None = None
     confidence: float = CONFIDENCE
     max_batches: int = 20
-    trust: bool = False
+    strategy: Strategy = LCORPP
     watch: bool = False
     seed: int = 0
     jobs: int = 1
 
     def __post_init__(self) -> None:
         check_fields(self)
+        if self.strategy.draws:
+            raise DecisionError(
+                f"{self.strategy.location} draws its actions; expected one that does not, so that a run that"
+                " was interrupted goes on as it would have"
+            )
+
+    @property
+    def learns_from_people(self) -> bool:
+        """Whether the strategy learns from each person, as LCORPP+trust does."""
+        return self.strategy.start is not None
 
 
 @dataclass(frozen=True, eq=False)

@@ -28,11 +28,12 @@ class LearningSession:
     Without a usable checkpoint the classifiers are trained again. Then trust and alarm learn from all stored
     decisions, without the labels of the senses that learn: those are of earlier classifiers.
 
-    strategy: LCORPP or LCORPP+trust. n_people: number of people that trust has learnt from; None without it.
+    n_people: number of people that the strategy has learnt from; None for one that does not.
 
     Args:
         run_store: of the run, if it has one.
-        trust, watch: whether the run has trust, and the alarm. listener: as of `AlarmSession`.
+        strategy: decides; one that learns from people, such as LCORPP+trust, has a session.
+        watch: whether the run has the alarm. listener: as of `AlarmSession`.
 
     Raises:
         DecisionError: trust has a planner that is not one of lcorpp's.
@@ -46,11 +47,11 @@ class LearningSession:
         trainer: SenseTrainer,
         run_store: RunStore | None,
         *,
-        trust: bool,
+        strategy: Strategy,
         watch: bool,
         listener: Callable[[int, Finding], None],
     ) -> None:
-        self.strategy: Strategy = TRUST if trust else LCORPP
+        self.strategy = strategy
         self._domain, self._planner, self._trainer, self._store = domain, planner, trainer, run_store
         self._starts = dict[str, Callable[[Robot, Rates], Session]]()
         if self.strategy.start is not None:
@@ -85,7 +86,7 @@ class LearningSession:
         """Return the robot for the next person."""
         for session in self._sessions.values():
             full = session.robot(full)
-        return full
+        return full if self.strategy.start is not None else self.strategy.robot(full)
 
     def learn(self, episode: Episode) -> None:
         """Learn from the decision about that person."""
@@ -94,9 +95,10 @@ class LearningSession:
 
     def describe_decision(self, episode: Episode) -> dict[str, Any]:
         """Return what learning needs of a decision besides its answers, to be stored as JSON."""
-        if not self._starts:
-            return {}
-        return {STRATEGY: self.strategy.name, EVIDENCE: format_labels(episode.evidence)}
+        own = {STRATEGY: self.strategy.name}
+        if self._starts:
+            return {**own, EVIDENCE: format_labels(episode.evidence)}
+        return {} if self.strategy is LCORPP else own
 
     def state(self) -> Mapping[str, Any] | None:
         """Return the state for a checkpoint as JSON; None if there is none, or not yet."""

@@ -80,12 +80,20 @@ class LearningGroup:
             " that the answers and the classifier's predictions imply; the confusion matrix is corrected too."
         ),
     ] = Labels.hard
+    strategy: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAME",
+            help="The strategy that decides: a row of the table such as L+P or LCORPP+trust, a baseline, or"
+            " your own as FILE.py:NAME; LCORPP by default.",
+        ),
+    ] = None
     trust: Annotated[
         bool,
         typer.Option(
             "--trust",
-            help="Decide by LCORPP+trust: learn from each person's answers how far knowledge, classifiers and"
-            " the observation model can be relied on.",
+            help="Short for --strategy LCORPP+trust: learn from each person's answers how far knowledge,"
+            " classifiers and the observation model can be relied on.",
         ),
     ] = False
     watch: Annotated[
@@ -110,8 +118,16 @@ class LearningGroup:
         Raises:
             DomainError, DataError: an option is wrong, has no effect, or does not suit the domain.
         """
+        from lcorpp.assembly.strategies.baselines import find_strategies
+        from lcorpp.assembly.strategies.trust import TRUST
+        from lcorpp.decision import LCORPP
         from lcorpp.runs.senses import ActiveLearningOptions
 
+        if self.trust:
+            reject_given("--trust is --strategy LCORPP+trust; expected one of them", strategy=self.strategy)
+        strategy = TRUST if self.trust else LCORPP
+        if self.strategy is not None:
+            (strategy,) = find_strategies([self.strategy], [sense.name for sense in domain.senses])
         sources = _choose_sources(domain, given, self.tracks)
         chosen = ActiveLearningOptions(
             sources,
@@ -121,7 +137,7 @@ class LearningGroup:
             epsilon=self.epsilon,
             confidence=self.confidence,
             max_batches=self.max_batches,
-            trust=self.trust,
+            strategy=strategy,
             watch=self.watch,
             seed=given.seed,
             jobs=console.count_processes(given.jobs),
@@ -172,7 +188,7 @@ def _check_options(domain: Domain, chosen: ActiveLearningOptions, tracks: int | 
         raise DataError(f"--confidence {chosen.confidence:g}: expected a number from 0, below 1")
     if tracks is not None and 0 < tracks < MIN_TRACKS:
         raise DataError(f"--tracks {tracks}: expected 0, or at least {MIN_TRACKS}")
-    if chosen.trust or chosen.watch:
+    if chosen.learns_from_people or chosen.watch:
         check_dialogue(domain, [TRUST])
     for training in chosen.classifiers.values():
         if isinstance(training, TrainingOptions):
