@@ -1,11 +1,14 @@
 """`lcorpp run` and `explain` on a domain with three shared variables, without senses and with two."""
 
 import json
+import re
 
 import numpy as np
 import pytest
 
 from lcorpp.decision.strategies import list_strategies
+from lcorpp.domains import load_domain
+from lcorpp.reasoning import Reasoner
 from tests.domains.deliveries import GAZE, TRIPLES, VARIABLES, VOICE, write_domain
 
 pytestmark = pytest.mark.usefixtures("unrendered")
@@ -71,6 +74,22 @@ def test_results_name_the_values_that_the_counts_are_about(folder, lcorpp, tmp_p
     assert content["configuration"]["shared"] == list(VARIABLES)
     assert content["configuration"]["values"] == [list(triple) for triple in TRIPLES]
     assert np.shape(content["strategies"][0]["counts"]) == (8, 9)  # the last column: no report
+
+
+def test_senses_without_a_label_are_left_out_where_another_has_one(lcorpp, tmp_path):
+    facts = {"time": "morning", "crowd": "quiet", "group": "alone"}
+    options = [option for name, value in facts.items() for option in ("--fact", f"{name}={value}")]
+    ended = lcorpp("explain", "museum", "--label", "gaze=robot", *options, "--log", tmp_path / "log")
+    assert ended.code == 0, ended.err
+    assert "note: left out, as no label is given: motion" in ended.out
+    assert "given time = morning, crowd = quiet, group = alone, gaze = at_robot\n" in ended.out
+    posterior = Reasoner(load_domain("museum").program).posterior("wish", {**facts, "gaze": "at_robot"})
+    for value, p in posterior:
+        assert re.search(rf"{value} +{p:.6f} ", ended.out)
+    assert "1 decisions, 0 differences" in lcorpp("replay", tmp_path / "log").out
+    both = lcorpp("explain", "museum", "--label", "gaze=robot", "--label", "motion=tour", *options)
+    assert "left out" not in both.out
+    assert "motion = waits, gaze = at_robot\n" in both.out
 
 
 def test_explain_leaves_out_attributes_that_may_have_no_value(lcorpp):

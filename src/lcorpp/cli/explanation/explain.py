@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import nullcontext
 from typing import TYPE_CHECKING, Annotated
 
@@ -86,6 +86,8 @@ def explain(
     )
     kinds, processes = classifiers.choose_evidence(loaded, sources), console.count_processes(jobs)
     _check_evidence(sources, kinds, known, interactive=interactive)
+    if known.predicted and not interactive:
+        used = _leave_out(used, sources, known)
     with nullcontext() if log is None else DecisionLog(log) as decisions:
         print_domain(loaded)
         senses = set_up_senses(
@@ -145,6 +147,16 @@ def _list_used_senses(domain: Domain, strategy: Strategy, person: Person) -> lis
             f"the strategy {strategy.name} does not use the classifier {name}, whose label is given"
         )
     return used
+
+
+def _leave_out(
+    used: Sequence[Sense], sources: Mapping[str, ClassifierOptions], person: Person
+) -> list[Sense]:
+    """Leave out the senses without a label if another has one: the robot has not perceived them."""
+    missing = [s.name for s in used if s.name not in person.predicted and sources[s.name] is None]
+    if missing:
+        console.print_note(f"left out, as no label is given: {', '.join(missing)}")
+    return [sense for sense in used if sense.name not in missing]
 
 
 def _check_evidence(
