@@ -38,7 +38,7 @@ MAX_LEFT = 1e-9
 """Probability of the episodes of a strategy that are left out if they are at more than `MIN_BATCH` points."""
 
 MAX_ENTRIES = 4_000_000
-"""Maximum number of entries after the same number of actions, times three numbers of 8 bytes."""
+"""Maximum number of entries after the actions of a round, times three numbers of 8 bytes."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -15,9 +15,6 @@ from lcorpp.reasoning.language.signature import Attribute
 BOOLEANS = ("true", "false")
 """The values of a Boolean attribute."""
 
-CHOICE = "choice'"
-"""Begins the attributes of the choices in a translated program of ProbLog."""
-
 Kind = Literal["states", "actions", "observations"]
 
 
@@ -53,7 +50,9 @@ def _suggest_attribute(name: str, attribute: Attribute, program: Program) -> str
 
 def _describe_translation(program: Program) -> str:
     """Return where a program of ProbLog can have rules of P-log; "" for one of P-log."""
-    if not any(CHOICE in name for name in program.attributes):
+    from lcorpp.reasoning.language.translation.names import CHOICE
+
+    if not any(name.startswith(CHOICE) for name in program.attributes):
         return ""
     return f", in the P-log that `lcorpp translate {program.file} -o FILE.plog` writes"
 

@@ -19,6 +19,9 @@ _RESERVED = {
 
 _NAME = re.compile(r"[a-z][A-Za-z0-9_]*")
 
+CHOICE = "choice'"
+"""Begins the names of the attributes that are choices of clauses."""
+
 _MADE_NAME = re.compile(r"[A-Za-z]\w*'\w*")
 
 _CASE = re.compile(r"case'[0-9_]+")
@@ -58,7 +61,7 @@ def is_plain_name(name: str) -> bool:
 
 def make_choice_name(at: Place) -> str:
     """Make the name of the attribute that is the choice of the clause at a place."""
-    return f"choice'{at.line}_{at.column}"
+    return f"{CHOICE}{at.line}_{at.column}"
 
 
 def describe_choice(at: Place) -> str:
