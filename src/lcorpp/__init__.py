@@ -4,7 +4,7 @@ An implementation of LCORPP (Amiri, Shirazi and Zhang, AAAI 2020). `__init__.pyi
 each one imports its package at first use, so `import lcorpp` is cheap.
 """
 
-import lazy_loader as _lazy
+from lcorpp import lazy_names as _lazy
 
 __version__ = "0.9.0"
 __getattr__, __dir__, __all__ = _lazy.attach_stub(__name__, __file__)

@@ -27,6 +27,10 @@ class FileError(LcorppError):
     """A file that cannot be read or written: missing, a folder, no permission, not text."""
 
 
+class MissingPackageError(LcorppError, ImportError):
+    """An optional package that a name of lcorpp needs and that is not installed."""
+
+
 class ParseError(LcorppError):
     """Text that violates its format.
 

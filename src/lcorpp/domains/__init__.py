@@ -1,5 +1,5 @@
 """Domains: folders with a `domain.toml`, a P-log program, a POMDP and, optionally, simulated people."""
 
-import lazy_loader as _lazy
+from lcorpp import lazy_names as _lazy
 
 __getattr__, __dir__, __all__ = _lazy.attach_stub(__name__, __file__)

@@ -3,6 +3,6 @@
 result = fit(program, read_records("records.csv"))
 """
 
-import lazy_loader as _lazy
+from lcorpp import lazy_names as _lazy
 
 __getattr__, __dir__, __all__ = _lazy.attach_stub(__name__, __file__)

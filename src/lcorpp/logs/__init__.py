@@ -1,5 +1,5 @@
 """Logs of decisions: written, read, replayed and watched."""
 
-import lazy_loader as _lazy
+from lcorpp import lazy_names as _lazy
 
 __getattr__, __dir__, __all__ = _lazy.attach_stub(__name__, __file__)

@@ -4,6 +4,6 @@ The problem (`Pomdp`, in parts `Factored`), the belief update, the policy and th
 names that not every program needs load their part of the package when they are first used.
 """
 
-import lazy_loader as _lazy
+from lcorpp import lazy_names as _lazy
 
 __getattr__, __dir__, __all__ = _lazy.attach_stub(__name__, __file__)

@@ -6,6 +6,6 @@ marginal = Reasoner(program).posterior("intention", {"time": "afternoon", "class
 Exported names are imported at first use, so a command with one query need not wait for numpy.
 """
 
-import lazy_loader as _lazy
+from lcorpp import lazy_names as _lazy
 
 __getattr__, __dir__, __all__ = _lazy.attach_stub(__name__, __file__)

@@ -1,5 +1,5 @@
 """Values shared by all packages: frozen, and checked once at construction; each loads at its first use."""
 
-import lazy_loader as _lazy
+from lcorpp import lazy_names as _lazy
 
 __getattr__, __dir__, __all__ = _lazy.attach_stub(__name__, __file__)

@@ -1,5 +1,5 @@
 """Worlds in which the robot acts: each executes actions and returns observations."""
 
-import lazy_loader as _lazy
+from lcorpp import lazy_names as _lazy
 
 __getattr__, __dir__, __all__ = _lazy.attach_stub(__name__, __file__)
