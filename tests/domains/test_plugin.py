@@ -10,6 +10,7 @@ import pytest
 from lcorpp.domains import load_domain
 from lcorpp.domains.plugin import SimulationPlugin
 from lcorpp.errors import DomainError
+from lcorpp.values import find_perceived
 
 GOOD = """
 import numpy as np
@@ -40,6 +41,16 @@ def test_a_plug_in_without_recordings(tmp_path):
     own = people(tmp_path, "def trajectory(person, rng):\n    return [[0.0, 1.0]]\n")
     assert not own.defines("recordings")
     assert own.columns == ()
+
+
+def test_none_is_a_person_whom_the_sense_does_not_perceive(tmp_path):
+    text = "def gaze(people, rng):\n    return [None if p['goal'] == 'lab' else [1.0, 2.0] for p in people]\n"
+    (tmp_path / "people.py").write_text(text)
+    gaze = SimulationPlugin(tmp_path / "people.py", ["gaze"]).signals["gaze"]
+    rng = np.random.default_rng(0)
+    np.testing.assert_array_equal(gaze(CROWD, rng), [[np.nan, np.nan], [1.0, 2.0]])
+    assert not find_perceived(gaze(CROWD[:1], rng)).any()
+    assert gaze(CROWD[1:], rng).tolist() == [[1.0, 2.0]]
 
 
 @pytest.mark.parametrize(

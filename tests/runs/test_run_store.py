@@ -381,3 +381,24 @@ def test_a_store_of_other_tracks_is_refused(opened, path):
     with pytest.raises(DataError, match="its time points of a track: 12; the tracks to be stored have: 5"):
         RunStore(path, {"walk": other}, {"walk": CLASSES}, {})
     Store(path, read_store(path).schema).close()  # the lock is free again
+
+
+def test_a_decision_about_a_person_whom_the_sense_did_not_perceive_is_complete_and_teaches_nothing(
+    opened, ended, path
+):
+    run_store = opened()
+    before, people, n_pending = run_store.datasets()["walk"], run_store.n_people, len(run_store.pending)
+    labels, beliefs = {"walk": "slow"}, {"walk": BELIEF}
+    id = run_store.append_decision({}, {"time": "noon"}, labels, beliefs, ANSWERS, {})
+    after = run_store.datasets()["walk"]
+    np.testing.assert_array_equal(after.trajectories, before.trajectories)
+    assert after.labels == before.labels
+    assert id not in {track.id for track, _ in run_store.decisions("walk")}
+    again = opened()
+    assert again.n_people == people + 1
+    assert [track.id for track in again.pending][n_pending:] == [id]
+    assert again.resume(never).decided == n_pending + 1
+    again.close()
+    track = read_store(path).tracks[-1]
+    assert (track.id, track.points, track.label, track.belief["slow"]) == (id, 0, None, 0.9)
+    assert not read_store(path).damage

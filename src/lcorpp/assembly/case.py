@@ -65,7 +65,7 @@ def draw_case(
     *,
     seed: int = 0,
 ) -> Case:
-    """Draw a simulated person, with the facts and labels that are not given.
+    """Draw a simulated person, with the facts and labels that are not given, of the senses that perceive it.
 
     Args:
         senses: those that the robot uses; the labels of the others are drawn, too, and not used.
@@ -75,7 +75,8 @@ def draw_case(
     Raises:
         DomainError: no such person is possible, or a sense has no noisy channel.
     """
-    from lcorpp.simulation import SimulationModel  # a real person is not simulated
+    # a real person is not simulated
+    from lcorpp.simulation import SimulationModel, classify_perceived, simulate_signals
 
     rng = np.random.default_rng([seed, 0])
     given = facts if truth is None else {**facts, **domain.reasoning.split(truth)}
@@ -84,9 +85,12 @@ def draw_case(
     for sense in domain.senses:
         if sense.name not in labels:
             setup = senses.get(sense.name) or from_channel(domain, sense)
-            labels[sense.name] = setup.classifier.classify_many(setup.signals.simulate([person], rng))[0]
+            signals = simulate_signals(domain, sense.name, setup.signals, [person], rng)
+            output = classify_perceived(setup.classifier, signals)[0]
+            if output is not None:
+                labels[sense.name] = output
     context = {name: person[name] for name in domain.observed}
-    known = {name: labels[name] for name in senses}
+    known = {name: labels[name] for name in senses if name in labels}
     world = SimulationModel(domain).make_world(person, rng)
     return Case(context, known, world, domain.reasoning.join(person), person)
 

@@ -133,8 +133,21 @@ def print_classifiers(domain: Domain, senses: Senses) -> None:
     """Print each classifier, with notes about its data."""
     for name, setup in senses.items():
         print_classifier(setup, name if len(domain.senses) > 1 else "")
+        _print_presence(domain, name)
         for text in setup.notes:
             console.print_note(text)
+
+
+def _print_presence(domain: Domain, sense: str) -> None:
+    """Print whom a sense perceives, unless that is everyone."""
+    presence = domain.simulation.presence.get(sense)
+    if presence is None:
+        return
+    shares = ", ".join(
+        f"{100 * p:.3g}%" + (f" where {presence.of} is {value}" if presence.of else " of the people")
+        for value, p in presence.probability_of.items()
+    )
+    console.out.print(f"  {sense} perceives {shares}")
 
 
 def print_classifier(setup: SenseSetup, sense: str = "") -> None:

@@ -26,7 +26,7 @@ class SimulationPlugin:
     - for each sense a function of its name ``motion(people, rng)`` -> one signal for each person:
       (people, channels, time points) or (people, features). The first sense may also have
       ``trajectories(people, rng)`` or ``trajectory(person, rng)`` -> (channels, time points). The numbers of
-      time points may differ;
+      time points may differ; None is the signal of a person whom the sense does not perceive;
     - ``reaction(person, action, rng)`` -> observation;
     - ``recordings(people, rng, *, seconds)`` -> one array (samples, columns) for each person, with
       COLUMNS, the names of the columns, "time" first.
@@ -83,18 +83,20 @@ class SimulationPlugin:
         else:
             signals = self._call(name, people, rng)
         try:
-            arrays = [np.array(signal, dtype=np.float64) for signal in signals]
+            rows = [None if signal is None else np.array(signal, dtype=np.float64) for signal in signals]
         except (TypeError, ValueError):
-            arrays = []
+            rows = []
+        arrays = [row for row in rows if row is not None]
         known = {array.shape for array in arrays}
         fixed = {(len(shape), *shape[:1]) for shape in known}  # the numbers of time points may differ
         is_array = len(fixed) == 1 and not any(0 in shape or len(shape) not in ranks for shape in known)
-        if not is_array or len(arrays) != len(people):
-            found = (len(arrays), *known.pop()) if len(known) == 1 else "of unequal shapes"
+        if not (is_array or (rows and not arrays)) or len(rows) != len(people):
+            found = (len(rows), *known.pop()) if len(known) == 1 else "of unequal shapes"
             raise DomainError(f"{self.path}: {name}(): expected signals of shape {shapes}, not {found}")
         if not all(np.isfinite(array).all() for array in arrays):
             raise DomainError(f"{self.path}: {name}(): a signal has a value that is not a number")
-        return stack_signals(arrays)
+        missing = np.full_like(arrays[0], np.nan) if arrays else np.full((1, 1), np.nan)
+        return stack_signals([missing if row is None else row for row in rows])
 
     def recordings(
         self,

@@ -125,6 +125,11 @@ class TomlTable:
         self._accessed[key] = None
         return isinstance(self._table.get(key), str)
 
+    def is_table(self, key: str) -> bool:
+        """Whether a key has a table as its value."""
+        self._accessed[key] = None
+        return isinstance(self._table.get(key), Mapping)
+
     def names(self, key: str, *, required: bool = True, distinct: bool = True) -> tuple[str, ...]:
         """A list of names, `distinct` or not; if it is not `required`, it may be empty or missing."""
 

@@ -127,9 +127,11 @@ class RunStore:
         return datasets
 
     def decisions(self, name: str) -> list[tuple[StoredTrack, Array]]:
-        """Return the robot's complete decisions, of all runs, with their signals of a sense."""
+        """Return the robot's complete decisions, of all runs, with a signal of a sense, and the signals."""
         complete, snapshot = {track.id for track in self.store.snapshot()}, self.stores[name].snapshot()
-        tracks = [track for track in snapshot if track.id in complete and "met" in track.extra]
+        tracks = [
+            track for track in snapshot if track.points and track.id in complete and "met" in track.extra
+        ]
         return list(zip(tracks, snapshot.trajectories(tracks), strict=True)) if tracks else []
 
     def resume(self, train: Train) -> ResumePoint | None:
@@ -178,7 +180,7 @@ class RunStore:
         The decision is on the disk when this method returns.
 
         Args:
-            signals: those of the senses that learn, and maybe others.
+            signals: those of the senses that learn, and maybe others; without those that perceived nothing.
             labels: the class by the robot's report, None without a report.
             beliefs: over the classes, when the robot reported.
             answers: pairs (action, observation), as `Episode.answers`.
@@ -192,8 +194,8 @@ class RunStore:
             if id in store:  # a crash came before the decision was complete; now it was made again
                 continue
             track = NewTrack(
-                signals[name],
-                labels[name],
+                signals.get(name),
+                labels[name] if name in signals else None,
                 belief=beliefs[name],
                 context=context,
                 id=id,

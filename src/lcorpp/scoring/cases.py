@@ -19,7 +19,10 @@ from lcorpp.values import Array, Distribution, Label
 
 
 class Case(NamedTuple):
-    """Facts and labels that a robot may perceive; (V,) their probability with each true value."""
+    """Facts and labels that a robot may perceive; (V,) their probability with each true value.
+
+    labels: sense -> class; a sense that does not perceive the person is left out.
+    """
 
     context: Mapping[str, str]
     labels: Mapping[str, str]
@@ -42,30 +45,49 @@ def list_cases(
     channels: Mapping[str, NoisyChannel],
     people: Sequence[tuple[Mapping[str, str], float]],
 ) -> list[Case]:
-    """List what a robot with these senses may perceive; `people`: attribute -> value, and probability."""
-    cases: dict[tuple[str, ...], Case] = {}
+    """List what a robot with these senses may perceive.
+
+    Args:
+        people: attribute -> value, of those in `list_attributes`, and probability.
+    """
+    cases: dict[tuple[str | None, ...], Case] = {}
     for person, mass in people:
         v = domain.values.index(domain.reasoning.join(person))
         context = {name: person[name] for name in domain.observed}
-        for labels, rate in _enumerate_labels(channels, person):
+        for labels, rate in _enumerate_labels(domain, channels, person):
             if mass * rate > 0:
-                key = (*context.values(), *labels.values())
+                key = (*context.values(), *[labels.get(sense) for sense in channels])
                 case = cases.setdefault(key, Case(context, labels, np.zeros(len(domain.values))))
                 case.masses[v] += mass * rate
     return list(cases.values())
 
 
 def _enumerate_labels(
-    channels: Mapping[str, NoisyChannel], person: Mapping[str, str]
+    domain: Domain, channels: Mapping[str, NoisyChannel], person: Mapping[str, str]
 ) -> Iterator[tuple[dict[str, str], float]]:
-    """Yield the labels that the senses may give a person, sense -> class, and their probability."""
-    rows = [channel.rates[channel.classes.index(person[channel.of])] for channel in channels.values()]
-    choices = [
-        zip(c.classes, row.tolist(), strict=True) for c, row in zip(channels.values(), rows, strict=True)
-    ]
+    """Yield the labels that the senses may give a person, sense -> class, and their probability.
+
+    A sense that may not perceive the person is left out of some.
+    """
+    choices = list[list[tuple[str | None, float]]]()
+    for sense, channel in channels.items():
+        presence = domain.simulation.presence.get(sense)
+        perceived = 1.0 if presence is None else presence.probability(person)
+        row = channel.rates[channel.classes.index(person[channel.of])] * perceived
+        labelled = zip(channel.classes, row.tolist(), strict=True)
+        choices.append([*labelled, *([(None, 1 - perceived)] if perceived < 1 else [])])
     for combination in product(*choices):
-        labels = {sense: label for sense, (label, _) in zip(channels, combination, strict=True)}
+        outputs = zip(channels, combination, strict=True)
+        labels = {sense: label for sense, (label, _) in outputs if label is not None}
         yield labels, prod([rate for _, rate in combination])
+
+
+def list_attributes(domain: Domain, channels: Mapping[str, NoisyChannel]) -> tuple[str, ...]:
+    """List the attributes of people on which `list_cases` depends."""
+    classified = [channel.of for channel in channels.values()]
+    presence = [known.of for sense, known in domain.simulation.presence.items() if sense in channels]
+    needed = [*domain.observed, *classified, *domain.reasoning.shared, *filter(None, presence)]
+    return tuple(dict.fromkeys(needed))
 
 
 class _KnownPosteriors(NamedTuple):

@@ -14,7 +14,7 @@ from lcorpp.arguments import check_arguments
 from lcorpp.decision import Robot, Strategy
 from lcorpp.domains import Domain
 from lcorpp.errors import DecisionError, DomainError
-from lcorpp.scoring.cases import compute_joint_distribution, infer_posteriors, list_cases
+from lcorpp.scoring.cases import compute_joint_distribution, infer_posteriors, list_attributes, list_cases
 from lcorpp.scoring.decision_nodes import HistoryNodes, RoundedBeliefNodes
 from lcorpp.scoring.decision_scores import score_sums
 from lcorpp.scoring.episode_model import EpisodeModel
@@ -66,8 +66,7 @@ def evaluate_exactly(
         [('L+R', 0.771), ('LCORPP', 0.88)]
     """
     check_enumerable(domain, strategies)
-    classified = [channel.of for channel in channels.values()]
-    attributes = tuple(dict.fromkeys([*domain.observed, *classified, *domain.reasoning.shared]))
+    attributes = list_attributes(domain, channels)
     people = [
         (dict(zip(attributes, values, strict=True)), mass)
         for values, mass in compute_joint_distribution(domain, attributes).items()

@@ -15,8 +15,8 @@ from lcorpp.decision import Robot, Strategy, dt_control
 from lcorpp.decision.strategies import Rates, Session, make_generator
 from lcorpp.domains import Domain
 from lcorpp.errors import DecisionError
-from lcorpp.simulation.people import Person, Population, SignalSource
-from lcorpp.simulation.simulated_classifier import BatchClassifier, PrecomputedLabel
+from lcorpp.simulation.people import Person, Population, SignalSource, select_signals, simulate_signals
+from lcorpp.simulation.simulated_classifier import BatchClassifier, PrecomputedLabel, classify_perceived
 from lcorpp.simulation.world import SimulatedWorld, SimulationModel
 from lcorpp.values import Array, Episode, Indices, Instance, Label
 
@@ -89,7 +89,8 @@ class Chunk:
     """The n people of a chunk of trials.
 
     robot: the full one. seed: of the experiment and the chunk.
-    signals: sense -> (n, ...). labels: sense -> output of the classifier about each person.
+    signals: sense -> (n, ...), as of `simulate_signals`.
+    labels: sense -> output of the classifier about each person, None without a signal.
     seconds: of the classifiers, for each person.
     """
 
@@ -119,8 +120,7 @@ class Chunk:
         """Return the trial of person i."""
         person, observed = self.people[i], self.model.domain.observed
         classifiers = {sense: PrecomputedLabel(labels[i]) for sense, labels in self.labels.items()}
-        signals = {sense: signals[i] for sense, signals in self.signals.items()}
-        instance = Instance(signals, {name: person[name] for name in observed})
+        instance = Instance(select_signals(self.signals, i), {name: person[name] for name in observed})
         robot = replace(self.robot, classifiers=classifiers)
         return Trial(self.model, robot, instance, person, self.seeds[i])
 
@@ -141,10 +141,11 @@ class ChunkSource:
         for place, sense in enumerate(experiment.domain.senses):
             if sense.name in experiment.signals:  # the same, whatever other senses the strategies use
                 own = rng if place == 0 else np.random.default_rng([*seed, place, 2])
-                signals[sense.name] = experiment.signals[sense.name].simulate(people, own)
+                source = experiment.signals[sense.name]
+                signals[sense.name] = simulate_signals(experiment.domain, sense.name, source, people, own)
         began = perf_counter()
         labels = {
-            sense: classifier.classify_many(signals[sense])
+            sense: classify_perceived(classifier, signals[sense])
             for sense, classifier in experiment.classifiers.items()
         }
         seconds = (perf_counter() - began) / count

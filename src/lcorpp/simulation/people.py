@@ -12,7 +12,15 @@ from lcorpp.domains import Domain
 from lcorpp.domains.sections.learning import Sense
 from lcorpp.errors import DataError, DomainError
 from lcorpp.reasoning import Reasoner
-from lcorpp.values import Array, Dataset, count_window, cut_tracks
+from lcorpp.values import (
+    Array,
+    Dataset,
+    count_window,
+    cut_tracks,
+    find_perceived,
+    stack_signals,
+    strip_padding,
+)
 
 Person = Mapping[str, str]
 """One person: every attribute of the simulation's program and its value."""
@@ -49,7 +57,10 @@ class SignalSource(Protocol):
     """A source of the signals of one sense, one for each person."""
 
     def simulate(self, people: Sequence[Person], rng: np.random.Generator) -> Array:
-        """Return an array (people, channels, time points) or (people, features)."""
+        """Return an array (people, channels, time points) or (people, features).
+
+        All numbers of a person whom the sense does not perceive are NaN.
+        """
 
 
 @dataclass(frozen=True, eq=False)
@@ -129,6 +140,44 @@ class CutSignals:
         return cut_tracks(signals, self.part)
 
 
+def simulate_signals(
+    domain: Domain, sense: str, source: SignalSource, people: Sequence[Person], rng: np.random.Generator
+) -> Array:
+    """Simulate what a sense perceives of people, with NaN for those whom it does not perceive.
+
+    Those are the people of whom the source has no signal, and those whom `[simulation.present]` draws.
+
+    Examples:
+        >>> import numpy as np
+        >>> from lcorpp import load_domain
+        >>> from lcorpp.simulation import NoisyChannel, simulate_signals
+        >>> half = {"simulation": {"present": {"motion": 0.5}}}
+        >>> domain, rng = load_domain("intention", changes=half), np.random.default_rng(1)
+        >>> people = [{"intention": "interested"}] * 4
+        >>> channel = NoisyChannel.from_domain(domain, domain.senses[0])
+        >>> simulate_signals(domain, "motion", channel, people, rng).ravel().tolist()
+        [0.0, 1.0, nan, 1.0]
+    """
+    signals, presence = source.simulate(people, rng), domain.simulation.presence.get(sense)
+    if presence is None:
+        return signals
+    absent = rng.random(len(people)) >= [presence.probability(person) for person in people]
+    return np.where(absent.reshape(-1, *[1] * (signals.ndim - 1)), np.nan, signals)
+
+
+def select_signals(signals: Mapping[str, Array], i: int) -> dict[str, Array]:
+    """Return sense -> its signal of person i, for the senses that perceived that person.
+
+    Args:
+        signals: sense -> (people, ...), as of `simulate_signals`.
+    """
+    return {sense: own[i] for sense, own in signals.items() if not np.isnan(own[i]).all()}
+
+
+MAX_REDRAWS = 100
+"""Maximum number of people drawn for one case of a training set until the sense perceives one."""
+
+
 def simulate_dataset(
     domain: Domain, sense: Sense, source: SignalSource, count: int, rng: np.random.Generator
 ) -> Dataset:
@@ -139,7 +188,8 @@ def simulate_dataset(
         count: the number of cases, rounded up to a multiple of the number of classes; 0 for an empty set.
 
     Raises:
-        DomainError: the signals have another number of channels than the sense names.
+        DomainError: the signals have another number of channels than the sense names, or it perceives no one
+            of a class.
 
     Examples:
         >>> import numpy as np
@@ -157,7 +207,8 @@ def simulate_dataset(
         person for value in sense.classes for person in population.sample(per_class, rng, {sense.of: value})
     ]
     people = [people[i] for i in rng.permutation(len(people))]
-    signals, labels = source.simulate(people, rng), tuple(person[sense.of] for person in people)
+    labels = tuple(person[sense.of] for person in people)
+    signals = _simulate_perceived(domain, sense, source, people, population, rng)
     try:
         dataset = Dataset(signals, labels, interval=sense.interval, channels=sense.channels)
     except DataError as error:
@@ -167,6 +218,38 @@ def simulate_dataset(
     dataset = dataset if count else dataset.take([])
     return replace(
         dataset, source=f"{len(dataset)} simulated {dataset.unit} ({domain.folder.name}/people.py)"
+    )
+
+
+def _simulate_perceived(
+    domain: Domain,
+    sense: Sense,
+    source: SignalSource,
+    people: Sequence[Person],
+    population: Population,
+    rng: np.random.Generator,
+) -> Array:
+    """Simulate the signals of people; one whom the sense does not perceive is replaced by one of its class.
+
+    Raises:
+        DomainError: of some class no one is perceived.
+    """
+    signals = simulate_signals(domain, sense.name, source, people, rng)
+    missing = np.flatnonzero(~find_perceived(signals)).tolist()
+    rows = [strip_padding(row) for row in signals] if missing else []
+    for _ in range(MAX_REDRAWS):
+        if not missing:
+            return stack_signals(rows) if rows else signals
+        others = [population.sample(1, rng, {sense.of: people[i][sense.of]})[0] for i in missing]
+        redrawn = simulate_signals(domain, sense.name, source, others, rng)
+        perceived = find_perceived(redrawn)
+        for i, row, known in zip(missing, redrawn, perceived, strict=True):
+            if known:
+                rows[i] = strip_padding(row)
+        missing = [i for i, known in zip(missing, perceived, strict=True) if not known]
+    raise DomainError(
+        f"{domain.folder}: {sense.name!r} does not perceive one of {MAX_REDRAWS} people whose {sense.of} is"
+        f" {people[missing[0]][sense.of]}, so there is nothing to train with; expected a signal of some"
     )
 
 

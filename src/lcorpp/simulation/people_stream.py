@@ -10,7 +10,7 @@ import numpy as np
 
 from lcorpp.domains import Domain
 from lcorpp.learning.store import StoredTrack
-from lcorpp.simulation.people import Person, Population, SignalSource
+from lcorpp.simulation.people import Person, Population, SignalSource, select_signals, simulate_signals
 from lcorpp.simulation.world import SimulatedWorld, SimulationModel
 from lcorpp.values import Array, Episode, Instance, SharedValue, read_value
 
@@ -82,10 +82,11 @@ class PeopleStream:
         if not self._group or index == 0:
             rng = np.random.default_rng([self._seed, 1, group])
             people = self._population.sample(GROUP_SIZE, rng)
-            signals = {sense: source.simulate(people, rng) for sense, source in self._sources.items()}
-            self._group = [
-                (person, {sense: own[i] for sense, own in signals.items()}) for i, person in enumerate(people)
-            ]
+            signals = {
+                sense: simulate_signals(self._domain, sense, source, people, rng)
+                for sense, source in self._sources.items()
+            }
+            self._group = [(person, select_signals(signals, i)) for i, person in enumerate(people)]
         person, perceived = self._group[index]
         world = self._model.make_world(person, np.random.default_rng([self._seed, 2, self._position]))
         self._position += 1

@@ -11,7 +11,7 @@ import numpy as np
 from lcorpp.domains import Domain
 from lcorpp.domains.sections.learning import Sense
 from lcorpp.errors import DomainError
-from lcorpp.values import Array, Label
+from lcorpp.values import Array, Label, find_perceived
 
 if TYPE_CHECKING:
     from lcorpp.simulation.people import Person
@@ -23,6 +23,25 @@ class BatchClassifier(Protocol):
     def classify(self, signal: Array) -> Label: ...
 
     def classify_many(self, signals: Array) -> Sequence[Label]: ...
+
+
+def classify_perceived(classifier: BatchClassifier, signals: Array) -> list[Label | None]:
+    """Return the output of a classifier for each signal; None where all of its numbers are NaN.
+
+    Examples:
+        >>> import numpy as np
+        >>> from lcorpp import load_domain
+        >>> from lcorpp.simulation import NoisyChannel, classify_perceived
+        >>> domain = load_domain("intention")
+        >>> channel = NoisyChannel.from_domain(domain, domain.senses[0])
+        >>> classify_perceived(channel, np.array([[[1.0]], [[np.nan]]]))
+        ['not_interested', None]
+    """
+    perceived = find_perceived(signals)
+    if perceived.all():
+        return list(classifier.classify_many(signals))
+    labels = iter(classifier.classify_many(signals[perceived]) if perceived.any() else ())
+    return [next(labels) if known else None for known in perceived]
 
 
 @dataclass(frozen=True, eq=False)

@@ -41,6 +41,7 @@ from .padding import (
     Lengths as Lengths,
     count_window as count_window,
     cut_tracks as cut_tracks,
+    find_perceived as find_perceived,
     measure_lengths as measure_lengths,
     stack_signals as stack_signals,
     strip_padding as strip_padding,

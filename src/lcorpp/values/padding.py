@@ -1,4 +1,7 @@
-"""Tracks of unequal length in one array (cases, channels, time points): after its end a track is NaN."""
+"""Signals of many people in one array, in which missing ones are NaN.
+
+After its end a track is NaN; of a person whom the sense did not perceive all numbers are.
+"""
 
 from __future__ import annotations
 
@@ -8,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lcorpp.errors import DataError
-from lcorpp.values.arrays import Array
+from lcorpp.values.arrays import Array, Flags
 
 Lengths = npt.NDArray[np.int64]
 """(cases,) numbers of time points."""
@@ -44,6 +47,18 @@ def strip_padding(track: Array) -> Array:
     if track.ndim != 2 or not track.size or not np.isnan(track[0, -1]):
         return track
     return track[:, : int(measure_lengths(track[None])[0])]
+
+
+def find_perceived(signals: Array) -> Flags:
+    """Return (cases,) whether the sense perceived each case: whether any of its numbers is not NaN.
+
+    Examples:
+        >>> import numpy as np
+        >>> from lcorpp.values import find_perceived
+        >>> find_perceived(np.array([[0.5, 1.0], [np.nan, np.nan]])).tolist()
+        [True, False]
+    """
+    return np.asarray(~np.isnan(signals).all(axis=tuple(range(1, signals.ndim))))
 
 
 def count_window(seconds: float, interval: float) -> int:

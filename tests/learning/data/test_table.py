@@ -116,6 +116,15 @@ def test_faults_are_repaired_on_request(tmp_path):
         read_data(written(tmp_path, HEADING + "nan,1,a,b\n"), repair="all")
 
 
+def test_rows_without_features_are_people_whom_the_sense_did_not_perceive(tmp_path):
+    data = read_data(written(tmp_path, GOOD + ",,cy,tea\n"))
+    assert data.trajectories.tolist() == read_data(written(tmp_path, GOOD)).trajectories.tolist()
+    (note,) = data.notes
+    count = len(data) + 1
+    assert note.startswith(f"1 of {count} rows have no features, as of people whom the sense did not")
+    assert note.endswith(f"[simulation.present] may state {len(data) / count:.2g}")
+
+
 def test_a_table_has_no_time(tmp_path):
     file = written(tmp_path, GOOD)
     for changes in ({"seconds": 2}, {"interval": 0.1}, {"robot": (0, 0, 0)}, {"channels": ("yaw",)}):

@@ -187,3 +187,22 @@ def test_a_snapshot_can_be_read_from_a_read_only_folder():
         _, status = os.waitpid(child, 0)
         os.chmod(name, 0o755)
     assert os.waitstatus_to_exitcode(status) == 3
+
+
+@pytest.mark.parametrize(("channels", "points"), [(["x", "y"], None), (["share", "turns"], 1)])
+def test_a_track_without_a_signal_has_no_label(tmp_path, channels, points):
+    path = tmp_path / "s.tracks"
+    signal = [1.0, 2.0] if points else [[0.0, 1.0], [2.0, 3.0]]
+    with Store(path, TrackSchema(channels, 0.1, ["no", "yes"], points)) as store:
+        store.append(NewTrack(signal, "no", id="seen"))
+        store.append(NewTrack(None, None, id="heard"))
+        with pytest.raises(DataError, match="a track without a signal is labelled 'no'; expected no label"):
+            store.append(NewTrack(None, "no"))
+        store.relabel("heard", "yes")  # a person knows better, but there is nothing to learn from
+        snapshot = store.snapshot()
+    assert snapshot.dataset().labels == ("no",)
+    assert [array.size for array in snapshot.iterate_trajectories(snapshot.tracks)] == [np.size(signal), 0]
+    every = snapshot.trajectories()
+    assert every[0].tolist() == signal
+    assert np.isnan(every[1]).all()
+    assert read_store(path).damage == ()

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -26,6 +27,9 @@ from lcorpp.protocols import World
 from lcorpp.reasoning import Program, read_plog
 from lcorpp.values import Array
 
+if TYPE_CHECKING:
+    from lcorpp.domains.sections.presence import Presence
+
 Simulate = Callable[[Sequence[Mapping[str, str]], np.random.Generator], Array]
 """Maps people (attribute -> value) and a generator to the signals of a sense, one for each person."""
 
@@ -39,6 +43,7 @@ class SimulationSection:
     hearing: (A, O, O) P(heard | said) of the answers, by `noise`; the identity without `feedback`.
     noisy_channels: sense -> class -> label -> probability: the error rates of a simulated classifier; a sense
         is missing if they are unknown, so that its classification needs signals.
+    presence: sense -> the people whom it perceives; a sense that is missing perceives all.
     signals: sense -> the simulation of its signals, e.g. trajectories (people, channels, time points), for
         the senses for which a people.py defines it.
     world: makes the world of a person, from the person and a generator; its answers replace
@@ -57,6 +62,7 @@ class SimulationSection:
     feedback_model: Array
     hearing: Array
     noisy_channels: Mapping[str, Mapping[str, Mapping[str, float]]] = field(default_factory=dict)
+    presence: Mapping[str, Presence] = field(default_factory=dict)
     signals: Mapping[str, Simulate] = field(default_factory=dict)
     world: Callable[[Mapping[str, str], np.random.Generator], World] | None = None
     recordings: Callable[..., list[Array]] | None = None
@@ -95,6 +101,7 @@ def read_simulation(
         feedback_model=feedback_model,
         hearing=hearing,
         noisy_channels=_make_noisy_channels(table, program, senses),
+        presence=_read_presence(table.section("present"), program, senses),
         signals=plugin.signals if plugin else {},
         world=_read_world(table, folder, plugin),
         recordings=plugin.recordings if plugin and plugin.defines("recordings") else None,
@@ -235,6 +242,15 @@ def _compute_answer_probabilities(
             p = 1 - noise if answer == given else noise / (len(answers) - 1)
             probabilities[v, pomdp.observations.index(answer)] = p
     return probabilities
+
+
+def _read_presence(table: TomlTable, program: Program, senses: Sequence[Sense]) -> Mapping[str, Presence]:
+    """Read `present`: sense -> the people whom it perceives."""
+    if not tuple(table):
+        return {}
+    from lcorpp.domains.sections.presence import read_presence  # few domains have the table
+
+    return read_presence(table, program, senses)
 
 
 def _make_noisy_channels(

@@ -166,6 +166,7 @@ def hash_domain(domain: Domain) -> str:
         str(domain.program),
         str(simulation.true_program),
         sorted(simulation.noisy_channels.items()),
+        sorted(simulation.presence.items()),
         domain.pomdp.fingerprint,
         domain.pomdp.start.tolist(),
         sorted(planning.reports.items()),

@@ -6,7 +6,7 @@
   for a table of features, whose `channels` are the features), crc32;
 - `track`, a row per track: record (its number), id, group_id, context and extra (JSON objects), label,
   source, belief (JSON list in the order of the classes), time (ISO 8601), trajectory (the channels one after
-  the other, little-endian float64), crc32;
+  the other, little-endian float64; empty if the sense perceived nothing), crc32;
 - `later_label`, a row per later label: record, track (the track's record), label, source, belief, time,
   crc32.
 

@@ -123,7 +123,8 @@ class TrackSchema:
 class NewTrack:
     """A track to be stored.
 
-    trajectory: (channels, time points) or (features,), as in the store's schema. Padding is removed.
+    trajectory: (channels, time points) or (features,), as in the store's schema. Padding is removed. None if
+        the sense perceived nothing of the person; such a track has no label, and nothing is learnt from it.
     label: its class; None if unknown, e.g. for a decision that ended without a report.
     source: the source of the label, "person" or "robot".
     belief: the robot's final belief over the classes, if it had one.
@@ -142,7 +143,7 @@ class NewTrack:
         {'time': 'morning'}
     """
 
-    trajectory: npt.ArrayLike
+    trajectory: npt.ArrayLike | None
     label: str | None
     source: str = "robot"
     belief: Distribution | None = None
@@ -154,7 +155,8 @@ class NewTrack:
 
     def __repr__(self) -> str:
         name = "" if self.id is None else f"{self.id!r}, "
-        return f"NewTrack({name}shape {np.shape(self.trajectory)}, {self.label!r} by {self.source})"
+        shape = "no signal" if self.trajectory is None else f"shape {np.shape(self.trajectory)}"
+        return f"NewTrack({name}{shape}, {self.label!r} by {self.source})"
 
 
 @dataclass(frozen=True, slots=True)
@@ -192,7 +194,7 @@ class LabelRecord:
 class StoredTrack:
     """A track in a store, without its trajectory, which stays in the file.
 
-    record: the number of its record, from 1. points: its time points.
+    record: the number of its record, from 1. points: its time points, 1 of features, 0 without a signal.
     label_history: all its label records, oldest first. Other fields: as in `NewTrack`.
 
     Examples:
@@ -246,7 +248,12 @@ def encode_track(track: NewTrack, record: int, id: str, schema: TrackSchema) -> 
     check_value(track.belief, Distribution | None, "the belief in a label")
     check_value(track.context, Mapping[Any, Any], "the context of a track")
     check_value(track.extra, Mapping[Any, Any], "what else is known of a track")
-    trajectory = _check_trajectory(track.trajectory, schema)
+    if track.trajectory is None:
+        if track.label is not None:
+            raise DataError(f"a track without a signal is labelled {track.label!r}; expected no label")
+        trajectory: Array = np.empty((len(schema.channels), 0))
+    else:
+        trajectory = _check_trajectory(track.trajectory, schema)
     group = track_hash(trajectory) if track.group is None else track.group
     for what, name in (("id", id), ("group", group)):
         if not isinstance(name, str) or not name or name.encode(errors="ignore").decode() != name:
@@ -295,8 +302,8 @@ def decode_label(cells: Sequence[Any], schema: TrackSchema) -> LabelRecord:
 
 def with_checksum(*cells: Any) -> Row:
     """Append the CRC-32 of the cells: of all but a final BLOB as JSON, then of the BLOB."""
-    blob = cells[-1] if isinstance(cells[-1], bytes) else b""
-    text = to_json(cells[:-1] if blob else cells)
+    has_blob = isinstance(cells[-1], bytes)
+    blob, text = (cells[-1], to_json(cells[:-1])) if has_blob else (b"", to_json(cells))
     return (*cells, zlib.crc32(blob, zlib.crc32(text.encode())))
 
 

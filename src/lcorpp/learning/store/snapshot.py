@@ -92,7 +92,7 @@ class Snapshot:
         min_confidence: float = 0.0,
         labels: Collection[str] | None = None,
     ) -> tuple[StoredTrack, ...]:
-        """Select labelled tracks.
+        """Select labelled tracks, with a signal.
 
         Args:
             sources: the permitted sources of the valid label, "person" or "robot".
@@ -115,6 +115,7 @@ class Snapshot:
             track
             for track in self.tracks
             if track.label is not None
+            and track.points
             and track.source in sources
             and (min_confidence == 0 or track.label_record.confidence >= min_confidence)
             and (labels is None or track.label in labels)
@@ -125,7 +126,8 @@ class Snapshot:
     ) -> Array:
         """(cases, channels, time points) the trajectories of some tracks of this snapshot; by default of all.
 
-        Shorter ones are padded with NaN, as in `Dataset`. A table has features, (cases, features).
+        Shorter ones are padded with NaN, as in `Dataset`; one without a signal is NaN. A table has features,
+        (cases, features).
 
         Args:
             points: maximum number of time points of a track, its last ones; None for all.
@@ -145,10 +147,12 @@ class Snapshot:
     def iterate_trajectories(self, tracks: Sequence[StoredTrack]) -> Iterator[Array]:
         """Yield the trajectory of each track, (channels, time points) or (features,), after another check.
 
+        One without a signal is (channels, 0) or (features, 0).
+
         Raises:
             FileError: as `trajectories`.
         """
-        shape = (len(self.schema.channels), *([] if self.schema.is_table else [-1]))
+        channels = len(self.schema.channels)
         try:
             with closing(database.connect_reader(self.path)) as connection:
                 for track in tracks:
@@ -156,7 +160,8 @@ class Snapshot:
                     row = next((row for row in rows if row[1] == track.id and is_intact(row)), None)
                     if row is None:
                         raise DataError(f"record {track.record} is not track {track.id!r} as it was")
-                    yield np.frombuffer(row[-2], FLOAT64).reshape(shape)
+                    numbers = np.frombuffer(row[-2], FLOAT64)
+                    yield numbers if self.schema.is_table and track.points else numbers.reshape(channels, -1)
         except (sqlite3.Error, DataError) as error:
             raise FileError(
                 f"{self.path}: a track can no longer be read; the file was changed or damaged: {error}"

@@ -14,7 +14,7 @@ from lcorpp.learning.data.formats.columns import read_header
 from lcorpp.learning.data.formats.parquet import SUFFIXES, ParquetFile
 from lcorpp.learning.data.labels import class_of_label, describe_unknown_label
 from lcorpp.learning.data.repairs import RepairLog, RowSource
-from lcorpp.values import Array, Dataset
+from lcorpp.values import Array, Dataset, find_perceived
 
 LABEL, GROUPS = "label", ("group", "person")
 """The column of the classes, and the possible names of the column of the groups; all others are features."""
@@ -36,6 +36,8 @@ def read_table(
     path: Path, labels: Mapping[str, str] | None, repair_log: RepairLog, progress: Progress | None = None
 ) -> Dataset:
     """Read a table as a data set (cases, features); a row without a group is a group of its own.
+
+    A row without any feature is a person whom the sense did not perceive; it is left out, with a note.
 
     Args:
         labels: label in the file -> class, as in `read_recording`.
@@ -94,12 +96,15 @@ def _assemble(
     tables: list[Array] = []
     classes: list[str] = []
     groups: list[str] = []
-    has_groups = False
+    has_groups, n_rows, n_absent = False, 0, 0
     for batch in batches:
         table = np.stack([batch.numbers[name] for name in features], axis=1)
+        is_absent = ~find_perceived(table)
+        n_rows, n_absent = n_rows + len(table), n_absent + int(is_absent.sum())
         known = [class_of_label(word, labels) for word in batch.texts[LABEL]]
         is_good = np.isfinite(table).all(axis=1) & np.array([name is not None for name in known], dtype=bool)
-        for row in np.flatnonzero(~is_good).tolist():
+        is_good &= ~is_absent
+        for row in np.flatnonzero(~(is_good | is_absent)).tolist():
             _report_fault(file, int(batch.lines[row]), table[row], features, batch.texts[LABEL][row], labels)
         rows = np.flatnonzero(is_good).tolist()
         tables.append(table[rows])
@@ -112,6 +117,11 @@ def _assemble(
             raise DataError(f"{file.file}: no row remains")
         raise file.error_at(file.header + 1, "", "no rows; expected a row for each case")
     notes = [*notes, *(file.notes() if isinstance(file, CsvFile) else ())]
+    if n_absent:
+        notes.append(
+            f"{n_absent} of {n_rows} rows have no features, as of people whom the sense did not perceive;"
+            f" left out: [simulation.present] may state {1 - n_absent / n_rows:.2g}"
+        )
     if not has_groups:
         notes.append(
             f"no column {' or '.join(GROUPS)}: each row counts as a person of its own, also when people are"
