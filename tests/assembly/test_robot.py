@@ -1,17 +1,21 @@
 """The robot of a domain, composed by one call: it decides like one that is composed by hand."""
 
+from itertools import product
+
 import numpy as np
 import pytest
 
 import lcorpp
 from lcorpp import Instance, Planner, Reasoner, Robot, dt_control, load_domain, solve
-from lcorpp.assembly import TrainingOptions
+from lcorpp.assembly import TrainingOptions, solve_domain
 from lcorpp.assembly.case import draw_case
+from lcorpp.cli.new import build
 from lcorpp.decision import LCORPP
+from lcorpp.domains.new_folder import write_new_domain
 from lcorpp.errors import DecisionError, DomainError, FileError
 from lcorpp.scoring import evaluate_exactly
 from lcorpp.simulation import NoisyChannel, Population
-from lcorpp.values import Likelihood
+from lcorpp.values import ConfusionMatrix, Likelihood
 from lcorpp.worlds import ScriptedWorld
 
 FACTS = {"time": "afternoon", "location": "classroom"}
@@ -105,6 +109,17 @@ def test_a_likelihood_and_no_label_change_the_prior_as_the_reasoner_says(robot):
             DomainError,
             "a label and a signal of motion are given; expected one of them",
         ),
+        ({"facts": "morning"}, DomainError, "`facts`, attribute -> value, is 'morning'; expected Mapping"),
+        (
+            {"facts": FACTS, "label": {"motion": "zero"}},
+            DomainError,
+            r"the label of the only sense \(of several: `labels`\) is .* expected str or Likelihood",
+        ),
+        (
+            {"facts": FACTS, "labels": "zero"},
+            DomainError,
+            "`labels`, sense -> label, is 'zero'; exp",
+        ),
         (
             {"facts": FACTS, "label": "zero", "world": ["pos"]},
             DecisionError,
@@ -126,6 +141,11 @@ def test_wrong_parts_are_named(tmp_path):
     for classifiers, error, words in (
         ({"gaze": "forest"}, DomainError, "no sense 'gaze'"),
         ({"motion": tmp_path / "missing.npz"}, FileError, "missing.npz"),
+        (
+            "forest",
+            DomainError,
+            "`classifiers`, sense -> file, learner or options, is 'forest'; exp",
+        ),
     ):
         with pytest.raises(error, match=words):
             lcorpp.load_robot("intention", classifiers=classifiers)
@@ -143,3 +163,22 @@ def test_a_trained_classifier_receives_the_signal():
         given = robot.decide(FACTS, label=label, world=["pos"] * 20)
         assert perceived.labels == {"motion": label}
         np.testing.assert_allclose(perceived.prior, given.prior)
+
+
+def test_the_priors_of_trained_labels_are_solved_for_where_there_are_many_values(tmp_path):
+    """Six values are too many for a policy for all priors; the gap at those of these labels is measured."""
+    shared, questions = ["wish=a,b,c", "room=lab,hall"], ["ask:wish:1:0.85", "find:room:1:0.8"]
+    new = build("errands", ["time=noon,night"], shared, ["gaze:wish:0.8"], questions)
+    loaded = write_new_domain(tmp_path / "errands", new)
+    matrix = ConfusionMatrix(("a", "b", "c"), [[60, 25, 15], [10, 80, 10], [5, 5, 90]])
+    program = loaded.program_for({"gaze": matrix})
+    own, stated = (solve_domain(loaded, any_prior=True, program=p) for p in (program, None))
+    reasoner = Reasoner(program)
+    evidence = [
+        loaded.evidence({"time": time}, {"gaze": label} if label else {})
+        for time, label in product(("noon", "night"), ("a", "b", "c", None))
+    ]
+    priors = [loaded.prior(each) for each in reasoner.posteriors(loaded.shared, evidence)]
+    precision = loaded.planning.solver.precision
+    assert max(own.gap(prior) for prior in priors) <= precision + 1e-9
+    assert max(stated.gap(prior) for prior in priors) > precision

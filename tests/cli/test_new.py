@@ -66,6 +66,21 @@ def test_check_names_the_values_where_a_sense_guesses(tmp_path, lcorpp):
     assert "e.g. pr(gaze=gaze_shop | room=shop) = 0.8." in words
 
 
+def test_check_names_a_function_that_its_file_lacks(tmp_path, lcorpp):
+    folder = tmp_path / "errands"
+    lcorpp("new", folder, "--shared", "room=lab,hall", "--sense", "gaze:room:0.9")
+    (folder / "mine.py").write_text("def walking():\n    pass\n")
+    (folder / "people.py").write_text("def gaze(people, rng):\n    return [[0.0] for _ in people]\n")
+    text = (folder / "domain.toml").read_text() + '\n[simulation]\npeople = "people.py"\n'
+    (folder / "domain.toml").write_text(text.replace('"channel" ', '"mine.py:walkin" '))
+    ended = lcorpp("check", folder)
+    assert ended.code == 2
+    assert ended.err.endswith("mine.py has no function 'walkin'; expected one of walking\n")
+    (folder / "domain.toml").write_text(text)
+    assert lcorpp("check", folder / "domain.toml").code == 0
+    assert lcorpp("run", folder / "domain.toml", "--exact", "--strategy", "R").code == 0
+
+
 def test_six_questions(tmp_path, lcorpp, answer):
     answer("Drinks", "time=morning,evening", "wish=tea,coffee", "gaze:0.9", "", "20 -30")
     ended = lcorpp("new", tmp_path / "drinks")

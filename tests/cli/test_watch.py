@@ -96,6 +96,9 @@ def test_bad_input_is_refused(lcorpp, run, tmp_path):
     refused(lcorpp("watch", tmp_path / "none"), f"{tmp_path / 'none'}: cannot be read: No such file")
     refused(lcorpp("watch", log, "--rate", 1), "the rate of false alarms is 1.0; expected a number between")
     refused(lcorpp("watch", log, "--plot", tmp_path / "x.doc"), f"{tmp_path / 'x.doc'}: not a figure file")
+    (empty := tmp_path / "empty").touch()
+    for command in ("watch", "replay"):
+        refused(lcorpp(command, empty), f"{empty}: has no decisions; expected a log that was written with")
     other = tmp_path / "other"
     other.write_text("{}\n")
     refused(

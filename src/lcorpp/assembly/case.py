@@ -10,9 +10,9 @@ import numpy as np
 
 from lcorpp.assembly.senses import Senses, from_channel
 from lcorpp.domains import Domain
-from lcorpp.errors import DomainError
+from lcorpp.errors import DomainError, check_type
 from lcorpp.protocols import World
-from lcorpp.values import Label, SharedValue
+from lcorpp.values import Label, Likelihood, SharedValue
 
 if TYPE_CHECKING:
     from lcorpp.simulation import Population
@@ -42,7 +42,11 @@ def choose_labels(domain: Domain, label: Label | None, labels: Mapping[str, Labe
     Raises:
         DomainError: a sense or label is unknown, or `label` does not show its sense.
     """
+    check_type(labels, Mapping, "`labels`, sense -> label,", DomainError)
     if label is not None:
+        check_type(
+            label, (str, Likelihood), "the label of the only sense (of several: `labels`)", DomainError
+        )
         names = [sense.name for sense in domain.senses]
         if len(names) != 1 or labels:
             raise DomainError(

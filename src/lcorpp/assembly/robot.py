@@ -19,13 +19,13 @@ from lcorpp.assembly.options import (
     TrainingOptions,
 )
 from lcorpp.assembly.progress import ProgressDisplay, no_progress
-from lcorpp.assembly.robot_parts import ClassifierPart, RobotParts
+from lcorpp.assembly.robot_parts import ClassifierPart, RobotParts, find_own_program
 from lcorpp.assembly.senses import Senses, SenseSetup, from_channel
 from lcorpp.assembly.solving import explain_missing_reports, have_own_rates, solve_domain
 from lcorpp.decision import Robot, dt_control
 from lcorpp.domains import Domain, load_domain
 from lcorpp.domains.sections.learning import Sense
-from lcorpp.errors import DomainError
+from lcorpp.errors import DomainError, check_type
 from lcorpp.notebook import html_table
 from lcorpp.planning import Policy, Solution, SolverOptions
 from lcorpp.planning.policy_cache import find_cache_folder
@@ -106,6 +106,7 @@ class DomainRobot:
             DecisionError: the robot needs more answers than are prepared.
             NoReportError: the policy never reports.
         """
+        check_type(facts, Mapping, "`facts`, attribute -> value,", DomainError)
         known, perceived = choose_labels(self.domain, label, labels or {}), signals or {}
         self._check_evidence(known, perceived)
         self.domain.evidence(facts, known)  # rejects what is unknown
@@ -236,9 +237,11 @@ def compose_robot(
     if policy is not None:
         return DomainRobot(senses, RobotParts(domain, policy, classifiers, smoothing, None, policy_file))
     options = solver or domain.planning.solver
-    any_prior = have_own_rates(classifiers)
+    any_prior, program = have_own_rates(classifiers), find_own_program(domain, classifiers, smoothing)
     with progress("solving the POMDP") as advance:
-        solution = solve_domain(domain, options, any_prior=any_prior, cache=cache, advance=advance)
+        solution = solve_domain(
+            domain, options, any_prior=any_prior, program=program, cache=cache, advance=advance
+        )
     return DomainRobot(senses, RobotParts(domain, solution.policy, classifiers, smoothing, options), solution)
 
 
@@ -279,6 +282,7 @@ def load_robot(
         >>> robot.domain.preset, round(robot.solution.lower, 1)
         ('paper', 66.5)
     """
+    check_type(classifiers or {}, Mapping, "`classifiers`, sense -> file, learner or options,", DomainError)
     loaded = domain if isinstance(domain, Domain) else load_domain(domain, preset=preset)
     chosen = {name: _read_options(how) for name, how in (classifiers or {}).items()}
     soft = dict.fromkeys(likelihoods, True)

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import lcorpp
-from lcorpp.assembly.solving import RatesSource, solve_domain
+from lcorpp.assembly.solving import RatesSource, have_own_rates, solve_domain
 from lcorpp.decision import Robot
 from lcorpp.domains import Domain, load_domain
 from lcorpp.domains.loading import SHIPPED_FOLDER
@@ -199,7 +199,8 @@ def read_parts(description: Json, domain: Domain, *, cache: Path | None = None) 
         found = read_policy(file, domain.pomdp)
         return RobotParts(domain, found, classifiers, smoothing, policy_file=file)
     solver = replace(domain.planning.solver, **{name: policy["solver"][name] for name in policy["given"]})
-    solution = solve_domain(domain, solver, any_prior=policy.get("any_prior", False), cache=cache)
+    program, any_prior = find_own_program(domain, classifiers, smoothing), policy.get("any_prior", False)
+    solution = solve_domain(domain, solver, any_prior=any_prior, program=program, cache=cache)
     return RobotParts(domain, solution.policy, classifiers, smoothing, solver)
 
 
@@ -231,6 +232,16 @@ def make_program(
     parts = classifiers.items()
     confusions = {name: part.confusion for name, part in parts if part.confusion is not None}
     return domain.program_for(confusions, smoothing, soft=[name for name, part in parts if part.soft])
+
+
+def find_own_program(
+    domain: Domain, classifiers: Mapping[str, RatesSource], smoothing: Fraction
+) -> Program | None:
+    """Return `make_program` if a classifier has other rates than the domain, and all give labels."""
+    is_soft = any(part.soft for part in classifiers.values())
+    if is_soft or not have_own_rates(classifiers):
+        return None
+    return make_program(domain, classifiers, smoothing)
 
 
 def _describe_domain(domain: Domain) -> dict[str, Any]:

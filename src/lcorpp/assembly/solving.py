@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from dataclasses import replace
 from math import isfinite
 from pathlib import Path
 from typing import Protocol
@@ -15,6 +16,7 @@ from lcorpp.domains import Domain
 from lcorpp.errors import NoReportError
 from lcorpp.planning import Progress, Solution, SolverOptions
 from lcorpp.planning.policy_cache import solve_cached
+from lcorpp.reasoning import Program
 from lcorpp.values import Array, ConfusionMatrix
 
 
@@ -37,6 +39,7 @@ def solve_domain(
     solver: SolverOptions | None = None,
     *,
     any_prior: bool = False,
+    program: Program | None = None,
     cache: Path | None = None,
     advance: Advance = show_nothing,
 ) -> Solution:
@@ -50,6 +53,8 @@ def solve_domain(
             evidence: a classifier was trained or gives likelihoods. With `sarsop` and at most `MAX_MIXED`
             shared values the precision is then reached at every prior, within the solver's limit; also if the
             domain's own priors are too many to be listed.
+        program: of the robot with its classifiers' rates, if all of its evidence is hard. Its priors are
+            added where the domain has more than `MAX_MIXED` shared values.
         cache: a folder that keeps solutions; None solves.
         advance: receives the seconds and the time limit.
 
@@ -74,6 +79,10 @@ def solve_domain(
     beliefs = np.vstack([starts.beliefs, starts.labels_alone])
     is_mixed = options.name == "sarsop" and (any_prior or not starts.are_complete)
     mixed = find_mixed(domain) if is_mixed else None
+    if program is not None and mixed is None:
+        known = replace(domain, reasoning=replace(domain.reasoning, program=program)).list_starts()
+        beliefs = np.vstack([beliefs, known.beliefs, known.labels_alone])
+        beliefs = beliefs[np.sort(np.unique(beliefs, axis=0, return_index=True)[1])]  # the first one stays
     return solve_cached(domain.pomdp, beliefs, options, mixed=mixed, folder=cache, callback=callback)
 
 

@@ -9,8 +9,9 @@ import typer
 
 from lcorpp.cli import console, model_files
 from lcorpp.cli.options.code import take_consent
-from lcorpp.errors import DataError, FileError, TooLargeError
+from lcorpp.errors import DataError, DomainError, FileError, TooLargeError
 from lcorpp.notebook import join_some
+from lcorpp.user_code import UserFunction
 
 if TYPE_CHECKING:
     from lcorpp.domains import Domain
@@ -145,6 +146,8 @@ def _check_domain(folder: Path) -> None:
 
     for preset in read_preset_names(folder) or (None,):
         domain = load_domain(folder, preset=preset)
+        for sense in domain.senses:
+            UserFunction.parse(sense.classifier or "", DomainError)  # raises if its file lacks it
         name = f"{domain.name}, preset {preset}" if preset else domain.name
         console.out.print(
             f"{folder} ({name}): observes {', '.join(domain.observed) or 'nothing'};"

@@ -10,6 +10,7 @@ import typer
 
 from lcorpp.cli import console, output_files
 from lcorpp.cli.options import common as options
+from lcorpp.files import check_matplotlib
 
 
 def figures(
@@ -51,6 +52,7 @@ def figures(
     from lcorpp.experiments.figures.registry import find_figures
 
     names = find_figures(name or [])  # before the slow imports
+    check_matplotlib()
     from lcorpp.experiments.figures.result import FigureOptions
     from lcorpp.experiments.figures.running import FigureRun
     from lcorpp.experiments.tables import has_parquet

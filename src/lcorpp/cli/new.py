@@ -135,7 +135,7 @@ def ask_answers(folder_name: str, ask: Callable[[str], str]) -> NewDomain:
         (
             f"Name of the domain [{folder_name}]",
             "Facts that the robot observes, e.g. time=morning,evening kind=regular,guest; empty for none",
-            "What it decides, e.g. wish=tea,coffee; several variables are possible",
+            "What it decides, e.g. wish=tea,coffee, or several variables: wish=tea,coffee room=lab,hall",
             "Senses that classify these, e.g. gaze:wish:0.8 (right with .8); empty for none",
             "Questions it can ask, e.g. ask:1:0.85 (cost, reliability) [ask:1:0.85]",
             f"Rewards of a right and of a wrong report [{RIGHT:g} {WRONG:g}]",

@@ -198,7 +198,7 @@ def strategies(
         >>> [strategy.name for strategy in strategies(["r+p", "LCORPP"])]
         ['R+P', 'LCORPP']
     """
-    given, table = list(names), list_strategies(senses)
+    given, table = [names] if isinstance(names, str) else list(names), list_strategies(senses)
     selected = [name.upper() for name in given]
     rows = (*table, *more) if selected else table
     known = [row.name.upper() for row in rows]

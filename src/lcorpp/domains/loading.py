@@ -35,7 +35,7 @@ def load_domain(
     """Load a domain folder and check it as a whole.
 
     Args:
-        name_or_folder: a folder with a `domain.toml`, or the name of a shipped domain.
+        name_or_folder: a folder with a `domain.toml`, that file, or the name of a shipped domain.
         preset: name of a preset; None for the first, if the domain has any.
         changes: of `domain.toml`, after the preset: nested tables such as ``{"simulation": {"noise": 0.2}}``.
 
@@ -52,6 +52,8 @@ def load_domain(
     """
     check_type(name_or_folder, (str, Path), "the domain", DomainError)
     folder = Path(name_or_folder)
+    if folder.name == "domain.toml" and folder.is_file():
+        folder = folder.parent
     if not (folder / "domain.toml").is_file():
         if str(name_or_folder) not in list_domains():
             raise DomainError(

@@ -178,11 +178,12 @@ def _check_variable(variable: NewVariable) -> None:
 
 
 def _check_name(what: str, name: str) -> None:
-    if not re.fullmatch(r"[a-z][a-z0-9_]*", name) or name in RESERVED:
+    if name in RESERVED:
         raise DomainError(
-            f"the {what} {name!r}: expected a lower-case letter, then letters, digits or _, and no word of"
-            " P-log"
+            f"the {what} {name!r}: expected no word of P-log or of the model: {', '.join(sorted(RESERVED))}"
         )
+    if not re.fullmatch(r"[a-z][a-z0-9_]*", name):
+        raise DomainError(f"the {what} {name!r}: expected a lower-case letter, then letters, digits or _")
 
 
 def _check_of(what: str, name: str, of: str, shared: Iterable[str]) -> None:

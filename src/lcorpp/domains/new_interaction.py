@@ -32,7 +32,9 @@ def make_model(values: Mapping[str, Sequence[str]]) -> Pomdp:
     observation = np.zeros((len(actions), len(states), len(observations)))
     reward = np.zeros((len(actions), len(states)))
     observation[:, -1, -1] = 1  # nothing is heard after a report
-    for a, (variable, cost, reliability) in enumerate(QUESTIONS.values()):
+    for a, (question, (variable, cost, reliability)) in enumerate(QUESTIONS.items()):
+        if not 0 <= reliability <= 1:
+            raise ValueError(f"the reliability of {question} is {reliability}; expected 0 to 1")
         transition[a] = np.eye(len(states))
         known = values[variable]
         for s, case in enumerate(cases):

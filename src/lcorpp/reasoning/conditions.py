@@ -18,6 +18,9 @@ from lcorpp.reasoning.language.arithmetic import absorb_rounding
 from lcorpp.reasoning.language.program import Program
 from lcorpp.reasoning.language.syntax import Probability, Selection, Statement
 
+MAX_PLACES = 5
+"""Maximum number of statements that a message names beside the first."""
+
 
 class ConditionViolation(Exception):
     """A world breaks a condition of P-log; who found the world adds it to the message.
@@ -154,9 +157,11 @@ def compute_probabilities(
         if isinstance(statement, Probability) and absorb_rounding(total, statement.term.name, statement.at):
             return [numbers.get(value, Fraction(0)) / total for value in possible]
         bound = "at most " if n_unassigned else ""
+        others = sorted({atom.statement for atom in atom_of.values()} - {first})
+        places = ", ".join(str(program.statements[other].at) for other in others[:MAX_PLACES])
+        also = f", with the pr-atom{'s' * (len(others) > 1)} at {places}" if others else ""
         raise ConditionViolation(
-            first,
-            f"not unitary: the probabilities of {{term}} sum to {total}, not {bound}1",
+            first, f"not unitary: the probabilities of {{term}} sum to {total}, not {bound}1{also}"
         )
     share = (1 - total) / n_unassigned if n_unassigned else Fraction(0)
     return [numbers.get(value, share) for value in possible]

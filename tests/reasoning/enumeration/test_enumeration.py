@@ -205,11 +205,13 @@ def test_loops_have_answers() -> None:
         ),
         (
             "s={a,b,c}. x : s. random(x).\npr(x=a) = 0.75. pr(x=b) = 0.75.",
-            "c.plog:2:1: not unitary: the probabilities of x sum to 3/2, not at most 1, in the world {x=",
+            "c.plog:2:1: not unitary: the probabilities of x sum to 3/2, not at most 1, with the pr-atom at"
+            " c.plog:2:17, in the world {x=",
         ),
         (
             "p : boolean. random(p).\npr(p) = 1/2.\npr(-p) = 1/4.",
-            "c.plog:2:1: not unitary: the probabilities of p sum to 3/4, not 1, in the world {p=false}",
+            "c.plog:2:1: not unitary: the probabilities of p sum to 3/4, not 1, with the pr-atom at"
+            " c.plog:3:1, in the world {p=false}",
         ),
     ],
 )

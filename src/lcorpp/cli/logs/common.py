@@ -38,3 +38,8 @@ def summarise_damage(damaged: list[DataError], file: Path) -> str:
     if len(faults) > MAX_MESSAGES:
         return "\n".join([*lines[:MAX_MESSAGES], f"... ({len(damaged)} lines in all)"])
     return "\n".join(lines)
+
+
+def describe_empty(file: Path) -> str:
+    """Return the message about a log without decisions."""
+    return f"{file}: has no decisions; expected a log that was written with --log"

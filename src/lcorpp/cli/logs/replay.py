@@ -46,6 +46,8 @@ def replay(
             differences += len(result.differences)
             if not quiet:
                 _print_decision(result)
+    if not (count or damaged):
+        raise DataError(common.describe_empty(log))
     where = f" in {different} of them" if different else ""
     console.out.print(f"{count} decisions, {differences} differences{where}")
     if damaged:

@@ -50,7 +50,6 @@ def watch(
 
     from lcorpp.cli.output_files import check_figure
     from lcorpp.logs.watching import LogWatch, describe_finding
-    from lcorpp.plot_style import save_figure
 
     if plot is not None:
         check_figure(plot)
@@ -75,11 +74,14 @@ def watch(
     except KeyboardInterrupt:
         if not follow:
             raise
+    if not (watching.n_decisions or damaged or follow):
+        raise DataError(common.describe_empty(log))
     if watching.n_decisions or not damaged:
         of = f" of {watching.strategy}" if watching.strategy else ""
         console.out.print(f"{watching.n_decisions} decisions{of}, {alarms or 'no'} alarm{'s' * (alarms > 1)}")
     if plot is not None and watching.log_e:
         from lcorpp.logs.watching_figure import plot_alarm
+        from lcorpp.plot_style import save_figure
 
         save_figure(plot_alarm(watching.log_e, rate), plot)
     if damaged:
