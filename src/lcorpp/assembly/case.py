@@ -84,6 +84,10 @@ def draw_case(
 
     rng = np.random.default_rng([seed, 0])
     given = facts if truth is None else {**facts, **domain.reasoning.split(truth)}
+    for name in domain.simulation.joint_labels:
+        if isinstance(label := predicted.get(name), str):  # the person who has this label
+            sense = domain.find_sense(name)
+            given = {**given, sense.attribute: sense.label_of[label]}
     person = _make_population(domain).sample(1, rng, given)[0]
     labels = dict(predicted)
     for sense in domain.senses:

@@ -20,19 +20,16 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import wraps
-from inspect import signature
-from math import ceil, e, inf, log
-from typing import Any, TypeVar
+from math import ceil, e, log
+from typing import TypeVar
 
 import numpy as np
 import numpy.typing as npt
 
 from lcorpp.errors import ModelError
-from lcorpp.planning.arguments import check_beliefs, check_solver_arguments
 from lcorpp.planning.policy import AlphaVectors, Policy, UpperBound
 from lcorpp.planning.pomdp import Pomdp
-from lcorpp.planning.solution import Progress, Solution
+from lcorpp.planning.solution import Solution
 from lcorpp.planning.sparse import SparseTables
 from lcorpp.values import Array, Belief
 
@@ -184,35 +181,6 @@ class DiscountedForm:
         return ceil(log(1 / probability)) * ceil(e * float(self.weights.max()))
 
 
-def accept_undiscounted(solver: _Solver) -> _Solver:
-    """Decorate a solver for discounts below 1: it solves problems with discount 1 as discounted ones."""
-
-    default: float = signature(solver).parameters["precision"].default
-
-    @wraps(solver)
-    def solve(pomdp: Pomdp, start: npt.ArrayLike | None = None, **options: Any) -> Solution:
-        if not isinstance(pomdp, Pomdp) or pomdp.discount < 1:
-            return solver(pomdp, start, **options)
-        precision, time_limit = options.get("precision", default), options.get("time_limit", inf)
-        callback = options.get("callback")
-        starts = check_solver_arguments(pomdp, start, precision, time_limit, callback)
-        form = DiscountedForm.of(pomdp)
-        beliefs = starts
-        if options.get("mixed") is not None:
-            mixed = check_beliefs(pomdp, options["mixed"], "mixed")
-            options["mixed"], beliefs = form.convert_beliefs(mixed), np.concatenate([starts, mixed])
-        scale = float(form.scale(beliefs).max())
-        options["precision"] = precision / scale
-        if callback is not None:
-            options["callback"] = lambda now: callback(_scale_progress(now, scale))
-        previous = options.get("previous")
-        if isinstance(previous, Solution) and previous.policy.fingerprint == pomdp.fingerprint:
-            options["previous"] = replace(previous, policy=form.convert_policy(previous.policy))
-        return form.restore_solution(solver(form.pomdp, form.convert_beliefs(starts), **options))
-
-    return solve  # type: ignore[return-value]
-
-
 def find_ended(pomdp: Pomdp) -> _Flags:
     """Return (S,) which states have ended: nothing is earned there, and no action leaves them."""
     S = len(pomdp.states)
@@ -299,7 +267,3 @@ def _find_new_name(name: str, names: tuple[str, ...]) -> str:
     while name in names:
         name += "'"
     return name
-
-
-def _scale_progress(now: Progress, scale: float) -> Progress:
-    return replace(now, lower=scale * now.lower, upper=scale * now.upper)

@@ -73,7 +73,7 @@ def _enumerate_labels(
     for sense, channel in channels.items():
         presence = domain.simulation.presence.get(sense)
         perceived = 1.0 if presence is None else presence.probability(person)
-        row = channel.rates[channel.classes.index(person[channel.of])] * perceived
+        row = channel.probabilities(person) * perceived
         labelled = zip(channel.classes, row.tolist(), strict=True)
         choices.append([*labelled, *([(None, 1 - perceived)] if perceived < 1 else [])])
     for combination in product(*choices):
@@ -84,7 +84,7 @@ def _enumerate_labels(
 
 def list_attributes(domain: Domain, channels: Mapping[str, NoisyChannel]) -> tuple[str, ...]:
     """List the attributes of people on which `list_cases` depends."""
-    classified = [channel.of for channel in channels.values()]
+    classified = [channel.attribute or channel.of for channel in channels.values()]
     presence = [known.of for sense, known in domain.simulation.presence.items() if sense in channels]
     needed = [*domain.observed, *classified, *domain.reasoning.shared, *filter(None, presence)]
     return tuple(dict.fromkeys(needed))

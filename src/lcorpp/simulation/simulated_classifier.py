@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol
 
@@ -49,10 +49,12 @@ class NoisyChannel:
     """A classifier with known error rates; it is its own source of signals, too.
 
     The signal of a person is one number: the index of the predicted class, drawn from the row of rates of the
-    person's true class.
+    person's true class, or that of the label that the truth program has drawn with the person.
 
     of: the attribute that is classified. classes: its V values.
     rates: (V, V) rates[i, j] = P(predicted class j | true class i).
+    attribute: of the person's label, if it is drawn with the person; None if it is drawn by `rates`.
+    labels: the value of `attribute` that each class has.
 
     Examples:
         >>> from lcorpp import load_domain
@@ -65,6 +67,8 @@ class NoisyChannel:
     of: str
     classes: tuple[str, ...]
     rates: Array
+    attribute: str | None = None
+    labels: tuple[str, ...] = ()
 
     def __repr__(self) -> str:
         recalls = zip(self.classes, self.rates.diagonal(), strict=True)
@@ -83,17 +87,28 @@ class NoisyChannel:
                 f"{domain.folder}: no noisy channel: neither [simulation.channel] nor rules for"
                 f" {sense.attribute!r} in the truth program"
             )
-        labels = [sense.label_of[value] for value in sense.classes]
+        labels = tuple(sense.label_of[value] for value in sense.classes)
         rates = np.array([[label_rates[value][label] for label in labels] for value in sense.classes])
-        return cls(sense.of, sense.classes, rates)
+        attribute = sense.attribute if sense.name in domain.simulation.joint_labels else None
+        return cls(sense.of, sense.classes, rates, attribute, labels)
 
     def simulate(self, people: Sequence[Person], rng: np.random.Generator) -> Array:
         """Draw the index of each person's predicted class: (people, 1, 1)."""
-        bounds = np.cumsum(self.rates, axis=1)
-        rows = [self.classes.index(person[self.of]) for person in people]
-        drawn = (rng.random((len(people), 1)) >= bounds[rows][:, :-1]).sum(axis=1)
+        if self.attribute is not None:
+            drawn = np.array([self.labels.index(person[self.attribute]) for person in people])
+        else:
+            bounds = np.cumsum(self.rates, axis=1)
+            rows = [self.classes.index(person[self.of]) for person in people]
+            drawn = (rng.random((len(people), 1)) >= bounds[rows][:, :-1]).sum(axis=1)
         signals: Array = drawn.astype(np.float64).reshape(-1, 1, 1)
         return signals
+
+    def probabilities(self, person: Mapping[str, str]) -> Array:
+        """Return (V,) the probability of each predicted class, for a person of these attributes."""
+        if self.attribute is None:
+            row: Array = self.rates[self.classes.index(person[self.of])]
+            return row
+        return np.array([float(label == person[self.attribute]) for label in self.labels])
 
     def classify(self, signal: Array) -> str:
         return self.classes[int(signal[0, 0])]

@@ -8,7 +8,7 @@ import pytest
 from lcorpp.domains import load_domain
 from lcorpp.worlds.speech import FEATURES, Recogniser, read_confidence
 
-PRESETS = ("paper", "authors", "medium", "low", "heard")
+PRESETS = ("paper", "authors", "medium", "low", "heard", "around")
 
 
 @pytest.fixture(scope="module")

@@ -2,8 +2,9 @@
 
 A track ends when the person comes within a random distance of the robot. This distance, the duration, the
 sampling rate and all tracker errors have the same distribution for both classes: only the motion depends on
-the intention. Two functions simulate the same people: `trajectories`, x and y at a fixed rate over ten
-seconds, and `recordings`, with random durations and all channels of the mall's tracker.
+the intention. Three functions simulate the same people: `trajectories`, x and y at a fixed rate over ten
+seconds, `recordings`, with random durations and all channels of the mall's tracker, and `legs`, as a laser
+scanner on the robot sees them.
 
 Units are metres, seconds and radians; the robot is at (0, 0). Both files are loaded by path as part of a
 domain folder and need no other library than numpy.
@@ -75,6 +76,11 @@ TURN, TURN_ERROR, TURN_TIME = (0.3, 0.9), 0.3, 1.0
 """Fraction of the angle by which people turn towards what they attend to; standard deviation and correlation
 time of its error."""
 
+LEG_POINTS, LEG_INTERVAL = 41, 0.1
+"""Time points of a track of legs, and seconds between two: a laser finds legs only nearby."""
+LEG_ERROR = 0.06
+"""Standard deviation per coordinate of the middle of two legs, in each scan: the feet swing."""
+
 BLOCK_SIZE = 2000
 """People simulated at once, which bounds the memory."""
 INTENTIONS = ("interested", "not_interested")
@@ -103,6 +109,29 @@ def trajectories(people: Sequence[Mapping[str, str]], rng: np.random.Generator) 
         time_left = np.arange(POINTS - 1, -1, -1) * INTERVAL
         walks = _walk(interested[rows], np.broadcast_to(time_left, (len(interested[rows]), POINTS)), rng)
         tracks[rows] = _add_tracker_errors(walks.path, time_left[0] - time_left, rng)
+    return tracks
+
+
+def legs(people: Sequence[Mapping[str, str]], rng: np.random.Generator) -> Array:
+    """(n, 2, LEG_POINTS) x and y of the middle of the legs, LEG_INTERVAL seconds apart, by a laser scanner.
+
+    The walks are others than those of `trajectories`, so that classifiers trained on both make independent
+    errors. On a robot both senses see one walk: knowledge_around.plog has the rates of labels of one walk.
+
+    Args:
+        people: n people; only "intention" is used, "interested" or "not_interested".
+        rng: source of all randomness.
+
+    Raises:
+        ValueError: a person with a missing or unknown intention.
+    """
+    interested = _read_interested(people)
+    tracks = np.empty((len(people), 2, LEG_POINTS))
+    for start in range(0, len(people), BLOCK_SIZE):
+        rows = slice(start, start + BLOCK_SIZE)
+        time_left = np.arange(LEG_POINTS - 1, -1, -1) * LEG_INTERVAL
+        walks = _walk(interested[rows], np.broadcast_to(time_left, (len(interested[rows]), LEG_POINTS)), rng)
+        tracks[rows] = walks.path + LEG_ERROR * rng.standard_normal(walks.path.shape)
     return tracks
 
 

@@ -18,6 +18,7 @@ from lcorpp.domains.sections.names import (
     check_same_names,
     find_attribute_values,
 )
+from lcorpp.domains.sections.noisy_channels import make_noisy_channels
 from lcorpp.domains.sections.planning import PlanningSection
 from lcorpp.domains.sections.reasoning import ReasoningSection, read_value_mapping
 from lcorpp.domains.toml import TomlTable
@@ -43,6 +44,8 @@ class SimulationSection:
     hearing: (A, O, O) P(heard | said) of the answers, by `noise`; the identity without `feedback`.
     noisy_channels: sense -> class -> label -> probability: the error rates of a simulated classifier; a sense
         is missing if they are unknown, so that its classification needs signals.
+    joint_labels: the senses with a noisy channel whose labels the truth program draws with the person, as it
+        relates them to more than their class; the others are drawn by their rates.
     presence: sense -> the people whom it perceives; a sense that is missing perceives all.
     signals: sense -> the simulation of its signals, e.g. trajectories (people, channels, time points), for
         the senses for which a people.py defines it.
@@ -62,6 +65,7 @@ class SimulationSection:
     feedback_model: Array
     hearing: Array
     noisy_channels: Mapping[str, Mapping[str, Mapping[str, float]]] = field(default_factory=dict)
+    joint_labels: tuple[str, ...] = ()
     presence: Mapping[str, Presence] = field(default_factory=dict)
     signals: Mapping[str, Simulate] = field(default_factory=dict)
     world: Callable[[Mapping[str, str], np.random.Generator], World] | None = None
@@ -96,11 +100,13 @@ def read_simulation(
     if "people" in table:
         plugin = SimulationPlugin(find_file(table, "people", folder), [sense.name for sense in senses])
     feedback_model, hearing = _make_feedback_model(table, reasoning, planning)
+    channels, joint = make_noisy_channels(table, program, senses)
     section = SimulationSection(
         true_program=program,
         feedback_model=feedback_model,
         hearing=hearing,
-        noisy_channels=_make_noisy_channels(table, program, senses),
+        noisy_channels=channels,
+        joint_labels=joint,
         presence=_read_presence(table.section("present"), program, senses),
         signals=plugin.signals if plugin else {},
         world=_read_world(table, folder, plugin),
@@ -251,58 +257,3 @@ def _read_presence(table: TomlTable, program: Program, senses: Sequence[Sense]) 
     from lcorpp.domains.sections.presence import read_presence  # few domains have the table
 
     return read_presence(table, program, senses)
-
-
-def _make_noisy_channels(
-    table: TomlTable, true_program: Program, senses: Sequence[Sense]
-) -> dict[str, dict[str, dict[str, float]]]:
-    """Return P(label | class) of the simulated classifiers: from `channel`, else the true program.
-
-    `channel` is the table of the only sense, or has a table for each of some senses.
-    """
-    channels = {}
-    given = table.section("channel") if "channel" in table else None
-    for sense in senses:
-        if given is not None and (len(senses) == 1 or sense.name in given):
-            own = given if len(senses) == 1 else given.section(sense.name)
-            channels[sense.name] = _read_noisy_channel(own, sense)
-        elif sense.attribute in true_program.attributes:
-            channels[sense.name] = compute_noisy_channel(true_program, sense)
-    if given is not None:
-        given.reject_unknown_keys()
-    return channels
-
-
-def compute_noisy_channel(program: Program, sense: Sense) -> dict[str, dict[str, float]]:
-    """Compute P(label | class) of a program: class -> label -> probability."""
-    from lcorpp.reasoning import Reasoner  # imports the grounder and the compiler
-
-    labels = sense.label_of.values()
-    joint = Reasoner(program).exact((sense.of, sense.attribute))
-    channel = {}
-    for value in sense.classes:
-        row = {label: joint[value, label] for label in program.attributes[sense.attribute].values}
-        total = sum(row.values())
-        channel[value] = (
-            {label: float(p / total) for label, p in row.items()}
-            if total
-            else dict.fromkeys(labels, 1 / len(labels))  # an impossible value: its row is never used
-        )
-    return channel
-
-
-def _read_noisy_channel(table: TomlTable, sense: Sense) -> dict[str, dict[str, float]]:
-    """Read the table of a channel: a row of label probabilities for each class."""
-    labels = tuple(sense.label_of.values())
-    check_same_names(table.location(), tuple(table), sense.classes, f"the values of {sense.of}")
-    rates = {}
-    for value in sense.classes:
-        row = table.section(value)
-        check_same_names(table.location(value), tuple(row), labels, f"the values of {sense.attribute}")
-        rates[value] = {label: row.number(label, 0, 1) for label in labels}
-        row.reject_unknown_keys()
-        total = sum(rates[value].values())
-        if abs(total - 1) > 1e-9:
-            raise DomainError(f"{table.location(value)}: the probabilities sum to {total:g}, not 1")
-    table.reject_unknown_keys()
-    return rates

@@ -95,7 +95,8 @@ def list_axes(domain: Domain) -> dict[Axis, tuple[float, float]]:
     both: list[Axis] = []
     for sense in domain.senses:
         name = (sense.name,) if len(domain.senses) > 1 else ()
-        if sense.name in domain.simulation.noisy_channels:
+        simulation = domain.simulation
+        if sense.name in simulation.noisy_channels and sense.name not in simulation.joint_labels:
             both += [("classifier", *name, value) for value in sense.classes]
     for attribute in shared:
         name = (attribute,) if len(shared) > 1 else ()

@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from lcorpp.domains import Domain
 from lcorpp.domains.sections.learning import Sense
-from lcorpp.domains.sections.simulation import compute_noisy_channel
+from lcorpp.domains.sections.noisy_channels import compute_noisy_channel
 from lcorpp.errors import DomainError
 from lcorpp.reasoning import Program, Reasoner, parse_plog, with_classifier
 from lcorpp.reasoning.language.syntax import Number, Probability

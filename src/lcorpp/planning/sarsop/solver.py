@@ -13,6 +13,7 @@ from time import monotonic
 import numpy.typing as npt
 
 from lcorpp.errors import PolicyError
+from lcorpp.planning.any_discount import accept_undiscounted
 from lcorpp.planning.arguments import (
     MEMORY_LIMIT,
     check_beliefs,
@@ -26,7 +27,6 @@ from lcorpp.planning.sarsop.bounded_tree import BoundedTree
 from lcorpp.planning.sarsop.look_ahead import LookAhead
 from lcorpp.planning.sarsop.mixtures import MixtureStarts
 from lcorpp.planning.solution import CONVERGED, Progress, Solution
-from lcorpp.planning.undiscounted import accept_undiscounted
 
 MIXTURE_WORK = 2.5e5
 """Work for mixtures for each second of the time limit, in the unit of `BoundedSearch`: about a hundredth of a

@@ -11,13 +11,13 @@ from time import monotonic
 import numpy as np
 import numpy.typing as npt
 
+from lcorpp.planning.any_discount import accept_undiscounted
 from lcorpp.planning.arguments import check_count, check_solver_arguments
 from lcorpp.planning.belief import observation_probabilities, update
 from lcorpp.planning.pomdp import Pomdp
 from lcorpp.planning.sarsop.bounded_search import BoundedSearch
 from lcorpp.planning.sarsop.bounded_tree import BoundedTree
 from lcorpp.planning.solution import Progress, Solution
-from lcorpp.planning.undiscounted import accept_undiscounted
 from lcorpp.values import Array
 
 INITIAL_SHARE = 0.1

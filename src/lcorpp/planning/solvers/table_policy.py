@@ -26,6 +26,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lcorpp.planning._native import fast_informed_bound, mdp_bound
+from lcorpp.planning.any_discount import accept_undiscounted
 from lcorpp.planning.arguments import check_solver_arguments
 from lcorpp.planning.evaluation.policy_evaluation import Evaluation, evaluate
 from lcorpp.planning.policy import AlphaVectors, Policy
@@ -33,7 +34,6 @@ from lcorpp.planning.pomdp import Pomdp
 from lcorpp.planning.sarsop.kernel_model import build_model
 from lcorpp.planning.solution import BoundsRecord, Progress, Solution
 from lcorpp.planning.sparse import joint_matrix
-from lcorpp.planning.undiscounted import accept_undiscounted
 from lcorpp.planning.upper_bounds import PiecewiseLinearBound
 from lcorpp.values import Array
 

@@ -16,6 +16,7 @@ import numpy as np
 import numpy.typing as npt
 from threadpoolctl import threadpool_limits
 
+from lcorpp.planning.any_discount import accept_undiscounted
 from lcorpp.planning.arguments import check_solver_arguments
 from lcorpp.planning.policy import AlphaVectors, Policy
 from lcorpp.planning.pomdp import Pomdp
@@ -25,7 +26,6 @@ from lcorpp.planning.solvers.exact.dynamic_programming import DenseModel
 from lcorpp.planning.solvers.exact.incremental_pruning import back_up, max_prunings
 from lcorpp.planning.solvers.exact.point_based import Plans, improve
 from lcorpp.planning.solvers.exact.pruning import excess, prune
-from lcorpp.planning.undiscounted import accept_undiscounted
 from lcorpp.planning.upper_bounds import PiecewiseLinearBound
 from lcorpp.values import Array
 
