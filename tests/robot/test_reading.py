@@ -24,7 +24,7 @@ def test_the_configuration_of_the_stand_in(folder):
     assert (config.domain, config.strategy, config.value) == ("intention", "LCORPP", "interested")
     assert config.connection.url == URL
     assert config.pose == ("/pose", "geometry_msgs/PoseStamped")
-    assert config.people.topic == ("/people", "people_msgs/People")
+    assert config.people.tracker.topic == ("/people", "people_msgs/People")
     assert config.answers.utterances["neg"] == ("no thank you",)
     assert config.facts["location"] == FixedFact("classroom")
     behaviours = config.behaviours

@@ -101,11 +101,14 @@ def _check_robot(path: Path) -> None:
     config, domain = read_robot_config(path)
     connection = config.connection
     actions = config.behaviours.keys() - {AFTER}
+    people = " ".join(config.people.tracker.topic)
+    for sense, tracker in config.people.senses.items():
+        people += f", for {sense} from {' '.join(tracker.topic)}"
     where = f" at {connection.url}" if connection.kind == "rosbridge" else ""
     preset = f", preset {domain.preset}" if domain.preset else ""
     console.out.print(
         f"{path}: {domain.name}{preset} by {config.strategy}; {connection.kind} for ROS {connection.version}"
-        f"{where}; people from {' '.join(config.people.topic)}; {len(actions)} actions: OK"
+        f"{where}; people from {people}; {len(actions)} actions: OK"
     )
     unknown = [name for name in domain.observed if name not in config.facts]
     if unknown:

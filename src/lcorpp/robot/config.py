@@ -9,7 +9,7 @@ from pathlib import Path
 from lcorpp.robot.facts import Fact
 from lcorpp.values import SharedValue
 from lcorpp.worlds.ros.belief_messages import BeliefTopics
-from lcorpp.worlds.ros.perception import Frames
+from lcorpp.worlds.ros.perception import AT_ROBOT, Frames
 from lcorpp.worlds.ros.pose import Pose
 from lcorpp.worlds.ros.ros_world import Behaviour
 from lcorpp.worlds.ros.sensor_messages import CLASSES
@@ -39,18 +39,31 @@ class ConnectionConfig:
 
 
 @dataclass(frozen=True)
-class PeopleConfig:
-    """People as the robot tracks them.
+class TrackerConfig:
+    """A source of people's positions.
 
-    topic: of the tracker. decide_after: seconds of a track before the robot decides.
-    max_silence: seconds without a sample after which a person has left.
-    classes: of detections that are people, in lower case.
+    topic: of a people tracker or a laser scanner. classes: of detections that are people, in lower case.
+    mounting: the pose of a laser scanner in the robot's frame.
     """
 
     topic: Topic
+    classes: tuple[str, ...] = CLASSES
+    mounting: Pose = AT_ROBOT
+
+
+@dataclass(frozen=True)
+class PeopleConfig:
+    """People as the robot tracks them.
+
+    tracker: of all senses without their own. senses: sense -> its own tracker.
+    decide_after: seconds of a track before the robot decides.
+    max_silence: seconds without a sample after which a person has left.
+    """
+
+    tracker: TrackerConfig
+    senses: Mapping[str, TrackerConfig] = field(default_factory=dict)
     decide_after: float = 10.0
     max_silence: float = 3.0
-    classes: tuple[str, ...] = CLASSES
 
 
 @dataclass(frozen=True)

@@ -15,9 +15,9 @@ from lcorpp.decision.strategies import Session
 from lcorpp.errors import ConnectionLostError, LcorppError, PersonLeftError, WorldError
 from lcorpp.learning import TrainedClassifier
 from lcorpp.robot.attending import Attention
-from lcorpp.robot.config import AFTER, RobotConfig
+from lcorpp.robot.config import AFTER, PeopleConfig, RobotConfig
 from lcorpp.robot.hearing import make_listener
-from lcorpp.robot.tracking import PeopleTracks, TrackingThread
+from lcorpp.robot.tracking import PeopleTracks, SensedPeople, TrackingThread
 from lcorpp.values import Distribution, Episode, Instance, Step
 from lcorpp.worlds.ros.connection import RosConnection
 from lcorpp.worlds.ros.fields import FaultLog
@@ -79,16 +79,13 @@ class RobotLoop:
     ) -> None:
         self._config, self._parts, self._strategy, self._connection = config, parts, strategy, connection
         self._show_step, self._attention = show_step, Attention(parts.domain, config.value)
-        timeout = config.connection.timeout
-        self._perception = Perception(
-            connection,
-            config.people.topic,
-            config.pose,
-            config.frames,
-            timeout=timeout,
-            classes=config.people.classes,
-        )
-        self._tracks = PeopleTracks(classifiers, max_silence=config.people.max_silence)
+        self._perceptions = make_perceptions(connection, config)
+        self._perception = self._perceptions[0]
+        self._tracks = [
+            PeopleTracks(own, max_silence=config.people.max_silence)
+            for own in _divide(classifiers, config.people)
+        ]
+        self._people = SensedPeople(self._tracks)
         self._full = replace(parts.robot, classifiers={})
         self._session: Session | None = None
         if strategy.start is not None:
@@ -97,7 +94,7 @@ class RobotLoop:
             fact.start(connection)
         self._orders = StopOrders.of(config.cmd_vel, [b.skill for b in config.behaviours.values()])
         self._listener = make_listener(config.answers, parts.domain, connection)
-        self._decided, self._faults = set[str](), FaultLog(config.people.topic[0])
+        self._decided, self._faults = set[str](), FaultLog(config.people.tracker.topic[0])
 
     def run(self, max_decisions: int | None = None) -> Iterator[Decision]:
         """Decide about one person after another; yield each decision.
@@ -110,12 +107,14 @@ class RobotLoop:
             WorldError: the decisions fail again and again, or people are in another frame. The robot was
                 ordered to stop; the message states what is known about that.
         """
-        thread = TrackingThread(self._perception, self._tracks)
+        pairs = zip(self._perceptions, self._tracks, strict=True)
+        threads = [TrackingThread(perception, tracks) for perception, tracks in pairs]
         count, failures, began = 0, 0, monotonic()
         error: LcorppError | None = None
         try:
             while max_decisions is None or count < max_decisions:
-                thread.check()
+                for thread in threads:
+                    thread.check()
                 self._await_connection()
                 person = self._find_person()
                 if person is None:
@@ -141,7 +140,8 @@ class RobotLoop:
             self.stop()
             raise
         finally:
-            thread.end()
+            for thread in threads:
+                thread.end()
 
     def stop(self) -> StopReport:
         """Order the robot to stop for the last time; return what is known about it."""
@@ -149,7 +149,7 @@ class RobotLoop:
 
     def _warn_of_silence(self, seconds: float) -> None:
         """Warn if the tracker sends no messages: once before the first one, and once after it."""
-        last, kind = self._perception.last_message, self._config.people.topic[1]
+        last, kind = self._perception.last_message, self._config.people.tracker.topic[1]
         if last is None and seconds > SILENCE:
             self._faults.warn(f"no {kind} for {SILENCE:g} s; is this the topic of the people tracker?")
         elif last is not None and monotonic() - last > SILENCE:
@@ -174,7 +174,7 @@ class RobotLoop:
 
     def _find_person(self) -> str | None:
         """Return the person to attend to; None if there is nobody."""
-        present, facts = self._tracks.list_people(), self._read_facts()
+        present, facts = self._people.list_people(), self._read_facts()
         self._decided &= present.keys()
         self._attention.note_presence(len(present), monotonic())
         self._attention.note_absence(present)
@@ -184,7 +184,7 @@ class RobotLoop:
             if seconds < waited_from or person in self._decided:
                 continue
             robot = self._make_robot(person)
-            labels = robot.classify(Instance(self._tracks.signals(person), {}))
+            labels = robot.classify(Instance(self._people.signals(person), {}))
             try:
                 _, _, prior = infer_prior(robot, facts, labels)
                 self._attention.update(person, robot, prior, seconds - waited_from)
@@ -201,7 +201,7 @@ class RobotLoop:
         return chosen
 
     def _make_robot(self, person: str) -> Robot:
-        full = replace(self._full, classifiers=self._tracks.classifiers(person))
+        full = replace(self._full, classifiers=self._people.classifiers(person))
         return self._strategy.robot(full) if self._session is None else self._session.robot(full)
 
     def _read_facts(self) -> dict[str, str]:
@@ -215,13 +215,13 @@ class RobotLoop:
 
         def take(step: Step) -> None:
             self._publish_belief(person, domain.marginal(step.belief), step.action)
-            self._attention.note_presence(len(self._tracks.list_people()), monotonic())
+            self._attention.note_presence(len(self._people.list_people()), monotonic())
             self._show_step(person, step)
 
         n_learnt = 0 if self._session is None else self._session.n_people
         try:
             facts = self._read_facts()
-            instance = Instance(self._tracks.signals(person), facts)
+            instance = Instance(self._people.signals(person), facts)
             robot, max_steps = self._make_robot(person), self._config.max_actions
             episode = dt_control(robot, instance, world, max_steps=max_steps, listener=take)
             if self._session is not None:
@@ -265,3 +265,37 @@ class RobotLoop:
     def _publish_belief(self, person: str, marginal: Distribution, action: str | None = None) -> None:
         if self._config.beliefs is not None:
             self._config.beliefs.publish(self._connection, person, marginal, action)
+
+
+def make_perceptions(connection: RosConnection, config: RobotConfig) -> list[Perception]:
+    """Return the perception by the robot's tracker, and by that of each sense that has its own.
+
+    Raises:
+        WorldError: no pose of the robot comes. ConnectionLostError: there is no connection.
+    """
+    trackers, perceptions = {"": config.people.tracker, **config.people.senses}, list[Perception]()
+    for name, tracker in trackers.items():
+        first = perceptions[0] if perceptions else None
+        perceptions.append(
+            Perception(
+                connection,
+                tracker.topic,
+                config.pose,
+                config.frames,
+                timeout=config.connection.timeout,
+                classes=tracker.classes,
+                mounting=tracker.mounting,
+                positions=None if first is None else first.positions,
+                tracker=name,
+                home=None if first is None else first.home,
+            )
+        )
+    return perceptions
+
+
+def _divide(
+    classifiers: Mapping[str, TrainedClassifier], people: PeopleConfig
+) -> list[dict[str, TrainedClassifier]]:
+    """Return the classifiers of the robot's tracker, and of each sense's own, in their order."""
+    own = [{name: classifiers[name]} if name in classifiers else {} for name in people.senses]
+    return [{name: one for name, one in classifiers.items() if name not in people.senses}, *own]

@@ -20,10 +20,12 @@ from lcorpp.robot.config import (
     PeopleConfig,
     RobotConfig,
     Topic,
+    TrackerConfig,
 )
 from lcorpp.robot.facts import ClockFact, Fact, FixedFact, TopicFact
 from lcorpp.values import SharedValue
 from lcorpp.worlds.ros.belief_messages import BeliefTopics
+from lcorpp.worlds.ros.laser_scan import LASER
 from lcorpp.worlds.ros.perception import Frames
 from lcorpp.worlds.ros.pose import Pose
 from lcorpp.worlds.ros.sensor_messages import PEOPLE, POSES, TEXTS
@@ -66,7 +68,7 @@ def read_robot_config(file: Path) -> tuple[RobotConfig, Domain]:
     pose = _read_pose(robot)
     cmd_vel = robot.text("cmd_vel", "/cmd_vel")
     robot.reject_unknown_keys()
-    people = _read_people(people_table)
+    people = _read_people(people_table, domain)
     answers = _read_answers(table.section("answers"), domain)
     facts = _read_facts(table.section("facts"), domain)
     behaviours = read_behaviours(table, domain, answers.silence, connection.version)
@@ -172,27 +174,54 @@ def _read_pose(robot: TomlTable) -> Topic | Pose:
         topic = read_topic(table, POSES)
         table.reject_unknown_keys()
         return topic
+    return _read_numbers(robot, "pose", value, ", or { topic = ..., type = ... } of the localisation")
+
+
+def _read_numbers(table: TomlTable, key: str, value: object, otherwise: str = "") -> Pose:
+    """Return the pose of three numbers."""
     if not isinstance(value, list) or len(value) != 3 or not all(type(v) in (int, float) for v in value):
-        raise DomainError(
-            f"{robot.location('pose')}: {value!r}; expected [x, y, heading] in metres and radians, or"
-            " { topic = ..., type = ... } of the localisation"
-        )
+        expected = f"expected [x, y, heading] in metres and radians{otherwise}"
+        raise DomainError(f"{table.location(key)}: {value!r}; {expected}")
     try:
         return Pose(*map(float, value))
     except (OverflowError, WorldError) as error:
-        raise DomainError(f"{robot.location('pose')}: {error}") from None
+        raise DomainError(f"{table.location(key)}: {error}") from None
 
 
-def _read_people(table: TomlTable) -> PeopleConfig:
-    default = PeopleConfig(("", ""))
+def _read_people(table: TomlTable, domain: Domain) -> PeopleConfig:
+    default = PeopleConfig(TrackerConfig(("", "")))
     config = PeopleConfig(
-        read_topic(table, PEOPLE),
+        _read_tracker(table),
+        _read_own_trackers(table.section("senses"), domain),
         table.number("decide_after", 0.1, MAX_SECONDS, default.decide_after),
         table.number("max_silence", MIN_SILENCE, MAX_SECONDS, default.max_silence),
-        tuple(name.lower() for name in table.names("classes")) if "classes" in table else default.classes,
     )
     table.reject_unknown_keys()
     return config
+
+
+def _read_tracker(table: TomlTable) -> TrackerConfig:
+    """Read topic and type of a tracker or laser scanner, and what belongs to it."""
+    topic, default = read_topic(table, (*PEOPLE, LASER)), TrackerConfig(("", ""))
+    classes, mounting = default.classes, default.mounting
+    if "classes" in table:
+        classes = tuple(name.lower() for name in table.names("classes"))
+    if "mounting" in table:
+        if topic[1] != LASER:
+            raise DomainError(f"{table.location('mounting')}: is for {LASER}; {topic[1]} has frames")
+        mounting = _read_numbers(table, "mounting", table.value("mounting"))
+    return TrackerConfig(topic, classes, mounting)
+
+
+def _read_own_trackers(table: TomlTable, domain: Domain) -> dict[str, TrackerConfig]:
+    """Read `senses`: the sense of each table has a tracker of its own."""
+    trackers = {}
+    for name in table:
+        if name not in (known := [sense.name for sense in domain.senses]):
+            raise DomainError(f"{table.location(name)}: no sense; {expected_one_of(known)}")
+        trackers[name] = _read_tracker(own := table.section(name))
+        own.reject_unknown_keys()
+    return trackers
 
 
 def _read_answers(table: TomlTable, domain: Domain) -> AnswersConfig:

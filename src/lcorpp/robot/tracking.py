@@ -171,6 +171,35 @@ class PeopleTracks:
         return {sense: PersonClassifier(self, person, sense) for sense in self._streams}
 
 
+class SensedPeople:
+    """The people of several trackers, each with the classifiers of its senses.
+
+    The trackers' ids are those of `PeoplePositions`: a person whom several of them detect has one name.
+
+    Args:
+        tracks: the people of each tracker.
+    """
+
+    def __init__(self, tracks: Sequence[PeopleTracks]) -> None:
+        self._tracks = tuple(tracks)
+
+    def list_people(self) -> dict[str, float]:
+        """Return the people who are present, with the seconds of their longest tracks."""
+        seconds = dict[str, float]()
+        for tracks in self._tracks:
+            for person, own in tracks.list_people().items():
+                seconds[person] = max(own, seconds.get(person, 0.0))
+        return seconds
+
+    def signals(self, person: str) -> dict[str, Array]:
+        """Return sense -> the positions (2, samples) of a person so far, of the senses that perceive them."""
+        return {sense: own for tracks in self._tracks for sense, own in tracks.signals(person).items()}
+
+    def classifiers(self, person: str) -> dict[str, PersonClassifier]:
+        """Return sense -> the classifier of a person, for the decision loop."""
+        return {sense: own for tracks in self._tracks for sense, own in tracks.classifiers(person).items()}
+
+
 def _check(sample: Sequence[Any]) -> Sample:
     try:
         time, person, x, y = sample

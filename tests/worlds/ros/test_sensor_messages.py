@@ -42,6 +42,11 @@ EXAMPLES = {
         "header": HEADER_2,
         "detections": [{"id": "7", "bbox": {"center": {"position": POSITION}}}],
     },
+    "people_msgs/PositionMeasurementArray": {
+        "header": HEADER_2,
+        "people": [{"header": HEADER_2, "name": "person", "object_id": "7", "pos": POSITION}],
+    },
+    "leg_tracker/PersonArray": {"header": HEADER_1, "people": [{"id": 7, "pose": {"position": POSITION}}]},
     "tf2_msgs/TFMessage": {
         "transforms": [
             {"header": HEADER_2, "child_frame_id": "person_7", "transform": {"translation": POSITION}},
@@ -79,7 +84,7 @@ def change(value, path, new):
 
 
 DELETE = object()
-ID_FIELDS = ("name", "track_id", "id")
+ID_FIELDS = ("name", "track_id", "id", "object_id")
 
 
 @pytest.mark.parametrize("kind", PEOPLE)

@@ -5,12 +5,14 @@ from __future__ import annotations
 import threading
 from collections.abc import Collection
 from dataclasses import dataclass
-from math import inf, pi
+from math import pi
 from time import monotonic, time
 
 from lcorpp.errors import WorldError
 from lcorpp.worlds.ros.connection import Message, RosConnection, Subscription
 from lcorpp.worlds.ros.fields import FaultLog
+from lcorpp.worlds.ros.laser_scan import LASER, LaserReader
+from lcorpp.worlds.ros.people_positions import PeoplePositions
 from lcorpp.worlds.ros.pose import Pose
 from lcorpp.worlds.ros.sensor_messages import (
     CLASSES,
@@ -24,9 +26,8 @@ from lcorpp.worlds.ros.sensor_messages import (
 Sample = tuple[float, str, float, float]
 """Seconds, person, x and y in metres: a sample for `lcorpp.learning.StreamingClassifier`."""
 
-MAX_AGE = 3.0
-"""Seconds after which the position of a person who is no longer detected is unknown."""
-
+AT_ROBOT = Pose(0.0, 0.0, 0.0)
+"""The pose of a laser scanner in the middle of the robot that looks ahead."""
 
 MAX_BAD_POSES = 3.0
 """Seconds of messages without a valid pose after which the robot's pose is unknown."""
@@ -56,9 +57,12 @@ class Perception:
 
     Args:
         connection: of the robot.
-        people: topic and type of the tracker's messages, see `PEOPLE`.
+        people: topic and type of the tracker's messages, see `PEOPLE`, or of a laser scanner's.
         pose: topic and type of the localisation's messages, see `POSES`; or the pose of a robot that stays.
         timeout: seconds to wait for the first pose. classes: of detections that are people.
+        mounting: the pose of a laser scanner in the robot's frame.
+        positions: of people whom other trackers detect, too. tracker: the name of this one.
+        home: the robot's first pose; None takes that of the first message.
 
     Raises:
         WorldError: no pose comes. ConnectionLostError: there is no connection.
@@ -73,12 +77,21 @@ class Perception:
         *,
         timeout: float = 5.0,
         classes: Collection[str] = CLASSES,
+        mounting: Pose = AT_ROBOT,
+        positions: PeoplePositions | None = None,
+        tracker: str = "",
+        home: Pose | None = None,
     ) -> None:
         self.frames, self._people_kind = frames, people[1]
         self._lock = threading.Lock()
-        self._reader, self._faults = PeopleReader(*reversed(people), classes=classes), FaultLog(people[0])
+        self._faults, self._mounting, self._tracker = FaultLog(people[0]), mounting, tracker
+        self._reader: PeopleReader | LaserReader = (
+            LaserReader(people[0], frames.fixed, self._place_scan)
+            if people[1] == LASER
+            else PeopleReader(*reversed(people), classes=classes)
+        )
         self._has_located = False
-        self._positions = dict[str, tuple[float, float, float]]()  # in the fixed frame, and when it was seen
+        self.positions = PeoplePositions(tracker) if positions is None else positions
         self._poses: Subscription | None = None
         self._pose_kind = ""
         self._bad_since: float | None = (
@@ -93,7 +106,7 @@ class Perception:
             self._pose_faults = FaultLog(topic)
             self._poses = connection.subscribe(topic, self._pose_kind, max_messages=1)
             self._pose = self._wait_for_pose(topic, timeout)
-        self.home = self._pose
+        self.home = self._pose if home is None else home
         self._people = connection.subscribe(*people)
         self.last_message: float | None = None
 
@@ -132,16 +145,11 @@ class Perception:
 
     def locate(self, person: str) -> tuple[float, float] | None:
         """Return the position of a person in the fixed frame; None if the person is no longer detected."""
-        with self._lock:
-            x, y, seen = self._positions.get(person, (0.0, 0.0, -inf))
-        return (x, y) if monotonic() - seen < MAX_AGE else None
+        return self.positions.locate(person)
 
     def list_people(self) -> dict[str, tuple[float, float]]:
         """Return the people who are detected, with their positions in the fixed frame."""
-        with self._lock:
-            now = monotonic()
-            self._positions = {n: p for n, p in self._positions.items() if now - p[2] < MAX_AGE}
-            return {name: (x, y) for name, (x, y, _) in self._positions.items()}
+        return self.positions.list_people()
 
     def update(self, timeout: float) -> list[Sample]:
         """Return the samples of new messages; wait for one at most `timeout` seconds.
@@ -157,18 +165,23 @@ class Perception:
             return []
         self.last_message = monotonic()
         self._update_pose()
-        self.list_people()  # forgets those who left
         samples, heading = list[Sample](), self.frames.training_heading
         for message in (first, *self._people.take()):
+            if self._people_kind == LASER and self._is_lost:
+                self._faults.warn("scans are left out while the robot's pose is unknown")
+                continue
             for detection in self._reader.read(message):
                 position = self._locate_detection(detection)
                 if position is None:
                     continue
                 x, y = position
-                with self._lock:
-                    self._positions[detection.id] = x, y, monotonic()
-                samples.append((detection.time or time(), detection.id, *self.home.relate(x, y, heading)))
+                person = self.positions.update(self._tracker, detection.id, x, y)
+                samples.append((detection.time or time(), person, *self.home.relate(x, y, heading)))
         return samples
+
+    def _place_scan(self, x: float, y: float) -> tuple[float, float]:
+        """Return a point of the laser scanner's frame in the fixed frame."""
+        return self._pose.place(*self._mounting.place(x, y))
 
     def _locate_detection(self, detection: Detection) -> tuple[float, float] | None:
         """Return the position of a detection in the fixed frame; None in a frame that is unknown."""

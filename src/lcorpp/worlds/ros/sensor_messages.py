@@ -101,6 +101,16 @@ def _read_marker(marker: Any, message: Message) -> Detection | None:
     return _detect(id_, marker, read_field(marker, "pose", "position"), rank=int(is_arrow), group=group)
 
 
+def _read_measurement(measured: Any, message: Message) -> Detection | None:
+    id_ = next((measured[name] for name in ("object_id", "name") if measured.get(name)), None)
+    own = measured if read_text_field(measured, "header", "frame_id") else message
+    return _detect(id_, own, read_field(measured, "pos"))
+
+
+def _read_legs(person: Any, message: Message) -> Detection | None:
+    return _detect(read_field(person, "id"), message, read_field(person, "pose", "position"))
+
+
 def _is_drawn(item: Any) -> bool:
     return isinstance(item, Mapping) and "type" in item and item.get("action") == 0
 
@@ -151,6 +161,8 @@ PEOPLE: Mapping[str, PeopleFormat] = {
     "spencer_tracking_msgs/TrackedPersons": PeopleFormat("tracks", _read_track),
     "visualization_msgs/MarkerArray": PeopleFormat("markers", _read_marker),
     "vision_msgs/Detection3DArray": PeopleFormat("detections", _read_detection),
+    "people_msgs/PositionMeasurementArray": PeopleFormat("people", _read_measurement),
+    "leg_tracker/PersonArray": PeopleFormat("people", _read_legs),
     TRANSFORMS: PeopleFormat("transforms", _read_transform),
 }
 """Type of a tracker's messages -> how they are read."""
