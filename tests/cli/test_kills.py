@@ -11,7 +11,7 @@ from pathlib import Path
 from shutil import which
 
 import pytest
-from websockets.sync.client import connect
+from websockets.sync.client import ClientConnection, connect
 
 from tests.test_workers import find_processes
 
@@ -109,24 +109,30 @@ def end_during_training(folder: Path, number: int, rng: random.Random) -> Ending
     process = start(f"play intention {options} --store {{}}/s.tracks", folder)
     address = process.stdout.readline().split(" is at http://")[1].split("/")[0]
     with connect(f"ws://{address}/session", max_size=None) as session:
+        try:
+            before = find_processes(process.pid)
+            begin_training(session)
+            if rng.random() < 0.7:
+                limit = time.monotonic() + SECONDS
+                while not set(find_processes(process.pid)).difference(before):
+                    assert time.monotonic() < limit, "no process trains"
+                    time.sleep(0.05)
+            time.sleep(rng.uniform(0, 3))
+        finally:
+            ending = end(process, number)
+    return ending
 
-        def ask(kind: str, **fields: object) -> dict[str, object]:
-            session.send(json.dumps({"id": 1, "type": kind, **fields}))
-            while (reply := json.loads(session.recv()))["id"] is None:
-                pass
-            return reply
 
-        for i in range(40):
-            ask("samples", sense="motion", samples=[[i / 10, 1.0, 9 - i / 10]])
-        reply = ask("decide")
-        while not reply["done"]:
-            reply = ask("answer", said="pos", draw=0.1)
-        assert ask("judge", right=True, truth=None)["stored"] == 1
-        if rng.random() < 0.7:
-            while len(find_processes(process.pid)) < 3:
-                time.sleep(0.05)
-        time.sleep(rng.uniform(0, 3))
-        return end(process, number)
+def begin_training(session: ClientConnection) -> None:
+    """Judge a trial as the page does, and wait for the notice that the training begins."""
+    track = [[i / 10, 1.0, 9 - i / 10] for i in range(40)]
+    trial = {"facts": {}, "samples": {"motion": track}, "value": ["interested"]}
+    for i, request in enumerate([{"type": "start"}, {"type": "judge", **trial}]):
+        session.send(json.dumps({"id": i, **request}))
+    messages = []
+    while {"id": None, "type": "learning"} not in messages:
+        messages.append(json.loads(session.recv(timeout=SECONDS)))
+        assert messages[-1]["type"] != "error", messages[-1]
 
 
 @pytest.mark.slow
