@@ -12,7 +12,7 @@ from tests.worlds.ros.stand_in import heard_domain
 @pytest.fixture(autouse=True)
 def max_age(monkeypatch):
     """People stay detected, however busy the machine is that sends their positions."""
-    monkeypatch.setattr("lcorpp.worlds.ros.people_positions.MAX_AGE", 600.0)
+    monkeypatch.setattr("lcorpp.worlds.ros.people.positions.MAX_AGE", 600.0)
 
 
 @pytest.fixture(scope="session")

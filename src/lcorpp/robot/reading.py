@@ -25,7 +25,7 @@ from lcorpp.robot.config import (
 from lcorpp.robot.facts import ClockFact, Fact, FixedFact, TopicFact
 from lcorpp.values import SharedValue
 from lcorpp.worlds.ros.belief_messages import BeliefTopics
-from lcorpp.worlds.ros.laser_scan import LASER
+from lcorpp.worlds.ros.people.laser_scan import LASER
 from lcorpp.worlds.ros.perception import Frames
 from lcorpp.worlds.ros.pose import Pose
 from lcorpp.worlds.ros.sensor_messages import PEOPLE, POSES, TEXTS

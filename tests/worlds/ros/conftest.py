@@ -5,4 +5,4 @@ import pytest
 
 @pytest.fixture(autouse=True)
 def max_age(monkeypatch):
-    monkeypatch.setattr("lcorpp.worlds.ros.people_positions.MAX_AGE", 600.0)
+    monkeypatch.setattr("lcorpp.worlds.ros.people.positions.MAX_AGE", 600.0)

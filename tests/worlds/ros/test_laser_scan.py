@@ -5,9 +5,9 @@ from math import cos, hypot, inf, pi, sin
 import numpy as np
 import pytest
 
-from lcorpp.worlds.ros import people_positions
-from lcorpp.worlds.ros.laser_scan import LaserReader, find_legs, pair_legs
-from lcorpp.worlds.ros.people_positions import PeoplePositions
+from lcorpp.worlds.ros.people import positions
+from lcorpp.worlds.ros.people.laser_scan import LaserReader, find_legs, pair_legs
+from lcorpp.worlds.ros.people.positions import PeoplePositions
 from lcorpp.worlds.ros.pose import Pose
 
 RADIUS = 0.06
@@ -135,8 +135,8 @@ def clock(monkeypatch):
     class Clock:
         now = 0.0
 
-    monkeypatch.setattr(people_positions, "monotonic", lambda: Clock.now)
-    monkeypatch.setattr(people_positions, "MAX_AGE", 3.0)
+    monkeypatch.setattr(positions, "monotonic", lambda: Clock.now)
+    monkeypatch.setattr(positions, "MAX_AGE", 3.0)
     return Clock
 
 

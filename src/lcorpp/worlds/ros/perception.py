@@ -11,8 +11,8 @@ from time import monotonic, time
 from lcorpp.errors import WorldError
 from lcorpp.worlds.ros.connection import Message, RosConnection, Subscription
 from lcorpp.worlds.ros.fields import FaultLog
-from lcorpp.worlds.ros.laser_scan import LASER, LaserReader
-from lcorpp.worlds.ros.people_positions import PeoplePositions
+from lcorpp.worlds.ros.people.laser_scan import LASER, LaserReader
+from lcorpp.worlds.ros.people.positions import PeoplePositions
 from lcorpp.worlds.ros.pose import Pose
 from lcorpp.worlds.ros.sensor_messages import (
     CLASSES,

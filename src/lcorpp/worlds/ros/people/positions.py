@@ -38,7 +38,7 @@ class PeoplePositions:
         main: the tracker whose positions count as long as it sees a person, and whose ids are the names.
 
     Examples:
-        >>> from lcorpp.worlds.ros.people_positions import PeoplePositions
+        >>> from lcorpp.worlds.ros.people.positions import PeoplePositions
         >>> people = PeoplePositions(main="camera")
         >>> people.update("camera", "7", 2.0, 0.0), people.update("laser", "1", 2.1, 0.1)
         ('7', '7')

@@ -55,7 +55,7 @@ def find_legs(ranges: Array, angles: Array) -> Array:
 
     Examples:
         >>> import numpy as np
-        >>> from lcorpp.worlds.ros.laser_scan import find_legs
+        >>> from lcorpp.worlds.ros.people.laser_scan import find_legs
         >>> angles = np.radians(np.arange(-90, 91, 0.5))
         >>> ranges = np.full(len(angles), 5.0)
         >>> ranges[178:183] = 2.0  # straight ahead, five rays wide
@@ -124,7 +124,7 @@ class LaserReader:
         place: returns a point of the scanner's frame, x ahead and y to the left, in the fixed frame.
 
     Examples:
-        >>> from lcorpp.worlds.ros.laser_scan import LaserReader
+        >>> from lcorpp.worlds.ros.people.laser_scan import LaserReader
         >>> reader = LaserReader("/scan", "map", lambda x, y: (x, y))
         >>> reader.read({"ranges": []})  # with a warning: it has no stamp
         []

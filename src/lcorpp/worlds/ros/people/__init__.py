@@ -1,0 +1,1 @@
+"""People as trackers and laser scanners detect them."""
