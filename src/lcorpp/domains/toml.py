@@ -125,6 +125,11 @@ class TomlTable:
         self._accessed[key] = None
         return isinstance(self._table.get(key), str)
 
+    def is_list(self, key: str) -> bool:
+        """Whether a key has a list as its value."""
+        self._accessed[key] = None
+        return isinstance(self._table.get(key), list)
+
     def is_table(self, key: str) -> bool:
         """Whether a key has a table as its value."""
         self._accessed[key] = None

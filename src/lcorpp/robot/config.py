@@ -9,6 +9,7 @@ from pathlib import Path
 from lcorpp.robot.facts import Fact
 from lcorpp.values import SharedValue
 from lcorpp.worlds.ros.belief_messages import BeliefTopics
+from lcorpp.worlds.ros.initial_pose import InitialPose
 from lcorpp.worlds.ros.perception import AT_ROBOT, Frames
 from lcorpp.worlds.ros.pose import Pose
 from lcorpp.worlds.ros.ros_world import Behaviour
@@ -88,6 +89,7 @@ class RobotConfig:
     value: the shared value that means engagement, e.g. "interested".
     max_actions: for one person; then the decision fails, e.g. because the person says nothing.
     pose: topic of the localisation, or the pose of a robot that stays.
+    initial_pose: that the localisation is given at first, None for none.
     behaviours: action -> how to execute it; `AFTER` -> what the robot does after each decision, if anything.
     beliefs: the topics of the belief, None to publish none.
     """
@@ -102,6 +104,7 @@ class RobotConfig:
     connection: ConnectionConfig
     frames: Frames
     pose: Topic | Pose
+    initial_pose: InitialPose | None
     cmd_vel: str
     people: PeopleConfig
     answers: AnswersConfig

@@ -91,7 +91,7 @@ class RobotLoop:
         if strategy.start is not None:
             self._session = strategy.start(self._full, parts.rates)
         for fact in config.facts.values():
-            fact.start(connection)
+            fact.start(connection, lambda: self._perception.pose)
         self._orders = StopOrders.of(config.cmd_vel, [b.skill for b in config.behaviours.values()])
         self._listener = make_listener(config.answers, parts.domain, connection)
         self._decided, self._faults = set[str](), FaultLog(config.people.tracker.topic[0])
@@ -288,6 +288,7 @@ def make_perceptions(connection: RosConnection, config: RobotConfig) -> list[Per
                 positions=None if first is None else first.positions,
                 tracker=name,
                 home=None if first is None else first.home,
+                initial=config.initial_pose if first is None else None,
             )
         )
     return perceptions

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import reprlib
 from collections.abc import Collection
-from math import pi
+from math import isfinite, pi
 from pathlib import Path
 from urllib.parse import urlsplit
 
@@ -22,9 +23,10 @@ from lcorpp.robot.config import (
     Topic,
     TrackerConfig,
 )
-from lcorpp.robot.facts import ClockFact, Fact, FixedFact, TopicFact
+from lcorpp.robot.facts import ClockFact, Fact, FixedFact, PlaceFact, Polygon, TopicFact
 from lcorpp.values import SharedValue
 from lcorpp.worlds.ros.belief_messages import BeliefTopics
+from lcorpp.worlds.ros.initial_pose import LOCALISATIONS, InitialPose
 from lcorpp.worlds.ros.people.laser_scan import LASER
 from lcorpp.worlds.ros.perception import Frames
 from lcorpp.worlds.ros.pose import Pose
@@ -40,10 +42,15 @@ MAX_ACTIONS = 20
 """Default of `max_actions`."""
 
 
-def read_robot_config(file: Path) -> tuple[RobotConfig, Domain]:
+def read_robot_config(
+    file: Path, *, initial_pose: tuple[float, float, float] | None = None
+) -> tuple[RobotConfig, Domain]:
     """Read a `robot.toml` and its domain.
 
     A relative folder of a domain, or file of a classifier, is relative to the file.
+
+    Args:
+        initial_pose: x, y and heading, instead of that of the file.
 
     Raises:
         FileError, ParseError: a file cannot be read or is not TOML.
@@ -66,6 +73,7 @@ def read_robot_config(file: Path) -> tuple[RobotConfig, Domain]:
         people_table.number("training_heading", -2 * pi, 2 * pi, Frames.training_heading),
     )
     pose = _read_pose(robot)
+    start = _read_initial_pose(robot, pose, initial_pose)
     cmd_vel = robot.text("cmd_vel", "/cmd_vel")
     robot.reject_unknown_keys()
     people = _read_people(people_table, domain)
@@ -86,6 +94,7 @@ def read_robot_config(file: Path) -> tuple[RobotConfig, Domain]:
             connection=connection,
             frames=frames,
             pose=pose,
+            initial_pose=start,
             cmd_vel=cmd_vel,
             people=people,
             answers=answers,
@@ -177,6 +186,25 @@ def _read_pose(robot: TomlTable) -> Topic | Pose:
     return _read_numbers(robot, "pose", value, ", or { topic = ..., type = ... } of the localisation")
 
 
+def _read_initial_pose(
+    robot: TomlTable, pose: Topic | Pose, given: tuple[float, float, float] | None
+) -> InitialPose | None:
+    """Read `initial_pose`, three numbers, unless it is given, and `initial_pose_topic`."""
+    topic = robot.text("initial_pose_topic", InitialPose.topic)
+    value = robot.value("initial_pose") if "initial_pose" in robot else None
+    value = value if given is None else list(given)
+    if value is None:
+        return None
+    location = robot.location("initial_pose")
+    if isinstance(pose, Pose) or pose[1] not in LOCALISATIONS:
+        found = "a robot that stays" if isinstance(pose, Pose) else pose[1]
+        raise DomainError(
+            f"{location}: is for a localisation, and `pose` is that of {found};"
+            f" {expected_one_of(LOCALISATIONS)}"
+        )
+    return InitialPose(_read_numbers(robot, "initial_pose", value), topic)
+
+
 def _read_numbers(table: TomlTable, key: str, value: object, otherwise: str = "") -> Pose:
     """Return the pose of three numbers."""
     if not isinstance(value, list) or len(value) != 3 or not all(type(v) in (int, float) for v in value):
@@ -257,6 +285,8 @@ def _read_facts(table: TomlTable, domain: Domain) -> dict[str, Fact]:
             if "topic" in part:
                 facts[name] = TopicFact(part.text("topic"), tuple(allowed))
                 part.reject_unknown_keys()
+            elif tuple(part) and all(part.is_list(value) for value in part):
+                facts[name] = PlaceFact({value: _read_polygons(part, value) for value in part})
             else:
                 hours = {value: part.number(value, 0, 24) for value in part}
                 if len(set(hours.values())) < max(1, len(hours)):
@@ -266,6 +296,27 @@ def _read_facts(table: TomlTable, domain: Domain) -> dict[str, Fact]:
             if value not in allowed:
                 raise DomainError(f"{table.location(name)}: {value!r}; {expected_one_of(allowed)}")
     return facts
+
+
+def _read_polygons(table: TomlTable, value: str) -> list[Polygon]:
+    """Read the area of a value: a polygon, [[x, y], ...], or a list of several."""
+    given, location = table.value(value), table.location(value)
+    several = given if _depth(given) == 3 else [given]
+    polygons = list[Polygon]()
+    for corners in several:
+        is_polygon = _depth(corners) == 2 and len(corners) >= 3 and all(len(c) == 2 for c in corners)
+        if not is_polygon or not all(type(n) in (int, float) and isfinite(n) for c in corners for n in c):
+            raise DomainError(
+                f"{location}: {reprlib.repr(given)}; expected a polygon [[x, y], [x, y], [x, y], ...] in"
+                " metres of the fixed frame, or a list of polygons"
+            )
+        polygons.append(tuple((float(x), float(y)) for x, y in corners))
+    return polygons
+
+
+def _depth(value: object) -> int:
+    """Return how deeply a list contains lists, by its first elements."""
+    return 1 + _depth(value[0] if value else None) if isinstance(value, list) else 0
 
 
 def _read_value(table: TomlTable, domain: Domain) -> SharedValue:

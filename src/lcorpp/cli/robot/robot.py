@@ -33,6 +33,14 @@ def robot(
     decisions: Annotated[
         int | None, typer.Option(min=1, help="End after N decisions; by default at Ctrl-C.")
     ] = None,
+    pose: Annotated[
+        tuple[float, float, float] | None,
+        typer.Option(
+            metavar="X Y HEADING",
+            help="Where the robot is, in metres and radians of the fixed frame: sent to its localisation. By"
+            " default `initial_pose` of the file.",
+        ),
+    ] = None,
     log: options.LogOption = None,
     seed: options.SeedOption = 0,
     jobs: options.JobsOption = None,
@@ -51,7 +59,7 @@ def robot(
     from lcorpp.robot.loop import RobotLoop
     from lcorpp.robot.reading import read_robot_config
 
-    read, domain = read_robot_config(config)
+    read, domain = read_robot_config(config, initial_pose=pose)
     (strategy,) = find_strategies([read.strategy], [sense.name for sense in domain.senses])
     check_dialogue(domain, [strategy])
     with ExitStack() as stack:

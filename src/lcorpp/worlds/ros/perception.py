@@ -11,6 +11,7 @@ from time import monotonic, time
 from lcorpp.errors import WorldError
 from lcorpp.worlds.ros.connection import Message, RosConnection, Subscription
 from lcorpp.worlds.ros.fields import FaultLog
+from lcorpp.worlds.ros.initial_pose import KIND as INITIAL_POSE, PERIOD, InitialPose
 from lcorpp.worlds.ros.people.laser_scan import LASER, LaserReader
 from lcorpp.worlds.ros.people.positions import PeoplePositions
 from lcorpp.worlds.ros.pose import Pose
@@ -59,6 +60,7 @@ class Perception:
         connection: of the robot.
         people: topic and type of the tracker's messages, see `PEOPLE`, or of a laser scanner's.
         pose: topic and type of the localisation's messages, see `POSES`; or the pose of a robot that stays.
+        initial: the pose that the localisation is given; its first pose is one near it. None gives none.
         timeout: seconds to wait for the first pose. classes: of detections that are people.
         mounting: the pose of a laser scanner in the robot's frame.
         positions: of people whom other trackers detect, too. tracker: the name of this one.
@@ -81,6 +83,7 @@ class Perception:
         positions: PeoplePositions | None = None,
         tracker: str = "",
         home: Pose | None = None,
+        initial: InitialPose | None = None,
     ) -> None:
         self.frames, self._people_kind = frames, people[1]
         self._lock = threading.Lock()
@@ -105,7 +108,7 @@ class Perception:
             topic, self._pose_kind = pose
             self._pose_faults = FaultLog(topic)
             self._poses = connection.subscribe(topic, self._pose_kind, max_messages=1)
-            self._pose = self._wait_for_pose(topic, timeout)
+            self._pose = self._wait_for_pose(connection, topic, timeout, initial)
         self.home = self._pose if home is None else home
         self._people = connection.subscribe(*people)
         self.last_message: float | None = None
@@ -203,18 +206,34 @@ class Perception:
         self._faults.warn(fault)
         return None
 
-    def _wait_for_pose(self, topic: str, timeout: float) -> Pose:
-        """Return the first pose.
+    def _wait_for_pose(
+        self, connection: RosConnection, topic: str, timeout: float, initial: InitialPose | None
+    ) -> Pose:
+        """Return the first pose; with an initial one, the first that is near it.
 
         Raises:
             WorldError: none comes in time.
         """
         assert self._poses is not None
-        end = monotonic() + timeout
-        while (message := self._poses.wait(max(0.0, end - monotonic()))) is not None:
-            pose = self._read_pose(message)
-            if pose is not None:
-                return pose
+        end, last = monotonic() + timeout, None
+        if initial is not None:
+            connection.advertise(initial.topic, INITIAL_POSE)
+        while True:
+            if initial is not None:
+                initial.publish(connection, self.frames.fixed)
+            soon = end if initial is None else min(end, monotonic() + PERIOD)
+            while (message := self._poses.wait(max(0.0, soon - monotonic()))) is not None:
+                last = self._read_pose(message) or last
+                if last is not None and (initial is None or initial.is_reached(last)):
+                    return last
+            if monotonic() >= end:
+                break
+        if last is not None and initial is not None:
+            raise WorldError(
+                f"{topic}: the localisation stays at x={last.x:.2f}, y={last.y:.2f}, heading"
+                f" {last.heading:.2f}, {timeout:g} s after the initial pose was sent to {initial.topic}; does"
+                " it subscribe to this topic?"
+            )
         raise WorldError(f"{topic}: no {self._pose_kind} within {timeout:g} s; is the robot localised?")
 
     def _update_pose(self) -> None:
