@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from lcorpp.assembly.options import TrainingOptions
+from lcorpp.errors import DataError, expected_one_of
 from lcorpp.learning import learner
 from lcorpp.learning.classifiers.learner_table import DEFAULTS
 from lcorpp.simulation.people import SignalSource
 from lcorpp.values import Dataset
+
+BALANCES: Mapping[str, str | None] = {"classes": "balanced", "none": None}
+"""`TrainingOptions.balance` -> weights of classes, as of `learner`."""
 
 FOLDS = 5
 """Folds of every cross-validation."""
@@ -60,6 +65,7 @@ def make_estimator(
         kind=data.dataset.kind,
         rate=options.rate,
         new_places=new_places,
+        class_weight=_find_class_weight(options),
     )
 
 
@@ -71,4 +77,16 @@ def make_untrained(options: TrainingOptions) -> Any:
         device=options.device,
         features=options.features,
         rate=options.rate,
+        class_weight=_find_class_weight(options),
     )
+
+
+def _find_class_weight(options: TrainingOptions) -> str | None:
+    """Return the weights of classes that `balance` names, as of `learner`.
+
+    Raises:
+        DataError: the name is unknown.
+    """
+    if options.balance not in BALANCES:
+        raise DataError(f"balance is {options.balance!r}; {expected_one_of(BALANCES)}")
+    return BALANCES[options.balance]

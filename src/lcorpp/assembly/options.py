@@ -53,6 +53,7 @@ class TrainingOptions:
     reading: how to read them.
     rate: points of motion per second, see `Motion`.
     seconds: the last seconds of each track that are used; None takes those of the domain, or all.
+    balance: "classes": equal total weight of all classes in the training; "none": of all cases.
 
     Examples:
         >>> from lcorpp.assembly import TrainingOptions
@@ -72,6 +73,7 @@ class TrainingOptions:
     reading: ReadingOptions = READ_AS_IT_IS
     rate: float = RATE
     seconds: float | None = None
+    balance: str = "classes"
 
 
 @dataclass(frozen=True)

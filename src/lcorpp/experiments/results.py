@@ -70,6 +70,7 @@ def _describe_sense(options: ClassifierOptions, setup: SenseSetup) -> dict[str, 
         "data": str(setup.data) if setup.data else None,
         "tracks": setup.n_tracks,
         "epochs": training.epochs,
+        "balance": training.balance,
     }
 
 

@@ -49,7 +49,13 @@ def open_run_store(
             "epochs": training.epochs,
             "labels": options.labels,
         }
-        for key in ("features", "rate", "threshold", "prevalence"):  # older checkpoints have the default ones
+        for key in (
+            "features",
+            "rate",
+            "threshold",
+            "prevalence",
+            "balance",
+        ):  # older checkpoints have the default ones
             if (value := getattr(training, key)) != getattr(DEFAULTS, key):
                 own[key] = str(value)
         settings |= {key if number == 0 else f"{name} {key}": value for key, value in own.items()}

@@ -11,6 +11,8 @@ from sklearn.linear_model import LogisticRegression, Perceptron, RidgeClassifier
 from sklearn.neighbors import NearestCentroid
 from sklearn.pipeline import make_pipeline
 
+from lcorpp import load_robot
+from lcorpp.assembly import TrainingOptions
 from lcorpp.errors import DataError
 from lcorpp.learning import (
     LEARNERS,
@@ -305,3 +307,30 @@ def test_tracks_with_more_channels():
     assert cross_validate(seen, data, folds=3).auc > 0.95
     with pytest.raises(DataError, match="the inputs are x, y, but the tracks have 3 channels"):
         cross_validate(learner("summaries"), data, folds=3)
+
+
+@pytest.mark.parametrize("name", ["lstm-fast", "summaries", "forest", "minirocket"])
+def test_without_class_weights_a_rare_class_has_smaller_probabilities(name):
+    """The classes do not differ: their probabilities are equal with weights, else their shares."""
+    data = walkers(120, seed=1)
+    data = Dataset(data.trajectories, ["rare" if i % 8 == 0 else "common" for i in range(len(data))])
+    others, means = walkers(120, seed=2).trajectories, {}
+    for weight in ("balanced", None):
+        trained = train(learner(name, class_weight=weight), data).estimator
+        means[weight] = trained.predict_proba(others)[:, list(trained.classes_).index("rare")].mean()
+    assert means["balanced"] > means[None] + 0.05
+    assert means[None] < 0.35
+
+
+def test_other_class_weights_are_refused(tmp_path):
+    with pytest.raises(DataError, match="class_weight is 'equal'; expected 'balanced' or None"):
+        learner("summaries", class_weight="equal")
+    (tmp_path / "own.py").write_text(
+        "from sklearn.dummy import DummyClassifier\n\ndef make():\n    return DummyClassifier()\n"
+    )
+    with pytest.raises(DataError, match="class_weight"):
+        learner(f"{tmp_path / 'own.py'}:make", class_weight=None)
+    with pytest.raises(DataError, match="balance is 'cases'; expected one of classes, none"):
+        load_robot(
+            "intention", classifiers={"motion": TrainingOptions("summaries", balance="cases", tracks=20)}
+        )

@@ -39,6 +39,15 @@ SecondsOption = Annotated[
     ),
 ]
 
+BalanceOption = Annotated[
+    str | None,
+    typer.Option(
+        metavar="classes|none",
+        help="What has equal weight in the training: the classes, by default, or the cases, so that rare"
+        " classes hardly count.",
+    ),
+]
+
 
 @dataclass(frozen=True)
 class TrainingGroup:
@@ -51,6 +60,7 @@ class TrainingGroup:
     features: FeaturesOption = None
     rate: RateOption = None
     seconds: SecondsOption = None
+    balance: BalanceOption = None
 
     def choose(
         self, tracks: int | None, *, threshold: str | None = None, prevalence: float | None = None
@@ -66,4 +76,5 @@ class TrainingGroup:
             "features": None if features is None else tuple(name.strip() for name in features.split(",")),
             "rate": self.rate,
             "seconds": self.seconds,
+            "balance": self.balance,
         }

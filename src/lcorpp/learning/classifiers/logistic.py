@@ -26,12 +26,13 @@ class QuadraticLogistic(ProbabilityClassifier):
     """Scikit-learn's logistic regression on standardised, clipped features and their squares.
 
     The squares let a medium value indicate one class and both extremes another. There are no products of two
-    features, which scikit-learn's PolynomialFeatures would add. All classes have equal total weight.
+    features, which scikit-learn's PolynomialFeatures would add.
 
     Args:
         C: inverse of the regularization strength, as in scikit-learn.
         max_cases: more cases than that do not weaken the regularization; None for no limit. Cases of a new
             place, or overlapping parts of one track, are not independent draws from one distribution.
+        class_weight: "balanced": equal total weight of all classes; None: equal weight of all cases.
 
     Attributes:
         classes_: (K,) the class names in order, set by `fit`.
@@ -46,8 +47,11 @@ class QuadraticLogistic(ProbabilityClassifier):
         ['stands or hurries', 'strolls', 'stands or hurries']
     """
 
-    def __init__(self, *, C: float = 0.02, max_cases: float | None = None) -> None:
+    def __init__(
+        self, *, C: float = 0.02, max_cases: float | None = None, class_weight: str | None = "balanced"
+    ) -> None:
         self.C = C
+        self.class_weight = class_weight
         self.max_cases = max_cases
 
     def fit(self, X: npt.ArrayLike, y: npt.ArrayLike, sample_weight: npt.ArrayLike | None = None) -> Self:
@@ -71,7 +75,7 @@ class QuadraticLogistic(ProbabilityClassifier):
         deviation = np.sqrt(np.average((features - self.mean_) ** 2, axis=0, weights=weights))
         self.scale_: Array = np.where(deviation > 1e-9, deviation, 1.0)
         share = 1.0 if self.max_cases is None else min(1.0, self.max_cases / weights.sum())
-        model = LogisticRegression(C=self.C * share, max_iter=MAX_ITERATIONS, class_weight="balanced")
+        model = LogisticRegression(C=self.C * share, max_iter=MAX_ITERATIONS, class_weight=self.class_weight)
         model.fit(self._add_squares(features), y, weights)
         self.classes_, self.weights_, self.bias_ = model.classes_, model.coef_, model.intercept_
         return self

@@ -35,6 +35,7 @@ class LearnerConfig:
     features: the motion features that the classifier uses, see `Motion`.
     seed: seed of everything random. epochs: passes over the data; None is the learner's default.
     device: "cpu" or "cuda". kind: of the data, `Dataset.kind`. rate: points of motion per second.
+    class_weight: "balanced": equal total weight of all classes; None: equal weight of all cases.
     """
 
     interval: float
@@ -47,6 +48,7 @@ class LearnerConfig:
     kind: Kind
     rate: float
     new_places: bool
+    class_weight: str | None = "balanced"
 
     def __post_init__(self) -> None:
         interval = self.interval
@@ -59,6 +61,8 @@ class LearnerConfig:
                 raise DataError(f"{name} must be a whole number of at least {lowest}, not {number!r}")
         if self.kind not in KINDS:
             raise DataError(f"unknown kind of data {self.kind!r}; {expected_one_of(KINDS)}")
+        if self.class_weight not in ("balanced", None):
+            raise DataError(f"class_weight is {self.class_weight!r}; expected 'balanced' or None")
         if not isinstance(self.rate, Real) or isinstance(self.rate, bool):
             raise DataError(f"rate must be a number of points per second, not {self.rate!r}")
         check_rate(self.rate)
@@ -82,7 +86,7 @@ class LearnerConfig:
 def make_lstm(config: LearnerConfig, pipeline: Callable[..., Pipeline] = paper_pipeline) -> Pipeline:
     arguments = {name: value for name, value in vars(config).items() if value is not None}
     kind, seed, _ = (arguments.pop(name) for name in ("kind", "seed", "new_places"))
-    whole = pipeline(random_state=seed, **arguments)
+    whole = pipeline(random_state=seed, **{**arguments, "class_weight": config.class_weight})
     return whole if kind == "motion" else whole[1:]  # without the step `Motion`
 
 
@@ -100,18 +104,20 @@ def make_summaries(config: LearnerConfig) -> Pipeline:
     # of many summaries, each of which depends little on the class, none may get a large weight
     of_motion = {"max_cases": MAX_CASES if config.new_places else None}
     options: dict[str, Any] = {"table": {"C": 1.0}, "series": {}, "motion": of_motion}
-    return config.summarize(("logistic", QuadraticLogistic(**options[config.kind])))
+    logistic = QuadraticLogistic(class_weight=config.class_weight, **options[config.kind])
+    return config.summarize(("logistic", logistic))
 
 
 def make_forest(config: LearnerConfig) -> Pipeline:
     from lcorpp.learning.classifiers.forest import Forest
 
-    forest = Forest(TREES, min_samples_leaf=5, class_weight="balanced_subsample", random_state=config.seed)
+    weight = None if config.class_weight is None else "balanced_subsample"
+    forest = Forest(TREES, min_samples_leaf=5, class_weight=weight, random_state=config.seed)
     return config.summarize(("forest", forest))
 
 
 def make_minirocket(config: LearnerConfig) -> Pipeline:
     from lcorpp.learning.classifiers.minirocket import MiniRocket
 
-    steps = ("scaling", ChannelStandardizer()), ("minirocket", MiniRocket(random_state=config.seed))
-    return config.pipeline(*steps)
+    rocket = MiniRocket(class_weight=config.class_weight, random_state=config.seed)
+    return config.pipeline(("scaling", ChannelStandardizer()), ("minirocket", rocket))

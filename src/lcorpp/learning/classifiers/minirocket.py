@@ -42,11 +42,12 @@ class MiniRocket(ProbabilityClassifier):
 
     A feature is the fraction of the time in which a dilated convolution of a few channels exceeds a bias.
     Half of the convolutions see zeros before and after the track; the others count only inside it.
-    All classes have equal total weight. Channels should be standardized, because convolutions add them. The
+    Channels should be standardized, because convolutions add them. The
     probabilities increase with the scores of the ridge classifier, but are not calibrated.
 
     Args:
         features: number of features, at least 84; rounded down to a multiple of 84.
+        class_weight: "balanced": equal total weight of all classes; None: equal weight of all cases.
         random_state: seed of the channels of each convolution, and of the cases that give its biases.
 
     Attributes:
@@ -58,8 +59,11 @@ class MiniRocket(ProbabilityClassifier):
     Source: Dempster, Schmidt and Webb, "MiniRocket", KDD 2021, and their code for several channels.
     """
 
-    def __init__(self, *, features: int = 10_000, random_state: int = 0) -> None:
+    def __init__(
+        self, *, features: int = 10_000, class_weight: str | None = "balanced", random_state: int = 0
+    ) -> None:
         self.features = features
+        self.class_weight = class_weight
         self.random_state = random_state
 
     def fit(self, X: npt.ArrayLike, y: npt.ArrayLike, sample_weight: npt.ArrayLike | None = None) -> Self:
@@ -78,7 +82,10 @@ class MiniRocket(ProbabilityClassifier):
         scale[scale == 0] = 1.0
         weights = np.ones(len(features)) if sample_weight is None else np.asarray(sample_weight)
         classes, index = np.unique(np.asarray(y), return_inverse=True)
-        by_class = compute_class_weight("balanced", classes=classes, y=y, sample_weight=weights)
+        balance = self.class_weight
+        by_class = compute_class_weight(
+            balance, classes=classes, y=y, sample_weight=weights if balance else None
+        )
         ridge = RidgeClassifierCV(RIDGE_PENALTIES).fit(features / scale, y, weights * by_class[index])
         self.classes_, self.intercept_ = ridge.classes_, np.ravel(ridge.intercept_)
         self.weights_: Array = np.atleast_2d(ridge.coef_) / scale

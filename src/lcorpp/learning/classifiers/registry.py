@@ -116,6 +116,7 @@ def learner(
     kind: Kind | None = None,
     rate: float = RATE,
     new_places: bool = True,
+    class_weight: str | None = "balanced",
 ) -> Any:
     """Return an unfitted classifier.
 
@@ -134,14 +135,16 @@ def learner(
         rate: points of motion per second, see `Motion`.
         new_places: whether the people to be classified may be at other places than those of the training.
             If not, the learner "summaries" regularizes the less the more tracks of motion there are.
+        class_weight: "balanced": equal total weight of all classes in the training, so that rare ones count;
+            None: equal weight of all cases.
 
     Returns:
         An estimator with `fit`, `predict_proba` and `get_params`.
 
     Raises:
         DataError: the learner is unknown, the function fails or does not return a classifier, learns from
-            another kind of data, `epochs`, `device`, `features` or `rate` is given to a learner without that
-            option, or an argument has another type.
+            another kind of data, an argument from `features` to `class_weight` is given to a learner without
+            that option, or an argument has another type.
 
     Examples:
         >>> import numpy as np
@@ -159,10 +162,11 @@ def learner(
             kind = LEARNERS[name].kinds[0]
     chosen = default_features(name) if features is None else features
     config = LearnerConfig(
-        interval, tuple(inputs), tuple(chosen), seed, epochs, device, kind, rate, new_places
+        interval, tuple(inputs), tuple(chosen), seed, epochs, device, kind, rate, new_places, class_weight
     )
     if ":" in name:
         defaults = {"features": PAPER_FEATURES, "epochs": None, "device": "cpu", "rate": RATE}
+        defaults["class_weight"] = "balanced"
         required = [key for key, value in defaults.items() if getattr(config, key) != value]
         return _set_seed(load_learner_plugin(name, vars(config), required), seed)
     if name in RENAMED:
