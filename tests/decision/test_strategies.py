@@ -128,3 +128,10 @@ def test_a_sense_that_perceives_nothing_gives_no_label():
         {"eyes": FakeClassifier(), "ears": FakeClassifier()}, FakeReasoner(), FakePlanner(), FakeDomain()
     )
     assert robot.classify(make_instance(1)) == {"eyes": "no"}
+
+
+def test_the_full_strategy_has_two_names_and_one_name_needs_no_list():
+    assert [row.name for row in strategies(["l+r+p"])] == ["LCORPP"]
+    assert [row.name for row in strategies("R+P")] == ["R+P"]
+    with pytest.raises(DecisionError, match="unknown strategy 'R\\+L'"):
+        strategies("R+L")

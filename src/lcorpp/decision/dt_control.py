@@ -28,7 +28,7 @@ MEMBERS = {part: [name for name in vars(protocol) if name[0] != "_"] for part, p
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Robot:
-    """The parts of a deciding robot.
+    """The parts of a deciding robot; `lcorpp.load_robot` composes one with a method `decide`, `DomainRobot`.
 
     classifiers: sense -> its classifier, rho; none for a robot that does not learn.
     reasoner: theta. planner: pi, with its model M. domain: translates between them.

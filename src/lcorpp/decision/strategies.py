@@ -169,6 +169,10 @@ STRATEGIES = (
 """The strategies of section "Experimental Results" of the paper, in its order; and L+P."""
 
 
+ALIASES = {"L+R+P": LCORPP.name}
+"""Other names of rows."""
+
+
 def list_strategies(senses: Sequence[str]) -> tuple[Strategy, ...]:
     """Return the strategies of a domain with these senses.
 
@@ -184,7 +188,7 @@ def list_strategies(senses: Sequence[str]) -> tuple[Strategy, ...]:
 def strategies(
     names: Iterable[str], senses: Sequence[str] = ("",), *, more: Sequence[Strategy] = ()
 ) -> tuple[Strategy, ...]:
-    """Return the rows with the given names, in the order of the table; all rows if no name is given.
+    """Return the rows with the given names, or one name, in the order of the table; all rows without names.
 
     Args:
         senses: of the domain, see `list_strategies`; by default one.
@@ -199,13 +203,13 @@ def strategies(
         ['R+P', 'LCORPP']
     """
     given, table = [names] if isinstance(names, str) else list(names), list_strategies(senses)
-    selected = [name.upper() for name in given]
+    selected = [ALIASES.get(name.upper(), name.upper()) for name in given]
     rows = (*table, *more) if selected else table
     known = [row.name.upper() for row in rows]
-    for name in given:
-        if name.upper() not in known:
+    for name, upper in zip(given, selected, strict=True):
+        if upper not in known:
             needs = ""
-            if name.upper() in [row.name for row in STRATEGIES]:
+            if upper in [row.name for row in STRATEGIES]:
                 needs = " in a domain without classifiers"
             raise DecisionError(
                 f"unknown strategy {name!r}{needs}; {expected_one_of([r.name for r in rows])}"

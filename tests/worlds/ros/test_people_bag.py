@@ -12,6 +12,7 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from lcorpp.errors import DataError, FileError
 from lcorpp.learning import read_recording
 from lcorpp.worlds.ros.people_bag import list_people_topics, read_people_bag
+from tests.worlds.ros.test_laser_scan import HALF, RADIUS, scan
 
 PEOPLE_MSGS = {
     "people_msgs/msg/Person": "string name\ngeometry_msgs/Point position\nfloat64 reliability\n",
@@ -105,3 +106,28 @@ def test_recorded_frames_have_one_track_a_person(name, people):
     samples = read_people_bag(ENGAGEMENT / name, "/tf")
     assert len({person for _, person, _, _ in samples}) == people
     assert all(0.3 < x < 4 and abs(y) < 2 for _, _, x, y in samples)  # metres in front of the robot
+
+
+def test_people_are_tracked_in_the_scans_of_a_bag(tmp_path):
+    store, kind = get_typestore(Stores.ROS2_HUMBLE), "sensor_msgs/msg/LaserScan"
+    types, path = store.types, tmp_path / "scans"
+    with Writer2(path, version=9, storage_plugin=StoragePlugin.MCAP) as writer:
+        connection = writer.add_connection("/scan", kind, typestore=store)
+        for k in range(30):
+            now = 100 + k / 10
+            stamp = types["builtin_interfaces/msg/Time"](int(now), round(now % 1 * 1e9))
+            header = types["std_msgs/msg/Header"](stamp=stamp, frame_id="laser")
+            x = 4.0 - k / 10
+            ranges = scan([(x, 0.15, RADIUS), (x, -0.15, RADIUS)], noise=0.01, seed=k).astype(np.float32)
+            limits = (HALF[0], HALF[-1], HALF[1] - HALF[0], 0.0, 0.1, 0.05, 20.0)
+            message = types[kind](header, *map(float, limits), ranges, np.zeros(0, dtype=np.float32))
+            writer.write(connection, int(now * 1e9), store.serialize_cdr(message, kind))
+    assert list_people_topics(path) == {"/scan": "sensor_msgs/LaserScan"}
+    samples = read_people_bag(path, "/scan")
+    assert {person for _, person, _, _ in samples} == {"1-1"}
+    assert len(samples) > 25
+    for time, _, x, y in samples:
+        assert abs(x - (104.0 - time)) < 0.2
+        assert abs(y) < 0.15
+    with pytest.raises(DataError, match="has 0 topics with people; expected one of /scan"):
+        read_people_bag(path)

@@ -53,7 +53,10 @@ def track(
         ),
     ] = None,
     topic: Annotated[
-        str | None, typer.Option(metavar="NAME", help="The topic of a bag: of a people tracker or of images.")
+        str | None,
+        typer.Option(
+            metavar="NAME", help="The topic of a bag: of a people tracker, a laser scanner or of images."
+        ),
     ] = None,
     rate: Annotated[
         float | None,
@@ -162,6 +165,7 @@ def _is_bag(source: Path) -> bool:
 
 def _has_people(source: Path, topic: str | None) -> bool:
     """Return whether the topic of a bag is that of a people tracker, not of a camera."""
+    from lcorpp.worlds.ros.people.laser_scan import LASER
     from lcorpp.worlds.ros.people_bag import list_topics
     from lcorpp.worlds.ros.sensor_messages import PEOPLE, TRANSFORMS
 
@@ -170,7 +174,7 @@ def _has_people(source: Path, topic: str | None) -> bool:
         known = [f"{name} ({kind})" for name, kind in sorted(topics.items())]
         raise DataError(f"{source}: has no topic {topic!r}; {expected_one_of(known)}")
     kinds = set(topics.values()) - {TRANSFORMS} if topic is None else {topics[topic]}
-    return bool(kinds & PEOPLE.keys())
+    return bool(kinds & PEOPLE.keys()) or (topic is not None and kinds == {LASER})
 
 
 def _cut(frames: FrameSource, start: float | None, end: float | None) -> Iterator[Frame]:

@@ -82,9 +82,8 @@ class Sense:
         for name, label in self.label_of.items():
             if text in (label, name):
                 return name
-        raise DomainError(
-            f"{text!r} is not a label of {self.name}; {expected_one_of(self.label_of.values())}"
-        )
+        known = dict.fromkeys([*self.label_of.values(), *self.label_of])
+        raise DomainError(f"{text!r} is not a label of {self.name}; {expected_one_of(known)}")
 
 
 def read_senses(

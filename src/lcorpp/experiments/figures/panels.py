@@ -80,7 +80,8 @@ def draw_bars(axes: Axes, groups: Sequence[str], series: Sequence[Bars], label: 
             axes.bar(x, interval.estimate, color=colour, width=width, edgecolor="white", linewidth=0.5)
             axes.errorbar(x, interval.estimate, yerr=errors, color=INK, capsize=1.5, linewidth=0.8)
             if bars.digits:
-                _write_above(axes, x, interval.high, format(interval.estimate, bars.digits))
+                top = max(interval.high, 0.0)  # above the axis, not on a bar below it
+                _write_above(axes, x, top, format(interval.estimate, bars.digits))
             for values, marker in ((bars.exact, EXACT), (bars.published, PUBLISHED)):
                 value = values[group] if values else None
                 if value is not None:
