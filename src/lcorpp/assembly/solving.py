@@ -79,7 +79,7 @@ def solve_domain(
     beliefs = np.vstack([starts.beliefs, starts.labels_alone])
     is_mixed = options.name == "sarsop" and (any_prior or not starts.are_complete)
     mixed = find_mixed(domain) if is_mixed else None
-    if program is not None and mixed is None:
+    if program is not None and find_mixed(domain) is None:
         known = replace(domain, reasoning=replace(domain.reasoning, program=program)).list_starts()
         beliefs = np.vstack([beliefs, known.beliefs, known.labels_alone])
         beliefs = beliefs[np.sort(np.unique(beliefs, axis=0, return_index=True)[1])]  # the first one stays
