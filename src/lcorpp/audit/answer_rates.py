@@ -186,6 +186,13 @@ class AnswerRates:
         information: Array = np.diag(totals * p) - (row_of[:, None] == row_of) * np.outer(totals * p, p)
         return information
 
+    def find_table(self, place: int, n_outcomes: int) -> Array:
+        """Return (V, O) the estimated P(outcome | value) of a sense or kind of question, in their order."""
+        own, cells = self._rate_tables[place], self.tables[1 + place]
+        table = np.zeros((len(own.row_of), n_outcomes))
+        table[:, own.outcomes] = self.p[cells].reshape(len(own.prior), -1)[own.row_of]
+        return table
+
     def list_rows(self, table: int) -> list[list[int]]:
         """List the cells of each row of a table of `tables`."""
         cells = range(len(self.p))[self.tables[table]]

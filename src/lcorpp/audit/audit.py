@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
 from itertools import combinations
 from math import inf, log
@@ -24,7 +24,8 @@ from lcorpp.audit.knowledge import KnowledgeFits, NumbersFit, find_ratio_weights
 from lcorpp.audit.logged_people import LoggedPeople
 from lcorpp.audit.missing_rules import add_missing_rules
 from lcorpp.audit.rates import list_rates
-from lcorpp.errors import ProgramError
+from lcorpp.audit.simulation import SimulatedLogs
+from lcorpp.errors import DataError, ProgramError
 from lcorpp.fitting.number_model import list_free_numbers
 from lcorpp.fitting.uncertainty import NULL_SCORE
 from lcorpp.reasoning.language.syntax import Probability, Selection
@@ -35,6 +36,9 @@ from lcorpp.values import Array
 MAX_PRIOR_SHARE = 0.5
 """A number is not determined if its variance is more than this share of the variance of its weak prior."""
 
+MIN_SIMULATIONS = 99
+"""Minimum number of simulated logs: with fewer no p-value reaches `MAX_CHANGE_P_VALUE`."""
+
 N_STARTS = 5
 """Number of searches if all numbers of an attribute are free, as the likelihood may have several maxima."""
 
@@ -42,7 +46,13 @@ Progress = Callable[[int, int], None]
 
 
 def audit_people(
-    people: LoggedPeople, progress: Progress = lambda done, total: None, *, given: bool = False
+    people: LoggedPeople,
+    progress: Progress = lambda done, total: None,
+    *,
+    given: bool = False,
+    simulations: int = 0,
+    seed: int = 0,
+    simulated: Progress = lambda done, total: None,
 ) -> Audit:
     """Audit the knowledge, the senses and the observation model.
 
@@ -58,8 +68,14 @@ def audit_people(
         progress: is called with the number of fits done, and the number of all.
         given: whether the facts are given, e.g. by the robot's own schedule, so that the likelihood
             conditions on them.
+        simulations: the number of logs that are simulated under the stated knowledge, see `SimulatedLogs`;
+            0, or at least `MIN_SIMULATIONS`. The p-values of attributes are then the shares of these logs
+            with at least the same gain, and numbers are only changed if the first gain in their choice is
+            larger than in 99 % of them.
+        seed: of the simulations. simulated: as `progress`, of the simulated logs.
 
     Raises:
+        DataError: `simulations` is too small, or the decisions cannot be simulated again.
         ProgramError: the program has no numbers to audit, or they cannot be fitted.
         UndefinedError: what is known of a person is impossible under the program, whatever its numbers.
         TooLargeError: the program is too large to be compiled, or there are too many contexts.
@@ -79,7 +95,13 @@ def audit_people(
         >>> sorted({rate.name.partition(":")[0] for rate in audit.changed_rates})
         ['greet', 'move_forward']
     """
-    return _Auditor(people, progress, given).audit()
+    if simulations and simulations < MIN_SIMULATIONS:
+        raise DataError(f"{simulations} simulations; expected 0, or at least {MIN_SIMULATIONS}")
+    auditor = _Auditor(people, progress, given)
+    if not simulations:
+        return auditor.audit()
+    logs = auditor.simulate(simulations, seed, simulated)
+    return auditor.audit(logs)
 
 
 class _Auditor:
@@ -117,14 +139,38 @@ class _Auditor:
             self._groups[name] = (*self._groups.get(name, ()), i)
         self._stated = self._fits.compute_stated()
 
-    def audit(self) -> Audit:
-        people, free = self._people, list(self._fits.free)
+    def fit_all(self) -> None:
+        """Fit each number alone, and all numbers of each attribute."""
+        free = list(self._fits.free)
         n_fits = len(free) + len(self._groups)
         for done, key in enumerate([*[(i,) for i in free], *self._groups.values()]):
             self._progress(done, n_fits)
             self._fits.fit(self._complete(key), N_STARTS if len(key) > 1 else 1)
         self._progress(n_fits, n_fits)
-        chosen = self._choose()
+
+    def measure_gains(self) -> dict[str, float]:
+        """Return the gain of each attribute, and as "" the largest BIC by which a choice begins."""
+        gains = {name: self._find_gain(own) for name, own in self._groups.items()}
+        return {**gains, "": max(map(self._find_bic, self._list_candidates()))}
+
+    def simulate(self, count: int, seed: int, progress: Progress) -> list[dict[str, float]]:
+        """Return `measure_gains` of logs that are simulated under the stated knowledge."""
+        logs, gains = SimulatedLogs(self._people, self._rates, self._given), list[dict[str, float]]()
+        for number in range(count):
+            progress(number, count)
+            other = _Auditor(logs.draw(seed + number), lambda done, total: None, self._given)
+            other.fit_all()
+            gains.append(other.measure_gains())
+        progress(count, count)
+        return gains
+
+    def audit(self, simulated: Sequence[Mapping[str, float]] = ()) -> Audit:
+        """Return the audit; simulated: of `simulate`."""
+        people, free = self._people, list(self._fits.free)
+        self.fit_all()
+        p_values = self._compare_with_simulated(simulated)
+        may_change = bool(self._fits.excluding) or p_values.get("", 0.0) <= MAX_CHANGE_P_VALUE
+        chosen = self._choose() if may_change else ()
         n_undetermined, undetermined = self._fits.find_undetermined(NULL_SCORE)
         return Audit(
             program_file=people.program.file,
@@ -135,14 +181,27 @@ class _Auditor:
             skipped=people.skipped,
             given=self._given,
             numbers=[self._describe(i, self._fits.fit(self._complete((i,)))) for i in free],
-            attributes=[self._describe_attribute(name) for name in self._groups],
+            attributes=[self._describe_attribute(name, p_values) for name in self._groups],
             rates=list_rates(people, self._rates, MAX_PRIOR_SHARE),
             changes=[self._describe(i, self._fits.fit(chosen)) for i in chosen],
             rivals=self._list_rivals(chosen) if chosen else [],
             n_undetermined=n_undetermined,
             undetermined=[self._atom(i).left_side for i in undetermined],
             excluded=self._count_excluded(),
+            simulations=len(simulated),
         )
+
+    def _compare_with_simulated(self, simulated: Sequence[Mapping[str, float]]) -> dict[str, float]:
+        """Return the p-value of each gain of `measure_gains`: its rank among the simulated ones.
+
+        Source: Davison and Hinkley, "Bootstrap Methods and their Application", 1997, section 4.2.
+        """
+        if not simulated:
+            return {}
+        return {
+            name: (1 + sum(own.get(name, 0.0) >= gain for own in simulated)) / (1 + len(simulated))
+            for name, gain in self.measure_gains().items()
+        }
 
     def _count_excluded(self) -> dict[str, int]:
         """Return the number of excluded people by their facts."""
@@ -292,9 +351,9 @@ class _Auditor:
         interval, p_value = compare_log_odds(stated, estimate, variance)
         return replace(found, interval=interval, p_value=p_value)
 
-    def _describe_attribute(self, name: str) -> AttributeTest:
+    def _describe_attribute(self, name: str, simulated: Mapping[str, float]) -> AttributeTest:
         own = self._groups[name]
-        p_value = float(chi2.sf(*self._compare(own, ())))
+        p_value = simulated[name] if simulated else float(chi2.sf(*self._compare(own, ())))
         return AttributeTest(name, len(own), self._find_gain(own), self._find_bic(own), p_value)
 
 

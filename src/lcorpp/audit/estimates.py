@@ -94,6 +94,7 @@ class Audit:
     excluded: facts -> number of people with them whom the stated numbers exclude: what is known of them has
     the probability 0.
     n_people, strategy, n_others, skipped: as of `LoggedPeople`. given: whether the facts are given.
+    simulations: number of simulated logs from which the p-values of attributes come; 0 without.
     """
 
     program_file: str
@@ -111,6 +112,7 @@ class Audit:
     n_undetermined: int
     undetermined: Sequence[str]
     excluded: Mapping[str, int]
+    simulations: int = 0
 
     def __repr__(self) -> str:
         changes = join_some([f"{x.name}: {x.stated:.3g} -> {x.estimate:.3f}" for x in self.changes])

@@ -6,6 +6,7 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -30,6 +31,7 @@ class LoggedPeople:
     cases: the distinct people, by the numbers of their contexts and labels, with their weights.
     strategy: its name. n_others: number of decisions of other strategies.
     skipped: why lines are left out -> how many.
+    parts: the description of the robot at the last decision.
     """
 
     domain: Domain
@@ -42,6 +44,7 @@ class LoggedPeople:
     strategy: str
     n_others: int
     skipped: Mapping[str, int]
+    parts: Mapping[str, Any]
 
 
 def read_people(path: Path, *, folder: Path | None = None, strategy: str | None = None) -> LoggedPeople:
@@ -104,7 +107,7 @@ def read_people(path: Path, *, folder: Path | None = None, strategy: str | None 
 class _Reader:
     """Reads decisions as cases."""
 
-    def __init__(self, domain: Domain, program: Program, parts: Mapping[str, object]) -> None:
+    def __init__(self, domain: Domain, program: Program, parts: Mapping[str, Any]) -> None:
         self._domain, self._program, self._parts = domain, program, parts
         self._dialogue = DomainDialogue(domain)
         self._senses = [sense.name for sense in domain.senses]
@@ -153,6 +156,7 @@ class _Reader:
             strategy,
             n_others,
             skipped,
+            self._parts,
         )
 
     def _read(self, line: LoggedDecision) -> tuple[int, list[int], list[int]]:

@@ -19,7 +19,8 @@ def format_audit(audit: Audit) -> str:
         f"{audit.n_people} people about whom {audit.strategy} decided{', facts given' * audit.given};"
         f" {audit.program_file}",
         _format_estimates("rule, alone", audit.numbers, {x.name: x.gain for x in audit.numbers}),
-        format_table([("attribute, all numbers free", "numbers", "gain", "BIC", "p"), *attributes]),
+        format_table([("attribute, all numbers free", "numbers", "gain", "BIC", "p"), *attributes])
+        + f"\np: of {audit.simulations} logs simulated under the knowledge" * bool(audit.simulations),
         _format_estimates("label or answer", audit.rates),
         *([_format_excluded(audit.excluded)] if audit.excluded else []),
         "\n".join(_conclude(audit)),

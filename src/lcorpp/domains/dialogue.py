@@ -131,7 +131,7 @@ class DomainDialogue:
     def make_planner(self, tables: Array) -> Planner:
         """Return the planner for the model with these tables (K, V, O)."""
         if self._model is None or not np.array_equal(tables, self._model[0]):
-            self._model = tables, self._make_model(tables)
+            self._model = tables, self.make_model(tables)
         return self._make_planners(self._model[1])
 
     def state(self) -> dict[str, Any]:
@@ -142,7 +142,7 @@ class DomainDialogue:
         """Continue from the state of a dialogue of the same domain; return the planner of the last person."""
         return self._make_planners.restore(state)
 
-    def _make_model(self, tables: Array) -> Pomdp:
+    def make_model(self, tables: Array) -> Pomdp:
         pomdp = self._domain.pomdp
         observation = pomdp.observation.dense.copy()
         for (action, situation), kind in self._kind_of.items():

@@ -11,6 +11,7 @@ from lcorpp.cli import console
 from lcorpp.cli.console import print_text
 from lcorpp.cli.logs import common
 from lcorpp.cli.options.code import take_consent
+from lcorpp.cli.options.common import SeedOption
 from lcorpp.errors import FileError
 
 
@@ -34,6 +35,16 @@ def audit(
             help="The facts are given, e.g. by the robot's schedule: how often each occurs is not used.",
         ),
     ] = False,
+    simulate: Annotated[
+        int,
+        typer.Option(
+            min=0,
+            metavar="N",
+            help="Compare the gains of attributes with those in N logs, at least 99, that are simulated under"
+            " the knowledge; takes up to N times as long.",
+        ),
+    ] = 0,
+    seed: SeedOption = 0,
 ) -> None:
     """Compare what is stated with the people of a log.
 
@@ -56,8 +67,9 @@ def audit(
     if figure is not None:
         check_figure(figure)
     people = read_people(log, folder=domain, strategy=strategy)
-    with console.show_progress("fitting numbers") as advance:
-        result = audit_people(people, advance, given=given)
+    with console.show_progress("simulating logs" if simulate else "fitting numbers") as advance:
+        callback = {"simulated" if simulate else "progress": advance}
+        result = audit_people(people, given=given, simulations=simulate, seed=seed, **callback)
     print_text(format_audit(result))
     if output is not None:
         write_atomically(output, format_patch(result))
