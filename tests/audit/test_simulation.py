@@ -122,8 +122,8 @@ def test_what_cannot_be_simulated_is_named(tmp_path):
 def test_gains_of_right_knowledge_are_those_of_simulated_logs(tmp_path):
     """One simulation for each log gives the distribution under all estimated rates together.
 
-    Source: Giacomini, Politis and White, "A warp-speed method for conducting Monte Carlo experiments involving
-    bootstrap estimators", Econometric Theory 29(3), 2013.
+    Source: Giacomini, Politis and White, "A warp-speed method for conducting Monte Carlo experiments
+    involving bootstrap estimators", Econometric Theory 29(3), 2013.
     """
     domain, gains, simulated = load_domain("intention"), list[dict[str, float]](), list[dict[str, float]]()
     for seed in range(100):
