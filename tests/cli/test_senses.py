@@ -323,3 +323,13 @@ def test_simulated_features_have_names_or_numbers(tmp_path):
         LcorppError, match=r"signals of 'gaze': 3 channels .*; `channels` in .learning. names"
     ):
         train_classifier(domain, domain.senses[0], TrainingOptions())
+
+
+def test_a_sense_that_does_not_perceive_the_person_is_named(lcorpp):
+    ended = lcorpp("explain", "intention", "--preset", "around", "--seed", 1)
+    assert ended.code == 0, ended.err
+    assert "side=aside" in ended.out
+    assert "legs's classifier's label" in ended.out
+    assert "no label: motion does not perceive the person" in ended.out
+    assert "motion perceives 100% where side is ahead, 0% where side is aside" in ended.out
+    assert "classifier = " not in ended.out.partition("reasoning")[2].partition("\n")[0]

@@ -41,7 +41,7 @@ def decide_and_print(
     evidence, marginal, prior = infer_prior(robot, facts, labels)
     seconds = {"reason": perf_counter() - began}
     for name, predicted in labels.items():
-        owner = f"{name}'s classifier's" if len(labels) > 1 else "the classifier's"
+        owner = f"{name}'s classifier's" if len(domain.senses) > 1 else "the classifier's"
         if isinstance(predicted, str):
             attribute = domain.find_sense(name).attribute
             console.print_heading(1, "learning", f"{owner} label")
@@ -51,6 +51,8 @@ def decide_and_print(
             if predicted.observed:
                 console.out.print(f"     {predicted.observed}")
             _print_bars(predicted)
+    for name in [sense for sense in robot.classifiers if sense not in labels]:
+        console.print_heading(1, "learning", f"no label: {name} does not perceive the person")
     subtitle = "given " + ", ".join(f"{name} = {value}" for name, value in evidence.items())
     console.print_heading(2, "reasoning", subtitle)
     hidden = [
