@@ -66,6 +66,9 @@ def test_a_regular_polygon_contains_the_points_nearer_than_its_edges():
         ("[[0, 0], [1, nan], [2, 0]]", "expected a polygon"),
         ("[1, 2, 3]", "expected a polygon"),
         ("[]", "expected a polygon"),
+        ("[[0, 0], [1, 0], 5]", "expected a polygon"),
+        ("[[0, 0], 1, [1, 1]]", "expected a polygon"),
+        ("[[0, 0], [1, 1], [2, 2]]", "expected three corners that are not in"),
     ],
 )
 def test_areas_that_are_wrong(folder, area, words):
@@ -103,6 +106,11 @@ def test_an_initial_pose_is_that_of_the_option_or_of_the_file(folder):
 def test_initial_poses_that_are_wrong(folder, changes, words):
     with pytest.raises(DomainError, match=words):
         read(folder, **changes)
+
+
+def test_a_wrong_option_is_named_not_the_file(folder):
+    with pytest.raises(DomainError, match=r"^--pose: is for a localisation"):
+        read(folder, pose=(1.0, 2.0, 0.0), robot="[robot]\npose = [0, 0, 0]")
 
 
 class Localisation:

@@ -82,6 +82,7 @@ def test_the_configuration(folder):
             r"mounting: is for sensor_msgs",
         ),
         (LASER + "\nrate = 3", r"rate.*unknown"),
+        (LASER + '\nclasses = ["person"]', r"classes: is for detections; sensor_msgs/LaserScan has none"),
     ],
 )
 def test_errors_of_the_configuration(folder, lines, words):

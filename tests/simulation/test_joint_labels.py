@@ -7,8 +7,14 @@ import pytest
 
 from lcorpp import load_domain
 from lcorpp.assembly.case import draw_case
+from lcorpp.assembly.strategies.baselines import find_strategies
+from lcorpp.assembly.strategies.trust import TRUST, check_dialogue
+from lcorpp.audit import read_people
 from lcorpp.decision import Robot, strategies
+from lcorpp.errors import DataError, DomainError
+from lcorpp.experiments import ComparisonOptions, compare_strategies
 from lcorpp.planning import Planner, solve
+from lcorpp.planning.policy_cache import find_cache_folder
 from lcorpp.reasoning import Enumeration, Reasoner
 from lcorpp.scoring import Experiment, evaluate_exactly, run_trials
 from lcorpp.scoring.cases import list_cases
@@ -88,3 +94,19 @@ def test_a_given_label_determines_the_person_of_the_others():
     stops = np.mean([case.person["legs"] == "stops" for case in labels])
     expected = Reasoner(DOMAIN.program).posterior("legs", {"classifier": "one"})["stops"]
     assert stops == pytest.approx(expected, abs=4 * (expected * (1 - expected) / 300) ** 0.5)
+
+
+def test_what_takes_labels_as_independent_refuses_those_of_one_walk(tmp_path):
+    assert DOMAIN.find_related_senses(DOMAIN.program) == ("motion", "legs")
+    assert load_domain("museum").find_related_senses(load_domain("museum").program) == ()
+    with pytest.raises(DomainError, match=r"relates the labels of motion and legs, and LCORPP\+trust takes"):
+        check_dialogue(DOMAIN, [TRUST])
+    for name, is_refused in (("LCORPP", True), ("LCORPP-legs", False)):
+        rows = find_strategies([name], ["motion", "legs"])
+        options = ComparisonOptions(rows, trials=30, log=tmp_path / name, cache=find_cache_folder())
+        compare_strategies(DOMAIN, options)
+        if is_refused:
+            with pytest.raises(DataError, match="an audit takes labels as independent given the value"):
+                read_people(tmp_path / name)
+        else:
+            assert read_people(tmp_path / name).strategy == name

@@ -156,6 +156,10 @@ def test_a_sense_that_perceives_no_one_cannot_be_trained():
         ),
         ({"gaze": {"group": 1, "time": 1}}, r"is a table of group, time; expected a probability"),
         ({"gaze": {"side": {"left": 1}}}, r"has no attribute 'side'"),
+        (
+            {"gaze": {"motion": dict.fromkeys(("waits", "approaches", "passes"), 0.5)}},
+            "'motion' is the label of",
+        ),
         ({"gaze": {"group": 0.5}}, r"group: expected a table of probabilities, e.g. \{ alone = 0.9 \}"),
         ({"gaze": {"group": {"alone": 1}}}, r"'family' is missing; expected the values of group at .*:\d+"),
         ({"gaze": {"group": {**BY_GROUP["group"], "duo": 1}}}, r"'duo' is not among the values of group"),

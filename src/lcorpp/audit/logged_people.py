@@ -142,6 +142,14 @@ class _Reader:
                 cases.add(*self._read(line))
             except DAMAGE as error:
                 skipped[describe_damage(error)] += 1
+        related = self._domain.find_related_senses(self._program)
+        places = [self._senses.index(name) for name in related]
+        if related and (cases.labels[:, places] != NO_LABEL).any(axis=0).all():
+            raise DataError(
+                f"{path}: the program relates the labels of {' and '.join(related)}, and an audit takes"
+                " labels as independent given the value; expected a log of a strategy with one of them, e.g."
+                f" LCORPP-{related[0]}"
+            )
         if not cases.n:
             reason = next(iter(skipped), "it is empty")
             raise DataError(f"{path}: no decision can be read: {reason}")

@@ -6,11 +6,13 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import cached_property
+from itertools import combinations
 from pathlib import Path
 
 import numpy as np
 
 from lcorpp.domains.sections.learning import Sense
+from lcorpp.domains.sections.noisy_channels import is_joint
 from lcorpp.domains.sections.planning import PlanningSection
 from lcorpp.domains.sections.reasoning import ReasoningSection
 from lcorpp.domains.sections.simulation import SimulationSection
@@ -114,6 +116,25 @@ class Domain:
     def shared_label_attributes(self) -> tuple[str, ...]:
         """Those of the senses that classify a shared variable: their rates need no other knowledge."""
         return tuple(sense.attribute for sense in self.senses if sense.of in self.reasoning.shared)
+
+    def find_related_senses(self, program: Program) -> tuple[str, ...]:
+        """Return two senses whose labels a program relates to each other, given the shared value; () if none.
+
+        E.g. because both see the same motion.
+        """
+        from lcorpp.reasoning import Reasoner  # imports the grounder and the compiler
+
+        joint = [sense for sense in self.senses if is_joint(program, sense)]
+        shared = self.reasoning.shared
+        for first, second in combinations(joint, 2):
+            names = (*shared, first.attribute, second.attribute)
+            table = np.array(list(map(float, Reasoner(program).exact(names).values())))
+            sizes = [len(program.attributes[name].values) for name in names[-2:]]
+            both = table.reshape(-1, *sizes)
+            apart = both.sum(axis=2)[:, :, None] * both.sum(axis=1)[:, None]
+            if not np.allclose(both * both.sum(axis=(1, 2))[:, None, None], apart, atol=1e-9):
+                return first.name, second.name
+        return ()
 
     @property
     def pomdp(self) -> Pomdp:

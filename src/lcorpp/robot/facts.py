@@ -120,6 +120,12 @@ class PlaceFact:
         return next((value for value, own in areas if any(is_inside(x, y, part) for part in own)), None)
 
 
+def measure_area(polygon: Polygon) -> float:
+    """Return the area of a polygon in square metres; negative if its corners are clockwise."""
+    pairs = zip(polygon, (*polygon[1:], *polygon[:1]), strict=True)
+    return sum(x1 * y2 - x2 * y1 for (x1, y1), (x2, y2) in pairs) / 2
+
+
 def is_inside(x: float, y: float, polygon: Polygon) -> bool:
     """Return whether a point is inside of a polygon: whether a ray from it crosses an odd number of edges."""
     inside = False

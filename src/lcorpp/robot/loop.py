@@ -94,7 +94,8 @@ class RobotLoop:
             fact.start(connection, lambda: self._perception.pose)
         self._orders = StopOrders.of(config.cmd_vel, [b.skill for b in config.behaviours.values()])
         self._listener = make_listener(config.answers, parts.domain, connection)
-        self._decided, self._faults = set[str](), FaultLog(config.people.tracker.topic[0])
+        trackers = (config.people.tracker, *config.people.senses.values())
+        self._decided, self._faults = set[str](), [FaultLog(tracker.topic[0]) for tracker in trackers]
 
     def run(self, max_decisions: int | None = None) -> Iterator[Decision]:
         """Decide about one person after another; yield each decision.
@@ -116,9 +117,9 @@ class RobotLoop:
                 for thread in threads:
                     thread.check()
                 self._await_connection()
+                self._warn_of_silence(monotonic() - began)
                 person = self._find_person()
                 if person is None:
-                    self._warn_of_silence(monotonic() - began)
                     sleep(PERIOD)
                     continue
                 self._attention.attend(person)
@@ -148,12 +149,15 @@ class RobotLoop:
         return self._make_world("").stop(is_final=True)
 
     def _warn_of_silence(self, seconds: float) -> None:
-        """Warn if the tracker sends no messages: once before the first one, and once after it."""
-        last, kind = self._perception.last_message, self._config.people.tracker.topic[1]
-        if last is None and seconds > SILENCE:
-            self._faults.warn(f"no {kind} for {SILENCE:g} s; is this the topic of the people tracker?")
-        elif last is not None and monotonic() - last > SILENCE:
-            self._faults.warn(f"no {kind} for {SILENCE:g} s any more; has the people tracker stopped?")
+        """Warn if a tracker sends no messages: once before the first one, and once after it."""
+        people = self._config.people
+        trackers = (people.tracker, *people.senses.values())
+        for perception, tracker, faults in zip(self._perceptions, trackers, self._faults, strict=True):
+            last, kind = perception.last_message, tracker.topic[1]
+            if last is None and seconds > SILENCE:
+                faults.warn(f"no {kind} for {SILENCE:g} s; is this the topic of the people tracker?")
+            elif last is not None and monotonic() - last > SILENCE:
+                faults.warn(f"no {kind} for {SILENCE:g} s any more; has the people tracker stopped?")
 
     def _await_connection(self) -> None:
         """Wait until a lost connection is back.

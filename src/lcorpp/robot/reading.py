@@ -23,7 +23,7 @@ from lcorpp.robot.config import (
     Topic,
     TrackerConfig,
 )
-from lcorpp.robot.facts import ClockFact, Fact, FixedFact, PlaceFact, Polygon, TopicFact
+from lcorpp.robot.facts import ClockFact, Fact, FixedFact, PlaceFact, Polygon, TopicFact, measure_area
 from lcorpp.values import SharedValue
 from lcorpp.worlds.ros.belief_messages import BeliefTopics
 from lcorpp.worlds.ros.initial_pose import LOCALISATIONS, InitialPose
@@ -195,7 +195,7 @@ def _read_initial_pose(
     value = value if given is None else list(given)
     if value is None:
         return None
-    location = robot.location("initial_pose")
+    location = robot.location("initial_pose") if given is None else "--pose"
     if isinstance(pose, Pose) or pose[1] not in LOCALISATIONS:
         found = "a robot that stays" if isinstance(pose, Pose) else pose[1]
         raise DomainError(
@@ -233,6 +233,8 @@ def _read_tracker(table: TomlTable) -> TrackerConfig:
     topic, default = read_topic(table, (*PEOPLE, LASER)), TrackerConfig(("", ""))
     classes, mounting = default.classes, default.mounting
     if "classes" in table:
+        if topic[1] == LASER:
+            raise DomainError(f"{table.location('classes')}: is for detections; {LASER} has none")
         classes = tuple(name.lower() for name in table.names("classes"))
     if "mounting" in table:
         if topic[1] != LASER:
@@ -304,13 +306,19 @@ def _read_polygons(table: TomlTable, value: str) -> list[Polygon]:
     several = given if _depth(given) == 3 else [given]
     polygons = list[Polygon]()
     for corners in several:
-        is_polygon = _depth(corners) == 2 and len(corners) >= 3 and all(len(c) == 2 for c in corners)
+        is_polygon = isinstance(corners, list) and len(corners) >= 3
+        is_polygon = is_polygon and all(isinstance(c, list) and len(c) == 2 for c in corners)
         if not is_polygon or not all(type(n) in (int, float) and isfinite(n) for c in corners for n in c):
             raise DomainError(
                 f"{location}: {reprlib.repr(given)}; expected a polygon [[x, y], [x, y], [x, y], ...] in"
                 " metres of the fixed frame, or a list of polygons"
             )
-        polygons.append(tuple((float(x), float(y)) for x, y in corners))
+        polygon = tuple((float(x), float(y)) for x, y in corners)
+        if not measure_area(polygon):
+            raise DomainError(
+                f"{location}: {reprlib.repr(corners)}; expected three corners that are not in line"
+            )
+        polygons.append(polygon)
     return polygons
 
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from lcorpp.decision import Robot, Strategy
 from lcorpp.decision.strategies import Rates
 from lcorpp.domains import Domain
+from lcorpp.errors import DomainError
 from lcorpp.trust.options import DEFAULT_OPTIONS, TrustOptions
 
 if TYPE_CHECKING:
@@ -43,9 +44,15 @@ def check_dialogue(domain: Domain, strategies: Iterable[Strategy]) -> None:
     """Check that the dialogue of a domain suits strategies that learn from earlier people, if there are some.
 
     Raises:
-        DomainError: as of `DomainDialogue`.
+        DomainError: as of `DomainDialogue`; or the program relates the labels of several senses.
     """
     if any(strategy.start is not None for strategy in strategies):
         from lcorpp.domains.dialogue import DomainDialogue  # only such strategies need it
 
         DomainDialogue(domain)
+        related = domain.find_related_senses(domain.program)
+        if related:
+            raise DomainError(
+                f"{domain.program.file}: relates the labels of {' and '.join(related)}, and {TRUST.name}"
+                " takes labels as independent given the value; expected a program with one of these senses"
+            )

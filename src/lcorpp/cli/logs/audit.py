@@ -40,7 +40,7 @@ def audit(
         typer.Option(
             min=0,
             metavar="N",
-            help="Compare the gains of attributes with those in N logs, at least 99, that are simulated under"
+            help="Compare the gains of attributes with those in N logs, 99 or more, that are simulated under"
             " the knowledge; takes up to N times as long.",
         ),
     ] = 0,

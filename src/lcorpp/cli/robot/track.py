@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from itertools import chain
+from math import inf
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -86,13 +87,14 @@ def track(
         float | None, typer.Option("--to", metavar="S", help="Leave out what is after, in seconds.")
     ] = None,
 ) -> None:
-    """Track the people whom a camera sees, and write their tracks.
+    """Track the people whom a camera or a laser scanner sees, and write their tracks.
 
-    A bag with messages of a people tracker is read as tracks, not images (docs/guides/robot/people.md).
+    A bag with messages of a people tracker is read as tracks, not images, and with --topic of a laser scanner
+    as scans (docs/guides/robot/people.md).
 
     Colour images need a homography, depth images the intrinsics. Positions are in metres: those of the
     homography, or x forward and y to the left of a depth camera, on the floor below it. Times are those of
-    the source; --from and --to count from its first image. Ctrl-C writes the tracks so far.
+    the source; --from and --to count from its first image or sample. Ctrl-C writes the tracks so far.
     """
     if output.suffix.lower() not in SUFFIXES:
         raise FileError(f"{output}: not the name of a recording; {expected_one_of(SUFFIXES)} at its end")
@@ -102,7 +104,10 @@ def track(
     if _is_bag(source) and _has_people(source, topic):
         from lcorpp.worlds.ros.people_bag import read_people_bag
 
-        console.out.print(_write(read_people_bag(source, topic), source, output))
+        read = read_people_bag(source, topic)
+        began = min((time for time, *_ in read), default=0.0)
+        low, high = began + (start or 0.0), inf if end is None else began + end
+        console.out.print(_write([own for own in read if low <= own[0] <= high], source, output))
         return
     from lcorpp.camera import Intrinsics, track_people
     from lcorpp.camera.mounting import check_rotation, rotate_frames

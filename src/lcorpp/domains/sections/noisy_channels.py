@@ -30,7 +30,7 @@ def make_noisy_channels(
             channels[sense.name] = _read_noisy_channel(own, sense)
         elif sense.attribute in true_program.attributes:
             channels[sense.name] = compute_noisy_channel(true_program, sense)
-            if _is_joint(true_program, sense):
+            if is_joint(true_program, sense):
                 joint.append(sense.name)
     if given is not None:
         given.reject_unknown_keys()
@@ -72,7 +72,7 @@ def _read_noisy_channel(table: TomlTable, sense: Sense) -> dict[str, dict[str, f
     return rates
 
 
-def _is_joint(program: Program, sense: Sense) -> bool:
+def is_joint(program: Program, sense: Sense) -> bool:
     """Whether a program relates the label of a sense to more than its class.
 
     E.g. the rates depend on the location, or on the label of another sense that sees the same motion.

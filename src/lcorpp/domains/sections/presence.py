@@ -49,6 +49,11 @@ def read_presence(table: TomlTable, program: Program, senses: Sequence[Sense]) -
             raise DomainError(f"{table.location(name)}: no sense {name!r}; {expected_one_of(names)}")
         if table.is_table(name):
             presence[name] = _read_by_value(table.section(name), program)
+            if (label := presence[name].of) in [sense.attribute for sense in senses]:
+                raise DomainError(
+                    f"{table.location(name)}: {label!r} is the label of a sense, which it has only if it"
+                    " perceives the person; expected another attribute"
+                )
         else:
             presence[name] = Presence(None, {"": table.number(name, 0, 1)})
     return presence

@@ -173,13 +173,13 @@ class Perception:
             if self._people_kind == LASER and self._is_lost:
                 self._faults.warn("scans are left out while the robot's pose is unknown")
                 continue
-            for detection in self._reader.read(message):
-                position = self._locate_detection(detection)
-                if position is None:
-                    continue
-                x, y = position
-                person = self.positions.update(self._tracker, detection.id, x, y)
-                samples.append((detection.time or time(), person, *self.home.relate(x, y, heading)))
+            located = [(d, self._locate_detection(d)) for d in self._reader.read(message)]
+            newest = {detection.id: place for detection, place in located if place is not None}
+            names = {id: self.positions.update(self._tracker, id, *place) for id, place in newest.items()}
+            for detection, place in located:
+                if place is not None:
+                    x, y = self.home.relate(*place, heading)
+                    samples.append((detection.time or time(), names[detection.id], x, y))
         return samples
 
     def _place_scan(self, x: float, y: float) -> tuple[float, float]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from math import hypot, isfinite, pi
+from math import hypot, inf, isfinite, isnan, pi
 
 import numpy as np
 
@@ -184,13 +184,18 @@ def _read_scan(message: Message) -> tuple[float, Array, Array]:
         raise WorldError("it has no stamp")
     first, step = (read_number(message, name) for name in ("angle_min", "angle_increment"))
     low, high = (read_number(message, name) for name in ("range_min", "range_max"))
-    if not (isfinite(first) and isfinite(step) and step):
-        raise WorldError(f"angle_min is {first:g} and angle_increment {step:g}; expected finite numbers")
+    if not (isfinite(first) and 0 < abs(step) < pi):
+        raise WorldError(f"angle_min is {first:g} and angle_increment {step:g}; expected radians")
+    low, high = (0.0 if isnan(low) else low), (inf if isnan(high) else high)  # rosbridge writes null for inf
+    if not low < high:
+        raise WorldError(f"range_min is {low:g} and range_max {high:g}; expected the first to be less")
     listed = read_list(message, "ranges")
     try:
         ranges = np.array([np.inf if r is None else r for r in listed], dtype=np.float64)
     except (TypeError, ValueError, OverflowError):
-        raise WorldError("'ranges' has something else than numbers") from None
+        ranges = np.zeros((0, 0))
+    if ranges.ndim != 1:
+        raise WorldError("'ranges' has something else than numbers")
     ranges = np.where((ranges >= low) & (ranges <= high), ranges, np.inf)
     angles: Array = first + step * np.arange(len(ranges), dtype=np.float64)
     return time, ranges, angles

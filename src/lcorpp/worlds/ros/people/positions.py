@@ -11,8 +11,8 @@ MAX_AGE = 3.0
 """Seconds after which the position of a person who is no longer detected is unknown."""
 MAX_PAUSE = 1.0
 """Seconds without a detection after which a tracker no longer sees a person."""
-SAME_PERSON = 0.6
-"""Metres within which new people of two trackers are one person."""
+SAME_PERSON, MAX_APART = 0.6, 1.5
+"""Metres within which new people of two trackers are one person, and beyond which they are no longer."""
 
 Key = tuple[str, str]
 """A tracker's name and its id of a person."""
@@ -55,13 +55,17 @@ class PeoplePositions:
         """Take a detection; return the name of the person.
 
         A new id of a tracker is a person whom another tracker sees within `SAME_PERSON`, and this one does
-        not; the nearest, if there are several. Otherwise it is a new person.
+        not; the nearest, if there are several. Otherwise it is a new person, and so is one whom the main
+        tracker sees more than `MAX_APART` away.
         """
         with self._lock:
             self._forget()
             name = self._names.get((tracker, id))
+            if name is not None and self._is_apart(name, tracker, x, y):
+                del self._people[name].seen[tracker]
+                name = None
             if name is None:
-                name = self._find_same(tracker, x, y) or (id if tracker == self._main else f"{tracker} {id}")
+                name = self._find_same(tracker, x, y) or self._make_name(tracker, id)
                 self._names[tracker, id] = name
             person, now = self._people.setdefault(name, _Person(x, y)), monotonic()
             if tracker == self._main or now - person.seen.get(self._main, -inf) > MAX_PAUSE:
@@ -79,6 +83,13 @@ class PeoplePositions:
             self._forget()
             return {name: (person.x, person.y) for name, person in self._people.items()}
 
+    def _make_name(self, tracker: str, id: str) -> str:
+        """Return the name of a new person: the main tracker's id, or with the name of another tracker."""
+        name = id if tracker == self._main else f"{tracker} {id}"
+        while name in self._people:  # the person of this id is another one now
+            name += "'"
+        return name
+
     def _find_same(self, tracker: str, x: float, y: float) -> str | None:
         """Return the nearest person whom another tracker sees now and this one does not; None without one."""
         now = monotonic()
@@ -89,6 +100,14 @@ class PeoplePositions:
         }
         nearest = min(near, key=near.__getitem__, default=None)
         return nearest if nearest is not None and near[nearest] <= SAME_PERSON else None
+
+    def _is_apart(self, name: str, tracker: str, x: float, y: float) -> bool:
+        """Return whether the main tracker sees a person elsewhere than another tracker."""
+        person = self._people.get(name)
+        if person is None or tracker == self._main:
+            return False
+        is_seen = monotonic() - person.seen.get(self._main, -inf) <= MAX_PAUSE
+        return is_seen and hypot(person.x - x, person.y - y) > MAX_APART
 
     def _forget(self) -> None:
         """Forget the people who are no longer detected."""
