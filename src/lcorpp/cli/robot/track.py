@@ -87,7 +87,7 @@ def track(
         float | None, typer.Option("--to", metavar="S", help="Leave out what is after, in seconds.")
     ] = None,
 ) -> None:
-    """Track the people whom a camera or a laser scanner sees, and write their tracks.
+    """Track people whom a camera or a scanner sees, and write them.
 
     A bag with messages of a people tracker is read as tracks, not images, and with --topic of a laser scanner
     as scans (docs/guides/robot/people.md).
