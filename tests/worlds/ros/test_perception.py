@@ -7,9 +7,12 @@ import pytest
 from lcorpp.errors import WorldError
 from lcorpp.worlds.ros import perception as perception_module
 from lcorpp.worlds.ros.connection import Subscription
+from lcorpp.worlds.ros.people import positions
+from lcorpp.worlds.ros.people.laser_scan import LASER
 from lcorpp.worlds.ros.perception import Frames, Perception
 from lcorpp.worlds.ros.pose import Pose
 from lcorpp.worlds.ros.ros_world import TopicListener
+from tests.worlds.ros.test_laser_scan import legs_at, message as make_message, scan
 
 ORIGIN = Pose(0.0, 0.0, 0.0)
 TRANSFORMS, PEOPLE, ODOMETRY = "tf2_msgs/TFMessage", "people_msgs/People", "nav_msgs/Odometry"
@@ -143,3 +146,22 @@ def test_texts_of_another_type_are_no_answers(caplog):
         heard.put(message)
     assert TopicListener(heard, "std_msgs/String", ("pos", "neg")).listen(0.0) == "pos"
     assert len(caplog.messages) == 3
+
+
+def test_a_walker_whom_a_slow_scanner_sees_is_the_person_of_the_camera(monkeypatch):
+    """Five scans a second: the samples of a new track come at once, the first of them from a metre away."""
+    now = [0.0]
+    monkeypatch.setattr(positions, "monotonic", lambda: now[0])
+    robot, everyone = Received(), positions.PeoplePositions()
+    camera = Perception(robot, ("/p", PEOPLE), ORIGIN, Frames(), positions=everyone)
+    laser = Perception(robot, ("/scan", LASER), ORIGIN, Frames(), positions=everyone, tracker="legs")
+    seen = list[tuple[float, str]]()
+    for k in range(18):
+        now[0] = k / 5
+        x = 6 - 1.2 * now[0]
+        robot.put("/p", people("map", ann=(x, 0.0)))
+        camera.update(0.0)
+        robot.put("/scan", make_message(100 + now[0], scan(legs_at(x, 0.0), noise=0.01, seed=k)))
+        seen += [(x, person) for _, person, x, _ in laser.update(0.0)]
+    assert {person for _, person in seen} == {"ann"}
+    assert len(seen) >= 10
