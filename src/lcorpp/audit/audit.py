@@ -39,6 +39,9 @@ MAX_PRIOR_SHARE = 0.5
 MIN_SIMULATIONS = 99
 """Minimum number of simulated logs: with fewer no p-value reaches `MAX_CHANGE_P_VALUE`."""
 
+FIRST_CHOICE = ""
+"""Among the gains of attributes, the largest BIC by which the choice of numbers begins."""
+
 N_STARTS = 5
 """Number of searches if all numbers of an attribute are free, as the likelihood may have several maxima."""
 
@@ -149,9 +152,9 @@ class _Auditor:
         self._progress(n_fits, n_fits)
 
     def measure_gains(self) -> dict[str, float]:
-        """Return the gain of each attribute, and as "" the largest BIC by which a choice begins."""
+        """Return the gain of each attribute, and the `FIRST_CHOICE`."""
         gains = {name: self._find_gain(own) for name, own in self._groups.items()}
-        return {**gains, "": max(map(self._find_bic, self._list_candidates()))}
+        return {**gains, FIRST_CHOICE: max(map(self._find_bic, self._list_candidates()))}
 
     def simulate(self, count: int, seed: int, progress: Progress) -> list[dict[str, float]]:
         """Return `measure_gains` of logs that are simulated under the stated knowledge."""
@@ -169,7 +172,7 @@ class _Auditor:
         people, free = self._people, list(self._fits.free)
         self.fit_all()
         p_values = self._compare_with_simulated(simulated)
-        may_change = bool(self._fits.excluding) or p_values.get("", 0.0) <= MAX_CHANGE_P_VALUE
+        may_change = bool(self._fits.excluding) or p_values.get(FIRST_CHOICE, 0.0) <= MAX_CHANGE_P_VALUE
         chosen = self._choose() if may_change else ()
         n_undetermined, undetermined = self._fits.find_undetermined(NULL_SCORE)
         return Audit(

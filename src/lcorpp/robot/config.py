@@ -66,6 +66,11 @@ class PeopleConfig:
     decide_after: float = 10.0
     max_silence: float = 3.0
 
+    @property
+    def trackers(self) -> dict[str, TrackerConfig]:
+        """All trackers: "" -> the robot's, sense -> its own."""
+        return {"": self.tracker, **self.senses}
+
 
 @dataclass(frozen=True)
 class AnswersConfig:

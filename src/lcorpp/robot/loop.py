@@ -94,8 +94,8 @@ class RobotLoop:
             fact.start(connection, lambda: self._perception.pose)
         self._orders = StopOrders.of(config.cmd_vel, [b.skill for b in config.behaviours.values()])
         self._listener = make_listener(config.answers, parts.domain, connection)
-        trackers = (config.people.tracker, *config.people.senses.values())
-        self._decided, self._faults = set[str](), [FaultLog(tracker.topic[0]) for tracker in trackers]
+        self._decided = set[str]()
+        self._faults = [FaultLog(tracker.topic[0]) for tracker in config.people.trackers.values()]
 
     def run(self, max_decisions: int | None = None) -> Iterator[Decision]:
         """Decide about one person after another; yield each decision.
@@ -150,8 +150,7 @@ class RobotLoop:
 
     def _warn_of_silence(self, seconds: float) -> None:
         """Warn if a tracker sends no messages: once before the first one, and once after it."""
-        people = self._config.people
-        trackers = (people.tracker, *people.senses.values())
+        trackers = self._config.people.trackers.values()
         for perception, tracker, faults in zip(self._perceptions, trackers, self._faults, strict=True):
             last, kind = perception.last_message, tracker.topic[1]
             if last is None and seconds > SILENCE:
@@ -277,8 +276,8 @@ def make_perceptions(connection: RosConnection, config: RobotConfig) -> list[Per
     Raises:
         WorldError: no pose of the robot comes. ConnectionLostError: there is no connection.
     """
-    trackers, perceptions = {"": config.people.tracker, **config.people.senses}, list[Perception]()
-    for name, tracker in trackers.items():
+    perceptions = list[Perception]()
+    for name, tracker in config.people.trackers.items():
         first = perceptions[0] if perceptions else None
         perceptions.append(
             Perception(

@@ -171,7 +171,7 @@ def select_signals(signals: Mapping[str, Array], i: int) -> dict[str, Array]:
     Args:
         signals: sense -> (people, ...), as of `simulate_signals`.
     """
-    return {sense: own[i] for sense, own in signals.items() if not np.isnan(own[i]).all()}
+    return {sense: own[i] for sense, own in signals.items() if find_perceived(own[i : i + 1])[0]}
 
 
 MAX_REDRAWS = 100

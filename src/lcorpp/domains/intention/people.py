@@ -13,7 +13,7 @@ domain folder and need no other library than numpy.
 from __future__ import annotations
 
 import importlib.util
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from types import ModuleType
 from typing import NamedTuple
@@ -102,14 +102,7 @@ def trajectories(people: Sequence[Mapping[str, str]], rng: np.random.Generator) 
     Raises:
         ValueError: a person with a missing or unknown intention.
     """
-    interested = _read_interested(people)
-    tracks = np.empty((len(people), 2, POINTS))
-    for start in range(0, len(people), BLOCK_SIZE):
-        rows = slice(start, start + BLOCK_SIZE)
-        time_left = np.arange(POINTS - 1, -1, -1) * INTERVAL
-        walks = _walk(interested[rows], np.broadcast_to(time_left, (len(interested[rows]), POINTS)), rng)
-        tracks[rows] = _add_tracker_errors(walks.path, time_left[0] - time_left, rng)
-    return tracks
+    return _simulate_tracks(people, POINTS, INTERVAL, _add_tracker_errors, rng)
 
 
 def legs(people: Sequence[Mapping[str, str]], rng: np.random.Generator) -> Array:
@@ -125,14 +118,30 @@ def legs(people: Sequence[Mapping[str, str]], rng: np.random.Generator) -> Array
     Raises:
         ValueError: a person with a missing or unknown intention.
     """
+    return _simulate_tracks(people, LEG_POINTS, LEG_INTERVAL, _add_leg_errors, rng)
+
+
+def _simulate_tracks(
+    people: Sequence[Mapping[str, str]],
+    points: int,
+    interval: float,
+    add_errors: Callable[[Array, Array, np.random.Generator], Array],
+    rng: np.random.Generator,
+) -> Array:
+    """(n, 2, points) the ends of n walks; add_errors: of a sensor, to paths (n, 2, points) at times."""
     interested = _read_interested(people)
-    tracks = np.empty((len(people), 2, LEG_POINTS))
+    tracks = np.empty((len(people), 2, points))
     for start in range(0, len(people), BLOCK_SIZE):
         rows = slice(start, start + BLOCK_SIZE)
-        time_left = np.arange(LEG_POINTS - 1, -1, -1) * LEG_INTERVAL
-        walks = _walk(interested[rows], np.broadcast_to(time_left, (len(interested[rows]), LEG_POINTS)), rng)
-        tracks[rows] = walks.path + LEG_ERROR * rng.standard_normal(walks.path.shape)
+        time_left = np.arange(points - 1, -1, -1) * interval
+        walks = _walk(interested[rows], np.broadcast_to(time_left, (len(interested[rows]), points)), rng)
+        tracks[rows] = add_errors(walks.path, time_left[0] - time_left, rng)
     return tracks
+
+
+def _add_leg_errors(path: Array, _times: Array, rng: np.random.Generator) -> Array:
+    """Positions (n, 2, points) with errors of a laser scanner and of the feet."""
+    return path + LEG_ERROR * rng.standard_normal(path.shape)
 
 
 def recordings(

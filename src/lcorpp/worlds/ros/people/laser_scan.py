@@ -21,7 +21,7 @@ LASER = "sensor_msgs/LaserScan"
 MAX_LEG_RANGE = 8.0
 """Metres beyond which no leg is looked for: few rays hit one."""
 MAX_GAP, GAP_STEPS = 0.1, 2.5
-"""Neighbouring points of one leg are nearer than these metres, or than so many steps between rays."""
+"""Maximum distance of neighbouring points of one leg: metres, or steps between rays if these are longer."""
 MIN_POINTS, LEG_WIDTH = 3, (0.05, 0.3)
 """Minimum number of points of a leg; minimum and maximum of its width in metres, with trousers."""
 MIN_STEP = 0.15
