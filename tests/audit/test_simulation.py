@@ -1,19 +1,23 @@
 """Logs that are simulated under the stated knowledge, and the p-values that follow from them."""
 
+import shutil
 from collections import Counter
 from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.special import logit
 
 from lcorpp.audit.audit import MIN_SIMULATIONS, _Auditor, audit_people
+from lcorpp.audit.intervals import find_limits
 from lcorpp.audit.logged_people import LoggedPeople, read_people
 from lcorpp.audit.report import format_audit
-from lcorpp.audit.simulation import SimulatedLogs
+from lcorpp.audit.simulation import SimulatedFits, SimulatedLogs
 from lcorpp.decision import strategies
 from lcorpp.domains import Domain, load_domain
 from lcorpp.errors import DataError
 from lcorpp.experiments import ComparisonOptions, compare_strategies
+from lcorpp.fitting.uncertainty import Z95
 from lcorpp.planning.policy_cache import find_cache_folder
 from lcorpp.reasoning import Reasoner
 from tests.audit.logs import write_log
@@ -58,6 +62,32 @@ def test_simulated_people_have_the_facts_of_the_knowledge_and_the_labels_of_the_
     np.testing.assert_array_equal(again.cases.answer_counts, drawn[3].cases.answer_counts)
 
 
+def test_rates_under_the_estimated_contexts_are_the_estimated_rates(tmp_path):
+    auditor, _ = simulate(log_museum(tmp_path / "log"))
+    rates = auditor._rates
+    contexts = rates.p[rates.tables[0]].reshape(len(auditor._people.contexts), -1)
+    np.testing.assert_allclose(rates.with_contexts(contexts).p, rates.p, atol=2e-4)
+
+
+def test_a_contrary_distribution_does_not_make_answers_mean_the_contrary(tmp_path):
+    """The most probable rates would exchange the rows; those in the confidence region only approach that."""
+    auditor, _ = simulate(log_people(tmp_path / "log", load_domain("intention"), PEOPLE))
+    rates = auditor._rates
+    contexts = rates.p[rates.tables[0]].reshape(len(auditor._people.contexts), -1)
+    contrary = rates.with_contexts(contexts[:, ::-1])
+    assert np.diff(rates._maximise(contexts[:, ::-1])[rates.tables[2]][[0, 2]]) > 0.2
+    for table in (1, 2):  # the label, and the first question
+        estimated, credible = (own.find_table(table - 1, 2)[:, 0] for own in (rates, contrary))
+        assert estimated[0] - estimated[1] > credible[0] - credible[1] > 0
+
+
+def test_the_stated_distribution_of_each_context_is_that_of_the_reasoner(tmp_path):
+    auditor, _ = simulate(people := log_museum(tmp_path / "log"))
+    reasoner = Reasoner(people.program)
+    expected = [reasoner.posterior("wish", facts).probabilities for facts in people.contexts]
+    np.testing.assert_allclose(auditor._fits.compute_contexts(), expected, atol=1e-9)
+
+
 def test_labels_that_are_missing_stay_missing(tmp_path):
     people = log_museum(tmp_path / "log", gaze=0.5)
     _, logs = simulate(people)
@@ -85,7 +115,9 @@ def test_p_values_are_ranks_among_simulated_logs(tmp_path):
     auditor, _ = simulate(people)
     auditor.fit_all()
     gains = auditor.measure_gains()
-    smaller, larger = ({name: gain + step for name, gain in gains.items()} for step in (-1.0, 1.0))
+    smaller, larger = (
+        SimulatedFits({name: gain + step for name, gain in gains.items()}, {}) for step in (-1.0, 1.0)
+    )
     simulated = [smaller] * 90 + [larger] * 9
     result = auditor.audit(simulated)
     assert result.simulations == 99
@@ -102,10 +134,35 @@ def test_swapped_knowledge_is_refuted_by_simulated_logs(tmp_path):
     result = audit_people(
         people, simulations=MIN_SIMULATIONS, seed=1, simulated=lambda n, total: done.append(n)
     )
-    assert done == list(range(MIN_SIMULATIONS + 1))
+    assert done == 2 * list(range(MIN_SIMULATIONS + 1))  # as stated, and with the changed numbers
     (intention,) = [x for x in result.attributes if x.name == "intention"]
     assert intention.p_value == pytest.approx(0.01)
     assert result.changes
+
+
+def test_intervals_follow_from_the_errors_in_simulated_logs(tmp_path):
+    """Errors between -3 and 1 standard errors: the interval reaches 1 below and 3 above the estimate."""
+    auditor, _ = simulate(log_museum(tmp_path / "log"))
+    keys = auditor._list_keys(())
+    errors = np.linspace(-3, 1, 39)  # the first and the last of 39 are the quantiles .025 and .975
+    simulated = [SimulatedFits(auditor.measure_gains(), dict.fromkeys(keys, x)) for x in errors]
+    by_name = {x.name: x for x in auditor.audit(simulated, simulated).numbers if x.interval is not None}
+    for x in auditor.audit().numbers:
+        if x.interval is None:
+            continue
+        low, high = logit(by_name[x.name].interval)
+        spread = (logit(x.interval[1]) - logit(x.interval[0])) / 2 / Z95
+        assert low == pytest.approx(logit(x.estimate) - spread)
+        assert high == pytest.approx(logit(x.estimate) + 3 * spread)
+
+
+def test_changed_numbers_of_a_case_without_a_rest_sum_exactly(tmp_path):
+    auditor, _ = simulate(log_museum(tmp_path / "log"))
+    (own,) = [group for name, group in auditor._groups.items() if name == "group"]
+    program = auditor._fits.write_program(auditor._fits.fit(own))
+    numbers = [program.statements[i].number.value for i in own]
+    np.testing.assert_allclose([float(x) for x in numbers], auditor._fits.fit(own).estimates)
+    assert Reasoner(program).posterior("group", {}).probabilities.sum() == pytest.approx(1)
 
 
 def test_what_cannot_be_simulated_is_named(tmp_path):
@@ -135,8 +192,39 @@ def test_gains_of_right_knowledge_are_those_of_simulated_logs(tmp_path):
         auditor, _ = simulate(read_people(log))
         auditor.fit_all()
         gains.append(auditor.measure_gains())
-        simulated += auditor.simulate(1, seed, lambda done, total: None)
+        simulated += [own.gains for own in auditor.simulate(1, seed, lambda done, total: None)]
     for name in ("time", "location", "intention"):
         limit = np.quantile([own[name] for own in simulated], 0.95)
         share = np.mean([own[name] > limit for own in gains])
         assert share <= 0.05 + 3 * (0.05 * 0.95 / 100 * 2) ** 0.5, name  # two samples of 100
+
+
+@pytest.mark.slow  # 100 logs of 500 people, each with one simulated log
+def test_the_interval_of_a_wrong_number_covers(tmp_path):
+    """As above, of errors: `pr(intention=interested | identity=visitor)`, stated as .5 instead of .8."""
+    shipped = load_domain("intention")
+    folder = tmp_path / "wrong"
+    shutil.copytree(shipped.folder, folder)
+    text = (folder / "knowledge.plog").read_text()
+    (folder / "truth.plog").write_text(text)
+    rule = "pr(intention=interested | identity=visitor)   = "
+    (folder / "knowledge.plog").write_text(text.replace(rule + "0.8", rule + "0.5"))
+    domain = load_domain(folder, changes={"simulation": {"truth": "truth.plog"}})
+    errors, simulated = list[float](), list[float]()
+    for seed in range(100):
+        log = tmp_path / f"{seed}"
+        options = ComparisonOptions(
+            strategies(["LCORPP"]), trials=500, seed=30_000 + seed, log=log, cache=find_cache_folder()
+        )
+        compare_strategies(domain, options)
+        auditor, _ = simulate(read_people(log))
+        (place,) = [
+            i for i in auditor._fits.free if "=interested | identity=visitor" in str(auditor._atom(i))
+        ]
+        estimate, spread = auditor._find_log_odds((place,), place)
+        errors.append((estimate - logit(0.8)) / spread)
+        (own,) = auditor.simulate(1, seed, lambda done, total: None, (place,))
+        simulated.append(own.errors[(place,), place])
+    low, high = find_limits(simulated)
+    assert np.mean([low <= error <= high for error in errors]) >= 0.95 - 3 * (0.05 * 0.95 / 100 * 2) ** 0.5
+    assert low < -2.2  # the errors are skewed, so that a symmetric interval covers less

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from copy import copy
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
@@ -10,6 +11,7 @@ from itertools import pairwise
 import numpy as np
 import numpy.typing as npt
 from scipy.optimize import minimize
+from scipy.stats import chi2
 
 from lcorpp.errors import TooLargeError
 from lcorpp.latent_classes import ExpectedCounts, LatentClasses, index_counts, sum_by_group
@@ -25,6 +27,12 @@ MAX_CELLS = 4000
 
 MIN_START_PROBABILITY = 0.01
 """Smallest probability at which the search begins."""
+
+CONFIDENCE = 0.95
+"""Of the region of rates that are credible without the knowledge."""
+
+MIN_GIVEN_PROBABILITY = 1e-12
+"""Given probabilities of values are bounded by this."""
 
 MIN_EIGENVALUE = 1e-9
 """Eigenvalues of an information matrix below this share of the largest count as 0."""
@@ -134,20 +142,46 @@ class AnswerRates:
         )
         return np.concatenate([found.contexts.ravel(), *(own.ravel() for own in by_row)]), found
 
-    def _maximise(self) -> Array:
+    def with_contexts(self, contexts: Array) -> AnswerRates:
+        """Return the rates under a given distribution (X, V) of the value in each context.
+
+        They are the most probable ones, or as near to these as the confidence region of the estimates
+        permits, on the line between both: rates under which answers mean the contrary explain a wrong
+        distribution, too.
+
+        Source: Berger and Boos, "P values maximized over a confidence set for the nuisance parameter", JASA
+        89, 1994.
+        """
+        other, own = copy(self), self.is_nuisance
+        most_probable = other._maximise(contexts)
+        move = np.log(most_probable[own]) - np.log(self.p[own])
+        distance = float(move @ invert(self.covariance[np.ix_(own, own)]) @ move)
+        n_rows = len(np.unique(self.row_of[own]))
+        radius = float(chi2.isf(1 - CONFIDENCE, int(own.sum()) - n_rows))
+        share = min(1.0, (radius / distance) ** 0.5) if distance > 0 else 1.0
+        logs = (1 - share) * np.log(self.p) + share * np.log(most_probable)
+        other.p = self._normalise(logs)
+        return other
+
+    def _maximise(self, contexts: Array | None = None) -> Array:
         prior, row_of, weights = self.prior, self.row_of, self.weights
+        start = np.log(np.maximum(prior, MIN_START_PROBABILITY))
+        is_free = np.ones(len(prior), bool)
+        if contexts is not None:
+            is_free = self.is_nuisance
+            start[~is_free] = np.log(np.maximum(contexts, MIN_GIVEN_PROBABILITY)).ravel()
 
         def evaluate(logs: Array) -> tuple[float, Array]:
             p = self._normalise(logs)
             counts, found = self._expect(p)
             expected = counts + prior
-            gradient = expected - np.bincount(row_of, expected)[row_of] * p
-            value = found.log_likelihood + float(prior @ np.log(p))
+            gradient = np.where(is_free, expected - np.bincount(row_of, expected)[row_of] * p, 0.0)
+            value = found.log_likelihood + float(prior @ np.where(is_free, np.log(p), 0.0))
             return -value / weights.sum(), -gradient / weights.sum()
 
         found = minimize(
             evaluate,
-            np.log(np.maximum(prior, MIN_START_PROBABILITY)),
+            start,
             jac=True,
             method="L-BFGS-B",
             options={"maxiter": 2000, "ftol": 1e-13, "gtol": 1e-7},

@@ -8,6 +8,7 @@ from itertools import combinations
 from math import inf, log
 
 import numpy as np
+from scipy.special import logit
 from scipy.stats import chi2
 
 from lcorpp.audit.answer_rates import AnswerRates
@@ -19,15 +20,21 @@ from lcorpp.audit.estimates import (
     NumberEstimate,
     Rival,
 )
-from lcorpp.audit.intervals import compare_log_odds, match_chi_squared
-from lcorpp.audit.knowledge import KnowledgeFits, NumbersFit, find_ratio_weights
+from lcorpp.audit.intervals import (
+    bound_stated,
+    compare_log_odds,
+    find_limits,
+    find_spread,
+    match_chi_squared,
+)
+from lcorpp.audit.knowledge import KnowledgeFits, find_ratio_weights
 from lcorpp.audit.logged_people import LoggedPeople
 from lcorpp.audit.missing_rules import add_missing_rules
 from lcorpp.audit.rates import list_rates
-from lcorpp.audit.simulation import SimulatedLogs
+from lcorpp.audit.simulation import NumberKey, SimulatedFits, SimulatedLogs
 from lcorpp.errors import DataError, ProgramError
 from lcorpp.fitting.number_model import list_free_numbers
-from lcorpp.fitting.uncertainty import NULL_SCORE
+from lcorpp.fitting.uncertainty import NULL_SCORE, Z95
 from lcorpp.reasoning.language.syntax import Probability, Selection
 from lcorpp.reasoning.resolve import resolve_evidence
 from lcorpp.trust.answers import AnswerModel
@@ -74,7 +81,8 @@ def audit_people(
         simulations: the number of logs that are simulated under the stated knowledge, see `SimulatedLogs`;
             0, or at least `MIN_SIMULATIONS`. The p-values of attributes are then the shares of these logs
             with at least the same gain, and numbers are only changed if the first gain in their choice is
-            larger than in 99 % of them.
+            larger than in 99 % of them. The intervals of numbers are those of the bootstrap t method, from
+            as many logs simulated under the changed knowledge.
         seed: of the simulations. simulated: as `progress`, of the simulated logs.
 
     Raises:
@@ -103,8 +111,10 @@ def audit_people(
     auditor = _Auditor(people, progress, given)
     if not simulations:
         return auditor.audit()
-    logs = auditor.simulate(simulations, seed, simulated)
-    return auditor.audit(logs)
+    stated = auditor.simulate(simulations, seed, simulated)
+    chosen = auditor.choose(stated)
+    changed = auditor.simulate(simulations, seed + simulations, simulated, chosen) if chosen else stated
+    return auditor.audit(stated, changed)
 
 
 class _Auditor:
@@ -156,24 +166,39 @@ class _Auditor:
         gains = {name: self._find_gain(own) for name, own in self._groups.items()}
         return {**gains, FIRST_CHOICE: max(map(self._find_bic, self._list_candidates()))}
 
-    def simulate(self, count: int, seed: int, progress: Progress) -> list[dict[str, float]]:
-        """Return `measure_gains` of logs that are simulated under the stated knowledge."""
-        logs, gains = SimulatedLogs(self._people, self._rates, self._given), list[dict[str, float]]()
+    def simulate(
+        self, count: int, seed: int, progress: Progress, chosen: tuple[int, ...] = ()
+    ) -> list[SimulatedFits]:
+        """Audit logs that are simulated under the stated knowledge, or with the chosen numbers changed."""
+        changed = self._fits.fit(chosen) if chosen else None
+        program = self._people.program if changed is None else self._fits.write_program(changed)
+        rates = self._rates.with_contexts(self._fits.compute_contexts(changed))
+        logs = SimulatedLogs(replace(self._people, program=program), rates, self._given)
+        truth = {key: self._find_log_odds(*key, is_stated=not chosen)[0] for key in self._list_keys(chosen)}
+        found = list[SimulatedFits]()
         for number in range(count):
             progress(number, count)
-            other = _Auditor(logs.draw(seed + number), lambda done, total: None, self._given)
+            drawn = replace(logs.draw(seed + number), program=self._people.program)
+            other = _Auditor(drawn, lambda done, total: None, self._given)
             other.fit_all()
-            gains.append(other.measure_gains())
+            estimates = {key: other._find_log_odds(*key) for key in truth}
+            errors = {key: (estimates[key][0] - truth[key]) / estimates[key][1] for key in truth}
+            found.append(SimulatedFits(other.measure_gains(), errors))
         progress(count, count)
-        return gains
+        return found
 
-    def audit(self, simulated: Sequence[Mapping[str, float]] = ()) -> Audit:
-        """Return the audit; simulated: of `simulate`."""
-        people, free = self._people, list(self._fits.free)
+    def choose(self, simulated: Sequence[SimulatedFits] = ()) -> tuple[int, ...]:
+        """Return the statements of the fewest numbers to change; simulated: under what is stated."""
         self.fit_all()
-        p_values = self._compare_with_simulated(simulated)
-        may_change = bool(self._fits.excluding) or p_values.get(FIRST_CHOICE, 0.0) <= MAX_CHANGE_P_VALUE
-        chosen = self._choose() if may_change else ()
+        p_value = self._compare_with_simulated(simulated).get(FIRST_CHOICE, 0.0)
+        may_change = bool(self._fits.excluding) or p_value <= MAX_CHANGE_P_VALUE
+        return self._choose() if may_change else ()
+
+    def audit(self, stated: Sequence[SimulatedFits] = (), changed: Sequence[SimulatedFits] = ()) -> Audit:
+        """Return the audit; stated, changed: of `simulate` with no numbers changed, and with those chosen."""
+        people, free = self._people, list(self._fits.free)
+        chosen = self.choose(stated)
+        p_values = self._compare_with_simulated(stated)
         n_undetermined, undetermined = self._fits.find_undetermined(NULL_SCORE)
         return Audit(
             program_file=people.program.file,
@@ -183,18 +208,33 @@ class _Auditor:
             n_others=people.n_others,
             skipped=people.skipped,
             given=self._given,
-            numbers=[self._describe(i, self._fits.fit(self._complete((i,)))) for i in free],
+            numbers=[self._describe(self._complete((i,)), i, changed) for i in free],
             attributes=[self._describe_attribute(name, p_values) for name in self._groups],
             rates=list_rates(people, self._rates, MAX_PRIOR_SHARE),
-            changes=[self._describe(i, self._fits.fit(chosen)) for i in chosen],
+            changes=[self._describe(chosen, i, changed) for i in chosen],
             rivals=self._list_rivals(chosen) if chosen else [],
             n_undetermined=n_undetermined,
             undetermined=[self._atom(i).left_side for i in undetermined],
             excluded=self._count_excluded(),
-            simulations=len(simulated),
+            simulations=len(stated),
         )
 
-    def _compare_with_simulated(self, simulated: Sequence[Mapping[str, float]]) -> dict[str, float]:
+    def _list_keys(self, chosen: tuple[int, ...]) -> list[NumberKey]:
+        """List each number alone, and each of the chosen ones together."""
+        alone = [(self._complete((i,)), i) for i in self._fits.free]
+        return list(dict.fromkeys([*alone, *((chosen, i) for i in chosen)]))
+
+    def _find_log_odds(
+        self, statements: tuple[int, ...], statement: int, *, is_stated: bool = False
+    ) -> tuple[float, float]:
+        """Return the log odds of a number in a fit, or as stated, and their standard error."""
+        fit = self._fits.fit(statements)
+        place = fit.statements.index(statement)
+        estimate = float(fit.estimates[place])
+        number = float(bound_stated(fit.stated[place])) if is_stated else estimate
+        return float(logit(number)), find_spread(estimate, float(fit.covariance[place, place]))
+
+    def _compare_with_simulated(self, simulated: Sequence[SimulatedFits]) -> dict[str, float]:
         """Return the p-value of each gain of `measure_gains`: its rank among the simulated ones.
 
         Source: Davison and Hinkley, "Bootstrap Methods and their Application", 1997, section 4.2.
@@ -202,7 +242,7 @@ class _Auditor:
         if not simulated:
             return {}
         return {
-            name: (1 + sum(own.get(name, 0.0) >= gain for own in simulated)) / (1 + len(simulated))
+            name: (1 + sum(own.gains.get(name, 0.0) >= gain for own in simulated)) / (1 + len(simulated))
             for name, gain in self.measure_gains().items()
         }
 
@@ -334,7 +374,10 @@ class _Auditor:
                     rivals.append(Rival(names))
         return rivals
 
-    def _describe(self, statement: int, fit: NumbersFit) -> NumberEstimate:
+    def _describe(
+        self, statements: tuple[int, ...], statement: int, simulated: Sequence[SimulatedFits]
+    ) -> NumberEstimate:
+        fit = self._fits.fit(statements)
         place = fit.statements.index(statement)
         stated, estimate = float(fit.stated[place]), float(fit.estimates[place])
         variance = float(fit.covariance[place, place])
@@ -351,7 +394,9 @@ class _Auditor:
         )
         if variance > MAX_PRIOR_SHARE * fit.prior_variance[place]:
             return found
-        interval, p_value = compare_log_odds(stated, estimate, variance)
+        errors = [own.errors[statements, statement] for own in simulated]
+        limits = find_limits(errors) if errors else (-Z95, Z95)
+        interval, p_value = compare_log_odds(stated, estimate, variance, limits)
         return replace(found, interval=interval, p_value=p_value)
 
     def _describe_attribute(self, name: str, simulated: Mapping[str, float]) -> AttributeTest:

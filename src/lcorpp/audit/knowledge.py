@@ -18,6 +18,7 @@ from lcorpp.fitting.number_model import NumberModel, build_number_model
 from lcorpp.fitting.numbers import check_possible
 from lcorpp.fitting.soft_records import SoftExpectation
 from lcorpp.fitting.uncertainty import MIN_FORM
+from lcorpp.latent_classes import normalise_logs
 from lcorpp.reasoning import Program
 from lcorpp.reasoning.language.syntax import Body, Number, Probability, Selection, Statement, Term
 from lcorpp.values import Array
@@ -171,6 +172,31 @@ class KnowledgeFits:
         places = [", ".join(f"{name}={value}" for name, value in record.items()) for record in first]
         check_possible(self._program, expected.log_p, [f"a person with the facts of {p}" for p in places])
         return expected.log_likelihood
+
+    def compute_contexts(self, changed: NumbersFit | None = None) -> Array:
+        """Compute (X, V) p(value | context) by changed numbers, or as stated, see `EXCLUDED_SHARE`."""
+        numbers = self._model.start.copy()
+        if changed is not None:
+            numbers[np.isin(self._model.statements, changed.statements)] = changed.estimates
+        stated = Expectation(self._compiled, self._records, np.ones(len(self._records)))
+        logs = stated.compute(self._model.evaluate(numbers)).log_p[:-2]
+        return normalise_logs(logs.reshape(-1, self._parts.shape[1]))
+
+    def write_program(self, changed: NumbersFit) -> Program:
+        """Return the program with the estimates of a fit; those of a case without a rest sum exactly."""
+        numbers = dict(zip(changed.statements, map(Fraction, changed.estimates.tolist()), strict=True))
+        for case in self._compiled.cases:
+            own = [self._compiled.statements[k] for k in case.parameters]
+            if case.is_full and numbers.keys() >= set(own):
+                counts = map(int, case.multiplicities)
+                total = sum(count * numbers[i] for count, i in zip(counts, own, strict=True))
+                numbers |= {i: numbers[i] * case.bound / total for i in own}
+        statements = list(self._program.statements)
+        for i, number in numbers.items():
+            atom = statements[i]
+            assert isinstance(atom, Probability)
+            statements[i] = replace(atom, number=Number(number))
+        return replace(self._program, statements=tuple(statements))
 
     def find_undetermined(self, null: float) -> tuple[int, list[int]]:
         """Find combinations of numbers that are not determined if all numbers are free together.

@@ -1,4 +1,4 @@
-"""People of a log simulated again, as if all that the knowledge states were right."""
+"""People of a log simulated again, as if knowledge and rates were right."""
 
 from __future__ import annotations
 
@@ -21,16 +21,35 @@ from lcorpp.simulation import SimulationModel
 from lcorpp.trust.cases import NO_LABEL, Cases
 from lcorpp.values import Array, Belief, Indices
 
+NumberKey = tuple[tuple[int, ...], int]
+"""The statements whose numbers are fitted together, and one of them."""
+
+
+@dataclass(frozen=True, eq=False)
+class SimulatedFits:
+    """What the audit of a simulated log finds.
+
+    gains: of each attribute, and of the first choice. errors: of the log odds of fitted numbers, in standard
+    errors.
+    """
+
+    gains: Mapping[str, float]
+    errors: Mapping[NumberKey, float]
+
 
 @dataclass(frozen=True, eq=False)
 class SimulatedLogs:
     """Logs of as many people, drawn from the stated knowledge.
 
-    Facts and shared values come from the program, labels and answers from the rates that were estimated
-    without it, and the robot decides as in the log. A fact or label that a logged person lacks is missing in
-    the simulated logs, too.
+    Facts and shared values come from the program, labels and answers from rates, and the robot decides as in
+    the log. A fact or label that a logged person lacks is missing in the simulated logs, too.
 
-    people: of the log. rates: estimated from them. given: whether people keep their facts.
+    people: of the log. given: whether people keep their facts.
+    rates: estimated from them, with the knowledge as stated (`AnswerRates.with_contexts`): the most probable
+        ones under the hypothesis that is tested. Those estimated without the knowledge, with few people in
+        each context, are too good, and the simulated gains too small.
+
+    Source: Davison and Hinkley, "Bootstrap Methods and their Application", 1997, section 4.2.
 
     Raises:
         DataError: the strategy learns from people or draws its actions, or a sense gives likelihoods.

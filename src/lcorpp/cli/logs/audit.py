@@ -41,7 +41,8 @@ def audit(
             min=0,
             metavar="N",
             help="Compare the gains of attributes with those in N logs, 99 or more, that are simulated under"
-            " the knowledge; takes up to N times as long.",
+            " the knowledge, and correct intervals by N logs under the changed one; takes up to 2 N times as"
+            " long.",
         ),
     ] = 0,
     seed: SeedOption = 0,
