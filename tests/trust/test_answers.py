@@ -22,7 +22,7 @@ def test_values_with_equal_rows_share_them_and_questions_do_not():
 
 def test_without_answers_the_stated_model_remains():
     model = AnswerModel.of_tables(TWO_QUESTIONS)
-    rows, noise = model.estimate_rows(np.zeros((4, 2)))
+    rows, (noise,) = model.estimate_rows(np.zeros((4, 2)))
     assert noise == 0
     np.testing.assert_allclose(rows, model.stated_rows)
 
@@ -31,7 +31,7 @@ def test_without_answers_the_stated_model_remains():
 def test_a_noise_that_all_questions_share_is_found(noise):
     model = AnswerModel.of_tables(TWO_QUESTIONS)
     noisy = (1 - noise) * TWO_QUESTIONS + noise / 2
-    rows, found = model.estimate_rows(count(model, noisy, 1e5))
+    rows, (found,) = model.estimate_rows(count(model, noisy, 1e5))
     assert found == pytest.approx(noise, abs=0.011)
     np.testing.assert_allclose(model.make_tables(rows), noisy, atol=0.002)
 
@@ -48,7 +48,7 @@ def test_few_answers_move_all_questions_alike_rather_than_one():
     model = AnswerModel.of_tables(TWO_QUESTIONS)
     counts = np.zeros((4, 2))
     counts[0], counts[1] = [30, 20], [20, 30]
-    rows, noise = model.estimate_rows(counts)
+    rows, (noise,) = model.estimate_rows(counts)
     assert 0 < noise < 0.8
     first, second = model.make_tables(rows)[:, 0, 1]
     assert first > 0.1
@@ -67,7 +67,7 @@ def test_an_observation_that_no_value_makes_possible_keeps_probability_zero():
 def test_values_are_never_exchanged_in_the_rows():
     model = AnswerModel.of_tables(TWO_QUESTIONS)
     inverted = TWO_QUESTIONS[:, ::-1]
-    rows, noise = model.estimate_rows(count(model, inverted, 1e6))
+    rows, (noise,) = model.estimate_rows(count(model, inverted, 1e6))
     first, second = model.make_tables(rows).transpose(1, 0, 2)
     assert noise > 0.9
     assert (first[:, 0] > second[:, 0]).all()

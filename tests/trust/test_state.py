@@ -46,7 +46,7 @@ def test_a_restart_goes_on_exactly(n_before, monkeypatch):
     restarted.restore(copy_state(whole))
     assert restarted.n_people == n_before
     if n_before == 25:
-        assert copy_state(whole)["learnt"]["learnt"]["alternative"] is not None
+        assert copy_state(whole)["learners"][0]["learnt"]["learnt"]["alternative"] is not None
     other = np.random.default_rng(4)
     meet(whole, np.random.default_rng(4), 60)
     meet(restarted, other, 60)
@@ -93,8 +93,12 @@ def test_a_state_that_does_not_fit_is_refused():
         used.restore(state)
     with pytest.raises(DecisionError, match="is of the sources knowledge; expected knowledge, label, no ev"):
         make_trust().restore(state | {"sources": ["knowledge"]})
+    with pytest.raises(DecisionError, match="is of the forms of answers number; expected independent"):
+        make_trust().restore(state | {"forms": {"number": 1.0}})
     for damage in ({"learnt": {}}, {"weights": ["x"] * 6}, {"tables": None, "learnt": None}):
         with pytest.raises(DecisionError, match="the state of trust is damaged"):
-            make_trust().restore(state | damage)
+            make_trust().restore(state | {"learners": [state["learners"][0] | damage]})
+    with pytest.raises(DecisionError, match="the state of trust is damaged"):
+        make_trust().restore(state | {"learners": []})
     with pytest.raises(DecisionError, match="the state of trust is damaged"):
         make_trust().restore({})

@@ -124,7 +124,7 @@ def test_a_policy_that_never_reports_ends_with_the_most_probable_value():
             return "ask"
 
     trust, _ = make_trust()
-    trust.planner = Asker()
+    trust.used.planner = Asker()
     world = FakeWorld(*["shake"] * 200)
     robot = Robot({"eyes": FakeClassifier()}, trust, trust.make_planner(), FakeDomain())
     episode = dt_control(robot, make_instance(0, "sunny"), world)

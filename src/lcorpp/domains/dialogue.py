@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
 from typing import Any, Protocol
@@ -26,16 +26,20 @@ MIN_COST = 1e-6
 """Smallest cost of a question, in reward units, that counts."""
 
 
+MakeModel = Callable[[Array], Pomdp]
+"""Returns the planner's model with tables (K, V, O) of P(observation | value)."""
+
+
 class PlannerFactory(Protocol):
     """Makes the planner of each estimated model; it may depend on the models before."""
 
-    def __call__(self, model: Pomdp, /) -> Planner:
-        """Return the planner of the next person; cheap if the model is that of the call before."""
+    def __call__(self, tables: Array, make_model: MakeModel, /) -> Planner:
+        """Return the planner of the next person; cheap if the tables are those of the call before."""
 
     def state(self) -> dict[str, Any]:
         """Return the state as JSON."""
 
-    def restore(self, state: Mapping[str, Any], /) -> Planner:
+    def restore(self, state: Mapping[str, Any], make_model: MakeModel, /) -> Planner:
         """Continue from a state of a factory with the same arguments; return the planner of the last call."""
 
 
@@ -46,7 +50,7 @@ class DomainDialogue:
     determine the next situation, e.g. whether the robot has turned, whatever the shared value is.
 
     Args:
-        make_planner: makes the planners, e.g. `lcorpp.assembly.strategies.replanning.Replanner`; None for a
+        planners: makes the planners, e.g. `lcorpp.assembly.strategies.replanning.Replanner`; None for a
             dialogue that only reads answers.
 
     Raises:
@@ -54,9 +58,8 @@ class DomainDialogue:
             planner's own variables depend on the shared value; or no observation depends on it.
     """
 
-    def __init__(self, domain: Domain, make_planner: PlannerFactory | None = None) -> None:
-        self._domain, self._factory = domain, make_planner
-        self._model: tuple[Array, Pomdp] | None = None  # of the last call of `make_planner`, with its tables
+    def __init__(self, domain: Domain, planners: PlannerFactory | None = None) -> None:
+        self._domain, self.planners = domain, planners
         pomdp = domain.pomdp
         self._index = {
             "action": {name: a for a, name in enumerate(pomdp.actions)},
@@ -76,8 +79,8 @@ class DomainDialogue:
 
     @property
     def _make_planners(self) -> PlannerFactory:
-        assert self._factory is not None, "a dialogue that only reads answers makes no planner"
-        return self._factory
+        assert self.planners is not None, "a dialogue that only reads answers makes no planner"
+        return self.planners
 
     @cached_property
     def tables(self) -> Array:
@@ -130,9 +133,7 @@ class DomainDialogue:
 
     def make_planner(self, tables: Array) -> Planner:
         """Return the planner for the model with these tables (K, V, O)."""
-        if self._model is None or not np.array_equal(tables, self._model[0]):
-            self._model = tables, self.make_model(tables)
-        return self._make_planners(self._model[1])
+        return self._make_planners(tables, self.make_model)
 
     def state(self) -> dict[str, Any]:
         """Return the state of the planners as JSON."""
@@ -140,14 +141,20 @@ class DomainDialogue:
 
     def restore(self, state: Mapping[str, Any]) -> Planner:
         """Continue from the state of a dialogue of the same domain; return the planner of the last person."""
-        return self._make_planners.restore(state)
+        return self._make_planners.restore(state, self.make_model)
 
     def make_model(self, tables: Array) -> Pomdp:
+        """Return the planner's model with these tables (K, V, O)."""
         pomdp = self._domain.pomdp
         observation = pomdp.observation.dense.copy()
         for (action, situation), kind in self._kind_of.items():
             observation[action, list(situation)] = tables[kind]
         return replace(pomdp, observation=SparseTables.of(observation))
+
+    @cached_property
+    def kind_of_state(self) -> Mapping[tuple[int, int], int]:
+        """Indices of an action and the state after it -> the kind of question; none if it is no question."""
+        return {(action, state): kind for (action, states), kind in self._kind_of.items() for state in states}
 
     def _find(self, kind: str, name: str) -> int:
         known = self._index[kind]

@@ -270,7 +270,7 @@ class Alarm:
 def _list_log_likelihoods(model: AnswerModel) -> Array:
     """Return (N, D, V) the log likelihoods of answers by all noisy models, then by biased ones."""
     biased = [
-        model.find_log_likelihoods(_add_bias(model.add_noise(degree), observation, bias))
+        model.find_log_likelihoods(_add_bias(model.add_noise([degree]), observation, bias))
         for observation in np.flatnonzero(np.ptp(model.stated_rows, axis=0)).tolist()
         for bias in BIASES
         for degree in NOISE_DEGREES[ALTERNATIVE_DEGREES]

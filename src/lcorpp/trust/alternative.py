@@ -71,7 +71,7 @@ class AlternativeSearch:
         lead = model.compute_log_posterior(used) - model.compute_log_posterior(other)
         both = (used, other) if lead >= 0 else (other, used)
         if abs(lead) <= MAX_LEAD and self._compute_variation(used, other) >= MIN_VARIATION:
-            both = (used, other) if used.noise <= other.noise else (other, used)
+            both = (used, other) if used.mean_noise <= other.mean_noise else (other, used)
             model.estimates, model.alternative = both
         else:
             model.estimates, model.alternative = both[0], None

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -44,6 +45,21 @@ def number_rows(table: Array) -> tuple[npt.NDArray[np.intp], Array]:
     return numbers.reshape(-1), table[first]
 
 
+@dataclass(frozen=True)
+class NoiseGroup:
+    """Kinds of questions that share a noise.
+
+    follows: the index of an earlier group whose estimated noise is the most probable one a priori; None for
+        the stated rows.
+    """
+
+    follows: int | None = None
+
+
+INDEPENDENT = (NoiseGroup(),)
+"""All questions share one noise."""
+
+
 @dataclass(frozen=True, eq=False)
 class AnswerModel:
     """P(observation | value) for K kinds of questions, as the planner's model states it.
@@ -51,24 +67,46 @@ class AnswerModel:
     Values with the same stated row share their estimated row.
 
     stated_rows: (R, O) the distinct rows of each kind of question. row_of: (K, V) the row of each value. No
-    two kinds share a row.
+    two kinds share a row. ends: (R, O) the rows at noise 1. group_of: (K,) the index of each kind's group.
 
-    With noise d a row is (1 - d) times the stated one plus d times the mean of its question's rows over the
-    values. For two values and one rate e of wrong answers, this is the rate e + d (1/2 - e).
+    With noise d a row is (1 - d) times the stated one plus d times its end, by default the mean of its
+    question's rows over the values. For two values and one rate e of wrong answers, this is the rate
+    e + d (1/2 - e). The noise of each group is a number.
     """
 
     stated_rows: Array
     row_of: npt.NDArray[np.intp]
+    ends: Array
+    group_of: npt.NDArray[np.intp]
+    groups: tuple[NoiseGroup, ...] = INDEPENDENT
 
     @classmethod
-    def of_tables(cls, tables: Array) -> AnswerModel:
-        """Return the model of the tables (K, V, O) of P(observation | value)."""
-        rows, row_of = list[Array](), np.empty(tables.shape[:2], np.intp)
+    def of_tables(
+        cls,
+        tables: Array,
+        *,
+        ends: Array | None = None,
+        group_of: npt.NDArray[np.intp] | None = None,
+        groups: tuple[NoiseGroup, ...] = INDEPENDENT,
+    ) -> AnswerModel:
+        """Return the model of the tables (K, V, O) of P(observation | value).
+
+        Args:
+            ends: (K, V, O); values with the same row have the same end.
+        """
+        if ends is None:
+            ends = np.broadcast_to(tables.mean(axis=1, keepdims=True), tables.shape)
+        if group_of is None:
+            group_of = np.zeros(len(tables), np.intp)
+        rows, end_rows, row_of = list[Array](), list[Array](), np.empty(tables.shape[:2], np.intp)
         for k, table in enumerate(tables):
             numbers, distinct = number_rows(table)
             row_of[k] = len(rows) + numbers
             rows.extend(distinct)
-        return cls(freeze(np.array(rows).reshape(-1, tables.shape[2])), row_of)
+            end_rows.extend(ends[k, np.unique(numbers, return_index=True)[1]])
+        shape = -1, tables.shape[2]
+        stated, far = (freeze(np.array(own).reshape(shape)) for own in (rows, end_rows))
+        return cls(stated, row_of, far, group_of, groups)
 
     @property
     def n_answers(self) -> int:
@@ -80,13 +118,14 @@ class AnswerModel:
         tables: Array = rows[self.row_of]
         return tables
 
-    def add_noise(self, noise: float) -> Array:
-        """Return the rows (R, O) with a noise that all questions share."""
-        rows: Array = self._noisy_rows[_find_degree(noise)]
+    def add_noise(self, noise: Sequence[float]) -> Array:
+        """Return the rows (R, O) with the noise of each group."""
+        degrees = np.array([_find_degree(own) for own in noise], np.intp)
+        rows: Array = self._noisy_rows[degrees[self._group_of_row], np.arange(len(self.stated_rows))]
         return rows
 
-    def list_questions(self, noise: float) -> list[tuple[npt.NDArray[np.bool_], Array]]:
-        """Return for each kind of question its rows (R,), and their prior at a shared noise, in answers."""
+    def list_questions(self, noise: Sequence[float]) -> list[tuple[npt.NDArray[np.bool_], Array]]:
+        """Return for each kind of question its rows (R,), and their prior at the noise, in answers."""
         prior = self._question_weights * self.add_noise(noise)
         members = [self._question_of == k for k in range(len(self.row_of))]
         return [(own, prior[own]) for own in members]
@@ -101,34 +140,43 @@ class AnswerModel:
         """(N, D, V) what `find_log_likelihoods` returns at each degree of `NOISE_DEGREES`."""
         return np.array([self.find_log_likelihoods(rows) for rows in self._noisy_rows])
 
-    def estimate_rows(self, counts: Array) -> tuple[Array, float]:
+    def estimate_rows(self, counts: Array) -> tuple[Array, tuple[float, ...]]:
         """Estimate the rows from expected counts of answers, by a hierarchy of priors.
 
-        First the noise that all questions share, then that of each question around it, then each row around
-        that of its question.
+        First the noise that the questions of a group share, then that of each question around it, then each
+        row around that of its question.
 
         Args:
             counts: (D, V) how often people of each value gave each answer.
 
         Returns:
-            The rows (R, O), and the shared noise.
+            The rows (R, O), and the noise of each group.
         """
         n_observations = self.stated_rows.shape[1]
         by_value = counts.reshape(len(self.row_of), n_observations, -1).transpose(0, 2, 1)
         by_row = self._membership.T @ by_value.reshape(-1, n_observations)  # (R, O)
-        shared = int(np.argmax(self._logs @ by_row.ravel() + self._stated_score))
-        expected = by_row + self._question_weights * self._noisy_rows[shared]
-        scores = (self._logs.reshape(self._noisy_rows.shape) * expected).sum(axis=2)
+        by_degree = (self._logs * by_row).sum(axis=2)  # (N, R)
+        noise = list[float]()
+        for g, group in enumerate(self.groups):
+            center = STATED_DEGREE if group.follows is None else _find_degree(noise[group.follows])
+            scores = by_degree @ self._is_row_of_group[g] + self._prior_scores[g][center]
+            noise.append(float(NOISE_DEGREES[np.argmax(scores)]))
+        expected = by_row + self._question_weights * self.add_noise(noise)
+        scores = (self._logs * expected).sum(axis=2)
         best = (scores @ self._is_row_of).argmax(axis=0)  # (K,)
         prior = self._noisy_rows[best[self._question_of], np.arange(len(by_row))]
         rows = ROW_ANSWERS * prior + by_row
         rows /= rows.sum(axis=1, keepdims=True)
-        return self._keep_order(rows, prior), float(NOISE_DEGREES[shared])
+        return self._keep_order(rows, prior), tuple(noise)
 
-    def compute_log_prior(self, noise: float) -> float:
-        """Return the log prior of a noise that all questions share, 0 for the stated model."""
-        scores = self._stated_score - self._stated_score[STATED_DEGREE]
-        return float(scores[_find_degree(noise)])
+    def compute_log_prior(self, noise: Sequence[float]) -> float:
+        """Return the log prior of the noise of each group, 0 for the stated model."""
+        total = 0.0
+        for g, group in enumerate(self.groups):
+            center = STATED_DEGREE if group.follows is None else _find_degree(noise[group.follows])
+            scores = self._prior_scores[g][center]
+            total += float(scores[_find_degree(noise[g])] - scores[center])
+        return total
 
     def _keep_order(self, rows: Array, prior: Array) -> Array:
         """Return rows between `rows` and `prior` (R, O) in which no two values are exchanged.
@@ -181,26 +229,43 @@ class AnswerModel:
         return weights
 
     @cached_property
+    def _group_of_row(self) -> npt.NDArray[np.intp]:
+        """(R,) the group of each row."""
+        return self.group_of[self._question_of]
+
+    @cached_property
+    def _is_row_of_group(self) -> Array:
+        """(G, R) 1 for the rows of each group."""
+        members: Array = np.eye(len(self.groups))[:, self._group_of_row]
+        return members
+
+    @cached_property
     def _noisy_rows(self) -> Array:
         """(N, R, O) the rows at each degree of `NOISE_DEGREES`."""
-        means = self.stated_rows[self.row_of].mean(axis=1)[self._question_of]  # (R, O)
-        rows = (1 - NOISE_DEGREES)[:, None, None] * self.stated_rows + NOISE_DEGREES[:, None, None] * means
-        rows = np.where(means > 0, np.maximum(rows, MIN_CREDIBLE), 0)
+        degrees = NOISE_DEGREES[:, None, None]
+        rows = (1 - degrees) * self.stated_rows + degrees * self.ends
+        of_kind: npt.NDArray[np.bool_] = np.asarray(self.stated_rows[self.row_of].any(axis=1))
+        is_possible = of_kind[self._question_of] | (self.ends > 0)
+        rows = np.where(is_possible, np.maximum(rows, MIN_CREDIBLE), 0)
         noisy: Array = rows / rows.sum(axis=2, keepdims=True)
         return noisy
 
     @cached_property
     def _logs(self) -> Array:
-        """(N, R O) the logarithms of `_noisy_rows`, 0 for impossible observations."""
+        """(N, R, O) the logarithms of `_noisy_rows`, 0 for impossible observations."""
         rows = self._noisy_rows
-        return np.log(np.where(rows > 0, rows, 1)).reshape(len(NOISE_DEGREES), -1)
+        return np.log(np.where(rows > 0, rows, 1))
 
     @cached_property
-    def _stated_score(self) -> Array:
-        """(N,) log likelihood of `SHARED_ANSWERS` answers that are as the stated model expects them."""
-        expected = self._noisy_rows[STATED_DEGREE] * (SHARED_ANSWERS / max(len(self.stated_rows), 1))
-        scores: Array = self._logs @ expected.ravel()
-        return scores
+    def _prior_scores(self) -> list[Array]:
+        """For each group (N, N) the log likelihood of the second degree, given `SHARED_ANSWERS` answers that
+        are as the first degree expects them.
+        """
+        weights = SHARED_ANSWERS / np.maximum(self._is_row_of_group.sum(axis=1), 1)
+        return [
+            weight * np.einsum("r,nro,mro->nm", own, self._noisy_rows, self._logs, optimize=True)
+            for own, weight in zip(self._is_row_of_group, weights, strict=True)
+        ]
 
 
 def _find_degree(noise: float) -> int:

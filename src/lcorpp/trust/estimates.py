@@ -54,7 +54,7 @@ class Estimates:
     pi: (X, V) the distribution of the value in each context. values: (X, V) the expected number of people
     of each value. rates: for each sense (V, L) P(label | value). rows: (R, O) of the observation model.
     past: counts of the people whose cases are not kept, by the estimates of that time.
-    noise: of the answers, see `AnswerModel`.
+    noise: of the answers of each group, see `AnswerModel`.
     """
 
     answers: AnswerModel
@@ -63,7 +63,7 @@ class Estimates:
     rates: tuple[Array, ...]
     rows: Array
     past: Counts
-    noise: float = 0.0
+    noise: tuple[float, ...] = (0.0,)
 
     @classmethod
     def of_start(cls, answers: AnswerModel, rates: Sequence[Array]) -> Estimates:
@@ -71,7 +71,8 @@ class Estimates:
         n_values = answers.row_of.shape[1]
         by_context, by_answer = np.zeros((0, n_values)), np.zeros((answers.n_answers, n_values))
         past = Counts(by_context, tuple(np.zeros_like(table) for table in rates), by_answer)
-        return cls(answers, by_context, by_context, tuple(rates), answers.stated_rows, past)
+        noise = (0.0,) * len(answers.groups)
+        return cls(answers, by_context, by_context, tuple(rates), answers.stated_rows, past, noise)
 
     def with_context(self, pi: Array) -> Estimates:
         """Return the estimates with one more context, in which the values have the distribution pi (V,)."""
@@ -109,6 +110,11 @@ class Estimates:
         return self.answers.find_log_likelihoods(self.rows)
 
     @property
+    def mean_noise(self) -> float:
+        """The mean of the noise of the groups."""
+        return float(np.mean(self.noise))
+
+    @property
     def log_tables(self) -> list[Array]:
         """Of each source of `LatentClasses` (V, L): the answers, then each sense."""
         return [self.log_answers.T, *self.log_rates]
@@ -127,7 +133,7 @@ class Estimates:
             "rates": [rates.tolist() for rates in self.rates],
             "rows": self.rows.tolist(),
             "past": self.past.state(),
-            "noise": self.noise,
+            "noise": list(self.noise),
         }
 
     def restore(self, state: Mapping[str, Any]) -> Estimates:
@@ -138,7 +144,7 @@ class Estimates:
         )
         rates = tuple(_restore(own, like) for own, like in zip(state["rates"], self.rates, strict=True))
         past = self.past.restore(state["past"])
-        return Estimates(self.answers, pi, values, rates, rows, past, float(state["noise"]))
+        return Estimates(self.answers, pi, values, rates, rows, past, tuple(map(float, state["noise"])))
 
 
 def _restore(numbers: object, like: Array) -> Array:

@@ -81,7 +81,7 @@ class LatentClassModel:
         return self.estimates.rows
 
     @property
-    def noise(self) -> float:
+    def noise(self) -> tuple[float, ...]:
         return self.estimates.noise
 
     def add_context(self, facts: Iterable[tuple[str, object]]) -> int:

@@ -39,7 +39,8 @@ def find_optimistic_rows(model: LatentClassModel, max_loss: float) -> Array:
             gain = sum_log_likelihood(logs + counts @ change, weights) - likelihood
             gain += float((model.estimates.past.answers * change).sum())
             possible = prior > 0
-            gain += float(prior[possible] @ np.log(mixed[own][possible] / estimated[possible]))
+            with np.errstate(divide="ignore"):  # stated rows may exclude what the estimated ones do not
+                gain += float(prior[possible] @ np.log(mixed[own][possible] / estimated[possible]))
             if gain >= -max_loss:
                 rows[own] = mixed[own]
                 break

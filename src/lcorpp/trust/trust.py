@@ -14,16 +14,20 @@ from lcorpp.protocols import Dialogue, DomainInterface, Planner, Reasoner
 from lcorpp.trust.answers import AnswerModel
 from lcorpp.trust.asking import AskingPlanner
 from lcorpp.trust.cases import NO_LABEL
+from lcorpp.trust.form_learner import FormLearner, StatedForm
 from lcorpp.trust.latent_class_model import LatentClassModel
-from lcorpp.trust.learnt_sources import LearntSources
-from lcorpp.trust.optimism import find_optimistic_rows
 from lcorpp.trust.options import DEFAULT_OPTIONS, TrustOptions
 from lcorpp.trust.sources import StatedSources
 from lcorpp.values import Array, Distribution, Label, Likelihood, Step
 
-FIRST_SEARCH, SEARCH_ITERATIONS = 25, 40
-"""Number of people at the first search for alternative estimates, which is repeated when it has grown by a
-quarter; and its iterations of EM."""
+FORMS_PRIOR = 0.2
+"""Weight of all forms of answers but the first one, before the first person."""
+
+FORM_SHARE = 0.001
+"""Probability that answers get another form between two people."""
+
+MIN_PLANNED_WEIGHT = 0.1
+"""A form with less weight has no search for its policy."""
 
 
 class Trust:
@@ -37,10 +41,14 @@ class Trust:
     probability that it gave to the answers. The sources are those of `StatedSources`, and two latent class
     models that do not depend on the knowledge; see docs/guides/trust/sources.md.
 
+    All this is learnt under each form of answers. A form gains weight by the probability that it gave to the
+    answers, and the robot predicts and plans by the form of the largest weight.
+
     Args:
         reasoner: theta, the program with the stated rates of the classifiers.
         domain: names the values, labels and the shared attribute.
         dialogue: the planner's model as questions. planner: for that model.
+        forms: further forms of answers, beside independent ones.
         rates: attribute of a sense -> label -> (V,) P(label | value), for senses whose rates are not in the
             program (soft evidence); a likelihood counts as its most probable label in the learnt models.
         options: see `TrustOptions`.
@@ -48,7 +56,8 @@ class Trust:
     Attributes:
         sources: their names. weights: (sources,) summing to 1. n_people: number of people learnt from.
         tables: (K, V, O) P(answer | value) of K kinds of questions, the observation model for planning.
-        planner: for the next person, by that model.
+        planner: for the next person, by that model. These are of the form in use.
+        forms: their names. form_weights: (forms,) summing to 1.
 
     Source of the mixture: Herbster and Warmuth, "Tracking the best expert", Machine Learning 32, 1998 (fixed
     share).
@@ -75,16 +84,20 @@ class Trust:
         *,
         rates: Rates = NO_RATES,
         options: TrustOptions = DEFAULT_OPTIONS,
+        forms: Sequence[StatedForm] = (),
     ) -> None:
-        self.options, self.planner = options, planner
+        self.options = options
         self._domain, self._dialogue, self._start = domain, dialogue, domain.marginal(planner.start)
         stated_rates = self._set_reasoner(reasoner, rates)
-        self.tables = dialogue.tables
-        self.answers = AnswerModel.of_tables(self.tables)
-        self._learnt = LearntSources(domain, self.answers, stated_rates, options.memory)
-        self.sources = (*self._stated.names, *self._learnt.names)
-        self.weights = np.full(len(self.sources), 1 / len(self.sources))
-        self.n_people, self._next_fit, self._next_search = 0, 1, FIRST_SEARCH
+        independent = StatedForm("independent", dialogue, AnswerModel.of_tables(dialogue.tables), planner)
+        stated_forms = (independent, *forms)
+        self.forms = tuple(form.name for form in stated_forms)
+        self._learners = [
+            FormLearner(domain, form, stated_rates, len(self._stated.names), options) for form in stated_forms
+        ]
+        self.sources = (*self._stated.names, *self._learners[0].sources.names)
+        self.form_weights = self._form_prior
+        self.n_people = self._used = 0
         self._n_repeated = 0  # people with `ask_answers` answers
 
     def __repr__(self) -> str:
@@ -106,7 +119,7 @@ class Trust:
         """
         if attribute != self._domain.shared and tuple(attribute) != self._domain.shared:
             raise DecisionError(f"trust predicts {self._domain.shared!r}, not {attribute!r}")
-        prior = self.weights @ self._predict(evidence, *self._index(evidence))
+        prior = self.weights @ self._predict(evidence, self._find_labels(evidence))[self._used]
         return Distribution.unchecked(self._domain.values, prior)
 
     def make_planner(self) -> Planner:
@@ -126,23 +139,20 @@ class Trust:
             evidence: what `posterior` got. steps: of the decision.
         """
         history = [(step.action, step.observation) for step in steps if step.observation is not None]
-        answers = self._dialogue.find_answers(history)
-        context, labels = self._index(evidence)
-        likelihood = self.learnt.compute_likelihood(answers)
-        weights = self.weights * (self._predict(evidence, context, labels) @ likelihood)
-        share = self.options.share
-        self.weights = (1 - share) * weights / weights.sum() + share / len(weights)
-        self._learnt.add(context, labels, answers)
+        facts, labels = self._find_facts(evidence), self._find_labels(evidence)
+        logs = [
+            learner.learn(learner.index_context(facts), labels, predicted, history)
+            for learner, predicted in zip(self._learners, self._predict(evidence, labels), strict=True)
+        ]
+        weights = self.form_weights * np.exp(np.array(logs) - max(logs))
+        self.form_weights = (1 - FORM_SHARE) * weights / weights.sum() + FORM_SHARE * self._form_prior
         self.n_people += 1
-        self._n_repeated += len(answers) >= self.options.ask_answers
-        if self.n_people >= self._next_fit:
-            self._next_fit = self.n_people + max(1, self.n_people // self.options.refits)
-            is_due = self.n_people >= self._next_search
-            if is_due:
-                self._next_search = self.n_people * 5 // 4
-            self._learnt.fit(self.options.iterations, search=SEARCH_ITERATIONS if is_due else 0)
-            self.tables = self.answers.make_tables(find_optimistic_rows(self.learnt, self.options.max_loss))
-        self.planner = self._dialogue.make_planner(self.tables)
+        self._n_repeated += len(self._dialogue.find_answers(history)) >= self.options.ask_answers
+        self._used = int(self.form_weights.argmax())
+        for learner, weight in zip(self._learners, self.form_weights.tolist(), strict=True):
+            learner.fit(self.n_people)
+            if weight >= MIN_PLANNED_WEIGHT:
+                learner.plan()
 
     def retrain(self, reasoner: Reasoner, *, rates: Rates = NO_RATES) -> None:
         """Use classifiers that were trained again.
@@ -154,9 +164,9 @@ class Trust:
         Args:
             reasoner, rates: as of `Trust`, for the same attributes and labels.
         """
-        is_changed = self._learnt.replace_rates(self._set_reasoner(reasoner, rates))
-        if is_changed and self.n_people:
-            self._learnt.fit(self.options.iterations)
+        stated_rates = self._set_reasoner(reasoner, rates)
+        for learner in self._learners:
+            learner.replace_rates(stated_rates, refit=self.n_people > 0)
 
     def _set_reasoner(self, reasoner: Reasoner, rates: Rates) -> list[Array]:
         """Set the sources that do not learn; return the stated rates (V, L) of each sense."""
@@ -175,14 +185,10 @@ class Trust:
         """Return what it has learnt as JSON; numbers have all their digits."""
         return {
             "sources": list(self.sources),
-            "weights": self.weights.tolist(),
             "people": self.n_people,
             "repeated": self._n_repeated,
-            "next_fit": self._next_fit,
-            "next_search": self._next_search,
-            "tables": self.tables.tolist(),
-            "learnt": self._learnt.state(),
-            "planners": self._dialogue.state(),
+            "forms": dict(zip(self.forms, self.form_weights.tolist(), strict=True)),
+            "learners": [learner.state() for learner in self._learners],
         }
 
     def restore(self, state: Mapping[str, Any]) -> None:
@@ -199,36 +205,67 @@ class Trust:
                     f"the state of trust is of the sources {', '.join(state['sources'])}; expected"
                     f" {', '.join(self.sources)}"
                 )
-            self._learnt.restore(state["learnt"])
-            self.weights = np.array(state["weights"], np.float64).reshape(self.weights.shape)
-            self.tables = np.array(state["tables"], np.float64).reshape(self.tables.shape)
+            if tuple(state["forms"]) != self.forms:
+                raise DecisionError(
+                    f"the state of trust is of the forms of answers {', '.join(state['forms'])}; expected"
+                    f" {', '.join(self.forms)}"
+                )
             self.n_people, self._n_repeated = state["people"], state["repeated"]
-            self._next_fit, self._next_search = state["next_fit"], state["next_search"]
-            if self.n_people:
-                self.planner = self._dialogue.restore(state["planners"])
+            self.form_weights = np.array(list(state["forms"].values()), np.float64)
+            self._used = int(self.form_weights.argmax())
+            for learner, own in zip(self._learners, state["learners"], strict=True):
+                learner.restore(own, has_people=self.n_people > 0)
         except (LookupError, TypeError, ValueError, AttributeError) as error:
             raise DecisionError(f"the state of trust is damaged ({type(error).__name__}: {error})") from error
 
     @property
+    def used(self) -> FormLearner:
+        """What is learnt under the form in use."""
+        return self._learners[self._used]
+
+    @property
+    def form(self) -> str:
+        """The name of the form in use."""
+        return self.forms[self._used]
+
+    @property
+    def weights(self) -> Array:
+        return self.used.weights
+
+    @property
+    def tables(self) -> Array:
+        return self.used.tables
+
+    @property
+    def planner(self) -> Planner:
+        return self.used.planner
+
+    @property
     def learnt(self) -> LatentClassModel:
         """The model of all people, with the estimated observation model and rates."""
-        return self._learnt.learnt
+        return self.used.sources.learnt
 
-    def _predict(self, evidence: Mapping[str, Label], context: int, labels: Sequence[int]) -> Array:
-        """Return (K, V) P(value) of each source."""
-        stated = self._stated.predict(evidence)
-        expected = self._stated.predict(self._find_facts(evidence))[0]
-        return np.concatenate([stated, self._learnt.predict(context, labels, stated[0], expected)])
+    @property
+    def _form_prior(self) -> Array:
+        n_others = len(self.forms) - 1
+        others = FORMS_PRIOR if n_others else 0.0
+        return np.array([1 - others, *[others / max(n_others, 1)] * n_others])
 
-    def _index(self, evidence: Mapping[str, Label]) -> tuple[int, list[int]]:
-        """Return the index of the context, and of the label of each sense."""
+    def _predict(self, evidence: Mapping[str, Label], labels: Sequence[int]) -> list[Array]:
+        """Return (K, V) P(value) of each source, for each form."""
+        stated, facts = self._stated.predict(evidence), self._find_facts(evidence)
+        expected = self._stated.predict(facts)[0]
+        return [own.predict(own.index_context(facts), labels, stated, expected) for own in self._learners]
+
+    def _find_labels(self, evidence: Mapping[str, Label]) -> list[int]:
+        """Return the index of the label of each sense."""
         labels = []
         for attribute, places in zip(self._stated.attributes, self._labels, strict=True):
             label = evidence.get(attribute)
             if isinstance(label, Likelihood):
                 label = label.most_likely()
             labels.append(NO_LABEL if label is None else places[label])
-        return self._learnt.index_context(self._find_facts(evidence)), labels
+        return labels
 
     def _find_facts(self, evidence: Mapping[str, Label]) -> dict[str, Label]:
         attributes = self._stated.attributes

@@ -120,7 +120,8 @@ def test_the_policy_stays_and_beliefs_follow_the_estimated_model(intention):
 
 def test_a_restored_policy_goes_on_exactly(intention):
     fixed, moved = estimate(intention, 0.4)
-    again = FixedPolicy(intention[1], intention[0]).restore(json.loads(json.dumps(fixed.state())))
+    dialogue = DomainDialogue(intention[0], FixedPolicy(intention[1], intention[0]))
+    again = dialogue.restore(json.loads(json.dumps(fixed.state())))
     np.testing.assert_array_equal(again._returns, moved._returns)
     np.testing.assert_array_equal(again.pomdp.observation.dense, moved.pomdp.observation.dense)
 

@@ -20,8 +20,9 @@ def intention():
 
 def make(intention):
     domain, planner = intention
-    replan = Replanner(planner, domain.start_beliefs(), 0.1)
-    return DomainDialogue(domain, replan), replan
+    dialogue = DomainDialogue(domain)
+    dialogue.planners = Replanner(planner, domain.start_beliefs(), 0.1, dialogue.tables)
+    return dialogue, dialogue.planners
 
 
 def add_noise(tables, noise):
@@ -76,8 +77,8 @@ def test_a_usable_policy_acts_though_its_search_ends_without_the_precision(inten
     monkeypatch.setattr(replanning, "WORK_PER_PERSON", 2000)
     monkeypatch.setattr(replanning, "PRECISION_SHARE", 1e-9)
     domain, stated = intention
-    replan = Replanner(stated, domain.start_beliefs(), 1e-9)
-    dialogue = DomainDialogue(domain, replan)
+    dialogue = DomainDialogue(domain)
+    replan = dialogue.planners = Replanner(stated, domain.start_beliefs(), 1e-9, dialogue.tables)
     tables = add_noise(dialogue.tables, 0.5)
     monkeypatch.setattr(replanning, "MAX_SEARCH_WORK", 100_000)
     planner = dialogue.make_planner(tables)

@@ -48,3 +48,44 @@ def test_a_robot_with_trust_decides_better_than_one_that_trusts_what_is_stated(i
     assert with_trust > without
     assert trust.learnt.rows[2, 0] == pytest.approx(0.7, abs=0.1)
     assert (trust.planner.policy is intention[1].policy) != hearing
+
+
+class Tiring:
+    """A world in which the k-th answer is wrong with the k-th probability."""
+
+    def __init__(self, world, wrong, rng):
+        self._world, self._wrong, self._rng, self._n = world, wrong, rng, 0
+
+    def act(self, action):
+        answer = self._world.act(action)
+        if answer == "none":
+            return answer
+        wrong = self._wrong[min(self._n, len(self._wrong) - 1)]
+        self._n += 1
+        return answer if self._rng.random() >= wrong else {"pos": "neg", "neg": "pos"}[answer]
+
+    def report(self, action):
+        self._world.report(action)
+
+
+@pytest.mark.parametrize(("wrong", "form"), [((0.05, 0.25, 0.4, 0.45), "number"), ((0.2,), "independent")])
+def test_the_form_of_the_answers_is_found(wrong, form):
+    """Of people who tire with each question, and of people who do not."""
+    domain = load_domain("intention", preset="paper", changes={"simulation": {"noise": 0.0}})
+    planner, reasoner = (
+        Planner(solve(domain.pomdp, domain.start_beliefs(), precision=0.1)),
+        Reasoner(domain.program),
+    )
+    trust, rng = set_up_trust(domain, reasoner, planner), np.random.default_rng(2)
+    assert trust.forms == ("independent", "number", "repeated")
+    model, people = SimulationModel(domain), Population(domain).sample(400, rng)
+    for person in people:
+        instance = Instance({}, {name: person[name] for name in domain.observed})
+        world = Tiring(model.make_world(person, rng), wrong, rng)
+        episode = dt_control(Robot({}, trust, trust.make_planner(), domain), instance, world)
+        trust.learn(episode.evidence, episode.steps)
+    assert trust.form == form
+    assert trust.form_weights[trust.forms.index(form)] > 0.5
+    if form == "number":
+        noise = trust.learnt.noise
+        assert noise[0] < 0.1 < noise[1] < noise[3]

@@ -7,14 +7,14 @@ ask more, and a more certain one makes it report earlier; the best start follows
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 
 from lcorpp.domains import Domain
-from lcorpp.planning import Planner, Pomdp, SparseTables
+from lcorpp.domains.dialogue import MakeModel
+from lcorpp.planning import Planner, Pomdp
 from lcorpp.planning.evaluation.belief_graph import UNKNOWN, BeliefGraph
 from lcorpp.planning.evaluation.sparse_beliefs import SparseBeliefs
 from lcorpp.planning.planner import ModelPlanner, TransferPlanner
@@ -47,14 +47,15 @@ class FixedPolicy:
     """
 
     def __init__(self, planner: Planner, domain: Domain) -> None:
-        self._stated, self._domain, self._model = planner, domain, planner.pomdp
+        self._stated, self._domain = planner, domain
+        self._tables: Array | None = None  # of the last call; None before
         self._returns_of = dict[bytes, Array]()
         self.planner: PlannerProtocol = planner
 
-    def __call__(self, model: Pomdp) -> PlannerProtocol:
-        """Return the planner of the next person; the same one if the model is that of the call before."""
-        if model is not self._model:
-            self._model = model
+    def __call__(self, tables: Array, make_model: MakeModel) -> PlannerProtocol:
+        """Return the planner of the next person; the same one if the tables are those of the call before."""
+        if self._tables is None or not np.array_equal(tables, self._tables):
+            self._tables, model = tables, make_model(tables)
             self.planner = TransferPlanner(self._stated.policy, model)
             if self._graph is not None:
                 returns = self._find_returns(self._graph, model)
@@ -64,13 +65,14 @@ class FixedPolicy:
         return self.planner
 
     def state(self) -> dict[str, Any]:
-        """Return the state as JSON: the estimated observation model."""
-        return {"model": self._model.observation.dense.tolist()}
+        """Return the state as JSON: the tables of the estimated model."""
+        return {"tables": None if self._tables is None else self._tables.tolist()}
 
-    def restore(self, state: Mapping[str, Any]) -> PlannerProtocol:
+    def restore(self, state: Mapping[str, Any], make_model: MakeModel) -> PlannerProtocol:
         """Continue from a state; return the planner of the last call."""
-        observation = SparseTables.of(np.array(state["model"]))
-        return self(replace(self._stated.pomdp, observation=observation))
+        if state["tables"] is None:
+            return self.planner
+        return self(np.array(state["tables"]), make_model)
 
     @cached_property
     def _starts(self) -> Array:

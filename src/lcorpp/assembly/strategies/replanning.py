@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
-from lcorpp.planning import Planner, Pomdp, SparseTables
+from lcorpp.domains.dialogue import MakeModel
+from lcorpp.planning import Planner, Pomdp
 from lcorpp.planning.planner import TransferPlanner
 from lcorpp.planning.sarsop.paced_search import PacedSearch
 from lcorpp.values import Array
@@ -43,70 +43,74 @@ class Replanner:
     Args:
         planner: for the stated model.
         starts: (N, S) beliefs to solve for.
-        precision: of the stated policy, in reward units.
+        precision: of the stated policy, in reward units. tables: (K, V, O) of the stated model.
     """
 
-    def __init__(self, planner: Planner, starts: Array, precision: float) -> None:
-        self._starts, self._stated = starts, planner
-        self._model = planner.pomdp  # of the last call
-        self._target = planner.pomdp  # of the last search
+    def __init__(self, planner: Planner, starts: Array, precision: float, tables: Array) -> None:
+        self._starts, self._stated, self._stated_tables = starts, planner, tables
+        self._tables = tables  # of the last call
+        self._target = tables  # of the last search
+        self._model = planner.pomdp  # of `_tables`
         self._span = float(np.ptp(planner.pomdp.reward))
         self._precision = max(precision, PRECISION_SHARE * self._span)
         self._loss = self._precision  # estimated loss of `_policy` on its own model
         self._policy = planner.policy
-        self._solved: tuple[Pomdp, int] | None = None  # model of `_policy`, and trials of its search
+        self._solved: tuple[Array, int] | None = None  # tables of `_policy`, and trials of its search
         self._search: PacedSearch | None = None
         self.planner: Planner | TransferPlanner = planner
 
-    def __call__(self, model: Pomdp) -> Planner | TransferPlanner:
-        """Return the planner of the next person; cheap if the model is that of the call before."""
-        if model is not self._model:
-            self._model = model
-            if _compare_observations(model, self._target) > MAX_VARIATION:
-                self._target, self._search = model, PacedSearch(model, self._starts, self._precision)
-            self.planner = TransferPlanner(self._policy, model)
+    def __call__(self, tables: Array, make_model: MakeModel) -> Planner | TransferPlanner:
+        """Return the planner of the next person; cheap if the tables are those of the call before."""
+        if not np.array_equal(tables, self._tables):
+            self._tables, self._model = tables, make_model(tables)
+            if _compare_tables(tables, self._target) > MAX_VARIATION:
+                self._target = tables
+                self._search = PacedSearch(self._model, self._starts, self._precision)
+            self.planner = TransferPlanner(self._policy, self._model)
         search = self._search
         if search is not None:
             search.advance(work=WORK_PER_PERSON)
-            if search.converged or search.improvement < self._assume_loss(search.pomdp) / 2:
-                self._policy, self._solved = search.make_policy(), (search.pomdp, search.trials)
+            if search.converged or search.improvement < self._assume_loss(self._target) / 2:
+                self._policy, self._solved = search.make_policy(), (self._target, search.trials)
                 self._loss = min(search.improvement, search.gap)
-                self.planner = TransferPlanner(self._policy, model)
+                self.planner = TransferPlanner(self._policy, self._model)
             if search.converged or search.work > MAX_SEARCH_WORK:
                 self._search = None
         return self.planner
 
     def state(self) -> dict[str, Any]:
-        """Return the state as JSON: the models of policy and search, with numbers of trials."""
+        """Return the state as JSON: the tables of policy and search, with numbers of trials."""
         search = self._search
         return {
-            "model": _export(self._model),
-            "target": _export(self._target),
-            "policy": None if self._solved is None else [_export(self._solved[0]), self._solved[1]],
+            "tables": self._tables.tolist(),
+            "target": self._target.tolist(),
+            "policy": None if self._solved is None else [self._solved[0].tolist(), self._solved[1]],
             "trials": None if search is None else search.trials,
             "loss": self._loss,
         }
 
-    def restore(self, state: Mapping[str, Any]) -> Planner | TransferPlanner:
+    def restore(self, state: Mapping[str, Any], make_model: MakeModel) -> Planner | TransferPlanner:
         """Continue from a state of a replanner with the same arguments.
 
         The searches are repeated, in the same numbers of trials.
         """
-        self._model, self._target = self._import(state["model"]), self._import(state["target"])
+        self._tables, self._target = np.array(state["tables"]), np.array(state["target"])
+        self._model = make_model(self._tables)
         self._policy, self._solved, self._search = self._stated.policy, None, None
         if state["policy"] is not None:
-            model, trials = self._import(state["policy"][0]), state["policy"][1]
-            self._policy, self._solved = self._repeat(model, trials).make_policy(), (model, trials)
+            tables, trials = np.array(state["policy"][0]), state["policy"][1]
+            self._policy = self._repeat(make_model(tables), trials).make_policy()
+            self._solved = tables, trials
         self._loss = float(state["loss"])
         if state["trials"] is not None:
-            self._search = self._repeat(self._target, state["trials"])
+            self._search = self._repeat(make_model(self._target), state["trials"])
         self.planner = TransferPlanner(self._policy, self._model)
         return self.planner
 
-    def _assume_loss(self, model: Pomdp) -> float:
-        """Return the loss that is assumed of the present policy on a model."""
-        own = self._stated.pomdp if self._solved is None else self._solved[0]
-        return self._loss + LOSS_PER_VARIATION * self._span * _compare_observations(own, model)
+    def _assume_loss(self, tables: Array) -> float:
+        """Return the loss that is assumed of the present policy on the model with these tables."""
+        own = self._stated_tables if self._solved is None else self._solved[0]
+        return self._loss + LOSS_PER_VARIATION * self._span * _compare_tables(own, tables)
 
     def _repeat(self, model: Pomdp, trials: int) -> PacedSearch:
         search = PacedSearch(model, self._starts, self._precision)
@@ -114,15 +118,7 @@ class Replanner:
             search.advance(trials=trials)
         return search
 
-    def _import(self, observation: list[Any]) -> Pomdp:
-        return replace(self._target, observation=SparseTables.of(np.array(observation)))
 
-
-def _export(model: Pomdp) -> list[Any]:
-    observation: list[Any] = model.observation.dense.tolist()
-    return observation
-
-
-def _compare_observations(one: Pomdp, other: Pomdp) -> float:
-    """Return the largest total variation between rows of two models."""
-    return float(np.abs(one.observation.dense - other.observation.dense).sum(axis=2).max()) / 2
+def _compare_tables(one: Array, other: Array) -> float:
+    """Return the largest total variation between rows of two tables."""
+    return float(np.abs(one - other).sum(axis=2).max()) / 2

@@ -75,4 +75,4 @@ class TrustSession:
         """Return the weights of the sources, and the estimated noise of the answers."""
         weights = zip(self.trust.sources, self.trust.weights.tolist(), strict=True)
         columns = {WEIGHT + name.replace(" ", "_"): weight for name, weight in weights}
-        return columns | {NOISE: self.trust.learnt.noise}
+        return columns | {NOISE: self.trust.learnt.estimates.mean_noise}

@@ -4,14 +4,20 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
+
 from lcorpp.assembly.strategies.fixed_policy import FixedPolicy
 from lcorpp.assembly.strategies.replanning import Replanner
 from lcorpp.decision.strategies import NO_RATES, Rates
 from lcorpp.domains import Domain
-from lcorpp.domains.dialogue import DomainDialogue, PlannerFactory
+from lcorpp.domains.dialogue import DomainDialogue
+from lcorpp.domains.form_dialogue import FormDialogue
+from lcorpp.errors import TooLargeError
 from lcorpp.planning import Planner
 from lcorpp.protocols import Reasoner
 from lcorpp.trust import Trust, TrustOptions
+from lcorpp.trust.form_learner import StatedForm
+from lcorpp.trust.forms import ByNumber, Repeated
 from lcorpp.trust.options import DEFAULT_OPTIONS
 
 
@@ -34,9 +40,20 @@ def set_up_trust(
     Raises:
         DomainError: trust cannot follow the domain's dialogue.
     """
-    planners: PlannerFactory
+    dialogue, forms = DomainDialogue(domain), list[StatedForm]()
     if hearing:
-        planners = Replanner(planner, domain.start_beliefs(), domain.planning.solver.precision)
+        precision, starts = domain.planning.solver.precision, domain.start_beliefs()
+        dialogue.planners = Replanner(planner, starts, precision, dialogue.tables)
+        for form in (ByNumber(), Repeated(len(domain.pomdp.observations))):
+            try:
+                own = FormDialogue(domain, dialogue, form)
+            except TooLargeError:
+                continue
+            stated = own.make_stated_planner(planner)
+            placed = np.array([own.model.place(start, 0) for start in starts])
+            own.planners = Replanner(stated, placed, precision, own.tables)
+            forms.append(StatedForm(form.name, own, own.answers, own.follow(stated), form.n_copies))
     else:  # a fixed policy does not explore, so it needs the estimates; and it always goes on asking
-        planners, options = FixedPolicy(planner, domain), replace(options, max_loss=0.0, min_asked=0.0)
-    return Trust(reasoner, domain, DomainDialogue(domain, planners), planner, options=options, rates=rates)
+        dialogue.planners = FixedPolicy(planner, domain)
+        options = replace(options, max_loss=0.0, min_asked=0.0)
+    return Trust(reasoner, domain, dialogue, planner, options=options, rates=rates, forms=forms)

@@ -1,0 +1,184 @@
+"""The planner's model with the memory of a form of answers in its states."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import replace
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from lcorpp.domains.dialogue import DomainDialogue
+from lcorpp.domains.domain import Domain
+from lcorpp.errors import TooLargeError
+from lcorpp.planning import AlphaVectors, Policy, Pomdp, SparseTables
+from lcorpp.trust.forms import AnswerForm, Memory
+from lcorpp.values import Array, Belief, Indices
+
+MAX_STATES = 200
+"""Maximum number of states of the model: the policy is searched anew while the robot works."""
+
+
+class _Branch(NamedTuple):
+    """A step of the model: what is observed, where it leads, and the cell of tables that has its probability.
+
+    probability: P(s' | s, a). cell, value: of tables; -1 if the observations are as stated.
+    """
+
+    action: int
+    state: int
+    successor: int
+    probability: float
+    cell: int
+    value: int
+    observation: int
+
+
+class FormModel:
+    """The planner's model in which a state has the memory of the questions, too.
+
+    states: (X, 2) the planner's state and the index of the memory of each state that can be reached.
+    memories: all memories; those of terminal states are the first one.
+
+    Raises:
+        TooLargeError: there are more than `MAX_STATES` states.
+    """
+
+    def __init__(self, domain: Domain, dialogue: DomainDialogue, form: AnswerForm) -> None:
+        self._domain, self._dialogue, self.form = domain, dialogue, form
+        self._terminal = set(domain.planning.terminal)
+        self._value_of = domain.planning.state_values.argmax(axis=1)
+        self.memories = [form.begin(len(dialogue.tables))]
+        self._memory_index = {self.memories[0]: 0}
+        self._index = dict[tuple[int, int], int]()
+        self._branches = list[_Branch]()
+        self._explore()
+        self.states = np.array(list(self._index), np.intp).reshape(-1, 2)
+
+    def find_memory(self, memory: Memory) -> int:
+        """Return the index of a memory."""
+        return self._memory_index[memory]
+
+    def place(self, belief: Belief, memory: int) -> Belief:
+        """Return (X,) the belief (S,) of a person with this memory."""
+        placed: Belief = np.where(self._is_memory[memory], belief[self.states[:, 0]], 0.0)
+        return placed
+
+    def collapse(self, belief: Belief) -> Belief:
+        """Return (S,) the belief (X,) without the memory."""
+        n_states = len(self._domain.pomdp.states)
+        collapsed: Belief = np.bincount(self.states[:, 0], belief, minlength=n_states).astype(np.float64)
+        return collapsed
+
+    def lift(self, policy: Policy, model: Pomdp) -> Policy:
+        """Return a policy of the stated model that ignores the memory, as one of this model."""
+        places = self.states[:, 0]
+        sets = []
+        for part in policy.vector_sets:
+            own = np.flatnonzero(np.isin(places, part.states))
+            columns = np.searchsorted(part.states, places[own])
+            sets.append(AlphaVectors(own, part.vectors[:, columns], part.actions))
+        return Policy.of_sets(model, sets)
+
+    def make_model(self, tables: Array) -> Pomdp:
+        """Return the model with tables (K', V, O) of P(observation | value) for each copy of a kind."""
+        base, (a, x, y, p, cells, values, seen) = self._domain.pomdp, self._columns
+        n, shape = len(self.states), (len(base.actions), len(self.states), len(base.observations))
+        has_cell = cells >= 0
+        chances = p.copy()
+        chances[has_cell] *= tables[cells[has_cell], values[has_cell], seen[has_cell]]
+        transition = np.zeros((shape[0], n, n))
+        np.add.at(transition, (a, x, y), chances)
+        transition /= transition.sum(axis=2, keepdims=True)
+        observation = base.observation.dense[:, self.states[:, 0]].copy()
+        own = has_cell & ~self._is_certain
+        observation[a[has_cell], y[has_cell]] = 0
+        observation[a[own], y[own], seen[own]] = tables[cells[own], values[own], seen[own]]
+        observation[a[self._is_certain], y[self._is_certain], seen[self._is_certain]] = 1
+        observation /= observation.sum(axis=2, keepdims=True)
+        names = [f"{base.states[s]}_{m}" for s, m in self.states.tolist()]
+        return replace(
+            base,
+            states=tuple(names),
+            transition=SparseTables.of(transition),
+            observation=SparseTables.of(observation),
+            reward=base.reward[:, self.states[:, 0]],
+            start=self.place(base.start, 0),
+        )
+
+    @cached_property
+    def _is_memory(self) -> Array:
+        """(M, X) whether a state has the memory; terminal states have all of them."""
+        is_terminal = np.isin(self.states[:, 0], list(self._terminal))
+        own: Array = (self.states[:, 1] == np.arange(len(self.memories))[:, None]) | is_terminal
+        return own
+
+    @cached_property
+    def _columns(self) -> tuple[Indices, Indices, Indices, Array, Indices, Indices, Indices]:
+        columns = list(zip(*self._branches, strict=True))
+        a, x, y, p, cells, values, seen = (np.array(own) for own in columns)
+        return a, x, y, p, cells, values, seen
+
+    @cached_property
+    def _is_certain(self) -> npt.NDArray[np.bool_]:
+        """(branches,) whether the next memory contains the answer, so that the state determines it."""
+        steps = [own[:3] for own in self._branches]
+        counts = Counter(steps)
+        alone: npt.NDArray[np.bool_] = np.array([counts[step] == 1 for step in steps])
+        return alone & (self._columns[4] >= 0)
+
+    def _explore(self) -> None:
+        """Find all states that can be reached, and the branches between them."""
+        base = self._domain.pomdp
+        waiting = [(int(s), 0) for s in np.flatnonzero(self._domain.planning.initial_states.any(axis=0))]
+        waiting += [(s, 0) for s in np.flatnonzero(base.start).tolist() if (s, 0) not in waiting]
+        for start in waiting:
+            self._index[start] = len(self._index)
+        while waiting:
+            state, memory = waiting.pop()
+            for action in range(len(base.actions)):
+                for successor, after, branch in self._list_branches(action, state, memory):
+                    key = successor, after
+                    if key not in self._index:
+                        self._index[key] = len(self._index)
+                        waiting.append(key)
+                        if len(self._index) > MAX_STATES:
+                            raise TooLargeError(
+                                f"the form of answers {self.form.name!r} has more than {MAX_STATES} states"
+                            )
+                    own = self._index[state, memory]
+                    self._branches.append(branch._replace(state=own, successor=self._index[key]))
+
+    def _list_branches(self, action: int, state: int, memory: int) -> Iterator[tuple[int, int, _Branch]]:
+        """Yield for each step the next state, the index of its memory, and the branch."""
+        states, probabilities = self._domain.pomdp.transition.row(action, state)
+        for successor, p in zip(states.tolist(), probabilities.tolist(), strict=True):
+            if p <= 0:
+                continue
+            branch = _Branch(action, 0, 0, p, -1, -1, -1)
+            kind = self._dialogue.kind_of_state.get((action, successor))
+            if successor in self._terminal:
+                yield successor, 0, branch
+            elif kind is None:
+                yield successor, memory, branch
+            else:
+                copy = self.form.find_copy(self.memories[memory], kind)
+                cell = kind * self.form.n_copies + copy
+                value = int(self._value_of[successor])
+                table = self._dialogue.tables[kind]
+                for observation in np.flatnonzero(table.any(axis=0)).tolist():
+                    after = self._find_or_add(self.form.advance(self.memories[memory], kind, observation))
+                    yield (
+                        successor,
+                        after,
+                        branch._replace(cell=cell, value=value, observation=observation),
+                    )
+
+    def _find_or_add(self, memory: Memory) -> int:
+        index = self._memory_index.setdefault(memory, len(self._memory_index))
+        if index == len(self.memories):
+            self.memories.append(memory)
+        return index

@@ -1,0 +1,137 @@
+"""What is learnt from people under one form of answers: sources, their weights, and the observation model."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from lcorpp.protocols import Dialogue, DomainInterface, Planner
+from lcorpp.trust.answers import AnswerModel
+from lcorpp.trust.learnt_sources import LearntSources
+from lcorpp.trust.optimism import find_optimistic_rows
+from lcorpp.trust.options import TrustOptions
+from lcorpp.values import Array, Label
+
+FIRST_SEARCH, SEARCH_ITERATIONS = 25, 40
+"""Number of people at the first search for alternative estimates, which is repeated when it has grown by a
+quarter; and its iterations of EM."""
+
+
+@dataclass(frozen=True)
+class StatedForm:
+    """A form of answers with the stated observation model.
+
+    name: of the form. dialogue: the questions in the copies of the form. answers: their model. planner: for
+    the stated model. n_copies: of each kind of question.
+    """
+
+    name: str
+    dialogue: Dialogue
+    answers: AnswerModel
+    planner: Planner
+    n_copies: int = 1
+
+
+class FormLearner:
+    """The mixture of sources, and the observation model, if answers have one form.
+
+    Args:
+        n_stated: number of sources that do not learn.
+
+    Attributes:
+        weights: (sources,) summing to 1: those that do not learn, then `learnt.names`.
+        sources: those that learn. tables: the observation model for planning. planner: for the next person.
+    """
+
+    def __init__(
+        self,
+        domain: DomainInterface,
+        form: StatedForm,
+        stated_rates: Sequence[Array],
+        n_stated: int,
+        options: TrustOptions,
+    ) -> None:
+        self.dialogue, self.planner, self._options = form.dialogue, form.planner, options
+        self.tables = form.dialogue.tables
+        self._max_loss = options.max_loss / form.n_copies  # all copies of a question together
+        self.sources = LearntSources(domain, form.answers, stated_rates, options.memory)
+        n_sources = n_stated + len(self.sources.names)
+        self.weights = np.full(n_sources, 1 / n_sources)
+        self._next_fit, self._next_search = 1, FIRST_SEARCH
+
+    def index_context(self, facts: Mapping[str, Label]) -> int:
+        """Return the index of a context; a new one is added."""
+        return self.sources.index_context(facts)
+
+    def predict(self, context: int, labels: Sequence[int], stated: Array, expected: Array) -> Array:
+        """Return (sources, V) P(value) of each source.
+
+        Args:
+            stated: (n, V) of those that do not learn. expected: (V,) by the knowledge, given the facts.
+        """
+        learnt = self.sources.predict(context, labels, stated[0], expected)
+        return np.concatenate([stated, learnt])
+
+    def learn(
+        self, context: int, labels: Sequence[int], predicted: Array, history: Iterable[tuple[str, str]]
+    ) -> float:
+        """Learn from a person, without fitting the models anew.
+
+        Args:
+            predicted: of `predict`.
+
+        Returns:
+            log P(answers | facts, labels), by what was learnt before.
+        """
+        answers = self.dialogue.find_answers(list(history))
+        logs = self.sources.learnt.estimates.log_answers[list(answers)].sum(axis=0)
+        top = float(logs.max())
+        weights = self.weights * (predicted @ np.exp(logs - top))
+        total, share = float(weights.sum()), self._options.share
+        self.weights = (1 - share) * weights / total + share / len(weights)
+        self.sources.add(context, labels, answers)
+        return float(np.log(total)) + top
+
+    def fit(self, n_people: int) -> None:
+        """Fit the models anew where it is due after this number of people."""
+        if n_people < self._next_fit:
+            return
+        self._next_fit = n_people + max(1, n_people // self._options.refits)
+        is_due = n_people >= self._next_search
+        if is_due:
+            self._next_search = n_people * 5 // 4
+        self.sources.fit(self._options.iterations, search=SEARCH_ITERATIONS if is_due else 0)
+        rows = find_optimistic_rows(self.sources.learnt, self._max_loss)
+        self.tables = self.sources.learnt.answers.make_tables(rows)
+
+    def plan(self) -> None:
+        """Make the planner for the next person."""
+        self.planner = self.dialogue.make_planner(self.tables)
+
+    def replace_rates(self, stated_rates: Sequence[Array], *, refit: bool) -> None:
+        """Use other stated rates, see `LearntSources.replace_rates`."""
+        if self.sources.replace_rates(stated_rates) and refit:
+            self.sources.fit(self._options.iterations)
+
+    def state(self) -> dict[str, Any]:
+        """Return what is learnt as JSON."""
+        return {
+            "weights": self.weights.tolist(),
+            "next_fit": self._next_fit,
+            "next_search": self._next_search,
+            "tables": self.tables.tolist(),
+            "learnt": self.sources.state(),
+            "planners": self.dialogue.state(),
+        }
+
+    def restore(self, state: Mapping[str, Any], *, has_people: bool) -> None:
+        """Continue from a state, before the first person."""
+        self.sources.restore(state["learnt"])
+        self.weights = np.array(state["weights"], np.float64).reshape(self.weights.shape)
+        self.tables = np.array(state["tables"], np.float64).reshape(self.tables.shape)
+        self._next_fit, self._next_search = state["next_fit"], state["next_search"]
+        if has_people:
+            self.planner = self.dialogue.restore(state["planners"])

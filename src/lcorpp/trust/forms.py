@@ -1,0 +1,142 @@
+"""Forms of answers: how an answer depends on what the same person was asked and answered before."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from lcorpp.trust.answers import AnswerModel, NoiseGroup
+from lcorpp.values import Array
+
+Memory = tuple[int, ...]
+"""What a form remembers of the questions and answers so far; () for nothing."""
+
+
+class AnswerForm(ABC):
+    """How P(answer | value, question) depends on the person's earlier questions and answers.
+
+    A small memory of the conversation determines which of several copies of a question's rows applies. With
+    K kinds of questions, copy c of kind k has the index k * `n_copies` + c. All else, rows for each copy and
+    their estimates, is that of `AnswerModel`.
+
+    name: of the form. n_copies: of each kind. groups: of copies that share a noise.
+    """
+
+    name: str
+    n_copies: int
+    groups: tuple[NoiseGroup, ...]
+
+    @abstractmethod
+    def begin(self, n_kinds: int) -> Memory:
+        """Return the memory before the first question."""
+
+    @abstractmethod
+    def find_copy(self, memory: Memory, kind: int) -> int:
+        """Return the copy of a kind's rows by which the next question is answered."""
+
+    @abstractmethod
+    def advance(self, memory: Memory, kind: int, observation: int) -> Memory:
+        """Return the memory after an answer."""
+
+    @abstractmethod
+    def find_group(self, copy: int) -> int:
+        """Return the index of the group of a copy."""
+
+    def find_ends(self, tables: Array) -> Array:
+        """Return (K', V, O) the rows at noise 1: of each copy, the mean of the stated rows of its kind."""
+        return self.expand(np.broadcast_to(tables.mean(axis=1, keepdims=True), tables.shape))
+
+    def expand(self, tables: Array) -> Array:
+        """Return (K', V, O) the rows of all copies, from those of the kinds (K, V, O)."""
+        return np.repeat(tables, self.n_copies, axis=0)
+
+    def find_cells(self, answers: Sequence[int], n_kinds: int, n_observations: int) -> list[int]:
+        """Return k' * O + o for each answer k * O + o, in the order in which they were given."""
+        memory, cells = self.begin(n_kinds), list[int]()
+        for answer in answers:
+            kind, observation = divmod(answer, n_observations)
+            copy = self.find_copy(memory, kind)
+            cells.append((kind * self.n_copies + copy) * n_observations + observation)
+            memory = self.advance(memory, kind, observation)
+        return cells
+
+    def make_answers(self, tables: Array) -> AnswerModel:
+        """Return the model of answers, as the stated tables (K, V, O) of the kinds give it."""
+        groups = np.tile([self.find_group(copy) for copy in range(self.n_copies)], len(tables))
+        return AnswerModel.of_tables(
+            self.expand(tables), ends=self.find_ends(tables), group_of=groups, groups=self.groups
+        )
+
+
+@dataclass(frozen=True)
+class ByNumber(AnswerForm):
+    """The noise depends on how many questions the person has answered: they tire, or get used to the robot.
+
+    n_copies: the last copy is for all later questions.
+    """
+
+    n_copies: int = 4
+    name: str = "number"
+
+    @property
+    def groups(self) -> tuple[NoiseGroup, ...]:  # type: ignore[override]
+        """Each group's prior noise is the estimate of the group before."""
+        return NoiseGroup(), *(NoiseGroup(follows=copy) for copy in range(self.n_copies - 1))
+
+    def begin(self, n_kinds: int) -> Memory:
+        """Return the number of answers, at most `n_copies`."""
+        return (0,)
+
+    def find_copy(self, memory: Memory, kind: int) -> int:
+        """Return the number of answers before."""
+        return min(memory[0], self.n_copies - 1)
+
+    def advance(self, memory: Memory, kind: int, observation: int) -> Memory:
+        """Count the answer, up to one more than the copies: the count determines which copy applied last."""
+        return (min(memory[0] + 1, self.n_copies),)
+
+    def find_group(self, copy: int) -> int:
+        """Return the copy."""
+        return copy
+
+
+@dataclass(frozen=True)
+class Repeated(AnswerForm):
+    """The same question again has the answer of before, with some probability; otherwise a new draw.
+
+    At noise 1 of its group, copy 1 + o always has the answer o.
+    """
+
+    n_observations: int
+    name: str = "repeated"
+    groups: tuple[NoiseGroup, ...] = (NoiseGroup(), NoiseGroup())
+
+    @property
+    def n_copies(self) -> int:  # type: ignore[override]
+        """One for a new question, and one for each answer of before."""
+        return 1 + self.n_observations
+
+    def begin(self, n_kinds: int) -> Memory:
+        """Return 0 for each kind: not asked."""
+        return (0,) * n_kinds
+
+    def find_copy(self, memory: Memory, kind: int) -> int:
+        """Return 1 + the last answer to the kind, or 0."""
+        return memory[kind]
+
+    def advance(self, memory: Memory, kind: int, observation: int) -> Memory:
+        """Remember the answer."""
+        return (*memory[:kind], 1 + observation, *memory[kind + 1 :])
+
+    def find_group(self, copy: int) -> int:
+        """Return 0 for new questions, 1 for repeated ones."""
+        return min(copy, 1)
+
+    def find_ends(self, tables: Array) -> Array:
+        """Return (K', V, O) mean rows for new questions, and certain answers for repeated ones."""
+        ends = super().find_ends(tables).reshape(len(tables), self.n_copies, *tables.shape[1:]).copy()
+        ends[:, 1:] = np.eye(self.n_observations)[None, :, None]
+        return ends.reshape(-1, *tables.shape[1:])

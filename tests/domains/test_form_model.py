@@ -1,0 +1,85 @@
+"""The planner's model with the memory of a form: values and beliefs against independent computations."""
+
+import numpy as np
+import pytest
+
+from lcorpp.domains import load_domain
+from lcorpp.domains.dialogue import DomainDialogue
+from lcorpp.domains.form_dialogue import FormDialogue
+from lcorpp.domains.form_model import FormModel
+from lcorpp.errors import TooLargeError
+from lcorpp.planning import Planner, solve
+from lcorpp.trust.forms import ByNumber, Repeated
+
+FORMS = [ByNumber(), Repeated(3)]
+
+
+@pytest.fixture(scope="module")
+def intention():
+    domain = load_domain("intention")
+    return (
+        domain,
+        DomainDialogue(domain),
+        Planner(solve(domain.pomdp, domain.start_beliefs(), precision=0.01)),
+    )
+
+
+def place(form, domain):
+    return np.array([form.model.place(start, 0) for start in domain.start_beliefs()])
+
+
+@pytest.mark.parametrize("form", FORMS)
+def test_with_the_stated_rows_memory_is_worth_nothing(intention, form):
+    domain, base, stated = intention
+    own = FormDialogue(domain, base, form)
+    planner = own.make_stated_planner(stated)
+    solution = solve(planner.pomdp, place(own, domain), precision=0.01)
+    for start, placed in zip(domain.start_beliefs(), place(own, domain), strict=True):
+        value = stated.policy.value(start)
+        assert planner.policy.value(placed) == pytest.approx(value)
+        assert solution.policy.value(placed) == pytest.approx(value, abs=0.02)
+
+
+@pytest.mark.parametrize("form", FORMS)
+def test_beliefs_follow_the_rows_of_the_memory(intention, form):
+    """Against Bayes' rule on the answers alone, with rows drawn at random."""
+    domain, base, _ = intention
+    own = FormDialogue(domain, base, form)
+    tables = own.tables * np.random.default_rng(1).uniform(0.5, 1.5, own.tables.shape)
+    tables /= tables.sum(axis=2, keepdims=True)
+    model = own.model.make_model(tables)
+    planner = own.follow(Planner(own.model.lift(intention[2].policy, model), model))
+    history = [("greet", "pos"), ("greet", "neg"), ("turn", "none"), ("turn", "pos"), ("greet", "neg")]
+    history += [("move_forward", "pos"), ("turn", "neg"), ("greet", "neg")]
+    belief = domain.pomdp.start
+    for n, (action, observation) in enumerate(history, 1):
+        belief = planner.update(belief, action, observation)
+        cells = own.find_answers(history[:n])
+        likelihood = np.prod([tables[cell // 3, :, cell % 3] for cell in cells], axis=0)
+        np.testing.assert_allclose(domain.marginal(belief).probabilities, likelihood / likelihood.sum())
+    assert belief[[0, 1]].sum() == 0  # the robot has turned
+
+
+def test_a_repeated_question_with_a_certain_answer_tells_nothing_and_is_not_asked(intention):
+    domain, base, _ = intention
+    own = FormDialogue(domain, base, Repeated(3))
+    tables = own.tables.reshape(3, 4, 2, 3).copy()
+    tables[:, 1:] = np.eye(3)[None, :, None]
+    model = own.model.make_model(tables.reshape(12, 2, 3))
+    planner = own.follow(Planner(solve(model, place(own, domain), precision=0.01)))
+    belief = planner.update(domain.pomdp.start, "greet", "pos")
+    np.testing.assert_allclose(planner.update(belief, "greet", "pos"), belief)
+    for answers in (("pos", "neg", "pos"), ("neg", "neg", "neg"), ("neg", "pos", "pos")):
+        answer_of = dict(zip(("greet", "move_forward", "turn"), answers, strict=True))
+        asker = own.follow(Planner(solve(model, place(own, domain), precision=0.01)))
+        belief, asked = domain.pomdp.start, list[str]()
+        while domain.reported_value(action := asker.action(belief)) is None:
+            belief = asker.update(belief, action, answer_of[action])
+            asked.append(action)
+        assert 1 <= len(asked) == len(set(asked))
+
+
+def test_a_form_with_too_many_states_is_refused():
+    domain = load_domain("shopping", preset="small")
+    with pytest.raises(TooLargeError, match="the form of answers 'repeated' has more than 200 states"):
+        FormModel(domain, DomainDialogue(domain), Repeated(len(domain.pomdp.observations)))

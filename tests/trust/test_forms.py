@@ -1,0 +1,58 @@
+"""Forms of answers: their memories and copies, and the noise of each group."""
+
+import numpy as np
+import pytest
+
+from lcorpp.trust.answers import AnswerModel, NoiseGroup
+from lcorpp.trust.forms import ByNumber, Repeated
+
+TABLES = np.array([[[0.9, 0.1, 0], [0.1, 0.9, 0]], [[0.8, 0.2, 0], [0.2, 0.8, 0]]])
+
+
+def test_the_number_of_the_question_chooses_the_copy():
+    form = ByNumber(n_copies=3)
+    answers = [0, 3, 1, 4, 0]  # kinds 0, 1, 0, 1, 0 with observations 0, 0, 1, 1, 0
+    assert form.find_cells(answers, 2, 3) == [0, (3 + 1) * 3, 2 * 3 + 1, (3 + 2) * 3 + 1, 2 * 3]
+    memories = [form.begin(2)]
+    for answer in answers:
+        memories.append(form.advance(memories[-1], *divmod(answer, 3)))
+    assert memories == [(0,), (1,), (2,), (3,), (3,), (3,)]
+
+
+def test_the_last_answer_to_the_same_question_chooses_the_copy():
+    form = Repeated(n_observations=3)
+    # kind 0: pos, kind 1: neg, kind 0: neg (after pos), kind 0: neg (after neg)
+    assert form.find_cells([0, 4, 1, 1], 2, 3) == [0, 4 * 3 + 1, 1 * 3 + 1, 2 * 3 + 1]
+
+
+def test_repeated_answers_are_certain_at_noise_1():
+    model = Repeated(3).make_answers(TABLES)
+    rows = model.make_tables(model.add_noise([0.0, 0.98]))
+    np.testing.assert_allclose(rows[0], TABLES[0], atol=1e-4)
+    assert (rows[1][:, 0] > 0.97).all()  # after pos
+    assert (rows[6][:, 1] > 0.97).all()  # of the second kind, after neg
+
+
+@pytest.mark.parametrize("noise", [(0.1, 0.3, 0.5, 0.7), (0.5, 0.3, 0.2, 0.0)])
+def test_the_noise_of_each_group_is_found(noise):
+    model = ByNumber().make_answers(TABLES)
+    counts = 1e5 * model.make_tables(model.add_noise(noise)).transpose(0, 2, 1).reshape(-1, 2)
+    rows, found = model.estimate_rows(counts)
+    np.testing.assert_allclose(found, noise, atol=0.011)
+    np.testing.assert_allclose(rows, model.add_noise(noise), atol=0.005)
+
+
+def test_without_answers_a_group_has_the_noise_of_the_one_before():
+    model = ByNumber().make_answers(TABLES)
+    counts = 1e5 * model.make_tables(model.add_noise([0.4] * 4)).transpose(0, 2, 1).reshape(8, 3, 2)
+    counts[[1, 2, 3, 5, 6, 7]] = 0  # only first questions were asked
+    _, found = model.estimate_rows(counts.reshape(-1, 2))
+    np.testing.assert_allclose(found, 0.4, atol=0.02)
+    assert model.compute_log_prior(found) < model.compute_log_prior([0.0] * 4) == 0
+
+
+def test_one_group_is_the_model_without_groups():
+    one, groups = AnswerModel.of_tables(TABLES), (NoiseGroup(),)
+    other = AnswerModel.of_tables(TABLES, groups=groups, group_of=np.zeros(2, np.intp))
+    counts = np.random.default_rng(0).uniform(0, 50, (6, 2))
+    np.testing.assert_array_equal(one.estimate_rows(counts)[0], other.estimate_rows(counts)[0])
