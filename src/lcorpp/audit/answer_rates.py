@@ -188,6 +188,15 @@ class AnswerRates:
         )
         return self._normalise(found.x)
 
+    @property
+    def log_likelihood(self) -> float:
+        """Of all cases, at the estimates."""
+        return self._expect(self.p)[1].log_likelihood
+
+    def count_expected(self) -> Array:
+        """Return (m,) the expected number of cases, or of answers, with each cell."""
+        return self._expect(self.p)[0]
+
     @cached_property
     def likelihoods(self) -> Array:
         """(n, V) P(labels, answers | value), up to a factor for each case."""

@@ -11,6 +11,7 @@ import numpy as np
 from scipy.special import logit
 from scipy.stats import chi2
 
+from lcorpp.audit.answer_forms import list_form_tests
 from lcorpp.audit.answer_rates import AnswerRates
 from lcorpp.audit.estimates import (
     MAX_CHANGE_P_VALUE,
@@ -140,6 +141,7 @@ class _Auditor:
             for place, rates in enumerate(people.stated_rates)
         ]
         self._rates = AnswerRates(answers, tables, cases, len(people.contexts))
+        self._stated_rates = tables
         values = [domain.reasoning.split(value) for value in domain.values]
         records = [
             resolve_evidence(program, {**facts, **value}) for facts in people.contexts for value in values
@@ -200,6 +202,7 @@ class _Auditor:
         chosen = self.choose(stated)
         p_values = self._compare_with_simulated(stated)
         n_undetermined, undetermined = self._fits.find_undetermined(NULL_SCORE)
+        has_repeated = any(len(answers) > 1 for _, _, answers in people.answered)
         return Audit(
             program_file=people.program.file,
             model_file=people.domain.pomdp.file or str(people.domain.folder),
@@ -217,6 +220,7 @@ class _Auditor:
             undetermined=[self._atom(i).left_side for i in undetermined],
             excluded=self._count_excluded(),
             simulations=len(stated),
+            forms=list_form_tests(people, self._stated_rates) if has_repeated else (),
         )
 
     def _list_keys(self, chosen: tuple[int, ...]) -> list[NumberKey]:

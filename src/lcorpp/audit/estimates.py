@@ -72,6 +72,38 @@ class AttributeTest:
 
 
 @dataclass(frozen=True)
+class WrongAnswers:
+    """How often answers are wrong, in one part of them.
+
+    part: for `number` how many questions were answered before, the last part with all later ones; for
+    `repeated` 0 for new questions and 1 for the same question again, whose rate is that of other answers than
+    before; for `class` the class of people. share: of the answers, for `class` of the people. rate: of wrong
+    answers. interval: 95 %, None for classes.
+    """
+
+    part: int
+    share: float
+    rate: float
+    interval: tuple[float, float] | None
+
+
+@dataclass(frozen=True)
+class FormTest:
+    """A form of answers, against answers that are independent given the value.
+
+    name: of the form. gain: twice the gain in log likelihood. degrees: number of further free probabilities.
+    bic: gain minus `degrees` times log n. p_value: of independent answers. wrong: answers, by parts.
+    """
+
+    name: str
+    gain: float
+    degrees: int
+    bic: float
+    p_value: float
+    wrong: tuple[WrongAnswers, ...]
+
+
+@dataclass(frozen=True)
 class Rival:
     """Other numbers whose change explains the data as well.
 
@@ -95,6 +127,7 @@ class Audit:
     the probability 0.
     n_people, strategy, n_others, skipped: as of `LoggedPeople`. given: whether the facts are given.
     simulations: number of simulated logs from which the p-values of attributes come; 0 without.
+    forms: tests of forms of answers; none if people of the log have given at most one answer.
     """
 
     program_file: str
@@ -113,6 +146,7 @@ class Audit:
     undetermined: Sequence[str]
     excluded: Mapping[str, int]
     simulations: int = 0
+    forms: Sequence[FormTest] = ()
 
     def __repr__(self) -> str:
         changes = join_some([f"{x.name}: {x.stated:.3g} -> {x.estimate:.3f}" for x in self.changes])
@@ -136,6 +170,16 @@ class Audit:
         return html_table(
             ("number", "stated", "suggested", "95 % interval", "by the data"), rows, caption=caption
         )
+
+    @property
+    def form(self) -> FormTest | None:
+        """The form of answers by which the data refute independent ones; None if there is none.
+
+        Its p-value is below `MAX_P_VALUE`, corrected for the number of forms (Bonferroni); of several it is
+        the one of the largest BIC.
+        """
+        found = [test for test in self.forms if test.p_value * len(self.forms) < MAX_P_VALUE]
+        return max(found, key=lambda test: test.bic, default=None)
 
     @property
     def changed_rates(self) -> list[RateEstimate]:

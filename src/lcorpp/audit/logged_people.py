@@ -32,6 +32,7 @@ class LoggedPeople:
     strategy: its name. n_others: number of decisions of other strategies.
     skipped: why lines are left out -> how many.
     parts: the description of the robot at the last decision.
+    answered: for each person the context, the labels, and the answers in their order.
     """
 
     domain: Domain
@@ -45,6 +46,7 @@ class LoggedPeople:
     n_others: int
     skipped: Mapping[str, int]
     parts: Mapping[str, Any]
+    answered: Sequence[tuple[int, list[int], list[int]]] = ()
 
 
 def read_people(path: Path, *, folder: Path | None = None, strategy: str | None = None) -> LoggedPeople:
@@ -136,10 +138,12 @@ class _Reader:
         path: Path,
     ) -> LoggedPeople:
         n_answers = self._dialogue.tables.shape[0] * self._dialogue.tables.shape[2]
-        cases = Cases(len(self._senses), n_answers)
+        cases, answered = Cases(len(self._senses), n_answers), list[tuple[int, list[int], list[int]]]()
         for line in decisions:
             try:
-                cases.add(*self._read(line))
+                person = self._read(line)
+                cases.add(*person)
+                answered.append(person)
             except DAMAGE as error:
                 skipped[describe_damage(error)] += 1
         related = self._domain.find_related_senses(self._program)
@@ -165,6 +169,7 @@ class _Reader:
             n_others,
             skipped,
             self._parts,
+            answered,
         )
 
     def _read(self, line: LoggedDecision) -> tuple[int, list[int], list[int]]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from lcorpp.audit.estimates import Audit, ProbabilityEstimate
+from lcorpp.audit.estimates import Audit, FormTest, ProbabilityEstimate
 
 Table = Sequence[Sequence[str]]
 
@@ -95,10 +95,35 @@ def _conclude(audit: Audit) -> list[str]:
             lines += [f"  {x.name}: {_describe_change(x)}" for x in rates]
         else:
             lines.append(f"The data do not refute the {what}.")
+    if audit.form is not None:
+        lines.append(f"The data refute independent answers (p = {audit.form.p_value:.2g}):")
+        lines.append(f"  {_describe_form(audit.form)}")
+    elif audit.forms:
+        lines.append("The data do not refute answers that are independent given the value.")
     if audit.n_others:
         lines.append(f"{audit.n_others} decisions of other strategies are not used.")
     lines += [f"{number} lines are left out: {reason}" for reason, number in audit.skipped.items()]
     return lines
+
+
+def _describe_form(form: FormTest) -> str:
+    """Return the form of the answers as a sentence."""
+    rates = [
+        f"{x.rate:.3f}" + ("" if x.interval is None else " ({:.3f} to {:.3f})".format(*x.interval))
+        for x in form.wrong
+    ]
+    if form.name == "number":
+        trend = "worse" if form.wrong[-1].rate > form.wrong[0].rate else "better"
+        return f"they get {trend} with each question; wrong are, from the first on: {', '.join(rates)}"
+    if form.name == "repeated":
+        return (
+            f"new questions are answered wrongly in {rates[0]}, the same again unlike before in {rates[-1]}"
+        )
+    shares = [
+        f"{100 * x.share:.0f} % of the people with {rate} wrong"
+        for x, rate in zip(form.wrong, rates, strict=True)
+    ]
+    return f"people differ in reliability: {', '.join(shares)}"
 
 
 def _describe_rivals(audit: Audit) -> str:
@@ -139,4 +164,9 @@ def format_patch(audit: Audit) -> str:
         lines += ["", f"% {source}{rate.name}: {_describe_change(rate)}"]
         if rate.rule:
             lines.append(f"{rate.rule} = {rate.estimate:.3g}.")
+    if audit.form is not None:
+        lines += [
+            "",
+            f"% {audit.model_file}: answers depend on more than the value: {_describe_form(audit.form)}",
+        ]
     return "\n".join(lines) + "\n"

@@ -113,6 +113,10 @@ class AnswerModel:
         """D, the number of pairs of a question's kind and an observation; (k, o) has the index k * O + o."""
         return int(self.row_of.shape[0]) * int(self.stated_rows.shape[1])
 
+    def find_expected(self, kind: int, value: int) -> int:
+        """Return the index of the observation that the stated model expects most."""
+        return int(self.stated_rows[self.row_of[kind, value]].argmax())
+
     def make_tables(self, rows: Array) -> Array:
         """Return (K, V, O) the probabilities that rows (R, O) give."""
         tables: Array = rows[self.row_of]

@@ -22,11 +22,13 @@ class AnswerForm(ABC):
     K kinds of questions, copy c of kind k has the index k * `n_copies` + c. All else, rows for each copy and
     their estimates, is that of `AnswerModel`.
 
-    name: of the form. n_copies: of each kind. groups: of copies that share a noise.
+    name: of the form. n_copies: of each kind. groups: of copies, or classes of people, that share a noise.
+    n_classes: of people; with several, the class of a person is hidden.
     """
 
     name: str
     n_copies: int
+    n_classes: int = 1
     groups: tuple[NoiseGroup, ...]
 
     @abstractmethod
@@ -140,3 +142,32 @@ class Repeated(AnswerForm):
         ends = super().find_ends(tables).reshape(len(tables), self.n_copies, *tables.shape[1:]).copy()
         ends[:, 1:] = np.eye(self.n_observations)[None, :, None]
         return ends.reshape(-1, *tables.shape[1:])
+
+
+@dataclass(frozen=True)
+class ByClass(AnswerForm):
+    """The noise depends on the person: there are two classes of people, of which one answers less reliably.
+
+    An audit tests this form; no policy is searched for it.
+    """
+
+    n_copies: int = 1
+    n_classes: int = 2
+    name: str = "class"
+    groups: tuple[NoiseGroup, ...] = (NoiseGroup(), NoiseGroup())
+
+    def begin(self, n_kinds: int) -> Memory:
+        """Return nothing: a person's class does not change."""
+        return ()
+
+    def find_copy(self, memory: Memory, kind: int) -> int:
+        """Return the only copy."""
+        return 0
+
+    def advance(self, memory: Memory, kind: int, observation: int) -> Memory:
+        """Return nothing."""
+        return ()
+
+    def find_group(self, copy: int) -> int:
+        """Return the group of the first class."""
+        return 0

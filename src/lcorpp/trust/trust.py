@@ -103,12 +103,14 @@ class Trust:
     def __repr__(self) -> str:
         weights = zip(self.sources, self.weights.tolist(), strict=True)
         parts = join_some([f"{name} {weight:.2f}" for name, weight in weights])
-        return f"<Trust after {self.n_people} people: {parts}>"
+        form = f"; answers: {self.form}" if len(self.forms) > 1 else ""
+        return f"<Trust after {self.n_people} people: {parts}{form}>"
 
     def _repr_html_(self) -> str:
         weights = zip(self.sources, self.weights.tolist(), strict=True)
         rows = [(name, f"{weight:.3f}") for name, weight in weights]
-        return html_table(("source", "weight"), rows, caption=f"Trust after {self.n_people} people")
+        form = f", whose answers are {self.form}" if len(self.forms) > 1 else ""
+        return html_table(("source", "weight"), rows, caption=f"Trust after {self.n_people} people{form}")
 
     def posterior(self, attribute: str | Sequence[str], evidence: Mapping[str, Label]) -> Distribution:
         """Return the mixture of the sources' predictions (`lcorpp.protocols.Reasoner`).

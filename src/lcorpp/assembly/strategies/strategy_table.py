@@ -34,5 +34,6 @@ BASELINE_TABLE: Mapping[str, Baseline] = {
 }
 """Strategies beside the table of the paper, by name. `always-report` is L+R, and without senses R."""
 
-WEIGHT, NOISE = "weight_", "noise"
-"""Columns of trust in a table: the weight of each source, and the estimated noise of the answers."""
+WEIGHT, FORM, NOISE = "weight_", "form_", "noise"
+"""Columns of trust in a table: the weight of each source and of each form of answers, and the estimated noise
+of the answers."""

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from typing import Any
 
-from lcorpp.assembly.strategies.strategy_table import NOISE, WEIGHT
+from lcorpp.assembly.strategies.strategy_table import FORM, NOISE, WEIGHT
 from lcorpp.assembly.strategies.trust_setup import set_up_trust
 from lcorpp.decision import Robot
 from lcorpp.decision.strategies import Rates
@@ -72,7 +72,11 @@ class TrustSession:
         self.trust.retrain(self._reasoner, rates=self._rates)
 
     def describe(self) -> dict[str, float]:
-        """Return the weights of the sources, and the estimated noise of the answers."""
-        weights = zip(self.trust.sources, self.trust.weights.tolist(), strict=True)
+        """Return the weights of sources and forms of answers, and the estimated noise of the answers."""
+        trust = self.trust
+        weights = zip(trust.sources, trust.weights.tolist(), strict=True)
         columns = {WEIGHT + name.replace(" ", "_"): weight for name, weight in weights}
-        return columns | {NOISE: self.trust.learnt.estimates.mean_noise}
+        if len(trust.forms) > 1:
+            forms = zip(trust.forms, trust.form_weights.tolist(), strict=True)
+            columns |= {FORM + name: weight for name, weight in forms}
+        return columns | {NOISE: trust.learnt.estimates.mean_noise}

@@ -66,6 +66,9 @@ def decide_and_print(
         trust = robot.reasoner
         console.out.print(f"   weight of each source after {trust.n_people} people")
         _print_bars(zip(trust.sources, trust.weights.tolist(), strict=True))
+        if len(trust.forms) > 1:
+            console.out.print("   weight of each form of answers")
+            _print_bars(zip(trust.forms, trust.form_weights.tolist(), strict=True))
     answers = {}
     for name in hidden:
         with suppress(NoValueError):  # an attribute that may have no value has no distribution
