@@ -7,7 +7,7 @@ from lcorpp.trust import latent_class_model
 from lcorpp.trust.answers import AnswerModel
 from lcorpp.trust.cases import NO_LABEL, Cases
 from lcorpp.trust.latent_class_model import LatentClassModel
-from lcorpp.trust.optimism import find_optimistic_rows
+from lcorpp.trust.optimism import find_planned_rows
 
 STATED_TABLES = np.array([[[0.9, 0.1], [0.1, 0.9]]])
 RATES = np.array([[0.76, 0.24], [0.29, 0.71]])
@@ -70,7 +70,7 @@ def test_rows_for_planning_are_as_good_as_the_answers_permit():
     for person in people:
         model.add(*person)
     model.fit(60)
-    rows = find_optimistic_rows(model, 0.5)
+    rows = find_planned_rows(model, 0.5, -np.inf)
     asked, other = slice(0, 2), slice(2, 4)
     assert (np.abs(rows - model.rows)[asked] < 0.05).all()
     better = (rows - model.rows)[other].diagonal()
@@ -83,9 +83,26 @@ def test_rows_for_planning_are_as_good_as_the_answers_permit():
             total += np.log(model.pi[0] * model.rates[0][:, label] @ np.prod(tables[:, answers], axis=1))
         return total
 
-    np.testing.assert_array_equal(find_optimistic_rows(model, 0.0), model.rows)
-    credible = find_optimistic_rows(model, 4.0)
+    np.testing.assert_array_equal(find_planned_rows(model, 0.0, -np.inf), model.rows)
+    credible = find_planned_rows(model, 4.0, -np.inf)
     assert score(model.rows[asked]) - 4 <= score(credible[asked]) < score(model.rows[asked])
+
+
+def test_the_stated_rows_are_planned_for_while_they_are_credible():
+    """A log posterior lower by 3 has a probability of about 5 % if the stated rows are right."""
+    n_stated = {0.1: 0, 0.3: 0}
+    for noise in n_stated:
+        for seed in range(20):
+            model = make_model(1)
+            for person in draw_people(np.random.default_rng(seed), 200, [0.5], RATES, noise):
+                model.add(*person)
+            model.fit(30)
+            rows = find_planned_rows(model, 0.0, 3.0)
+            is_stated = np.array_equal(rows, model.answers.stated_rows)
+            assert is_stated or np.array_equal(rows, model.rows)
+            n_stated[noise] += is_stated
+    assert n_stated[0.1] >= 16
+    assert n_stated[0.3] == 0
 
 
 def test_rows_that_are_better_than_stated_are_those_for_planning():
@@ -94,7 +111,7 @@ def test_rows_that_are_better_than_stated_are_those_for_planning():
         model.add(*person)
     model.fit(30)
     assert model.rows[0, 0] > 0.92
-    np.testing.assert_array_equal(find_optimistic_rows(model, 0.5), model.rows)
+    np.testing.assert_array_equal(find_planned_rows(model, 0.5, -np.inf), model.rows)
 
 
 def test_rows_for_planning_count_the_answers_of_cases_that_are_not_kept(monkeypatch):
@@ -107,9 +124,9 @@ def test_rows_for_planning_count_the_answers_of_cases_that_are_not_kept(monkeypa
             model.fit(1)
     assert condensed.estimates.past.answers.sum() > 0.8 * 30 * 40
     for max_loss in (0.5, 2.0):
-        rows = find_optimistic_rows(whole, max_loss)
+        rows = find_planned_rows(whole, max_loss, -np.inf)
         assert np.abs(rows - whole.rows).min() > 0.005
-        np.testing.assert_allclose(find_optimistic_rows(condensed, max_loss), rows, atol=1e-4)
+        np.testing.assert_allclose(find_planned_rows(condensed, max_loss, -np.inf), rows, atol=1e-4)
 
 
 def test_facts_one_by_one_predict_a_new_context():

@@ -102,3 +102,6 @@ def test_a_state_that_does_not_fit_is_refused():
         make_trust().restore(state | {"learners": []})
     with pytest.raises(DecisionError, match="the state of trust is damaged"):
         make_trust().restore({})
+    del state["forms"]
+    with pytest.raises(DecisionError, match="is of an older lcorpp, without forms of answers; expected"):
+        make_trust().restore(state)

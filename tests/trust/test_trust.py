@@ -6,7 +6,7 @@ import pytest
 from lcorpp.decision import Robot, dt_control
 from lcorpp.errors import DecisionError
 from lcorpp.trust import Trust, TrustOptions
-from lcorpp.trust.optimism import find_optimistic_rows
+from lcorpp.trust.optimism import find_planned_rows
 from lcorpp.values import Distribution, Likelihood, Step
 from tests.decision.fakes import VALUES, FakeClassifier, FakeDomain, FakePlanner, FakeWorld, make_instance
 from tests.trust.fakes import AskDialogue, SkyReasoner
@@ -73,7 +73,7 @@ def test_the_observation_model_is_estimated_and_the_next_planner_is_for_it():
         assert len(dialogue.planned) == n + 1
         assert dialogue.planned[-1] is trust.tables
     assert trust.learnt.rows[0, 0] == pytest.approx(0.6, abs=0.05)
-    np.testing.assert_array_equal(trust.tables[0], find_optimistic_rows(trust.learnt, 1.0))
+    np.testing.assert_array_equal(trust.tables[0], find_planned_rows(trust.learnt, 1.0, 3.0))
 
 
 def test_every_kth_person_is_asked_until_there_are_enough_answers():

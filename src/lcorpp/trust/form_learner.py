@@ -11,13 +11,16 @@ import numpy as np
 from lcorpp.protocols import Dialogue, DomainInterface, Planner
 from lcorpp.trust.answers import AnswerModel
 from lcorpp.trust.learnt_sources import LearntSources
-from lcorpp.trust.optimism import find_optimistic_rows
+from lcorpp.trust.optimism import find_planned_rows
 from lcorpp.trust.options import TrustOptions
 from lcorpp.values import Array, Label
 
 FIRST_SEARCH, SEARCH_ITERATIONS = 25, 40
 """Number of people at the first search for alternative estimates, which is repeated when it has grown by a
 quarter; and its iterations of EM."""
+
+KNOWLEDGE_SHARE = 0.5
+"""Part of the fixed share for the knowledge: where no source predicts better, what is stated is used."""
 
 
 @dataclass(frozen=True)
@@ -42,7 +45,7 @@ class FormLearner:
         n_stated: number of sources that do not learn.
 
     Attributes:
-        weights: (sources,) summing to 1: those that do not learn, then `learnt.names`.
+        weights: (sources,) summing to 1: those that do not learn, first the knowledge, then `learnt.names`.
         sources: those that learn. tables: the observation model for planning. planner: for the next person.
     """
 
@@ -60,6 +63,8 @@ class FormLearner:
         self.sources = LearntSources(domain, form.answers, stated_rates, options.memory)
         n_sources = n_stated + len(self.sources.names)
         self.weights = np.full(n_sources, 1 / n_sources)
+        self._shares = np.full(n_sources, (1 - KNOWLEDGE_SHARE) / (n_sources - 1))
+        self._shares[0] = KNOWLEDGE_SHARE
         self._next_fit, self._next_search = 1, FIRST_SEARCH
 
     def index_context(self, facts: Mapping[str, Label]) -> int:
@@ -91,7 +96,7 @@ class FormLearner:
         top = float(logs.max())
         weights = self.weights * (predicted @ np.exp(logs - top))
         total, share = float(weights.sum()), self._options.share
-        self.weights = (1 - share) * weights / total + share / len(weights)
+        self.weights = (1 - share) * weights / total + share * self._shares
         self.sources.add(context, labels, answers)
         return float(np.log(total)) + top
 
@@ -104,7 +109,7 @@ class FormLearner:
         if is_due:
             self._next_search = n_people * 5 // 4
         self.sources.fit(self._options.iterations, search=SEARCH_ITERATIONS if is_due else 0)
-        rows = find_optimistic_rows(self.sources.learnt, self._max_loss)
+        rows = find_planned_rows(self.sources.learnt, self._max_loss, self._options.max_stated_loss)
         self.tables = self.sources.learnt.answers.make_tables(rows)
 
     def plan(self) -> None:

@@ -21,6 +21,8 @@ class TrustOptions:
     iterations: of EM at each fit; each begins at the estimates of the one before.
     max_loss: plans are for the best observation model whose log posterior is at most this much lower than
         that of the estimate, question by question; 2 is two standard errors, 0.5 one, 0 the estimate.
+    max_stated_loss: plans are for the stated model while its log posterior is at most this much lower than
+        that of the estimates, all questions together.
 
     Examples:
         >>> from lcorpp.trust import TrustOptions
@@ -36,11 +38,12 @@ class TrustOptions:
     memory: float = 100.0
     ask_every: int = 20
     ask_answers: int = 3
-    min_asked: float = 3.0
+    min_asked: float = 1.5
     max_asked: float = 10.0
     refits: int = 50
     iterations: int = 2
     max_loss: float = 1.0
+    max_stated_loss: float = 3.0
 
     def __post_init__(self) -> None:
         limits = {
@@ -53,6 +56,7 @@ class TrustOptions:
             "refits": (self.refits >= 1, "at least 1"),
             "iterations": (self.iterations >= 1, "at least 1"),
             "max_loss": (self.max_loss >= 0, "at least 0"),
+            "max_stated_loss": (self.max_stated_loss >= 0, "at least 0"),
         }
         for name, (is_valid, expected) in limits.items():
             if not is_valid:

@@ -207,6 +207,10 @@ class Trust:
                     f"the state of trust is of the sources {', '.join(state['sources'])}; expected"
                     f" {', '.join(self.sources)}"
                 )
+            if "forms" not in state:
+                raise DecisionError(
+                    "the state of trust is of an older lcorpp, without forms of answers; expected one of this"
+                )
             if tuple(state["forms"]) != self.forms:
                 raise DecisionError(
                     f"the state of trust is of the forms of answers {', '.join(state['forms'])}; expected"

@@ -48,20 +48,26 @@ class Replanner:
 
     def __init__(self, planner: Planner, starts: Array, precision: float, tables: Array) -> None:
         self._starts, self._stated, self._stated_tables = starts, planner, tables
-        self._tables = tables  # of the last call
-        self._target = tables  # of the last search
-        self._model = planner.pomdp  # of `_tables`
         self._span = float(np.ptp(planner.pomdp.reward))
         self._precision = max(precision, PRECISION_SHARE * self._span)
+        self._begin()
+
+    def _begin(self) -> None:
+        """Use the stated policy for the stated model."""
+        self._tables = self._stated_tables  # of the last call
+        self._target = self._stated_tables  # of the last search
+        self._model = self._stated.pomdp  # of `_tables`
         self._loss = self._precision  # estimated loss of `_policy` on its own model
-        self._policy = planner.policy
+        self._policy = self._stated.policy
         self._solved: tuple[Array, int] | None = None  # tables of `_policy`, and trials of its search
         self._search: PacedSearch | None = None
-        self.planner: Planner | TransferPlanner = planner
+        self.planner: Planner | TransferPlanner = self._stated
 
     def __call__(self, tables: Array, make_model: MakeModel) -> Planner | TransferPlanner:
         """Return the planner of the next person; cheap if the tables are those of the call before."""
-        if not np.array_equal(tables, self._tables):
+        if np.array_equal(tables, self._stated_tables):
+            self._begin()
+        elif not np.array_equal(tables, self._tables):
             self._tables, self._model = tables, make_model(tables)
             if _compare_tables(tables, self._target) > MAX_VARIATION:
                 self._target = tables

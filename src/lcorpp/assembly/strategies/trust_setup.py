@@ -55,5 +55,5 @@ def set_up_trust(
             forms.append(StatedForm(form.name, own, own.answers, own.follow(stated), form.n_copies))
     else:  # a fixed policy does not explore, so it needs the estimates; and it always goes on asking
         dialogue.planners = FixedPolicy(planner, domain)
-        options = replace(options, max_loss=0.0, min_asked=0.0)
+        options = replace(options, max_loss=0.0, max_stated_loss=0.0, min_asked=0.0)
     return Trust(reasoner, domain, dialogue, planner, options=options, rates=rates, forms=forms)

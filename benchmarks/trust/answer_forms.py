@@ -1,0 +1,200 @@
+"""LCORPP+trust where people's answers depend on more than their value.
+
+    OMP_NUM_THREADS=1 python benchmarks/trust/answer_forms.py [--streams 16] [--people 2000] [--rows TEXT]
+        [--seed 0] [--jobs 2] [--out TABLE.md]
+
+People are those of the domain `intention`, and the planner's model states a noise of .1 (.2 for `greet`).
+Each strategy meets the same people with the same draws. A margin is the mean return of LCORPP+trust minus
+that of the best of P, R+P, L+P and LCORPP, which is not known in advance; ± is the standard error over the
+streams.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+import typer
+from grid import KNOWLEDGE
+from joblib import Parallel, delayed
+
+from lcorpp.assembly.strategies.trust_setup import set_up_trust
+from lcorpp.decision import Robot, dt_control, strategies
+from lcorpp.domains import Domain
+from lcorpp.files import write_atomically
+from lcorpp.reasoning import Reasoner
+from lcorpp.simulation.people import Population
+from lcorpp.simulation.world import SimulatedWorld, SimulationModel
+from lcorpp.values import Array, Instance
+from worlds import BASELINES, STATED_RATES, World, make_channels, make_domain, solve_precisely
+
+FIRST = (20, 50, 100)
+"""Numbers of first people whose mean margins are listed."""
+
+HEADER = """| people | best of four | margin | lowest stream | first 20 | 50 | 100 | last fifth | form used |
+|---|---|---|---|---|---|---|---|---|
+"""
+
+OTHER = {"pos": "neg", "neg": "pos"}
+
+
+@dataclass(frozen=True)
+class People:
+    """How people answer.
+
+    wrong: the rate of wrong answers to the first, second, ... question, the last for all later ones; empty as
+    stated. classes: two equally frequent rates instead. identities: the rate by identity instead.
+    repeats: whether the same question again has the answer of before. regulars: number of people who come
+    again and always answer the same; 0: everybody comes once.
+    """
+
+    wrong: tuple[float, ...] = ()
+    classes: tuple[float, float] | None = None
+    identities: Mapping[str, float] | None = None
+    repeats: bool = False
+    regulars: int = 0
+    knowledge: str = "right"
+    rates: tuple[float, float] = STATED_RATES
+
+
+ROWS = {
+    "worse with each question": People((0.15, 0.25, 0.35, 0.45)),
+    "worse, swapped knowledge": People((0.15, 0.25, 0.35, 0.45), knowledge="swapped"),
+    "worse, mild": People((0.25, 0.3, 0.35, 0.4, 0.45)),
+    "better with each question": People((0.4, 0.3, 0.2, 0.1)),
+    "the same answer again, .2": People((0.2,), repeats=True),
+    "the same answer again, .3": People((0.3,), repeats=True),
+    "20 people who come again": People((0.3,), regulars=20),
+    "two classes, .05 and .45": People(classes=(0.05, 0.45)),
+    "noise by identity": People(identities={"student": 0.1, "professor": 0.45, "visitor": 0.3}),
+    "as stated": People(),
+    "as stated, better classifier": People(rates=(0.9, 0.1)),
+    "noise .3": People((0.3,)),
+    "noise .42": People((0.42,)),
+    "noise .1, lying classifier": People((0.1,), rates=(0.29, 0.76)),
+    "noise .42, lying classifier": People((0.42,), rates=(0.29, 0.76)),
+}
+
+
+class AnsweringWorld(SimulatedWorld):
+    """A person whose answers have one of the forms; `answered`: action -> the first answer to it."""
+
+    def __init__(
+        self,
+        model: SimulationModel,
+        person: Mapping[str, str],
+        rng: np.random.Generator,
+        wrong: Sequence[float],
+        answered: dict[str, str] | None,
+    ) -> None:
+        super().__init__(model, person, rng)
+        self._wrong, self._answered, self._n = wrong, answered, 0
+        self._right = "pos" if person["intention"] == "interested" else "neg"
+
+    def act(self, action: str) -> str:
+        """Return the answer; a turn that failed has none."""
+        answer = super().act(action)
+        if answer == "none" or not self._wrong:
+            return answer
+        is_wrong = self._rng.random() < self._wrong[min(self._n, len(self._wrong) - 1)]
+        self._n += 1
+        answer = OTHER[self._right] if is_wrong else self._right
+        return answer if self._answered is None else self._answered.setdefault(action, answer)
+
+
+@dataclass(frozen=True)
+class Stream:
+    """returns: strategy -> (people,). form: in use at the end."""
+
+    returns: Mapping[str, Array]
+    form: str
+
+
+def prepare(people: People) -> Domain:
+    """Return the domain, in which people answer as stated."""
+    domain = make_domain(World(KNOWLEDGE[people.knowledge], 0.2, people.rates, STATED_RATES))
+    heard = domain.pomdp.observation.dense.copy()
+    return replace(domain, simulation=replace(domain.simulation, feedback_model=heard))
+
+
+def run_stream(people: People, count: int, seed: Sequence[int]) -> Stream:
+    """Let all strategies decide about the same people."""
+    domain, rng = prepare(people), np.random.default_rng(seed)
+    planner, reasoner = solve_precisely(domain), Reasoner(domain.program)
+    crowd = Population(domain).sample(people.regulars or count, rng)
+    places = rng.integers(0, len(crowd), count) if people.regulars else np.arange(count)
+    met, channels = [crowd[place] for place in places], make_channels(domain)
+    signals = {name: channel.simulate(met, rng) for name, channel in channels.items()}
+    class_of, model = rng.integers(0, 2, len(crowd)), SimulationModel(domain)
+    trust = set_up_trust(domain, reasoner, planner)
+    full = Robot(channels, reasoner, planner, domain)
+    robots: dict[str, Callable[[], Robot]] = {
+        row.name: (lambda row=row: row.robot(full)) for row in strategies(BASELINES)
+    }
+    robots["trust"] = lambda: replace(full, reasoner=trust, planner=trust.make_planner())
+    returns = {}
+    for name, make_robot in robots.items():
+        remembered = [dict[str, str]() for _ in crowd]
+        own = np.empty(count)
+        for i, (place, person) in enumerate(zip(places, met, strict=True)):
+            wrong: Sequence[float] = people.wrong
+            if people.classes is not None:
+                wrong = (people.classes[class_of[place]],)
+            if people.identities is not None:
+                wrong = (people.identities[person["identity"]],)
+            answered = remembered[place] if people.regulars else dict[str, str]() if people.repeats else None
+            world = AnsweringWorld(model, person, np.random.default_rng([*seed, i]), wrong, answered)
+            perceived = {sense: each[i] for sense, each in signals.items()}
+            instance = Instance(perceived, {attribute: person[attribute] for attribute in domain.observed})
+            episode = dt_control(make_robot(), instance, world)
+            if name == "trust":
+                trust.learn(episode.evidence, episode.steps)
+            own[i] = world.return_
+        returns[name] = own
+    return Stream(returns, trust.form)
+
+
+def describe(name: str, streams: Sequence[Stream]) -> str:
+    """Return a row of the table."""
+    means = {row: np.mean([own.returns[row].mean() for own in streams]) for row in BASELINES}
+    best = max(means, key=lambda row: means[row])
+    margins = np.array([own.returns["trust"] - own.returns[best] for own in streams])
+    by_stream = margins.mean(axis=1)
+    error = by_stream.std(ddof=1) / len(streams) ** 0.5 if len(streams) > 1 else np.nan
+    first = " | ".join(f"{margins[:, :n].mean():+.1f}" for n in FIRST)
+    late = margins[:, -(margins.shape[1] // 5) :].mean()
+    forms = [own.form for own in streams]
+    used = ", ".join(f"{form} {forms.count(form)}" for form in dict.fromkeys(forms))
+    return (
+        f"| {name} | {best} {means[best]:.1f} | {by_stream.mean():+.2f} ± {error:.2f}"
+        f" | {by_stream.min():+.2f} | {first} | {late:+.2f} | {used} |\n"
+    )
+
+
+def main(
+    streams: Annotated[int, typer.Option(min=1)] = 16,
+    people: Annotated[int, typer.Option(min=100, help="People a stream.")] = 2000,
+    rows: Annotated[str, typer.Option(help="Rows of the table whose name contains this.")] = "",
+    seed: Annotated[int, typer.Option(min=0)] = 0,
+    jobs: Annotated[int, typer.Option(min=1)] = 1,
+    out: Annotated[Path | None, typer.Option(dir_okay=False)] = None,
+) -> None:
+    """Simulate streams of people and print a table."""
+    print(HEADER, end="")
+    text = HEADER
+    for number, (name, kind) in enumerate(ROWS.items()):
+        if rows not in name:
+            continue
+        calls = (delayed(run_stream)(kind, people, (seed, number, k)) for k in range(streams))
+        row = describe(name, list(Parallel(n_jobs=jobs)(calls)))
+        print(row, end="", flush=True)
+        text += row
+    if out is not None:
+        write_atomically(out, text)
+
+
+if __name__ == "__main__":
+    typer.run(main)
