@@ -46,7 +46,7 @@ class FormLearner:
 
     Attributes:
         weights: (sources,) summing to 1: those that do not learn, first the knowledge, then `learnt.names`.
-        sources: those that learn. tables: the observation model for planning. planner: for the next person.
+        sources: those that learn. tables: the observation model of the last plan. planner: for the next one.
     """
 
     def __init__(
@@ -65,7 +65,7 @@ class FormLearner:
         self.weights = np.full(n_sources, 1 / n_sources)
         self._shares = np.full(n_sources, (1 - KNOWLEDGE_SHARE) / (n_sources - 1))
         self._shares[0] = KNOWLEDGE_SHARE
-        self._next_fit, self._next_search = 1, FIRST_SEARCH
+        self._next_fit, self._next_search, self._is_stale = 1, FIRST_SEARCH, False
 
     def index_context(self, facts: Mapping[str, Label]) -> int:
         """Return the index of a context; a new one is added."""
@@ -109,11 +109,14 @@ class FormLearner:
         if is_due:
             self._next_search = n_people * 5 // 4
         self.sources.fit(self._options.iterations, search=SEARCH_ITERATIONS if is_due else 0)
-        rows = find_planned_rows(self.sources.learnt, self._max_loss, self._options.max_stated_loss)
-        self.tables = self.sources.learnt.answers.make_tables(rows)
+        self._is_stale = True
 
     def plan(self) -> None:
         """Make the planner for the next person."""
+        if self._is_stale:
+            learnt = self.sources.learnt
+            rows = find_planned_rows(learnt, self._max_loss, self._options.max_stated_loss)
+            self.tables, self._is_stale = learnt.answers.make_tables(rows), False
         self.planner = self.dialogue.make_planner(self.tables)
 
     def replace_rates(self, stated_rates: Sequence[Array], *, refit: bool) -> None:
@@ -127,6 +130,7 @@ class FormLearner:
             "weights": self.weights.tolist(),
             "next_fit": self._next_fit,
             "next_search": self._next_search,
+            "stale": self._is_stale,
             "tables": self.tables.tolist(),
             "learnt": self.sources.state(),
             "planners": self.dialogue.state(),
@@ -138,5 +142,6 @@ class FormLearner:
         self.weights = np.array(state["weights"], np.float64).reshape(self.weights.shape)
         self.tables = np.array(state["tables"], np.float64).reshape(self.tables.shape)
         self._next_fit, self._next_search = state["next_fit"], state["next_search"]
+        self._is_stale = state["stale"]
         if has_people:
             self.planner = self.dialogue.restore(state["planners"])

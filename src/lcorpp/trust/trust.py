@@ -121,7 +121,8 @@ class Trust:
         """
         if attribute != self._domain.shared and tuple(attribute) != self._domain.shared:
             raise DecisionError(f"trust predicts {self._domain.shared!r}, not {attribute!r}")
-        prior = self.weights @ self._predict(evidence, self._find_labels(evidence))[self._used]
+        (predicted,) = self._predict(evidence, self._find_labels(evidence), [self.used])
+        prior = self.weights @ predicted
         return Distribution.unchecked(self._domain.values, prior)
 
     def make_planner(self) -> Planner:
@@ -144,7 +145,9 @@ class Trust:
         facts, labels = self._find_facts(evidence), self._find_labels(evidence)
         logs = [
             learner.learn(learner.index_context(facts), labels, predicted, history)
-            for learner, predicted in zip(self._learners, self._predict(evidence, labels), strict=True)
+            for learner, predicted in zip(
+                self._learners, self._predict(evidence, labels, self._learners), strict=True
+            )
         ]
         weights = self.form_weights * np.exp(np.array(logs) - max(logs))
         self.form_weights = (1 - FORM_SHARE) * weights / weights.sum() + FORM_SHARE * self._form_prior
@@ -257,11 +260,13 @@ class Trust:
         others = FORMS_PRIOR if n_others else 0.0
         return np.array([1 - others, *[others / max(n_others, 1)] * n_others])
 
-    def _predict(self, evidence: Mapping[str, Label], labels: Sequence[int]) -> list[Array]:
-        """Return (K, V) P(value) of each source, for each form."""
+    def _predict(
+        self, evidence: Mapping[str, Label], labels: Sequence[int], learners: Sequence[FormLearner]
+    ) -> list[Array]:
+        """Return (K, V) P(value) of each source, for each of some forms."""
         stated, facts = self._stated.predict(evidence), self._find_facts(evidence)
         expected = self._stated.predict(facts)[0]
-        return [own.predict(own.index_context(facts), labels, stated, expected) for own in self._learners]
+        return [own.predict(own.index_context(facts), labels, stated, expected) for own in learners]
 
     def _find_labels(self, evidence: Mapping[str, Label]) -> list[int]:
         """Return the index of the label of each sense."""
