@@ -7,9 +7,16 @@ import pytest
 
 from lcorpp.errors import DataError, DecisionError, UndefinedError
 from lcorpp.trust import Alarm, Hypotheses
-from lcorpp.trust.alarm import ALTERNATIVE_DEGREES, BIASES
+from lcorpp.trust.alarm import ALTERNATIVE_DEGREES, BIASES, REPEATED_NOISES, TIRING_NOISES
 from lcorpp.trust.answers import NOISE_DEGREES
-from lcorpp.trust.finding import BIAS_CHANGE, HEARING, KNOWLEDGE
+from lcorpp.trust.finding import (
+    BETTER_CHANGE,
+    BIAS_CHANGE,
+    HEARING,
+    KNOWLEDGE,
+    REPEATED_CHANGE,
+    WORSE_CHANGE,
+)
 from lcorpp.values import Likelihood, Step
 from tests.decision.fakes import VALUES, FakeDomain
 from tests.trust.fakes import ANSWERS, AskDialogue, SkyReasoner
@@ -48,7 +55,8 @@ def test_e_is_the_mean_likelihood_over_that_of_the_null():
     degrees = NOISE_DEGREES[ALTERNATIVE_DEGREES]
     models = [(0.25 + 0.25 * d, None, 0.0) for d in NOISE_DEGREES]
     models += [(0.25 + 0.25 * d, nod, b) for nod in (True, False) for b in BIASES for d in degrees]
-    likelihood = np.ones((3, len(models)))
+    n_plain, forms = len(models), [*TIRING_NOISES, *[own[::-1] for own in TIRING_NOISES], *REPEATED_NOISES]
+    likelihood = np.ones((3, n_plain + len(forms)))
     for evidence, steps in draw(rng, 40):
         for f, reasoner in enumerate(reasoners):
             for d, (wrong, nod, bias) in enumerate(models):
@@ -61,9 +69,25 @@ def test_e_is_the_mean_likelihood_over_that_of_the_null():
                         p *= (1 - bias) * heard + bias * (nod == (step.observation == ANSWERS[0]))
                     total += p
                 likelihood[f, d] *= total
+            for d, noises in enumerate(forms, n_plain):
+                total = 0.0
+                for value in (0, 1):
+                    p = reasoner.prior[evidence["sky"]] if value == 0 else 1 - reasoner.prior[evidence["sky"]]
+                    p *= reasoner.rates[value, VALUES.index(evidence["label"])]
+                    for n, step in enumerate(steps):
+                        degree = noises[n] if len(noises) == 4 else noises[0]
+                        is_right = ANSWERS.index(step.observation) == value
+                        heard = 0.75 - 0.25 * degree if is_right else 0.25 + 0.25 * degree
+                        if len(noises) == 2 and n:
+                            heard = (1 - noises[1]) * (0.75 if is_right else 0.25)
+                            heard += noises[1] * (step.observation == steps[n - 1].observation)
+                        p *= heard
+                    total += p
+                likelihood[f, d] *= total
         alarm.update(evidence, steps)
-    mean = 0.95 * likelihood[:, : len(NOISE_DEGREES)][:, ALTERNATIVE_DEGREES].mean()
-    mean += 0.05 * likelihood[0, len(NOISE_DEGREES) :].mean()
+    mean = 0.9 * likelihood[:, : len(NOISE_DEGREES)][:, ALTERNATIVE_DEGREES].mean()
+    mean += 0.05 * likelihood[0, len(NOISE_DEGREES) : n_plain].mean()
+    mean += 0.05 * likelihood[0, n_plain:].mean()
     assert alarm.log_e[KNOWLEDGE] == pytest.approx(np.log(mean / likelihood[0].max()))
     stated = int(np.flatnonzero(NOISE_DEGREES == 0)[0])
     assert alarm.log_e[HEARING] == pytest.approx(np.log(mean / likelihood[:, stated].max()))
@@ -103,6 +127,28 @@ def test_noisy_answers_are_a_fault_of_hearing_alone():
     assert "<caption>Alarm after 400 people; raised at E = 20</caption>" in html
     assert f"<td>{HEARING}</td><td>{np.exp(alarm.log_e[HEARING]):.3g}</td><td>{finding.person}</td>" in html
     assert repr(alarm).startswith("<Alarm at 20 after 400 people: E(knowledge) = ")
+
+
+@pytest.mark.parametrize(
+    ("change", "wrong"),
+    [
+        (WORSE_CHANGE, lambda rng, n: rng.random(4) < (0.25, 0.35, 0.45, 0.5)),
+        (BETTER_CHANGE, lambda rng, n: rng.random(4) < (0.45, 0.35, 0.25, 0.1)),
+        (REPEATED_CHANGE, lambda rng, n: np.full(4, rng.random() < 0.3)),
+    ],
+)
+def test_the_form_of_the_answers_is_named(change, wrong):
+    """In each of five streams, maybe after an alarm about noise; the knowledge raises none."""
+    for seed in range(5):
+        rng, alarm = np.random.default_rng(seed), make_alarm(STATED_PROGRAM, UNIFORM_PROGRAM, SWAPPED_PROGRAM)
+        for n, (evidence, _) in enumerate(draw(rng, 600)):
+            value = int(rng.random() >= STATED_PROGRAM.prior[evidence["sky"]])
+            evidence["label"] = VALUES[int(rng.random() >= STATED_PROGRAM.rates[value, 0])]
+            answers = [ANSWERS[value ^ int(is_wrong)] for is_wrong in wrong(rng, n)]
+            alarm.update(evidence, [Step("ask", a, np.ones(2) / 2) for a in answers])
+        assert [(f.part, f.change) for f in alarm.findings][-1] == (HEARING, change)
+        assert {f.part for f in alarm.findings[:-1]} <= {HEARING}
+        assert [f.change for f in alarm.findings[:-1]] in ([], [""])
 
 
 @pytest.mark.parametrize("n_answers", [1, 3])

@@ -17,7 +17,7 @@ from lcorpp.logs.replay import ChangedPart
 from lcorpp.reasoning import Program
 from lcorpp.trust import Alarm, Finding, Hypotheses
 from lcorpp.trust.alarm import FALSE_ALARM_RATE, check_rate
-from lcorpp.trust.finding import BIAS_CHANGE, HEARING
+from lcorpp.trust.finding import BETTER_CHANGE, BIAS_CHANGE, HEARING, REPEATED_CHANGE, WORSE_CHANGE
 
 
 def make_hypotheses(domain: Domain, program: Program | None = None, *, given: bool = False) -> Hypotheses:
@@ -57,6 +57,10 @@ def describe_finding(finding: Finding, domain: Domain) -> str:
     if finding.part == HEARING:
         if finding.change == BIAS_CHANGE:
             return f"the answers are biased: one is observed too often, whatever the value; {evidence}"
+        if finding.change in (WORSE_CHANGE, BETTER_CHANGE):
+            return f"the answers get {finding.change}; {evidence}"
+        if finding.change == REPEATED_CHANGE:
+            return f"the same question again gets the answer of before more often than stated; {evidence}"
         how = "noisier" if finding.noise > 0 else "less noisy"
         return f"the answers are {how} than the model states (degree {finding.noise:.2f}); {evidence}"
     sense_of = {sense.attribute: sense.name for sense in domain.senses}

@@ -12,7 +12,16 @@ from lcorpp.errors import DecisionError
 from lcorpp.notebook import html_table
 from lcorpp.protocols import Dialogue
 from lcorpp.trust.answers import NOISE_DEGREES, STATED_DEGREE, AnswerModel
-from lcorpp.trust.finding import BIAS_CHANGE, HEARING, KNOWLEDGE, Finding
+from lcorpp.trust.finding import (
+    BETTER_CHANGE,
+    BIAS_CHANGE,
+    HEARING,
+    KNOWLEDGE,
+    REPEATED_CHANGE,
+    WORSE_CHANGE,
+    Finding,
+)
+from lcorpp.trust.forms import AnswerForm, ByNumber, Repeated
 from lcorpp.trust.hypotheses import Hypotheses
 from lcorpp.values import Array, Label, Step
 
@@ -26,12 +35,19 @@ BIASES = 0.05, 0.1, 0.2, 0.3, 0.4, 0.5
 """Probabilities with which an observation replaces that of a noisy model: answers are biased towards it,
 whatever the value."""
 
-BIASED_PRIOR = 0.05
-"""Prior probability that answers are biased and the program is right."""
+BIASED_PRIOR = FORM_PRIOR = 0.05
+"""Prior probability that answers are biased and the program is right, and that they are of another form."""
+
+TIRING_NOISES = (0.0, 0.3, 0.6, 0.9), (0.0, 0.2, 0.4, 0.6), (0.2, 0.4, 0.6, 0.8), (0.4, 0.6, 0.8, 0.95)
+"""Degrees of noise at the first, second, third and later answers of people who tire; reversed, of people who
+get used to the robot."""
+
+REPEATED_NOISES = tuple((first, again) for first in (0.0, 0.2, 0.4) for again in (0.5, 0.9))
+"""Degrees of noise of new questions, and of repeated ones towards the answer of before."""
 
 MIN_NAME_PROBABILITY, MAX_WAIT_FACTOR = 0.9, 30.0
-"""An alarm about the knowledge waits until what it names has this probability, or E exceeds the threshold by
-this factor: the name is then more often right."""
+"""An alarm waits until what it names has this probability, or E exceeds the threshold by this factor: the
+name is then more often right."""
 
 MIN_LIKELIHOOD = np.finfo(np.float64).tiny
 """Smallest likelihood of a person by a hypothesis that E is compared with; a larger one makes E smaller."""
@@ -46,21 +62,29 @@ def check_rate(rate: float) -> None:
         raise DecisionError(f"the rate of false alarms is {rate}; expected a number between 0 and 1")
 
 
+_FORM_SIZES = (
+    (WORSE_CHANGE, len(TIRING_NOISES)),
+    (BETTER_CHANGE, len(TIRING_NOISES)),
+    (REPEATED_CHANGE, len(REPEATED_NOISES)),
+)
+"""The changes that forms of answers are named by, and their numbers of models, in order."""
+
+
 class Alarm:
     """Tests after each person whether program, classifiers and observation model (hearing) are as stated.
 
     The likelihood of hypothesis f and observation model d after some people is L(f, d); f = 0 is the stated
-    program, and d = 0 the stated model; others are noisy, or noisy and biased (`BIASES`). With M the mean of
-    L, weighted by prior probabilities, over all f and noisy d, and all biased d with f = 0, there are two
-    statistics
+    program, and d = 0 the stated model; others are noisy, noisy and biased (`BIASES`), or depend on the
+    person's earlier answers (`lcorpp.trust.forms`). With M the mean of L, weighted by prior probabilities,
+    over all f and noisy d, and all other d with f = 0, there are two statistics
 
         E(knowledge) = M / max_d L(0, d)        E(hearing) = M / max_f L(f, 0)
 
-    An alarm is raised when E reaches 1 / rate, about the knowledge a little later, see
-    `MIN_NAME_PROBABILITY`. If the program is right, whatever the model among these, the probability that
-    E(knowledge) ever does is at most `rate`; likewise for the hearing, whatever the program among the
-    hypotheses. If both are right, both E are at most M / L(0, 0), so the probability of any alarm is at most
-    `rate`, too.
+    An alarm is raised when E reaches 1 / rate, or a little later, see `MIN_NAME_PROBABILITY`. If the program
+    is right, whatever the model among these, the probability that E(knowledge) ever does is at most `rate`;
+    likewise for the hearing, whatever the program among the hypotheses. If both are right, both E are at most
+    M / L(0, 0), so the probability of any alarm is at most `rate`, too. An alarm about noise is followed by
+    another one that names a form of answers, if that becomes as probable.
 
     Args:
         hypotheses: the stated program, and what may be wrong with it.
@@ -68,7 +92,8 @@ class Alarm:
         rate: the largest probability of a false alarm, between 0 and 1.
 
     Attributes:
-        n_people: number of people so far. findings: the alarms, at most one for each part.
+        n_people: number of people so far. findings: the alarms, at most one for each part, and one more that
+            names the form of the answers.
 
     Raises:
         DecisionError: `rate` is not between 0 and 1.
@@ -100,12 +125,15 @@ class Alarm:
         self._rate, self._threshold = rate, -np.log(rate)
         logs = _list_log_likelihoods(AnswerModel.of_tables(dialogue.tables))  # (N, D, V)
         self._answers = logs.transpose(1, 0, 2).copy()
+        self._forms = _list_forms(dialogue.tables)
+        n_models = len(logs) + sum(len(own) for _, own in self._forms)
         self._noise = NOISE_DEGREES[ALTERNATIVE_DEGREES]
         self._stated = int(np.flatnonzero(self._noise == 0)[0])
         # a hypothesis whose posterior underflows stays at 0, but E is beyond every threshold before
         self._posterior = np.outer(np.full(len(self._noise), 1 / len(self._noise)), hypotheses.priors)
         self._log_m = 0.0
-        self._knowledge = np.zeros(len(logs))  # log L(0, d)
+        self._knowledge = np.zeros(n_models)  # log L(0, d)
+        self._n_unformed = len(logs)
         self._hearing = np.zeros(len(hypotheses.priors))  # log L(f, 0)
         self.n_people = 0
         self.findings = list[Finding]()
@@ -128,8 +156,7 @@ class Alarm:
     @property
     def log_e(self) -> Mapping[str, float]:
         """The logarithm of E of each part."""
-        biased, unbiased = self._find_parts_of_m()
-        log_m = float(np.logaddexp(biased, unbiased))
+        log_m = float(np.logaddexp.reduce(list(self._find_parts_of_m().values())))
         return {
             KNOWLEDGE: log_m - float(self._knowledge.max()),
             HEARING: log_m - float(self._hearing.max()),
@@ -146,8 +173,14 @@ class Alarm:
         """
         history = [(step.action, step.observation) for step in steps if step.observation is not None]
         joint = self._hypotheses.predict(evidence)  # (F, V)
-        answers = np.array(self._dialogue.find_answers(history), np.intp)
-        logs = np.add.reduce(self._answers[answers])  # (N, V), 0 without answers
+        answers = list(self._dialogue.find_answers(history))
+        logs = np.add.reduce(self._answers[np.array(answers, np.intp)])  # (N, V), 0 without answers
+        shape = self._dialogue.tables.shape
+        formed = [
+            own[:, np.array(form.find_cells(answers, shape[0], shape[2]), np.intp)].sum(axis=1)
+            for form, own in self._forms
+        ]
+        logs = np.concatenate([logs, *formed])
         top = logs.max()
         likelihoods = np.exp(logs - top)
         noisy = likelihoods[ALTERNATIVE_DEGREES]  # (noise, V)
@@ -231,29 +264,50 @@ class Alarm:
         return {"posterior": self._posterior, "knowledge": self._knowledge, "hearing": self._hearing}
 
     def _check(self) -> list[Finding]:
-        log_e, known = self.log_e, {finding.part for finding in self.findings}
+        known = {(finding.part, self._is_form(finding)) for finding in self.findings}
         found = [
-            self._describe(part, value)
-            for part, value in log_e.items()
-            if value >= self._threshold and part not in known
+            self._describe(part, value) for part, value in self.log_e.items() if value >= self._threshold
         ]
         waits = self._threshold + np.log(MAX_WAIT_FACTOR)
-        found = [f for f in found if f.probability >= MIN_NAME_PROBABILITY or f.log_e >= waits]
+        found = [
+            f
+            for f in found
+            if (f.part, self._is_form(f)) not in known
+            and (f.part, True) not in known
+            and (f.probability >= MIN_NAME_PROBABILITY or (f.log_e >= waits and (f.part, False) not in known))
+        ]
         self.findings += found
         return found
 
-    def _find_parts_of_m(self) -> tuple[float, float]:
-        """Return the logarithms of what biased and unbiased observation models contribute to M."""
-        biased = self._knowledge[len(NOISE_DEGREES) :]
-        log_mean = float(np.logaddexp.reduce(biased)) - np.log(len(biased))
-        return np.log(BIASED_PRIOR) + log_mean, np.log(1 - BIASED_PRIOR) + self._log_m
+    @staticmethod
+    def _is_form(finding: Finding) -> bool:
+        return finding.part == HEARING and finding.change in (WORSE_CHANGE, BETTER_CHANGE, REPEATED_CHANGE)
+
+    def _find_parts_of_m(self) -> dict[str, float]:
+        """Return the logarithms of what noisy models, "", biased ones and forms contribute to M."""
+
+        def average(logs: Array) -> float:
+            return float(np.logaddexp.reduce(logs)) - float(np.log(len(logs)))
+
+        begin = len(NOISE_DEGREES)
+        parts = {
+            "": np.log(1 - BIASED_PRIOR - FORM_PRIOR) + self._log_m,
+            BIAS_CHANGE: np.log(BIASED_PRIOR) + average(self._knowledge[begin : self._n_unformed]),
+        }
+        begin, n_formed = self._n_unformed, len(self._knowledge) - self._n_unformed
+        for change, size in _FORM_SIZES:
+            share = np.log(FORM_PRIOR * size / n_formed)
+            parts[change] = share + average(self._knowledge[begin : begin + size])
+            begin += size
+        return parts
 
     def _describe(self, part: str, log_e: float) -> Finding:
         noise = float(self._noise[self._posterior.sum(axis=1).argmax()])
         if part == HEARING:
-            biased, unbiased = self._find_parts_of_m()
-            change = BIAS_CHANGE if biased > unbiased else ""
-            return Finding(self.n_people, part, log_e, (), change, noise, 1.0)
+            parts = self._find_parts_of_m()
+            change = max(parts, key=lambda name: parts[name])
+            share = np.exp(parts[change] - np.logaddexp.reduce(list(parts.values())))
+            return Finding(self.n_people, part, log_e, (), change, noise, float(share))
         hypotheses, by_fault = self._hypotheses, self._posterior.sum(axis=0)
         by_attribute = self.find_probabilities()
         named = max(by_attribute, key=lambda name: by_attribute[name])
@@ -276,6 +330,17 @@ def _list_log_likelihoods(model: AnswerModel) -> Array:
         for degree in NOISE_DEGREES[ALTERNATIVE_DEGREES]
     ]
     return np.concatenate([model.noisy_log_likelihoods, biased])
+
+
+def _list_forms(tables: Array) -> list[tuple[AnswerForm, Array]]:
+    """Return forms of answers, with (A, D', V) the log likelihoods of answers by A models of each."""
+    number, repeated = ByNumber(), Repeated(tables.shape[2])
+    noises = [*TIRING_NOISES, *(own[::-1] for own in TIRING_NOISES)]
+    return [
+        (form, np.array([model.find_log_likelihoods(model.add_noise(own)) for own in degrees]))
+        for form, degrees in ((number, noises), (repeated, REPEATED_NOISES))
+        for model in (form.make_answers(tables),)
+    ]
 
 
 def _add_bias(rows: Array, observation: int, bias: float) -> Array:
