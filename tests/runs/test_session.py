@@ -151,7 +151,7 @@ def test_without_a_checkpoint_trust_learns_from_the_stored_decisions(tmp_path, f
     run(domain, store, batches=2)
     file = tmp_path / "s.tracks.checkpoint" / "checkpoint.json"
     content = json.loads(file.read_text())
-    content["session"]["trust"]["weights"] = ["x"]
+    content["session"]["trust"]["learners"][0]["weights"] = ["x"]
     file.write_text(json.dumps(content))
     results, notes = run(domain, store, batches=3)
     assert len(results) == 2
@@ -162,8 +162,8 @@ def test_without_a_checkpoint_trust_learns_from_the_stored_decisions(tmp_path, f
     run(domain, store, batches=1)
     decisions, state, _ = read_run(store)
     assert len(decisions) == state["trust"]["people"] == 4 * BATCH
-    labels = np.array(state["trust"]["learnt"]["learnt"]["cases"]["labels"])
-    weights = np.array(state["trust"]["learnt"]["learnt"]["cases"]["weights"])
+    labels = np.array(state["trust"]["learners"][0]["learnt"]["learnt"]["cases"]["labels"])
+    weights = np.array(state["trust"]["learners"][0]["learnt"]["learnt"]["cases"]["weights"])
     assert weights[labels[:, 0] >= 0].sum() == BATCH
 
 

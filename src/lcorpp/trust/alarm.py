@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict
+from itertools import permutations
 from typing import Any
 
 import numpy as np
@@ -35,8 +36,12 @@ BIASES = 0.05, 0.1, 0.2, 0.3, 0.4, 0.5
 """Probabilities with which an observation replaces that of a noisy model: answers are biased towards it,
 whatever the value."""
 
-BIASED_PRIOR = FORM_PRIOR = 0.05
-"""Prior probability that answers are biased and the program is right, and that they are of another form."""
+BIASED_PRIOR = FORM_PRIOR = UNEQUAL_PRIOR = 0.05
+"""Prior probability that the program is right and answers are biased, of another form, or noisier to one
+question than to others."""
+
+UNEQUAL_DEGREES = (0.0, 0.25, 0.5, 0.75)
+"""Degrees of noise of one question and of all others, if they differ."""
 
 TIRING_NOISES = (0.0, 0.3, 0.6, 0.9), (0.0, 0.2, 0.4, 0.6), (0.2, 0.4, 0.6, 0.8), (0.4, 0.6, 0.8, 0.95)
 """Degrees of noise at the first, second, third and later answers of people who tire; reversed, of people who
@@ -74,9 +79,10 @@ class Alarm:
     """Tests after each person whether program, classifiers and observation model (hearing) are as stated.
 
     The likelihood of hypothesis f and observation model d after some people is L(f, d); f = 0 is the stated
-    program, and d = 0 the stated model; others are noisy, noisy and biased (`BIASES`), or depend on the
-    person's earlier answers (`lcorpp.trust.forms`). With M the mean of L, weighted by prior probabilities,
-    over all f and noisy d, and all other d with f = 0, there are two statistics
+    program, and d = 0 the stated model; others are noisy, noisy and biased (`BIASES`), noisier to one
+    question than to others, or depend on the person's earlier answers (`lcorpp.trust.forms`). With M the mean
+    of L, weighted by prior probabilities, over all f and noisy d, and all other d with f = 0, there are two
+    statistics
 
         E(knowledge) = M / max_d L(0, d)        E(hearing) = M / max_f L(f, 0)
 
@@ -133,7 +139,8 @@ class Alarm:
         self._posterior = np.outer(np.full(len(self._noise), 1 / len(self._noise)), hypotheses.priors)
         self._log_m = 0.0
         self._knowledge = np.zeros(n_models)  # log L(0, d)
-        self._n_unformed = len(logs)
+        n_observations = int(np.count_nonzero(np.ptp(dialogue.tables, axis=(0, 1))))
+        self._n_unformed, self._n_biased = len(logs), n_observations * len(BIASES) * len(self._noise)
         self._hearing = np.zeros(len(hypotheses.priors))  # log L(f, 0)
         self.n_people = 0
         self.findings = list[Finding]()
@@ -290,9 +297,17 @@ class Alarm:
             return float(np.logaddexp.reduce(logs)) - float(np.log(len(logs)))
 
         begin = len(NOISE_DEGREES)
+        end = begin + self._n_biased
+        others = 1 - BIASED_PRIOR - FORM_PRIOR
+        noisy = self._log_m
+        if end < self._n_unformed:
+            unequal = average(self._knowledge[end : self._n_unformed])
+            noisy = np.logaddexp(
+                np.log(1 - UNEQUAL_PRIOR / others) + noisy, np.log(UNEQUAL_PRIOR / others) + unequal
+            )
         parts = {
-            "": np.log(1 - BIASED_PRIOR - FORM_PRIOR) + self._log_m,
-            BIAS_CHANGE: np.log(BIASED_PRIOR) + average(self._knowledge[begin : self._n_unformed]),
+            "": float(np.log(others) + noisy),
+            BIAS_CHANGE: float(np.log(BIASED_PRIOR)) + average(self._knowledge[begin:end]),
         }
         begin, n_formed = self._n_unformed, len(self._knowledge) - self._n_unformed
         for change, size in _FORM_SIZES:
@@ -322,14 +337,22 @@ class Alarm:
 
 
 def _list_log_likelihoods(model: AnswerModel) -> Array:
-    """Return (N, D, V) the log likelihoods of answers by all noisy models, then by biased ones."""
+    """Return (N, D, V) the log likelihoods of answers by noisy models, then by biased and unequal ones."""
     biased = [
         model.find_log_likelihoods(_add_bias(model.add_noise([degree]), observation, bias))
         for observation in np.flatnonzero(np.ptp(model.stated_rows, axis=0)).tolist()
         for bias in BIASES
         for degree in NOISE_DEGREES[ALTERNATIVE_DEGREES]
     ]
-    return np.concatenate([model.noisy_log_likelihoods, biased])
+    unequal = [
+        model.find_log_likelihoods(
+            np.where(own[:, None], model.add_noise([degree]), model.add_noise([other]))
+        )
+        for own, _ in model.list_questions([0.0])
+        for degree, other in permutations(UNEQUAL_DEGREES, 2)
+        if len(model.row_of) > 1
+    ]
+    return np.concatenate([model.noisy_log_likelihoods, biased, *([unequal] if unequal else [])])
 
 
 def _list_forms(tables: Array) -> list[tuple[AnswerForm, Array]]:
