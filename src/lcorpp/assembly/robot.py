@@ -242,7 +242,10 @@ def compose_robot(
         solution = solve_domain(
             domain, options, any_prior=any_prior, program=program, cache=cache, advance=advance
         )
-    return DomainRobot(senses, RobotParts(domain, solution.policy, classifiers, smoothing, options), solution)
+    parts = RobotParts(
+        domain, solution.policy, classifiers, smoothing, options, has_own_priors=program is not None
+    )
+    return DomainRobot(senses, parts, solution)
 
 
 def load_robot(

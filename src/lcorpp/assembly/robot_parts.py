@@ -69,6 +69,7 @@ class RobotParts:
 
     classifiers: sense -> its classifier. smoothing: of their confusion matrices.
     solver: the options that made the policy; None for a policy from elsewhere. policy_file: its file, if any.
+    has_own_priors: whether the solver knew the priors by these classifiers' rates, see `find_own_program`.
 
     Examples:
         >>> from lcorpp import load_robot
@@ -83,6 +84,7 @@ class RobotParts:
     smoothing: Fraction = JEFFREYS
     solver: SolverOptions | None = None
     policy_file: Path | None = None
+    has_own_priors: bool = False
 
     @cached_property
     def program(self) -> Program:
@@ -110,6 +112,7 @@ class RobotParts:
             given = [name for name, value in own.items() if options[name] != value]
             any_prior = isinstance(self.policy.upper_bound, MixtureBound)
             policy |= {"solver": options, "given": given, "any_prior": any_prior}
+            policy["own_priors"] = self.has_own_priors
         elif self.policy_file is not None:
             policy["file"] = str(self.policy_file.resolve())
         return {
@@ -199,9 +202,10 @@ def read_parts(description: Json, domain: Domain, *, cache: Path | None = None) 
         found = read_policy(file, domain.pomdp)
         return RobotParts(domain, found, classifiers, smoothing, policy_file=file)
     solver = replace(domain.planning.solver, **{name: policy["solver"][name] for name in policy["given"]})
-    program, any_prior = find_own_program(domain, classifiers, smoothing), policy.get("any_prior", False)
+    has_own_priors, any_prior = policy.get("own_priors", False), policy.get("any_prior", False)
+    program = find_own_program(domain, classifiers, smoothing) if has_own_priors else None
     solution = solve_domain(domain, solver, any_prior=any_prior, program=program, cache=cache)
-    return RobotParts(domain, solution.policy, classifiers, smoothing, solver)
+    return RobotParts(domain, solution.policy, classifiers, smoothing, solver, has_own_priors=has_own_priors)
 
 
 def read_program(description: Json, domain: Domain) -> Program:
