@@ -126,6 +126,7 @@ def _format_interval(interval: Interval, number_format: str, layout: str) -> Tex
         return text
     ends = [f"{end:.{digits - 1}f}" for end in (low, high)]
     ends = [end.removeprefix("0") if end.startswith("0.") else end for end in ends]
+    ends = ["1" if end == "1.00" else end for end in ends]  # no wider than other probabilities
     return text.append(layout.format(*ends), "dim")
 
 

@@ -122,7 +122,7 @@ class Alarm:
         >>> for _ in range(12):  # people who say no three times
         ...     findings = alarm.update(facts, 3 * [answer])
         >>> [(finding.person, finding.part, finding.change) for finding in alarm.findings]
-        [(9, 'knowledge', 'inverted for visitors')]
+        [(10, 'knowledge', 'inverted for visitors')]
     """
 
     def __init__(self, hypotheses: Hypotheses, dialogue: Dialogue, *, rate: float = FALSE_ALARM_RATE) -> None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -26,10 +25,10 @@ class AnswerForm(ABC):
     n_classes: of people; with several, the class of a person is hidden.
     """
 
-    name: str
-    n_copies: int
-    n_classes: int = 1
-    groups: tuple[NoiseGroup, ...]
+    def __init__(
+        self, name: str, n_copies: int, groups: tuple[NoiseGroup, ...], *, n_classes: int = 1
+    ) -> None:
+        self.name, self.n_copies, self.groups, self.n_classes = name, n_copies, groups, n_classes
 
     @abstractmethod
     def begin(self, n_kinds: int) -> Memory:
@@ -73,20 +72,17 @@ class AnswerForm(ABC):
         )
 
 
-@dataclass(frozen=True)
 class ByNumber(AnswerForm):
     """The noise depends on how many questions the person has answered: they tire, or get used to the robot.
 
-    n_copies: the last copy is for all later questions.
+    Args:
+        n_copies: the last copy is for all later questions. The most probable noise of a copy a priori is the
+            estimate of the copy before.
     """
 
-    n_copies: int = 4
-    name: str = "number"
-
-    @property
-    def groups(self) -> tuple[NoiseGroup, ...]:  # type: ignore[override]
-        """Each group's prior noise is the estimate of the group before."""
-        return NoiseGroup(), *(NoiseGroup(follows=copy) for copy in range(self.n_copies - 1))
+    def __init__(self, n_copies: int = 4) -> None:
+        following = (NoiseGroup(follows=copy) for copy in range(n_copies - 1))
+        super().__init__("number", n_copies, (NoiseGroup(), *following))
 
     def begin(self, n_kinds: int) -> Memory:
         """Return the number of answers, at most `n_copies`."""
@@ -105,21 +101,15 @@ class ByNumber(AnswerForm):
         return copy
 
 
-@dataclass(frozen=True)
 class Repeated(AnswerForm):
     """The same question again has the answer of before, with some probability; otherwise a new draw.
 
-    At noise 1 of its group, copy 1 + o always has the answer o.
+    Copy 0 is for a new question, copy 1 + o for one with the last answer o. At noise 1 of the second group,
+    that answer is certain.
     """
 
-    n_observations: int
-    name: str = "repeated"
-    groups: tuple[NoiseGroup, ...] = (NoiseGroup(), NoiseGroup())
-
-    @property
-    def n_copies(self) -> int:  # type: ignore[override]
-        """One for a new question, and one for each answer of before."""
-        return 1 + self.n_observations
+    def __init__(self, n_observations: int) -> None:
+        super().__init__("repeated", 1 + n_observations, (NoiseGroup(), NoiseGroup()))
 
     def begin(self, n_kinds: int) -> Memory:
         """Return 0 for each kind: not asked."""
@@ -140,21 +130,18 @@ class Repeated(AnswerForm):
     def find_ends(self, tables: Array) -> Array:
         """Return (K', V, O) mean rows for new questions, and certain answers for repeated ones."""
         ends = super().find_ends(tables).reshape(len(tables), self.n_copies, *tables.shape[1:]).copy()
-        ends[:, 1:] = np.eye(self.n_observations)[None, :, None]
+        ends[:, 1:] = np.eye(self.n_copies - 1)[None, :, None]
         return ends.reshape(-1, *tables.shape[1:])
 
 
-@dataclass(frozen=True)
 class ByClass(AnswerForm):
     """The noise depends on the person: there are two classes of people, of which one answers less reliably.
 
     An audit tests this form; no policy is searched for it.
     """
 
-    n_copies: int = 1
-    n_classes: int = 2
-    name: str = "class"
-    groups: tuple[NoiseGroup, ...] = (NoiseGroup(), NoiseGroup())
+    def __init__(self) -> None:
+        super().__init__("class", 1, (NoiseGroup(), NoiseGroup()), n_classes=2)
 
     def begin(self, n_kinds: int) -> Memory:
         """Return nothing: a person's class does not change."""
