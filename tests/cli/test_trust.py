@@ -47,7 +47,7 @@ def test_the_default_table_has_trust_where_it_can_follow(lcorpp, tmp_path):
 
 def test_trust_and_alarm_of_algorithm_1_are_in_the_results(lcorpp, tmp_path, few_faults):
     log, store, out = tmp_path / "log", tmp_path / "s.tracks", tmp_path / "out"
-    few = ("--tracks", 60, "--learner", "summaries", "--batch-size", 60, "--max-batches", 1, "--jobs", 1)
+    few = ("--tracks", 60, "--learner", "summaries", "--batch-size", 120, "--max-batches", 1, "--jobs", 1)
     learn = ("learn", *few, "--store", store)
     ended = lcorpp(*learn, "--trust", "--watch", "--log", log, "--out", out)
     assert ended.code == 0, ended.err
@@ -61,7 +61,7 @@ def test_trust_and_alarm_of_algorithm_1_are_in_the_results(lcorpp, tmp_path, few
     assert f"; noise {float(last['noise']):.2f}" in ended.out
     assert f"note: batch 1, {last['alarm']}\n" in ended.out + ended.err
     assert ": the answers " in last["alarm"]
-    assert lcorpp("replay", "-q", log).out == "60 decisions, 0 differences\n"
+    assert lcorpp("replay", "-q", log).out == "120 decisions, 0 differences\n"
     for options, words in (
         ((), "LCORPP+trust decided in the run of this store, and LCORPP does in this one; expected"),
         (("--watch",), "LCORPP+trust decided in the run of this store"),

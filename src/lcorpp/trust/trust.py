@@ -20,7 +20,7 @@ from lcorpp.trust.options import DEFAULT_OPTIONS, TrustOptions
 from lcorpp.trust.sources import StatedSources
 from lcorpp.values import Array, Distribution, Label, Likelihood, Step
 
-FORMS_PRIOR = 0.2
+FORMS_PRIOR = 0.5
 """Weight of all forms of answers but the first one, before the first person."""
 
 FORM_SHARE = 0.001
