@@ -153,13 +153,13 @@ class AnswerRates:
         89, 1994.
         """
         other, own = copy(self), self.is_nuisance
-        most_probable = other._maximise(contexts)
-        move = np.log(most_probable[own]) - np.log(self.p[own])
+        maximum = other._maximise(contexts)
+        move = np.log(maximum[own]) - np.log(self.p[own])
         distance = float(move @ invert(self.covariance[np.ix_(own, own)]) @ move)
         n_rows = len(np.unique(self.row_of[own]))
         radius = float(chi2.isf(1 - CONFIDENCE, int(own.sum()) - n_rows))
         share = min(1.0, (radius / distance) ** 0.5) if distance > 0 else 1.0
-        logs = (1 - share) * np.log(self.p) + share * np.log(most_probable)
+        logs = (1 - share) * np.log(self.p) + share * np.log(maximum)
         other.p = self._normalise(logs)
         return other
 

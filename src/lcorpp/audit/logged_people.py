@@ -20,6 +20,9 @@ from lcorpp.trust.cases import NO_LABEL, Cases
 from lcorpp.trust.sources import StatedSources
 from lcorpp.values import Array, Label, Likelihood
 
+AnsweredPerson = tuple[int, list[int], list[int]]
+"""The index of the context, those of the labels, and the answers in their order."""
+
 
 @dataclass(frozen=True, eq=False)
 class LoggedPeople:
@@ -32,7 +35,7 @@ class LoggedPeople:
     strategy: its name. n_others: number of decisions of other strategies.
     skipped: why lines are left out -> how many.
     parts: the description of the robot at the last decision.
-    answered: for each person the context, the labels, and the answers in their order.
+    answered: the people one by one; forms of answers are tested with them. None: no form is tested.
     """
 
     domain: Domain
@@ -46,7 +49,7 @@ class LoggedPeople:
     n_others: int
     skipped: Mapping[str, int]
     parts: Mapping[str, Any]
-    answered: Sequence[tuple[int, list[int], list[int]]] = ()
+    answered: Sequence[AnsweredPerson] = ()
 
 
 def read_people(path: Path, *, folder: Path | None = None, strategy: str | None = None) -> LoggedPeople:
@@ -138,7 +141,7 @@ class _Reader:
         path: Path,
     ) -> LoggedPeople:
         n_answers = self._dialogue.tables.shape[0] * self._dialogue.tables.shape[2]
-        cases, answered = Cases(len(self._senses), n_answers), list[tuple[int, list[int], list[int]]]()
+        cases, answered = Cases(len(self._senses), n_answers), list[AnsweredPerson]()
         for line in decisions:
             try:
                 person = self._read(line)
@@ -172,7 +175,7 @@ class _Reader:
             answered,
         )
 
-    def _read(self, line: LoggedDecision) -> tuple[int, list[int], list[int]]:
+    def _read(self, line: LoggedDecision) -> AnsweredPerson:
         """Return the context, labels and answers of a decision."""
         content = line.content
         history = [(s["action"], s["observation"]) for s in content["steps"] if s["observation"] is not None]

@@ -11,7 +11,7 @@ import numpy as np
 from lcorpp.assembly.robot_parts import read_parts
 from lcorpp.assembly.strategies.baselines import find_strategies
 from lcorpp.audit.answer_rates import AnswerRates
-from lcorpp.audit.logged_people import LoggedPeople
+from lcorpp.audit.logged_people import AnsweredPerson, LoggedPeople
 from lcorpp.decision import Robot, Strategy
 from lcorpp.decision.dt_control import act_until_report, infer_prior
 from lcorpp.errors import DataError
@@ -105,6 +105,7 @@ class SimulatedLogs:
         domain, cases, weights = people.domain, people.cases, people.cases.weights
         logged = np.repeat(np.arange(cases.n), np.round(weights).astype(np.intp))
         drawn = Cases(len(people.labels), cases.answer_counts.shape[1])
+        answered = list[AnsweredPerson]()
         contexts, priors = dict[frozenset[tuple[str, str]], int](), dict[object, Belief]()
         for case, person in zip(logged.tolist(), self._sample(logged, rng), strict=True):
             names = people.contexts[cases.contexts[case]]
@@ -124,8 +125,10 @@ class SimulatedLogs:
             steps, _, _ = act_until_report(self._robot, prior, world)
             history = [(step.action, step.observation) for step in steps if step.observation is not None]
             answers = people.dialogue.find_answers(history)
-            drawn.add(contexts.setdefault(key, len(contexts)), labels, answers)
-        return replace(people, contexts=[dict(context) for context in contexts], cases=drawn)
+            answered.append((contexts.setdefault(key, len(contexts)), labels, answers))
+            drawn.add(*answered[-1])
+        known = [dict(context) for context in contexts]
+        return replace(people, contexts=known, cases=drawn, answered=answered)
 
     def _sample(self, logged: Indices, rng: np.random.Generator) -> list[Mapping[str, str]]:
         """Draw a person for each logged one (n,), by the index of its case."""

@@ -94,9 +94,7 @@ class FollowingPlanner:
         """Return the belief (S,) after an action and an observation."""
         updated = self._planner.update(self._model.place(belief, self._memory), action, observation)
         self._history = (*self._history, (action, observation))
-        form, answers = self._model.form, self._base.find_answers(self._history)
-        memory = form.begin(len(self._base.tables))
-        for answer in answers:
-            memory = form.advance(memory, *divmod(answer, self._base.tables.shape[2]))
+        answers = self._base.find_answers(self._history)
+        *_, memory = self._model.form.list_memories(answers, *self._base.tables.shape[::2])
         self._memory = self._model.find_memory(memory)
         return self._model.collapse(updated)

@@ -14,12 +14,10 @@ from lcorpp.notebook import html_table
 from lcorpp.protocols import Dialogue
 from lcorpp.trust.answers import NOISE_DEGREES, STATED_DEGREE, AnswerModel
 from lcorpp.trust.finding import (
-    BETTER_CHANGE,
     BIAS_CHANGE,
+    FORM_CHANGES,
     HEARING,
     KNOWLEDGE,
-    REPEATED_CHANGE,
-    WORSE_CHANGE,
     Finding,
 )
 from lcorpp.trust.forms import AnswerForm, ByNumber, Repeated
@@ -67,12 +65,8 @@ def check_rate(rate: float) -> None:
         raise DecisionError(f"the rate of false alarms is {rate}; expected a number between 0 and 1")
 
 
-_FORM_SIZES = (
-    (WORSE_CHANGE, len(TIRING_NOISES)),
-    (BETTER_CHANGE, len(TIRING_NOISES)),
-    (REPEATED_CHANGE, len(REPEATED_NOISES)),
-)
-"""The changes that forms of answers are named by, and their numbers of models, in order."""
+_FORM_SIZES = len(TIRING_NOISES), len(TIRING_NOISES), len(REPEATED_NOISES)
+"""The number of models of each of `FORM_CHANGES`."""
 
 
 class Alarm:
@@ -272,23 +266,22 @@ class Alarm:
 
     def _check(self) -> list[Finding]:
         known = {(finding.part, self._is_form(finding)) for finding in self.findings}
-        found = [
-            self._describe(part, value) for part, value in self.log_e.items() if value >= self._threshold
-        ]
-        waits = self._threshold + np.log(MAX_WAIT_FACTOR)
-        found = [
-            f
-            for f in found
-            if (f.part, self._is_form(f)) not in known
-            and (f.part, True) not in known
-            and (f.probability >= MIN_NAME_PROBABILITY or (f.log_e >= waits and (f.part, False) not in known))
-        ]
+        found, waits = list[Finding](), self._threshold + np.log(MAX_WAIT_FACTOR)
+        for part, value in self.log_e.items():
+            is_named = (part, part == HEARING) in known
+            if value < self._threshold or is_named:
+                continue
+            own = self._describe(part, value)
+            is_new = (part, self._is_form(own)) not in known
+            is_late = value >= waits and (part, False) not in known
+            if is_new and (own.probability >= MIN_NAME_PROBABILITY or is_late):
+                found.append(own)
         self.findings += found
         return found
 
     @staticmethod
     def _is_form(finding: Finding) -> bool:
-        return finding.part == HEARING and finding.change in (WORSE_CHANGE, BETTER_CHANGE, REPEATED_CHANGE)
+        return finding.part == HEARING and finding.change in FORM_CHANGES
 
     def _find_parts_of_m(self) -> dict[str, float]:
         """Return the logarithms of what noisy models, "", biased ones and forms contribute to M."""
@@ -310,7 +303,7 @@ class Alarm:
             BIAS_CHANGE: float(np.log(BIASED_PRIOR)) + average(self._knowledge[begin:end]),
         }
         begin, n_formed = self._n_unformed, len(self._knowledge) - self._n_unformed
-        for change, size in _FORM_SIZES:
+        for change, size in zip(FORM_CHANGES, _FORM_SIZES, strict=True):
             share = np.log(FORM_PRIOR * size / n_formed)
             parts[change] = share + average(self._knowledge[begin : begin + size])
             begin += size

@@ -8,6 +8,8 @@ KNOWLEDGE, HEARING, BIAS_CHANGE = "knowledge", "hearing", "biased answers"
 
 WORSE_CHANGE, BETTER_CHANGE = "worse with each question", "better with each question"
 REPEATED_CHANGE = "repeated answers"
+
+FORM_CHANGES = WORSE_CHANGE, BETTER_CHANGE, REPEATED_CHANGE
 """What may be wrong with the hearing beside noise and bias: the form of the answers."""
 
 

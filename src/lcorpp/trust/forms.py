@@ -54,14 +54,21 @@ class AnswerForm(ABC):
         """Return (K', V, O) the rows of all copies, from those of the kinds (K, V, O)."""
         return np.repeat(tables, self.n_copies, axis=0)
 
+    def list_memories(self, answers: Sequence[int], n_kinds: int, n_observations: int) -> list[Memory]:
+        """Return the memory before each answer k * O + o, in the order of the answers, and after all."""
+        memories = [self.begin(n_kinds)]
+        for answer in answers:
+            memories.append(self.advance(memories[-1], *divmod(answer, n_observations)))
+        return memories
+
     def find_cells(self, answers: Sequence[int], n_kinds: int, n_observations: int) -> list[int]:
         """Return k' * O + o for each answer k * O + o, in the order in which they were given."""
-        memory, cells = self.begin(n_kinds), list[int]()
-        for answer in answers:
+        cells = list[int]()
+        *before, _ = self.list_memories(answers, n_kinds, n_observations)
+        for memory, answer in zip(before, answers, strict=True):
             kind, observation = divmod(answer, n_observations)
             copy = self.find_copy(memory, kind)
             cells.append((kind * self.n_copies + copy) * n_observations + observation)
-            memory = self.advance(memory, kind, observation)
         return cells
 
     def make_answers(self, tables: Array) -> AnswerModel:
