@@ -12,7 +12,7 @@ from lcorpp.audit.logged_people import LoggedPeople
 from lcorpp.latent_classes import LatentClasses, index_counts, normalise, sum_by_group
 from lcorpp.trust.answers import number_rows
 from lcorpp.trust.cases import Cases
-from lcorpp.trust.forms import AnswerForm, ByNumber, Repeated
+from lcorpp.trust.forms import AnswerForm, ByNumber
 from lcorpp.values import Array
 
 START_LOGIT = -1.0
@@ -22,9 +22,9 @@ START_LOGIT = -1.0
 class NoisyCopies:
     """Copies of free rows, each with a noise: maximum likelihood of contexts, rates, rows and noise.
 
-    A row of a copy is (1 - d) times the row of its kind, plus d times its end: the mean of the kind's rows
-    over the values, or for `Repeated` the answer before. The noise d is that of the copy's group; with
-    several classes of people, that of the class, and the class is independent of all else.
+    A row of a copy is (1 - d) times the row of its kind, plus d times its end (`AnswerForm.find_ends`). The
+    noise d is that of the copy's group; with several classes of people, that of the class, and the class is
+    independent of all else.
 
     Args:
         cases: the people, with their answers in the cells of the form.
@@ -36,7 +36,8 @@ class NoisyCopies:
         self._n_copies, self._n_classes, self._weights = form.n_copies, form.n_classes, cases.weights
         groups = [[form.find_group(copy) + c for copy in range(form.n_copies)] for c in range(form.n_classes)]
         self._group_of = np.array(groups)  # (C, copies)
-        self._is_repeated = isinstance(form, Repeated)
+        self._form = form
+        self._has_mean_end = np.array([form.has_mean_end(copy) for copy in range(form.n_copies)])
         labels = [index_counts(cases.labels[:, s], own.shape[1]) for s, own in enumerate(rates)]
         self._classes = LatentClasses(cases.contexts, cases.weights, (cases.answer_counts, *labels))
         # with free rows, the noise of the first group is identified by that of the others alone
@@ -89,10 +90,8 @@ class NoisyCopies:
         kinds = range(2, 2 + self._kinds)
         by_value = np.array([rows[k][places[k]] for k in kinds])[None, :, None]  # (1, K, 1, V, O)
         own_noise = noise[self._group_of][:, None, :, None, None]  # (C, 1, copies, 1, 1)
-        ends = by_value.mean(axis=3, keepdims=True)
-        if self._is_repeated:
-            answers = np.vstack([np.zeros(self._observations), np.eye(self._observations)])
-            ends = answers[None, None, :, None]
+        ends = self._form.find_ends(by_value[0, :, 0])
+        ends = ends.reshape(1, self._kinds, self._n_copies, self._values, self._observations)
         copies = (1 - own_noise) * by_value + own_noise * ends  # (C, K, copies, V, O)
         logs = np.log(np.where(copies > 0, copies, 1.0)).transpose(0, 3, 1, 2, 4)
         senses = [np.tile(np.log(rows[k][places[k]]), (n_classes, 1)) for k in range(kinds.stop, len(rows))]
@@ -103,8 +102,8 @@ class NoisyCopies:
         by_copy = (slopes * (ends - by_value)).sum(axis=(1, 3, 4))  # (C, copies)
         noise_slopes = np.bincount(self._group_of.ravel(), by_copy.ravel(), minlength=len(noise))
         direct = ((1 - own_noise) * slopes).sum(axis=(0, 2))  # (K, V, O)
-        if not self._is_repeated:
-            direct = direct + (own_noise * slopes).sum(axis=(0, 2, 3))[:, None] / self._values
+        through_means = own_noise * slopes * self._has_mean_end[:, None, None]
+        direct = direct + through_means.sum(axis=(0, 2, 3))[:, None] / self._values
         by_context = found.contexts.reshape(-1, n_classes, self._values)
         expected = [by_context.sum(axis=(0, 2))[None], by_context.sum(axis=1)]
         expected += [

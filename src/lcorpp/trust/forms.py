@@ -46,8 +46,12 @@ class AnswerForm(ABC):
     def find_group(self, copy: int) -> int:
         """Return the index of the group of a copy."""
 
+    def has_mean_end(self, copy: int) -> bool:
+        """Return whether the row of a copy at noise 1 is the mean of its kind's rows over the values."""
+        return True
+
     def find_ends(self, tables: Array) -> Array:
-        """Return (K', V, O) the rows at noise 1: of each copy, the mean of the stated rows of its kind."""
+        """Return (K', V, O) the rows at noise 1, from the rows of the kinds (K, V, O)."""
         return self.expand(np.broadcast_to(tables.mean(axis=1, keepdims=True), tables.shape))
 
     def expand(self, tables: Array) -> Array:
@@ -133,6 +137,10 @@ class Repeated(AnswerForm):
     def find_group(self, copy: int) -> int:
         """Return 0 for new questions, 1 for repeated ones."""
         return min(copy, 1)
+
+    def has_mean_end(self, copy: int) -> bool:
+        """Return whether the copy is for a new question."""
+        return copy == 0
 
     def find_ends(self, tables: Array) -> Array:
         """Return (K', V, O) mean rows for new questions, and certain answers for repeated ones."""
