@@ -141,3 +141,7 @@ class Dialogue(Protocol):
     @property
     def question(self) -> str | None:
         """The action to ask in order to learn, None if there is none."""
+
+    @property
+    def question_cost(self) -> float:
+        """The mean cost of that action, in reward units; 0 if there is none."""

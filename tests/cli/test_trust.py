@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from lcorpp.domains.loading import SHIPPED_FOLDER
+from lcorpp.trust.options import DEFAULT_OPTIONS
 
 ROOMS = Path(__file__).parents[1] / "domains" / "rooms"
 
@@ -80,3 +81,22 @@ def test_an_alarm_needs_the_evidence_of_all_stored_decisions(lcorpp, tmp_path):
     refused = lcorpp(*learn, "--watch")
     assert (refused.code, "batch" in refused.out) == (2, False)
     assert "it has decisions of a run without --watch, which lack their evidence" in refused.err
+
+
+def test_the_budget_for_asking_is_an_option_and_in_logs(lcorpp, tmp_path):
+    log = tmp_path / "log"
+    run = ("run", ROOMS, "--trials", 30, "--jobs", 1, "--seed", 4, "--strategy", "LCORPP+trust")
+    usual, free = (lcorpp(*run, *more) for more in ((), ("--ask-budget", 0)))
+    assert (usual.code, free.code) == (0, 0), free.err
+    assert usual.out != free.out
+    logged = lcorpp(*run, "--ask-budget", 0, "--log", log)
+    assert logged.code == 0, logged.err
+    assert '"strategy": {"name": "LCORPP+trust", "ask_budget": 0.0' in log.read_text()
+    assert lcorpp("replay", "-q", log).out == "30 decisions, 0 differences\n"
+    refused = lcorpp("run", ROOMS, "--strategy", "LCORPP", "--ask-budget", 0.5)
+    assert refused.code == 2
+    assert "the strategy 'LCORPP' never asks to learn" in refused.err
+
+
+def test_the_default_of_the_help_is_that_of_the_options():
+    assert DEFAULT_OPTIONS.ask_budget == 1  # `AskBudgetOption` names it without loading trust

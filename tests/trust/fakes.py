@@ -40,7 +40,7 @@ class AskDialogue:
     """The action "ask" is the only question. Planners are recorded with their tables."""
 
     tables = STATED_TABLES
-    question = "ask"
+    question, question_cost = "ask", 0.1
 
     def __init__(self) -> None:
         self.planned = list[Array]()

@@ -6,6 +6,7 @@ import pytest
 from lcorpp.decision import Robot, dt_control
 from lcorpp.errors import DecisionError
 from lcorpp.trust import Trust, TrustOptions
+from lcorpp.trust.asking import AskingPlanner
 from lcorpp.trust.optimism import find_planned_rows
 from lcorpp.values import Distribution, Likelihood, Step
 from tests.decision.fakes import VALUES, FakeClassifier, FakeDomain, FakePlanner, FakeWorld, make_instance
@@ -102,6 +103,23 @@ def test_people_are_asked_while_too_few_have_given_enough_answers():
     assert [n for n, is_asked in enumerate(asked) if is_asked] == [0, 2, 5]  # 1 < sqrt(2), 2 < sqrt(5)
 
 
+def test_the_budget_of_added_questions_is_kept_and_used():
+    """Each added question costs .1."""
+    trust, _ = make_trust(SkyReasoner(sunny=0.999), ask_every=1, ask_answers=3, ask_budget=0.05)
+    added = 0
+    for n in range(1, 301):
+        planner = trust.make_planner()
+        assert isinstance(planner, AskingPlanner)
+        robot = Robot({"eyes": FakeClassifier()}, trust, planner, FakeDomain())
+        episode = dt_control(robot, make_instance(0, "sunny"), FakeWorld(*["nod"] * 9))
+        trust.learn(episode.evidence, episode.steps)
+        added += planner.added
+        assert 0.1 * added <= trust.asking.spent + 1e-9
+        assert trust.asking.spent <= 0.05 * min(n, 10 * n**0.5) + 1e-9
+    assert trust.asking.spent > 0.05 * 10 * 300**0.5 - 0.3
+    assert 0.1 * added > trust.asking.spent / 2
+
+
 def test_people_are_asked_while_other_estimates_are_credible():
     trust, _ = make_trust(SkyReasoner(sunny=0.999), ask_every=1000, ask_answers=3, min_asked=0.0)
     trust.learn({"sky": "sunny"}, steps("nod"))
@@ -167,6 +185,7 @@ def test_a_person_without_answers_changes_no_weight():
         ({"memory": 0}, "`memory` of trust is 0; expected positive"),
         ({"ask_every": -1}, "`ask_every` of trust is -1; expected at least 0"),
         ({"min_asked": -1.0}, "`min_asked` of trust is -1.0; expected at least 0"),
+        ({"ask_budget": -1.0}, "`ask_budget` of trust is -1.0; expected at least 0"),
         ({"max_asked": -1.0}, "`max_asked` of trust is -1.0; expected at least 0"),
         ({"max_loss": -0.1}, "`max_loss` of trust is -0.1; expected at least 0"),
         ({"ask_answers": 0}, "`ask_answers` of trust is 0; expected at least 1"),

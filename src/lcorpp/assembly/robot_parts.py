@@ -129,9 +129,17 @@ class RobotParts:
         return Robot({}, Reasoner(self.program), Planner(self.policy, self.domain.pomdp), self.domain)
 
 
-def describe_strategy(strategy: Strategy) -> dict[str, str]:
-    """Return the name of a strategy, with file, function and fingerprint of the file if it is the user's."""
+def describe_strategy(strategy: Strategy) -> dict[str, Any]:
+    """Return the name of a strategy; of the user's with file, function and fingerprint of the file.
+
+    A budget for asking to learn is there if it is not the default (`with_ask_budget`).
+    """
     own = strategy.own
+    if strategy.start is not None:
+        from lcorpp.assembly.strategies.trust import find_ask_budget  # other strategies need no trust
+
+        if (budget := find_ask_budget(strategy)) is not None:
+            return {"name": strategy.name, "ask_budget": budget}
     if own is None:
         return {"name": strategy.name}
     source = f"{own.path.resolve()}:{own.name.removesuffix('.robot')}"

@@ -52,6 +52,7 @@ def run(
         ),
     ] = None,
     tracks: TracksOption = None,
+    ask_budget: options.AskBudgetOption = None,
 ) -> None:
     """Compare strategies on simulated people; by default the paper's.
 
@@ -70,7 +71,9 @@ def run(
     if trial is not None:
         _check_trial(trial, number, given, exact=exact)
     loaded = given.load_domain()
-    chosen = _choose_comparison(loaded, given, strategy or [], None if exact else number, tracks)
+    chosen = _choose_comparison(
+        loaded, given, strategy or [], None if exact else number, tracks, ask_budget=ask_budget
+    )
     policy = given.read_policy(loaded)
     with output_files.lock_results(given.out, given.formats):
         if given.log is not None:
@@ -107,11 +110,17 @@ def _check_trial(trial: int, trials: int, given: RobotGroup, *, exact: bool) -> 
 
 
 def _choose_comparison(
-    domain: Domain, given: RobotGroup, strategies: list[str], trials: int | None, tracks: int | None
+    domain: Domain,
+    given: RobotGroup,
+    strategies: list[str],
+    trials: int | None,
+    tracks: int | None,
+    *,
+    ask_budget: float | None,
 ) -> ComparisonOptions:
     """Return the options of the comparison; without trials it is exact."""
     from lcorpp.assembly.strategies.baselines import find_strategies
-    from lcorpp.assembly.strategies.trust import TRUST, check_dialogue
+    from lcorpp.assembly.strategies.trust import TRUST, check_dialogue, set_ask_budget
     from lcorpp.experiments.comparison import ComparisonOptions
 
     rows = find_strategies(strategies, [sense.name for sense in domain.senses])
@@ -121,6 +130,8 @@ def _choose_comparison(
             rows = (*rows, TRUST)
         except DomainError as error:
             console.print_note(f"{TRUST.name} is left out: {error}")
+    if ask_budget is not None:
+        rows = set_ask_budget(rows, ask_budget)
     used = [sense for sense in domain.senses if any(row.uses(sense.name) for row in rows)]
     sources = given.choose_classifiers(domain, used, tracks)
     if trials is None and any(sources.values()):

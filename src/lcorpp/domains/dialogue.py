@@ -113,6 +113,14 @@ class DomainDialogue:
         best = int(values.argmax())
         return pomdp.actions[best] if values[best] > 0 else None
 
+    @cached_property
+    def question_cost(self) -> float:
+        """The cost of `question` at the first action and a uniform distribution of the values."""
+        pomdp, start = self._domain.pomdp, self._domain.planning.initial_states.mean(axis=0)
+        if self.question is None:
+            return 0.0
+        return max(0.0, -float(pomdp.reward[pomdp.action_index(self.question)] @ start))
+
     def find_answers(self, history: Sequence[tuple[str, str]]) -> list[int]:
         """Return k * O + o for each question of kind k and its answer o.
 

@@ -18,8 +18,9 @@ from lcorpp.values import Array, Belief
 class FormDialogue:
     """The questions of a domain, each in as many copies as the form has (`lcorpp.protocols.Dialogue`).
 
-    tables: (K', V, O) the stated rows of all copies. answers: the model of answers. question: as of the base.
-    model: the planner's model with the form's memory. planners: makes the planners for that model.
+    tables: (K', V, O) the stated rows of all copies. answers: the model of answers.
+    question, question_cost: as of the base. model: the planner's model with the form's memory.
+    planners: makes the planners for that model.
 
     Raises:
         TooLargeError: as of `FormModel`.
@@ -30,7 +31,7 @@ class FormDialogue:
         self.tables = form.expand(base.tables)
         self.answers: AnswerModel = form.make_answers(base.tables)
         self.model = FormModel(domain, base, form)
-        self.question = base.question
+        self.question, self.question_cost = base.question, base.question_cost
         self.planners: PlannerFactory | None = None
 
     def find_answers(self, history: Sequence[tuple[str, str]]) -> list[int]:

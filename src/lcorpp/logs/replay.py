@@ -166,7 +166,8 @@ class KnownParts:
         Raises:
             DAMAGE: as `read_strategy`.
         """
-        key = json.dumps([description.get("source"), description["name"], str(domain.folder)])
+        own = [description.get("source"), description["name"], description.get("ask_budget")]
+        key = json.dumps([*own, str(domain.folder)])
         if key not in self._strategies:
             self._note(list_changed_sources({f"strategy {description['name']}": description}))
             self._strategies[key] = read_strategy(description, domain)

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from lcorpp.assembly.estimators import FOLDS
-from lcorpp.assembly.strategies.strategy_table import NOISE, WEIGHT
+from lcorpp.assembly.strategies.strategy_table import ASK_COST, NOISE, WEIGHT
 from lcorpp.decision import LCORPP, Batch, Strategy, TrainedSense
 from lcorpp.decision.stopping import choose_epsilon
 from lcorpp.domains import Domain
@@ -70,7 +70,7 @@ class BatchResult:
         if weights:
             best = sorted(weights, key=lambda name: -weights[name])[:SHOWN_WEIGHTS]
             shown = ", ".join(f"{name.removeprefix(WEIGHT)} {weights[name]:.2f}" for name in best)
-            texts.append(f"trust: {shown}; noise {row[NOISE]:.2f}")
+            texts.append(f"trust: {shown}; noise {row[NOISE]:.2f}; asking to learn costs {row[ASK_COST]:.2f}")
         if row.get("drift"):
             texts.append(f"drift: {row['drift']}")
         return "; ".join(texts)

@@ -10,7 +10,7 @@ from lcorpp.arguments import check_arguments
 from lcorpp.assembly.options import TrainingOptions
 from lcorpp.assembly.progress import ProgressDisplay, no_progress
 from lcorpp.assembly.robot_parts import RobotParts
-from lcorpp.assembly.strategies.trust import TRUST
+from lcorpp.assembly.strategies.trust import TRUST, find_ask_budget
 from lcorpp.decision import LCORPP, Strategy, lcorpp
 from lcorpp.decision.lcorpp import Batch
 from lcorpp.domains import Domain
@@ -59,10 +59,12 @@ def open_run_store(
             if (value := getattr(training, key)) != getattr(DEFAULTS, key):
                 own[key] = str(value)
         settings |= {key if number == 0 else f"{name} {key}": value for key, value in own.items()}
-    if options.strategy is TRUST:
+    if options.strategy.name == TRUST.name:
         settings["trust"] = True
     elif options.strategy is not LCORPP:
         settings["strategy"] = options.strategy.name
+    if (budget := find_ask_budget(options.strategy)) is not None:
+        settings["ask_budget"] = str(budget)
     datasets = {name: data.dataset for name, data in senses.data.items()}
     classes = {name: domain.find_sense(name).classes for name in datasets}
     run_store = RunStore(path, datasets, classes, settings)

@@ -62,9 +62,9 @@ class FormLearner:
         self._max_loss = options.max_loss / form.n_copies  # all copies of a question together
         self.sources = LearntSources(domain, form.answers, stated_rates, options.memory)
         n_sources = n_stated + len(self.sources.names)
-        self.weights = np.full(n_sources, 1 / n_sources)
         self._shares = np.full(n_sources, (1 - KNOWLEDGE_SHARE) / (n_sources - 1))
         self._shares[0] = KNOWLEDGE_SHARE
+        self.weights = np.full(n_sources, 1 / n_sources)
         self._next_fit, self._next_search, self._is_stale = 1, FIRST_SEARCH, False
 
     def index_context(self, facts: Mapping[str, Label]) -> int:

@@ -17,6 +17,9 @@ class TrustOptions:
     min_asked: anybody is asked so while fewer than this times sqrt(n) of n people have given that many. A
         robot to which answers seem useless by chance would hardly ask, and learn slowly that they are not.
     max_asked: the same factor while alternative estimates are credible.
+    ask_budget: cost of asking to learn, in reward units a person, over the first 100 people; of n people the
+        total is at most this times min(n, 10 sqrt(n)), unless somebody leaves questions without an answer.
+        All such questions of these people count, also those that the policy needed.
     refits: the learnt models are fitted again when the number of people has grown by 1 / `refits`.
     iterations: of EM at each fit; each begins at the estimates of the one before.
     max_loss: plans are for the best observation model whose log posterior is at most this much lower than
@@ -40,6 +43,7 @@ class TrustOptions:
     ask_answers: int = 3
     min_asked: float = 1.5
     max_asked: float = 10.0
+    ask_budget: float = 1.0
     refits: int = 50
     iterations: int = 2
     max_loss: float = 1.0
@@ -53,6 +57,7 @@ class TrustOptions:
             "ask_answers": (self.ask_answers >= 1, "at least 1"),
             "min_asked": (self.min_asked >= 0, "at least 0"),
             "max_asked": (self.max_asked >= 0, "at least 0"),
+            "ask_budget": (self.ask_budget >= 0, "at least 0"),
             "refits": (self.refits >= 1, "at least 1"),
             "iterations": (self.iterations >= 1, "at least 1"),
             "max_loss": (self.max_loss >= 0, "at least 0"),

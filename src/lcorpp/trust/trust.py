@@ -12,7 +12,7 @@ from lcorpp.errors import DecisionError
 from lcorpp.notebook import html_table, join_some
 from lcorpp.protocols import Dialogue, DomainInterface, Planner, Reasoner
 from lcorpp.trust.answers import AnswerModel
-from lcorpp.trust.asking import AskingPlanner
+from lcorpp.trust.asking import AskingPlanner, AskingRule
 from lcorpp.trust.cases import NO_LABEL
 from lcorpp.trust.form_learner import FormLearner, StatedForm
 from lcorpp.trust.latent_class_model import LatentClassModel
@@ -55,6 +55,7 @@ class Trust:
 
     Attributes:
         sources: their names. weights: (sources,) summing to 1. n_people: number of people learnt from.
+        asking: who is asked to learn, and what that has cost.
         tables: (K, V, O) P(answer | value) of K kinds of questions, the observation model for planning.
         planner: for the next person, by that model. These are of the form in use.
         forms: their names. form_weights: (forms,) summing to 1.
@@ -97,8 +98,8 @@ class Trust:
         ]
         self.sources = (*self._stated.names, *self._learners[0].sources.names)
         self.form_weights = self._form_prior
-        self.n_people = self._used = 0
-        self._n_repeated = 0  # people with `ask_answers` answers
+        self.asking = AskingRule(options, dialogue.question_cost)
+        self._used = 0
 
     def __repr__(self) -> str:
         weights = zip(self.sources, self.weights.tolist(), strict=True)
@@ -127,13 +128,7 @@ class Trust:
 
     def make_planner(self) -> Planner:
         """Return the planner for the next person, which sometimes asks to learn."""
-        options = self.options
-        least = options.min_asked if self.learnt.alternative is None else options.max_asked
-        asks = options.ask_every and (
-            self.n_people % options.ask_every == 0 or self._n_repeated < least * self.n_people**0.5
-        )
-        wanted = options.ask_answers if asks else 0
-        return AskingPlanner(self.planner, self._domain, self._dialogue, wanted)
+        return AskingPlanner(self.planner, self._domain, self._dialogue, self._find_wanted())
 
     def learn(self, evidence: Mapping[str, Label], steps: Iterable[Step]) -> None:
         """Learn from a person: update the weights, then the models, then the planner.
@@ -151,8 +146,8 @@ class Trust:
         ]
         weights = self.form_weights * np.exp(np.array(logs) - max(logs))
         self.form_weights = (1 - FORM_SHARE) * weights / weights.sum() + FORM_SHARE * self._form_prior
-        self.n_people += 1
-        self._n_repeated += len(self._dialogue.find_answers(history)) >= self.options.ask_answers
+        n_questions = [action for action, _ in history].count(self._dialogue.question or "")
+        self.asking.add(len(self._dialogue.find_answers(history)), n_questions, self._find_wanted())
         self._used = int(self.form_weights.argmax())
         for learner, weight in zip(self._learners, self.form_weights.tolist(), strict=True):
             learner.fit(self.n_people)
@@ -190,8 +185,7 @@ class Trust:
         """Return what it has learnt as JSON; numbers have all their digits."""
         return {
             "sources": list(self.sources),
-            "people": self.n_people,
-            "repeated": self._n_repeated,
+            **self.asking.state(),
             "forms": dict(zip(self.forms, self.form_weights.tolist(), strict=True)),
             "learners": [learner.state() for learner in self._learners],
         }
@@ -219,13 +213,17 @@ class Trust:
                     f"the state of trust is of the forms of answers {', '.join(state['forms'])}; expected"
                     f" {', '.join(self.forms)}"
                 )
-            self.n_people, self._n_repeated = state["people"], state["repeated"]
+            self.asking.restore(state)
             self.form_weights = np.array(list(state["forms"].values()), np.float64)
             self._used = int(self.form_weights.argmax())
             for learner, own in zip(self._learners, state["learners"], strict=True):
                 learner.restore(own, has_people=self.n_people > 0)
         except (LookupError, TypeError, ValueError, AttributeError) as error:
             raise DecisionError(f"the state of trust is damaged ({type(error).__name__}: {error})") from error
+
+    @property
+    def n_people(self) -> int:
+        return self.asking.n_people
 
     @property
     def used(self) -> FormLearner:
@@ -253,6 +251,9 @@ class Trust:
     def learnt(self) -> LatentClassModel:
         """The model of all people, with the estimated observation model and rates."""
         return self.used.sources.learnt
+
+    def _find_wanted(self) -> int:
+        return self.asking.find_wanted(has_alternative=self.learnt.alternative is not None)
 
     @property
     def _form_prior(self) -> Array:

@@ -11,7 +11,7 @@ import numpy as np
 
 from lcorpp.assembly.strategies.own import load_strategy
 from lcorpp.assembly.strategies.strategy_table import BASELINE_TABLE
-from lcorpp.assembly.strategies.trust import WITH_TRUST
+from lcorpp.assembly.strategies.trust import WITH_TRUST, with_ask_budget
 from lcorpp.decision import STRATEGIES, Robot, Strategy
 from lcorpp.decision.strategies import ImmediateReport, list_strategies, strategies
 from lcorpp.domains import Domain
@@ -72,7 +72,8 @@ def read_strategy(description: Mapping[str, Any], domain: Domain) -> Strategy:
     rows = {row.name: row for row in (*STRATEGIES, *list_strategies(senses), *BASELINES, *WITH_TRUST)}
     if name not in rows:
         raise DecisionError(f"unknown strategy {name!r}; {expected_one_of(rows)}")
-    return rows[name]
+    budget = description.get("ask_budget")
+    return rows[name] if budget is None else with_ask_budget(rows[name], float(budget))
 
 
 def ask_twice(robot: Robot) -> Robot:

@@ -34,6 +34,6 @@ BASELINE_TABLE: Mapping[str, Baseline] = {
 }
 """Strategies beside the table of the paper, by name. `always-report` is L+R, and without senses R."""
 
-WEIGHT, FORM, NOISE = "weight_", "form_", "noise"
-"""Columns of trust in a table: the weight of each source and of each form of answers, and the estimated noise
-of the answers."""
+WEIGHT, FORM, NOISE, ASK_COST = "weight_", "form_", "noise", "ask_cost"
+"""Columns of trust in a table: the weight of each source and of each form of answers, the estimated noise of
+the answers, and the estimated cost a person, in reward units, of questions that were asked to learn."""

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from lcorpp.decision import Robot, Strategy
 from lcorpp.decision.strategies import Rates
 from lcorpp.domains import Domain
-from lcorpp.errors import DomainError
+from lcorpp.errors import DecisionError, DomainError
 from lcorpp.trust.options import DEFAULT_OPTIONS, TrustOptions
 
 if TYPE_CHECKING:
@@ -38,6 +38,47 @@ WITH_TRUST = (
     replace(TRUST, name=f"{TRUST.name}-asking", start=StartTrust(TrustOptions(ask_every=0))),
 )
 """LCORPP+trust, and without its hearing or its asking; they are found by their names."""
+
+
+def with_ask_budget(strategy: Strategy, points: float) -> Strategy:
+    """Return a strategy with trust that has this budget for questions that are asked to learn.
+
+    Args:
+        points: `TrustOptions.ask_budget`.
+
+    Raises:
+        DecisionError: the strategy has no trust, or the budget is negative.
+    """
+    if not isinstance(strategy.start, StartTrust):
+        raise DecisionError(
+            f"the strategy {strategy.name!r} never asks to learn, so it has no budget for that; expected one"
+            f" with trust, such as {TRUST.name}"
+        )
+    options = replace(strategy.start.options, ask_budget=points)
+    return replace(strategy, start=replace(strategy.start, options=options))
+
+
+def set_ask_budget(strategies: Iterable[Strategy], points: float) -> tuple[Strategy, ...]:
+    """Return strategies of which those with trust have this budget.
+
+    Raises:
+        DecisionError: as of `with_ask_budget`, if none of them has trust.
+    """
+    given = tuple(strategies)
+    if not any(isinstance(strategy.start, StartTrust) for strategy in given):
+        with_ask_budget(given[-1], points)
+    return tuple(
+        with_ask_budget(strategy, points) if isinstance(strategy.start, StartTrust) else strategy
+        for strategy in given
+    )
+
+
+def find_ask_budget(strategy: Strategy) -> float | None:
+    """Return the budget of a strategy that has trust and another budget than the default, else None."""
+    if not isinstance(strategy.start, StartTrust):
+        return None
+    points = strategy.start.options.ask_budget
+    return None if points == DEFAULT_OPTIONS.ask_budget else points
 
 
 def check_dialogue(domain: Domain, strategies: Iterable[Strategy]) -> None:

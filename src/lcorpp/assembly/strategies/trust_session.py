@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from typing import Any
 
-from lcorpp.assembly.strategies.strategy_table import FORM, NOISE, WEIGHT
+from lcorpp.assembly.strategies.strategy_table import ASK_COST, FORM, NOISE, WEIGHT
 from lcorpp.assembly.strategies.trust_setup import set_up_trust
 from lcorpp.decision import Robot
 from lcorpp.decision.strategies import Rates
@@ -72,11 +72,12 @@ class TrustSession:
         self.trust.retrain(self._reasoner, rates=self._rates)
 
     def describe(self) -> dict[str, float]:
-        """Return the weights of sources and forms of answers, and the estimated noise of the answers."""
+        """Return weights of sources and forms, the noise of the answers, and the cost of asking to learn."""
         trust = self.trust
         weights = zip(trust.sources, trust.weights.tolist(), strict=True)
         columns = {WEIGHT + name.replace(" ", "_"): weight for name, weight in weights}
         if len(trust.forms) > 1:
             forms = zip(trust.forms, trust.form_weights.tolist(), strict=True)
             columns |= {FORM + name: weight for name, weight in forms}
-        return columns | {NOISE: trust.learnt.estimates.mean_noise}
+        cost = trust.asking.spent / max(trust.n_people, 1)
+        return columns | {NOISE: trust.learnt.estimates.mean_noise, ASK_COST: cost}

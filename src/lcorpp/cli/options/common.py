@@ -101,6 +101,15 @@ FormatOption = Annotated[
     typer.Option("--format", help="Format of the figures in --out; repeatable. By default png and pdf."),
 ]
 
+AskBudgetOption = Annotated[
+    float | None,
+    typer.Option(
+        min=0,
+        metavar="POINTS",
+        help="What LCORPP+trust may spend on questions that it asks to learn: points of reward a person, on"
+        " average over the first 100; 1 by default.",
+    ),
+]
 
 LogOption = Annotated[
     Path | None,

@@ -96,6 +96,7 @@ class LearningGroup:
             " classifiers and the observation model can be relied on.",
         ),
     ] = False
+    ask_budget: options.AskBudgetOption = None
     watch: Annotated[
         bool,
         typer.Option(
@@ -119,7 +120,7 @@ class LearningGroup:
             DomainError, DataError: an option is wrong, has no effect, or does not suit the domain.
         """
         from lcorpp.assembly.strategies.baselines import find_strategies
-        from lcorpp.assembly.strategies.trust import TRUST
+        from lcorpp.assembly.strategies.trust import TRUST, with_ask_budget
         from lcorpp.decision import LCORPP
         from lcorpp.runs.senses import ActiveLearningOptions
 
@@ -128,6 +129,8 @@ class LearningGroup:
         strategy = TRUST if self.trust else LCORPP
         if self.strategy is not None:
             (strategy,) = find_strategies([self.strategy], [sense.name for sense in domain.senses])
+        if self.ask_budget is not None:
+            strategy = with_ask_budget(strategy, self.ask_budget)
         sources = _choose_sources(domain, given, self.tracks)
         chosen = ActiveLearningOptions(
             sources,

@@ -41,6 +41,7 @@ def robot(
             " default `initial_pose` of the file.",
         ),
     ] = None,
+    ask_budget: options.AskBudgetOption = None,
     log: options.LogOption = None,
     seed: options.SeedOption = 0,
     jobs: options.JobsOption = None,
@@ -52,7 +53,7 @@ def robot(
     connection or Ctrl-C the robot is ordered to stop.
     """
     from lcorpp.assembly.strategies.baselines import find_strategies
-    from lcorpp.assembly.strategies.trust import check_dialogue
+    from lcorpp.assembly.strategies.trust import check_dialogue, with_ask_budget
     from lcorpp.assembly.track_robot import set_up_track_robot
     from lcorpp.logs.decision_log import DecisionLog
     from lcorpp.robot.connecting import connect
@@ -62,6 +63,8 @@ def robot(
     read, domain = read_robot_config(config, initial_pose=pose)
     (strategy,) = find_strategies([read.strategy], [sense.name for sense in domain.senses])
     check_dialogue(domain, [strategy])
+    if ask_budget is not None:
+        strategy = with_ask_budget(strategy, ask_budget)
     with ExitStack() as stack:
         stack.callback(signal.signal, signal.SIGINT, signal.getsignal(signal.SIGINT))
         kept = None if log is None else stack.enter_context(DecisionLog(log))
