@@ -49,6 +49,8 @@ class DomainDialogue:
     A situation is one state for each shared value. From the initial one, an action and its observation must
     determine the next situation, e.g. whether the robot has turned, whatever the shared value is.
 
+    kind_of: action and situation after it -> the kind of question.
+
     Args:
         planners: makes the planners, e.g. `lcorpp.assembly.strategies.replanning.Replanner`; None for a
             dialogue that only reads answers.
@@ -69,7 +71,7 @@ class DomainDialogue:
         self._transitions: dict[tuple[Situation, int, int], tuple[Situation, int | None]] = {}
         self._questions = list[tuple[int, Situation]]()  # kind -> action and a situation with its rows
         self._kinds: dict[tuple[int, bytes], int] = {}
-        self._kind_of: dict[tuple[int, Situation], int] = {}  # action and situation after it -> kind
+        self.kind_of: dict[tuple[int, Situation], int] = {}
         self._explore()
         if not self._questions:
             raise DomainError(
@@ -85,7 +87,10 @@ class DomainDialogue:
     @cached_property
     def tables(self) -> Array:
         """(K, V, O) the stated P(observation | value) of each kind of question."""
-        observation = self._domain.pomdp.observation.dense
+        return self.find_tables(self._domain.pomdp.observation.dense)
+
+    def find_tables(self, observation: Array) -> Array:
+        """Return (K, V, O) P(observation | value) of each kind of question, from the states' (A, S, O)."""
         return np.array([observation[action, list(situation)] for action, situation in self._questions])
 
     @cached_property
@@ -155,14 +160,14 @@ class DomainDialogue:
         """Return the planner's model with these tables (K, V, O)."""
         pomdp = self._domain.pomdp
         observation = pomdp.observation.dense.copy()
-        for (action, situation), kind in self._kind_of.items():
+        for (action, situation), kind in self.kind_of.items():
             observation[action, list(situation)] = tables[kind]
         return replace(pomdp, observation=SparseTables.of(observation))
 
     @cached_property
     def kind_of_state(self) -> Mapping[tuple[int, int], int]:
         """Indices of an action and the state after it -> the kind of question; none if it is no question."""
-        return {(action, state): kind for (action, states), kind in self._kind_of.items() for state in states}
+        return {(action, state): kind for (action, states), kind in self.kind_of.items() for state in states}
 
     def _find(self, kind: str, name: str) -> int:
         known = self._index[kind]
@@ -237,11 +242,9 @@ class DomainDialogue:
         if key not in self._kinds:
             self._kinds[key] = len(self._questions)
             self._questions.append((action, situation))
-        self._kind_of[action, situation] = self._kinds[key]
+        self.kind_of[action, situation] = self._kinds[key]
         return self._kinds[key]
 
     def _make_error(self, reason: str) -> DomainError:
         domain = self._domain
-        return DomainError(
-            f"{domain.pomdp.file or domain.folder}: {reason}; trust cannot follow the dialogue"
-        )
+        return DomainError(f"{domain.pomdp.file or domain.folder}: {reason}; the dialogue cannot be followed")

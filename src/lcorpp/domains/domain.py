@@ -19,7 +19,7 @@ from lcorpp.domains.sections.simulation import SimulationSection
 from lcorpp.domains.start_beliefs import StartBeliefs, list_start_beliefs
 from lcorpp.errors import DomainError, expected_one_of
 from lcorpp.notebook import html_table, join_some
-from lcorpp.planning import Pomdp
+from lcorpp.planning import Pomdp, SparseTables
 from lcorpp.reasoning import Program, with_classifier
 from lcorpp.values import (
     JEFFREYS,
@@ -140,6 +140,12 @@ class Domain:
     def pomdp(self) -> Pomdp:
         """The planner's model: M."""
         return self.planning.pomdp
+
+    @property
+    def people_transition(self) -> SparseTables:
+        """P(s' | s, a) of simulated people."""
+        own = self.simulation.transition
+        return self.pomdp.transition if own is None else own
 
     @property
     def positive(self) -> str | None:

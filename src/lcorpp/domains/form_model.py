@@ -43,12 +43,17 @@ class FormModel:
     states: (X, 2) the planner's state and the index of the memory of each state that can be reached.
     memories: all memories; those of terminal states are the first one.
 
+    Args:
+        max_states: maximum number of states.
+
     Raises:
-        TooLargeError: there are more than `MAX_STATES` states.
+        TooLargeError: there are more.
     """
 
-    def __init__(self, domain: Domain, dialogue: DomainDialogue, form: AnswerForm) -> None:
-        self._domain, self._dialogue, self.form = domain, dialogue, form
+    def __init__(
+        self, domain: Domain, dialogue: DomainDialogue, form: AnswerForm, *, max_states: int = MAX_STATES
+    ) -> None:
+        self._domain, self._dialogue, self.form, self._max_states = domain, dialogue, form, max_states
         self._terminal = set(domain.planning.terminal)
         self._value_of = domain.planning.state_values.argmax(axis=1)
         self.memories = [form.begin(len(dialogue.tables))]
@@ -56,7 +61,7 @@ class FormModel:
         self._index = dict[tuple[int, int], int]()
         self._branches = list[_Branch]()
         self._explore()
-        self.states = np.array(list(self._index), np.intp).reshape(-1, 2)
+        self.states = self._sort_states()
 
     def find_memory(self, memory: Memory) -> int:
         """Return the index of a memory."""
@@ -93,12 +98,7 @@ class FormModel:
         transition = np.zeros((shape[0], n, n))
         np.add.at(transition, (a, x, y), chances)
         transition /= transition.sum(axis=2, keepdims=True)
-        observation = base.observation.dense[:, self.states[:, 0]].copy()
-        own = has_cell & ~self._is_certain
-        observation[a[has_cell], y[has_cell]] = 0
-        observation[a[own], y[own], seen[own]] = tables[cells[own], values[own], seen[own]]
-        observation[a[self._is_certain], y[self._is_certain], seen[self._is_certain]] = 1
-        observation /= observation.sum(axis=2, keepdims=True)
+        observation = self.make_observation(tables, base.observation.dense)
         names = [f"{base.states[s]}_{m}" for s, m in self.states.tolist()]
         return replace(
             base,
@@ -108,6 +108,22 @@ class FormModel:
             reward=base.reward[:, self.states[:, 0]],
             start=self.place(base.start, 0),
         )
+
+    def make_observation(self, tables: Array, others: Array) -> Array:
+        """Return (A, X, O) P(observation | action, state after it).
+
+        Args:
+            tables: as of `make_model`. others: (A, S, O) of observations that are no answers.
+        """
+        a, _, y, _, cells, values, seen = self._columns
+        has_cell = cells >= 0
+        observation = others[:, self.states[:, 0]].copy()
+        own = has_cell & ~self._is_certain
+        observation[a[has_cell], y[has_cell]] = 0
+        observation[a[own], y[own], seen[own]] = tables[cells[own], values[own], seen[own]]
+        observation[a[self._is_certain], y[self._is_certain], seen[self._is_certain]] = 1
+        observation /= observation.sum(axis=2, keepdims=True)
+        return observation
 
     @cached_property
     def _is_memory(self) -> Array:
@@ -145,12 +161,28 @@ class FormModel:
                     if key not in self._index:
                         self._index[key] = len(self._index)
                         waiting.append(key)
-                        if len(self._index) > MAX_STATES:
+                        if len(self._index) > self._max_states:
                             raise TooLargeError(
-                                f"the form of answers {self.form.name!r} has more than {MAX_STATES} states"
+                                f"the model with the form of answers {self.form.name!r} has more than"
+                                f" {self._max_states} states"
                             )
                     own = self._index[state, memory]
                     self._branches.append(branch._replace(state=own, successor=self._index[key]))
+
+    def _sort_states(self) -> Indices:
+        """Number the states by memory, then as the planner does; return them.
+
+        So the states of each value have the same order (`DomainDialogue`).
+        """
+        found: Indices = np.array(list(self._index), np.intp).reshape(-1, 2)
+        order = np.lexsort((found[:, 0], found[:, 1]))
+        number = np.empty(len(order), np.intp)
+        number[order] = np.arange(len(order))
+        self._branches = [
+            own._replace(state=int(number[own.state]), successor=int(number[own.successor]))
+            for own in self._branches
+        ]
+        return found[order]
 
     def _list_branches(self, action: int, state: int, memory: int) -> Iterator[tuple[int, int, _Branch]]:
         """Yield for each step the next state, the index of its memory, and the branch."""

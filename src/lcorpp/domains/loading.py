@@ -65,14 +65,20 @@ def load_domain(
     name = table.text("name", folder.resolve().name)
     description = table.text("description", name)
     reasoning, senses = read_knowledge(table, folder)
-    planning = read_planning(table.section("planning", required=True), folder, reasoning)
+    planning_table = table.section("planning", required=True)
+    planning = read_planning(planning_table, folder, reasoning)
     simulation = read_simulation(table.section("simulation"), folder, reasoning, senses, planning)
     table.reject_unknown_keys()
     senses = tuple(  # without signals or data nothing can be trained
         sense if sense.data or sense.name in simulation.signals else replace(sense, classifier="channel")
         for sense in senses
     )
-    return Domain(name, description, folder, preset_name, reasoning, senses, planning, simulation)
+    domain = Domain(name, description, folder, preset_name, reasoning, senses, planning, simulation)
+    if planning.answers is None:
+        return domain
+    from lcorpp.domains.stated_form import state_form  # few domains state a form
+
+    return state_form(domain, planning.answers, planning_table.location("answers"))
 
 
 def read_knowledge(table: TomlTable, folder: Path) -> tuple[ReasoningSection, tuple[Sense, ...]]:

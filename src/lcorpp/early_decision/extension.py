@@ -84,9 +84,13 @@ def extend_domain(
                 raise DomainError(f"{base.file or domain.folder}: {name!r} is already an {kind} of the model")
     layout = _Layout(domain, stream, found)
     a, s, o = len(base.actions), len(base.states), len(base.observations)
-    transition = np.zeros((a + 1, layout.size, layout.size))
-    transition[:a, :, :s] = base.transition.dense[:, layout.origin]
-    transition[a] = layout.build_transition()
+
+    def extend_transition(own: SparseTables) -> SparseTables:
+        dense = np.zeros((a + 1, layout.size, layout.size))
+        dense[:a, :, :s] = own.dense[:, layout.origin]
+        dense[a] = layout.build_transition()
+        return SparseTables.of(dense)
+
     observation = np.zeros((a + 1, layout.size, o + len(bins) + 1))
     observation[:a, :, :o] = base.observation.dense[:, layout.origin]
     observation[a, np.arange(layout.size), o + layout.shown] = 1
@@ -102,7 +106,7 @@ def extend_domain(
         (*base.states, *layout.names),
         (*base.actions, WATCH),
         (*base.observations, *bins, OVER),
-        SparseTables.of(transition),
+        extend_transition(base.transition),
         SparseTables.of(observation),
         reward,
         base.discount if discount is None else discount,
@@ -122,7 +126,14 @@ def extend_domain(
             state_values=planning.state_values[layout.origin],
             problem=None,
         ),
-        simulation=replace(domain.simulation, feedback_model=feedback, hearing=hearing),
+        simulation=replace(
+            domain.simulation,
+            feedback_model=feedback,
+            hearing=hearing,
+            transition=None
+            if domain.simulation.transition is None
+            else extend_transition(domain.simulation.transition),
+        ),
     )
 
 

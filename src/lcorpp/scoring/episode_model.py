@@ -30,7 +30,7 @@ class EpisodeModel:
 
     def __init__(self, domain: Domain, feedback: Array | SparseTables | None = None) -> None:
         feedback = domain.simulation.feedback_model if feedback is None else feedback
-        pomdp, planning = domain.pomdp, domain.planning
+        pomdp, planning, transition = domain.pomdp, domain.planning, domain.people_transition
         self.n_values = len(domain.values)
         reports = domain.report_indices
         self.reports = np.append(reports, self.n_values)
@@ -40,7 +40,7 @@ class EpisodeModel:
         waiting = list(pairs)
         for v, s in waiting:  # grows
             for a in asking:
-                states, probabilities = pomdp.transition.row(a, s)
+                states, probabilities = transition.row(a, s)
                 for after, p in zip(states.tolist(), probabilities.tolist(), strict=True):
                     if (v, after) not in pairs:
                         pairs[v, after] = len(pairs)

@@ -43,7 +43,7 @@ class SimulationModel:
         """Return the possible states after an action in a state, and their interval ends."""
         known = self._successors.get((a, s))
         if known is None:
-            states, probabilities = self.domain.pomdp.transition.row(a, s)
+            states, probabilities = self.domain.people_transition.row(a, s)
             known = states.tolist(), _cumulate(probabilities[np.newaxis])[0]
             self._successors[a, s] = known
         return known

@@ -9,6 +9,7 @@ from math import inf
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from lcorpp.domains.sections.answers import StatedAnswers, read_answers
 from lcorpp.domains.sections.files import find_file, find_function
 from lcorpp.domains.sections.names import check_declared
 from lcorpp.domains.sections.reasoning import ReasoningSection
@@ -113,6 +114,7 @@ class PlanningSection:
     phrases: action or observation -> its text for people; without one its name is shown.
     utterances: observation -> the sentences by which people give it, for a recogniser, in lower case.
     recogniser: the file of what `lcorpp observe` learnt of the recogniser, for this model; None without.
+    answers: the stated form of answers, whose memory is in the states; None if answers are independent.
 
     Examples:
         >>> from lcorpp import load_domain
@@ -130,6 +132,7 @@ class PlanningSection:
     phrases: Mapping[str, str] = field(default_factory=dict)
     utterances: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     recogniser: Path | None = None
+    answers: StatedAnswers | None = None
 
     def __repr__(self) -> str:
         return f"PlanningSection({self.pomdp!r}, reports: {', '.join(self.reports)})"
@@ -153,6 +156,9 @@ def read_planning(
     solver = _read_solver(table, folder, own_solver)
     phrases, utterances = _read_phrases(table, pomdp), _read_utterances(table, pomdp)
     recogniser = _read_recogniser(table, folder)
+    answers = None
+    if "answers" in table:
+        answers = read_answers(table.section("answers"), len(pomdp.observations))
     table.reject_unknown_keys()
     return PlanningSection(
         pomdp=pomdp,
@@ -165,6 +171,7 @@ def read_planning(
         phrases=phrases,
         utterances=utterances,
         recogniser=recogniser,
+        answers=answers,
     )
 
 

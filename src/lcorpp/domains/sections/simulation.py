@@ -23,7 +23,7 @@ from lcorpp.domains.sections.planning import PlanningSection
 from lcorpp.domains.sections.reasoning import ReasoningSection, read_value_mapping
 from lcorpp.domains.toml import TomlTable
 from lcorpp.errors import DomainError
-from lcorpp.planning import Pomdp
+from lcorpp.planning import Pomdp, SparseTables
 from lcorpp.protocols import World
 from lcorpp.reasoning import Program, read_plog
 from lcorpp.values import Array
@@ -42,6 +42,8 @@ class SimulationSection:
     true_program: the P-log program from which people are drawn.
     feedback_model: (A, S, O) P(o | a, s') of people's answers.
     hearing: (A, O, O) P(heard | said) of the answers, by `noise`; the identity without `feedback`.
+    transition: P(s' | s, a) if it depends on people's answers, which the planner expects to be others; None
+        as the planner expects.
     noisy_channels: sense -> class -> label -> probability: the error rates of a simulated classifier; a sense
         is missing if they are unknown, so that its classification needs signals.
     joint_labels: the senses with a noisy channel whose labels the truth program draws with the person, as it
@@ -71,6 +73,7 @@ class SimulationSection:
     world: Callable[[Mapping[str, str], np.random.Generator], World] | None = None
     recordings: Callable[..., list[Array]] | None = None
     columns: tuple[str, ...] = ()
+    transition: SparseTables | None = None
 
     def __repr__(self) -> str:
         parts = {

@@ -178,6 +178,7 @@ def hash_domain(domain: Domain) -> str:
         domain.observed,
         domain.senses,
         simulation.feedback_model.tolist(),
+        *([] if simulation.transition is None else [simulation.transition.dense.tolist()]),
     )
     return hash_bytes(repr(parts).encode())
 
