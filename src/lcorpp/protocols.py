@@ -126,10 +126,13 @@ class Dialogue(Protocol):
     def find_answers(self, history: Sequence[tuple[str, str]]) -> Sequence[int]:
         """Return k * O + o for each action and observation that are a question of kind k and an answer o."""
 
-    def make_planner(self, tables: Array) -> Planner:
+    def make_planner(self, tables: Array, shares: Array | None = None) -> Planner:
         """Return the planner for the next person, who answers by these tables (K, V, O), not the stated ones.
 
         It is called after each person, so it is cheap where the tables have not changed.
+
+        Args:
+            shares: (C,) of the classes of people, if answers depend on the class.
         """
 
     def state(self) -> dict[str, Any]:

@@ -9,7 +9,8 @@ from lcorpp.domains.form_dialogue import FormDialogue
 from lcorpp.domains.form_model import FormModel
 from lcorpp.errors import TooLargeError
 from lcorpp.planning import Planner, solve
-from lcorpp.trust.forms import ByNumber, Repeated
+from lcorpp.trust.forms import ByClass, ByNumber, Repeated
+from lcorpp.values import Distribution
 
 FORMS = [ByNumber(), Repeated(3)]
 
@@ -25,7 +26,7 @@ def intention():
 
 
 def place(form, domain):
-    return np.array([form.model.place(start, 0) for start in domain.start_beliefs()])
+    return np.array([form.model.place(start, np.ones(1)) for start in domain.start_beliefs()])
 
 
 @pytest.mark.parametrize("form", FORMS)
@@ -58,6 +59,70 @@ def test_beliefs_follow_the_rows_of_the_memory(intention, form):
         likelihood = np.prod([tables[cell // 3, :, cell % 3] for cell in cells], axis=0)
         np.testing.assert_allclose(domain.marginal(belief).probabilities, likelihood / likelihood.sum())
     assert belief[[0, 1]].sum() == 0  # the robot has turned
+
+
+def test_beliefs_follow_the_class_of_the_person(intention):
+    """Against Bayes' rule with a hidden class; contradictory answers mean that it is the unreliable one."""
+    domain, base, _ = intention
+    own = FormDialogue(domain, base, ByClass())
+    tables = own.answers.make_tables(own.answers.add_noise([0.0, 0.9]))
+    shares = np.array([0.7, 0.3])
+    own.planners = FixedPlanners(own, domain)
+    planner = own.make_planner(tables, shares)
+    history = [("greet", "pos"), ("greet", "neg"), ("move_forward", "pos"), ("turn", "none"), ("turn", "pos")]
+    prior = np.array([0.2, 0.8])
+    belief = domain.prior(Distribution(domain.values, prior))
+    for n, (action, observation) in enumerate(history, 1):
+        belief = planner.update(belief, action, observation)
+        cells = own.find_answers(history[:n])
+        by_class = [
+            np.prod([tables[cell // 3 * 2 + c, :, cell % 3] for cell in cells], axis=0) for c in (0, 1)
+        ]
+        expected = prior * (shares @ np.array(by_class))
+        np.testing.assert_allclose(domain.marginal(belief).probabilities, expected / expected.sum())
+    restored = FormDialogue(domain, base, ByClass())
+    restored.planners = FixedPlanners(restored, domain)
+    again = restored.restore(own.state())
+    start = domain.prior(Distribution(domain.values, prior))
+    np.testing.assert_allclose(
+        again.update(start, "greet", "pos"), own.make_planner(tables, shares).update(start, "greet", "pos")
+    )
+
+
+class FixedPlanners:
+    """Solves the model of the tables."""
+
+    def __init__(self, own, domain):
+        self._starts = own.place_starts(domain.start_beliefs())
+
+    def __call__(self, tables, make_model):
+        self._tables = tables
+        return Planner(solve(make_model(tables), self._starts, precision=0.1))
+
+    def state(self):
+        return self._tables.tolist()
+
+    def restore(self, state, make_model):
+        return self(np.array(state), make_model)
+
+
+def test_people_who_contradict_themselves_are_asked_less_if_they_may_be_unreliable(intention):
+    """Half of the people answer at random; compared with the same mean rate of wrong answers for all."""
+    domain, base, _ = intention
+    own = FormDialogue(domain, base, ByClass())
+    tables = own.answers.make_tables(own.answers.add_noise([-0.1, 0.9]))
+    mean = np.repeat(tables.reshape(3, 2, 2, 3).mean(axis=1), 2, axis=0)
+    counts = []
+    for known in (tables, mean):
+        own.planners = FixedPlanners(own, domain)
+        planner = own.make_planner(known, np.array([0.5, 0.5]))
+        belief, asked = domain.prior(Distribution(domain.values, [0.5, 0.5])), 0
+        while domain.reported_value(action := planner.action(belief)) is None and asked < 50:
+            observation = "none" if action == "turn" and asked == 0 else ("pos", "neg")[asked % 2]
+            belief = planner.update(belief, action, observation)
+            asked += 1
+        counts.append(asked)
+    assert counts[0] < counts[1]
 
 
 def test_a_repeated_question_with_a_certain_answer_tells_nothing_and_is_not_asked(intention):

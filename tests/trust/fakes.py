@@ -48,7 +48,7 @@ class AskDialogue:
     def find_answers(self, history: Sequence[tuple[str, str]]) -> list[int]:
         return [ANSWERS.index(observation) for action, observation in history if action == "ask"]
 
-    def make_planner(self, tables: Array) -> FakePlanner:
+    def make_planner(self, tables: Array, shares: Array | None = None) -> FakePlanner:
         self.planned.append(tables)
         return FakePlanner()
 

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from lcorpp.trust.answers import AnswerModel, NoiseGroup
-from lcorpp.trust.forms import ByNumber, Repeated
+from lcorpp.trust.forms import ByClass, ByNumber, Repeated
+from lcorpp.trust.latent_class_model import LatentClassModel
 
 TABLES = np.array([[[0.9, 0.1, 0], [0.1, 0.9, 0]], [[0.8, 0.2, 0], [0.2, 0.8, 0]]])
 
@@ -40,6 +41,38 @@ def test_the_noise_of_each_group_is_found(noise):
     rows, found = model.estimate_rows(counts)
     np.testing.assert_allclose(found, noise, atol=0.011)
     np.testing.assert_allclose(rows, model.add_noise(noise), atol=0.005)
+
+
+def test_the_noise_of_each_class_of_people_is_found():
+    model = ByClass().make_answers(TABLES)
+    assert (model.n_answers, model.n_values) == (6, 4)
+    tables = model.make_tables(model.add_noise([0.1, 0.8]))  # kind 0 of both classes, kind 1 of both
+    by_answer = tables.reshape(2, 2, 2, 3).transpose(0, 3, 1, 2).reshape(6, 4)
+    np.testing.assert_allclose(
+        np.exp(model.find_log_likelihoods(model.add_noise([0.1, 0.8])))[0], by_answer[0]
+    )
+    rows, found = model.estimate_rows(1e5 * by_answer)
+    np.testing.assert_allclose(found, [0.1, 0.8], atol=0.011)
+    np.testing.assert_allclose(rows, model.add_noise([0.1, 0.8]), atol=0.005)
+    assert model.estimate_rows(np.zeros((6, 4)))[1] == model.start_noise == (0.0, 0.7)
+    assert model.compute_log_prior((0.0, 0.7)) == 0
+
+
+def test_two_classes_of_people_are_learnt_from_their_answers():
+    """40 % answer at random, the others as stated; six answers of each person."""
+    rng, form = np.random.default_rng(7), ByClass()
+    answers = form.make_answers(TABLES)
+    model = LatentClassModel(answers, [])
+    model.add_context([])
+    for _ in range(3000):
+        value, is_random = rng.integers(2), rng.random() < 0.4
+        row = np.array([0.5, 0.5, 0]) if is_random else TABLES[0, value]
+        model.add(0, [], rng.choice(3, size=6, p=row).tolist())
+    model.fit(200)
+    np.testing.assert_allclose(model.class_shares, [0.6, 0.4], atol=0.1)
+    own, random = model.answers.make_tables(model.rows)[:2]
+    np.testing.assert_allclose(own, TABLES[0], atol=0.05)
+    np.testing.assert_allclose(random[:, :2], 0.5, atol=0.1)  # their prior is noise .7: .62 right answers
 
 
 def test_without_answers_a_group_has_the_noise_of_the_one_before():

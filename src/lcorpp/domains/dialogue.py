@@ -144,8 +144,8 @@ class DomainDialogue:
                 answers.append(kind * n_observations + o)
         return answers
 
-    def make_planner(self, tables: Array) -> Planner:
-        """Return the planner for the model with these tables (K, V, O)."""
+    def make_planner(self, tables: Array, shares: Array | None = None) -> Planner:
+        """Return the planner for the model with these tables (K, V, O); people have one class."""
         return self._make_planners(tables, self.make_model)
 
     def state(self) -> dict[str, Any]:

@@ -41,7 +41,8 @@ class FormModel:
     """The planner's model in which a state has the memory of the questions, too.
 
     states: (X, 2) the planner's state and the index of the memory of each state that can be reached.
-    memories: all memories; those of terminal states are the first one.
+    memories: all pairs of a person's class and the form's memory, first those before the first question;
+    terminal states have the first one.
 
     Args:
         max_states: maximum number of states.
@@ -56,20 +57,21 @@ class FormModel:
         self._domain, self._dialogue, self.form, self._max_states = domain, dialogue, form, max_states
         self._terminal = set(domain.planning.terminal)
         self._value_of = domain.planning.state_values.argmax(axis=1)
-        self.memories = [form.begin(len(dialogue.tables))]
-        self._memory_index = {self.memories[0]: 0}
+        begin = form.begin(len(dialogue.tables))
+        self.memories = [(c, begin) for c in range(form.n_classes)]
+        self._memory_index = {memory: m for m, memory in enumerate(self.memories)}
         self._index = dict[tuple[int, int], int]()
         self._branches = list[_Branch]()
         self._explore()
         self.states = self._sort_states()
 
-    def find_memory(self, memory: Memory) -> int:
-        """Return the index of a memory."""
-        return self._memory_index[memory]
+    def place(self, belief: Belief, shares: Array) -> Belief:
+        """Return (X,) the belief (S,) about a person who was not asked yet.
 
-    def place(self, belief: Belief, memory: int) -> Belief:
-        """Return (X,) the belief (S,) of a person with this memory."""
-        placed: Belief = np.where(self._is_memory[memory], belief[self.states[:, 0]], 0.0)
+        Args:
+            shares: (C,) P(class of the person).
+        """
+        placed: Belief = (shares @ self._begins) * belief[self.states[:, 0]]
         return placed
 
     def collapse(self, belief: Belief) -> Belief:
@@ -106,7 +108,7 @@ class FormModel:
             transition=SparseTables.of(transition),
             observation=SparseTables.of(observation),
             reward=base.reward[:, self.states[:, 0]],
-            start=self.place(base.start, 0),
+            start=self.place(base.start, np.full(self.form.n_classes, 1 / self.form.n_classes)),
         )
 
     def make_observation(self, tables: Array, others: Array) -> Array:
@@ -126,11 +128,11 @@ class FormModel:
         return observation
 
     @cached_property
-    def _is_memory(self) -> Array:
-        """(M, X) whether a state has the memory; terminal states have all of them."""
+    def _begins(self) -> Array:
+        """(C, X) 1 for the states of a person of each class who was not asked yet, and for terminal ones."""
         is_terminal = np.isin(self.states[:, 0], list(self._terminal))
-        own: Array = (self.states[:, 1] == np.arange(len(self.memories))[:, None]) | is_terminal
-        return own
+        own: Array = (self.states[:, 1] == np.arange(self.form.n_classes)[:, None]) | is_terminal
+        return own.astype(np.float64)
 
     @cached_property
     def _columns(self) -> tuple[Indices, Indices, Indices, Array, Indices, Indices, Indices]:
@@ -149,8 +151,14 @@ class FormModel:
     def _explore(self) -> None:
         """Find all states that can be reached, and the branches between them."""
         base = self._domain.pomdp
-        waiting = [(int(s), 0) for s in np.flatnonzero(self._domain.planning.initial_states.any(axis=0))]
-        waiting += [(s, 0) for s in np.flatnonzero(base.start).tolist() if (s, 0) not in waiting]
+        initial = self._domain.planning.initial_states.any(axis=0) | (base.start > 0)
+        is_terminal = np.isin(np.arange(len(initial)), list(self._terminal))
+        waiting = [
+            (s, 0 if is_terminal[s] else c)
+            for c in range(self.form.n_classes)
+            for s in np.flatnonzero(initial).tolist()
+            if c == 0 or not is_terminal[s]
+        ]
         for start in waiting:
             self._index[start] = len(self._index)
         while waiting:
@@ -197,19 +205,20 @@ class FormModel:
             elif kind is None:
                 yield successor, memory, branch
             else:
-                copy = self.form.find_copy(self.memories[memory], kind)
-                cell = kind * self.form.n_copies + copy
+                c, own = self.memories[memory]
+                copy = self.form.find_copy(own, kind)
+                cell = (kind * self.form.n_copies + copy) * self.form.n_classes + c
                 value = int(self._value_of[successor])
                 table = self._dialogue.tables[kind]
                 for observation in np.flatnonzero(table.any(axis=0)).tolist():
-                    after = self._find_or_add(self.form.advance(self.memories[memory], kind, observation))
+                    after = self._find_or_add((c, self.form.advance(own, kind, observation)))
                     yield (
                         successor,
                         after,
                         branch._replace(cell=cell, value=value, observation=observation),
                     )
 
-    def _find_or_add(self, memory: Memory) -> int:
+    def _find_or_add(self, memory: tuple[int, Memory]) -> int:
         index = self._memory_index.setdefault(memory, len(self._memory_index))
         if index == len(self.memories):
             self.memories.append(memory)

@@ -45,7 +45,7 @@ def state_form(domain: Domain, answers: StatedAnswers, location: str) -> Domain:
     lifted = replace(
         planning,
         pomdp=pomdp,
-        initial_states=np.array([model.place(row, 0) for row in planning.initial_states]),
+        initial_states=np.array([model.place(row, np.ones(1)) for row in planning.initial_states]),
         state_values=planning.state_values[places],
         terminal=tuple(np.flatnonzero(np.isin(places, planning.terminal)).tolist()),
         problem=None,

@@ -35,13 +35,13 @@ class AlternativeSearch:
         self._model, self.n_searches = model, 0
         rows = model.answers.row_of
         self._pairs = [  # of values that some answer distinguishes
-            (a, b) for a, b in combinations(range(model.n_values), 2) if (rows[:, a] != rows[:, b]).any()
+            (a, b) for a, b in combinations(range(rows.shape[1]), 2) if (rows[:, a] != rows[:, b]).any()
         ]
 
     def search(self, iterations: int) -> bool:
         """Unless there is an alternative, look for one, and choose.
 
-        EM runs from the estimates in use with two values exchanged and the stated observation model. Pairs
+        EM runs from the estimates in use with two values exchanged and the first observation model. Pairs
         of values are exchanged in turn, one in each call.
 
         Returns:
@@ -52,7 +52,7 @@ class AlternativeSearch:
             return False
         start = model.estimates.exchange(*self._pairs[self.n_searches % len(self._pairs)])
         self.n_searches += 1
-        start = replace(start, rows=model.answers.stated_rows)
+        start = replace(start, rows=model.answers.start_rows)
         model.alternative = model.iterate(start, iterations)
         return self.choose()
 

@@ -50,10 +50,12 @@ class NoiseGroup:
     """Kinds of questions that share a noise.
 
     follows: the index of an earlier group whose estimated noise is the most probable one a priori; None for
-        the stated rows.
+        `start`.
+    start: the noise without any answers; 0 for the stated rows.
     """
 
     follows: int | None = None
+    start: float = 0.0
 
 
 INDEPENDENT = (NoiseGroup(),)
@@ -69,6 +71,9 @@ class AnswerModel:
     stated_rows: (R, O) the distinct rows of each kind of question. row_of: (K, V) the row of each value. No
     two kinds share a row. ends: (R, O) the rows at noise 1. group_of: (K,) the index of each kind's group.
 
+    n_classes: C, of people: there is a kind k * C + c for each question k and class c. The values of people
+        are then W = C V pairs c * V + v of a class and a value.
+
     With noise d a row is (1 - d) times the stated one plus d times its end, by default the mean of its
     question's rows over the values. For two values and one rate e of wrong answers, this is the rate
     e + d (1/2 - e). The noise of each group is a number.
@@ -79,6 +84,7 @@ class AnswerModel:
     ends: Array
     group_of: npt.NDArray[np.intp]
     groups: tuple[NoiseGroup, ...] = INDEPENDENT
+    n_classes: int = 1
 
     @classmethod
     def of_tables(
@@ -88,6 +94,7 @@ class AnswerModel:
         ends: Array | None = None,
         group_of: npt.NDArray[np.intp] | None = None,
         groups: tuple[NoiseGroup, ...] = INDEPENDENT,
+        n_classes: int = 1,
     ) -> AnswerModel:
         """Return the model of the tables (K, V, O) of P(observation | value).
 
@@ -106,12 +113,27 @@ class AnswerModel:
             end_rows.extend(ends[k, np.unique(numbers, return_index=True)[1]])
         shape = -1, tables.shape[2]
         stated, far = (freeze(np.array(own).reshape(shape)) for own in (rows, end_rows))
-        return cls(stated, row_of, far, group_of, groups)
+        return cls(stated, row_of, far, group_of, groups, n_classes)
 
     @property
     def n_answers(self) -> int:
         """D, the number of pairs of a question's kind and an observation; (k, o) has the index k * O + o."""
-        return int(self.row_of.shape[0]) * int(self.stated_rows.shape[1])
+        return int(self.row_of.shape[0]) // self.n_classes * int(self.stated_rows.shape[1])
+
+    @property
+    def n_values(self) -> int:
+        """W, the number of pairs of a class and a value."""
+        return self.n_classes * int(self.row_of.shape[1])
+
+    @property
+    def start_noise(self) -> tuple[float, ...]:
+        """The noise of each group without any answers."""
+        return tuple(group.start for group in self.groups)
+
+    @cached_property
+    def start_rows(self) -> Array:
+        """(R, O) the rows without any answers."""
+        return self.add_noise(self.start_noise) if any(self.start_noise) else self.stated_rows
 
     def find_expected(self, kind: int, value: int) -> int:
         """Return the index of the observation that the stated model expects most."""
@@ -135,13 +157,14 @@ class AnswerModel:
         return [(own, prior[own]) for own in members]
 
     def find_log_likelihoods(self, rows: Array) -> Array:
-        """Return (D, V) the logarithm of P(observation | value) for each answer, 0 if it is impossible."""
-        logs = np.log(np.where(rows > 0, rows, 1))[self.row_of]
-        return logs.transpose(0, 2, 1).reshape(self.n_answers, -1)
+        """Return (D, W) the logarithm of P(observation | value) for each answer, 0 if it is impossible."""
+        logs = np.log(np.where(rows > 0, rows, 1))[self.row_of]  # (K, V, O)
+        by_class = logs.reshape(-1, self.n_classes, *logs.shape[1:])
+        return by_class.transpose(0, 3, 1, 2).reshape(self.n_answers, -1)
 
     @cached_property
     def noisy_log_likelihoods(self) -> Array:
-        """(N, D, V) what `find_log_likelihoods` returns at each degree of `NOISE_DEGREES`."""
+        """(N, D, W) what `find_log_likelihoods` returns at each degree of `NOISE_DEGREES`."""
         return np.array([self.find_log_likelihoods(rows) for rows in self._noisy_rows])
 
     def estimate_rows(self, counts: Array) -> tuple[Array, tuple[float, ...]]:
@@ -151,18 +174,19 @@ class AnswerModel:
         row around that of its question.
 
         Args:
-            counts: (D, V) how often people of each value gave each answer.
+            counts: (D, W) how often people of each value gave each answer.
 
         Returns:
             The rows (R, O), and the noise of each group.
         """
         n_observations = self.stated_rows.shape[1]
-        by_value = counts.reshape(len(self.row_of), n_observations, -1).transpose(0, 2, 1)
+        by_class = counts.reshape(-1, n_observations, self.n_classes, self.row_of.shape[1])
+        by_value = by_class.transpose(0, 2, 3, 1)
         by_row = self._membership.T @ by_value.reshape(-1, n_observations)  # (R, O)
         by_degree = (self._logs * by_row).sum(axis=2)  # (N, R)
         noise = list[float]()
         for g, group in enumerate(self.groups):
-            center = STATED_DEGREE if group.follows is None else _find_degree(noise[group.follows])
+            center = _find_degree(group.start if group.follows is None else noise[group.follows])
             scores = by_degree @ self._is_row_of_group[g] + self._prior_scores[g][center]
             noise.append(float(NOISE_DEGREES[np.argmax(scores)]))
         expected = by_row + self._question_weights * self.add_noise(noise)
@@ -174,10 +198,10 @@ class AnswerModel:
         return self._keep_order(rows, prior), tuple(noise)
 
     def compute_log_prior(self, noise: Sequence[float]) -> float:
-        """Return the log prior of the noise of each group, 0 for the stated model."""
+        """Return the log prior of the noise of each group, 0 for that without answers."""
         total = 0.0
         for g, group in enumerate(self.groups):
-            center = STATED_DEGREE if group.follows is None else _find_degree(noise[group.follows])
+            center = _find_degree(group.start if group.follows is None else noise[group.follows])
             scores = self._prior_scores[g][center]
             total += float(scores[_find_degree(noise[g])] - scores[center])
         return total

@@ -67,12 +67,13 @@ class Estimates:
 
     @classmethod
     def of_start(cls, answers: AnswerModel, rates: Sequence[Array]) -> Estimates:
-        """Return estimates without contexts, with the stated observation model."""
-        n_values = answers.row_of.shape[1]
+        """Return estimates without contexts, with the observation model before any answers."""
+        n_values = answers.n_values
         by_context, by_answer = np.zeros((0, n_values)), np.zeros((answers.n_answers, n_values))
         past = Counts(by_context, tuple(np.zeros_like(table) for table in rates), by_answer)
-        noise = (0.0,) * len(answers.groups)
-        return cls(answers, by_context, by_context, tuple(rates), answers.stated_rows, past, noise)
+        return cls(
+            answers, by_context, by_context, tuple(rates), answers.start_rows, past, answers.start_noise
+        )
 
     def with_context(self, pi: Array) -> Estimates:
         """Return the estimates with one more context, in which the values have the distribution pi (V,)."""
@@ -86,9 +87,10 @@ class Estimates:
         return replace(self, rates=replaced, past=replace(self.past, labels=labels))
 
     def exchange(self, first: int, second: int) -> Estimates:
-        """Return the estimates with two values exchanged in all but the observation model."""
-        order = list(range(self.pi.shape[1]))
-        order[first], order[second] = second, first
+        """Return the estimates with two values exchanged, in each class, in all but the observation model."""
+        columns = np.arange(self.pi.shape[1]).reshape(self.answers.n_classes, -1)
+        columns[:, [first, second]] = columns[:, [second, first]]
+        order = columns.ravel().tolist()
         rates = tuple(rates[order] for rates in self.rates)
         pi, values = self.pi[:, order], self.values[:, order]
         return replace(self, pi=pi, values=values, rates=rates, past=self.past.reorder(order))

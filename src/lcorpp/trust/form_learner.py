@@ -59,6 +59,7 @@ class FormLearner:
     ) -> None:
         self.dialogue, self.planner, self._options = form.dialogue, form.planner, options
         self.tables = form.dialogue.tables
+        self._n_classes = form.answers.n_classes
         self._max_loss = options.max_loss / form.n_copies  # all copies of a question together
         self.sources = LearntSources(domain, form.answers, stated_rates, options.memory)
         n_sources = n_stated + len(self.sources.names)
@@ -72,13 +73,22 @@ class FormLearner:
         return self.sources.index_context(facts)
 
     def predict(self, context: int, labels: Sequence[int], stated: Array, expected: Array) -> Array:
-        """Return (sources, V) P(value) of each source.
+        """Return (sources, W) P(value) of each source, with the person's class.
 
         Args:
             stated: (n, V) of those that do not learn. expected: (V,) by the knowledge, given the facts.
         """
+        if self._n_classes > 1:
+            shares = self.sources.learnt.class_shares[:, None]
+            stated = (shares * stated[:, None]).reshape(len(stated), -1)
+            expected = (shares * expected).ravel()
         learnt = self.sources.predict(context, labels, stated[0], expected)
         return np.concatenate([stated, learnt])
+
+    def collapse(self, predicted: Array) -> Array:
+        """Return (V,) P(value) of the mixture, from the sources' predictions (sources, W)."""
+        mixture: Array = (self.weights @ predicted).reshape(self._n_classes, -1).sum(axis=0)
+        return mixture
 
     def learn(
         self, context: int, labels: Sequence[int], predicted: Array, history: Iterable[tuple[str, str]]
@@ -117,7 +127,7 @@ class FormLearner:
             learnt = self.sources.learnt
             rows = find_planned_rows(learnt, self._max_loss, self._options.max_stated_loss)
             self.tables, self._is_stale = learnt.answers.make_tables(rows), False
-        self.planner = self.dialogue.make_planner(self.tables)
+        self.planner = self.dialogue.make_planner(self.tables, self.sources.learnt.class_shares)
 
     def replace_rates(self, stated_rates: Sequence[Array], *, refit: bool) -> None:
         """Use other stated rates, see `LearntSources.replace_rates`."""

@@ -14,6 +14,10 @@ Memory = tuple[int, ...]
 """What a form remembers of the questions and answers so far; () for nothing."""
 
 
+UNRELIABLE = 0.7
+"""Most probable noise a priori of the people who answer less reliably."""
+
+
 class AnswerForm(ABC):
     """How P(answer | value, question) depends on the person's earlier questions and answers.
 
@@ -21,8 +25,11 @@ class AnswerForm(ABC):
     K kinds of questions, copy c of kind k has the index k * `n_copies` + c. All else, rows for each copy and
     their estimates, is that of `AnswerModel`.
 
+    With C classes of people, each copy has rows for each class: copy c and class l of kind k have the index
+    (k * `n_copies` + c) * C + l. A person's class is hidden and does not change.
+
     name: of the form. n_copies: of each kind. groups: of copies, or classes of people, that share a noise.
-    n_classes: of people; with several, the class of a person is hidden.
+    n_classes: C.
     """
 
     def __init__(
@@ -77,9 +84,14 @@ class AnswerForm(ABC):
 
     def make_answers(self, tables: Array) -> AnswerModel:
         """Return the model of answers, as the stated tables (K, V, O) of the kinds give it."""
-        groups = np.tile([self.find_group(copy) for copy in range(self.n_copies)], len(tables))
+        classes = range(self.n_classes)
+        groups = [self.find_group(copy) + c for copy in range(self.n_copies) for c in classes]
         return AnswerModel.of_tables(
-            self.expand(tables), ends=self.find_ends(tables), group_of=groups, groups=self.groups
+            np.repeat(self.expand(tables), self.n_classes, axis=0),
+            ends=np.repeat(self.find_ends(tables), self.n_classes, axis=0),
+            group_of=np.tile(groups, len(tables)),
+            groups=self.groups,
+            n_classes=self.n_classes,
         )
 
 
@@ -150,13 +162,10 @@ class Repeated(AnswerForm):
 
 
 class ByClass(AnswerForm):
-    """The noise depends on the person: there are two classes of people, of which one answers less reliably.
-
-    An audit tests this form; no policy is searched for it.
-    """
+    """The noise depends on the person: of two classes of people, one answers less reliably."""
 
     def __init__(self) -> None:
-        super().__init__("class", 1, (NoiseGroup(), NoiseGroup()), n_classes=2)
+        super().__init__("class", 1, (NoiseGroup(), NoiseGroup(start=UNRELIABLE)), n_classes=2)
 
     def begin(self, n_kinds: int) -> Memory:
         """Return nothing: a person's class does not change."""
@@ -171,5 +180,5 @@ class ByClass(AnswerForm):
         return ()
 
     def find_group(self, copy: int) -> int:
-        """Return the group of the first class."""
+        """Return the group of the first class; that of the second one follows."""
         return 0

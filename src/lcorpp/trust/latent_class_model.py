@@ -36,10 +36,10 @@ MIN_PEOPLE = 1e-12
 class LatentClassModel:
     """p(labels, answers | x) = sum_y pi_x(y) prod_s C_s(label | y) prod_j O(answer | question, y).
 
-    y is the shared value, x the context. The choice of the questions cancels. The prior of pi is a prediction
-    from the facts of the context (naive Bayes), that of the rates C and of the observation model O what is
-    stated. The knowledge has no part in it: as a prior of pi beside a free O, EM would explain answers that
-    disagree with it as noise.
+    y is the shared value, with the class of the person if answers depend on it; x the context. The choice of
+    the questions cancels. The prior of pi is a prediction from the facts of the context (naive Bayes), that
+    of the rates C and of the observation model O what is stated. The knowledge has no part in it: as a prior
+    of pi beside a free O, EM would explain answers that disagree with it as noise.
 
     estimates: of pi, C and O, by EM. alternative: other credible estimates, see `AlternativeSearch`; None
     without. prior_rates: the prior of C, first the stated rates.
@@ -58,15 +58,22 @@ class LatentClassModel:
         self, answers: AnswerModel, stated_rates: Sequence[Array], *, memory: float | None = None
     ) -> None:
         self.answers = answers
-        self.n_values = answers.row_of.shape[1]
+        self.n_values = answers.n_values
         self.cases = Cases(len(stated_rates), answers.n_answers, memory)
-        self._stated_rates = [_bound_rows(rates) for rates in stated_rates]
+        self._stated_rates = [self._bound_rates(rates) for rates in stated_rates]
         self.prior_rates = list(self._stated_rates)
         self._equal_rows = [_find_equal_rows(rates) for rates in self.prior_rates]
         self._facts: dict[tuple[str, object], int] = {}
         self._has_fact = np.zeros((0, 0))  # (X, F) 1 for the facts of a context
         self.estimates = Estimates.of_start(answers, self.prior_rates)
         self.alternative: Estimates | None = None
+
+    @property
+    def class_shares(self) -> Array:
+        """(C,) the estimated share of each class of people."""
+        n_classes = self.answers.n_classes
+        people = self.estimates.values.sum(axis=0).reshape(n_classes, -1).sum(axis=1)
+        return normalise(people + CONTEXT_PEOPLE / n_classes)
 
     @property
     def pi(self) -> Array:
@@ -105,11 +112,11 @@ class LatentClassModel:
             self.alternative = change(self.alternative)
 
     def predict(self, context: int, labels: Sequence[int], prior: Array | None = None) -> Array:
-        """Return (V,) P(value | context, labels).
+        """Return (W,) P(value | context, labels).
 
         Args:
             labels: as in `Cases`.
-            prior: (V,) in people, in place of what the facts of the context suggest.
+            prior: (W,) in people, in place of what the facts of the context suggest.
         """
         logs = self.estimates.log_pi[context]
         if prior is not None:
@@ -199,7 +206,7 @@ class LatentClassModel:
         Returns:
             Whether any rates differ.
         """
-        replaced = [_bound_rows(rates) for rates in stated_rates]
+        replaced = [self._bound_rates(rates) for rates in stated_rates]
         changed = [s for s, own in enumerate(replaced) if not np.array_equal(own, self._stated_rates[s])]
         for s in changed:
             self._stated_rates[s] = self.prior_rates[s] = replaced[s]
@@ -240,6 +247,10 @@ class LatentClassModel:
         logs = self._has_fact @ np.log(p_facts) + np.log(by_value + 1 / self.n_values)
         return normalise_logs(logs)
 
+    def _bound_rates(self, rates: Array) -> Array:
+        """Return credible rates (W, L), the same for each class of people."""
+        return np.tile(normalise(np.maximum(rates, MIN_CREDIBLE)), (self.answers.n_classes, 1))
+
     def _condense(self) -> None:
         """Keep the half of the cases that occurred most; of the others, keep the expected counts."""
         weights = self.cases.weights
@@ -259,10 +270,6 @@ def _expect(people: LatentClasses, estimates: Estimates) -> Counts:
         tuple(own + earlier for own, earlier in zip(labels, past.labels, strict=True)),
         answers.T + past.answers,
     )
-
-
-def _bound_rows(rates: Array) -> Array:
-    return normalise(np.maximum(rates, MIN_CREDIBLE))
 
 
 def _find_equal_rows(rates: Array) -> Array:

@@ -63,11 +63,11 @@ class LearntSources:
         return context
 
     def predict(self, context: int, labels: Sequence[int], knowledge: Array, expected: Array) -> Array:
-        """Return (sources, V) P(value) of each source.
+        """Return (sources, W) P(value) of each source, with the person's class.
 
         Args:
             context, labels: as of `LatentClassModel.predict`.
-            knowledge: (V,) P(value) by the knowledge, given facts and labels. expected: given the facts.
+            knowledge: (W,) P(value) by the knowledge, given facts and labels. expected: given the facts.
         """
         rows = [model.predict(context, labels) for model in (self.learnt, self.recent)]
         rows.append(self.learnt.predict(context, labels, prior=KNOWLEDGE_PEOPLE * expected))

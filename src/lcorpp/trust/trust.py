@@ -123,8 +123,7 @@ class Trust:
         if attribute != self._domain.shared and tuple(attribute) != self._domain.shared:
             raise DecisionError(f"trust predicts {self._domain.shared!r}, not {attribute!r}")
         (predicted,) = self._predict(evidence, self._find_labels(evidence), [self.used])
-        prior = self.weights @ predicted
-        return Distribution.unchecked(self._domain.values, prior)
+        return Distribution.unchecked(self._domain.values, self.used.collapse(predicted))
 
     def make_planner(self) -> Planner:
         """Return the planner for the next person, which sometimes asks to learn."""
@@ -264,7 +263,7 @@ class Trust:
     def _predict(
         self, evidence: Mapping[str, Label], labels: Sequence[int], learners: Sequence[FormLearner]
     ) -> list[Array]:
-        """Return (K, V) P(value) of each source, for each of some forms."""
+        """Return (sources, W) P(value) of each source, for each of some forms."""
         stated, facts = self._stated.predict(evidence), self._find_facts(evidence)
         expected = self._stated.predict(facts)[0]
         return [own.predict(own.index_context(facts), labels, stated, expected) for own in learners]

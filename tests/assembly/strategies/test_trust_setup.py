@@ -77,7 +77,7 @@ def test_the_form_of_the_answers_is_found(wrong, form):
         Reasoner(domain.program),
     )
     trust, rng = set_up_trust(domain, reasoner, planner), np.random.default_rng(2)
-    assert trust.forms == ("independent", "number", "repeated")
+    assert trust.forms == ("independent", "number", "repeated", "class")
     model, people = SimulationModel(domain), Population(domain).sample(400, rng)
     for person in people:
         instance = Instance({}, {name: person[name] for name in domain.observed})

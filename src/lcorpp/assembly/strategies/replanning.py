@@ -31,14 +31,19 @@ LOSS_PER_VARIATION = 1 / 3
 variation between rows of the models."""
 
 
+MAX_TRANSFER = 0.1
+"""A policy acts on the beliefs of another model up to this total variation between rows of both. On those of
+a much noisier model it would ask without end."""
+
+
 class Replanner:
     """The planner of each estimated model; it searches for a policy, by bounded work after each person.
 
-    The former policy acts on the beliefs of a new model until the search's improvement is below half the
-    loss that is assumed of the former one: its own, and `LOSS_PER_VARIATION`. The search continues to the
-    precision, and its policy acts again each time its improvement is halved. The gap is not a criterion: it
-    is wide long after the policy has become good. The result depends on the models and their order, not on a
-    clock.
+    The former policy acts until the search's improvement is below half the loss that is assumed of it: its
+    own, and `LOSS_PER_VARIATION`; on the beliefs of the new model if that is similar (`MAX_TRANSFER`), else
+    on those of the model before. The search continues to the precision, and its policy acts again each time
+    its improvement is halved. The gap is not a criterion: it is wide long after the policy has become good.
+    The result depends on the models and their order, not on a clock.
 
     Args:
         planner: for the stated model.
@@ -54,7 +59,7 @@ class Replanner:
 
     def _begin(self) -> None:
         """Use the stated policy for the stated model."""
-        self._tables = self._stated_tables  # of the last call
+        self._tables = self._acting = self._stated_tables  # of the last call, and of `planner`
         self._target = self._stated_tables  # of the last search
         self._model = self._stated.pomdp  # of `_tables`
         self._loss = self._precision  # estimated loss of `_policy` on its own model
@@ -72,14 +77,15 @@ class Replanner:
             if _compare_tables(tables, self._target) > MAX_VARIATION:
                 self._target = tables
                 self._search = PacedSearch(self._model, self._starts, self._precision)
-            self.planner = TransferPlanner(self._policy, self._model)
+            if _compare_tables(self._solved_tables, tables) <= MAX_TRANSFER:
+                self._acting, self.planner = tables, TransferPlanner(self._policy, self._model)
         search = self._search
         if search is not None:
             search.advance(work=WORK_PER_PERSON)
             if search.converged or search.improvement < self._assume_loss(self._target) / 2:
                 self._policy, self._solved = search.make_policy(), (self._target, search.trials)
                 self._loss = min(search.improvement, search.gap)
-                self.planner = TransferPlanner(self._policy, self._model)
+                self._acting, self.planner = self._tables, TransferPlanner(self._policy, self._model)
             if search.converged or search.work > MAX_SEARCH_WORK:
                 self._search = None
         return self.planner
@@ -90,6 +96,7 @@ class Replanner:
         return {
             "tables": self._tables.tolist(),
             "target": self._target.tolist(),
+            "acting": self._acting.tolist(),
             "policy": None if self._solved is None else [self._solved[0].tolist(), self._solved[1]],
             "trials": None if search is None else search.trials,
             "loss": self._loss,
@@ -110,13 +117,20 @@ class Replanner:
         self._loss = float(state["loss"])
         if state["trials"] is not None:
             self._search = self._repeat(make_model(self._target), state["trials"])
-        self.planner = TransferPlanner(self._policy, self._model)
+        self._acting = np.array(state["acting"])
+        self.planner = self._stated
+        if self._solved is not None or not np.array_equal(self._acting, self._stated_tables):
+            self.planner = TransferPlanner(self._policy, make_model(self._acting))
         return self.planner
 
     def _assume_loss(self, tables: Array) -> float:
         """Return the loss that is assumed of the present policy on the model with these tables."""
-        own = self._stated_tables if self._solved is None else self._solved[0]
-        return self._loss + LOSS_PER_VARIATION * self._span * _compare_tables(own, tables)
+        return self._loss + LOSS_PER_VARIATION * self._span * _compare_tables(self._solved_tables, tables)
+
+    @property
+    def _solved_tables(self) -> Array:
+        """The tables of the model of `_policy`."""
+        return self._stated_tables if self._solved is None else self._solved[0]
 
     def _repeat(self, model: Pomdp, trials: int) -> PacedSearch:
         search = PacedSearch(model, self._starts, self._precision)

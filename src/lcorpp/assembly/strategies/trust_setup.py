@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-import numpy as np
-
 from lcorpp.assembly.strategies.fixed_policy import FixedPolicy
 from lcorpp.assembly.strategies.replanning import Replanner
 from lcorpp.decision.strategies import NO_RATES, Rates
@@ -17,7 +15,7 @@ from lcorpp.planning import Planner
 from lcorpp.protocols import Reasoner
 from lcorpp.trust import Trust, TrustOptions
 from lcorpp.trust.form_learner import StatedForm
-from lcorpp.trust.forms import ByNumber, Repeated
+from lcorpp.trust.forms import AnswerForm, ByClass, ByNumber, Repeated
 from lcorpp.trust.options import DEFAULT_OPTIONS
 
 
@@ -44,15 +42,18 @@ def set_up_trust(
     if hearing:
         precision, starts = domain.planning.solver.precision, domain.start_beliefs()
         dialogue.planners = Replanner(planner, starts, precision, dialogue.tables)
-        for form in (ByNumber(), Repeated(len(domain.pomdp.observations))):
+        possible: list[AnswerForm] = [ByNumber(), Repeated(len(domain.pomdp.observations))]
+        if isinstance(domain.shared, str):
+            possible.append(ByClass())
+        for form in possible:
             try:
                 own = FormDialogue(domain, dialogue, form)
             except TooLargeError:
                 continue
             stated = own.make_stated_planner(planner)
-            placed = np.array([own.model.place(start, 0) for start in starts])
-            own.planners = Replanner(stated, placed, precision, own.tables)
-            forms.append(StatedForm(form.name, own, own.answers, own.follow(stated), form.n_copies))
+            own.planners = Replanner(stated, own.place_starts(starts), precision, own.tables)
+            n_copies = form.n_copies * form.n_classes
+            forms.append(StatedForm(form.name, own, own.answers, own.follow(stated), n_copies))
     else:  # a fixed policy does not explore, so it needs the estimates; and it always goes on asking
         dialogue.planners = FixedPolicy(planner, domain)
         options = replace(options, max_loss=0.0, max_stated_loss=0.0, min_asked=0.0)
