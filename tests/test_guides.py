@@ -76,6 +76,7 @@ CHECKS = {
     "guides/robot/worlds.md": 4,
     "guides/trust/audit.md": 3,
     "guides/trust/log.md": 6,
+    "guides/trust/people.md": 1,
     "guides/trust/trust.md": 2,
     "guides/trust/watch.md": 3,
     "start/index.md": 3,

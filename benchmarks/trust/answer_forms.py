@@ -48,7 +48,7 @@ class People:
     wrong: the rate of wrong answers to the first, second, ... question, the last for all later ones; empty as
     stated. classes: two equally frequent rates instead. identities: the rate by identity instead.
     repeats: whether the same question again has the answer of before. regulars: number of people who come
-    again and always answer the same; 0: everybody comes once.
+    again and always answer the same; 0: everybody comes once. ids: whether the robot recognises them.
     """
 
     wrong: tuple[float, ...] = ()
@@ -56,6 +56,7 @@ class People:
     identities: Mapping[str, float] | None = None
     repeats: bool = False
     regulars: int = 0
+    ids: bool = False
     knowledge: str = "right"
     rates: tuple[float, float] = STATED_RATES
 
@@ -68,6 +69,8 @@ ROWS = {
     "the same answer again, .2": People((0.2,), repeats=True),
     "the same answer again, .3": People((0.3,), repeats=True),
     "20 people who come again": People((0.3,), regulars=20),
+    "20 people, recognised": People((0.3,), regulars=20, ids=True),
+    "200 people, recognised": People((0.3,), regulars=200, ids=True),
     "two classes, .05 and .45": People(classes=(0.05, 0.45)),
     "noise by identity": People(identities={"student": 0.1, "professor": 0.45, "visitor": 0.3}),
     "as stated": People(),
@@ -149,9 +152,14 @@ def run_stream(people: People, count: int, seed: Sequence[int]) -> Stream:
             world = AnsweringWorld(model, person, np.random.default_rng([*seed, i]), wrong, answered)
             perceived = {sense: each[i] for sense, each in signals.items()}
             instance = Instance(perceived, {attribute: person[attribute] for attribute in domain.observed})
-            episode = dt_control(make_robot(), instance, world)
+            who = str(place) if people.ids else None
+            robot = make_robot()
+            if name == "trust" and who is not None:
+                known = trust.recognise(who)
+                robot = replace(full, reasoner=known, planner=known.make_planner())
+            episode = dt_control(robot, instance, world)
             if name == "trust":
-                trust.learn(episode.evidence, episode.steps)
+                trust.learn(episode.evidence, episode.steps, who)
             own[i] = world.return_
         returns[name] = own
     return Stream(returns, trust.form)

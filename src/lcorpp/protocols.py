@@ -5,10 +5,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Protocol
 
 from lcorpp.values import Array, Belief, Distribution, Label, SharedValue
+
+Memory = tuple[int, ...]
+"""What a form of answers remembers of a person's questions and answers so far; () for nothing."""
+
+Starts = Sequence[tuple[Memory | None, Array]]
+"""Memories with which a conversation may start, None for that of somebody who was not asked yet, each with
+(W,) its joint probability with each pair of a class of people and a value."""
 
 
 class Classifier(Protocol):
@@ -123,8 +130,30 @@ class Dialogue(Protocol):
     def tables(self) -> Array:
         """(K, V, O) the stated P(observation | value) of K kinds of questions and V shared values."""
 
-    def find_answers(self, history: Sequence[tuple[str, str]]) -> Sequence[int]:
-        """Return k * O + o for each action and observation that are a question of kind k and an answer o."""
+    def find_answers(self, history: Sequence[tuple[str, str]], memory: Memory | None = None) -> Sequence[int]:
+        """Return k * O + o for each action and observation that are a question of kind k and an answer o.
+
+        Args:
+            memory: of an earlier conversation with the person, of `find_memory`; None without.
+        """
+
+    def find_memory(self, history: Sequence[tuple[str, str]], memory: Memory | None = None) -> Memory | None:
+        """Return what the next conversation with the person depends on; None for nothing.
+
+        Args:
+            memory: as of `find_answers`.
+        """
+
+    def start_known(
+        self,
+        planner: Planner,
+        find_starts: Callable[[], Starts],
+    ) -> Planner:
+        """Return a planner of `make_planner` for a person whose class or memory is known in part.
+
+        Args:
+            find_starts: is called after the prior is known.
+        """
 
     def make_planner(self, tables: Array, shares: Array | None = None) -> Planner:
         """Return the planner for the next person, who answers by these tables (K, V, O), not the stated ones.

@@ -1,5 +1,7 @@
 """The planner's model with the memory of a form: values and beliefs against independent computations."""
 
+from copy import copy
+
 import numpy as np
 import pytest
 
@@ -9,6 +11,7 @@ from lcorpp.domains.form_dialogue import FormDialogue
 from lcorpp.domains.form_model import FormModel
 from lcorpp.errors import TooLargeError
 from lcorpp.planning import Planner, solve
+from lcorpp.planning.sarsop.paced_search import PacedSearch
 from lcorpp.trust.forms import ByClass, ByNumber, Repeated
 from lcorpp.values import Distribution
 
@@ -63,11 +66,11 @@ def test_beliefs_follow_the_rows_of_the_memory(intention, form):
 
 def test_beliefs_follow_the_class_of_the_person(intention):
     """Against Bayes' rule with a hidden class; contradictory answers mean that it is the unreliable one."""
-    domain, base, _ = intention
+    domain, base, stated = intention
     own = FormDialogue(domain, base, ByClass())
     tables = own.answers.make_tables(own.answers.add_noise([0.0, 0.9]))
     shares = np.array([0.7, 0.3])
-    own.planners = FixedPlanners(own, domain)
+    own.planners = StatedPlanners(own, stated)
     planner = own.make_planner(tables, shares)
     history = [("greet", "pos"), ("greet", "neg"), ("move_forward", "pos"), ("turn", "none"), ("turn", "pos")]
     prior = np.array([0.2, 0.8])
@@ -81,7 +84,7 @@ def test_beliefs_follow_the_class_of_the_person(intention):
         expected = prior * (shares @ np.array(by_class))
         np.testing.assert_allclose(domain.marginal(belief).probabilities, expected / expected.sum())
     restored = FormDialogue(domain, base, ByClass())
-    restored.planners = FixedPlanners(restored, domain)
+    restored.planners = StatedPlanners(restored, stated)
     again = restored.restore(own.state())
     start = domain.prior(Distribution(domain.values, prior))
     np.testing.assert_allclose(
@@ -89,15 +92,15 @@ def test_beliefs_follow_the_class_of_the_person(intention):
     )
 
 
-class FixedPlanners:
-    """Solves the model of the tables."""
+class StatedPlanners:
+    """Returns the stated policy for each model."""
 
-    def __init__(self, own, domain):
-        self._starts = own.place_starts(domain.start_beliefs())
+    def __init__(self, own, stated):
+        self._own, self._stated = own, stated
 
     def __call__(self, tables, make_model):
-        self._tables = tables
-        return Planner(solve(make_model(tables), self._starts, precision=0.1))
+        self._tables, model = tables, make_model(tables)
+        return Planner(self._own.model.lift(self._stated.policy, model), model)
 
     def state(self):
         return self._tables.tolist()
@@ -114,8 +117,10 @@ def test_people_who_contradict_themselves_are_asked_less_if_they_may_be_unreliab
     mean = np.repeat(tables.reshape(3, 2, 2, 3).mean(axis=1), 2, axis=0)
     counts = []
     for known in (tables, mean):
-        own.planners = FixedPlanners(own, domain)
-        planner = own.make_planner(known, np.array([0.5, 0.5]))
+        model, starts = own.model.make_model(known), own.place_starts(domain.start_beliefs())
+        search = PacedSearch(model, starts, precision=0.2)
+        search.advance(trials=60)
+        planner = own.follow(Planner(search.make_policy(), model))
         belief, asked = domain.prior(Distribution(domain.values, [0.5, 0.5])), 0
         while domain.reported_value(action := planner.action(belief)) is None and asked < 50:
             observation = "none" if action == "turn" and asked == 0 else ("pos", "neg")[asked % 2]
@@ -148,3 +153,53 @@ def test_a_form_with_too_many_states_is_refused():
     domain = load_domain("shopping", preset="small")
     with pytest.raises(TooLargeError, match="the form of answers 'repeated' has more than 200 states"):
         FormModel(domain, DomainDialogue(domain), Repeated(len(domain.pomdp.observations)))
+
+
+@pytest.mark.parametrize("form", [ByClass(), Repeated(3)])
+def test_a_belief_about_a_known_person_is_that_after_the_earlier_answers(intention, form):
+    """A person of whom the robot knows nothing is new; a class that is known in part has its probability."""
+    domain, base, _ = intention
+    own = FormDialogue(domain, base, form)
+    prior, n, n_values = domain.pomdp.start, form.n_classes, len(domain.values)
+    new = np.tile(domain.marginal(prior).probabilities, (n, 1)) / n
+    np.testing.assert_allclose(
+        own.model.place_known(prior, [(None, new.ravel())]), own.model.place(prior, np.full(n, 1 / n))
+    )
+    joint = np.random.default_rng(2).dirichlet(np.ones(n * n_values))
+    belief = domain.prior(Distribution(domain.values, joint.reshape(n, -1).sum(axis=0)))
+    placed = own.model.place_known(belief, [(None, joint)])
+    for c in range(n):
+        for v, value in enumerate(domain.values):
+            states = (own.model.states[:, 1] == c) & (
+                own.model._value_of[own.model.states[:, 0]] == domain.values.index(value)
+            )
+            assert placed[states].sum() == pytest.approx(joint[c * n_values + v])
+
+
+def test_somebody_who_repeats_their_answers_is_continued(intention):
+    """Two conversations of a person, the second from the memory of the first, are one conversation."""
+    domain, base, stated = intention
+    own = FormDialogue(domain, base, Repeated(3))
+    tables = own.tables * np.random.default_rng(3).uniform(0.5, 1.5, own.tables.shape)
+    tables /= tables.sum(axis=2, keepdims=True)
+    model = own.model.make_model(tables)
+    planner = own.follow(Planner(own.model.lift(stated.policy, model), model))
+    first, second = [("greet", "pos"), ("greet", "neg")], [("greet", "neg"), ("greet", "pos")]
+    whole, belief = copy(planner), domain.pomdp.start
+    for action, observation in [*first, *second]:
+        belief = whole.update(belief, action, observation)
+    memory = own.find_memory(first)
+    assert own.find_answers(first) + own.find_answers(second, memory) == own.find_answers([*first, *second])
+    assert own.find_memory(second, memory) == own.find_memory([*first, *second])
+    between = domain.pomdp.start
+    earlier = copy(planner)
+    for action, observation in first:
+        between = earlier.update(between, action, observation)
+    values = domain.marginal(between).probabilities
+    again = own.start_known(planner, lambda: [(None, 0 * values), (memory, values)])
+    again_belief = domain.prior(domain.marginal(between))
+    for action, observation in second:
+        again_belief = again.update(again_belief, action, observation)
+    np.testing.assert_allclose(
+        domain.marginal(again_belief).probabilities, domain.marginal(belief).probabilities
+    )

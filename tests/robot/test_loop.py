@@ -11,7 +11,7 @@ from lcorpp.errors import ActionFailedError, ConnectionLostError, NoReportError,
 from lcorpp.robot.connecting import connect
 from lcorpp.robot.loop import MAX_FAILURES, RobotLoop
 from lcorpp.robot.reading import read_robot_config
-from tests.worlds.ros.stand_in import StandIn, beliefs, published, robot_toml
+from tests.worlds.ros.stand_in import BASE, StandIn, beliefs, published, robot_toml
 from tests.worlds.ros.test_rosbridge import wait_until
 
 
@@ -144,6 +144,17 @@ def test_trust_learns_from_each_person(folder, parts):
     with run_loop(folder, parts, strategy=TRUST, people=people) as (_, loop):
         decisions = list(loop.run(2))
         assert [decision.n_learnt for decision in decisions] == [0, 1]
+
+
+@pytest.mark.parametrize("permanent", [True, False])
+def test_trust_recognises_a_person_whose_id_is_permanent(folder, parts, permanent):
+    people = BASE["people"] + f"\npermanent_ids = {str(permanent).lower()}"
+    changes = {"people": people}
+    with run_loop(folder, parts, changes, strategy=TRUST) as (_, loop):
+        (decision,) = loop.run(1)
+        assert decision.id == ("7" if permanent else None)
+        known = loop._session.trust.used.people.find("7")
+        assert (known is not None) == permanent
 
 
 def test_a_fact_of_a_topic(folder, parts):

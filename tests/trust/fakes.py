@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
+from lcorpp.protocols import Memory, Planner, Starts
 from lcorpp.values import Array, Distribution, Label
 from tests.decision.fakes import VALUES, FakePlanner
 
@@ -45,8 +46,14 @@ class AskDialogue:
     def __init__(self) -> None:
         self.planned = list[Array]()
 
-    def find_answers(self, history: Sequence[tuple[str, str]]) -> list[int]:
+    def find_answers(self, history: Sequence[tuple[str, str]], memory: Memory | None = None) -> list[int]:
         return [ANSWERS.index(observation) for action, observation in history if action == "ask"]
+
+    def find_memory(self, history: Sequence[tuple[str, str]], memory: Memory | None = None) -> Memory | None:
+        return None
+
+    def start_known(self, planner: Planner, find_starts: Callable[[], Starts]) -> Planner:
+        return planner
 
     def make_planner(self, tables: Array, shares: Array | None = None) -> FakePlanner:
         self.planned.append(tables)

@@ -30,10 +30,15 @@ class Session(Protocol):
     def n_people(self) -> int:
         """Number of people that it has learnt from."""
 
-    def robot(self, full: Robot) -> Robot:
-        """Return the robot for the next person; `full`: whose classifiers perceive that person."""
+    def robot(self, full: Robot, person: str | None = None) -> Robot:
+        """Return the robot for the next person.
 
-    def learn(self, evidence: Mapping[str, Label], steps: Iterable[Step]) -> None:
+        Args:
+            full: whose classifiers perceive that person.
+            person: id by which the robot recognises a person who is met again; None without.
+        """
+
+    def learn(self, evidence: Mapping[str, Label], steps: Iterable[Step], person: str | None = None) -> None:
         """Learn from the decision about that person, as of an `Episode`."""
 
     def retrain(self, full: Robot, rates: Rates) -> None:

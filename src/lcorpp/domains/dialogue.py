@@ -13,7 +13,7 @@ from lcorpp.domains.domain import Domain
 from lcorpp.domains.information import compute_information
 from lcorpp.errors import DomainError, expected_one_of
 from lcorpp.planning import Pomdp, SparseTables
-from lcorpp.protocols import Planner
+from lcorpp.protocols import Memory, Planner, Starts
 from lcorpp.values import Array
 
 Situation = tuple[int, ...]
@@ -126,8 +126,8 @@ class DomainDialogue:
             return 0.0
         return max(0.0, -float(pomdp.reward[pomdp.action_index(self.question)] @ start))
 
-    def find_answers(self, history: Sequence[tuple[str, str]]) -> list[int]:
-        """Return k * O + o for each question of kind k and its answer o.
+    def find_answers(self, history: Sequence[tuple[str, str]], memory: Memory | None = None) -> list[int]:
+        """Return k * O + o for each question of kind k and its answer o; answers do not depend on a memory.
 
         Raises:
             DomainError: an action or observation is unknown, or impossible at this point.
@@ -143,6 +143,14 @@ class DomainDialogue:
             if kind is not None:
                 answers.append(kind * n_observations + o)
         return answers
+
+    def find_memory(self, history: Sequence[tuple[str, str]], memory: Memory | None = None) -> Memory | None:
+        """Return None: nothing is remembered."""
+        return None
+
+    def start_known(self, planner: Planner, find_starts: Callable[[], Starts]) -> Planner:
+        """Return the planner: its belief about a person is the prior, known or not."""
+        return planner
 
     def make_planner(self, tables: Array, shares: Array | None = None) -> Planner:
         """Return the planner for the model with these tables (K, V, O); people have one class."""

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from copy import copy
 from typing import Any
 
 import numpy as np
@@ -11,7 +12,7 @@ from lcorpp.domains.dialogue import DomainDialogue, PlannerFactory
 from lcorpp.domains.domain import Domain
 from lcorpp.domains.form_model import FormModel
 from lcorpp.planning import Planner, Pomdp
-from lcorpp.protocols import Planner as PlannerProtocol
+from lcorpp.protocols import Memory, Planner as PlannerProtocol, Starts
 from lcorpp.trust.answers import AnswerModel
 from lcorpp.trust.forms import AnswerForm
 from lcorpp.values import Array, Belief
@@ -40,10 +41,17 @@ class FormDialogue:
         self.planners: PlannerFactory | None = None
         self._shares: Array = np.full(form.n_classes, 1 / form.n_classes)
 
-    def find_answers(self, history: Sequence[tuple[str, str]]) -> list[int]:
+    def find_answers(self, history: Sequence[tuple[str, str]], memory: Memory | None = None) -> list[int]:
         """Return k' * O + o for each question whose copy is k', and its answer o."""
         answers = self._base.find_answers(history)
-        return self.form.find_cells(answers, *self._base.tables.shape[::2])
+        return self.form.find_cells(answers, *self._base.tables.shape[::2], start=memory)
+
+    def find_memory(self, history: Sequence[tuple[str, str]], memory: Memory | None = None) -> Memory | None:
+        """Return the memory after a conversation; None if the form remembers nothing of it later."""
+        if not self.form.keeps_memory:
+            return None
+        answers = self._base.find_answers(history)
+        return self.form.list_memories(answers, *self._base.tables.shape[::2], start=memory)[-1]
 
     def make_planner(self, tables: Array, shares: Array | None = None) -> PlannerProtocol:
         """Return the planner for the next person, who answers by these tables (K', V, O).
@@ -89,6 +97,11 @@ class FormDialogue:
         """Return a planner of the form's model as one of the domain's."""
         return FollowingPlanner(self._domain, self.model, planner, self._shares)
 
+    def start_known(self, planner: PlannerProtocol, find_starts: Callable[[], Starts]) -> PlannerProtocol:
+        """Return the planner for a person who is known, see `lcorpp.protocols.Dialogue`."""
+        assert isinstance(planner, FollowingPlanner)
+        return planner.start_known(find_starts)
+
 
 class FollowingPlanner:
     """A planner whose model has the memory of a form, for one person: each person gets a copy.
@@ -102,7 +115,14 @@ class FollowingPlanner:
 
     def __init__(self, domain: Domain, model: FormModel, planner: PlannerProtocol, shares: Array) -> None:
         self._domain, self._model, self._planner, self._shares = domain, model, planner, shares
+        self._find_starts: Callable[[], Starts] | None = None
         self._own: Belief | None = None  # of the form's model, after the first observation
+
+    def start_known(self, find_starts: Callable[[], Starts]) -> FollowingPlanner:
+        """Return the planner for a person whose class or memory is known in part."""
+        planner = copy(self)
+        planner._find_starts = find_starts
+        return planner
 
     @property
     def start(self) -> Belief:
@@ -119,4 +139,8 @@ class FollowingPlanner:
         return self._model.collapse(self._own)
 
     def _find_own(self, prior: Belief) -> Belief:
-        return self._model.place(prior, self._shares) if self._own is None else self._own
+        if self._own is not None:
+            return self._own
+        if self._find_starts is not None:
+            return self._model.place_known(prior, self._find_starts())
+        return self._model.place(prior, self._shares)

@@ -15,7 +15,8 @@ from lcorpp.domains.dialogue import DomainDialogue
 from lcorpp.domains.domain import Domain
 from lcorpp.errors import TooLargeError
 from lcorpp.planning import AlphaVectors, Policy, Pomdp, SparseTables
-from lcorpp.trust.forms import AnswerForm, Memory
+from lcorpp.protocols import Memory, Starts
+from lcorpp.trust.forms import AnswerForm
 from lcorpp.values import Array, Belief, Indices
 
 MAX_STATES = 200
@@ -74,6 +75,26 @@ class FormModel:
         placed: Belief = (shares @ self._begins) * belief[self.states[:, 0]]
         return placed
 
+    def place_known(self, belief: Belief, starts: Starts) -> Belief:
+        """Return (X,) the belief (S,) about a person whose class and memory are known in part.
+
+        Each state's probability is divided by P(class, memory | its value).
+        """
+        joint = dict[int, Array]()
+        for memory, own in starts:
+            own_memory = self.memories[0][1] if memory is None else memory
+            for c, row in enumerate(own.reshape(self.form.n_classes, -1)):
+                key = self._memory_index[c, own_memory]
+                joint[key] = joint[key] + row if key in joint else row
+        total = np.maximum(np.sum(list(joint.values()), axis=0), np.finfo(np.float64).tiny)
+        weights = np.zeros((len(self.memories), len(total)))
+        for m, row in joint.items():
+            weights[m] = row / total
+        base, memories = self.states.T
+        own_weights = np.where(self._is_terminal, 1.0, weights[memories, self._value_of[base]])
+        placed: Belief = own_weights * belief[base]
+        return placed
+
     def collapse(self, belief: Belief) -> Belief:
         """Return (S,) the belief (X,) without the memory."""
         n_states = len(self._domain.pomdp.states)
@@ -130,9 +151,14 @@ class FormModel:
     @cached_property
     def _begins(self) -> Array:
         """(C, X) 1 for the states of a person of each class who was not asked yet, and for terminal ones."""
-        is_terminal = np.isin(self.states[:, 0], list(self._terminal))
-        own: Array = (self.states[:, 1] == np.arange(self.form.n_classes)[:, None]) | is_terminal
+        own: Array = (self.states[:, 1] == np.arange(self.form.n_classes)[:, None]) | self._is_terminal
         return own.astype(np.float64)
+
+    @cached_property
+    def _is_terminal(self) -> npt.NDArray[np.bool_]:
+        """(X,) whether a state is terminal."""
+        found: npt.NDArray[np.bool_] = np.isin(self.states[:, 0], list(self._terminal))
+        return found
 
     @cached_property
     def _columns(self) -> tuple[Indices, Indices, Indices, Array, Indices, Indices, Indices]:

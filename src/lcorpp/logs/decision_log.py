@@ -91,13 +91,16 @@ class DecisionLog:
         *,
         seed: tuple[int, ...] | None = None,
         person: int | None = None,
+        person_id: str | None = None,
     ) -> None:
         """Append a decision, see `format_decision`.
 
         Raises:
             FileError: the file cannot be written.
         """
-        line = format_decision(parts, strategy, context, episode, simulated, seed=seed, person=person)
+        line = format_decision(
+            parts, strategy, context, episode, simulated, seed=seed, person=person, person_id=person_id
+        )
         self.append_lines([line])
 
     def append_lines(self, lines: Iterable[bytes]) -> None:
@@ -151,6 +154,7 @@ def format_decision(
     *,
     seed: tuple[int, ...] | None = None,
     person: int | None = None,
+    person_id: str | None = None,
 ) -> bytes:
     """Return a decision as one line of JSON; numbers have all their digits.
 
@@ -159,8 +163,13 @@ def format_decision(
         simulated: what only a simulation knows, e.g. the truth, cost and return.
         seed: of `make_generator`, for a strategy that draws its actions.
         person: number of people before this one, for a strategy that learns from them.
+        person_id: by which such a strategy recognises people; None without.
     """
-    own = {"seed": seed} if strategy.draws else {"person": person} if strategy.start is not None else {}
+    own = dict[str, Any]()
+    if strategy.draws:
+        own["seed"] = seed
+    elif strategy.start is not None:
+        own |= {"person": person} | ({} if person_id is None else {"person_id": person_id})
     states = parts.domain.pomdp.states
     marginal = episode.marginal
     content = {

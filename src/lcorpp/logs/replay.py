@@ -97,12 +97,12 @@ def replay_log(
             strategy = known.find_strategy(line.strategy, parts.domain)
             with strategy.locate_failures():
                 session = known.find_session(parts, strategy, line.strategy.get("person"))
-                robot = make_logged_robot(
-                    parts, strategy, episode.labels, line.strategy.get("seed"), session=session
-                )
+                who = line.strategy.get("person_id")
+                seed = line.strategy.get("seed")
+                robot = make_logged_robot(parts, strategy, episode.labels, seed, session=session, person=who)
                 differences = compare(episode, robot, line)
                 if session is not None:
-                    session.learn(episode.evidence, episode.steps)
+                    session.learn(episode.evidence, episode.steps, who)
             result = ReplayedDecision(line.line, strategy.name, episode, tuple(differences))
         except DAMAGE as error:
             result = DataError(f"{path}:{line.line}: cannot be replayed: {describe_damage(error)}")
@@ -208,11 +208,16 @@ def make_logged_robot(
     seed: Sequence[int] | None,
     *,
     session: Session | None = None,
+    person: str | None = None,
 ) -> Robot:
-    """Return the robot of one decision, whose classifiers return the labels of the log."""
+    """Return the robot of one decision, whose classifiers return the labels of the log.
+
+    Args:
+        person: id of the person, see `Session.robot`.
+    """
     classifiers = {name: PrecomputedLabel(label) for name, label in labels.items()}
     if session is not None:
-        return session.robot(replace(parts.robot, classifiers=classifiers))
+        return session.robot(replace(parts.robot, classifiers=classifiers), person)
     rng = make_generator(*seed) if strategy.draws and seed is not None else None
     return strategy.robot(replace(parts.robot, classifiers=classifiers), rng)
 

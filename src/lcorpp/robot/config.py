@@ -59,12 +59,14 @@ class PeopleConfig:
     tracker: of all senses without their own. senses: sense -> its own tracker.
     decide_after: seconds of a track before the robot decides.
     max_silence: seconds without a sample after which a person has left.
+    permanent_ids: whether a person who comes back has the id of before, e.g. by the face.
     """
 
     tracker: TrackerConfig
     senses: Mapping[str, TrackerConfig] = field(default_factory=dict)
     decide_after: float = 10.0
     max_silence: float = 3.0
+    permanent_ids: bool = False
 
     @property
     def trackers(self) -> dict[str, TrackerConfig]:

@@ -45,6 +45,7 @@ class Decision:
     episode: None if the decision failed. error: why it failed, None if it did not.
     failures: of actions whose failure was an observation.
     n_learnt: number of people that the strategy had learnt from before.
+    id: the person's, if the tracker recognises people who come back.
     """
 
     person: str
@@ -53,6 +54,7 @@ class Decision:
     error: LcorppError | None = None
     failures: tuple[WorldError, ...] = ()
     n_learnt: int = 0
+    id: str | None = None
 
 
 class RobotLoop:
@@ -205,7 +207,12 @@ class RobotLoop:
 
     def _make_robot(self, person: str) -> Robot:
         full = replace(self._full, classifiers=self._people.classifiers(person))
-        return self._strategy.robot(full) if self._session is None else self._session.robot(full)
+        if self._session is None:
+            return self._strategy.robot(full)
+        return self._session.robot(full, self._find_id(person))
+
+    def _find_id(self, person: str) -> str | None:
+        return person if self._config.people.permanent_ids else None
 
     def _read_facts(self) -> dict[str, str]:
         facts = {name: fact.read() for name, fact in self._config.facts.items()}
@@ -221,22 +228,22 @@ class RobotLoop:
             self._attention.note_presence(len(self._people.list_people()), monotonic())
             self._show_step(person, step)
 
-        n_learnt = 0 if self._session is None else self._session.n_people
+        n_learnt, own = 0 if self._session is None else self._session.n_people, self._find_id(person)
         try:
             facts = self._read_facts()
             instance = Instance(self._people.signals(person), facts)
             robot, max_steps = self._make_robot(person), self._config.max_actions
             episode = dt_control(robot, instance, world, max_steps=max_steps, listener=take)
             if self._session is not None:
-                self._session.learn(episode.evidence, episode.steps)
+                self._session.learn(episode.evidence, episode.steps, own)
         except LcorppError as failure:
             world.stop()
-            return Decision(person, facts, None, failure, tuple(world.failures), n_learnt)
+            return Decision(person, facts, None, failure, tuple(world.failures), n_learnt, own)
         except BaseException:
             world.stop()
             raise
         error = self._publish_intent(person, episode)
-        return Decision(person, facts, episode, error, tuple(world.failures), n_learnt)
+        return Decision(person, facts, episode, error, tuple(world.failures), n_learnt, own)
 
     def _publish_intent(self, person: str, episode: Episode) -> WorldError | None:
         """Publish that the person wants to engage, if so reported; return why it failed, if it did."""

@@ -223,6 +223,7 @@ def _read_people(table: TomlTable, domain: Domain) -> PeopleConfig:
         _read_own_trackers(table.section("senses"), domain),
         table.number("decide_after", 0.1, MAX_SECONDS, default.decide_after),
         table.number("max_silence", MIN_SILENCE, MAX_SECONDS, default.max_silence),
+        table.flag("permanent_ids", default.permanent_ids),
     )
     table.reject_unknown_keys()
     return config

@@ -36,16 +36,16 @@ class AlarmSession:
         """Number of people, also of earlier alarms."""
         return self._n_before + self._alarm.n_people
 
-    def robot(self, full: Robot) -> Robot:
+    def robot(self, full: Robot, person: str | None = None) -> Robot:
         """Return the robot as it is."""
         return full
 
-    def learn(self, evidence: Mapping[str, Label], steps: Iterable[Step]) -> None:
-        """Update the alarm with the decision about a person."""
+    def learn(self, evidence: Mapping[str, Label], steps: Iterable[Step], person: str | None = None) -> None:
+        """Update the alarm with the decision about a person, who counts as new whether known or not."""
         for finding in self._alarm.update(evidence, steps):
-            person = self._n_before + finding.person
-            self._found.append(f"person {person}: {describe_finding(finding, self._domain)}")
-            self._listener(person, finding)
+            number = self._n_before + finding.person
+            self._found.append(f"person {number}: {describe_finding(finding, self._domain)}")
+            self._listener(number, finding)
 
     def retrain(self, full: Robot, rates: Rates) -> None:
         """Continue with the hypotheses about the program after a training, or start again."""

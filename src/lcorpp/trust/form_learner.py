@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from lcorpp.protocols import Dialogue, DomainInterface, Planner
+from lcorpp.latent_classes import normalise
+from lcorpp.protocols import Dialogue, DomainInterface, Memory, Planner, Starts
 from lcorpp.trust.answers import AnswerModel
+from lcorpp.trust.known_people import Acquaintance, KnownPeople, bound_belief
 from lcorpp.trust.learnt_sources import LearntSources
 from lcorpp.trust.optimism import find_planned_rows
 from lcorpp.trust.options import TrustOptions
@@ -38,6 +40,41 @@ class StatedForm:
     n_copies: int = 1
 
 
+@dataclass(frozen=True, eq=False)
+class Prediction:
+    """What is expected of a person before any answer.
+
+    weights: (sources,) of the sources. rows: (sources, W) P(value), with the person's class, of each one.
+    again: (W,) the same if the value is that of the last time; None for somebody who is new.
+    kept: the probability that it is. memory: with which the conversation starts then.
+    """
+
+    weights: Array
+    rows: Array
+    n_classes: int
+    again: Array | None = None
+    kept: float = 0.0
+    memory: Memory | None = None
+
+    @property
+    def starts(self) -> Starts:
+        """Each memory with which the conversation may start, with (W,) its probability with each value."""
+        new = (None, (1 - self.kept) * (self.weights @ self.rows))
+        return [new] if self.again is None else [new, (self.memory, self.kept * self.again)]
+
+    @property
+    def mixture(self) -> Array:
+        """(W,) P(value), with the person's class."""
+        total: Array = np.sum([own for _, own in self.starts], axis=0)
+        return total
+
+    @property
+    def marginal(self) -> Array:
+        """(V,) P(value)."""
+        values: Array = self.mixture.reshape(self.n_classes, -1).sum(axis=0)
+        return values
+
+
 class FormLearner:
     """The mixture of sources, and the observation model, if answers have one form.
 
@@ -46,7 +83,8 @@ class FormLearner:
 
     Attributes:
         weights: (sources,) summing to 1: those that do not learn, first the knowledge, then `learnt.names`.
-        sources: those that learn. tables: the observation model of the last plan. planner: for the next one.
+        sources: those that learn. people: those who were met with an id.
+        tables: the observation model of the last plan. planner: for the next one.
     """
 
     def __init__(
@@ -66,49 +104,102 @@ class FormLearner:
         self._shares = np.full(n_sources, (1 - KNOWLEDGE_SHARE) / (n_sources - 1))
         self._shares[0] = KNOWLEDGE_SHARE
         self.weights = np.full(n_sources, 1 / n_sources)
+        self.people = KnownPeople()
         self._next_fit, self._next_search, self._is_stale = 1, FIRST_SEARCH, False
 
     def index_context(self, facts: Mapping[str, Label]) -> int:
         """Return the index of a context; a new one is added."""
         return self.sources.index_context(facts)
 
-    def predict(self, context: int, labels: Sequence[int], stated: Array, expected: Array) -> Array:
-        """Return (sources, W) P(value) of each source, with the person's class.
+    def predict(
+        self,
+        context: int,
+        labels: Sequence[int],
+        stated: Array,
+        expected: Array,
+        person: str | None = None,
+    ) -> Prediction:
+        """Predict a person's value by each source.
 
         Args:
             stated: (n, V) of those that do not learn. expected: (V,) by the knowledge, given the facts.
+            person: id, if there is one.
         """
         if self._n_classes > 1:
             shares = self.sources.learnt.class_shares[:, None]
             stated = (shares * stated[:, None]).reshape(len(stated), -1)
             expected = (shares * expected).ravel()
         learnt = self.sources.predict(context, labels, stated[0], expected)
-        return np.concatenate([stated, learnt])
-
-    def collapse(self, predicted: Array) -> Array:
-        """Return (V,) P(value) of the mixture, from the sources' predictions (sources, W)."""
-        mixture: Array = (self.weights @ predicted).reshape(self._n_classes, -1).sum(axis=0)
-        return mixture
+        rows = np.concatenate([stated, learnt])
+        known = self.people.find(person)
+        if known is None:
+            return Prediction(self.weights, rows, self._n_classes)
+        if self._n_classes > 1:
+            rows = normalise(rows * np.repeat(known.odds, rows.shape[1] // self._n_classes))
+        again = self.sources.learnt.weigh_labels(known.belief, labels)
+        return Prediction(self.weights, rows, self._n_classes, again, self.people.kept, known.memory)
 
     def learn(
-        self, context: int, labels: Sequence[int], predicted: Array, history: Iterable[tuple[str, str]]
+        self,
+        context: int,
+        labels: Sequence[int],
+        predicted: Prediction,
+        history: Sequence[tuple[str, str]],
+        person: str | None = None,
     ) -> float:
         """Learn from a person, without fitting the models anew.
 
         Args:
-            predicted: of `predict`.
+            predicted: of `predict`, for the same person.
 
         Returns:
             log P(answers | facts, labels), by what was learnt before.
         """
-        answers = self.dialogue.find_answers(list(history))
-        logs = self.sources.learnt.estimates.log_answers[list(answers)].sum(axis=0)
+        answers = self.dialogue.find_answers(history)
+        logs = self._sum_logs(answers)
         top = float(logs.max())
-        weights = self.weights * (predicted @ np.exp(logs - top))
-        total, share = float(weights.sum()), self._options.share
-        self.weights = (1 - share) * weights / total + share * self._shares
+        weights = self.weights * (predicted.rows @ np.exp(logs - top))
+        total, kept = float(weights.sum()), 0.0
+        joint = self.weights @ predicted.rows * np.exp(logs - top)
+        if predicted.again is not None:
+            continued = self.dialogue.find_answers(history, predicted.memory)
+            again = predicted.again * np.exp(self._sum_logs(continued) - top)
+            self.people.compare(float(again.sum()), total)
+            new, again = (1 - predicted.kept) * total, predicted.kept * again
+            total = new + float(again.sum())
+            kept = 1 - new / total
+            weights = (1 - kept) * weights / weights.sum() + kept * self.weights
+            joint = (1 - predicted.kept) * joint + again
+            if kept > 1 / 2:
+                answers = continued
+        share = self._options.share
+        self.weights = (1 - share) * weights / weights.sum() + share * self._shares
         self.sources.add(context, labels, answers)
+        if person is not None:
+            self._remember(person, predicted, joint / total, kept, history)
         return float(np.log(total)) + top
+
+    def _sum_logs(self, answers: Sequence[int]) -> Array:
+        """Return (W,) log P(answers | value)."""
+        total: Array = self.sources.learnt.estimates.log_answers[list(answers)].sum(axis=0)
+        return total
+
+    def _remember(
+        self,
+        person: str,
+        predicted: Prediction,
+        belief: Array,
+        kept: float,
+        history: Sequence[tuple[str, str]],
+    ) -> None:
+        """Replace what is known of a person by the belief (W,) after the answers."""
+        before = self.people.find(person)
+        n = self._n_classes
+        gained = belief.reshape(n, -1).sum(axis=1) / predicted.mixture.reshape(n, -1).sum(axis=1)
+        odds = normalise(gained * (1.0 if before is None else before.odds))
+        memory = self.dialogue.find_memory(history, predicted.memory if kept > 1 / 2 else None)
+        now = Acquaintance(bound_belief(belief), memory, odds)
+        self.people.add(person, now)
 
     def fit(self, n_people: int) -> None:
         """Fit the models anew where it is due after this number of people."""
@@ -143,12 +234,14 @@ class FormLearner:
             "stale": self._is_stale,
             "tables": self.tables.tolist(),
             "learnt": self.sources.state(),
+            "people": self.people.state(),
             "planners": self.dialogue.state(),
         }
 
     def restore(self, state: Mapping[str, Any], *, has_people: bool) -> None:
         """Continue from a state, before the first person."""
         self.sources.restore(state["learnt"])
+        self.people.restore(state["people"])
         self.weights = np.array(state["weights"], np.float64).reshape(self.weights.shape)
         self.tables = np.array(state["tables"], np.float64).reshape(self.tables.shape)
         self._next_fit, self._next_search = state["next_fit"], state["next_search"]

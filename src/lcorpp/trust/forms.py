@@ -7,12 +7,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from lcorpp.protocols import Memory
 from lcorpp.trust.answers import AnswerModel, NoiseGroup
 from lcorpp.values import Array
-
-Memory = tuple[int, ...]
-"""What a form remembers of the questions and answers so far; () for nothing."""
-
 
 UNRELIABLE = 0.7
 """Most probable noise a priori of the people who answer less reliably."""
@@ -29,8 +26,10 @@ class AnswerForm(ABC):
     (k * `n_copies` + c) * C + l. A person's class is hidden and does not change.
 
     name: of the form. n_copies: of each kind. groups: of copies, or classes of people, that share a noise.
-    n_classes: C.
+    n_classes: C. keeps_memory: whether a person who is met again answers as if the conversation went on.
     """
+
+    keeps_memory = False
 
     def __init__(
         self, name: str, n_copies: int, groups: tuple[NoiseGroup, ...], *, n_classes: int = 1
@@ -65,17 +64,29 @@ class AnswerForm(ABC):
         """Return (K', V, O) the rows of all copies, from those of the kinds (K, V, O)."""
         return np.repeat(tables, self.n_copies, axis=0)
 
-    def list_memories(self, answers: Sequence[int], n_kinds: int, n_observations: int) -> list[Memory]:
-        """Return the memory before each answer k * O + o, in the order of the answers, and after all."""
-        memories = [self.begin(n_kinds)]
+    def list_memories(
+        self, answers: Sequence[int], n_kinds: int, n_observations: int, *, start: Memory | None = None
+    ) -> list[Memory]:
+        """Return the memory before each answer k * O + o, in the order of the answers, and after all.
+
+        Args:
+            start: the first memory, if it is not that of somebody who was not asked yet.
+        """
+        memories = [self.begin(n_kinds) if start is None else start]
         for answer in answers:
             memories.append(self.advance(memories[-1], *divmod(answer, n_observations)))
         return memories
 
-    def find_cells(self, answers: Sequence[int], n_kinds: int, n_observations: int) -> list[int]:
-        """Return k' * O + o for each answer k * O + o, in the order in which they were given."""
+    def find_cells(
+        self, answers: Sequence[int], n_kinds: int, n_observations: int, *, start: Memory | None = None
+    ) -> list[int]:
+        """Return k' * O + o for each answer k * O + o, in the order in which they were given.
+
+        Args:
+            start: as of `list_memories`.
+        """
         cells = list[int]()
-        *before, _ = self.list_memories(answers, n_kinds, n_observations)
+        *before, _ = self.list_memories(answers, n_kinds, n_observations, start=start)
         for memory, answer in zip(before, answers, strict=True):
             kind, observation = divmod(answer, n_observations)
             copy = self.find_copy(memory, kind)
@@ -130,6 +141,8 @@ class Repeated(AnswerForm):
     Copy 0 is for a new question, copy 1 + o for one with the last answer o. At noise 1 of the second group,
     that answer is certain.
     """
+
+    keeps_memory = True
 
     def __init__(self, n_observations: int) -> None:
         super().__init__("repeated", 1 + n_observations, (NoiseGroup(), NoiseGroup()))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -10,11 +10,11 @@ import numpy as np
 from lcorpp.decision.strategies import NO_RATES, Rates
 from lcorpp.errors import DecisionError
 from lcorpp.notebook import html_table, join_some
-from lcorpp.protocols import Dialogue, DomainInterface, Planner, Reasoner
+from lcorpp.protocols import Dialogue, DomainInterface, Planner, Reasoner, Starts
 from lcorpp.trust.answers import AnswerModel
 from lcorpp.trust.asking import AskingPlanner, AskingRule
 from lcorpp.trust.cases import NO_LABEL
-from lcorpp.trust.form_learner import FormLearner, StatedForm
+from lcorpp.trust.form_learner import FormLearner, Prediction, StatedForm
 from lcorpp.trust.latent_class_model import LatentClassModel
 from lcorpp.trust.options import DEFAULT_OPTIONS, TrustOptions
 from lcorpp.trust.sources import StatedSources
@@ -54,8 +54,8 @@ class Trust:
         options: see `TrustOptions`.
 
     Attributes:
-        sources: their names. weights: (sources,) summing to 1. n_people: number of people learnt from.
-        asking: who is asked to learn, and what that has cost.
+        domain: as given. sources: their names. weights: (sources,) summing to 1.
+        n_people: number of people learnt from. asking: who is asked to learn, and what that has cost.
         tables: (K, V, O) P(answer | value) of K kinds of questions, the observation model for planning.
         planner: for the next person, by that model. These are of the form in use.
         forms: their names. form_weights: (forms,) summing to 1.
@@ -88,7 +88,7 @@ class Trust:
         forms: Sequence[StatedForm] = (),
     ) -> None:
         self.options = options
-        self._domain, self._dialogue, self._start = domain, dialogue, domain.marginal(planner.start)
+        self.domain, self._dialogue, self._start = domain, dialogue, domain.marginal(planner.start)
         stated_rates = self._set_reasoner(reasoner, rates)
         independent = StatedForm("independent", dialogue, AnswerModel.of_tables(dialogue.tables), planner)
         stated_forms = (independent, *forms)
@@ -113,6 +113,14 @@ class Trust:
         form = f", whose answers are {self.form}" if len(self.forms) > 1 else ""
         return html_table(("source", "weight"), rows, caption=f"Trust after {self.n_people} people{form}")
 
+    def recognise(self, person: str) -> RecognisedPerson:
+        """Return the reasoner for a person who may be met again, or was met before.
+
+        Args:
+            person: id, as of `learn`.
+        """
+        return RecognisedPerson(self, person)
+
     def posterior(self, attribute: str | Sequence[str], evidence: Mapping[str, Label]) -> Distribution:
         """Return the mixture of the sources' predictions (`lcorpp.protocols.Reasoner`).
 
@@ -120,27 +128,41 @@ class Trust:
             DecisionError: `attribute` is not what reasoner and planner share.
             UndefinedError: the evidence is impossible under the knowledge.
         """
-        if attribute != self._domain.shared and tuple(attribute) != self._domain.shared:
-            raise DecisionError(f"trust predicts {self._domain.shared!r}, not {attribute!r}")
-        (predicted,) = self._predict(evidence, self._find_labels(evidence), [self.used])
-        return Distribution.unchecked(self._domain.values, self.used.collapse(predicted))
+        return Distribution.unchecked(self.domain.values, self.predict(attribute, evidence).marginal)
 
-    def make_planner(self) -> Planner:
-        """Return the planner for the next person, which sometimes asks to learn."""
-        return AskingPlanner(self.planner, self._domain, self._dialogue, self._find_wanted())
+    def predict(
+        self, attribute: str | Sequence[str], evidence: Mapping[str, Label], person: str | None = None
+    ) -> Prediction:
+        """Return what is expected of a person by the form in use; arguments and errors as of `posterior`."""
+        if attribute != self.domain.shared and tuple(attribute) != self.domain.shared:
+            raise DecisionError(f"trust predicts {self.domain.shared!r}, not {attribute!r}")
+        (predicted,) = self._predict(evidence, self._find_labels(evidence), [self.used], person)
+        return predicted
 
-    def learn(self, evidence: Mapping[str, Label], steps: Iterable[Step]) -> None:
+    def make_planner(self, find_starts: Callable[[], Starts] | None = None) -> Planner:
+        """Return the planner for the next person, which sometimes asks to learn.
+
+        Args:
+            find_starts: for a person who is known, see `Dialogue.start_known`.
+        """
+        planner = self.planner
+        if find_starts is not None:
+            planner = self.used.dialogue.start_known(planner, find_starts)
+        return AskingPlanner(planner, self.domain, self._dialogue, self._find_wanted())
+
+    def learn(self, evidence: Mapping[str, Label], steps: Iterable[Step], person: str | None = None) -> None:
         """Learn from a person: update the weights, then the models, then the planner.
 
         Args:
             evidence: what `posterior` got. steps: of the decision.
+            person: id by which the person is recognised when met again; None for somebody without one.
         """
         history = [(step.action, step.observation) for step in steps if step.observation is not None]
         facts, labels = self._find_facts(evidence), self._find_labels(evidence)
         logs = [
-            learner.learn(learner.index_context(facts), labels, predicted, history)
+            learner.learn(learner.index_context(facts), labels, predicted, history, person)
             for learner, predicted in zip(
-                self._learners, self._predict(evidence, labels, self._learners), strict=True
+                self._learners, self._predict(evidence, labels, self._learners, person), strict=True
             )
         ]
         weights = self.form_weights * np.exp(np.array(logs) - max(logs))
@@ -169,7 +191,7 @@ class Trust:
 
     def _set_reasoner(self, reasoner: Reasoner, rates: Rates) -> list[Array]:
         """Set the sources that do not learn; return the stated rates (V, L) of each sense."""
-        self._stated = StatedSources(reasoner, self._domain, self._start)
+        self._stated = StatedSources(reasoner, self.domain, self._start)
         self._labels, stated_rates = list[Mapping[str, int]](), list[Array]()
         for attribute in self._stated.attributes:
             if attribute in rates:
@@ -261,12 +283,16 @@ class Trust:
         return np.array([1 - others, *[others / max(n_others, 1)] * n_others])
 
     def _predict(
-        self, evidence: Mapping[str, Label], labels: Sequence[int], learners: Sequence[FormLearner]
-    ) -> list[Array]:
-        """Return (sources, W) P(value) of each source, for each of some forms."""
+        self,
+        evidence: Mapping[str, Label],
+        labels: Sequence[int],
+        learners: Sequence[FormLearner],
+        person: str | None,
+    ) -> list[Prediction]:
+        """Return what is expected of a person by each of some forms."""
         stated, facts = self._stated.predict(evidence), self._find_facts(evidence)
         expected = self._stated.predict(facts)[0]
-        return [own.predict(own.index_context(facts), labels, stated, expected) for own in learners]
+        return [own.predict(own.index_context(facts), labels, stated, expected, person) for own in learners]
 
     def _find_labels(self, evidence: Mapping[str, Label]) -> list[int]:
         """Return the index of the label of each sense."""
@@ -281,3 +307,34 @@ class Trust:
     def _find_facts(self, evidence: Mapping[str, Label]) -> dict[str, Label]:
         attributes = self._stated.attributes
         return {name: value for name, value in evidence.items() if name not in attributes}
+
+
+class RecognisedPerson:
+    """The reasoner for one person whom the robot recognises, e.g. by the face (`lcorpp.protocols.Reasoner`).
+
+        person = trust.recognise("face 17")
+        robot = Robot(classifiers, person, person.make_planner(), domain)
+        trust.learn(episode.evidence, episode.steps, "face 17")
+
+    Args:
+        person: id.
+    """
+
+    def __init__(self, trust: Trust, person: str) -> None:
+        self._trust, self._person = trust, person
+        self._predicted: Prediction | None = None
+
+    def posterior(self, attribute: str | Sequence[str], evidence: Mapping[str, Label]) -> Distribution:
+        """Return the mixture of what the sources predict and, if the person is known, what remains."""
+        self._predicted = self._trust.predict(attribute, evidence, self._person)
+        values = self._trust.domain.values
+        return Distribution.unchecked(values, self._predicted.marginal)
+
+    def make_planner(self) -> Planner:
+        """Return the planner for the person; `posterior` is called before its first action."""
+        return self._trust.make_planner(self._find_starts)
+
+    def _find_starts(self) -> Starts:
+        if self._predicted is None:
+            raise DecisionError("nothing is predicted of this person; expected a call of `posterior` first")
+        return self._predicted.starts

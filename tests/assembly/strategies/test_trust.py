@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from lcorpp import load_robot
 from lcorpp.assembly.options import EvidenceOptions, TrainingOptions
 from lcorpp.assembly.soft_rates import compute_soft_rates
 from lcorpp.assembly.strategies.baselines import find_strategies
@@ -17,12 +18,14 @@ from lcorpp.decision import dt_control, strategies
 from lcorpp.domains import load_domain
 from lcorpp.errors import DataError, DecisionError, DomainError
 from lcorpp.experiments.comparison import ComparisonOptions, compare_strategies, set_up_experiment
-from lcorpp.logs.replay import ReplayedDecision, replay_log
+from lcorpp.logs import DecisionLog
+from lcorpp.logs.replay import ReplayedDecision, make_logged_robot, replay_log
 from lcorpp.planning import SparseTables
 from lcorpp.planning.policy_cache import find_cache_folder
 from lcorpp.scoring import trial_chunks
 from lcorpp.scoring.experiment import ChunkSource, replay_trial
-from lcorpp.values import ConfusionMatrix, EvidenceKind
+from lcorpp.values import ConfusionMatrix, EvidenceKind, Instance
+from lcorpp.worlds import ScriptedWorld
 from tests.domains.deliveries import GAZE, VOICE, write_domain
 
 ROOMS = Path(__file__).parents[2] / "domains" / "rooms"
@@ -133,6 +136,27 @@ def test_a_replay_learns_in_the_order_of_the_log(tmp_path, place):
     results = list(replay_log(log, cache=find_cache_folder()))
     assert len(results) == 2 * 8 * len(ROWS)
     assert not [result for result in results if result.differences]
+
+
+def test_a_replay_recognises_the_people_of_the_log(tmp_path):
+    """Three people in turn; without their ids the beliefs differ from the second meeting on."""
+    robot = load_robot("intention", cache=find_cache_folder())
+    parts, log = robot.parts, tmp_path / "log"
+    session, facts = TRUST.start(parts.robot, parts.rates), {"time": "afternoon", "location": "classroom"}
+    with DecisionLog(log) as kept:
+        for n in range(9):
+            who, answers = str(n % 3), ScriptedWorld(9 * [["pos", "neg", "pos"][n % 3]])
+            own = make_logged_robot(parts, TRUST, {"motion": "interested"}, None, session=session, person=who)
+            episode = dt_control(own, Instance({"motion": [[0.0, 1.0], [0.0, 1.0]]}, facts), answers)
+            session.learn(episode.evidence, episode.steps, who)
+            kept.append(parts, TRUST, facts, episode, person=n, person_id=who)
+    assert not [result for result in replay_log(log, cache=find_cache_folder()) if result.differences]
+    lines = [json.loads(line) for line in log.read_bytes().splitlines()]
+    for line in lines:
+        del line["strategy"]["person_id"]
+    log.write_text("".join(json.dumps(line) + "\n" for line in lines))
+    results = list(replay_log(log, cache=find_cache_folder()))
+    assert [bool(result.differences) for result in results] == 3 * [False] + 6 * [True]
 
 
 def test_a_line_that_is_missing_stops_the_replay_of_its_session(tmp_path):

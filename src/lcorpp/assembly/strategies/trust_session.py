@@ -45,13 +45,16 @@ class TrustSession:
         """Number of people that it has learnt from."""
         return self.trust.n_people
 
-    def robot(self, full: Robot) -> Robot:
-        """Return the robot for the next person; `full`: whose classifiers perceive that person."""
-        return replace(full, reasoner=self.trust, planner=self.trust.make_planner())
+    def robot(self, full: Robot, person: str | None = None) -> Robot:
+        """Return the robot for the next person, see `Session.robot`."""
+        if person is None:
+            return replace(full, reasoner=self.trust, planner=self.trust.make_planner())
+        known = self.trust.recognise(person)
+        return replace(full, reasoner=known, planner=known.make_planner())
 
-    def learn(self, evidence: Mapping[str, Label], steps: Iterable[Step]) -> None:
+    def learn(self, evidence: Mapping[str, Label], steps: Iterable[Step], person: str | None = None) -> None:
         """Learn from the decision about that person."""
-        self.trust.learn(evidence, steps)
+        self.trust.learn(evidence, steps, person)
 
     def retrain(self, full: Robot, rates: Rates) -> None:
         """Use a robot whose classifiers were trained again, see `Trust.retrain`."""
