@@ -1,5 +1,6 @@
 """`[planning.answers]`: the stated form of answers is in the planner's model, and people answer by it."""
 
+import itertools
 import shutil
 from dataclasses import replace
 from pathlib import Path
@@ -21,6 +22,7 @@ ROOMS = Path(__file__).parent / "rooms"
 FORMS = {
     "number": {"model": "number", "noise": [0.1, 0.5, 0.8]},
     "repeated": {"model": "repeated", "repeats": 0.8, "noise": 0.1},
+    "class": {"model": "class", "noise": [0.1, 0.8], "share": 0.3},
 }
 
 
@@ -44,7 +46,11 @@ def mix(observation, states, noise):
 
 @pytest.mark.parametrize(
     "answers",
-    [{"model": "number", "noise": [0.4, 0.4, 0.4]}, {"model": "repeated", "repeats": 0, "noise": 0.4}],
+    [
+        {"model": "number", "noise": [0.4, 0.4, 0.4]},
+        {"model": "repeated", "repeats": 0, "noise": 0.4},
+        {"model": "class", "noise": [0.4, 0.4], "share": 0.3},
+    ],
 )
 def test_without_an_effect_of_the_memory_scores_are_those_of_independent_answers(answers):
     """The same noise whatever was asked before, against a model with noisier rows."""
@@ -80,8 +86,15 @@ def test_a_second_question_that_says_nothing_new_is_not_asked():
     assert usual["P"] > 1.5
 
 
-@pytest.mark.parametrize("form", FORMS)
-@pytest.mark.parametrize("name", ["intention", ROOMS])
+@pytest.mark.parametrize(
+    ("name", "form"),
+    [
+        *itertools.product([ROOMS], FORMS),
+        ("intention", "number"),
+        ("intention", "repeated"),
+        pytest.param("intention", "class", marks=pytest.mark.slow),  # solved up to the time limit, twice
+    ],
+)
 def test_simulated_people_agree_with_exact_scores(name, form):
     domain = load(name, **FORMS[form])
     options = ComparisonOptions(
@@ -125,10 +138,20 @@ def test_people_answer_by_the_number_of_the_question_and_repeat_themselves():
     assert abs((pairs == "yes").mean() - 0.8) < 4 * np.sqrt(0.25 / n)
 
 
+def test_people_of_two_classes_answer_with_their_own_noise():
+    """Nobody of the second class is right but by chance; agreement of answers shows the classes."""
+    domain = load(ROOMS, model="class", noise=[0, 1], share=0.25)
+    model, rng, n = SimulationModel(domain), np.random.default_rng(6), 4000
+    worlds = (model.make_world({"goal": "lab"}, rng) for _ in range(n))
+    right = np.array([[world.act("point") for _ in range(2)] for world in worlds]) == "yes"
+    assert abs(right.mean() - (0.75 * 0.8 + 0.25 / 3)) < 4 * np.sqrt(0.25 / n)
+    assert abs(right.all(axis=1).mean() - (0.75 * 0.8**2 + 0.25 / 9)) < 4 * np.sqrt(0.25 / n)
+
+
 @pytest.mark.parametrize(
     ("answers", "words"),
     [
-        ({"model": "tired"}, "model: 'tired'; expected one of number, repeated"),
+        ({"model": "tired"}, "model: 'tired'; expected one of number, repeated, class"),
         ({"noise": [0, 1]}, "model is missing"),
         ({"model": "number"}, "noise is missing"),
         (
@@ -141,6 +164,12 @@ def test_people_answer_by_the_number_of_the_question_and_repeat_themselves():
         ({"model": "number", "noise": [0.3, float("nan")]}, "noise: nan; expected numbers from 0 to 1"),
         ({"model": "number", "noise": [0, 1], "repeats": 0.5}, "repeats: unknown key"),
         ({"model": "repeated"}, "repeats is missing"),
+        ({"model": "class", "noise": [0, 0.5]}, "share is missing"),
+        (
+            {"model": "class", "noise": [0, 0.5, 1], "share": 0.2},
+            "noise: expected a list of 2 numbers, for the",
+        ),
+        ({"model": "class", "noise": [0, 1], "share": 2}, "share: expected a number from 0 to 1, not 2"),
         ({"model": "repeated", "repeats": 2}, "repeats: expected a number from 0 to 1, not 2"),
     ],
 )

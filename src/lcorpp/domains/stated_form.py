@@ -34,7 +34,9 @@ def state_form(domain: Domain, answers: StatedAnswers, location: str) -> Domain:
         model = FormModel(domain, dialogue, answers.form, max_states=MAX_STATES)
     except (DomainError, TooLargeError) as error:
         raise DomainError(f"{location}: {error}") from None
+    shares = np.array(answers.shares)
     pomdp = model.make_model(answers.make_tables(dialogue.tables))
+    pomdp = replace(pomdp, start=model.place(domain.pomdp.start, shares))
     feedback, transition = pomdp.observation.dense, None
     if not np.array_equal(simulation.feedback_model, domain.pomdp.observation.dense):
         tables = answers.make_tables(_find_tables(dialogue, simulation.feedback_model, location))
@@ -45,7 +47,7 @@ def state_form(domain: Domain, answers: StatedAnswers, location: str) -> Domain:
     lifted = replace(
         planning,
         pomdp=pomdp,
-        initial_states=np.array([model.place(row, np.ones(1)) for row in planning.initial_states]),
+        initial_states=np.array([model.place(row, shares) for row in planning.initial_states]),
         state_values=planning.state_values[places],
         terminal=tuple(np.flatnonzero(np.isin(places, planning.terminal)).tolist()),
         problem=None,

@@ -65,12 +65,14 @@ class Prediction:
     @property
     def mixture(self) -> Array:
         """(W,) P(value), with the person's class."""
-        total: Array = np.sum([own for _, own in self.starts], axis=0)
-        return total
+        new: Array = self.weights @ self.rows
+        return new if self.again is None else (1 - self.kept) * new + self.kept * self.again
 
     @property
     def marginal(self) -> Array:
         """(V,) P(value)."""
+        if self.n_classes == 1:
+            return self.mixture
         values: Array = self.mixture.reshape(self.n_classes, -1).sum(axis=0)
         return values
 

@@ -131,7 +131,7 @@ class LatentClassModel:
         for label, log_rates in zip(labels, self.estimates.log_rates, strict=True):
             if label != NO_LABEL:
                 logs = logs + log_rates[:, label]
-        probabilities: Array = np.exp(logs - logs.max())
+        probabilities: Array = np.exp(logs - np.maximum.reduce(logs))
         probabilities /= np.add.reduce(probabilities)
         return probabilities
 
