@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
+import inspect
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from math import inf
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from lcorpp.domains.sections.answers import StatedAnswers, read_answers
 from lcorpp.domains.sections.files import find_file, find_function
 from lcorpp.domains.sections.names import check_declared
 from lcorpp.domains.sections.reasoning import ReasoningSection
@@ -17,18 +17,12 @@ from lcorpp.domains.sections.states import check_template, read_states
 from lcorpp.domains.toml import TomlTable
 from lcorpp.errors import DomainError, FileError, ModelError, expected_one_of
 from lcorpp.planning import Pomdp, SolverOptions
+from lcorpp.planning.formats.model_file import read_model
+from lcorpp.user_code import UserFunction
 from lcorpp.values import Array, SharedValue, format_value
 
 if TYPE_CHECKING:
-    from lcorpp.planning import Factored
-import inspect
-from dataclasses import replace
-from typing import TYPE_CHECKING
-
-from lcorpp.planning.formats.model_file import read_model
-from lcorpp.user_code import UserFunction
-
-if TYPE_CHECKING:
+    from lcorpp.domains.sections.answers import StatedAnswers
     from lcorpp.planning import Factored
 
 
@@ -158,6 +152,8 @@ def read_planning(
     recogniser = _read_recogniser(table, folder)
     answers = None
     if "answers" in table:
+        from lcorpp.domains.sections.answers import read_answers  # few domains state a form
+
         answers = read_answers(table.section("answers"), len(pomdp.observations))
     table.reject_unknown_keys()
     return PlanningSection(
