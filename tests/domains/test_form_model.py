@@ -1,5 +1,6 @@
 """The planner's model with the memory of a form: values and beliefs against independent computations."""
 
+import itertools
 from copy import copy
 
 import numpy as np
@@ -174,6 +175,22 @@ def test_a_belief_about_a_known_person_is_that_after_the_earlier_answers(intenti
                 own.model._value_of[own.model.states[:, 0]] == domain.values.index(value)
             )
             assert placed[states].sum() == pytest.approx(joint[c * n_values + v])
+
+
+def test_no_belief_is_lost_where_another_conversation_starts(intention):
+    """After a turn the robot is in other states; only what it can ask again is remembered."""
+    domain, base, _ = intention
+    own = FormDialogue(domain, base, Repeated(3))
+    values = np.array([0.2, 0.8])
+    prior = domain.prior(Distribution(domain.values, values))
+    ends = list(itertools.product(("pos", "neg"), repeat=3))
+    for greet, turn, move in ends:
+        history = [("greet", greet), ("turn", turn), ("move_forward", move)]
+        memory = own.find_memory(history)
+        placed = own.model.place_known(prior, [(None, 0.3 * values), (memory, 0.7 * values)])
+        np.testing.assert_allclose(own.model.collapse(placed), prior)
+        again = own.find_answers([("greet", greet)], memory)
+        assert again != own.find_answers([("greet", greet)])  # it counts as asked before
 
 
 def test_somebody_who_repeats_their_answers_is_continued(intention):

@@ -152,7 +152,7 @@ def test_trust_recognises_a_person_whose_id_is_permanent(folder, parts, permanen
     changes = {"people": people}
     with run_loop(folder, parts, changes, strategy=TRUST) as (_, loop):
         (decision,) = loop.run(1)
-        assert decision.id == ("7" if permanent else None)
+        assert decision.person_id == ("7" if permanent else None)
         known = loop._session.trust.used.people.find("7")
         assert (known is not None) == permanent
 

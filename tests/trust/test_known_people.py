@@ -40,14 +40,35 @@ def test_what_remains_is_the_belief_after_the_answers_with_the_probability_that_
 
 
 def test_labels_of_a_later_meeting_count():
+    """Against Bayes' rule for the last value and a new one, whose label the learnt model predicts."""
     trust = make_trust(share=0.0)
     trust.learn(SUNNY, answer("shake"), "ann")
     kept = trust.used.people.find("ann").belief
     rates = trust.learnt.rates[0][:, 0]
     evidence = {**SUNNY, "label": "yes"}
-    expected = kept * rates / (kept @ rates)
-    mixed = (expected + trust.posterior("wish", evidence).probabilities) / 2
-    np.testing.assert_allclose(trust.recognise("ann").posterior("wish", evidence).probabilities, mixed)
+    new = trust.posterior("wish", evidence).probabilities
+    same, other = kept @ rates, trust.learnt.pi[0] @ rates
+    expected = (kept * rates + other * new) / (same + other)
+    found = trust.recognise("ann").posterior("wish", evidence).probabilities
+    np.testing.assert_allclose(found, expected)
+
+
+@pytest.mark.parametrize("is_kept", [True, False])
+def test_labels_alone_show_whether_values_are_kept(is_kept):
+    """People who are never asked, seen by a classifier that is right 95 times in 100."""
+    options = TrustOptions(ask_every=0)
+    trust = Trust(
+        SkyReasoner(0.5, 0.5, rates=(0.95, 0.05)), FakeDomain(), AskDialogue(), FakePlanner(), options=options
+    )
+    rng = np.random.default_rng(4)
+    wishes = rng.random(40) < 0.5
+    for _ in range(10):
+        for person in range(40):
+            wish = wishes[person] if is_kept else rng.random() < 0.5
+            label = "yes" if (rng.random() < 0.95) == wish else "no"
+            trust.learn({**SUNNY, "label": label}, answer(), str(person))
+    kept = trust.used.people.kept
+    assert kept > 0.8 if is_kept else kept < 0.2
 
 
 @pytest.mark.parametrize("is_kept", [True, False])
@@ -97,13 +118,68 @@ def test_the_people_who_were_met_first_are_forgotten(monkeypatch):
     assert [people.find(name) is None for name in ("ann", "bob", "cleo")] == [False, True, False]
 
 
-def test_a_planner_of_somebody_who_was_not_reasoned_about_is_an_error():
-    domain = load_domain("intention")
+@pytest.mark.parametrize("person", [17, ("ann",), b"ann"])
+def test_an_id_that_is_no_string_is_refused(person):
+    trust = make_trust()
+    with pytest.raises(DecisionError, match="expected a string"):
+        trust.learn(SUNNY, answer("nod"), person)
+    with pytest.raises(DecisionError, match="expected a string"):
+        trust.recognise(person)
+    assert trust.n_people == 0
+
+
+def test_a_state_of_trust_without_ids_is_that_of_people_without_ids():
+    trust, restarted = make_trust(), make_trust()
+    trust.learn(SUNNY, answer("nod"))
+    state = trust.state()
+    for learner in state["learners"]:
+        del learner["people"]
+    restarted.restore(state)
+    assert json.dumps(restarted.state()) == json.dumps(trust.state())
+
+
+@pytest.fixture(scope="module")
+def robot():
+    domain = load_domain("intention", preset="paper")
     planner = Planner(solve(domain.pomdp, domain.start_beliefs()))
-    trust = set_up_trust(domain, Reasoner(domain.program), planner)
+    return Robot({}, Reasoner(domain.program), planner, domain)
+
+
+def test_a_meeting_without_answers_leaves_the_memory(robot):
+    trust = set_up_trust(robot.domain, robot.reasoner, robot.planner)
+    repeated = trust._learners[trust.forms.index("repeated")]
+    facts = {"time": "morning"}
+    trust.learn(facts, [Step("greet", "neg", robot.planner.start)], "ann")
+    before = repeated.people.find("ann").memory
+    assert any(before)
+    trust.learn(facts, [], "ann")
+    assert repeated.people.find("ann").memory == before
+
+
+def test_a_class_of_people_is_never_certain(robot):
+    trust = set_up_trust(robot.domain, robot.reasoner, robot.planner)
+    steps = [Step("greet", own, robot.planner.start) for own in 5 * ["pos", "neg"]]
+    for _ in range(30):
+        trust.learn({"time": "morning"}, steps, "ann")
+    odds = trust._learners[trust.forms.index("class")].people.find("ann").odds
+    np.testing.assert_allclose(odds, [0.01, 0.99], atol=1e-3)
+
+
+def test_the_form_of_a_person_is_that_of_the_recognition(robot):
+    trust = set_up_trust(robot.domain, robot.reasoner, robot.planner)
+    known = trust.recognise("ann")
+    planner = known.make_planner()
+    trust._used = trust.forms.index("class")
+    prior = robot.domain.prior(known.posterior("intention", {"time": "morning"}))
+    belief = planner.update(prior, "greet", "pos")
+    assert belief.sum() == pytest.approx(1)
+
+
+def test_a_planner_of_somebody_who_was_not_reasoned_about_is_an_error(robot):
+    trust = set_up_trust(robot.domain, robot.reasoner, robot.planner)
     trust._used = trust.forms.index("repeated")
     with pytest.raises(DecisionError, match="expected a call of `posterior` first"):
-        trust.recognise("ann").make_planner().action(domain.pomdp.start)
+        trust.recognise("ann").make_planner().action(robot.planner.start)
 
 
 class Stubborn:
@@ -120,20 +196,18 @@ class Stubborn:
         pass
 
 
-def test_somebody_who_always_answers_the_same_is_asked_less_when_met_again():
+def test_somebody_who_always_answers_the_same_is_asked_less_when_met_again(robot):
     """Thirty people with the same answers at each of ten meetings: `repeated` is the form that fits."""
-    domain = load_domain("intention", preset="paper")
-    full = Robot({}, Reasoner(domain.program), Planner(solve(domain.pomdp, domain.start_beliefs())), domain)
-    trust = set_up_trust(domain, full.reasoner, full.planner)
+    domain, trust = robot.domain, set_up_trust(robot.domain, robot.reasoner, robot.planner)
     rng = np.random.default_rng(3)
     answers = rng.choice(["pos", "neg"], 30)
     asked = np.zeros((10, 30))
     for meeting in range(10):
         for person in range(30):
             known = trust.recognise(str(person))
-            robot = Robot({}, known, known.make_planner(), domain)
+            own = Robot({}, known, known.make_planner(), domain)
             world = Stubborn(answers[person])
-            episode = dt_control(robot, Instance({}, {"time": "morning", "location": "library"}), world)
+            episode = dt_control(own, Instance({}, {"time": "morning", "location": "library"}), world)
             trust.learn(episode.evidence, episode.steps, str(person))
             asked[meeting, person] = world.n
     assert trust.form == "repeated"

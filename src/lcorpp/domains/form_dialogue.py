@@ -51,7 +51,8 @@ class FormDialogue:
         if not self.form.keeps_memory:
             return None
         answers = self._base.find_answers(history)
-        return self.form.list_memories(answers, *self._base.tables.shape[::2], start=memory)[-1]
+        memories = self.form.list_memories(answers, *self._base.tables.shape[::2], start=memory)
+        return self.model.restart(memories[-1])
 
     def make_planner(self, tables: Array, shares: Array | None = None) -> PlannerProtocol:
         """Return the planner for the next person, who answers by these tables (K', V, O).

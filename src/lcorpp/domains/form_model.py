@@ -95,6 +95,25 @@ class FormModel:
         placed: Belief = own_weights * belief[base]
         return placed
 
+    def restart(self, memory: Memory) -> Memory:
+        """Return the part of a memory at the end of a conversation with which another one may start.
+
+        A question that cannot be asked from the initial state, with what was answered before, is forgotten.
+        """
+        initial = np.flatnonzero(self._domain.planning.initial_states.any(axis=0)).tolist()
+        kept = self.memories[0][1]
+        for k, part in enumerate(memory):
+            longer = (*kept[:k], part, *kept[k + 1 :])
+            found = [self._memory_index.get((c, longer)) for c in range(self.form.n_classes)]
+            if all(m is not None and (s, m) in self._reached for s in initial for m in found):
+                kept = longer
+        return kept
+
+    @cached_property
+    def _reached(self) -> set[tuple[int, int]]:
+        """The planner's state and the index of the memory of each state."""
+        return {(s, m) for s, m in self.states.tolist()}
+
     def collapse(self, belief: Belief) -> Belief:
         """Return (S,) the belief (X,) without the memory."""
         n_states = len(self._domain.pomdp.states)

@@ -45,7 +45,7 @@ class Decision:
     episode: None if the decision failed. error: why it failed, None if it did not.
     failures: of actions whose failure was an observation.
     n_learnt: number of people that the strategy had learnt from before.
-    id: the person's, if the tracker recognises people who come back.
+    person_id: the same, if the tracker recognises people who come back; else None.
     """
 
     person: str
@@ -54,7 +54,7 @@ class Decision:
     error: LcorppError | None = None
     failures: tuple[WorldError, ...] = ()
     n_learnt: int = 0
-    id: str | None = None
+    person_id: str | None = None
 
 
 class RobotLoop:

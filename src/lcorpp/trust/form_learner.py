@@ -41,32 +41,56 @@ class StatedForm:
 
 
 @dataclass(frozen=True, eq=False)
+class Again:
+    """What is expected of a person who is met again, if the value is that of the last time.
+
+    belief: (W,) P(value | labels), with the person's class. memory: with which the conversation starts.
+    labels_again, labels_new: P(labels) if the value is that of the last time, and if it is a new one.
+    kept: probability that a value is that of the last time, without the labels.
+    """
+
+    belief: Array
+    memory: Memory | None
+    labels_again: float
+    labels_new: float
+    kept: float
+
+    @property
+    def p_same(self) -> float:
+        """P(the value is that of the last time | labels)."""
+        same = self.kept * self.labels_again
+        return same / (same + (1 - self.kept) * self.labels_new)
+
+
+@dataclass(frozen=True, eq=False)
 class Prediction:
     """What is expected of a person before any answer.
 
-    weights: (sources,) of the sources. rows: (sources, W) P(value), with the person's class, of each one.
-    again: (W,) the same if the value is that of the last time; None for somebody who is new.
-    kept: the probability that it is. memory: with which the conversation starts then.
+    rows: (sources, W) P(value | labels), with the person's class, of each source. new: (W,) their mixture.
+    again: the same of somebody who is known, if the value is that of the last time; None for others.
+    n_classes: of people.
     """
 
-    weights: Array
     rows: Array
+    new: Array
     n_classes: int
-    again: Array | None = None
-    kept: float = 0.0
-    memory: Memory | None = None
+    again: Again | None = None
 
     @property
     def starts(self) -> Starts:
         """Each memory with which the conversation may start, with (W,) its probability with each value."""
-        new = (None, (1 - self.kept) * (self.weights @ self.rows))
-        return [new] if self.again is None else [new, (self.memory, self.kept * self.again)]
+        if self.again is None:
+            return [(None, self.new)]
+        p_same = self.again.p_same
+        return [(None, (1 - p_same) * self.new), (self.again.memory, p_same * self.again.belief)]
 
     @property
     def mixture(self) -> Array:
         """(W,) P(value), with the person's class."""
-        new: Array = self.weights @ self.rows
-        return new if self.again is None else (1 - self.kept) * new + self.kept * self.again
+        total = self.new
+        if self.again is not None:
+            total = (1 - self.again.p_same) * total + self.again.p_same * self.again.belief
+        return total
 
     @property
     def marginal(self) -> Array:
@@ -135,11 +159,16 @@ class FormLearner:
         rows = np.concatenate([stated, learnt])
         known = self.people.find(person)
         if known is None:
-            return Prediction(self.weights, rows, self._n_classes)
+            return Prediction(rows, self.weights @ rows, self._n_classes)
         if self._n_classes > 1:
             rows = normalise(rows * np.repeat(known.odds, rows.shape[1] // self._n_classes))
-        again = self.sources.learnt.weigh_labels(known.belief, labels)
-        return Prediction(self.weights, rows, self._n_classes, again, self.people.kept, known.memory)
+        new, model = self.weights @ rows, self.sources.learnt
+        likelihood = model.compute_label_likelihood(labels)
+        belief = known.belief * likelihood
+        labels_again = float(belief.sum())
+        labels_new = float(model.pi[context] @ likelihood)  # some sources leave out the labels
+        again = Again(belief / labels_again, known.memory, labels_again, labels_new, self.people.kept)
+        return Prediction(rows, new, self._n_classes, again)
 
     def learn(
         self,
@@ -161,24 +190,24 @@ class FormLearner:
         logs = self._sum_logs(answers)
         top = float(logs.max())
         weights = self.weights * (predicted.rows @ np.exp(logs - top))
-        total, kept = float(weights.sum()), 0.0
-        joint = self.weights @ predicted.rows * np.exp(logs - top)
-        if predicted.again is not None:
-            continued = self.dialogue.find_answers(history, predicted.memory)
-            again = predicted.again * np.exp(self._sum_logs(continued) - top)
-            self.people.compare(float(again.sum()), total)
-            new, again = (1 - predicted.kept) * total, predicted.kept * again
-            total = new + float(again.sum())
-            kept = 1 - new / total
-            weights = (1 - kept) * weights / weights.sum() + kept * self.weights
-            joint = (1 - predicted.kept) * joint + again
-            if kept > 1 / 2:
-                answers = continued
+        total, memory = float(weights.sum()), None
+        joint = predicted.new * np.exp(logs - top)
+        if (again := predicted.again) is not None:
+            continued = self.dialogue.find_answers(history, again.memory)
+            same = again.belief * np.exp(self._sum_logs(continued) - top)
+            self.people.compare(again.labels_again * float(same.sum()), again.labels_new * total)
+            same, joint = again.p_same * same, (1 - again.p_same) * joint
+            total = float(joint.sum() + same.sum())
+            p_same, joint = float(same.sum()) / total, joint + same
+            weights = (1 - p_same) * weights / weights.sum() + p_same * self.weights
+            if p_same >= 1 / 2 or not answers:
+                answers, memory = continued, again.memory
         share = self._options.share
         self.weights = (1 - share) * weights / weights.sum() + share * self._shares
         self.sources.add(context, labels, answers)
         if person is not None:
-            self._remember(person, predicted, joint / total, kept, history)
+            memory = self.dialogue.find_memory(history, memory)
+            self._remember(person, predicted, joint / total, memory)
         return float(np.log(total)) + top
 
     def _sum_logs(self, answers: Sequence[int]) -> Array:
@@ -191,17 +220,14 @@ class FormLearner:
         person: str,
         predicted: Prediction,
         belief: Array,
-        kept: float,
-        history: Sequence[tuple[str, str]],
+        memory: Memory | None,
     ) -> None:
-        """Replace what is known of a person by the belief (W,) after the answers."""
+        """Replace what is known of a person by the belief (W,) and the memory after the answers."""
         before = self.people.find(person)
         n = self._n_classes
         gained = belief.reshape(n, -1).sum(axis=1) / predicted.mixture.reshape(n, -1).sum(axis=1)
         odds = normalise(gained * (1.0 if before is None else before.odds))
-        memory = self.dialogue.find_memory(history, predicted.memory if kept > 1 / 2 else None)
-        now = Acquaintance(bound_belief(belief), memory, odds)
-        self.people.add(person, now)
+        self.people.add(person, Acquaintance(bound_belief(belief), memory, bound_belief(odds)))
 
     def fit(self, n_people: int) -> None:
         """Fit the models anew where it is due after this number of people."""
@@ -243,7 +269,8 @@ class FormLearner:
     def restore(self, state: Mapping[str, Any], *, has_people: bool) -> None:
         """Continue from a state, before the first person."""
         self.sources.restore(state["learnt"])
-        self.people.restore(state["people"])
+        if "people" in state:  # not in one of lcorpp without ids
+            self.people.restore(state["people"])
         self.weights = np.array(state["weights"], np.float64).reshape(self.weights.shape)
         self.tables = np.array(state["tables"], np.float64).reshape(self.tables.shape)
         self._next_fit, self._next_search = state["next_fit"], state["next_search"]

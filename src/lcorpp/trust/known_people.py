@@ -16,7 +16,8 @@ MAX_PEOPLE = 10_000
 """Maximum number of people who are known; of more, those who were met last."""
 
 MAX_CERTAINTY = 0.99
-"""Largest probability of a value after a conversation: a wrong model must not make it certain."""
+"""Largest probability, about, of a value or class after a conversation: a wrong model must not make it
+certain."""
 
 KEPT = np.arange(1, 200) / 200
 """Probabilities that a value is kept which are compared."""
@@ -28,7 +29,7 @@ class Acquaintance:
 
     belief: (W,) P(value), with the person's class, after the last one.
     memory: of the form of answers after it; None if the form remembers nothing from one to the next.
-    odds: (C,) P(all answers | class of the person), up to a factor.
+    odds: (C,) P(all answers | class of the person), up to a factor, and bounded as the belief is.
     """
 
     belief: Array

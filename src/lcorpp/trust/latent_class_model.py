@@ -121,19 +121,19 @@ class LatentClassModel:
         logs = self.estimates.log_pi[context]
         if prior is not None:
             logs = np.log(np.maximum(prior + self.estimates.values[context], MIN_PEOPLE))
-        return self._add_labels(logs, labels)
-
-    def weigh_labels(self, belief: Array, labels: Sequence[int]) -> Array:
-        """Return (W,) P(value | labels) of a person about whom there is a belief (W,) without them."""
-        return self._add_labels(np.log(belief), labels)
-
-    def _add_labels(self, logs: Array, labels: Sequence[int]) -> Array:
         for label, log_rates in zip(labels, self.estimates.log_rates, strict=True):
             if label != NO_LABEL:
                 logs = logs + log_rates[:, label]
         probabilities: Array = np.exp(logs - np.maximum.reduce(logs))
         probabilities /= np.add.reduce(probabilities)
         return probabilities
+
+    def compute_label_likelihood(self, labels: Sequence[int]) -> Array:
+        """Return (W,) P(labels | value) by the estimated rates."""
+        pairs = zip(labels, self.estimates.rates, strict=True)
+        columns = [rates[:, label] for label, rates in pairs if label != NO_LABEL]
+        likelihood: Array = np.prod([np.ones(self.n_values), *columns], axis=0)
+        return likelihood
 
     def compute_likelihood(self, answers: Sequence[int]) -> Array:
         """Return (V,) P(answers | value), up to a factor."""

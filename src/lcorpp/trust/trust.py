@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+import reprlib
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -26,6 +27,10 @@ FORMS_PRIOR = 0.5
 FORM_SHARE = 0.001
 """Probability that answers get another form between two people."""
 
+MIN_INDEPENDENT = 0.2
+"""Independent answers are assumed while their weight is at least this: a form with more parameters may fit as
+well by chance, and explain a classifier that lies as people who answer at random."""
+
 MIN_PLANNED_WEIGHT = 0.1
 """A form with less weight has no search for its policy."""
 
@@ -42,7 +47,8 @@ class Trust:
     models that do not depend on the knowledge; see docs/guides/trust/sources.md.
 
     All this is learnt under each form of answers. A form gains weight by the probability that it gave to the
-    answers, and the robot predicts and plans by the form of the largest weight.
+    answers. The robot predicts and plans by independent answers while they have some weight, then by the form
+    of the largest one.
 
     Args:
         reasoner: theta, the program with the stated rates of the classifiers.
@@ -119,6 +125,7 @@ class Trust:
         Args:
             person: id, as of `learn`.
         """
+        _check_id(person)
         return RecognisedPerson(self, person)
 
     def posterior(self, attribute: str | Sequence[str], evidence: Mapping[str, Label]) -> Distribution:
@@ -128,26 +135,30 @@ class Trust:
             DecisionError: `attribute` is not what reasoner and planner share.
             UndefinedError: the evidence is impossible under the knowledge.
         """
-        return Distribution.unchecked(self.domain.values, self.predict(attribute, evidence).marginal)
+        return Distribution.unchecked(
+            self.domain.values, self.predict(attribute, evidence, self.used).marginal
+        )
 
     def predict(
-        self, attribute: str | Sequence[str], evidence: Mapping[str, Label], person: str | None = None
+        self,
+        attribute: str | Sequence[str],
+        evidence: Mapping[str, Label],
+        learner: FormLearner,
+        person: str | None = None,
     ) -> Prediction:
-        """Return what is expected of a person by the form in use; arguments and errors as of `posterior`."""
+        """Return what is expected of a person under a form; other arguments and errors as of `posterior`."""
         if attribute != self.domain.shared and tuple(attribute) != self.domain.shared:
             raise DecisionError(f"trust predicts {self.domain.shared!r}, not {attribute!r}")
-        (predicted,) = self._predict(evidence, self._find_labels(evidence), [self.used], person)
+        (predicted,) = self._predict(evidence, self._find_labels(evidence), [learner], person)
         return predicted
 
-    def make_planner(self, find_starts: Callable[[], Starts] | None = None) -> Planner:
+    def make_planner(self, planner: Planner | None = None) -> Planner:
         """Return the planner for the next person, which sometimes asks to learn.
 
         Args:
-            find_starts: for a person who is known, see `Dialogue.start_known`.
+            planner: that it follows otherwise; by default that of the form in use.
         """
-        planner = self.planner
-        if find_starts is not None:
-            planner = self.used.dialogue.start_known(planner, find_starts)
+        planner = self.planner if planner is None else planner
         return AskingPlanner(planner, self.domain, self._dialogue, self._find_wanted())
 
     def learn(self, evidence: Mapping[str, Label], steps: Iterable[Step], person: str | None = None) -> None:
@@ -157,6 +168,8 @@ class Trust:
             evidence: what `posterior` got. steps: of the decision.
             person: id by which the person is recognised when met again; None for somebody without one.
         """
+        if person is not None:
+            _check_id(person)
         history = [(step.action, step.observation) for step in steps if step.observation is not None]
         facts, labels = self._find_facts(evidence), self._find_labels(evidence)
         logs = [
@@ -169,7 +182,7 @@ class Trust:
         self.form_weights = (1 - FORM_SHARE) * weights / weights.sum() + FORM_SHARE * self._form_prior
         n_questions = [action for action, _ in history].count(self._dialogue.question or "")
         self.asking.add(len(self._dialogue.find_answers(history)), n_questions, self._find_wanted())
-        self._used = int(self.form_weights.argmax())
+        self._used = self._choose_form()
         for learner, weight in zip(self._learners, self.form_weights.tolist(), strict=True):
             learner.fit(self.n_people)
             if weight >= MIN_PLANNED_WEIGHT:
@@ -236,7 +249,7 @@ class Trust:
                 )
             self.asking.restore(state)
             self.form_weights = np.array(list(state["forms"].values()), np.float64)
-            self._used = int(self.form_weights.argmax())
+            self._used = self._choose_form()
             for learner, own in zip(self._learners, state["learners"], strict=True):
                 learner.restore(own, has_people=self.n_people > 0)
         except (LookupError, TypeError, ValueError, AttributeError) as error:
@@ -272,6 +285,9 @@ class Trust:
     def learnt(self) -> LatentClassModel:
         """The model of all people, with the estimated observation model and rates."""
         return self.used.sources.learnt
+
+    def _choose_form(self) -> int:
+        return 0 if self.form_weights[0] >= MIN_INDEPENDENT else int(self.form_weights.argmax())
 
     def _find_wanted(self) -> int:
         return self.asking.find_wanted(has_alternative=self.learnt.alternative is not None)
@@ -321,20 +337,25 @@ class RecognisedPerson:
     """
 
     def __init__(self, trust: Trust, person: str) -> None:
-        self._trust, self._person = trust, person
+        self._trust, self._person, self._learner = trust, person, trust.used  # of this moment
         self._predicted: Prediction | None = None
 
     def posterior(self, attribute: str | Sequence[str], evidence: Mapping[str, Label]) -> Distribution:
         """Return the mixture of what the sources predict and, if the person is known, what remains."""
-        self._predicted = self._trust.predict(attribute, evidence, self._person)
-        values = self._trust.domain.values
-        return Distribution.unchecked(values, self._predicted.marginal)
+        self._predicted = self._trust.predict(attribute, evidence, self._learner, self._person)
+        return Distribution.unchecked(self._trust.domain.values, self._predicted.marginal)
 
     def make_planner(self) -> Planner:
         """Return the planner for the person; `posterior` is called before its first action."""
-        return self._trust.make_planner(self._find_starts)
+        learner = self._learner
+        return self._trust.make_planner(learner.dialogue.start_known(learner.planner, self._find_starts))
 
     def _find_starts(self) -> Starts:
         if self._predicted is None:
             raise DecisionError("nothing is predicted of this person; expected a call of `posterior` first")
         return self._predicted.starts
+
+
+def _check_id(person: object) -> None:
+    if not isinstance(person, str):
+        raise DecisionError(f"the id of a person is {reprlib.repr(person)}; expected a string")

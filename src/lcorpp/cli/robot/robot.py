@@ -95,7 +95,7 @@ def robot(
                 count += 1
                 _print_decision(decision)
                 if kept is not None and decision.episode is not None:
-                    n, own = decision.n_learnt, decision.id
+                    n, own = decision.n_learnt, decision.person_id
                     kept.append(parts, strategy, decision.facts, decision.episode, person=n, person_id=own)
         except KeyboardInterrupt:
             signal.signal(signal.SIGINT, signal.SIG_IGN)  # a second one must not prevent the stop
