@@ -14,8 +14,8 @@ Memory = tuple[int, ...]
 """What a form of answers remembers of a person's questions and answers so far; () for nothing."""
 
 Starts = Sequence[tuple[Memory | None, Array]]
-"""Memories with which a conversation may start, None for that of somebody who was not asked yet, each with
-(W,) its joint probability with each pair of a class of people and a value."""
+"""Possible memories at the start of a conversation, None for that before the first question, each with (W,)
+its joint probability with each pair of a class of people and a value."""
 
 
 class Classifier(Protocol):

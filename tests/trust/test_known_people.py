@@ -67,7 +67,7 @@ def test_labels_alone_show_whether_values_are_kept(is_kept):
             wish = wishes[person] if is_kept else rng.random() < 0.5
             label = "yes" if (rng.random() < 0.95) == wish else "no"
             trust.learn({**SUNNY, "label": label}, answer(), str(person))
-    kept = trust.used.people.kept
+    kept = trust.used.people.persistence
     assert kept > 0.8 if is_kept else kept < 0.2
 
 
@@ -80,7 +80,7 @@ def test_the_probability_that_values_are_kept_is_learnt(is_kept):
         for person in range(40):
             wish = wishes[person] if is_kept else rng.random() < 0.5
             trust.learn(SUNNY, answer(*["nod" if wish else "shake"] * 2), str(person))
-    kept = trust.used.people.kept
+    kept = trust.used.people.persistence
     assert kept > 0.9 if is_kept else kept < 0.1
 
 

@@ -35,7 +35,7 @@ class Session(Protocol):
 
         Args:
             full: whose classifiers perceive that person.
-            person: id by which the robot recognises a person who is met again; None without.
+            person: permanent id of the person; None without.
         """
 
     def learn(self, evidence: Mapping[str, Label], steps: Iterable[Step], person: str | None = None) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import reduce
 from typing import Any
 
 import numpy as np
@@ -11,7 +12,7 @@ import numpy as np
 from lcorpp.latent_classes import normalise
 from lcorpp.protocols import Dialogue, DomainInterface, Memory, Planner, Starts
 from lcorpp.trust.answers import AnswerModel
-from lcorpp.trust.known_people import Acquaintance, KnownPeople, bound_belief
+from lcorpp.trust.known_people import KnownPeople, PersonRecord, bound_belief
 from lcorpp.trust.learnt_sources import LearntSources
 from lcorpp.trust.optimism import find_planned_rows
 from lcorpp.trust.options import TrustOptions
@@ -41,55 +42,52 @@ class StatedForm:
 
 
 @dataclass(frozen=True, eq=False)
-class Again:
-    """What is expected of a person who is met again, if the value is that of the last time.
+class SameValue:
+    """Prediction about a person with a record, if the value persists since the last meeting.
 
-    belief: (W,) P(value | labels), with the person's class. memory: with which the conversation starts.
-    labels_again, labels_new: P(labels) if the value is that of the last time, and if it is a new one.
-    kept: probability that a value is that of the last time, without the labels.
+    belief: (W,) P(value | labels), with the person's class. memory: at the start of the conversation.
+    labels_same, labels_new: P(labels) if the value persists, and if it is a new one.
+    persistence: probability that a value persists, without the labels.
     """
 
     belief: Array
     memory: Memory | None
-    labels_again: float
+    labels_same: float
     labels_new: float
-    kept: float
+    persistence: float
 
     @property
     def p_same(self) -> float:
-        """P(the value is that of the last time | labels)."""
-        same = self.kept * self.labels_again
-        return same / (same + (1 - self.kept) * self.labels_new)
+        """P(the value persists | labels)."""
+        same = self.persistence * self.labels_same
+        return same / (same + (1 - self.persistence) * self.labels_new)
 
 
 @dataclass(frozen=True, eq=False)
 class Prediction:
-    """What is expected of a person before any answer.
+    """Prediction about a person before any answer.
 
     rows: (sources, W) P(value | labels), with the person's class, of each source. new: (W,) their mixture.
-    again: the same of somebody who is known, if the value is that of the last time; None for others.
-    n_classes: of people.
+    n_classes: of people. same: prediction if the value persists; None for a person without a record.
     """
 
     rows: Array
     new: Array
     n_classes: int
-    again: Again | None = None
+    same: SameValue | None = None
 
     @property
     def starts(self) -> Starts:
-        """Each memory with which the conversation may start, with (W,) its probability with each value."""
-        if self.again is None:
+        """Each possible memory at the start, with (W,) its probability with each value."""
+        if self.same is None:
             return [(None, self.new)]
-        p_same = self.again.p_same
-        return [(None, (1 - p_same) * self.new), (self.again.memory, p_same * self.again.belief)]
+        p_same = self.same.p_same
+        return [(None, (1 - p_same) * self.new), (self.same.memory, p_same * self.same.belief)]
 
     @property
     def mixture(self) -> Array:
         """(W,) P(value), with the person's class."""
-        total = self.new
-        if self.again is not None:
-            total = (1 - self.again.p_same) * total + self.again.p_same * self.again.belief
+        total: Array = reduce(np.add, (own for _, own in self.starts))
         return total
 
     @property
@@ -109,7 +107,7 @@ class FormLearner:
 
     Attributes:
         weights: (sources,) summing to 1: those that do not learn, first the knowledge, then `learnt.names`.
-        sources: those that learn. people: those who were met with an id.
+        sources: those that learn. people: records of those with an id.
         tables: the observation model of the last plan. planner: for the next one.
     """
 
@@ -157,18 +155,19 @@ class FormLearner:
             expected = (shares * expected).ravel()
         learnt = self.sources.predict(context, labels, stated[0], expected)
         rows = np.concatenate([stated, learnt])
-        known = self.people.find(person)
-        if known is None:
+        record = self.people.find(person)
+        if record is None:
             return Prediction(rows, self.weights @ rows, self._n_classes)
         if self._n_classes > 1:
-            rows = normalise(rows * np.repeat(known.odds, rows.shape[1] // self._n_classes))
+            rows = normalise(rows * np.repeat(record.odds, rows.shape[1] // self._n_classes))
         new, model = self.weights @ rows, self.sources.learnt
         likelihood = model.compute_label_likelihood(labels)
-        belief = known.belief * likelihood
-        labels_again = float(belief.sum())
+        belief = record.belief * likelihood
+        labels_same = float(belief.sum())
         labels_new = float(model.pi[context] @ likelihood)  # some sources leave out the labels
-        again = Again(belief / labels_again, known.memory, labels_again, labels_new, self.people.kept)
-        return Prediction(rows, new, self._n_classes, again)
+        persistence = self.people.persistence
+        same = SameValue(belief / labels_same, record.memory, labels_same, labels_new, persistence)
+        return Prediction(rows, new, self._n_classes, same)
 
     def learn(
         self,
@@ -192,16 +191,16 @@ class FormLearner:
         weights = self.weights * (predicted.rows @ np.exp(logs - top))
         total, memory = float(weights.sum()), None
         joint = predicted.new * np.exp(logs - top)
-        if (again := predicted.again) is not None:
-            continued = self.dialogue.find_answers(history, again.memory)
-            same = again.belief * np.exp(self._sum_logs(continued) - top)
-            self.people.compare(again.labels_again * float(same.sum()), again.labels_new * total)
-            same, joint = again.p_same * same, (1 - again.p_same) * joint
-            total = float(joint.sum() + same.sum())
-            p_same, joint = float(same.sum()) / total, joint + same
+        if (same := predicted.same) is not None:
+            continued = self.dialogue.find_answers(history, same.memory)
+            joint_same = same.belief * np.exp(self._sum_logs(continued) - top)
+            self.people.compare(same.labels_same * float(joint_same.sum()), same.labels_new * total)
+            joint_same, joint = same.p_same * joint_same, (1 - same.p_same) * joint
+            total = float(joint.sum() + joint_same.sum())
+            p_same, joint = float(joint_same.sum()) / total, joint + joint_same
             weights = (1 - p_same) * weights / weights.sum() + p_same * self.weights
             if p_same >= 1 / 2 or not answers:
-                answers, memory = continued, again.memory
+                answers, memory = continued, same.memory
         share = self._options.share
         self.weights = (1 - share) * weights / weights.sum() + share * self._shares
         self.sources.add(context, labels, answers)
@@ -222,12 +221,12 @@ class FormLearner:
         belief: Array,
         memory: Memory | None,
     ) -> None:
-        """Replace what is known of a person by the belief (W,) and the memory after the answers."""
+        """Replace the record of a person by the belief (W,) and the memory after the answers."""
         before = self.people.find(person)
         n = self._n_classes
         gained = belief.reshape(n, -1).sum(axis=1) / predicted.mixture.reshape(n, -1).sum(axis=1)
         odds = normalise(gained * (1.0 if before is None else before.odds))
-        self.people.add(person, Acquaintance(bound_belief(belief), memory, bound_belief(odds)))
+        self.people.add(person, PersonRecord(bound_belief(belief), memory, bound_belief(odds)))
 
     def fit(self, n_people: int) -> None:
         """Fit the models anew where it is due after this number of people."""

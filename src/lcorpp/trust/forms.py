@@ -26,7 +26,7 @@ class AnswerForm(ABC):
     (k * `n_copies` + c) * C + l. A person's class is hidden and does not change.
 
     name: of the form. n_copies: of each kind. groups: of copies, or classes of people, that share a noise.
-    n_classes: C. keeps_memory: whether a person who is met again answers as if the conversation went on.
+    n_classes: C. keeps_memory: whether a person's memory persists until the next conversation.
     """
 
     keeps_memory = False
@@ -70,7 +70,7 @@ class AnswerForm(ABC):
         """Return the memory before each answer k * O + o, in the order of the answers, and after all.
 
         Args:
-            start: the first memory, if it is not that of somebody who was not asked yet.
+            start: the first memory; None for that before the first question.
         """
         memories = [self.begin(n_kinds) if start is None else start]
         for answer in answers:

@@ -120,7 +120,7 @@ class Trust:
         return html_table(("source", "weight"), rows, caption=f"Trust after {self.n_people} people{form}")
 
     def recognise(self, person: str) -> RecognisedPerson:
-        """Return the reasoner for a person who may be met again, or was met before.
+        """Return the reasoner for a person with an id.
 
         Args:
             person: id, as of `learn`.
@@ -166,7 +166,7 @@ class Trust:
 
         Args:
             evidence: what `posterior` got. steps: of the decision.
-            person: id by which the person is recognised when met again; None for somebody without one.
+            person: permanent id of the person; None without.
         """
         if person is not None:
             _check_id(person)
