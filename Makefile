@@ -28,7 +28,7 @@ help:
 	@echo "make check       lint, types, import rules and tests"
 	@echo "make check-slow  the checks that take minutes"
 	@echo "make docs        build the documentation's site into build/site"
-	@echo "make bench       compare with plingo, ProbLog, plog 2.0, APPL and Keras, those that are there (some 40 minutes)"
+	@echo "make bench       compare with plingo, ProbLog, plog 2.0, pyAgrum, APPL and Keras, those that are there (some 40 minutes)"
 	@echo "make wheel       build wheels for Linux into dist/, which make demo then installs instead of compiling"
 	@echo "make coverage    run the tests and print which share of the lines they run"
 	@echo "make format      format the code"
@@ -86,6 +86,7 @@ MODELS ?= $(wildcard src/lcorpp/domains/*/*.pomdp ../shared/pomdp/*.pomdp ../sha
 # The peers go to an environment of their own, so that theirs are not the versions that the tests see.
 bench: $(VENV)-bench/.peers
 	$(VENV)-bench/bin/python benchmarks/plog.py
+	$(VENV)-bench/bin/python benchmarks/networks.py
 	$(VENV)-bench/bin/python benchmarks/sarsop.py $(MODELS)
 	$(VENV)-bench/bin/python benchmarks/large_models.py
 	$(VENV)-bench/bin/python benchmarks/learner.py
@@ -98,6 +99,7 @@ format: $(VENV)/.packages
 stubs: $(VENV)/.dev
 	$(BIN)/python -m nanobind.stubgen -q -m lcorpp.planning._native -o src/lcorpp/planning/_native.pyi
 	$(BIN)/python -m nanobind.stubgen -q -m lcorpp.planning.formats.pomdp._scanner -o src/lcorpp/planning/formats/pomdp/_scanner.pyi
+	$(BIN)/python -m nanobind.stubgen -q -m lcorpp.reasoning.factors._tables -o src/lcorpp/reasoning/factors/_tables.pyi
 	$(BIN)/python -m nanobind.stubgen -q -m lcorpp.learning.lstm._kernels -o src/lcorpp/learning/lstm/_kernels.pyi
 
 # Warnings are errors. Once the packages are installed, the build needs no network.

@@ -9,7 +9,9 @@ import pytest
 SOURCE = Path(__file__).parents[1] / "src"
 
 
-@pytest.mark.parametrize("name", ["lcorpp.planning._native", "lcorpp.learning.lstm._kernels"])
+@pytest.mark.parametrize(
+    "name", ["lcorpp.planning._native", "lcorpp.reasoning.factors._tables", "lcorpp.learning.lstm._kernels"]
+)
 def test_stubs_are_current(name):
     stubgen, module = pytest.importorskip("nanobind.stubgen"), pytest.importorskip(name)
     generator = stubgen.StubGen(module)

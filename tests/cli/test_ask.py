@@ -305,3 +305,33 @@ def test_escape_codes_in_quoted_names_do_not_reach_the_terminal(lcorpp, tmp_path
     ended = lcorpp("ask", file)
     assert ended.code == 2
     assert "\x1b" not in ended.out + ended.err
+
+
+NETWORK = """network alarm { }
+variable HISTORY { type discrete [ 2 ] { TRUE, FALSE }; }
+variable "Blood pressure" { type discrete [ 3 ] { LOW, 12+, HIGH }; }
+probability ( HISTORY ) { table 0.1, 0.9; }
+probability ( "Blood pressure" | HISTORY ) { (TRUE) 0.8, 0.1, 0.1; (FALSE) 0.3333, 0.3333, 0.3333; }
+"""
+
+
+def test_a_bayesian_network_is_read_checked_and_translated(lcorpp, tmp_path):
+    file, question = tmp_path / "alarm.bif", "HISTORY | obs('Blood pressure'='12+')"
+    file.write_text(NETWORK)
+    answered = lcorpp("ask", file, question, "--exact")
+    assert answered.out.splitlines()[1].startswith("  TRUE   1/31")
+    assert "alarm.bif:5:1: the probabilities of 'Blood pressure' sum to 0.9999, not 1" in answered.err
+    table = lcorpp("ask", file, "HISTORY, 'Blood pressure'").out.splitlines()
+    assert table[1].split() == ["HISTORY", "'Blood", "pressure'"]
+    assert "2 variables, 8 numbers; an answer for all sums a table of" in " ".join(
+        lcorpp("check", file).out.split()
+    )
+    translated = lcorpp("translate", file).out
+    assert "pr('Blood pressure'='12+' | 'HISTORY'='TRUE') = 1/10." in translated
+    again = tmp_path / "alarm.plog"
+    again.write_text(translated)
+    assert lcorpp("ask", again, question, "--exact").out == answered.out
+    file.write_text(NETWORK.replace("0.3333, 0.3333, 0.3333", "0.3, 0.3, 0.3"))
+    ended = lcorpp("check", file)
+    assert ended.code == 2
+    assert "alarm.bif:5:68: the probabilities of 'Blood pressure' sum to 0.9; expected 1" in ended.err

@@ -80,3 +80,14 @@ def test_bad_output(lcorpp, files, tmp_path):
     ended = lcorpp("fit", *files, "-o", tmp_path / "new.csv")
     assert ended.code == 2
     assert "ends with .plog" in ended.err
+
+
+def test_the_numbers_of_a_bayesian_network(lcorpp, tmp_path):
+    file, data = tmp_path / "coin.bif", tmp_path / "data.csv"
+    file.write_text(
+        "variable C { type discrete [2] { HEADS, TAILS }; } probability ( C ) { table 0.5, 0.5; }"
+    )
+    data.write_text("C\n" + "HEADS\n" * 3 + "TAILS\n")
+    fitted = lcorpp("fit", file, data)
+    assert fitted.code == 0, fitted.err
+    assert "pr('C'='HEADS') = 0.75." in fitted.out

@@ -114,7 +114,7 @@ class KnowledgeFits:
                 equal = Fraction(1, len(self._program.attributes[atom.term.name].values))
                 inside[i] = number + Fraction(INTERIOR_SHARE) * (equal - number)
                 statements[i] = replace(atom, number=Number(inside[i]))
-        program = replace(self._program, statements=tuple(statements))
+        program = self._program.with_statements(tuple(statements))
         model = build_number_model(program, inside, observed)
         return replace(model, start=np.array(list(map(float, self.free.values()))))
 
@@ -196,7 +196,7 @@ class KnowledgeFits:
             atom = statements[i]
             assert isinstance(atom, Probability)
             statements[i] = replace(atom, number=Number(number))
-        return replace(self._program, statements=tuple(statements))
+        return self._program.with_statements(tuple(statements))
 
     def find_undetermined(self, null: float) -> tuple[int, list[int]]:
         """Find combinations of numbers that are not determined if all numbers are free together.

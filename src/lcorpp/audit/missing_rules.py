@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Collection, Sequence
-from dataclasses import replace
 from fractions import Fraction
 
 from lcorpp.fitting.faults import build_valid_reasoner
@@ -31,7 +30,7 @@ def add_missing_rules(program: Program, used: Sequence[str], senses: Collection[
         if _has_no_rules(program, name, senses):
             for condition in _list_conditions(program, senses):
                 added = _write_rules(program, name, condition)
-                changed = replace(program, statements=(*program.statements, *added))
+                changed = program.with_statements((*program.statements, *added))
                 if build_valid_reasoner(changed, used) is not None:
                     program = changed
                     break

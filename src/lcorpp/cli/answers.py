@@ -19,6 +19,7 @@ from lcorpp.cli.console import (
 )
 from lcorpp.errors import ProgramError, UndefinedError
 from lcorpp.log_output import show_log
+from lcorpp.reasoning.language.arithmetic import canonical_text
 from lcorpp.reasoning.language.parser import parse_query, read_plog
 from lcorpp.reasoning.language.syntax import Query
 from lcorpp.reasoning.language.translation.names import is_auxiliary, restore_names
@@ -137,7 +138,7 @@ def _print_answer(query: Query, answer: QueryAnswer, exact: bool) -> None:
         return
     rows = [(value,) if isinstance(value, str) else value for value in answer]
     if len(query.subjects) > 1:
-        rows.insert(0, tuple(map(str, query.subjects)))
+        rows.insert(0, tuple(map(canonical_text, query.subjects)))
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     lines = ["  ".join(map(str.ljust, row, widths)) for row in rows]
     if len(query.subjects) > 1:
@@ -173,7 +174,7 @@ def _print_json(
 
     def encode(answer: QueryAnswer | str | None) -> object:
         if isinstance(answer, dict):
-            names = list(map(str, query.subjects))
+            names = list(map(canonical_text, query.subjects))
             return [
                 {"values": dict(zip(names, [v] if isinstance(v, str) else v, strict=True)),
                  "probability": encode(p)}

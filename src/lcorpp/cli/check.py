@@ -17,14 +17,15 @@ if TYPE_CHECKING:
     from lcorpp.domains import Domain
     from lcorpp.domains.sections.reasoning import ReasoningSection
     from lcorpp.planning import Pomdp
+    from lcorpp.reasoning import Program
 
 KINDS = (
-    "a .plog, .pl, .pomdp, .pomdpx, .policy, .xml or .alpha file, a domain folder or its domain.toml, a"
+    "a .plog, .pl, .bif, .pomdp, .pomdpx, .policy, .xml or .alpha file, a domain folder or its domain.toml, a"
     " folder of recorded tracks, a store of tracks, a robot.toml"
 )
 
-PROGRAMS = (".plog", ".pl", ".problog", ".lp", ".plp")
-"""Suffixes of programs of P-log, ProbLog and plingo."""
+PROGRAMS = (".plog", ".pl", ".problog", ".lp", ".plp", ".bif")
+"""Suffixes of programs of P-log, ProbLog and plingo, and of Bayesian networks."""
 
 MAX_VALUES = 12
 """Maximum number of values of a shared variable that are listed."""
@@ -70,7 +71,11 @@ def check(
     elif suffix in PROGRAMS:
         from lcorpp.reasoning import Reasoner, read_plog
 
-        program = read_plog(path)
+        with console.show_warnings():
+            program = read_plog(path)
+        if suffix == ".bif":
+            _check_network(program)
+            return
         try:
             worlds = f"{Reasoner(program).count()} possible worlds: OK"
         except TooLargeError as error:
@@ -92,6 +97,21 @@ def check(
         raise FileError(f"{path}: No such file or directory")
     else:
         raise FileError(f"{path}: unknown kind of file; expected {KINDS}")
+
+
+def _check_network(program: Program) -> None:
+    """Print the size of a Bayesian network, and what the marginals of all variables cost."""
+    from lcorpp.reasoning.factors.choice import choose_network
+    from lcorpp.reasoning.factors.network import describe_cost
+
+    network = choose_network(program, {}, (), program.attributes)
+    assert network is not None  # the reader has checked the tables
+    n_numbers = sum(len(factor.table) for factor in network.graph.factors)
+    try:
+        cost = f"an answer for all {describe_cost(network.find_plan((), (), (), True))}: OK"
+    except TooLargeError as error:
+        cost = f"names and tables are OK; answers may be sampled: {error}"
+    console.out.print(f"{program.file}: {len(program.attributes)} variables, {n_numbers} numbers; {cost}")
 
 
 def _check_robot(path: Path) -> None:

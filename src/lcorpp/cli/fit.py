@@ -50,14 +50,15 @@ def fit(
     from lcorpp.files import read_text, write_atomically
     from lcorpp.fitting import fit as fit_numbers, read_records
     from lcorpp.fitting.maximisation import TOLERANCE
-    from lcorpp.reasoning import parse_plog
+    from lcorpp.reasoning import parse_plog, program_text, read_plog
     from lcorpp.reasoning.language.parser import MAX_PROGRAM_BYTES
 
     if output is not None:
         check_writable(output)
         if output.suffix.lower() != ".plog":
             raise FileError(f"{output}: expected a file name that ends with .plog")
-    text = read_text(file, MAX_PROGRAM_BYTES)
+    is_network = file.suffix.lower() == ".bif"
+    text = program_text(read_plog(file)) if is_network else read_text(file, MAX_PROGRAM_BYTES)
     fixed = [int(name) if name.isdecimal() else name for name in fix or ()]
     program = parse_plog(text, file=str(file))
     try:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
 from fractions import Fraction
 from itertools import combinations, combinations_with_replacement, product
 from math import comb
@@ -106,7 +105,7 @@ def replace_row(program: Program, name: str, body: Body, row: Sequence[Fraction]
         for value, p in zip(program.attributes[name].values, row, strict=True)
     ]
     kept = [statement for statement in program.statements if id(statement) not in replaced]
-    return replace(program, statements=(*kept, *new))
+    return program.with_statements((*kept, *new))
 
 
 def _find_row(table: Rows, body: Body, other: Rows) -> Sequence[Fraction]:

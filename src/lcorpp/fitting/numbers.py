@@ -217,7 +217,7 @@ def fit(
         statements[index] = new = replace(atom, number=Number(number, at=atom.number.at))
         numbers.append(FittedNumber(new, free[index], intervals[i], float(cases[i])))
     return Fit(
-        replace(program, statements=tuple(statements)),
+        program.with_statements(tuple(statements)),
         tuple(numbers),
         int(repeats.sum()),
         expected.log_likelihood,

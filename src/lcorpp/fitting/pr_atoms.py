@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 from fractions import Fraction
 
 from lcorpp.reasoning import Program
@@ -21,7 +20,7 @@ def map_pr_atoms(program: Program, name: str, change: Callable[[Probability], Pr
     statements = [
         change(s) if isinstance(s, Probability) and s.term.name == name else s for s in program.statements
     ]
-    return replace(program, statements=tuple(s for s in statements if s is not None))
+    return program.with_statements(tuple(s for s in statements if s is not None))
 
 
 def find_number(atom: Probability) -> Fraction | None:

@@ -6,10 +6,10 @@ from collections.abc import Mapping, Sequence
 from fractions import Fraction
 
 from lcorpp.errors import ProgramError, check_type, expected_one_of
-from lcorpp.reasoning.language.parser import parse_term
 from lcorpp.reasoning.language.program import Program
 from lcorpp.reasoning.language.signature import Attribute
 from lcorpp.reasoning.language.syntax import Literal, Number, Probability, Selection, Term
+from lcorpp.reasoning.resolve import parse_label
 from lcorpp.values import JEFFREYS, ConfusionMatrix
 
 
@@ -72,10 +72,10 @@ def with_classifier(
     _check_values(labels, labelled, "label")
     if len(set(labels)) < len(labels):
         raise ProgramError(f"classes share a label of {attribute}: {', '.join(labels)}")
-    terms = [parse_term(label, "<label>") for label in labels]
+    terms = [parse_label(program, label) for label in labels]
     rules = []
     for name, row in zip(confusion.classes, confusion.rates(smoothing), strict=True):
-        condition = Literal(Term(target), "=", parse_term(name, "<class>"))
+        condition = Literal(Term(target), "=", parse_label(program, name))
         for term, rate in zip(terms, row, strict=True):
             rules.append(Probability(Term(attribute), term, Number(rate), (condition,), at=places[0]))
     kept = [s for s in program.statements if not (isinstance(s, Probability) and s.term.name == attribute)]

@@ -29,8 +29,8 @@ from lcorpp.reasoning.answers import (
 )
 from lcorpp.reasoning.circuit.compiler import build_layers
 from lcorpp.reasoning.circuit.decision_diagram import build_decision_diagram
-from lcorpp.reasoning.circuit.evidence import Codes, EncodedEvidence, EvidenceEncoder
 from lcorpp.reasoning.circuit.passes import differentiate
+from lcorpp.reasoning.evidence import Codes, EncodedEvidence, EvidenceEncoder
 from lcorpp.reasoning.grounding.ground_program import GroundProgram
 from lcorpp.reasoning.grounding.grounder import ground_program
 from lcorpp.reasoning.grounding.slices import split_slices

@@ -3,15 +3,21 @@
 from __future__ import annotations
 
 from functools import cached_property
+from math import inf
+from typing import TYPE_CHECKING
 
 from lcorpp.errors import ProgramError, check_type
 from lcorpp.reasoning.circuit.decision_diagram import build_decision_diagram
-from lcorpp.reasoning.circuit.world_queries import WorldQueries
 from lcorpp.reasoning.grounding.grounder import ground_program
 from lcorpp.reasoning.language.program import Program
 from lcorpp.reasoning.language.syntax import Query
-from lcorpp.reasoning.questions import get_interventions, list_questions
-from lcorpp.reasoning.transitions.transition_system import build_transition_system
+from lcorpp.reasoning.questions import get_interventions, is_joint, list_questions, list_values
+from lcorpp.reasoning.transitions.transition_system import TransitionSystem, build_transition_system
+
+if TYPE_CHECKING:
+    from lcorpp.reasoning.factors.network import TableNetwork
+    from lcorpp.reasoning.grounding.ground_program import GroundProgram
+    from lcorpp.reasoning.inference import Worlds
 
 
 class QueryModel:
@@ -32,15 +38,49 @@ class QueryModel:
         self.query = query
         observed = [observation.formula for observation in query.observations]
         terms = (*list_questions(query), *facts)
-        self.ground = ground_program(program, get_interventions(query), observed, query.formula, terms)
-        self.system = build_transition_system(self.ground, terms)
+        self.program, self._observed, self._terms = program, observed, terms
+        self._questions, self._facts = list_questions(query), facts
+        for question in filter(is_joint, terms):
+            list_values(program, question)  # raises an error if they are too many
 
     @cached_property
-    def worlds(self) -> WorldQueries:
+    def ground(self) -> GroundProgram:
+        """The ground program."""
+        do = get_interventions(self.query)
+        return ground_program(self.program, do, self._observed, self.query.formula, self._terms)
+
+    @cached_property
+    def system(self) -> TransitionSystem:
+        """The program as a transition system."""
+        return build_transition_system(self.ground, self._terms)
+
+    @cached_property
+    def worlds(self) -> Worlds:
         """The worlds.
 
         Raises:
             TooLargeError: the program is too large to be compiled.
             ProgramError: a world violates a condition of the language.
         """
-        return WorldQueries(build_decision_diagram(self.system))
+        from lcorpp.reasoning.circuit.world_queries import WorldQueries  # a decision needs no worlds
+
+        def expand() -> WorldQueries:
+            return WorldQueries(build_decision_diagram(self.system))
+
+        network = self._find_network()
+        if network is None:
+            return expand()
+        from lcorpp.reasoning.circuit.table_worlds import TableWorlds
+
+        return TableWorlds(network, expand)
+
+    def _find_network(self) -> TableNetwork | None:
+        """Find the tables; None if the decision diagram is cheaper, or there are none."""
+        has_tables = self.program.has_tables
+        if not (has_tables or self.system.tree.may_be_tables):
+            return None
+        from lcorpp.reasoning.factors.choice import choose_network  # imports numpy
+
+        do, asked = get_interventions(self.query), self.query.formula
+        nodes = inf if has_tables else self.system.tree.nodes
+        return choose_network(self.program, do, self._questions, self._facts, nodes, self._observed, asked)

@@ -9,8 +9,9 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from functools import cached_property, lru_cache, partial
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, overload
 
 from lcorpp.errors import LcorppError, ProgramError, TooLargeError, check_type
 from lcorpp.reasoning.answers import QueryAnswer
@@ -22,6 +23,7 @@ from lcorpp.reasoning.questions import is_joint
 from lcorpp.reasoning.resolve import (
     check_at_least,
     make_query,
+    resolve_inputs,
     resolve_interventions,
     resolve_labels,
     resolve_query,
@@ -31,6 +33,7 @@ from lcorpp.reasoning.resolve import (
 if TYPE_CHECKING:
     from lcorpp.reasoning.circuit.circuit import Circuit
     from lcorpp.reasoning.enumeration.reasoner import Enumeration
+    from lcorpp.reasoning.factors.network import TableNetwork
     from lcorpp.reasoning.filtering import Filter
     from lcorpp.values import Distribution, Label
 
@@ -75,6 +78,8 @@ class Reasoner(Inference):
         self.program, self.samples, self.seed = program, samples, seed
         self._circuits: dict[object, Circuit | TooLargeError] = {}
         self._answers: dict[object, Distribution] = {}
+        self._known: dict[object, Circuit] = {}  # by question and terms as they are spelled
+        self._networks: dict[object, TableNetwork] = {}
         self._find_model = lru_cache(MAX_MODELS)(partial(QueryModel, program))
 
     def __repr__(self) -> str:
@@ -114,6 +119,9 @@ class Reasoner(Inference):
             answer = self._answers.get(key)
         except (AttributeError, TypeError):  # no mapping, or an unhashable value
             answer = key = None
+        if answer is None and key and not do and (circuit := self._known.get((asked, tuple(evidence)))):
+            with suppress(TooLargeError):  # then worlds are sampled
+                return circuit(evidence)  # type: ignore[return-value]  # the names are resolved, and it caches
         if answer is None:
             answer = self._compute_posterior(attribute, evidence, do)
             # likelihoods rarely repeat, and 1 == True
@@ -121,15 +129,57 @@ class Reasoner(Inference):
                 _store(self._answers, key, answer)
         return answer
 
-    def posteriors(self, attribute: Subject, evidence: Sequence[Mapping[str, Label]]) -> list[Distribution]:
-        """Compute the posteriors given each of many pieces of evidence, which may name different terms.
+    @overload
+    def posteriors(
+        self, attribute: Subject, evidence: Sequence[Mapping[str, Label]]
+    ) -> list[Distribution]: ...
 
-        They equal those of `posterior` up to rounding errors, but one circuit answers all in one pass; a
-        program without a circuit answers one after the other.
+    @overload
+    def posteriors(
+        self, attribute: None = None, evidence: Mapping[str, Label] = NOTHING
+    ) -> dict[str, Distribution]: ...
+
+    @overload
+    def posteriors(
+        self, attribute: None, evidence: Sequence[Mapping[str, Label]]
+    ) -> list[dict[str, Distribution]]: ...
+
+    def posteriors(
+        self,
+        attribute: Subject | None = None,
+        evidence: Mapping[str, Label] | Sequence[Mapping[str, Label]] = NOTHING,
+    ) -> list[Distribution] | dict[str, Distribution] | list[dict[str, Distribution]]:
+        """Compute the posteriors given many pieces of evidence, or those of all terms, in one pass.
+
+        They equal those of `posterior` up to rounding errors. A program without a circuit answers one after
+        the other.
+
+        Args:
+            attribute: as in `posterior`; None for each term that has a value in all worlds with the evidence.
+            evidence: pieces of evidence, which may name different terms; for all terms also a single one.
+
+        Returns:
+            A distribution for each evidence; of all terms term -> distribution.
 
         Raises:
             ProgramError, UndefinedError, TooLargeError: as `posterior`, for the first wrong evidence.
+
+        Examples:
+            >>> from lcorpp import Reasoner, parse_plog
+            >>> coins = parse_plog("a, b : boolean. random(a). random(b). pr(b | a) = 3/4. pr(b | -a) = 1/4.")
+            >>> Reasoner(coins).posteriors("a", [{"b": "true"}, {"b": "false"}])
+            [Distribution(true: 0.75, false: 0.25), Distribution(true: 0.25, false: 0.75)]
+            >>> Reasoner(coins).posteriors(evidence={"b": "true"})["a"]
+            Distribution(true: 0.75, false: 0.25)
         """
+        if attribute is None:
+            from lcorpp.reasoning.marginals import compute_marginals  # imports numpy
+
+            return compute_marginals(self.program, evidence, self._compile_all)
+        if isinstance(evidence, Mapping):
+            raise ProgramError(
+                f"expected a sequence of evidence for {attribute!r}; one evidence is for posterior"
+            )
         from lcorpp.values import Distribution  # imports numpy
 
         names = tuple(sorted({name for each in evidence for name in each}))
@@ -159,7 +209,7 @@ class Reasoner(Inference):
         """
         from lcorpp.reasoning.circuit.compiler import compile_program  # imports numpy
 
-        return compile_program(self.program, inputs, query, do)
+        return compile_program(self.program, inputs, query, do, self._networks)
 
     def filter(
         self,
@@ -207,7 +257,15 @@ class Reasoner(Inference):
         names = tuple(sorted((*facts, *likelihoods)))
         circuit = self._find_circuit(question, names, set_to)
         if not isinstance(circuit, TooLargeError):
-            return circuit({**facts, **likelihoods})  # type: ignore[return-value]
+            try:
+                answer: Distribution = circuit({**facts, **likelihoods})  # type: ignore[assignment]
+            except TooLargeError as error:
+                circuit = error
+            else:
+                if len(names) == len(evidence) and not set_to:
+                    asked = tuple(attribute) if isinstance(attribute, list) else attribute
+                    _store(self._known, (asked, tuple(evidence)), circuit)
+                return answer
         if likelihoods:
             raise TooLargeError(f"{circuit}; soft evidence needs an exact answer")
         from lcorpp.reasoning.estimation import EstimatedDistribution, estimate_answer
@@ -226,6 +284,14 @@ class Reasoner(Inference):
             except TooLargeError as error:
                 _store(self._circuits, key, error)  # so that it is not compiled again
         return self._circuits[key]
+
+    def _compile_all(self, names: tuple[str, ...]) -> Circuit:
+        """Return the circuit for all terms given these, compiled once."""
+        key = None, names
+        if key not in self._circuits:
+            terms = resolve_inputs(self.program, list(self.program.attributes))
+            _store(self._circuits, key, self.compile(names, terms))
+        return self._circuits[key]  # type: ignore[return-value]
 
     @cached_property
     def _enumeration(self) -> Enumeration:

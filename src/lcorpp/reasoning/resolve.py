@@ -14,7 +14,7 @@ from lcorpp.reasoning.language.arithmetic import canonical_text
 from lcorpp.reasoning.language.issues import SourceIssue
 from lcorpp.reasoning.language.parser import parse_query, parse_term
 from lcorpp.reasoning.language.program import Program
-from lcorpp.reasoning.language.syntax import Intervention, Literal, Observation, Query, Term
+from lcorpp.reasoning.language.syntax import Expression, Intervention, Literal, Observation, Query, Term
 from lcorpp.reasoning.questions import QUERY_TERM, list_terms, name_joint
 
 if TYPE_CHECKING:
@@ -38,7 +38,7 @@ def resolve_term(program: Program, name: str) -> Term:
     """
     known = program.resolved_terms
     if not isinstance(name, str) or name not in known:
-        term = _resolve_names(program, (name,))[0]
+        term = Term(name) if program.has_term(name) else _resolve_names(program, (name,))[0]
         if len(known) >= MAX_RESOLVED:
             known.clear()
         known[name] = term
@@ -51,7 +51,7 @@ def _resolve_names(program: Program, names: Sequence[str]) -> tuple[Term, ...]:
         if not isinstance(name, str):
             raise ProgramError(f"expected the name of an attribute, not {name!r}")
         try:
-            term = parse_term(name, "<term>")
+            term = Term(name) if program.has_term(name) else parse_term(name, "<term>", program.quoted_names)
             if not isinstance(term, Term):
                 raise ProgramError(
                     f"{name!r} is not an attribute; {expected_one_of(list(program.attributes))}"
@@ -98,6 +98,9 @@ def resolve_subject(program: Program, attribute: str | Sequence[str]) -> str:
     """
     if isinstance(attribute, str) and not attribute.startswith(QUERY_TERM):
         return canonical_text(resolve_term(program, attribute))
+    terms = list_terms(attribute) if isinstance(attribute, str) else []
+    if terms and len(set(terms)) == len(terms) and all(map(program.has_term, terms)):
+        return attribute  # type: ignore[return-value]  # a text
     if isinstance(attribute, str):
         query = _parse_query(program, attribute, attribute)
         if query != Query(subjects=query.subjects):
@@ -216,10 +219,15 @@ def make_query(program: Program, question: str, facts: Mapping[str, str], do: Ma
     return Query(
         subjects=_resolve_names(program, list_terms(question)) if question else (),
         observations=tuple(
-            [Observation(((Literal(terms[t], "=", parse_term(v, t)),),)) for t, v in facts.items()]
+            [Observation(((Literal(terms[t], "=", parse_label(program, v)),),)) for t, v in facts.items()]
         ),
-        interventions=tuple([Intervention(terms[t], parse_term(v, t)) for t, v in do.items()]),
+        interventions=tuple([Intervention(terms[t], parse_label(program, v)) for t, v in do.items()]),
     )
+
+
+def parse_label(program: Program, value: str) -> Expression:
+    """Parse a value of a program, given as its text."""
+    return Term(value) if value in program.quoted_names else parse_term(value, "<value>")
 
 
 def resolve_expectation(program: Program, expression: str) -> Query:

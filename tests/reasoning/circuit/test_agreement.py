@@ -17,8 +17,20 @@ from tests.reasoning.circuit.trees import trees
 from lcorpp.errors import NoValueError, ProgramError, UndefinedError
 from lcorpp.reasoning import Enumeration, parse_plog, parse_query
 from lcorpp.reasoning.circuit.circuit import Circuit
+from lcorpp.reasoning.factors import choice
 from lcorpp.reasoning.reasoner import Reasoner
+from lcorpp.reasoning.transitions import elimination_tree
 from lcorpp.values import Distribution, Likelihood
+
+
+@pytest.fixture(autouse=True, params=["diagram", "tables"])
+def engine(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The decision diagram, as for all programs of this size, or tables wherever a program has them."""
+    if request.param == "tables":
+        monkeypatch.setattr(elimination_tree, "MAX_DIAGRAM_WIDTH", -1)
+        monkeypatch.setattr(elimination_tree, "MAX_PRUNED_WIDTH", -1)
+        monkeypatch.setattr(choice, "is_cheaper", lambda *_: True)
+
 
 SUITE = settings(max_examples=15, suppress_health_check=list(HealthCheck))
 

@@ -79,7 +79,7 @@ def test_sort_algebra(sort: str, expected: str) -> None:
         ("p : boolean. random(p). [r] p :- p.", "1:26", "only random selections, pr-atoms and cr-rules have"),
         ("p : boolean. q : boolean. random(q) :- not obs(p, _).", "1:40", "'_' under 'not'"),
         ("p : boolean. p :- do(p, true).", "1:19", "do(...) is not supported in the body of a rule"),
-        ("p : boolean. random(p). p :- 'x'.", "1:30", 'unexpected character "\'"'),
+        ("p : boolean. random(p). p :- `x`.", "1:30", "unexpected character '`'"),
     ],
 )
 def test_errors_of_the_dialects_are_located(text: str, place: str, words: str) -> None:

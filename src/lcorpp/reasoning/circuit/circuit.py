@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from fractions import Fraction
 from functools import cached_property
-from typing import TypeVar
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
@@ -18,17 +18,21 @@ from lcorpp.reasoning.answers import (
     make_no_world_error,
     normalise_marginal,
 )
-from lcorpp.reasoning.circuit.decision_diagram import build_decision_diagram
-from lcorpp.reasoning.circuit.evidence import Codes, Column, EncodedEvidence, EvidenceEncoder
+from lcorpp.reasoning.circuit.decision_diagram import DecisionDiagram, build_decision_diagram
 from lcorpp.reasoning.circuit.matrices import Layer
 from lcorpp.reasoning.circuit.passes import differentiate
-from lcorpp.reasoning.circuit.world_queries import WorldQueries
+from lcorpp.reasoning.evidence import Codes, Column, EncodedEvidence, EvidenceEncoder
 from lcorpp.reasoning.grounding.grounder import ground_program
 from lcorpp.reasoning.language.program import Program
 from lcorpp.reasoning.questions import list_values
 from lcorpp.reasoning.resolve import check_count, check_rng
-from lcorpp.reasoning.transitions.transition_system import build_transition_system
+from lcorpp.reasoning.transitions.transition_system import TransitionSystem, build_transition_system
 from lcorpp.values import Array, Distribution, Label
+
+if TYPE_CHECKING:
+    from lcorpp.reasoning.circuit.table_worlds import TableWorlds
+    from lcorpp.reasoning.circuit.world_queries import WorldQueries
+    from lcorpp.reasoning.factors.network import TableNetwork
 
 CACHE_SIZE = 100_000
 """A circuit caches at most this many answers."""
@@ -54,7 +58,8 @@ class Circuit:
     inputs: the terms that evidence may name.
     queries: the queried terms, of several attributes `?item, person`; single: whether there is one answer.
     values: term -> range, for all of these terms; of several attributes tuples.
-    layers: the matrices, see `matrices`.
+    layers: the matrices, see `matrices`; none if there are tables.
+    network: the tables of a program in which each term depends on few others, see `TableNetwork`; or None.
 
     Source: Darwiche, J. ACM 50(3), 2003; the elimination tree as in AND/OR search, see `elimination_tree`.
 
@@ -73,15 +78,16 @@ class Circuit:
         query: str | Sequence[str],
         do: Mapping[str, str],
         layers: Sequence[Layer] = (),
+        network: TableNetwork | None = None,
     ) -> None:
         self.program, self.do = program, dict(do)
         self.inputs = tuple(inputs)
-        self._encoder = EvidenceEncoder(program, self.inputs)
+        self.encoder = EvidenceEncoder(program, self.inputs)
         self.queries = (query,) if isinstance(query, str) else tuple(query)
         self.single = isinstance(query, str)
         names = dict.fromkeys((*self.inputs, *self.queries))
         self.values = {name: list_values(program, name) for name in names}
-        self.layers = layers
+        self.layers, self.network = layers, network
         self._variables = {name: i for i, name in enumerate(names)}
         # by the values of all inputs, None for not observed; with the number of observed inputs
         self._answers: dict[tuple[object, ...], tuple[int, Answer]] = {}
@@ -89,7 +95,12 @@ class Circuit:
 
     def __repr__(self) -> str:
         given, queries = join_some(self.inputs) or "nothing", join_some(self.queries) or "nothing"
-        return f"Circuit({self.program.file}: {queries} given {given}; {len(self.layers)} layers)"
+        parts = (
+            f"{len(self.layers)} layers"
+            if self.network is None
+            else f"{len(self.network.graph.factors)} tables"
+        )
+        return f"Circuit({self.program.file}: {queries} given {given}; {parts})"
 
     def __call__(
         self, evidence: Mapping[str, Column] | Codes, *, undefined: str = "raise"
@@ -104,6 +115,7 @@ class Circuit:
         Raises:
             ProgramError: an input or a value is unknown, or a query may have no value under the evidence.
             UndefinedError: the evidence is impossible.
+            TooLargeError: the tables are too large with this evidence.
         """
         try:
             n_observed, answer = self._answers[tuple(map(evidence.get, self.inputs))]  # type: ignore[union-attr]
@@ -111,18 +123,20 @@ class Circuit:
                 return answer
         except (AttributeError, KeyError, TypeError):  # not cached, or no mapping from terms to values
             pass
+        if self.network is not None and self.single and (quick := self._answer_values(evidence)) is not None:
+            return quick
         if undefined not in ("raise", "nan"):
             raise ProgramError(f"undefined={undefined!r}; expected 'raise' or 'nan'")
         named: Mapping[str, Label] | None = None  # one evidence
         if isinstance(evidence, np.ndarray):
-            encoded = self._encoder.check_codes(evidence)
+            encoded = self.encoder.check_codes(evidence)
         elif isinstance(evidence, Mapping):
-            canonical = self._encoder.canonicalize(evidence)
-            encoded, is_batch = self._encoder.encode(canonical)
+            canonical = self.encoder.canonicalize(evidence)
+            encoded, is_batch = self.encoder.encode(canonical)
             named = None if is_batch else canonical  # type: ignore[assignment]
         else:
             raise ProgramError(f"expected a mapping from inputs to values, or codes, not {evidence!r}")
-        probabilities = self._compute_probabilities(encoded)
+        probabilities = self.compute_probabilities(encoded)
         self._check_rows(probabilities, undefined, named)
         if named is None:
             return self._select({query: rows[:, :-1] for query, rows in probabilities.items()})
@@ -130,18 +144,45 @@ class Circuit:
             {query: Distribution(self.values[query], rows[0, :-1]) for query, rows in probabilities.items()}
         )
         if not encoded.weights:
-            if len(self._answers) >= self._max_cached:
-                self._answers.clear()
-            self._answers[tuple(map(named.get, self.inputs))] = len(named), answer
+            self._store(tuple(map(named.get, self.inputs)), len(named), answer)
         return answer
+
+    def _answer_values(self, evidence: Mapping[str, Column] | Codes) -> Distribution | None:
+        """Answer one evidence of values by tables; None if it is of another kind, wrong or impossible."""
+        try:
+            codes = [self.encoder.codes[name][value] for name, value in evidence.items()]  # type: ignore[union-attr, index]
+        except (AttributeError, KeyError, TypeError):
+            return None
+        assert self.network is not None
+        plan = self.network.find_simple_plan(self.queries[0], tuple(evidence))
+        if plan is None or (shares := plan.distribute(codes)) is None:
+            return None
+        shares.flags.writeable = False
+        answer = Distribution.unchecked(self.values[self.queries[0]], shares)
+        self._store(tuple(map(evidence.get, self.inputs)), len(codes), answer)  # type: ignore[union-attr]
+        return answer
+
+    def _store(self, key: tuple[object, ...], n_observed: int, answer: Answer) -> None:
+        """Cache an answer; a full cache is cleared."""
+        if len(self._answers) >= self._max_cached:
+            self._answers.clear()
+        self._answers[key] = n_observed, answer
 
     def _select(self, answers: dict[str, _Answer]) -> _Answer | dict[str, _Answer]:
         """Return the answer to a query; of several queries all answers."""
         return answers[self.queries[0]] if self.single else answers
 
-    def _compute_probabilities(self, evidence: EncodedEvidence) -> dict[str, Array]:
+    def compute_probabilities(self, evidence: EncodedEvidence) -> dict[str, Array]:
         """(B, outcomes) Compute the distribution of each query; rows of NaN for impossible evidence."""
         rows, numbers = evidence.number_rows()
+        if self.network is not None:
+            own = evidence.take(rows)
+            weighed = self.network.weigh_questions(self.queries, self.inputs, own)
+            with np.errstate(invalid="ignore"):
+                return {
+                    query: (weights / weights.sum(axis=1, keepdims=True)).take(numbers, axis=0)
+                    for query, weights in weighed.items()
+                }
         variables = {query: self._variables[query] for query in self.queries}
         weights = differentiate(self.layers, evidence.take(rows), variables.values())
         with np.errstate(invalid="ignore"):
@@ -177,7 +218,7 @@ class Circuit:
             ProgramError: an input or value is unknown, the columns have different lengths, or there are
                 likelihoods, which have no codes.
         """
-        encoded, _ = self._encoder.encode(self._encoder.canonicalize(evidence))
+        encoded, _ = self.encoder.encode(self.encoder.canonicalize(evidence))
         if encoded.weights:
             names = ", ".join([self.inputs[i] for i in encoded.weights])
             raise ProgramError(f"the likelihoods of {names} have no codes")
@@ -186,10 +227,22 @@ class Circuit:
     # worlds
 
     @cached_property
+    def system(self) -> TransitionSystem:
+        """The program as a transition system, from which its decision diagram is expanded."""
+        ground = ground_program(self.program, self.do, queried=self.queries)
+        return build_transition_system(ground, self._variables)
+
+    @cached_property
+    def diagram(self) -> DecisionDiagram:
+        """The decision diagram."""
+        return build_decision_diagram(self.system)
+
+    @cached_property
     def world_queries(self) -> WorldQueries:
         """Queries about whole worlds; a loaded circuit expands its program when it first needs them."""
-        ground = ground_program(self.program, self.do, queried=self.queries)
-        return WorldQueries(build_decision_diagram(build_transition_system(ground, self._variables)))
+        from lcorpp.reasoning.circuit.world_queries import WorldQueries  # rarely needed
+
+        return WorldQueries(self.diagram)
 
     def exact(self, evidence: Mapping[str, str]) -> dict[str, Fraction] | dict[str, dict[str, Fraction]]:
         """Compute the same as a call with one evidence in fractions: value -> probability, for each query.
@@ -197,11 +250,18 @@ class Circuit:
         Raises:
             ProgramError, UndefinedError: as a call.
         """
-        evidence = self._encoder.resolve(evidence)
+        evidence = self.encoder.resolve(evidence)
         return self._select({query: self._compute_fractions(query, evidence) for query in self.queries})
 
     def _compute_fractions(self, query: str, evidence: Mapping[str, str]) -> dict[str, Fraction]:
-        weights = self.world_queries.compute_exact_weights(query, evidence)
+        worlds: WorldQueries | TableWorlds
+        if self.network is None:
+            worlds = self.world_queries
+        else:
+            from lcorpp.reasoning.circuit.table_worlds import TableWorlds  # few programs are tables
+
+            worlds = TableWorlds(self.network, lambda: self.world_queries)
+        weights = worlds.compute_exact_weights(query, evidence)
         return normalise_marginal(self.program, query, weights, format_conditions(evidence, self.do))
 
     def most_probable(self, evidence: Mapping[str, str], count: int = 1) -> tuple[PossibleWorld, ...]:
@@ -210,7 +270,7 @@ class Circuit:
         Raises:
             ProgramError, UndefinedError: as a call.
         """
-        evidence = self._encoder.resolve(evidence)
+        evidence = self.encoder.resolve(evidence)
         check_count(count)
         worlds = self.world_queries.most_probable(evidence, count)
         if not worlds:
@@ -224,7 +284,7 @@ class Circuit:
             ProgramError, UndefinedError: as a call.
         """
         check_rng(rng)
-        given = self._encoder.resolve(given)
+        given = self.encoder.resolve(given)
         worlds = self.world_queries.sample(1, rng, given)
         if worlds is None:
             raise make_no_world_error(self.program, format_conditions(given, self.do))

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from decimal import Decimal, localcontext
 from itertools import chain
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from lcorpp.errors import ProgramError
 from lcorpp.reasoning.circuit.circuit import Circuit
@@ -15,12 +15,16 @@ from lcorpp.reasoning.circuit.matrices import MIN_WEIGHT, WIDE, Groups, Layer
 from lcorpp.reasoning.language.program import Program
 from lcorpp.reasoning.resolve import resolve_inputs, resolve_interventions, resolve_queries
 
+if TYPE_CHECKING:
+    from lcorpp.reasoning.factors.network import TableNetwork
+
 
 def compile_program(
     program: Program,
     inputs: Sequence[str],
     query: str | Sequence[str | Sequence[str]],
     do: Mapping[str, str],
+    networks: dict[object, TableNetwork] | None = None,
 ) -> Circuit:
     """Compile a program.
 
@@ -28,6 +32,7 @@ def compile_program(
         inputs: the terms that evidence may name; an attribute with arguments is short for all its terms.
         query: a question, or several; see `Reasoner.compile`.
         do: interventions, term -> value.
+        networks: tables of the program built so far, to which new ones are added.
 
     Raises:
         ProgramError: a name is unknown, a world breaks a condition of the language, or there are cr-rules.
@@ -41,8 +46,22 @@ def compile_program(
         )
     do = resolve_interventions(program, do)
     circuit = Circuit(program, names, queries[0] if isinstance(query, str) else queries, do)
-    circuit.layers = build_layers(circuit.world_queries.diagram, dict.fromkeys((*names, *queries)))
+    circuit.network = _find_network(circuit, networks if networks is not None else {})
+    if circuit.network is None:
+        circuit.layers = build_layers(circuit.diagram, dict.fromkeys((*names, *queries)))
     return circuit
+
+
+def _find_network(circuit: Circuit, networks: dict[object, TableNetwork]) -> TableNetwork | None:
+    """Find the tables of a program; None if its decision diagram is cheaper, or the program has no tables."""
+    program, do = circuit.program, circuit.do
+    if not (program.has_tables or circuit.system.tree.may_be_tables):
+        return None
+    from lcorpp.reasoning.factors.choice import choose_network, find_network  # few programs are tables
+
+    if program.has_tables:
+        return find_network(program, do, networks)
+    return choose_network(program, do, circuit.queries, circuit.inputs, circuit.system.tree.nodes)
 
 
 def build_layers(diagram: DecisionDiagram, names: Iterable[str]) -> list[Layer]:

@@ -25,7 +25,6 @@ from lcorpp.errors import ProgramError, TooLargeError
 from lcorpp.reasoning.answers import format_world
 from lcorpp.reasoning.conditions import ConditionViolation
 from lcorpp.reasoning.questions import QUERY_TERM
-from lcorpp.reasoning.transitions.stratified import derive_values
 from lcorpp.reasoning.transitions.transition import Effect, Transition
 from lcorpp.reasoning.transitions.transition_system import TransitionSystem
 
@@ -283,6 +282,8 @@ def decode_world(system: TransitionSystem, outcomes: Iterable[Sequence[int]]) ->
         for terms, values in zip(system.tree.order, outcomes, strict=True)
         for term, value in zip(terms, values, strict=True)
     }
+    if system.derived:
+        from lcorpp.reasoning.transitions.stratified import derive_values
     for component, clauses in system.derived:
         outcome_of |= derive_values(program, component, clauses, outcome_of)
     world = {

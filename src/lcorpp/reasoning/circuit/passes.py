@@ -18,8 +18,8 @@ from typing import Any
 
 import numpy as np
 
-from lcorpp.reasoning.circuit.evidence import EncodedEvidence
 from lcorpp.reasoning.circuit.matrices import WIDE, Groups, Index, Layer, Matrix
+from lcorpp.reasoning.evidence import EncodedEvidence
 from lcorpp.values import Array
 
 MAX_CHUNK_NUMBERS = 4_000_000

@@ -5,7 +5,8 @@ inputs, queries and interventions, and for each layer its variable (key `label`)
 outcomes and the layers before it (key `sources`). The entries `<layer>/<outcome>`, or `<layer>/every` without
 outcomes, are tables of output, input and weight, as text if weights are below the range of floating point
 (earlier files have an exponent of 2 as a fourth column); `<layer>/from/<source>` are the nodes that are its
-inputs. Files of version 1, a chain of layers, are compiled again.
+inputs. Files of version 1, a chain of layers, are compiled again; so are circuits of tables
+(`tables` is true), which are those of the program.
 """
 
 from __future__ import annotations
@@ -82,6 +83,7 @@ def save_circuit(circuit: Circuit, path: str | Path) -> None:
         "single": circuit.single,
         "do": circuit.do,
         "layers": layers,
+        "tables": circuit.network is not None,
     }
     write_atomically(path, pack_archive(FORMAT, head, arrays))
 
@@ -106,7 +108,8 @@ def load_circuit(path: str | Path) -> Circuit:
         head, arrays = unpack_archive(FORMAT, content)
         program = _parse_program(head)
         query = head["queries"][0] if head["single"] else head["queries"]
-        layers = _read_layers(head, arrays, program) if head["version"] == FORMAT.version else None
+        is_current = head["version"] == FORMAT.version and not head.get("tables")
+        layers = _read_layers(head, arrays, program) if is_current else None
         if layers is None:
             return compile_program(program, head["inputs"], query, head["do"])
         return Circuit(program, head["inputs"], query, head["do"], layers)

@@ -18,9 +18,15 @@ k and j are indexes of statements. Each statement is one line, so that clingo's 
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable
 
-from lcorpp.reasoning.language.arithmetic import canonical_text, find_variables, iter_variables
+from lcorpp.reasoning.language.arithmetic import (
+    canonical_text,
+    find_variables,
+    iter_variables,
+    split_record,
+)
 from lcorpp.reasoning.language.issues import Place
 from lcorpp.reasoning.language.program import Program
 from lcorpp.reasoning.language.safety import find_variable_sorts
@@ -42,6 +48,10 @@ from lcorpp.reasoning.language.syntax import (
     Variable,
 )
 from lcorpp.reasoning.language.traversal import iter_expressions, list_expressions, list_variables
+from lcorpp.reasoning.quoting import is_quoted
+
+_ENCODED = re.compile(r"\bq'([0-9a-f]+)(?![A-Za-z0-9_'])")
+"""A name that is written in quotes, see `encode_name`."""
 
 
 def translate_program(program: Program) -> tuple[list[str], dict[int, Place]]:
@@ -60,7 +70,7 @@ def translate_program(program: Program) -> tuple[list[str], dict[int, Place]]:
         "sel(K,L,I,T) :- rnd(K,L,I,T), not do(T).  selected(T) :- sel(_,_,_,T).",
     ]
     for sort, members in program.signature.sorts.items():
-        lines.append(" ".join(f"s({sort},{member})." for member in members))
+        lines.append(" ".join(f"s({sort},{_write_text(member)})." for member in members))
     places: dict[int, Place] = {}
     for index, statement in enumerate(program.statements):
         text = translator.translate_statement(index, statement)
@@ -87,7 +97,7 @@ class _Translator:
             case Observation():
                 return self._translate_observation(index, statement)
             case Intervention(term=term, value=value):
-                return self._translate_intervention(canonical_text(term), canonical_text(value))
+                return self._translate_intervention(*map(_write_text, map(canonical_text, (term, value))))
         return ""
 
     def _translate_observation(self, index: int, observation: Observation) -> str:
@@ -212,6 +222,26 @@ def _write_expression(expression: Expression) -> str:
         return f"({_write_expression(expression.left)}{operator}{_write_expression(expression.right)})"
     if isinstance(expression, Number) and expression.value < 0:
         return f"({expression})"
-    if isinstance(expression, Term) and expression.arguments:
-        return f"{expression.name}({','.join(map(_write_expression, expression.arguments))})"
+    if isinstance(expression, Term):
+        name, arguments = (
+            encode_name(str(expression.name)),
+            ",".join(map(_write_expression, expression.arguments)),
+        )
+        return f"{name}({arguments})" if arguments else name
     return str(expression)
+
+
+def _write_text(text: str) -> str:
+    """Write a term or value that is given by its text."""
+    name, arguments = split_record(text)
+    return f"{encode_name(name)}({','.join(map(_write_text, arguments))})" if arguments else encode_name(name)
+
+
+def encode_name(text: str) -> str:
+    """Return a name, given its text, in letters that ASP systems read; `decode_names` is the inverse."""
+    return f"q'{text.encode().hex()}" if is_quoted(text) else text
+
+
+def decode_names(text: str) -> str:
+    """Decode the names in a text."""
+    return _ENCODED.sub(lambda found: bytes.fromhex(found[1]).decode(), text) if "q'" in text else text

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from bisect import bisect_right
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from fractions import Fraction
 from functools import cached_property, partial
 from heapq import nsmallest
@@ -188,7 +188,7 @@ class Enumeration(Inference):
     def _enumerate(self, conditions: Iterable[Statement]) -> _WorldTable:
         from lcorpp.reasoning.enumeration.worlds import enumerate_worlds  # here, as it loads clingo
 
-        program = replace(self.program, statements=(*self.program.statements, *conditions))
+        program = self.program.with_statements((*self.program.statements, *conditions))
         worlds = sorted(enumerate_worlds(program, self.limit), key=lambda world: [*world[0].items()])
         common = lcm(*[measure.denominator for _, measure in worlds])
         weights = [measure.numerator * (common // measure.denominator) for _, measure in worlds]

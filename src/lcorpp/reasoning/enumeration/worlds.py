@@ -20,7 +20,7 @@ from lcorpp.reasoning.conditions import (
     list_applicable,
     list_dynamic_range,
 )
-from lcorpp.reasoning.enumeration.asp_translation import translate_program
+from lcorpp.reasoning.enumeration.asp_translation import decode_names, translate_program
 from lcorpp.reasoning.grounding.ground_program import ASSIGN, DERIVE, RANGE, SELECT, Clause
 from lcorpp.reasoning.language.arithmetic import evaluate_number
 from lcorpp.reasoning.language.issues import Place, SourceIssue
@@ -123,14 +123,20 @@ class _WorldReader:
     def _decode(self, name: str, arguments: list[Any]) -> tuple[str, str | Clause]:
         """Decode an atom: a term, and its value or a clause about it whose body is true."""
         if name == "h":
-            return str(arguments[0]), str(arguments[1])
+            return decode_names(str(arguments[0])), decode_names(str(arguments[1]))
         index = arguments[0].number
-        label, instance, term, *value = map(str, arguments[1:])
+        label, instance, term, *value = [decode_names(str(argument)) for argument in arguments[1:]]
         number = None
         if name == "pr":
             atom = self._program.statements[index]
             assert isinstance(atom, Probability)
-            bindings = dict(zip(list_variables(atom), map(str, arguments[2].arguments), strict=True))
+            bindings = dict(
+                zip(
+                    list_variables(atom),
+                    [decode_names(str(value)) for value in arguments[2].arguments],
+                    strict=True,
+                )
+            )
             try:
                 number = evaluate_number(atom.number, bindings)
             except SourceIssue as issue:

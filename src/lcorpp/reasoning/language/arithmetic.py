@@ -150,7 +150,7 @@ def as_value(text: str) -> Value:
 def split_record(value: str) -> tuple[str, tuple[str, ...]]:
     """Split a record into name and arguments: ``f(1,g(a))`` gives ``("f", ("1", "g(a)"))``."""
     name, bracket, rest = value.partition("(")
-    if not bracket:
+    if not bracket or value.startswith("'"):
         return value, ()
     arguments, depth, begin = [], 0, 0
     for end, letter in enumerate(rest):

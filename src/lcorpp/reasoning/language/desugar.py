@@ -14,7 +14,6 @@ from dataclasses import replace
 
 from lcorpp.reasoning.language.facts import Fact
 from lcorpp.reasoning.language.issues import SourceIssue
-from lcorpp.reasoning.language.overloads import resolve_overloads
 from lcorpp.reasoning.language.sorts import BOOLEAN, SortDefinition, SortSet
 from lcorpp.reasoning.language.syntax import (
     AttributeDeclaration,
@@ -48,7 +47,13 @@ def desugar(statements: Sequence[Statement], semantics: Semantics) -> tuple[Stat
         statements = Inference(statements).declare(statements)
     if semantics == "2018":
         statements = _rewrite_boolean_queries(statements)
-    return tuple(resolve_overloads(_rewrite_body_observations(statements)))
+    rewritten = _rewrite_body_observations(statements)
+    names = [statement.name for statement in rewritten if isinstance(statement, AttributeDeclaration)]
+    if len(set(names)) == len(names):
+        return tuple(rewritten)
+    from lcorpp.reasoning.language.overloads import resolve_overloads  # few programs have them
+
+    return tuple(resolve_overloads(rewritten))
 
 
 def _rewrite_boolean_queries(statements: Sequence[Statement]) -> Sequence[Statement]:

@@ -8,11 +8,12 @@ from __future__ import annotations
 
 import re
 from bisect import bisect_right
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Container, Iterable, Sequence
 from typing import TypeVar
 
 from lcorpp.reasoning.language.issues import Place, SourceIssue
 from lcorpp.reasoning.language.syntax import Number, Semantics, Term
+from lcorpp.reasoning.quoting import unquote
 
 NAME, VARIABLE, INTEGER, DECIMAL = "a name", "a variable", "a number", "a decimal number"
 HASH_NAME, UNKNOWN, END = "a sort", "an unknown character", "the end"
@@ -35,6 +36,7 @@ _TOKEN = re.compile(
     r"|(?P<D>[0-9]*\.[0-9]+)"
     r"|(?P<I>[0-9]+)"
     r"|(?P<H>#[a-z][A-Za-z0-9_']*)"
+    r"|(?P<Q>'(?:[^'\\\r\n]|\\.)*')"
     r"|(?P<S>:-|:\+|\+-(?![0-9])|\.\.|->|==|!=|<>|<=|>=|[.,:;=<>!+*/\\(){}\[\]|?&-])"
     r"|(?P<U>.)",
     re.DOTALL,
@@ -95,6 +97,9 @@ def find_place(file: str, line_starts: Sequence[int], offset: int) -> Place:
 class Cursor:
     """A position in the tokens of a text, and the state of the parser.
 
+    Args:
+        names: names with a capital letter, which need no quotes as the text has no variables.
+
     kinds, texts, starts: the kind, the text and the offset of each token.
     constants: the values of `#const`.
     uses_plog2: whether a construct of plog 2.0 occurred.
@@ -102,7 +107,7 @@ class Cursor:
     anonymous_count: the number of `_` in the statement so far.
     """
 
-    def __init__(self, text: str, file: str) -> None:
+    def __init__(self, text: str, file: str, names: Container[str] = ()) -> None:
         self.file, self.text = file, text
         self.kinds: list[str] = []
         self.texts: list[str] = []
@@ -111,6 +116,8 @@ class Cursor:
             group = token_match.lastgroup
             if group is not None:
                 token = token_match.group()
+                if group == "Q" or (group == "V" and token in names):
+                    token, group = unquote(token) if group == "Q" else token, "N"
                 self.kinds.append(token if group in "KS" else _KINDS[group])
                 self.texts.append(token)
                 self.starts.append(token_match.start())

@@ -7,7 +7,7 @@ A program is then desugared (`desugar`) and checked (`Program`).
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Container, Iterator
 from contextlib import contextmanager
 from os import PathLike
 from typing import TYPE_CHECKING
@@ -33,7 +33,7 @@ MAX_PROGRAM_BYTES = 2**24
 
 
 def read_plog(path: str | Path, *, semantics: Semantics | None = None, strict: bool = True) -> Program:
-    """Read and check a P-log program.
+    """Read and check a P-log program, or a Bayesian network in a ``.bif`` file (`language.networks.bif`).
 
     Args:
         semantics, strict: as in `parse_plog`.
@@ -51,6 +51,10 @@ def read_plog(path: str | Path, *, semantics: Semantics | None = None, strict: b
         3.5
     """
     check_type(path, (str, PathLike), "path", ProgramError)
+    if str(path).lower().endswith(".bif"):
+        from lcorpp.reasoning.language.networks.bif import read_bif  # imports numpy
+
+        return read_bif(path)
     return parse_plog(read_text(path, MAX_PROGRAM_BYTES), file=str(path), semantics=semantics, strict=strict)
 
 
@@ -150,29 +154,29 @@ def parse_query(text: str, program: Program) -> Query:
     """
     check_type(text, str, "query", ProgramError)
     check_type(program, Program, "program", ProgramError)
-    with _open_cursor(text, "<query>") as cursor:
+    with _open_cursor(text, "<query>", program.quoted_names) as cursor:
         query = parse_question(cursor)
         cursor.accept(".")
         cursor.expect(END)
         return program.resolve_query(query)
 
 
-def parse_term(text: str, file: str) -> Expression:
-    """Parse one term or value, such as the key ``roll(d1)`` of evidence.
+def parse_term(text: str, file: str, names: Container[str] = ()) -> Expression:
+    """Parse one term or value, such as the key ``roll(d1)`` of evidence; `names` as in `Cursor`.
 
     Raises:
         ParseError: the text is not a term.
     """
-    with _open_cursor(text, file) as cursor:
+    with _open_cursor(text, file, names) as cursor:
         expression = parse_value(cursor)
         cursor.expect(END)
         return expression
 
 
 @contextmanager
-def _open_cursor(text: str, file: str) -> Iterator[Cursor]:
+def _open_cursor(text: str, file: str, names: Container[str] = ()) -> Iterator[Cursor]:
     """Yield a cursor over the text, and convert a SourceIssue to ParseError."""
-    cursor = Cursor(text, file)
+    cursor = Cursor(text, file, names)
     try:
         try:
             yield cursor

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
+from itertools import chain
+from typing import ClassVar
 
 from lcorpp.errors import ProgramError
 from lcorpp.reasoning.language.checker import check_statement, check_statements
@@ -13,6 +15,7 @@ from lcorpp.reasoning.language.signature import Attribute, Signature
 from lcorpp.reasoning.language.sorts import SortDefinition, SortSet
 from lcorpp.reasoning.language.syntax import SEMANTICS, Query, Rule, Selection, Semantics, Statement, Term
 from lcorpp.reasoning.language.traversal import map_literals
+from lcorpp.reasoning.quoting import is_quoted
 
 SHOWN_STATEMENTS = 100
 """Maximal number of statements that a notebook shows."""
@@ -37,6 +40,9 @@ class Program:
         >>> die.attributes["roll"].values
         ('1', '2', '3', '4', '5', '6')
     """
+
+    has_tables: ClassVar[bool] = False
+    """Whether its distributions are tables instead of pr-atoms: a Bayesian network."""
 
     file: str = field(compare=False)
     statements: tuple[Statement, ...]
@@ -68,9 +74,28 @@ class Program:
         return any(isinstance(s, Rule | Selection) and s.is_cr_rule for s in self.statements)
 
     @cached_property
+    def quoted_names(self) -> frozenset[str]:
+        """The names of attributes and values that a program writes in quotes; queries need not."""
+        members = (members for members in self.signature.sorts.values())
+        return frozenset(filter(is_quoted, {*map(str, self.attributes), *chain.from_iterable(members)}))
+
+    def has_term(self, name: object) -> bool:
+        """Whether a text is the name of an attribute without arguments."""
+        attribute = self.attributes.get(name) if isinstance(name, str) else None
+        return attribute is not None and not attribute.arguments
+
+    @cached_property
     def resolved_terms(self) -> dict[str, Term]:
         """Names that were resolved before, and their terms: a cache of `resolve.resolve_term`."""
         return {}
+
+    def with_statements(self, statements: Iterable[Statement]) -> Program:
+        """Return a program with other statements; the numbers of a network are then pr-atoms.
+
+        Raises:
+            ProgramError: a statement is ill-formed.
+        """
+        return Program(self.file, tuple(statements), self.semantics, self.names)
 
     def is_random(self, term: Term) -> bool:
         """Whether the attribute of a term has a random selection."""

@@ -11,6 +11,7 @@ from fractions import Fraction
 from typing import Any, Literal as OneOf, TypeVar, dataclass_transform, get_args
 
 from lcorpp.reasoning.language.issues import SYNTHETIC_PLACE, Place
+from lcorpp.reasoning.quoting import write_name
 
 Semantics = OneOf["2009", "2018"]
 """Semantics of `do` and Condition 1: TPLP 9(1), 2009, or P-log 2, 2018."""
@@ -89,7 +90,8 @@ class Term(SyntaxNode):
     arguments: tuple[Expression, ...] = ()
 
     def __str__(self) -> str:
-        return f"{self.name}({','.join(map(str, self.arguments))})" if self.arguments else self.name
+        name = write_name(str(self.name))
+        return f"{name}({','.join(map(str, self.arguments))})" if self.arguments else name
 
     def as_literal(self) -> Literal:
         """A literal without a value of its own: an order, whose right side is not bound to the range."""
@@ -172,7 +174,8 @@ class AttributeDeclaration(Statement):
     range: str
 
     def __str__(self) -> str:
-        return f"{self.name} : {', '.join(self.arguments)}{' -> ' if self.arguments else ''}{self.range}."
+        arguments = f"{', '.join(self.arguments)} -> " if self.arguments else ""
+        return f"{write_name(str(self.name))} : {arguments}{self.range}."
 
 
 @syntax_node

@@ -25,7 +25,7 @@ MAX_EXACT_DEGREE = 32
 ORDERED_DEGREE = 1e9
 """The degree of components that are eliminated after all others, in the order of their ranks."""
 
-_Order = tuple[list[int], float]
+Order = tuple[list[int], float]
 """The tree, and its width: the largest number of bits of the components that share a scope with another."""
 
 
@@ -35,7 +35,7 @@ def eliminate(
     sizes: Sequence[float],
     ranks: Sequence[int],
     ordered: Collection[int],
-) -> list[int]:
+) -> Order:
     """Eliminate components from the leaves of the tree to the roots.
 
     Args:
@@ -47,7 +47,7 @@ def eliminate(
         ordered: components with `ORDERED_DEGREE`, as they share one group.
 
     Returns:
-        Component -> the one before it in the tree, -1 for roots.
+        Component -> the one before it in the tree, -1 for roots; and the width.
     """
     best = _eliminate(needs, groups, sizes, ranks, ordered, [0] * len(needs), inf)
     if best[1] > max([MAX_GREEDY_WIDTH, *[len(own) + 1 for own in needs]]):  # no order divides a clause
@@ -55,7 +55,7 @@ def eliminate(
             order = _eliminate(needs, groups, sizes, ranks, ordered, levels, best[1])
             if order[1] < best[1]:
                 best = order
-    return best[0]
+    return best
 
 
 def _list_levels(needs: Sequence[set[int]]) -> list[list[int]]:
@@ -84,7 +84,7 @@ def _eliminate(
     ordered: Collection[int],
     levels: Sequence[int],
     limit: float,
-) -> _Order:
+) -> Order:
     """Eliminate components; those of the lowest level first. End early if the width reaches a limit."""
     components = _link(needs, groups, ordered, levels, ranks, sizes)
     heap: list[tuple[int, float, int, int]] = []

@@ -32,6 +32,16 @@ MAX_FRONTIER = 24
 """Recursions with a larger estimated frontier are decided as a whole."""
 
 
+MAX_DIAGRAM_WIDTH = 8
+"""Decision diagrams that may have levels of more than 2 to this power nodes are compared with tables."""
+
+MAX_PRUNED_WIDTH = 20
+"""The same for programs with constraints, which usually cut most of the nodes off."""
+
+MAX_SCOPE_BITS = 16
+"""Terms that depend on more bits of others are no tables."""
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class EliminationTree:
     """Steps in depth-first order: a step comes before its children, and a subtree is a range of steps.
@@ -41,6 +51,9 @@ class EliminationTree:
     roots: the first steps of the parts that are independent from the start.
     ends: step -> the end of the range of its subtree.
     recursions: the components without a step of their own, see `linear_recursion`.
+    width: bits of the largest set of components on which a step may depend.
+    may_be_tables: whether the diagram may be so large that tables are compared with it, and each term depends
+        on few others.
     """
 
     order: Sequence[tuple[int, ...]]
@@ -48,6 +61,13 @@ class EliminationTree:
     roots: Sequence[int]
     ends: Sequence[int]
     recursions: Sequence[LinearRecursion]
+    width: float
+    may_be_tables: bool
+
+    @property
+    def nodes(self) -> float:
+        """An estimate of the nodes of the decision diagram, of which few steps have the largest number."""
+        return float(2.0 ** min(self.width, 1000.0)) * max(len(self.order) / 8, 1)
 
     def list_branches(self, step: int) -> list[range]:
         """List the steps of each branch that follows a step."""
@@ -124,12 +144,20 @@ def build_elimination_tree(
     sizes = [bits_of[own[0]] if len(own) == 1 else sum([bits_of[term] for term in own]) for own in components]
     groups = [group for group in constraints if len(group) > 1]
     children: list[list[int]] = [[] for _ in (*components, "roots")]  # last, as they have the parent -1
-    for i, parent in enumerate(eliminate(component_needs, groups, sizes, ranks, ordered)):
+    parents, width = eliminate(component_needs, groups, sizes, ranks, ordered)
+    for i, parent in enumerate(parents):
         children[parent].append(i)
     if len(components) < len(terms):
         random = {clause.term for clause in clauses if clause.kind is SELECT} | program.do.keys()
         _merge_deterministic(components, children, random.union(*[own.guesses for own, _ in recursions]))
-    return _number_nodes(components, children, [recursion for recursion, _ in recursions])
+    may_be_tables = width > (MAX_PRUNED_WIDTH if groups else MAX_DIAGRAM_WIDTH) and not (
+        recursions
+        or len(components) < len(terms)
+        or any(
+            sizes[i] + sum([sizes[n] for n in own]) > MAX_SCOPE_BITS for i, own in enumerate(component_needs)
+        )
+    )
+    return _number_nodes(components, children, [own for own, _ in recursions], width, may_be_tables)
 
 
 def _merge_deterministic(
@@ -159,7 +187,11 @@ def _merge_deterministic(
 
 
 def _number_nodes(
-    components: Sequence[tuple[int, ...]], children: list[list[int]], recursions: Sequence[LinearRecursion]
+    components: Sequence[tuple[int, ...]],
+    children: list[list[int]],
+    recursions: Sequence[LinearRecursion],
+    width: float,
+    may_be_tables: bool,
 ) -> EliminationTree:
     """Number the nodes of a tree depth first; brothers keep their order. The last children are the roots."""
     nodes: list[int] = []  # step -> node
@@ -176,4 +208,6 @@ def _number_nodes(
         if numbered[step]:  # the subtree ends with that of the last child
             ends[step] = ends[numbered[step][-1]]
     order = [components[node] for node in nodes]
-    return EliminationTree(order, numbered, [step_of[root] for root in children[-1]], ends, recursions)
+    return EliminationTree(
+        order, numbered, [step_of[root] for root in children[-1]], ends, recursions, width, may_be_tables
+    )

@@ -12,7 +12,6 @@ from itertools import combinations
 
 from lcorpp.reasoning.grounding.ground_program import DERIVE, Clause, GroundProgram
 from lcorpp.reasoning.grounding.strong_components import find_strongly_connected_components
-from lcorpp.reasoning.transitions.stratified import Stratified
 
 DerivedComponent = tuple[tuple[int, ...], Sequence[Clause]]
 """The terms of a component, and their rules."""
@@ -84,6 +83,8 @@ def _has_one_model(program: GroundProgram, terms: tuple[int, ...], rules: Sequen
     They do if they are stratified and never derive two values of a term: there is only one, or the rules of
     the other are defaults such as ``p=false :- not p``.
     """
+    from lcorpp.reasoning.transitions.stratified import Stratified  # few programs have such components
+
     rules_of: dict[int, dict[int, list[Clause]]] = {}  # term -> value -> rules
     for rule in rules:
         rules_of.setdefault(rule.term, {}).setdefault(rule.value, []).append(rule)

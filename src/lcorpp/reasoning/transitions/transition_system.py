@@ -54,7 +54,6 @@ from lcorpp.reasoning.transitions.rule_templates import (
     RuleTemplate,
     describe_structure,
 )
-from lcorpp.reasoning.transitions.stratified import Stratified
 from lcorpp.reasoning.transitions.transition import Transition
 
 if TYPE_CHECKING:  # few programs are recursive
@@ -316,6 +315,7 @@ class _TransitionBuilder:
             cache = self._outcomes_of.setdefault(template, {})
             return AcyclicTermDistribution(self._program, template, bits, cache, self.probabilities)
         from lcorpp.reasoning.transitions.recursive_components import build_component
+        from lcorpp.reasoning.transitions.stratified import Stratified
 
         clauses = [
             (bits[group.satisfied_slot], group.clause, group.own_literals) for group in template.clause_groups

@@ -1,4 +1,4 @@
-"""Check evidence for a circuit and encode it as integers."""
+"""Check evidence and encode it as integers."""
 
 from __future__ import annotations
 
