@@ -125,6 +125,11 @@ class Plan {
     void prepare_all(Numbers<T>& numbers, Check& check);
     template <typename T, typename Check>
     double run(Numbers<T>& numbers, const Evidence& evidence, double* result, bool& is_extreme, Check& check);
+    template <typename T>
+    std::vector<std::vector<T>> multiply_others(const Numbers<T>& numbers, const Step& step, const Operand& own,
+                                                const std::vector<T>& derivative, const Evidence& evidence,
+                                                const std::vector<T>& weights) const;
+    Operand make_clique(const Step& step) const;
     template <typename T, typename Check>
     bool derive(Numbers<T>& numbers, const Evidence& evidence, const std::vector<T>& weights, double* result,
                 Check& check);

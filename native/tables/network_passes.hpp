@@ -8,6 +8,8 @@
 namespace lcorpp {
 
 constexpr double min_product = -650.0;  // the logarithm of the smallest product that is certain not to underflow
+constexpr std::size_t min_messages = 5;  // of a step, for products that all derivatives share
+constexpr std::size_t max_clique_numbers = 4'000'000;  // of these products
 constexpr double min_scale = 1e-20;     // tables with a smaller largest number are scaled to a largest number of 1
 
 template <typename T>
@@ -180,6 +182,50 @@ double Plan::run(Numbers<T>& numbers, const Evidence& evidence, double* result, 
     return logarithm;
 }
 
+// For each message that a step reads the product of all its other operands, as a table over its clique; nothing if there
+// are few messages, or the tables would be large. Products of those before and behind each message take linear time.
+template <typename T>
+std::vector<std::vector<T>> Plan::multiply_others(const Numbers<T>& numbers, const Step& step, const Operand& own,
+                                                  const std::vector<T>& derivative, const Evidence& evidence,
+                                                  const std::vector<T>& weights) const {
+    std::vector<const Operand*> rest{&own}, messages;
+    std::vector<const T*> values{derivative.data()};
+    for (const Operand& operand : step.operands) {
+        if (operand.kind == Kind::message) {
+            messages.push_back(&operand);
+        } else {
+            rest.push_back(&operand);
+            values.push_back(locate(numbers, operand, &evidence, weights));
+        }
+    }
+    const std::size_t size = step.size * static_cast<std::size_t>(step.variable >= 0 ? network_->sizes[step.variable] : 1);
+    if (messages.size() < min_messages || size * messages.size() > max_clique_numbers) return {};
+    const Operand clique = make_clique(step);
+    std::vector<T> buffer, before(size, T(0.0));
+    make_nest<T>(step, clique.scope, rest).run(before.data(), values, buffer);
+    const auto multiply = [&](const std::vector<T>& table, const Operand& operand) {
+        std::vector<T> product(size, T(0.0));
+        std::vector<const T*> pair{table.data(), locate(numbers, operand, &evidence, weights)};
+        make_nest<T>(step, clique.scope, {&clique, &operand}).run(product.data(), pair, buffer);
+        return product;
+    };
+    std::vector<std::vector<T>> others(messages.size());
+    others.back().assign(size, T(1.0));  // first the products of those behind
+    for (std::size_t k = messages.size() - 1; k-- > 0;) others[k] = multiply(others[k + 1], *messages[k + 1]);
+    for (std::size_t k = 0; k < messages.size(); ++k) {
+        for (std::size_t entry = 0; entry < size; ++entry) others[k][entry] *= before[entry];
+        if (k + 1 < messages.size()) before = multiply(before, *messages[k]);
+    }
+    return others;
+}
+
+// An operand with all variables of a step.
+inline Plan::Operand Plan::make_clique(const Step& step) const {
+    std::vector<int> scope = step.scope;
+    if (step.variable >= 0) scope.push_back(step.variable);
+    return {Kind::derivative, 0, scope, list_strides(scope), {}};
+}
+
 // From the last step to the first: the derivatives of the total with respect to each message, and the marginals. Source:
 // Darwiche, "A differential approach to inference in Bayesian networks", J. ACM 50(3), 2003.
 template <typename T, typename Check>
@@ -219,6 +265,8 @@ bool Plan::derive(Numbers<T>& numbers, const Evidence& evidence, const std::vect
                                                        : lowest_weight_;
         }
         is_extreme |= std::is_same_v<T, double> && product < min_product;
+        const std::vector<std::vector<T>> others = multiply_others(numbers, step, own, derivatives[i], evidence, weights);
+        std::size_t n_messages = 0;
         const std::vector<T>* summed = nullptr;  // a message and its derivative, whose product has the marginal
         const std::vector<T>* message = nullptr;
         std::size_t run = 1;  // the stride of the variable in the message
@@ -226,7 +274,15 @@ bool Plan::derive(Numbers<T>& numbers, const Evidence& evidence, const std::vect
             if (operand.kind != Kind::message) continue;
             const auto child = static_cast<std::size_t>(operand.index);
             derivatives[child].assign(steps_[child].size, T(0.0));
-            lowest[child] = sum(steps_[child].scope, &operand, derivatives[child]);
+            if (others.empty()) {
+                lowest[child] = sum(steps_[child].scope, &operand, derivatives[child]);
+            } else {
+                const Operand clique = make_clique(step);
+                std::vector<const T*> values{others[n_messages].data()};
+                make_nest<T>(step, steps_[child].scope, {&clique}).run(derivatives[child].data(), values, buffer);
+                scale(derivatives[child], ignored, lowest[child]);
+            }
+            ++n_messages;
             is_extreme |= std::is_same_v<T, double> && lowest[child] + numbers.lowest[child] < min_product;
             if (!summed || derivatives[child].size() < summed->size()) {
                 summed = &derivatives[child];

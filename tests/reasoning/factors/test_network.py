@@ -295,3 +295,20 @@ def test_an_order_without_hope_is_given_up():
     assert plan.memory > 2**31
     with pytest.raises(ValueError, match="too large"):
         plan.evaluate(np.zeros((1, 10), np.int64), np.zeros((1, 0)))
+
+
+def test_marginals_of_a_variable_with_many_children_take_linear_time():
+    """A naive Bayes network: the products of all children but one are shared."""
+    n, rng = 3000, np.random.default_rng(1)
+    table = rng.random((2, 2))
+    table /= table.sum(axis=1, keepdims=True)
+    scopes = [[0], *[[0, i] for i in range(1, n + 1)]]
+    network = Network([2] * (n + 1), scopes, [np.array([0.3, 0.7]), *[table.ravel()] * n], list(range(n + 1)))
+    plan = network.plan([], [1, 2, 3], [], True)
+    assert plan.cost < 20 * n
+    weights, _ = plan.evaluate(np.array([[0, 1, 0]]), np.zeros((1, 0)))
+    cause = np.array([0.3, 0.7]) * table[:, 0] ** 2 * table[:, 1]
+    cause /= cause.sum()
+    pairs = weights.reshape(-1, 2) / weights.reshape(-1, 2).sum(axis=1, keepdims=True)
+    np.testing.assert_allclose(pairs[0], cause, atol=1e-12)
+    np.testing.assert_allclose(pairs[4:], np.tile(cause @ table, (n - 3, 1)), atol=1e-12)

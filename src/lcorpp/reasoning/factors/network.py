@@ -9,6 +9,7 @@ Source: Dechter, "Bucket elimination: a unifying framework for reasoning", Artif
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
 
 import numpy as np
 import numpy.typing as npt
@@ -21,7 +22,7 @@ from lcorpp.reasoning.questions import is_joint, list_terms
 from lcorpp.values import Array
 
 MAX_BYTES = 2**31
-"""Maximum memory of the sums of a plan."""
+"""Maximum memory of the sums of a plan, and of all plans that are kept."""
 
 MAX_COST = 2e10
 """Maximum number of multiplications of a plan, about a minute."""
@@ -79,8 +80,10 @@ class TableNetwork:
                 raise TooLargeError(
                     f"{self.graph.program.source.file}: an exact answer {describe_cost(plan)}; {limits}"
                 )
-            if len(self._plans) >= MAX_PLANS:
+            in_use = sum([other.memory for other in self._plans.values()])
+            if len(self._plans) >= MAX_PLANS or in_use + plan.memory > MAX_BYTES:
                 self._plans.clear()
+                self._simple_plans.clear()
             self._plans[key] = plan
         return plan
 
@@ -150,8 +153,9 @@ class TableNetwork:
     ) -> dict[str, Array]:
         """Compute the weights of several questions, see `weigh_question`."""
         if _are_marginals(questions):
-            found = self.weigh_all(names, evidence)
-            return {question: found[question] for question in questions}
+            with suppress(TooLargeError):  # each alone may need fewer tables
+                found = self.weigh_all(names, evidence)
+                return {question: found[question] for question in questions}
         return {question: self.weigh_question(question, names, evidence) for question in questions}
 
     def estimate_cost(self, questions: Sequence[str], given: Sequence[str]) -> float:
