@@ -252,10 +252,25 @@ def test_threads_share_a_circuit():
             np.testing.assert_allclose(found, alone, atol=1e-12)
 
 
-def test_a_tiny_excluded_outcome_is_not_forgotten(monkeypatch):
+@pytest.fixture
+def only_tables(monkeypatch):
+    """Tables wherever a program has them."""
     monkeypatch.setattr(elimination_tree, "MAX_DIAGRAM_WIDTH", -1)
     monkeypatch.setattr(elimination_tree, "MAX_PRUNED_WIDTH", -1)
     monkeypatch.setattr(choice, "is_cheaper", lambda *_: True)
+
+
+@pytest.mark.usefixtures("only_tables")
+def test_observations_that_exclude_all_worlds():
+    program = parse_plog("s = {x, y, z}. a : s. random(a). b : boolean. random(b). a=x.")
+    query = parse_query("b | obs(a=y), obs(a=z)", program)
+    for exact in (False, True):
+        with pytest.raises(UndefinedError, match="no possible world"):
+            Reasoner(program).ask(query, exact=exact)
+
+
+@pytest.mark.usefixtures("only_tables")
+def test_a_tiny_excluded_outcome_is_not_forgotten():
     program = parse_plog(
         "s = {x, y}. a : s. p : boolean. random(p). random(a)."
         "pr(a=x | p) = 1/20000000000. pr(a=x | -p) = 0. :- a=x."

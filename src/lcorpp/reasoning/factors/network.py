@@ -49,7 +49,7 @@ class TableNetwork:
         if not graph.has_worlds:
             factors = ()
         self._network = Network(
-            [len(outcomes) for outcomes in graph.outcomes],
+            [len(outcomes) or 1 for outcomes in graph.outcomes],  # none if there is no world
             [list(factor.scope) for factor in factors],
             [factor.table for factor in factors],
             [factor.child for factor in factors],
