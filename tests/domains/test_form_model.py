@@ -193,7 +193,7 @@ def test_no_belief_is_lost_where_another_conversation_starts(intention):
         assert again != own.find_answers([("greet", greet)])  # it counts as asked before
 
 
-def test_somebody_who_repeats_their_answers_is_continued(intention):
+def test_a_person_with_repeated_answers_is_continued(intention):
     """Two conversations of a person, the second from the memory of the first, are one conversation."""
     domain, base, stated = intention
     own = FormDialogue(domain, base, Repeated(3))

@@ -175,7 +175,7 @@ def test_the_form_of_a_person_is_that_of_the_recognition(robot):
     assert belief.sum() == pytest.approx(1)
 
 
-def test_a_planner_of_somebody_who_was_not_reasoned_about_is_an_error(robot):
+def test_a_planner_without_a_posterior_of_the_person_is_an_error(robot):
     trust = set_up_trust(robot.domain, robot.reasoner, robot.planner)
     trust._used = trust.forms.index("repeated")
     with pytest.raises(DecisionError, match="expected a call of `posterior` first"):
@@ -196,7 +196,7 @@ class Stubborn:
         pass
 
 
-def test_somebody_who_always_answers_the_same_is_asked_less_when_met_again(robot):
+def test_a_recognised_person_with_repeated_answers_is_asked_less(robot):
     """Thirty people with the same answers at each of ten meetings: `repeated` is the form that fits."""
     domain, trust = robot.domain, set_up_trust(robot.domain, robot.reasoner, robot.planner)
     rng = np.random.default_rng(3)

@@ -21,13 +21,9 @@ _RESERVED = frozenset(
 _ESCAPED = re.compile(r"\\(.)")
 
 
-def make_name_text(name: str, *, is_attribute: bool = False) -> str:
-    """Return the text of a name: itself, or in quotes if it would mean something else without them."""
-    digits = name.removeprefix("-")
-    is_number = digits.isdigit()
-    if is_number and not is_attribute:  # an integer of 32 bits is a value of its own
-        is_number = not (len(digits) < 10 and digits.isascii() and str(int(name)) == name)
-    if _SAFE.fullmatch(name) and name not in _RESERVED and not is_number:
+def make_name_text(name: str) -> str:
+    """Return the text of a name: itself, or in quotes if it would mean something else, such as an integer."""
+    if _SAFE.fullmatch(name) and name not in _RESERVED and not name.removeprefix("-").isdigit():
         return name
     escaped = name.replace("\\", "\\\\").replace("'", "\\'")
     return f"'{escaped}'"

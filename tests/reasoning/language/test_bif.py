@@ -1,4 +1,4 @@
-"""Bayesian networks in the Interchange Format: known answers, names, and the words of errors."""
+"""Bayesian networks in the Interchange Format: known answers, names, and error messages."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from lcorpp.reasoning import (
     read_plog,
     with_classifier,
 )
-from lcorpp.reasoning.language.networks.bif import parse_bif
+from lcorpp.reasoning.language.networks.bif import make_value_text, parse_bif
 from lcorpp.reasoning.quoting import is_quoted, make_name_text, unquote, write_name
 
 SPRINKLER = """
@@ -164,7 +164,9 @@ def test_names_in_quotes_have_any_characters():
     assert network.attributes["'0'"].values == ("'007'", "'12345678901'")
     found = Reasoner(network).exact("'A{|x'", {"'0'": "'007'"})
     assert found["'a (1)'"] == Fraction(2, 5)
+    assert Reasoner(network).ask(parse_query("'A{|x' | obs('0'='007')", network), exact=True) == found
     program = parse_plog(program_text(network))
+    assert list(program.attributes) == list(network.attributes)
     assert Reasoner(program).exact("'A{|x'", {"'0'": "'007'"}) == found
 
 
@@ -191,20 +193,16 @@ def test_a_file_is_read_by_its_suffix(tmp_path):
 
 
 def test_names_keep_their_text_unless_it_would_mean_something_else():
-    for name in ("plain", "HISTORY", "12+", "<7.5", "Asy/Patch", "5-12", "-3", "0"):
-        assert make_name_text(name) == name
-    for name in ("a b", "f(1)", "a,b", "007", "not", "do", "it's", "a\\b", "²", ""):
+    for name in ("plain", "HISTORY", "12+", "<7.5", "Asy/Patch", "5-12"):
+        assert make_name_text(name) == make_value_text(name) == name
+    for name in ("a b", "f(1)", "a,b", "007", "not", "do", "it's", "a\\b", "²", "", "12345678901"):
         text = make_name_text(name)
         assert text.startswith("'"), name
-        assert unquote(text) == text
-        assert write_name(text) == text
-    assert [write_name(text) for text in ("plain", "HISTORY", "12", "-3", "12+")] == [
-        "plain",
-        "'HISTORY'",
-        "12",
-        "-3",
-        "'12+'",
-    ]
+        assert make_value_text(name) == unquote(text) == write_name(text) == text
+    assert [make_value_text(name) for name in ("0", "-3")] == ["0", "-3"]
+    assert [make_name_text(name) for name in ("0", "-3")] == ["'0'", "'-3'"]
+    written = [write_name(text) for text in ("plain", "HISTORY", "12", "-3", "12+")]
+    assert written == ["plain", "'HISTORY'", "12", "-3", "'12+'"]
     assert not is_quoted("plain")
     assert is_quoted("HISTORY")
 

@@ -16,7 +16,6 @@ from lcorpp.reasoning.language.syntax import Formula
 ENTRIES_PER_NODE = 100.0
 """A node of a decision diagram takes as long as this many multiplications of tables, at least."""
 
-
 MAX_NETWORKS = 10
 """The tables of a Bayesian network are kept for at most this many sets of interventions."""
 
@@ -73,5 +72,5 @@ def choose_network(
 
 
 def is_cheaper(cost: float, nodes: float) -> bool:
-    """Whether tables with this number of multiplications are cheaper than a diagram of so many nodes."""
+    """Compare the multiplications of tables with the nodes of a decision diagram."""
     return cost < ENTRIES_PER_NODE * nodes

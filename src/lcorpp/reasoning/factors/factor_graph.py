@@ -33,7 +33,6 @@ from lcorpp.values import Array
 MAX_ENTRIES = 2**16
 """A table that is computed from clauses has at most this many entries; larger ones are better expanded."""
 
-
 MAX_TERMS = 20_000
 """Programs with more terms are expanded: an elimination order takes time and memory for pairs of terms."""
 
@@ -85,7 +84,7 @@ class FactorGraph:
 def make_network_graph(network: BayesianNetwork, do: Mapping[str, str]) -> FactorGraph:
     """Make the factors of a Bayesian network with interventions, term -> value.
 
-    It is that of `build_factor_graph`, without grounding: a large network has few kinds of statements.
+    It equals that of `build_factor_graph`, without the grounding that takes most of the time of small ones.
     """
     names = list(network.tables)
     values = [network.attributes[name].values for name in names]
@@ -264,11 +263,10 @@ class _Builder:
         place = {parent: i for i, parent in enumerate(parents)}
         true_at: list[list[int]] = [[] for _ in range(prod(sizes))]
         for number, clause in enumerate(clauses):
-            allowed = [range(size) for size in sizes]
+            chosen: list[Sequence[int]] = [range(size) for size in sizes]
             masks: dict[int, int] = {}
             for term, mask, _ in clause.body:
                 masks[term] = masks.get(term, -1) & mask
-            chosen: list[Sequence[int]] = list(allowed)
             for term, mask in masks.items():
                 chosen[place[term]] = [i for i, o in enumerate(self.outcomes_of[term]) if mask >> o & 1]
             for combination in product(*chosen):

@@ -87,12 +87,7 @@ class TableNetwork:
             self._plans[key] = plan
         return plan
 
-    def weigh(
-        self,
-        terms: Sequence[str],
-        names: Sequence[str],
-        evidence: EncodedEvidence,
-    ) -> Array:
+    def weigh(self, terms: Sequence[str], names: Sequence[str], evidence: EncodedEvidence) -> Array:
         """(B, outcomes of each term) Compute the joint weights of terms; only ratios in a row matter.
 
         Args:

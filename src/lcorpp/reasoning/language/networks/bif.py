@@ -333,7 +333,14 @@ def _read_name(word: str, *, is_attribute: bool = False) -> str:
     """Return the text of a name as it stands in the file."""
     if word.startswith('"'):
         word = _ESCAPE.sub(r"\1", word[1:-1].translate(_UNMASK))
-    return make_name_text(word, is_attribute=is_attribute)
+    return make_name_text(word) if is_attribute else make_value_text(word)
+
+
+def make_value_text(name: str) -> str:
+    """Return the text of a value: an integer of at most nine digits is itself, others are names."""
+    digits = name.removeprefix("-")
+    is_short = digits.isdigit() and digits.isascii() and len(digits) < 10
+    return name if is_short and str(int(name)) == name else make_name_text(name)
 
 
 def _is_number(word: str) -> bool:
