@@ -99,6 +99,7 @@ format: $(VENV)/.packages
 stubs: $(VENV)/.dev
 	$(BIN)/python -m nanobind.stubgen -q -m lcorpp.planning._native -o src/lcorpp/planning/_native.pyi
 	$(BIN)/python -m nanobind.stubgen -q -m lcorpp.planning.formats.pomdp._scanner -o src/lcorpp/planning/formats/pomdp/_scanner.pyi
+	$(BIN)/python -m nanobind.stubgen -q -m lcorpp.reasoning._diagram -o src/lcorpp/reasoning/_diagram.pyi
 	$(BIN)/python -m nanobind.stubgen -q -m lcorpp.reasoning.factors._tables -o src/lcorpp/reasoning/factors/_tables.pyi
 	$(BIN)/python -m nanobind.stubgen -q -m lcorpp.learning.lstm._kernels -o src/lcorpp/learning/lstm/_kernels.pyi
 

@@ -92,7 +92,7 @@ class Expectation:
             agrees = np.ones((len(outcomes), 1), dtype=np.bool_)
             for i, term in enumerate(terms):
                 if term in codes:
-                    own = np.array([diagram.outcomes[outcome][0][i] for outcome in outcomes])
+                    own = np.array([diagram.outcomes[outcome].values[i] for outcome in outcomes])
                     agrees = agrees & ((codes[term] < 0) | (own[:, None] == codes[term]))
             branches = [
                 (child, np.array(targets), _make_sum(targets, sizes[child]))

@@ -242,8 +242,8 @@ def build_number_model(
         coefficients[case.rest, case.parameters] = -case.multiplicities
     scales = np.ones(len(diagram.outcomes))
     places: list[tuple[int, int]] = []
-    for outcome, (_, product) in enumerate(diagram.outcomes):
-        for factor in _split(product):
+    for outcome, own_outcome in enumerate(diagram.outcomes):
+        for factor in _split(own_outcome.weight):
             if isinstance(factor, _Form):
                 number, scale = forms[factor]
                 places.append((number, outcome))

@@ -27,9 +27,8 @@ from lcorpp.reasoning.answers import (
     make_no_value_error,
     make_no_world_error,
 )
-from lcorpp.reasoning.circuit.compiler import build_layers
 from lcorpp.reasoning.circuit.decision_diagram import build_decision_diagram
-from lcorpp.reasoning.circuit.passes import differentiate
+from lcorpp.reasoning.circuit.layers import build_layers, weigh
 from lcorpp.reasoning.evidence import Codes, EncodedEvidence, EvidenceEncoder
 from lcorpp.reasoning.grounding.ground_program import GroundProgram
 from lcorpp.reasoning.grounding.grounder import ground_program
@@ -283,8 +282,7 @@ class _Table:
         Args:
             given: (B, terms) the outcomes of the given terms, -1 for no evidence.
         """
-        logarithms = np.empty(len(given))
-        by_term = differentiate(self._layers, EncodedEvidence(given), self._asked, logarithms)
+        by_term, logarithms = weigh(self._layers, EncodedEvidence(given), self._asked)
         largest = logarithms.max()
         totals = np.exp(logarithms - largest if largest > -np.inf else logarithms)[:, None]
         rows = [by_term[term] for term in self._asked]

@@ -1,4 +1,4 @@
-"""A compiled program: new evidence costs one pass over the matrices of its layers."""
+"""A compiled program: new evidence costs one pass over its layers."""
 
 from __future__ import annotations
 
@@ -19,8 +19,7 @@ from lcorpp.reasoning.answers import (
     normalise_marginal,
 )
 from lcorpp.reasoning.circuit.decision_diagram import DecisionDiagram, build_decision_diagram
-from lcorpp.reasoning.circuit.matrices import Layer
-from lcorpp.reasoning.circuit.passes import differentiate
+from lcorpp.reasoning.circuit.layers import weigh
 from lcorpp.reasoning.evidence import Codes, Column, EncodedEvidence, EvidenceEncoder
 from lcorpp.reasoning.grounding.grounder import ground_program
 from lcorpp.reasoning.language.program import Program
@@ -30,6 +29,7 @@ from lcorpp.reasoning.transitions.transition_system import TransitionSystem, bui
 from lcorpp.values import Array, Distribution, Label
 
 if TYPE_CHECKING:
+    from lcorpp.reasoning._diagram import Layers
     from lcorpp.reasoning.circuit.table_worlds import TableWorlds
     from lcorpp.reasoning.circuit.world_queries import WorldQueries
     from lcorpp.reasoning.factors.network import TableNetwork
@@ -58,7 +58,7 @@ class Circuit:
     inputs: the terms that evidence may name.
     queries: the queried terms, of several attributes `?item, person`; single: whether there is one answer.
     values: term -> range, for all of these terms; of several attributes tuples.
-    layers: the matrices, see `matrices`; none if there are tables.
+    layers: see `layers`; None if there are tables.
     network: the tables of a program in which each term depends on few others, see `TableNetwork`; or None.
 
     Source: Darwiche, J. ACM 50(3), 2003; the elimination tree as in AND/OR search, see `elimination_tree`.
@@ -77,7 +77,7 @@ class Circuit:
         inputs: Sequence[str],
         query: str | Sequence[str],
         do: Mapping[str, str],
-        layers: Sequence[Layer] = (),
+        layers: Layers | None = None,
         network: TableNetwork | None = None,
     ) -> None:
         self.program, self.do = program, dict(do)
@@ -95,11 +95,9 @@ class Circuit:
 
     def __repr__(self) -> str:
         given, queries = join_some(self.inputs) or "nothing", join_some(self.queries) or "nothing"
-        parts = (
-            f"{len(self.layers)} layers"
-            if self.network is None
-            else f"{len(self.network.graph.factors)} tables"
-        )
+        parts = f"{len(self.layers)} layers" if self.layers is not None else ""
+        if self.network is not None:
+            parts = f"{len(self.network.graph.factors)} tables"
         return f"Circuit({self.program.file}: {queries} given {given}; {parts})"
 
     def __call__(
@@ -184,7 +182,8 @@ class Circuit:
                     for query, weights in weighed.items()
                 }
         variables = {query: self._variables[query] for query in self.queries}
-        weights = differentiate(self.layers, evidence.take(rows), variables.values())
+        assert self.layers is not None
+        weights, _ = weigh(self.layers, evidence.take(rows), list(variables.values()))
         with np.errstate(invalid="ignore"):
             shares = {
                 query: weights[i] / weights[i].sum(axis=1, keepdims=True) for query, i in variables.items()

@@ -9,34 +9,39 @@ tails (c1 and c2, values heads and tails):
     sizes     [1, 2]
     arcs[0]   Arcs([0, 0], ([0, 1],), [0, 1])   sources, targets in the only branch, outcomes
     arcs[1]   Arcs([0, 0, 1], (), [2, 3, 2])    after tails (node 1) only c2=heads
-    outcomes  [((0,), 1/2), ((1,), 1/2), ((0,), 1/2), ((1,), 1/2)]
+    outcomes  c1=heads, c1=tails, c2=heads, c2=tails, each with probability 1/2
 
 Source: Mateescu, Dechter and Marinescu, "AND/OR multi-valued decision diagrams", JAIR 33, 2008.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from fractions import Fraction
+from functools import cached_property
 from typing import NamedTuple
 
 from lcorpp.errors import ProgramError, TooLargeError
+from lcorpp.reasoning._diagram import Diagram
 from lcorpp.reasoning.answers import format_world
 from lcorpp.reasoning.conditions import ConditionViolation
 from lcorpp.reasoning.questions import QUERY_TERM
-from lcorpp.reasoning.transitions.transition import Effect, Transition
+from lcorpp.reasoning.transitions.local_distribution import Outcome
+from lcorpp.reasoning.transitions.transition import Transition
 from lcorpp.reasoning.transitions.transition_system import TransitionSystem
 
-MAX_ARCS = 2_000_000
-"""A decision diagram has at most this many arcs."""
+MAX_BYTES = 2**30
+"""The arcs of a decision diagram, and the states of a step, take at most this much memory."""
 
-MAX_LEVEL_BITS = 2**32
-"""The states of one step have at most this many bits together: half a gigabyte."""
+MAX_LABELS = 2_000_000
+"""Different outcomes of all steps are at most so many."""
+
+MAX_LISTED_ARCS = 5_000_000
+"""Queries about whole worlds, and fractions, need diagrams of at most this many arcs."""
 
 
 class Arcs(NamedTuple):
-    """The arcs of a step, as lists of equal length.
+    """The arcs of a step, as lists of equal length, sorted by source.
 
     sources: the node of each arc.
     targets: for each branch the node to which each arc leads.
@@ -56,190 +61,101 @@ class Arcs(NamedTuple):
         )
 
 
-_Choice = tuple[Effect, int]
-"""An outcome: its effect on the state, and its index."""
-
-_Levels = tuple[Arcs, tuple[tuple[int, ...], ...]]
-"""The arcs of a step, and the states to which they lead in each branch."""
-
-
-@dataclass(slots=True, eq=False)
+@dataclass(eq=False)
 class DecisionDiagram:
     """The possible worlds of a program.
 
-    sizes: the number of nodes of each step; nodes are numbered within their step. All are 0 if there is no
-        world.
-    arcs: the arcs of each step; steps with equal arcs share them.
-    outcomes: the labels of the arcs: (outcome of each term of the step, probability).
+    graph: the nodes and arcs, in C++.
     """
 
     system: TransitionSystem
-    sizes: list[int]
-    arcs: list[Arcs]
-    outcomes: list[tuple[Sequence[int], Fraction]]
+    graph: Diagram
 
     def __repr__(self) -> str:
-        n_arcs = sum(len(arcs.sources) for arcs in self.arcs)
-        file = self.system.program.source.file
-        return f"DecisionDiagram({file}: {len(self.arcs)} steps, {sum(self.sizes)} nodes, {n_arcs} arcs)"
+        file, sizes = self.system.program.source.file, self.sizes
+        return f"DecisionDiagram({file}: {len(sizes)} steps, {sum(sizes)} nodes, {self.graph.n_arcs} arcs)"
+
+    @cached_property
+    def sizes(self) -> list[int]:
+        """The number of nodes of each step; nodes are numbered within their step. All are 0 without worlds."""
+        return self.graph.sizes
+
+    @cached_property
+    def arcs(self) -> list[Arcs]:
+        """The arcs of each step.
+
+        Raises:
+            TooLargeError: they are more than `MAX_LISTED_ARCS`.
+        """
+        if self.graph.n_arcs > MAX_LISTED_ARCS:
+            raise TooLargeError(
+                f"{self.system.program.source.file}: {self.graph.n_arcs} arcs in the decision diagram; fractions"
+                f" and single worlds need at most {MAX_LISTED_ARCS}"
+            )
+        arcs = []
+        for step in range(len(self.sizes)):
+            sources, targets, outcomes = self.graph.list_arcs(step)
+            arcs.append(Arcs(sources, tuple(targets), outcomes))
+        return arcs
+
+    @property
+    def outcomes(self) -> list[Outcome]:
+        """The labels of the arcs."""
+        return self.system.outcomes
 
     @property
     def has_worlds(self) -> bool:
         """Whether there is a possible world, maybe of measure 0."""
         return self.system.consistent and all(self.sizes[root] for root in self.system.tree.roots)
 
-    def compute_weights(self) -> list[float]:
-        """Convert the probabilities of the outcomes to floating point."""
-        # outcomes share their fractions
-        weights = {id(p): float(p) for p in {id(p): p for _, p in self.outcomes}.values()}
-        return [weights[id(p)] for _, p in self.outcomes]
 
-
-def build_decision_diagram(system: TransitionSystem, limit: int = MAX_ARCS) -> DecisionDiagram:
+def build_decision_diagram(system: TransitionSystem, max_bytes: int | None = None) -> DecisionDiagram:
     """Expand the reachable states of a transition system, and drop nodes that are in no world.
 
+    Args:
+        max_bytes: the limit of memory, `MAX_BYTES` by default.
+
     Raises:
-        TooLargeError: there are more than `limit` arcs.
+        TooLargeError: the diagram takes more memory.
         ProgramError: a world breaks a condition of the language, or a component has too many stable models.
     """
-    expander = _Expander()
-    diagram = _expand(system, expander, limit)
-    if expander.has_dead_ends:
-        _prune(diagram)
-    if expander.violations:  # a violation in no world was pruned
-        for step, arcs in enumerate(diagram.arcs):
-            for arc, outcome in enumerate(arcs.outcomes):
-                if outcome in expander.violations:
-                    raise _make_error(diagram, step, arc, expander.violations[outcome])
+    tree, limit = system.tree, MAX_BYTES if max_bytes is None else max_bytes
+    n_words = system.transitions[0].n_words if system.transitions else 1
+    graph = Diagram(tree.children, tree.roots, n_words, system.consistent)
+    for transition in system.transitions:
+        if missing := graph.enter(transition.compiled, transition.is_shared):
+            _add_choices(system, transition, missing)
+        if not graph.expand(limit):
+            raise TooLargeError(
+                f"{system.program.source.file}: the decision diagram takes more than {limit >> 20} MiB,"
+                f" after {graph.n_arcs} arcs"
+            )
+    if graph.has_dead_ends:
+        graph.prune()
+    diagram = DecisionDiagram(system, graph)
+    if any(outcome.violation for outcome in system.outcomes):  # a violation in no world was pruned
+        for step in range(len(system.transitions)):
+            for label in graph.list_labels(step):
+                if violation := system.outcomes[label].violation:
+                    raise _make_error(diagram, step, diagram.arcs[step].outcomes.index(label), violation)
     return diagram
 
 
-def _expand(system: TransitionSystem, expander: _Expander, limit: int) -> DecisionDiagram:
-    """Expand step by step."""
-    states: list[tuple[int, ...]] = [()] * len(system.transitions)
-    if system.consistent:
-        for root in system.tree.roots:
-            states[root] = (0,)
-    arcs: list[Arcs] = []
-    known: dict[tuple[Transition, tuple[int, ...]], _Levels] = {}
-    total = 0
-    for step, transition in enumerate(system.transitions):
-        max_arcs = min(limit - total, MAX_LEVEL_BITS // transition.n_bits)
-        key = transition, states[step]
-        levels = known.get(key) if transition.is_shared else None
-        if levels is None:
-            levels = expander.expand(transition, states[step], max_arcs)
-            if transition.is_shared:
-                known[key] = levels
-        own, following = levels
-        n_arcs = len(own.sources)
-        if n_arcs > max_arcs:
-            raise TooLargeError(
-                f"{system.program.source.file}: more than {total + max_arcs} arcs in the decision diagram"
-            )
-        total += n_arcs
-        arcs.append(own)
-        for child, reached in zip(system.tree.children[step], following, strict=True):
-            states[child] = reached
-    return DecisionDiagram(system, [len(own) for own in states], arcs, expander.outcomes)
-
-
-class _Expander:
-    """Computes the arcs from the states of one step, and the states that they lead to.
-
-    outcomes: as in `DecisionDiagram`.
-    violations: outcome -> the condition that it breaks.
-    has_dead_ends: whether there is a state without arcs.
-    """
-
-    def __init__(self) -> None:
-        self.outcomes: list[tuple[Sequence[int], Fraction]] = []
-        self.violations: dict[int, ConditionViolation] = {}
-        self.has_dead_ends = False
-        self._choices: dict[Transition, dict[int, list[_Choice]]] = {}
-
-    def expand(self, transition: Transition, states: Sequence[int], max_arcs: int) -> _Levels:
-        """Return the arcs and the states after the step; stop soon after `max_arcs` arcs."""
-        input_mask, advance = transition.input_mask, transition.advance
-        choices = self._list_choices(transition, {state & input_mask for state in states})
-        sources: list[int] = []
-        reached_states: list[int] = []
-        outcomes: list[int] = []
-        for source, state in enumerate(states):
-            for effect, outcome in choices[state & input_mask]:
-                reached = advance(state, effect)
-                if reached is None:
-                    continue
-                sources.append(source)
-                reached_states.append(reached)
+def _add_choices(system: TransitionSystem, transition: Transition, inputs: Iterable[bytes]) -> None:
+    """Add the outcomes of a transition with their effects, for each state of the input bits."""
+    outcomes = system.outcomes
+    packed = {int.from_bytes(bits, "little"): bits for bits in inputs}
+    for state, own in transition.distribution.list_outcomes(packed).items():
+        choices: list[tuple[int, int]] = []
+        for outcome in own:
+            effect = transition.find_effect(outcome.values)
+            if effect is not None:
+                choices.append((effect.number, len(outcomes)))
                 outcomes.append(outcome)
-            if len(outcomes) > max_arcs:
-                break
-        self.has_dead_ends |= len(set(sources)) < len(states)
-        targets, following = [], []
-        for mask in transition.live_masks:
-            own = [reached & mask for reached in reached_states]
-            distinct = tuple(dict.fromkeys(own))
-            numbers = {state: number for number, state in enumerate(distinct)}
-            targets.append([numbers[state] for state in own])
-            following.append(distinct)
-        return Arcs(sources, tuple(targets), outcomes), tuple(following)
-
-    def _list_choices(self, transition: Transition, inputs: set[int]) -> Mapping[int, list[_Choice]]:
-        """List the outcomes with their effects, for each state of the input bits."""
-        choices = self._choices.get(transition, {})
-        if not choices.keys() >= inputs:
-            missing = inputs.difference(choices)
-            for bits, outcomes in transition.distribution.list_outcomes(missing).items():
-                own: list[_Choice] = []
-                for outcome in outcomes:
-                    effect = transition.find_effect(outcome.values)
-                    if effect is not None:
-                        if outcome.violation:
-                            self.violations[len(self.outcomes)] = outcome.violation
-                        own.append((effect, len(self.outcomes)))
-                        self.outcomes.append((outcome.values, outcome.weight))
-                choices[bits] = own
-            if transition.is_shared:
-                self._choices[transition] = choices
-        return choices
-
-
-def _prune(diagram: DecisionDiagram) -> None:
-    """Drop nodes without a world and arcs to them, bottom up; then nodes that no arc reaches any more."""
-    children, arcs_of, sizes = diagram.system.tree.children, diagram.arcs, diagram.sizes
-    sources_of: list[set[int] | None] = [None] * len(arcs_of)  # the nodes with a world, None for all
-    shared: dict[
-        int, tuple[Arcs, set[int]]
-    ] = {}  # id of arcs -> (arcs, so that the id stays theirs; sources)
-    for step in range(len(arcs_of) - 1, -1, -1):
-        arcs = arcs_of[step]
-        for branch, child in enumerate(children[step]):
-            if (nodes := sources_of[child]) is not None:
-                targets = arcs.targets[branch]
-                arcs = arcs.select([i for i, target in enumerate(targets) if target in nodes])
-        arcs_of[step] = arcs
-        _, sources = shared.get(id(arcs)) or shared.setdefault(id(arcs), (arcs, set(arcs.sources)))
-        if len(sources) < sizes[step]:
-            sources_of[step] = sources
-    if not all(arcs_of[root].sources for root in diagram.system.tree.roots):
-        arcs_of[:] = [Arcs([], tuple([[] for _ in own]), []) for own in children]
-        sizes[:] = [0] * len(sizes)
-    numbers_of: dict[int, dict[int, int]] = {}  # step -> node that is reached -> its new number
-    for step, own in enumerate(children):
-        arcs = arcs_of[step]
-        if step in numbers_of:
-            numbers = numbers_of[step]
-            arcs = arcs.select([i for i, source in enumerate(arcs.sources) if source in numbers])
-            arcs = arcs._replace(sources=[numbers[source] for source in arcs.sources])
-        for branch, child in enumerate(own):
-            reached = set(arcs.targets[branch])
-            if len(reached) < sizes[child]:
-                sizes[child] = len(reached)
-                numbers = numbers_of[child] = {node: number for number, node in enumerate(sorted(reached))}
-                new = [numbers[target] for target in arcs.targets[branch]]
-                arcs = arcs._replace(targets=(*arcs.targets[:branch], new, *arcs.targets[branch + 1 :]))
-        arcs_of[step] = arcs
+        transition.compiled.add_choices(packed[state], choices)
+    if len(outcomes) > MAX_LABELS:
+        file = system.program.source.file
+        raise TooLargeError(f"{file}: more than {MAX_LABELS} labels of arcs in the decision diagram")
 
 
 def _make_error(diagram: DecisionDiagram, step: int, arc: int, violation: ConditionViolation) -> ProgramError:
@@ -260,7 +176,7 @@ def _make_error(diagram: DecisionDiagram, step: int, arc: int, violation: Condit
         path.append(arcs.outcomes[own])
         for child, targets in zip(tree.children[current], arcs.targets, strict=True):
             nodes[child] = targets[own]
-    world = decode_world(diagram.system, [diagram.outcomes[outcome][0] for outcome in path])
+    world = decode_world(diagram.system, [diagram.outcomes[outcome].values for outcome in path])
     program = diagram.system.program
     names = [program.names[term] for term in tree.order[step]]
     message = violation.format(program.source.statements, names)

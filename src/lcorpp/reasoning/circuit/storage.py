@@ -1,18 +1,16 @@
 """Store a compiled circuit in one file: numbers, JSON and the program's text, no code.
 
 The file is a numpy archive (.npz). Its entry `circuit` is JSON: format and version, the program's text,
-inputs, queries and interventions, and for each layer its variable (key `label`), shape (outputs, inputs),
-outcomes and the layers before it (key `sources`). The entries `<layer>/<outcome>`, or `<layer>/every` without
-outcomes, are tables of output, input and weight, as text if weights are below the range of floating point
-(earlier files have an exponent of 2 as a fourth column); `<layer>/from/<source>` are the nodes that are its
-inputs. Files of version 1, a chain of layers, are compiled again; so are circuits of tables
-(`tables` is true), which are those of the program.
+inputs, queries and interventions, and for each layer its variable, shape (outputs, outcomes, inputs) and the
+layers before it (key `sources`). The entries `<layer>/from/<source>` are the outputs of these layers that are
+factors of its inputs, `<layer>/first` is the first entry of each output, and `<layer>/entries` has the
+outcome, the input, and the exponent of 2 of each entry, `<layer>/weights` its weight. Circuits of tables (`tables` is
+true) are those of the program, and files of versions 1 and 2 are compiled again.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from decimal import Decimal
 from pathlib import Path
 from typing import Any
 
@@ -22,20 +20,16 @@ import numpy.typing as npt
 from lcorpp.archives import locate_damage, pack_archive, unpack_archive
 from lcorpp.errors import DataError
 from lcorpp.files import read_bytes, write_atomically
+from lcorpp.reasoning._diagram import Layers
 from lcorpp.reasoning.circuit.circuit import Circuit
 from lcorpp.reasoning.circuit.compiler import compile_program
-from lcorpp.reasoning.circuit.decision_diagram import MAX_ARCS
-from lcorpp.reasoning.circuit.matrices import WIDE, Groups, Layer
 from lcorpp.reasoning.language.parser import parse_plog
 from lcorpp.reasoning.language.program import Program, program_text
 from lcorpp.reasoning.questions import list_values
 from lcorpp.reasoning.resolve import resolve_interventions, resolve_subject
 from lcorpp.versioned_json import JsonFormat
 
-FORMAT = JsonFormat("lcorpp circuit", 2, older=(1,))
-
-MAX_WEIGHT = 1e100
-"""Larger weights are not read; those of probabilities are at most 1."""
+FORMAT = JsonFormat("lcorpp circuit", 3, older=(1, 2))
 
 
 def save_circuit(circuit: Circuit, path: str | Path) -> None:
@@ -54,26 +48,14 @@ def save_circuit(circuit: Circuit, path: str | Path) -> None:
     """
     arrays: dict[str, npt.NDArray[Any]] = {}
     layers = []
-    for number, layer in enumerate(circuit.layers):
-        arrays |= {f"{number}/from/{source}": nodes.keys for source, nodes in layer.sources}
-        matrix, pairs = layer.matrix, layer.matrix.columns.keys
-        columns: list[npt.NDArray[Any]] = [matrix.rows.keys, layer.inputs.keys[pairs], matrix.weights]
-        if matrix.weights.dtype == object:  # decimal numbers
-            columns = [column.astype(str) for column in columns]
-        table = np.stack(columns, axis=1)
-        own = layer.outcomes.keys[pairs]
-        outcomes = [] if layer.variable < 0 else np.unique(own).tolist()
-        arrays |= {f"{number}/{outcome}": table[own == outcome] for outcome in outcomes}
-        if not outcomes:
-            arrays[f"{number}/every"] = table
-        layers.append(
-            {
-                "label": layer.variable,
-                "shape": [matrix.rows.size, layer.inputs.size],
-                "outcomes": outcomes,
-                "sources": [source for source, _ in layer.sources],
-            }
+    stored = circuit.layers.store() if circuit.layers is not None else []
+    for number, (variable, shape, sources, first, outcomes, inputs, weights, exponents) in enumerate(stored):
+        arrays |= {f"{number}/from/{source}": nodes for source, nodes in sources}
+        arrays[f"{number}/first"], arrays[f"{number}/weights"] = first, weights
+        arrays[f"{number}/entries"] = np.stack(
+            [outcomes, inputs, exponents] if len(exponents) else [outcomes, inputs]
         )
+        layers.append({"variable": variable, "shape": shape, "sources": [source for source, _ in sources]})
     head = {
         "file": circuit.program.file,
         "program": program_text(circuit.program),
@@ -108,11 +90,9 @@ def load_circuit(path: str | Path) -> Circuit:
         head, arrays = unpack_archive(FORMAT, content)
         program = _parse_program(head)
         query = head["queries"][0] if head["single"] else head["queries"]
-        is_current = head["version"] == FORMAT.version and not head.get("tables")
-        layers = _read_layers(head, arrays, program) if is_current else None
-        if layers is None:
+        if head["version"] < FORMAT.version or head["tables"]:
             return compile_program(program, head["inputs"], query, head["do"])
-        return Circuit(program, head["inputs"], query, head["do"], layers)
+        return Circuit(program, head["inputs"], query, head["do"], _read_layers(head, arrays, program))
 
 
 def _parse_program(head: dict[str, Any]) -> Program:
@@ -128,49 +108,30 @@ def _parse_program(head: dict[str, Any]) -> Program:
     return program
 
 
-def _read_layers(
-    head: Mapping[str, Any], arrays: Mapping[str, npt.NDArray[Any]], program: Program
-) -> list[Layer] | None:
-    """Read the layers; None if a weight is 0: an earlier lcorpp may have lost tiny weights.
+def _read_layers(head: Mapping[str, Any], arrays: Mapping[str, npt.NDArray[Any]], program: Program) -> Layers:
+    """Read the layers.
 
     Raises:
         DataError: a term has not one layer, with outcomes in its range, or the layers do not form a tree.
     """
-    names = dict.fromkeys((*head["inputs"], *head["queries"]))
-    n_outcomes = {-1: 1} | {i: len(list_values(program, name)) + 1 for i, name in enumerate(names)}
-    layers: list[Layer] = []
-    used: list[int] = []
-    has_zeros = False
+    stored = []
     for number, own in enumerate(head["layers"]):
-        n_outputs, n_inputs = map(int, own["shape"])
-        shape = n_outputs, n_outcomes[own["label"]], n_inputs
-        if not all(0 <= size <= MAX_ARCS for size in shape) or (n_inputs != 1 and not own["sources"]):
-            raise DataError(f"layer {number} has the shape {own['shape']}")
-        entries: dict[tuple[int, int, int], Any] = {}
-        for outcome in own["outcomes"] or ["every"]:
-            for output, start, weight, *exponent in arrays[f"{number}/{outcome}"].tolist():
-                key = int(output), 0 if outcome == "every" else int(outcome), int(start)
-                if isinstance(weight, str) or exponent:
-                    weight = WIDE.multiply(Decimal(weight), WIDE.power(2, int(*exponent)))
-                inside = all(0 <= i < size for i, size in zip(key, shape, strict=True))
-                if not (inside and 0 <= weight < MAX_WEIGHT):
-                    raise DataError(f"a matrix has entries outside of {shape}, or that are not weights")
-                has_zeros |= not weight
-                entries[key] = weight
-        sources = []
-        for source in own["sources"]:
-            nodes = arrays[f"{number}/from/{source}"].astype(np.intp)
-            if not 0 <= source < number or nodes.shape != (n_inputs,):
-                raise DataError(f"layer {number} does not fit layer {source} before it")
-            n_nodes = layers[source].matrix.rows.size
-            if not ((nodes >= 0) & (nodes < n_nodes)).all():
-                raise DataError(f"layer {number} has inputs that are not outputs of layer {source}")
-            sources.append((source, Groups(nodes, n_nodes)))
-            used.append(source)
-        layers.append(Layer.from_entries(own["label"], sources, shape, entries))
-    variables = sorted([layer.variable for layer in layers if layer.variable != -1])
-    if variables != list(range(len(names))):
-        raise DataError(f"its layers are those of {variables}, not of the {len(names)} terms")
-    if sorted(used) != list(range(len(layers) - 1)) or layers[-1].matrix.rows.size != 1:
-        raise DataError("its layers do not end in one number")
-    return None if has_zeros else layers
+        outcomes, inputs, *exponents = arrays[f"{number}/entries"].astype(np.int64)
+        sources = [(source, arrays[f"{number}/from/{source}"].astype(np.int64)) for source in own["sources"]]
+        first = arrays[f"{number}/first"].astype(np.int64)
+        weights = arrays[f"{number}/weights"].astype(np.float64)
+        shape = tuple([int(size) for size in own["shape"]])
+        stored.append(
+            (own["variable"], shape, sources, first, outcomes, inputs, weights, *(exponents or [inputs[:0]]))
+        )
+    names = dict.fromkeys((*head["inputs"], *head["queries"]))
+    n_outcomes = [len(list_values(program, name)) + 1 for name in names]
+    found = sorted([(own[0], own[1][1]) for own in stored if own[0] != -1])
+    if found != list(enumerate(n_outcomes)):
+        raise DataError(
+            f"its layers are those of {[variable for variable, _ in found]}, not of the {len(names)} terms"
+        )
+    try:
+        return Layers(stored)
+    except (TypeError, ValueError) as error:
+        raise DataError(str(error)) from error

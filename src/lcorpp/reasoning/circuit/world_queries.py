@@ -30,9 +30,6 @@ if TYPE_CHECKING:
 SAMPLER_CACHE_SIZE = 100
 """The tables to sample from are cached for at most this many sets of evidence."""
 
-MIN_WEIGHT = 1e-30
-"""Weights are scaled up if all of them are below this: only ratios matter, and long products underflow."""
-
 _Weights = Sequence[Any] | Mapping[int, Any]
 """The weight of each outcome."""
 
@@ -73,7 +70,7 @@ class WorldQueries:
             step, i = self._position_of[term]
             observed = system.program.values[term].index(value)
             labels = arcs_of[step].outcomes
-            kept = [k for k, label in enumerate(labels) if outcomes[label][0][i] == observed]
+            kept = [k for k, label in enumerate(labels) if outcomes[label].values[i] == observed]
             arcs_of[step] = arcs_of[step].select(kept)
         return arcs_of
 
@@ -89,8 +86,25 @@ class WorldQueries:
         """Sum as `compute_exact_weights` in floating point; only the ratios matter."""
         if self._excludes(evidence):
             return {}
-        arcs_of = self._list_arcs(evidence)
-        return self._sum_measures(query, arcs_of, [self.diagram.compute_weights()] * len(arcs_of), scale=True)
+        import numpy as np
+
+        from lcorpp.reasoning.circuit.layers import build_layers, weigh
+        from lcorpp.reasoning.evidence import EncodedEvidence
+
+        system = self.diagram.system
+        if not self.diagram.has_worlds:
+            return {}
+        queries = [query] if query in system.term_numbers else []
+        layers = build_layers(self.diagram, queries, evidence)
+        weights, logarithms = weigh(
+            layers, EncodedEvidence(np.zeros((1, 0), dtype=np.intp)), range(len(queries))
+        )
+        if logarithms[0] == -np.inf:
+            return {}
+        if not queries:
+            return {"": 1.0}
+        values = (*system.program.values[system.term_numbers[query]], "")
+        return {value: w for value, w in zip(values, weights[0][0].tolist(), strict=True) if w}
 
     def count(self) -> int:
         """Count the possible worlds."""
@@ -102,32 +116,24 @@ class WorldQueries:
         """Return the weights of the outcomes of each step as integers, and the measure of weight 1."""
         weights, unit = [], Fraction(1)
         for arcs in arcs_of:
-            numbers = {outcome: self.diagram.outcomes[outcome][1] for outcome in arcs.outcomes}
+            numbers = {outcome: self.diagram.outcomes[outcome].weight for outcome in arcs.outcomes}
             common = lcm(*[number.denominator for number in numbers.values()])
             weights.append({o: n.numerator * (common // n.denominator) for o, n in numbers.items()})
             unit /= common
         return weights, unit
 
     def _sum_measures(
-        self, query: str, arcs_of: Sequence[Arcs], weights: Sequence[_Weights], *, scale: bool = False
+        self, query: str, arcs_of: Sequence[Arcs], weights: Sequence[_Weights]
     ) -> dict[Value, Any]:
         """Sum the measures by the value of a term.
 
         Args:
             arcs_of: the arcs of each step that worlds may use.
             weights: for each step the weights of the outcomes, in the type of the sums.
-            scale: whether to scale tiny weights up.
         """
         diagram = self.diagram
         if not diagram.has_worlds:
             return {}
-
-        def rescale(step: int, numbers: list[Any]) -> None:
-            largest = (
-                max(numbers, default=0.0) if scale and (len(tree.children[step]) > 1 or not step % 8) else 0
-            )
-            if 0 < largest < MIN_WEIGHT:
-                numbers[:] = [number / largest for number in numbers]
 
         tree, program = diagram.system.tree, diagram.system.program
         queried = diagram.system.term_numbers.get(query, -1)
@@ -139,9 +145,8 @@ class WorldQueries:
             factors = self._multiply_branches(arcs_of[step], tree.children[step], weights[step], sums)
             for source, factor in zip(arcs_of[step].sources, factors, strict=True):
                 own_sums[source] += factor
-            rescale(step, own_sums)
         others = [sums[root][0] for root in tree.roots if root in sums]
-        above: list[Any] = [float(all(others)) if scale else prod(others)]  # node -> sum over the rest
+        above: list[Any] = [prod(others)]  # node -> sum over the rest
         if queried < 0:
             return {"": above[0]} if above[0] else {}
         for step, following in zip(path, (*path[1:], -1), strict=True):
@@ -153,11 +158,10 @@ class WorldQueries:
                 for source, target, factor in zip(arcs.sources, targets, factors, strict=True):
                     below[target] += above[source] * factor
                 above = below
-                rescale(step, above)
         names, result = program.values[queried], dict[Value, Any]()
         for source, label, factor in zip(arcs.sources, arcs.outcomes, factors, strict=True):
             if above[source] * factor:
-                value = diagram.outcomes[label][0][index]
+                value = diagram.outcomes[label].values[index]
                 name = names[value] if value < len(names) else ""
                 result[name] = result.get(name, 0) + above[source] * factor
         return result
@@ -191,7 +195,7 @@ class WorldQueries:
 
         def decode(track: Track | None) -> dict[str, str]:
             labels = paths.list_outcomes(track)
-            return decode_world(self.diagram.system, [outcomes[label][0] for label in labels])
+            return decode_world(self.diagram.system, [outcomes[label].values for label in labels])
 
         return tuple(
             [
@@ -226,7 +230,7 @@ class WorldQueries:
             drawn = tuple(outcomes)
             if drawn not in decoded:
                 decoded[drawn] = decode_world(
-                    self.diagram.system, [self.diagram.outcomes[outcome][0] for outcome in drawn]
+                    self.diagram.system, [self.diagram.outcomes[outcome].values for outcome in drawn]
                 )
             worlds.append(dict(decoded[drawn]))
         return worlds

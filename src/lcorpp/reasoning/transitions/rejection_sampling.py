@@ -170,7 +170,9 @@ class _WorldSampler:
         if transition.input_mask or transition.absorptions or transition.closures:
             return False
         log_total, _, choices = self._choices[step][0]
-        return log_total == 0 and all(effect[:3] == (0, 0, 0) for effect, _ in choices)
+        return log_total == 0 and not any(
+            effect.sets or effect.forbids or effect.moves for effect, _ in choices
+        )
 
     def _list_choices(self, step: int, states: Collection[int]) -> None:
         """List the choices of positive probability that no constraint excludes, for some input bits."""

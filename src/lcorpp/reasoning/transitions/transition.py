@@ -3,29 +3,40 @@
 The state is an integer. Its bits describe the bodies whose terms are partly decided: *pending* (the literals
 decided so far are true) and *satisfied* (one of the bodies with a certain head is true). Partial worlds with
 equal bits have the same future and become one state; so it does not matter which die shows the six, or which
-block is where.
+block is where. `_diagram` advances states in C++, as bytes.
 """
 
 from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Iterable, Mapping, Sequence
-from typing import TYPE_CHECKING
+from functools import cached_property
+from typing import TYPE_CHECKING, NamedTuple
 
+from lcorpp.reasoning._diagram import CompiledTransition
 from lcorpp.reasoning.transitions.local_distribution import LocalDistribution
 from lcorpp.reasoning.transitions.rule_templates import Child, Conditions
 
 if TYPE_CHECKING:  # few programs are recursive
     from lcorpp.reasoning.transitions.closure import Closure
 
-Effect = tuple[int, int, int, Mapping[int, int]]
-"""The effect of an outcome on a state: (sets, forbids, moves, targets_of).
 
-sets: bits to set.
-forbids: bits with one of which the world is impossible (constraints).
-moves: pending bits of bodies of which the outcome satisfies a further part.
-targets_of: if a bit of `moves` is set in the state, the bits to set.
-"""
+class Effect(NamedTuple):
+    """The effect of an outcome on a state.
+
+    number: in the compiled transition.
+    sets: bits to set.
+    forbids: bits with one of which the world is impossible (constraints).
+    moves: pending bits of bodies of which the outcome satisfies a further part.
+    targets_of: if a bit of `moves` is set in the state, the bits to set.
+    """
+
+    number: int
+    sets: int
+    forbids: int
+    moves: int
+    targets_of: Mapping[int, int]
+
 
 MAX_ABSORBING_GROUPS = 64
 """A transition looks for redundant bits in at most this many clause groups. Beyond, equivalent states may
@@ -53,10 +64,8 @@ class Transition:
         irrelevant.
     is_shared: whether several steps of the system have this transition.
     n_bits: the largest number of bits of a state after it, at least 1.
+    n_words: the number of words of 64 bits of a state, the same for all transitions of a system.
     """
-
-    __slots__ = ("_conditional_updates", "_effects", "_relevant", "_updates_of", "absorptions", "closures",
-                 "distribution", "input_mask", "is_shared", "live_masks", "n_bits")  # fmt: skip
 
     def __init__(
         self,
@@ -70,6 +79,7 @@ class Transition:
         self.distribution, self.is_shared = distribution, False
         self.input_mask, self.live_masks, self.closures = input_mask, live_masks, closures
         self.n_bits = max([1, *[mask.bit_length() for mask in live_masks]])
+        self.n_words = 1
         self.absorptions = _find_absorptions(children)
         self._effects: dict[object, Effect | None] = {}
         # one term: outcome -> the bodies of which it satisfies a part; several: all, with their conditions
@@ -114,26 +124,24 @@ class Transition:
             )
         return self._effects[key]
 
+    @cached_property
+    def compiled(self) -> CompiledTransition:
+        """The transition in C++, with the effects found so far."""
+        absorptions = [(self.pack(satisfied), self.pack(pending)) for satisfied, pending in self.absorptions]
+        live_masks = [self.pack(mask) for mask in self.live_masks]
+        compiled = CompiledTransition(self.n_words, self.pack(self.input_mask), live_masks, absorptions)
+        for closure in self.closures:
+            closure.compile_into(compiled)
+        return compiled
+
     def advance(self, state: int, effect: Effect) -> int | None:
         """Return the state after an outcome, for all branches; None if the outcome is impossible in it."""
-        sets, forbids, moves, targets_of = effect
-        if state & forbids:
-            return None
-        reached = state | sets
-        moved = moves & state
-        while moved:
-            lowest = moved & -moved
-            reached |= targets_of[lowest]
-            moved ^= lowest
-        for satisfied, redundant in self.absorptions:
-            if reached & satisfied:
-                reached &= ~redundant
-        for closure in self.closures:
-            after = closure.apply(reached)
-            if after is None:
-                return None
-            reached = after
-        return reached
+        after = self.compiled.advance(self.pack(state), effect.number)
+        return None if after is None else int.from_bytes(after, "little")
+
+    def pack(self, bits: int) -> bytes:
+        """Return the bits of a state as bytes."""
+        return bits.to_bytes(8 * self.n_words, "little")
 
     def _compute_effect(self, updates: _Updates) -> Effect | None:
         sets, forbids, moves = 0, 0, 0
@@ -149,7 +157,10 @@ class Transition:
             else:
                 moves |= pending
                 targets_of[pending] = targets_of.get(pending, 0) | target
-        return sets, forbids, moves, targets_of
+        masks = [self.pack(mask) for mask in (sets, forbids, moves)]
+        targets = b"".join([self.pack(targets_of[bit]) for bit in sorted(targets_of)])
+        number = self.compiled.add_effect(*masks, targets)
+        return Effect(number, sets, forbids, moves, targets_of)
 
 
 def _find_absorptions(children: Sequence[Child]) -> list[tuple[int, int]]:

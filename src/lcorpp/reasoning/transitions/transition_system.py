@@ -30,7 +30,7 @@ from __future__ import annotations
 
 from collections import Counter, defaultdict
 from collections.abc import Collection, Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 from lcorpp.reasoning.grounding.ground_program import Clause, GroundProgram
@@ -74,6 +74,7 @@ class TransitionSystem:
     facts: term -> its value in every world, for terms without a step.
     derived: the components that `derive_values` completes if a world is listed, as not all terms have a step.
     probabilities: those computed so far by local distributions.
+    outcomes: those found so far by the compiled transitions, the labels of the arcs of decision diagrams.
     """
 
     program: GroundProgram
@@ -84,6 +85,7 @@ class TransitionSystem:
     facts: Mapping[int, int]
     derived: Sequence[DerivedComponent]
     probabilities: ProbabilityCache
+    outcomes: list[Outcome] = field(default_factory=list)
 
     def __repr__(self) -> str:
         return (
@@ -110,6 +112,9 @@ def build_transition_system(
     tree = build_elimination_tree(program, clauses, outcomes, needed, max_frontier)
     builder = _TransitionBuilder(program, clauses, outcomes, tree, needed)
     transitions, consistent, derived = builder.build(), builder.consistent, [*builder.derived, *irrelevant]
+    n_words = max([(transition.n_bits + 63) // 64 for transition in transitions], default=1)
+    for transition in transitions:
+        transition.n_words = n_words
     return TransitionSystem(
         program, tree, transitions, consistent, term_numbers, facts, derived, builder.probabilities
     )

@@ -45,6 +45,15 @@ class WideNumber {
         return result;
     }
     bool is_zero() const { return mantissa_ == 0.0; }
+    double mantissa() const { return mantissa_; }
+    std::int64_t exponent() const { return exponent_; }
+
+    // The number multiplied by a power of 2.
+    WideNumber shift(std::int64_t exponent) const {
+        WideNumber result = *this;
+        if (mantissa_ != 0.0) result.exponent_ += exponent;
+        return result;
+    }
 
   private:
     void normalise() {
@@ -61,6 +70,7 @@ class WideNumber {
     std::int64_t exponent_ = 0;
 };
 
+inline bool is_zero(double number) { return number == 0.0; }
 inline bool is_zero(const WideNumber& number) { return number.is_zero(); }
 
 }  // namespace lcorpp
