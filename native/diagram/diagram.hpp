@@ -16,8 +16,8 @@ struct Arcs {
     std::vector<Index> outcomes;              // the label of each arc
 
     std::size_t size() const { return outcomes.size(); }
-    std::size_t n_nodes() const { return first.size() - 1; }
-    std::size_t memory() const { return sizeof(Index) * (first.size() + outcomes.size() * (1 + targets.size())); }
+    std::size_t n_nodes() const { return first.empty() ? 0 : first.size() - 1; }
+    std::size_t memory() const { return sizeof(Index) * outcomes.size() * (2 + targets.size()); }
 };
 
 // Steps are numbered in depth-first order: a step comes before its children.

@@ -103,21 +103,13 @@ class Layers {
             tables[variable] = &table;
         }
         std::vector<std::vector<double>> results;
-        std::vector<int> result_of(evidence.size(), -1);
         for (const int query : queries) {
-            if (query < 0 || static_cast<std::size_t>(query) >= n_outcomes.size() || n_outcomes[query] == 0) {
-                throw std::invalid_argument("a query without a layer");
-            }
-            result_of[query] = static_cast<int>(results.size());
+            check_query(query);
             results.emplace_back(n_rows * n_outcomes[query], 0.0);
         }
-        std::vector<char> leads(layers_.size(), 0);
-        for (std::size_t i = 0; i < layers_.size(); ++i) {
-            leads[i] = layers_[i].variable >= 0 && result_of[layers_[i].variable] >= 0;
-            for (const Source& source : layers_[i].sources) leads[i] |= leads[source.layer];
-        }
         std::vector<double> logarithms(n_rows);
-        std::vector<double*> places(layers_.size(), nullptr);
+        std::vector<double*> places(queries.size());
+        const std::vector<char> leads = find_leads(queries);
         InterruptCheck check;
         for (std::size_t row = 0; row < n_rows; ++row) {
             check(2 * work_);
@@ -131,30 +123,21 @@ class Layers {
                     evidence[t].code = code;
                 }
             }
-            for (std::size_t i = 0; i < layers_.size(); ++i) {
-                const int variable = layers_[i].variable;
-                const int result = variable >= 0 ? result_of[variable] : -1;
-                places[i] = result < 0 ? nullptr : results[result].data() + row * n_outcomes[variable];
-            }
-            bool is_extreme = is_wide_;
-            bool is_possible = false;
-            if (!is_extreme) {
-                is_possible = pass_.go_up(evidence, logarithms[row], is_extreme);
-                if (is_possible && !is_extreme) pass_.go_down(evidence, leads, places, is_extreme);
-            }
-            if (is_extreme) {
-                if (!wide_) wide_ = std::make_unique<Pass<WideNumber>>(layers_);
-                bool ignored = false;
-                is_possible = wide_->go_up(evidence, logarithms[row], ignored);
-                if (is_possible) wide_->go_down(evidence, leads, places, ignored);
-            }
-            if (!is_possible) logarithms[row] = -std::numeric_limits<double>::infinity();
+            for (std::size_t k = 0; k < queries.size(); ++k) places[k] = results[k].data() + row * n_outcomes[queries[k]];
+            logarithms[row] = run(evidence, leads, queries, places);
         }
         nb::list arrays;
         for (std::size_t k = 0; k < results.size(); ++k) {
             arrays.append(make_array(std::move(results[k]), {n_rows, n_outcomes[queries[k]]}));
         }
         return nb::make_tuple(arrays, make_array(std::move(logarithms)));
+    }
+
+    std::vector<double> weigh_outcomes(int query) {
+        check_query(query);
+        std::vector<double> result(n_outcomes_[query], 0.0);
+        run(std::vector<TermEvidence>(n_outcomes_.size()), find_leads({query}), {query}, {result.data()});
+        return result;
     }
 
     nb::list store() const {
@@ -170,6 +153,45 @@ class Layers {
     }
 
   private:
+    void check_query(int query) const {
+        if (query < 0 || static_cast<std::size_t>(query) >= n_outcomes_.size() || n_outcomes_[query] == 0) {
+            throw std::invalid_argument("a query without a layer");
+        }
+    }
+
+    // Whether each layer is queried, or one of those before it is.
+    std::vector<char> find_leads(const std::vector<int>& queries) const {
+        std::vector<char> leads(layers_.size(), 0);
+        for (std::size_t i = 0; i < layers_.size(); ++i) {
+            leads[i] = std::find(queries.begin(), queries.end(), layers_[i].variable) != queries.end();
+            for (const Source& source : layers_[i].sources) leads[i] |= leads[source.layer];
+        }
+        return leads;
+    }
+
+    // Write the weights of the outcomes of the queried terms; return the logarithm of the weight of the evidence.
+    double run(const std::vector<TermEvidence>& evidence, const std::vector<char>& leads, const std::vector<int>& queries,
+               const std::vector<double*>& results) {
+        std::vector<double*> places(layers_.size(), nullptr);
+        for (std::size_t i = 0; i < layers_.size(); ++i) {
+            const auto at = std::find(queries.begin(), queries.end(), layers_[i].variable);
+            if (at != queries.end()) places[i] = results[static_cast<std::size_t>(at - queries.begin())];
+        }
+        bool is_extreme = is_wide_, is_possible = false;
+        double logarithm = 0.0;
+        if (!is_extreme) {
+            is_possible = pass_.go_up(evidence, logarithm, is_extreme);
+            if (is_possible && !is_extreme) pass_.go_down(evidence, leads, places, is_extreme);
+        }
+        if (is_extreme) {
+            if (!wide_) wide_ = std::make_unique<Pass<WideNumber>>(layers_);
+            bool ignored = false;
+            is_possible = wide_->go_up(evidence, logarithm, ignored);
+            if (is_possible) wide_->go_down(evidence, leads, places, ignored);
+        }
+        return is_possible ? logarithm : -std::numeric_limits<double>::infinity();
+    }
+
     std::vector<Layer> layers_;
     Pass<double> pass_;
     std::unique_ptr<Pass<WideNumber>> wide_;  // when it is first needed
@@ -234,7 +256,7 @@ std::vector<Layer> read_layers(const std::vector<StoredLayer>& stored) {
 }
 
 // The diagram, with the limit of memory.
-std::shared_ptr<Layers> build_layers(const Diagram& diagram, Numbers weights, std::optional<Indices> exponents,
+std::shared_ptr<Layers> build_layers(const Diagram& diagram, const std::vector<double>& weights, const std::vector<std::int64_t>& exponents,
                                      const std::vector<Position>& observed, const std::vector<std::pair<std::size_t, std::vector<Index>>>& selections) {
     std::vector<ObservedTerm> terms;
     for (const auto& [step, variable, n_outcomes, labels, codes] : observed) {
@@ -257,20 +279,21 @@ std::shared_ptr<Layers> build_layers(const Diagram& diagram, Numbers weights, st
     }
     for (std::size_t step = 0; step < diagram.n_steps(); ++step) {
         for (const Index outcome : diagram.arcs(step).outcomes) {
-            if (outcome >= weights.shape(0)) throw std::invalid_argument("an arc whose label has no weight");
+            if (outcome >= weights.size()) throw std::invalid_argument("an arc whose label has no weight");
         }
     }
     InterruptCheck check;
-    if (!exponents) {
+    if (!exponents.empty() && exponents.size() != weights.size()) throw std::invalid_argument("exponents of a wrong length");
+    if (exponents.empty()) {
         try {
-            LayerBuilder<double> builder(diagram, std::vector<double>(weights.data(), weights.data() + weights.shape(0)), terms, selected);
+            LayerBuilder<double> builder(diagram, weights, terms, selected);
             return std::make_shared<Layers>(builder.build(check));
         } catch (const Underflow&) {
         }
     }
     std::vector<WideNumber> wide;
-    for (std::size_t i = 0; i < weights.shape(0); ++i) {
-        wide.push_back(Pass<WideNumber>::make_number(weights.data()[i], exponents ? exponents->data()[i] : 0));
+    for (std::size_t i = 0; i < weights.size(); ++i) {
+        wide.push_back(Pass<WideNumber>::make_number(weights[i], exponents.empty() ? 0 : exponents[i]));
     }
     LayerBuilder<WideNumber> builder(diagram, std::move(wide), terms, selected);
     return std::make_shared<Layers>(builder.build(check));
@@ -344,8 +367,13 @@ NB_MODULE(_diagram, m) {
     nb::class_<Layers>(m, "Layers", "The layers of an arithmetic circuit.")
         .def(nb::new_([](const std::vector<StoredLayer>& stored) { return std::make_shared<Layers>(read_layers(stored)); }), "stored"_a, "Raises ValueError if the layers do not fit.")
         .def("__len__", [](const Layers& own) { return own.layers().size(); })
-        .def("__reduce__", [](nb::handle own) { return nb::make_tuple(own.type(), nb::make_tuple(own.attr("store")())); })
-        .def("store", &Layers::store, nb::sig("def store(self) -> list[tuple]"), "Return the layers as arrays.")
+        .def("__reduce__", [](nb::handle own) { return nb::make_tuple(own.type(), nb::make_tuple(own.attr("store")())); },
+             nb::sig("def __reduce__(self) -> tuple[object, ...]"))
+        .def("store", &Layers::store, nb::sig("def store(self) -> list[tuple[object, ...]]"), "Return the layers as arrays.")
+        .def(
+            "weigh_outcomes",
+            [](Layers& own, int query) { return own.weigh_outcomes(query); },
+            "query"_a, "Compute the weight of each outcome of a term without evidence; only the ratios matter.")
         .def("weigh", &Layers::weigh, "codes"_a, "columns"_a, "queries"_a,
              nb::sig("def weigh(self, codes: NDArray[numpy.int64], columns: Sequence[tuple[int, NDArray[numpy.float64]]], "
                      "queries: Sequence[int]) -> tuple[list[NDArray[numpy.float64]], NDArray[numpy.float64]]"),
@@ -405,13 +433,10 @@ NB_MODULE(_diagram, m) {
                 return labels;
             },
             "step"_a, "List the different labels of the arcs of a step, sorted.")
-        .def("build_layers", &build_layers, "weights"_a, "exponents"_a.none(), "observed"_a, "selections"_a,
-             nb::sig("def build_layers(self, weights: NDArray[numpy.float64], exponents: NDArray[numpy.int64] | None, "
-                     "observed: Sequence[tuple[int, int, int, Sequence[int], Sequence[int]]], "
-                     "selections: Sequence[tuple[int, Sequence[int]]]) -> Layers"),
+        .def("build_layers", &build_layers, "weights"_a, "exponents"_a, "observed"_a, "selections"_a,
              "Sum out all terms but the observed ones.\n\n"
              "Args:\n"
-             "    weights: of the labels of arcs; exponents: of 2, by which they are multiplied.\n"
+             "    weights: of the labels of arcs; exponents: of 2, by which they are multiplied; may be empty.\n"
              "    observed: (step, variable, number of outcomes, sorted labels, the outcome for each label).\n"
              "    selections: (step, sorted labels of the arcs that worlds may have).");
 }

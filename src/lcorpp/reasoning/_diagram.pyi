@@ -40,10 +40,15 @@ class Layers:
 
     def __len__(self) -> int: ...
 
-    def __reduce__(self) -> tuple: ...
+    def __reduce__(self) -> tuple[object, ...]: ...
 
-    def store(self) -> list[tuple]:
+    def store(self) -> list[tuple[object, ...]]:
         """Return the layers as arrays."""
+
+    def weigh_outcomes(self, query: int) -> list[float]:
+        """
+        Compute the weight of each outcome of a term without evidence; only the ratios matter.
+        """
 
     def weigh(self, codes: NDArray[numpy.int64], columns: Sequence[tuple[int, NDArray[numpy.float64]]], queries: Sequence[int]) -> tuple[list[NDArray[numpy.float64]], NDArray[numpy.float64]]:
         """
@@ -97,12 +102,12 @@ class Diagram:
     def list_labels(self, step: int) -> list[int]:
         """List the different labels of the arcs of a step, sorted."""
 
-    def build_layers(self, weights: NDArray[numpy.float64], exponents: NDArray[numpy.int64] | None, observed: Sequence[tuple[int, int, int, Sequence[int], Sequence[int]]], selections: Sequence[tuple[int, Sequence[int]]]) -> Layers:
+    def build_layers(self, weights: Sequence[float], exponents: Sequence[int], observed: Sequence[tuple[int, int, int, Sequence[int], Sequence[int]]], selections: Sequence[tuple[int, Sequence[int]]]) -> Layers:
         """
         Sum out all terms but the observed ones.
 
         Args:
-            weights: of the labels of arcs; exponents: of 2, by which they are multiplied.
+            weights: of the labels of arcs; exponents: of 2, by which they are multiplied; may be empty.
             observed: (step, variable, number of outcomes, sorted labels, the outcome for each label).
             selections: (step, sorted labels of the arcs that worlds may have).
         """

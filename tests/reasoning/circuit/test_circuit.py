@@ -51,13 +51,6 @@ def test_a_batch_equals_single_answers(circuit):
         np.testing.assert_array_equal(circuit(codes.astype(dtype)), batch)
 
 
-def test_batches_are_split_into_chunks(circuit, monkeypatch):
-    codes = np.random.default_rng(0).integers(-1, 2, (500, 3))
-    whole = circuit(codes)
-    monkeypatch.setattr("lcorpp.reasoning.circuit.passes.MAX_CHUNK_NUMBERS", 50)
-    np.testing.assert_allclose(circuit(codes), whole, atol=1e-15)
-
-
 def test_equal_rows_of_a_batch_share_an_answer():
     """20,000 rows of 3^9 = 19,683 combinations."""
     program = parse_plog(

@@ -21,7 +21,7 @@ def test_two_coins_that_do_not_both_show_tails():
     diagram = build_decision_diagram(build_transition_system(ground_program(COINS, {})))
     assert diagram.sizes == [1, 2]
     assert diagram.arcs == [([0, 0], ([0, 1],), [0, 1]), ([0, 0, 1], (), [2, 3, 2])]
-    assert diagram.outcomes == [((0,), HALF), ((1,), HALF), ((0,), HALF), ((1,), HALF)]
+    assert [(own.values, own.weight) for own in diagram.outcomes] == [((i % 2,), HALF) for i in range(4)]
     assert repr(diagram) == "DecisionDiagram(coins.plog: 2 steps, 3 nodes, 5 arcs)"
 
 
@@ -52,17 +52,15 @@ def test_sums_over_arcs_are_sums_over_worlds():
     worlds = WorldQueries(build_decision_diagram(system))
     assert worlds.count() == 3
     assert worlds.compute_exact_weights("c1", {}) == {"heads": HALF, "tails": Fraction(1, 4)}
-    assert worlds.compute_float_weights("c1", {"c2": "tails"}) == {"heads": 0.25}
+    assert worlds.compute_float_weights("c1", {"c2": "tails"}) == {"heads": 1.0}
 
 
 def test_short_representations():
     circuit = Reasoner(COINS).compile(["c1"], "c2")
     assert repr(circuit) == "Circuit(coins.plog: c2 given c1; 2 layers)"
-    assert repr(circuit.layers[0].matrix) == "Matrix(2 x 2, 3 entries)"
     (world,) = circuit.most_probable({})
     assert repr(world) == "PossibleWorld(1/3: {c1=heads, c2=heads})"
     many = Reasoner(parse_plog("i = {1..99}. p : i -> boolean. random(p(I)). #domain i(I)."))
     long = many.compile(["p"], ["p(1)", "p(2)"])
     for value in (long, long.most_probable({})[0], long.world_queries.diagram.system.program):
         assert len(repr(value)) < 200
-    assert long.layers[-1].matrix.rows.size == 1

@@ -10,6 +10,7 @@ import pytest
 
 from lcorpp.errors import ProgramError, UndefinedError
 from lcorpp.reasoning import Circuit, Enumeration, Reasoner, load_circuit, parse_plog, save_circuit
+from lcorpp.reasoning._diagram import Layers
 from lcorpp.values import Likelihood
 
 WEATHER = parse_plog(
@@ -39,11 +40,12 @@ def weigh(evidence: dict[str, str | Likelihood], term: str) -> dict[str, float]:
 
 
 @pytest.fixture(params=["usual range", "extended range"])
-def weather(request, monkeypatch) -> Circuit:
+def weather(request) -> Circuit:
     """A circuit whose numbers have the usual or the extended range."""
     circuit = Reasoner(WEATHER).compile(["x", "p"], ["x(2)", "x(4)"])
     if request.param == "extended range":
-        monkeypatch.setattr("lcorpp.reasoning.circuit.passes.MIN_NUMBER", 2.0)
+        stored = circuit.layers.store()  # weights with exponents of 2
+        circuit.layers = Layers([(*own[:-1], np.zeros(len(own[-2]), dtype=np.int64)) for own in stored])
     return circuit
 
 

@@ -37,6 +37,9 @@ if TYPE_CHECKING:
 CACHE_SIZE = 100_000
 """A circuit caches at most this many answers."""
 
+EXPANDED = ("system", "diagram", "world_queries")
+"""What a circuit computes again when it is first needed, so that a pickled circuit is small."""
+
 Answer = Distribution | dict[str, Distribution]
 Answers = Array | dict[str, Array]
 
@@ -99,6 +102,9 @@ class Circuit:
         if self.network is not None:
             parts = f"{len(self.network.graph.factors)} tables"
         return f"Circuit({self.program.file}: {queries} given {given}; {parts})"
+
+    def __getstate__(self) -> dict[str, object]:
+        return {name: value for name, value in vars(self).items() if name not in EXPANDED}
 
     def __call__(
         self, evidence: Mapping[str, Column] | Codes, *, undefined: str = "raise"

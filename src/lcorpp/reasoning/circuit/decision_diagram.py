@@ -77,7 +77,7 @@ class DecisionDiagram:
 
     @cached_property
     def sizes(self) -> list[int]:
-        """The number of nodes of each step; nodes are numbered within their step. All are 0 without worlds."""
+        """The number of nodes of each step, which are numbered within it. All are 0 without worlds."""
         return self.graph.sizes
 
     @cached_property
@@ -88,9 +88,10 @@ class DecisionDiagram:
             TooLargeError: they are more than `MAX_LISTED_ARCS`.
         """
         if self.graph.n_arcs > MAX_LISTED_ARCS:
+            file, n_arcs = self.system.program.source.file, self.graph.n_arcs
             raise TooLargeError(
-                f"{self.system.program.source.file}: {self.graph.n_arcs} arcs in the decision diagram; fractions"
-                f" and single worlds need at most {MAX_LISTED_ARCS}"
+                f"{file}: {n_arcs} arcs in the decision diagram; fractions, single worlds and samples need at"
+                f" most {MAX_LISTED_ARCS}"
             )
         arcs = []
         for step in range(len(self.sizes)):
@@ -109,27 +110,25 @@ class DecisionDiagram:
         return self.system.consistent and all(self.sizes[root] for root in self.system.tree.roots)
 
 
-def build_decision_diagram(system: TransitionSystem, max_bytes: int | None = None) -> DecisionDiagram:
+def build_decision_diagram(system: TransitionSystem, max_bytes: int = MAX_BYTES) -> DecisionDiagram:
     """Expand the reachable states of a transition system, and drop nodes that are in no world.
 
     Args:
-        max_bytes: the limit of memory, `MAX_BYTES` by default.
+        max_bytes: the limit of memory.
 
     Raises:
         TooLargeError: the diagram takes more memory.
         ProgramError: a world breaks a condition of the language, or a component has too many stable models.
     """
-    tree, limit = system.tree, MAX_BYTES if max_bytes is None else max_bytes
+    tree = system.tree
     n_words = system.transitions[0].n_words if system.transitions else 1
     graph = Diagram(tree.children, tree.roots, n_words, system.consistent)
     for transition in system.transitions:
         if missing := graph.enter(transition.compiled, transition.is_shared):
             _add_choices(system, transition, missing)
-        if not graph.expand(limit):
-            raise TooLargeError(
-                f"{system.program.source.file}: the decision diagram takes more than {limit >> 20} MiB,"
-                f" after {graph.n_arcs} arcs"
-            )
+        if not graph.expand(max_bytes):
+            file, limit = system.program.source.file, max_bytes / 2**20
+            raise TooLargeError(f"{file}: more than {limit:.4g} MiB of arcs in the decision diagram")
     if graph.has_dead_ends:
         graph.prune()
     diagram = DecisionDiagram(system, graph)

@@ -18,13 +18,14 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from fractions import Fraction
-
-import numpy as np
+from typing import TYPE_CHECKING
 
 from lcorpp.reasoning._diagram import Layers
 from lcorpp.reasoning.circuit.decision_diagram import DecisionDiagram
-from lcorpp.reasoning.evidence import EncodedEvidence
-from lcorpp.values import Array
+
+if TYPE_CHECKING:  # one question without other evidence needs no numpy
+    from lcorpp.reasoning.evidence import EncodedEvidence
+    from lcorpp.values import Array
 
 MIN_FLOAT = 1e-300
 """Smaller probabilities are converted to a number and a power of 2."""
@@ -66,18 +67,16 @@ def build_layers(
     return graph.build_layers(weights, exponents, observed, list(selected.items()))
 
 
-def _convert(probabilities: Sequence[Fraction]) -> tuple[Array, Array | None]:
+def _convert(probabilities: Sequence[Fraction]) -> tuple[list[float], list[int]]:
     """Convert fractions to floating point; to numbers and powers of 2 if some of them are tiny."""
     own = {id(p): p for p in probabilities}  # outcomes share their fractions
     floats = {key: float(p) for key, p in own.items()}
-    weights = np.array([floats[id(p)] for p in probabilities], dtype=np.float64)
-    if not any(p and floats[key] < MIN_FLOAT for key, p in own.items()):
-        return weights, None
-    shifts = {key: p.denominator.bit_length() - p.numerator.bit_length() for key, p in own.items()}
-    for key, p in own.items():
-        floats[key] = float(p * 2 ** shifts[key])
-    weights = np.array([floats[id(p)] for p in probabilities], dtype=np.float64)
-    return weights, np.array([-shifts[id(p)] for p in probabilities], dtype=np.int64)
+    exponents = []
+    if any(p and floats[key] < MIN_FLOAT for key, p in own.items()):
+        shifts = {key: p.denominator.bit_length() - p.numerator.bit_length() for key, p in own.items()}
+        floats = {key: float(p * 2 ** shifts[key]) for key, p in own.items()}
+        exponents = [-shifts[id(p)] for p in probabilities]
+    return [floats[id(p)] for p in probabilities], exponents
 
 
 def weigh(
@@ -93,6 +92,8 @@ def weigh(
         (variable -> (B, outcomes) weights, (B,) the logarithms of the weights of the evidence). Only the
         ratios within a row matter. A row is 0 only for impossible evidence.
     """
+    import numpy as np
+
     codes = np.ascontiguousarray(evidence.codes, dtype=np.int64)
     columns = [(i, np.ascontiguousarray(own, dtype=np.float64)) for i, own in evidence.weights.items()]
     distinct = list(dict.fromkeys(queries))

@@ -3,9 +3,9 @@
 The file is a numpy archive (.npz). Its entry `circuit` is JSON: format and version, the program's text,
 inputs, queries and interventions, and for each layer its variable, shape (outputs, outcomes, inputs) and the
 layers before it (key `sources`). The entries `<layer>/from/<source>` are the outputs of these layers that are
-factors of its inputs, `<layer>/first` is the first entry of each output, and `<layer>/entries` has the
-outcome, the input, and the exponent of 2 of each entry, `<layer>/weights` its weight. Circuits of tables (`tables` is
-true) are those of the program, and files of versions 1 and 2 are compiled again.
+factors of its inputs, `<layer>/first` is the first entry of each output, `<layer>/entries` has the outcome
+and the input of each entry, with the exponent of 2 if weights are tiny, and `<layer>/weights` its weight.
+Circuits of tables (`tables` is true) are those of the program; files of versions 1 and 2 are compiled again.
 """
 
 from __future__ import annotations
@@ -31,6 +31,9 @@ from lcorpp.versioned_json import JsonFormat
 
 FORMAT = JsonFormat("lcorpp circuit", 3, older=(1, 2))
 
+MAX_SIZE = 2**31
+"""Layers have fewer outputs, outcomes and inputs."""
+
 
 def save_circuit(circuit: Circuit, path: str | Path) -> None:
     """Write a circuit to a file that `load_circuit` reads.
@@ -48,7 +51,7 @@ def save_circuit(circuit: Circuit, path: str | Path) -> None:
     """
     arrays: dict[str, npt.NDArray[Any]] = {}
     layers = []
-    stored = circuit.layers.store() if circuit.layers is not None else []
+    stored: Any = circuit.layers.store() if circuit.layers is not None else []
     for number, (variable, shape, sources, first, outcomes, inputs, weights, exponents) in enumerate(stored):
         arrays |= {f"{number}/from/{source}": nodes for source, nodes in sources}
         arrays[f"{number}/first"], arrays[f"{number}/weights"] = first, weights
@@ -120,7 +123,9 @@ def _read_layers(head: Mapping[str, Any], arrays: Mapping[str, npt.NDArray[Any]]
         sources = [(source, arrays[f"{number}/from/{source}"].astype(np.int64)) for source in own["sources"]]
         first = arrays[f"{number}/first"].astype(np.int64)
         weights = arrays[f"{number}/weights"].astype(np.float64)
-        shape = tuple([int(size) for size in own["shape"]])
+        shape = _, _, _ = tuple([int(size) for size in own["shape"]])
+        if not all(0 < size < MAX_SIZE for size in shape):
+            raise DataError(f"layer {number} has the shape {own['shape']}")
         stored.append(
             (own["variable"], shape, sources, first, outcomes, inputs, weights, *(exponents or [inputs[:0]]))
         )

@@ -86,25 +86,14 @@ class WorldQueries:
         """Sum as `compute_exact_weights` in floating point; only the ratios matter."""
         if self._excludes(evidence):
             return {}
-        import numpy as np
+        from lcorpp.reasoning.circuit.layers import build_layers  # fractions need none
 
-        from lcorpp.reasoning.circuit.layers import build_layers, weigh
-        from lcorpp.reasoning.evidence import EncodedEvidence
-
-        system = self.diagram.system
         if not self.diagram.has_worlds:
             return {}
-        queries = [query] if query in system.term_numbers else []
-        layers = build_layers(self.diagram, queries, evidence)
-        weights, logarithms = weigh(
-            layers, EncodedEvidence(np.zeros((1, 0), dtype=np.intp)), range(len(queries))
-        )
-        if logarithms[0] == -np.inf:
-            return {}
-        if not queries:
-            return {"": 1.0}
+        system = self.diagram.system
+        layers = build_layers(self.diagram, [query], evidence)
         values = (*system.program.values[system.term_numbers[query]], "")
-        return {value: w for value, w in zip(values, weights[0][0].tolist(), strict=True) if w}
+        return {value: w for value, w in zip(values, layers.weigh_outcomes(0), strict=True) if w}
 
     def count(self) -> int:
         """Count the possible worlds."""

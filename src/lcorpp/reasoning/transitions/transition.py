@@ -157,9 +157,8 @@ class Transition:
             else:
                 moves |= pending
                 targets_of[pending] = targets_of.get(pending, 0) | target
-        masks = [self.pack(mask) for mask in (sets, forbids, moves)]
         targets = b"".join([self.pack(targets_of[bit]) for bit in sorted(targets_of)])
-        number = self.compiled.add_effect(*masks, targets)
+        number = self.compiled.add_effect(self.pack(sets), self.pack(forbids), self.pack(moves), targets)
         return Effect(number, sets, forbids, moves, targets_of)
 
 
