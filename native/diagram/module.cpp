@@ -18,6 +18,7 @@
 
 #include "arrays.hpp"
 #include "layer_builder.hpp"
+#include "order_search.hpp"
 
 using namespace lcorpp;
 using namespace nb::literals;
@@ -382,6 +383,33 @@ NB_MODULE(_diagram, m) {
              "Args:\n"
              "    codes: (B, terms) the outcome of each term, -1 for no evidence; or a row of the weights of the term.\n"
              "    columns: the weights (labels, outcomes) of terms.");
+
+    m.def(
+        "improve_order",
+        [](std::vector<double> bits, std::vector<std::vector<int>> needs, const std::vector<std::pair<int, std::vector<std::vector<int>>>>& groups,
+           const std::vector<std::vector<std::tuple<std::vector<int>, int, int>>>& recursions, std::vector<int> order, double max_work) {
+            StepGraph graph{std::move(bits), std::move(needs), {}, {}};
+            for (const auto& [child, bodies] : groups) graph.groups.push_back({child, bodies});
+            for (const auto& edges : recursions) {
+                graph.recursions.emplace_back();
+                for (const auto& [inputs, body, head] : edges) graph.recursions.back().push_back({inputs, body, head});
+            }
+            OrderSearch search(std::move(graph));
+            const double before = search.estimate(order);
+            InterruptCheck check;
+            const double n_moves = max_work / static_cast<double>(search.size() + order.size());
+            const double after = search.improve(order, static_cast<std::size_t>(n_moves), check);
+            return std::make_tuple(order, before, after);
+        },
+        "bits"_a, "needs"_a, "groups"_a, "recursions"_a, "order"_a, "max_work"_a,
+        "Improve an order of steps; return it, and the estimates (logarithms of the number of states) before and after. The\n"
+        "result depends on the arguments only.\n\n"
+        "Args:\n"
+        "    bits: of the outcomes of each step.\n"
+        "    needs: the steps that must come before each.\n"
+        "    groups: (step, -1 for constraints; the steps of each body) of rules with the same head.\n"
+        "    recursions: (steps of the inputs, atom of the body or -1, atom of the head or -1) of each rule.\n"
+        "    max_work: the number of steps and literals that the search visits.");
 
     nb::class_<Diagram>(m, "Diagram", "The arcs of a decision diagram.")
         .def(nb::init<std::vector<std::vector<int>>, std::vector<int>, std::size_t, bool>(), "children"_a, "roots"_a, "n_words"_a, "is_consistent"_a)

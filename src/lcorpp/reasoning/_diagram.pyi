@@ -60,6 +60,19 @@ class Layers:
             columns: the weights (labels, outcomes) of terms.
         """
 
+def improve_order(bits: Sequence[float], needs: Sequence[Sequence[int]], groups: Sequence[tuple[int, Sequence[Sequence[int]]]], recursions: Sequence[Sequence[tuple[Sequence[int], int, int]]], order: Sequence[int], max_work: float) -> tuple[list[int], float, float]:
+    """
+    Improve an order of steps; return it, and the estimates (logarithms of the number of states) before and after. The
+    result depends on the arguments only.
+
+    Args:
+        bits: of the outcomes of each step.
+        needs: the steps that must come before each.
+        groups: (step, -1 for constraints; the steps of each body) of rules with the same head.
+        recursions: (steps of the inputs, atom of the body or -1, atom of the head or -1) of each rule.
+        max_work: the number of steps and literals that the search visits.
+    """
+
 class Diagram:
     """The arcs of a decision diagram."""
 

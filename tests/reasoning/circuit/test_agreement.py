@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import replace
 from fractions import Fraction
 from itertools import islice, product
+from math import inf
 
 import numpy as np
 import pytest
@@ -16,16 +17,20 @@ from tests.reasoning.circuit.trees import trees
 
 from lcorpp.errors import NoValueError, ProgramError, UndefinedError
 from lcorpp.reasoning import Enumeration, parse_plog, parse_query
+from lcorpp.reasoning.circuit import decision_diagram
 from lcorpp.reasoning.circuit.circuit import Circuit
 from lcorpp.reasoning.factors import choice
 from lcorpp.reasoning.reasoner import Reasoner
-from lcorpp.reasoning.transitions import elimination_tree
+from lcorpp.reasoning.transitions import elimination_tree, order_search
 from lcorpp.values import Distribution, Likelihood
 
 
-@pytest.fixture(autouse=True, params=["diagram", "tables"])
+@pytest.fixture(autouse=True, params=["diagram", "reordered", "tables"])
 def engine(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The decision diagram, as for all programs of this size, or tables wherever a program has them."""
+    """The decision diagram, as for programs of this size; with another order; or tables where possible."""
+    if request.param == "reordered":
+        monkeypatch.setattr(decision_diagram, "TRIALS", ((0, 1e4),))
+        monkeypatch.setattr(order_search, "MIN_GAIN", -inf)
     if request.param == "tables":
         monkeypatch.setattr(elimination_tree, "MAX_DIAGRAM_WIDTH", -1)
         monkeypatch.setattr(elimination_tree, "MAX_PRUNED_WIDTH", -1)

@@ -33,6 +33,9 @@ from lcorpp.reasoning.transitions.transition_system import TransitionSystem
 MAX_BYTES = 2**30
 """The arcs of a decision diagram, and the states of a step, take at most this much memory."""
 
+TRIALS = ((2**21, 1e7), (2**26, 2e8))
+"""(memory, work): if the diagram takes more memory, a better order is searched for with so much work."""
+
 MAX_LABELS = 2_000_000
 """Different outcomes of all steps are at most so many."""
 
@@ -113,6 +116,8 @@ class DecisionDiagram:
 def build_decision_diagram(system: TransitionSystem, max_bytes: int = MAX_BYTES) -> DecisionDiagram:
     """Expand the reachable states of a transition system, and drop nodes that are in no world.
 
+    If the diagram is large, better orders are searched for, and the diagram is that of another system.
+
     Args:
         max_bytes: the limit of memory.
 
@@ -120,15 +125,18 @@ def build_decision_diagram(system: TransitionSystem, max_bytes: int = MAX_BYTES)
         TooLargeError: the diagram takes more memory.
         ProgramError: a world breaks a condition of the language, or a component has too many stable models.
     """
-    tree = system.tree
-    n_words = system.transitions[0].n_words if system.transitions else 1
-    graph = Diagram(tree.children, tree.roots, n_words, system.consistent)
-    for transition in system.transitions:
-        if missing := graph.enter(transition.compiled, transition.is_shared):
-            _add_choices(system, transition, missing)
-        if not graph.expand(max_bytes):
-            file, limit = system.program.source.file, max_bytes / 2**20
-            raise TooLargeError(f"{file}: more than {limit:.4g} MiB of arcs in the decision diagram")
+    graph = None
+    for limit, work in TRIALS:
+        if limit < max_bytes:
+            graph = _expand(system, limit)
+            if graph is not None:
+                break
+            system = system.reorder(work) or system
+    if graph is None:
+        graph = _expand(system, max_bytes)
+    if graph is None:
+        file, mebibytes = system.program.source.file, max_bytes / 2**20
+        raise TooLargeError(f"{file}: more than {mebibytes:.4g} MiB of arcs in the decision diagram")
     if graph.has_dead_ends:
         graph.prune()
     diagram = DecisionDiagram(system, graph)
@@ -138,6 +146,19 @@ def build_decision_diagram(system: TransitionSystem, max_bytes: int = MAX_BYTES)
                 if violation := system.outcomes[label].violation:
                     raise _make_error(diagram, step, diagram.arcs[step].outcomes.index(label), violation)
     return diagram
+
+
+def _expand(system: TransitionSystem, max_bytes: int) -> Diagram | None:
+    """Expand step by step; return None if the diagram takes more memory."""
+    tree = system.tree
+    n_words = system.transitions[0].n_words if system.transitions else 1
+    graph = Diagram(tree.children, tree.roots, n_words, system.consistent)
+    for transition in system.transitions:
+        if missing := graph.enter(transition.compiled, transition.is_shared):
+            _add_choices(system, transition, missing)
+        if not graph.expand(max_bytes):
+            return None
+    return graph
 
 
 def _add_choices(system: TransitionSystem, transition: Transition, inputs: Iterable[bytes]) -> None:

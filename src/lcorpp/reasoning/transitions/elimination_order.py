@@ -58,6 +58,27 @@ def eliminate(
     return best
 
 
+def arrange(
+    needs: Sequence[set[int]],
+    groups: Sequence[Iterable[int]],
+    sizes: Sequence[float],
+    order: Sequence[int],
+) -> list[int]:
+    """Arrange components in the tree that eliminates them in the opposite of an order.
+
+    Args:
+        needs, groups, sizes: as of `eliminate`.
+        order: the components, those that others need before these.
+
+    Returns:
+        Component -> the one before it in the tree, -1 for roots.
+    """
+    levels = [0] * len(order)
+    for place, component in enumerate(reversed(order)):
+        levels[component] = place
+    return _eliminate(needs, groups, sizes, levels, (), levels, inf)[0]
+
+
 def _list_levels(needs: Sequence[set[int]]) -> list[list[int]]:
     """List two orders from the leaves to the roots: by distance from the leaves, and from the roots.
 

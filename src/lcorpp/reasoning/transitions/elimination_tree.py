@@ -23,7 +23,7 @@ from typing import TYPE_CHECKING
 
 from lcorpp.reasoning.grounding.ground_program import SELECT, Clause, GroundProgram
 from lcorpp.reasoning.grounding.strong_components import find_strongly_connected_components
-from lcorpp.reasoning.transitions.elimination_order import eliminate
+from lcorpp.reasoning.transitions.elimination_order import arrange, eliminate
 
 if TYPE_CHECKING:  # few programs are recursive
     from lcorpp.reasoning.transitions.linear_recursion import LinearRecursion
@@ -84,7 +84,8 @@ def build_elimination_tree(
     outcomes: Sequence[int],
     queried: Collection[int],
     max_frontier: int,
-) -> EliminationTree:
+    max_work: float = 0.0,
+) -> EliminationTree | None:
     """Build the elimination tree of a ground program.
 
     Args:
@@ -92,6 +93,10 @@ def build_elimination_tree(
         outcomes: the mask of the possible outcomes of each term.
         queried: the terms whose outcomes queries read.
         max_frontier: linear recursions with a larger frontier are decided as a whole.
+        max_work: of a search for a better order, see `order_search`; 0 for none.
+
+    Returns:
+        None if the search finds no better order.
     """
     needs: defaultdict[int, set[int]] = defaultdict(set)  # term -> the terms in the bodies of its clauses
     joint: set[frozenset[int]] = set()  # the terms of each constraint
@@ -145,6 +150,15 @@ def build_elimination_tree(
     groups = [group for group in constraints if len(group) > 1]
     children: list[list[int]] = [[] for _ in (*components, "roots")]  # last, as they have the parent -1
     parents, width = eliminate(component_needs, groups, sizes, ranks, ordered)
+    if max_work:
+        from lcorpp.reasoning.transitions.order_search import improve_order  # few programs need it
+
+        better = improve_order(
+            program, components, recursions, clauses, component_needs, sizes, parents, max_work
+        )
+        if better is None:
+            return None
+        parents = arrange(component_needs, groups, sizes, better)
     for i, parent in enumerate(parents):
         children[parent].append(i)
     if len(components) < len(terms):

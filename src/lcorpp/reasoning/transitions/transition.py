@@ -63,7 +63,7 @@ class Transition:
     absorptions: pairs (satisfied, pending bits): once a body of a group is satisfied, the others are
         irrelevant.
     is_shared: whether several steps of the system have this transition.
-    n_bits: the largest number of bits of a state after it, at least 1.
+    n_bits: the bits of a state before, during or after the step, at least 1.
     n_words: the number of words of 64 bits of a state, the same for all transitions of a system.
     """
 
@@ -78,7 +78,12 @@ class Transition:
     ) -> None:
         self.distribution, self.is_shared = distribution, False
         self.input_mask, self.live_masks, self.closures = input_mask, live_masks, closures
-        self.n_bits = max([1, *[mask.bit_length() for mask in live_masks]])
+        used = [1, input_mask, *live_masks]
+        for _, parent, bits in children:
+            used += [bits[slot] for slot in parent.slots]
+        for closure in closures:
+            used += closure.list_bits()
+        self.n_bits = max(used).bit_length()
         self.n_words = 1
         self.absorptions = _find_absorptions(children)
         self._effects: dict[object, Effect | None] = {}

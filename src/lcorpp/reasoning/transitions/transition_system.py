@@ -29,7 +29,7 @@ own steps read; other branches may use the same bits otherwise.
 from __future__ import annotations
 
 from collections import Counter, defaultdict
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
@@ -74,6 +74,7 @@ class TransitionSystem:
     facts: term -> its value in every world, for terms without a step.
     derived: the components that `derive_values` completes if a world is listed, as not all terms have a step.
     probabilities: those computed so far by local distributions.
+    reorder: searches for a better order with some work, see `order_search`; None if it finds none.
     outcomes: those found so far by the compiled transitions, the labels of the arcs of decision diagrams.
     """
 
@@ -85,6 +86,7 @@ class TransitionSystem:
     facts: Mapping[int, int]
     derived: Sequence[DerivedComponent]
     probabilities: ProbabilityCache
+    reorder: Callable[[float], TransitionSystem | None]
     outcomes: list[Outcome] = field(default_factory=list)
 
     def __repr__(self) -> str:
@@ -109,15 +111,24 @@ def build_transition_system(
     needed = set(term_numbers.values())
     clauses, facts, irrelevant = separate_irrelevant_rules(program, clauses, needed)
     program = replace(program, clauses=[])  # the transitions contain what they need of the clauses
-    tree = build_elimination_tree(program, clauses, outcomes, needed, max_frontier)
-    builder = _TransitionBuilder(program, clauses, outcomes, tree, needed)
-    transitions, consistent, derived = builder.build(), builder.consistent, [*builder.derived, *irrelevant]
-    n_words = max([(transition.n_bits + 63) // 64 for transition in transitions], default=1)
-    for transition in transitions:
-        transition.n_words = n_words
-    return TransitionSystem(
-        program, tree, transitions, consistent, term_numbers, facts, derived, builder.probabilities
-    )
+
+    def build(max_work: float) -> TransitionSystem | None:
+        tree = build_elimination_tree(program, clauses, outcomes, needed, max_frontier, max_work)
+        if tree is None:
+            return None
+        builder = _TransitionBuilder(program, clauses, outcomes, tree, needed)
+        transitions, consistent = builder.build(), builder.consistent
+        n_words = max([(transition.n_bits + 63) // 64 for transition in transitions], default=1)
+        for transition in transitions:
+            transition.n_words = n_words
+        derived = [*builder.derived, *irrelevant]
+        return TransitionSystem(
+            program, tree, transitions, consistent, term_numbers, facts, derived, builder.probabilities, build
+        )
+
+    system = build(0.0)
+    assert system is not None
+    return system
 
 
 class _TransitionBuilder:
