@@ -17,81 +17,103 @@ struct Implication {
 // Atoms are numbered: 0 is true, then follow those before and after the step, the contradiction (`falsum`), and goals.
 class Closure {
   public:
+    // closed: implications with conditions, which are closed before the step.
     // goals: for each goal after the step, the bits of the implications of which it is the head: (body, bit).
     Closure(std::size_t n_words, std::vector<Implication> closed, std::vector<Implication> added,
             std::vector<Implication> targets, int falsum, int n_atoms, std::vector<std::vector<std::pair<int, int>>> goals)
-        : closed_(std::move(closed)), added_(std::move(added)), targets_(std::move(targets)),
-          falsum_(static_cast<std::size_t>(falsum)), n_atoms_(static_cast<std::size_t>(n_atoms)),
-          n_words_((n_atoms_ + 63) / 64), goals_(std::move(goals)), read_(n_words, 0),
+        : added_(std::move(added)), falsum_(static_cast<std::size_t>(falsum)), n_atoms_(static_cast<std::size_t>(n_atoms)),
+          n_words_((n_atoms_ + 63) / 64), goals_(std::move(goals)), read_(n_words, 0), closed_(n_words, 0),
+          implication_of_(64 * n_words), heads_(falsum_ * n_words_, 0), bit_of_(falsum_ * 64 * n_words_),
           follows_(falsum_ * n_words_), reached_(n_words_) {
-        for (const auto* implications : {&closed_, &added_}) {
-            for (const Implication& own : *implications) {
-                if (own.bit >= 0) set_bit(read_.data(), static_cast<std::size_t>(own.bit));
-            }
+        for (const Implication& own : closed) {
+            set_bit(closed_.data(), static_cast<std::size_t>(own.bit));
+            implication_of_[static_cast<std::size_t>(own.bit)] = {own.body, own.head};
         }
-        std::stable_sort(targets_.begin(), targets_.end(),
-                         [](const Implication& a, const Implication& b) { return a.body < b.body; });
+        read_ = closed_;
+        for (const Implication& own : added_) {
+            if (own.bit >= 0) set_bit(read_.data(), static_cast<std::size_t>(own.bit));
+        }
+        for (const Implication& own : targets) {
+            const auto body = static_cast<std::size_t>(own.body), head = static_cast<std::size_t>(own.head);
+            set_bit(heads_.data() + body * n_words_, head);
+            bit_of_[body * 64 * n_words_ + head] = own.bit;
+            if (bodies_.empty() || bodies_.back() != body) bodies_.push_back(body);
+        }
+        std::sort(bodies_.begin(), bodies_.end());
+        bodies_.erase(std::unique(bodies_.begin(), bodies_.end()), bodies_.end());
     }
 
     // Change a state to that after the step; return whether it is possible: no contradiction, all goals in reach.
-    bool apply(Word* state) {
-        const std::size_t n = n_words_;
+    bool apply(Word* state) { return n_words_ == 1 ? apply_words<1>(state) : apply_words<0>(state); }
+
+  private:
+    Word* follows(std::size_t atom, std::size_t n) { return follows_.data() + atom * n; }
+
+    // N: the number of words of a set of atoms, 0 for any.
+    template <std::size_t N>
+    bool apply_words(Word* state) {
+        const std::size_t n = N ? N : n_words_;
         std::fill(follows_.begin(), follows_.end(), 0);
-        for (std::size_t atom = 0; atom < falsum_; ++atom) set_bit(follows(atom), atom);
-        for (const Implication& own : closed_) {
-            if (has_bit(state, static_cast<std::size_t>(own.bit))) set_bit(follows(own.body), static_cast<std::size_t>(own.head));
+        for (std::size_t atom = 0; atom < falsum_; ++atom) set_bit(follows(atom, n), atom);
+        for (std::size_t w = 0; w < closed_.size(); ++w) {
+            for (Word rest = state[w] & closed_[w]; rest; rest &= rest - 1) {
+                const auto [body, head] = implication_of_[64 * w + static_cast<std::size_t>(count_trailing_zeros(rest))];
+                set_bit(follows(static_cast<std::size_t>(body), n), static_cast<std::size_t>(head));
+            }
         }
-        const Word* is_true = follows(0);
+        const Word* is_true = follows(0, n);
         for (const Implication& own : added_) {
             const auto body = static_cast<std::size_t>(own.body), head = static_cast<std::size_t>(own.head);
             if (own.bit >= 0 && !has_bit(state, static_cast<std::size_t>(own.bit))) continue;
-            if (has_bit(is_true, head) || has_bit(follows(body), head)) continue;
+            if (has_bit(is_true, head) || has_bit(follows(body, n), head)) continue;
             if (head < falsum_) {
-                std::copy_n(follows(head), n, reached_.data());
+                std::copy_n(follows(head, n), n, reached_.data());
             } else {
                 std::fill(reached_.begin(), reached_.end(), 0);
                 set_bit(reached_.data(), head);
             }
             for (std::size_t atom = 0; atom < falsum_; ++atom) {
-                Word* row = follows(atom);
-                if (!has_bit(row, body)) continue;
-                for (std::size_t w = 0; w < n; ++w) row[w] |= reached_[w];
+                Word* row = follows(atom, n);
+                const Word has_body = -(row[body / 64] >> (body % 64) & 1);
+                for (std::size_t w = 0; w < n; ++w) row[w] |= reached_[w] & has_body;
             }
         }
         if (has_bit(is_true, falsum_)) return false;
         for (std::size_t w = 0; w < read_.size(); ++w) state[w] &= ~read_[w];
         if (n_atoms_ > falsum_ + 1 && !write_goals(state)) return false;
-        for (const Implication& own : targets_) {
-            const auto body = static_cast<std::size_t>(own.body), head = static_cast<std::size_t>(own.head);
-            const Word* row = follows(body);
-            if (!has_bit(row, head)) continue;
-            if (body != 0) {
-                // what is true needs no other reason, what follows from it is true; the false has no effect
-                if (has_bit(is_true, body)) continue;
-                if (has_bit(row, falsum_) ? head != falsum_ : has_bit(is_true, head)) continue;
+        for (const std::size_t body : bodies_) {
+            const Word* row = follows(body, n);
+            const Word* heads = heads_.data() + body * n;
+            const int* bits = bit_of_.data() + body * 64 * n;
+            // what is true needs no other reason, what follows from it is true; the false has no effect
+            if (body != 0 && has_bit(is_true, body)) continue;
+            if (body != 0 && has_bit(row, falsum_)) {
+                if (has_bit(heads, falsum_)) set_bit(state, static_cast<std::size_t>(bits[falsum_]));
+                continue;
             }
-            set_bit(state, static_cast<std::size_t>(own.bit));
+            for (std::size_t w = 0; w < n; ++w) {
+                for (Word rest = row[w] & heads[w] & ~(body ? is_true[w] : 0); rest; rest &= rest - 1) {
+                    set_bit(state, static_cast<std::size_t>(bits[64 * w + static_cast<std::size_t>(count_trailing_zeros(rest))]));
+                }
+            }
         }
         return true;
     }
-
-  private:
-    Word* follows(std::size_t atom) { return follows_.data() + atom * n_words_; }
 
     // Set the bits of the goals that are not yet reached; return whether all can be. Redundant goals are left out.
     bool write_goals(Word* state) {
         using Mask = std::vector<Word>;
         std::vector<Mask> masks;
         for (std::size_t goal = falsum_ + 1; goal < n_atoms_; ++goal) {
-            if (has_bit(follows(0), goal)) continue;
+            if (has_bit(follows(0, n_words_), goal)) continue;
             bool is_open = false;
-            for (std::size_t atom = 0; atom < falsum_ && !is_open; ++atom) is_open = has_bit(follows(atom), goal);
+            for (std::size_t atom = 0; atom < falsum_ && !is_open; ++atom) is_open = has_bit(follows(atom, n_words_), goal);
             if (!is_open) continue;
             Mask mask(n_words_, 0);
             bool is_possible = false;
             if (!goals_.empty()) {
                 for (const auto& [atom, bit] : goals_.front()) {
-                    const Word* row = follows(static_cast<std::size_t>(atom));
+                    const Word* row = follows(static_cast<std::size_t>(atom), n_words_);
                     if (!has_bit(row, goal) || has_bit(row, falsum_)) continue;
                     set_bit(mask.data(), static_cast<std::size_t>(atom));
                     is_possible = true;
@@ -121,11 +143,15 @@ class Closure {
         return true;
     }
 
-    std::vector<Implication> closed_, added_, targets_;
-    std::size_t falsum_, n_atoms_, n_words_;
+    std::vector<Implication> added_;
+    std::size_t falsum_, n_atoms_, n_words_;  // n_words_: of a set of atoms
     std::vector<std::vector<std::pair<int, int>>> goals_;
-    std::vector<Word> read_;               // the bits of the state that are read
-    std::vector<Word> follows_, reached_;  // of the current state: atom -> mask of the atoms that follow from it
+    std::vector<Word> read_, closed_;                   // the bits of the state that are read; those of closed implications
+    std::vector<std::pair<int, int>> implication_of_;   // bit -> (body, head), of closed implications
+    std::vector<std::size_t> bodies_;                   // of the implications after the step
+    std::vector<Word> heads_;                           // body -> the atoms that are its heads in these
+    std::vector<int> bit_of_;                           // (body, head) -> the bit of this implication
+    std::vector<Word> follows_, reached_;               // of the current state: atom -> the atoms that follow from it
 };
 
 }  // namespace lcorpp

@@ -327,6 +327,11 @@ NB_MODULE(_diagram, m) {
                std::vector<std::vector<std::pair<int, int>>> goals) {
                 const std::size_t n_bits = 64 * own.n_words();
                 if (falsum < 1 || n_atoms <= falsum) throw std::invalid_argument("atoms out of range");
+                for (const auto* implications : {&closed, &targets}) {
+                    for (const auto& [bit, body, head] : *implications) {
+                        if (bit < 0 || body >= falsum) throw std::invalid_argument("an implication out of range");
+                    }
+                }
                 for (const auto& goal : goals) {
                     for (const auto& [atom, bit] : goal) {
                         if (atom < 0 || atom >= falsum || bit < 0 || bit >= static_cast<int>(n_bits)) throw std::invalid_argument("a goal out of range");
