@@ -61,12 +61,18 @@ FAMILIES: dict[str, tuple[str, tuple[tuple[int, ...], ...]]] = {
         ((10,), (14,), (20,), (200,)),
     ),
     "corridor": ("A corridor of n rooms with uncertain two-way doors", ((16,), (20,), (100,), (1000,))),
-    "rooms": ("A grid of rooms with uncertain two-way doors", ((3, 3), (5, 3), (6, 6))),
+    "rooms": ("A grid of rooms with uncertain two-way doors", ((3, 3), (5, 3), (6, 6), (10, 4))),
     "assignment": ("n objects at n places, all different", ((5,), (8,), (10,), (14,))),
+    "smokers": ("n people, 2 n friendships, three people observed", ((10,), (25,), (50,))),
+    "contagion": ("n people in a circle with contacts both ways, some tested", ((8,), (12,), (40,))),
+    "supplies": ("n layers of six plants with two lines each from the layer before", ((4,), (8,), (20,))),
+    "courses": ("n courses, each after two others", ((15,), (30,), (120,))),
+    "rumours": ("A rumour among n people with 3 n / 2 acquaintances", ((8,), (12,), (25,))),
 }
 
 STRUCTURES = ("tree", "noisy_or", "corridor", "rooms", "assignment")
-"""The families of `plog_structures`, written for lcorpp and ProbLog."""
+RELATIONS = ("smokers", "contagion", "supplies", "courses", "rumours")
+"""The families of `plog_structures` and `plog_relations`, written for lcorpp and ProbLog."""
 
 
 def measure(engine: str, family: str, sizes: Sequence[int], limit: float) -> list[Row]:
@@ -107,10 +113,11 @@ def measure_family(family: str, limit: float, console: Console) -> list[list[str
     rows: list[list[str]] = []
     stopped: dict[str, str] = {}
     for sizes in FAMILIES[family][1]:
-        size = f"{sizes[0]}, {sizes[1]} rooms" if len(sizes) > 1 else str(*sizes)
+        size = f"{sizes[0]}, {sizes[1]} rooms" if len(sizes) > 1 else "".join(map(str, sizes))
         ours: dict[str, Row] = {}
+        answer: float | None = None  # the first one, if there is no formula
         for engine in ENGINES:
-            if family in STRUCTURES and engine in ("plingo", "plog2"):
+            if family in (*STRUCTURES, *RELATIONS) and engine in ("plingo", "plog2"):
                 continue  # they enumerate the worlds
             if not is_installed(engine):
                 found: list[Row] = [{"failed": "not installed"}] if sizes == FAMILIES[family][1][0] else []
@@ -125,6 +132,10 @@ def measure_family(family: str, limit: float, console: Console) -> list[list[str
                     if row["failed"].startswith("more than") and len(found) == 1:
                         stopped[engine] = f"{row['failed']} at {size}"
                     continue
+                if "answer" in row:
+                    answer = row["answer"] if answer is None else answer
+                    if abs(row["answer"] - answer) > 1e-9 * answer:
+                        row["wrong"] = f"{row['answer']:.6g}, not {answer:.6g} as the first engine"
                 if engine == "lcorpp":
                     ours.setdefault(row["kind"], row)
                 rows.append([size, engine, *_format_cells(row, {} if engine == "lcorpp" else ours)])
@@ -212,7 +223,8 @@ def describe_conditions(limit: float) -> str:
 {", ".join(versions)}; commit {commit}{" with uncommitted changes in src" if changed else ""}.
 
 Every answer was compared with the exact one: to a relative 1e-9, for plingo to 2e-3, for the output of
-commands to 2e-3 and 1e-5. Times are medians over rounds of repetitions, per question; the × columns are the
+commands to 2e-3 and 1e-5. Of relational programs there is no formula: answers of engines are compared with
+each other. Times are medians over rounds of repetitions, per question; the × columns are the
 wall and CPU time over lcorpp's for the same kind of question in this run. The machine also did other work:
 trust ratios more than times, and CPU more than wall.
 

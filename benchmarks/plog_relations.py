@@ -30,7 +30,7 @@ def smokers(n: int) -> Case:
 
 
 def contagion(n: int) -> Case:
-    """n people in a circle, each in contact with four others, both ways, and some shortcuts; some are tested."""
+    """n people in a circle with contacts to four others each, both ways, and shortcuts; some are tested."""
     random = Random(n)
     people = range(n)
     contacts = {tuple(sorted((i, (i + step) % n))) for i in people for step in (1, 2)}
@@ -47,7 +47,7 @@ def contagion(n: int) -> Case:
 
 
 def supplies(n: int) -> Case:
-    """n layers of six plants; a plant works if it is intact and one of two lines from the layer before works."""
+    """n layers of six plants, which are intact and get supplies on one of two lines from the layer before."""
     random = Random(n)
     lines = [
         (layer, plant, source)
@@ -80,7 +80,7 @@ def courses(n: int) -> Case:
 
 
 def rumours(n: int) -> Case:
-    """A rumour among n people, 3 n / 2 acquaintances, of whom sceptics believe it only from two; some believe it."""
+    """A rumour among n people with 3 n / 2 acquaintances, of whom sceptics believe nothing."""
     random = Random(n)
     people = range(n)
     pairs = [(a, b) for a in people for b in people if a < b]
@@ -91,7 +91,8 @@ def rumours(n: int) -> Case:
         [f"person({a})." for a in people],
         "knows2(X,Y) :- knows(X,Y). knows2(X,Y) :- knows(Y,X).",
         "0.4::tells(X,Y) :- knows2(X,Y). 0.3::sceptic(X) :- person(X).",
-        f"hears(0). hears(Y) :- knows2(X,Y), tells(X,Y), believes(X). believes(X) :- hears(X), {NOT}sceptic(X).",
+        "hears(0). hears(Y) :- knows2(X,Y), tells(X,Y), believes(X).",
+        f"believes(X) :- hears(X), {NOT}sceptic(X).",
         [f"evidence({'' if i else NOT}believes({a}))." for i, a in enumerate(seen)],
         f"query(believes({asked})).",
     )

@@ -29,6 +29,9 @@ struct StepGraph {
     std::vector<std::vector<Edge>> recursions;
 };
 
+constexpr double max_temperature = 1.5, min_temperature = 0.03;  // in bits
+constexpr std::size_t n_rounds = 4;
+
 class OrderSearch {
   public:
     explicit OrderSearch(StepGraph graph);
@@ -36,7 +39,8 @@ class OrderSearch {
     // Estimate the number of states of all steps, as a logarithm to base 2.
     double estimate(const std::vector<int>& order);
 
-    // Improve an order by simulated annealing with a number of moves; return its estimate. `check` may throw.
+    // Improve an order by rounds of simulated annealing, each from the best order so far and colder; return its estimate.
+    // `check` is called from time to time, and may throw.
     template <typename Check>
     double improve(std::vector<int>& order, std::size_t n_moves, Check& check);
 
@@ -95,12 +99,18 @@ double OrderSearch::improve(std::vector<int>& order, std::size_t n_moves, Check&
     };
     std::vector<int> current = order;
     place(current);
-    double cost = estimate_at(position), best = cost;
-    constexpr double hot = 1.5, cold = 0.03;  // temperatures, in bits
-    double temperature = hot;
-    const double cooling = n_moves > 1 ? std::pow(cold / hot, 1.0 / static_cast<double>(n_moves)) : 1.0;
+    double cost = estimate_at(position), best = cost, temperature = 0.0, cooling = 1.0, hot = max_temperature;
+    const std::size_t n_round = n_moves / n_rounds + 1;
     for (std::size_t move = 0; move < n_moves; ++move, temperature *= cooling) {
         check(size_);
+        if (move % n_round == 0) {
+            temperature = hot;
+            cooling = std::pow(min_temperature / hot, 1.0 / static_cast<double>(n_round));
+            hot /= 2.0;
+            current = order;
+            place(current);
+            cost = best;
+        }
         const int step = static_cast<int>(draw(n_));
         int low = 0, high = static_cast<int>(n_) - 1;
         for (const int need : graph_.needs[static_cast<std::size_t>(step)]) low = std::max(low, position[static_cast<std::size_t>(need)] + 1);

@@ -36,6 +36,9 @@ MAX_BYTES = 2**30
 TRIALS = ((2**21, 1e7), (2**26, 2e8))
 """(memory, work): if the diagram takes more memory, a better order is searched for with so much work."""
 
+MAX_LOG_STATES = 30
+"""If more states are expected than 2 to this power, a diagram is not expanded."""
+
 MAX_LABELS = 2_000_000
 """Different outcomes of all steps are at most so many."""
 
@@ -125,18 +128,23 @@ def build_decision_diagram(system: TransitionSystem, max_bytes: int = MAX_BYTES)
         TooLargeError: the diagram takes more memory.
         ProgramError: a world breaks a condition of the language, or a component has too many stable models.
     """
-    graph = None
+    file, graph, log_states = system.program.source.file, None, 0.0
     for limit, work in TRIALS:
         if limit < max_bytes:
             graph = _expand(system, limit)
             if graph is not None:
                 break
-            system = system.reorder(work) or system
+            better, log_states = system.reorder(work)
+            system = better or system
     if graph is None:
+        if log_states > MAX_LOG_STATES:
+            raise TooLargeError(
+                f"{file}: about 2^{log_states:.1f} states of the decision diagram; expected at most"
+                f" 2^{MAX_LOG_STATES}"
+            )
         graph = _expand(system, max_bytes)
     if graph is None:
-        file, mebibytes = system.program.source.file, max_bytes / 2**20
-        raise TooLargeError(f"{file}: more than {mebibytes:.4g} MiB of arcs in the decision diagram")
+        raise TooLargeError(f"{file}: more than {max_bytes / 2**20:.4g} MiB of arcs in the decision diagram")
     if graph.has_dead_ends:
         graph.prune()
     diagram = DecisionDiagram(system, graph)

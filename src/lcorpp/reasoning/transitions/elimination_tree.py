@@ -27,6 +27,7 @@ from lcorpp.reasoning.transitions.elimination_order import arrange, eliminate
 
 if TYPE_CHECKING:  # few programs are recursive
     from lcorpp.reasoning.transitions.linear_recursion import LinearRecursion
+    from lcorpp.reasoning.transitions.order_search import OrderSearch
 
 MAX_FRONTIER = 24
 """Recursions with a larger estimated frontier are decided as a whole."""
@@ -84,6 +85,7 @@ def build_elimination_tree(
     outcomes: Sequence[int],
     queried: Collection[int],
     max_frontier: int,
+    search: OrderSearch | None = None,
     max_work: float = 0.0,
 ) -> EliminationTree | None:
     """Build the elimination tree of a ground program.
@@ -93,7 +95,7 @@ def build_elimination_tree(
         outcomes: the mask of the possible outcomes of each term.
         queried: the terms whose outcomes queries read.
         max_frontier: linear recursions with a larger frontier are decided as a whole.
-        max_work: of a search for a better order, see `order_search`; 0 for none.
+        search, max_work: to search for a better order, see `order_search`.
 
     Returns:
         None if the search finds no better order.
@@ -150,15 +152,14 @@ def build_elimination_tree(
     groups = [group for group in constraints if len(group) > 1]
     children: list[list[int]] = [[] for _ in (*components, "roots")]  # last, as they have the parent -1
     parents, width = eliminate(component_needs, groups, sizes, ranks, ordered)
-    if max_work:
+    if search is not None:
         from lcorpp.reasoning.transitions.order_search import improve_order  # few programs need it
 
-        better = improve_order(
-            program, components, recursions, clauses, component_needs, sizes, parents, max_work
-        )
-        if better is None:
+        graph = component_needs, sizes, parents
+        if not improve_order(search, program, components, recursions, clauses, *graph, max_work):
             return None
-        parents = arrange(component_needs, groups, sizes, better)
+        assert search.order is not None
+        parents = arrange(component_needs, groups, sizes, search.order)
     for i, parent in enumerate(parents):
         children[parent].append(i)
     if len(components) < len(terms):

@@ -13,6 +13,8 @@ minimal frontiers as in network reliability, Hardy, Lucet and Limnios, IEEE Tran
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from math import inf
 
 from lcorpp.reasoning._diagram import improve_order as improve_in_kernel
 from lcorpp.reasoning.grounding.ground_program import DERIVE, Atom, Clause, GroundProgram
@@ -28,7 +30,20 @@ _Rule = tuple[list[int], int, int]
 """A rule of a recursion: (components of the inputs, atom of the body, atom of the head); -1 for no atom."""
 
 
+@dataclass(slots=True)
+class OrderSearch:
+    """The result of a search, from which another one continues.
+
+    order: the components in the best order; None before the first gain.
+    log_states: the estimated number of states of all steps, as a logarithm to base 2.
+    """
+
+    order: list[int] | None = None
+    log_states: float = inf
+
+
 def improve_order(
+    search: OrderSearch,
     program: GroundProgram,
     components: Sequence[tuple[int, ...]],
     recursions: Iterable[tuple[LinearRecursion, Sequence[int]]],
@@ -37,17 +52,14 @@ def improve_order(
     sizes: Sequence[float],
     parents: Sequence[int],
     max_work: float,
-) -> list[int] | None:
-    """Search for a better order than that of a tree.
+) -> bool:
+    """Search for a better order than that of a tree, or than the best one so far; return whether it exists.
 
     Args:
         needs: component -> the components that must come before it.
         sizes: the bits of each component.
         parents: component -> the one before it in the tree, -1 for roots.
         max_work: the number of components and literals that the search visits.
-
-    Returns:
-        The components in their order; None if no better one is found.
     """
     component_of = {term: i for i, own in enumerate(components) for term in own}
     found = [own for own, _ in recursions]
@@ -76,10 +88,14 @@ def improve_order(
             for _, value, _ in guess.claims:
                 atom = known.setdefault((term, value), len(known))
                 rules[number].append(([component_of[term]], atom, -1))
-    order, before, after = improve_in_kernel(
-        sizes, list(map(sorted, needs)), list(groups.values()), rules, _list_order(parents), max_work
+    first = search.order or _list_order(parents)
+    order, before, search.log_states = improve_in_kernel(
+        sizes, list(map(sorted, needs)), list(groups.values()), rules, first, max_work
     )
-    return order if after < before - MIN_GAIN else None
+    is_better = search.log_states < before - MIN_GAIN
+    if is_better:
+        search.order = order
+    return is_better
 
 
 def _list_order(parents: Sequence[int]) -> list[int]:

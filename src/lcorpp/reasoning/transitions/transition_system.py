@@ -59,6 +59,7 @@ from lcorpp.reasoning.transitions.transition import Transition
 if TYPE_CHECKING:  # few programs are recursive
     from lcorpp.reasoning.transitions.closure import Closure
     from lcorpp.reasoning.transitions.linear_recursion import LinearRecursion
+    from lcorpp.reasoning.transitions.order_search import OrderSearch
     from lcorpp.reasoning.transitions.recursion_frontier import Claim, RecursionFrontier
 
 
@@ -74,7 +75,8 @@ class TransitionSystem:
     facts: term -> its value in every world, for terms without a step.
     derived: the components that `derive_values` completes if a world is listed, as not all terms have a step.
     probabilities: those computed so far by local distributions.
-    reorder: searches for a better order with some work, see `order_search`; None if it finds none.
+    reorder: searches for a better order with some work, see `order_search`; returns the system with it, None
+        if there is none, and a logarithm to base 2, the estimated number of states.
     outcomes: those found so far by the compiled transitions, the labels of the arcs of decision diagrams.
     """
 
@@ -86,7 +88,7 @@ class TransitionSystem:
     facts: Mapping[int, int]
     derived: Sequence[DerivedComponent]
     probabilities: ProbabilityCache
-    reorder: Callable[[float], TransitionSystem | None]
+    reorder: Callable[[float], tuple[TransitionSystem | None, float]]
     outcomes: list[Outcome] = field(default_factory=list)
 
     def __repr__(self) -> str:
@@ -112,8 +114,11 @@ def build_transition_system(
     clauses, facts, irrelevant = separate_irrelevant_rules(program, clauses, needed)
     program = replace(program, clauses=[])  # the transitions contain what they need of the clauses
 
-    def build(max_work: float) -> TransitionSystem | None:
-        tree = build_elimination_tree(program, clauses, outcomes, needed, max_frontier, max_work)
+    search: OrderSearch | None = None
+
+    def build(max_work: float = 0.0) -> TransitionSystem | None:
+        own = program, clauses, outcomes, needed
+        tree = build_elimination_tree(*own, max_frontier, search, max_work)
         if tree is None:
             return None
         builder = _TransitionBuilder(program, clauses, outcomes, tree, needed)
@@ -121,12 +126,21 @@ def build_transition_system(
         n_words = max([(transition.n_bits + 63) // 64 for transition in transitions], default=1)
         for transition in transitions:
             transition.n_words = n_words
-        derived = [*builder.derived, *irrelevant]
         return TransitionSystem(
-            program, tree, transitions, consistent, term_numbers, facts, derived, builder.probabilities, build
-        )
+            program, tree, transitions, consistent, term_numbers, facts, [*builder.derived, *irrelevant],
+            builder.probabilities, reorder,
+        )  # fmt: skip
 
-    system = build(0.0)
+    def reorder(max_work: float) -> tuple[TransitionSystem | None, float]:
+        nonlocal search
+        if search is None:
+            from lcorpp.reasoning.transitions.order_search import OrderSearch  # few programs need it
+
+            search = OrderSearch()
+        better = build(max_work)
+        return better, search.log_states
+
+    system = build()
     assert system is not None
     return system
 
