@@ -73,7 +73,8 @@ wheel:
 # The C++ kernels under the address and undefined-behaviour sanitizers, in an environment of their own.
 sanitize: $(VENV)-sanitize/.installed
 	LD_PRELOAD="$$($(CXX) -print-file-name=libasan.so) $$($(CXX) -print-file-name=libstdc++.so)" ASAN_OPTIONS=detect_leaks=0 \
-	  $(VENV)-sanitize/bin/python -m pytest -m "not slow" tests/planning tests/learning/lstm
+	  $(VENV)-sanitize/bin/python -m pytest -m "not slow" tests/planning tests/learning/lstm \
+	  tests/reasoning/circuit tests/reasoning/transitions tests/reasoning/factors
 
 $(VENV)-sanitize/.installed: $(NATIVE)
 	$(PYTHON) -m venv $(VENV)-sanitize

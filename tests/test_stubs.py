@@ -10,7 +10,13 @@ SOURCE = Path(__file__).parents[1] / "src"
 
 
 @pytest.mark.parametrize(
-    "name", ["lcorpp.planning._native", "lcorpp.reasoning.factors._tables", "lcorpp.learning.lstm._kernels"]
+    "name",
+    [
+        "lcorpp.planning._native",
+        "lcorpp.reasoning._diagram",
+        "lcorpp.reasoning.factors._tables",
+        "lcorpp.learning.lstm._kernels",
+    ],
 )
 def test_stubs_are_current(name):
     stubgen, module = pytest.importorskip("nanobind.stubgen"), pytest.importorskip(name)

@@ -14,7 +14,7 @@ constexpr std::size_t max_connected = 20;  // steps of larger bodies are no neig
 }  // namespace
 
 OrderSearch::OrderSearch(StepGraph graph)
-    : graph_(std::move(graph)), n_(graph_.bits.size()), users_(n_), neighbours_(n_), change_(n_ + 1), bits_(n_), ends_(n_) {
+    : graph_(std::move(graph)), n_(graph_.bits.size()), users_(n_), neighbours_(n_), change_(n_ + 1), bits_(n_), ends_(n_), rank_(n_) {
     const auto check = [&](int step) {
         if (step < 0 || static_cast<std::size_t>(step) >= n_) throw std::invalid_argument("a step out of range");
     };
@@ -33,19 +33,31 @@ OrderSearch::OrderSearch(StepGraph graph)
         }
     };
     at_.push_back(0);
+    std::vector<int> child_of(n_, -1);
     for (const auto& group : graph_.groups) {
         if (group.child >= 0) check(group.child);
+        int* number = group.child >= 0 ? &child_of[static_cast<std::size_t>(group.child)] : nullptr;
+        if (number == nullptr || *number < 0) {
+            children_.push_back({group.child, {}, {}});
+            if (number != nullptr) *number = static_cast<int>(children_.size()) - 1;
+        }
+        Child& child = number == nullptr ? children_.back() : children_[static_cast<std::size_t>(*number)];
         const auto first_body = static_cast<int>(at_.size()) - 1;
         for (const auto& body : group.bodies) {
             if (body.empty()) throw std::invalid_argument("a body without steps");
             for (const int step : body) check(step);
             steps_.insert(steps_.end(), body.begin(), body.end());
             at_.push_back(static_cast<int>(steps_.size()));
-            std::vector<int> all = body;
-            if (group.child >= 0) all.push_back(group.child);
-            if (all.size() <= max_connected) connect(std::move(all));
+            child.parents.insert(child.parents.end(), body.begin(), body.end());
         }
-        groups_.push_back({group.child, first_body, static_cast<int>(at_.size()) - 1});
+        child.groups.push_back({first_body, static_cast<int>(at_.size()) - 1});
+    }
+    for (Child& child : children_) {
+        std::sort(child.parents.begin(), child.parents.end());
+        child.parents.erase(std::unique(child.parents.begin(), child.parents.end()), child.parents.end());
+        std::vector<int> all = child.parents;
+        if (child.step >= 0) all.push_back(child.step);
+        if (all.size() <= max_connected) connect(std::move(all));
     }
     for (const auto& edges : graph_.recursions) {
         Recursion recursion;
@@ -100,46 +112,10 @@ double OrderSearch::estimate(const std::vector<int>& order) {
 }
 
 double OrderSearch::estimate_at(const std::vector<int>& position) {
-    constexpr int never = std::numeric_limits<int>::max();
     std::fill(change_.begin(), change_.end(), 0.0);
     for (auto& own : ends_) own.clear();
     const auto at = [&](int step) { return position[static_cast<std::size_t>(step)]; };
-    for (const FlatGroup& group : groups_) {
-        int first = never, second = never, single = -1;  // where the first two bodies are decided
-        for (int body = group.first_body; body < group.last_body; ++body) {
-            const int begin = at_[static_cast<std::size_t>(body)], stop = at_[static_cast<std::size_t>(body) + 1];
-            int start = never, next = never, end = -1, starter = -1;
-            for (int k = begin; k < stop; ++k) {
-                const int step = steps_[static_cast<std::size_t>(k)], own = at(step);
-                end = std::max(end, own);
-                if (own < start) {
-                    next = start;
-                    start = own;
-                    starter = step;
-                } else {
-                    next = std::min(next, own);
-                }
-            }
-            if (stop > begin + 1) {  // partly decided: it depends on one step, then on several
-                ends_[static_cast<std::size_t>(starter)].push_back(next);
-                add(next, end, 1.0);
-            }
-            if (end < first) {
-                second = first;
-                first = end;
-                single = stop == begin + 1 ? starter : -1;
-            } else {
-                second = std::min(second, end);
-            }
-        }
-        if (group.child < 0) continue;
-        const int decided = at(group.child);
-        if (single >= 0) {
-            ends_[static_cast<std::size_t>(single)].push_back(std::min(second, decided));
-            first = second;
-        }
-        add(std::min(first, decided), decided, 1.0);
-    }
+    for (const Child& child : children_) add_child(child, position);
     for (std::size_t step = 0; step < n_; ++step) {
         // bits that depend on one step distinguish at most its outcomes
         auto& ends = ends_[step];
@@ -157,7 +133,7 @@ double OrderSearch::estimate_at(const std::vector<int>& position) {
     }
     for (const Recursion& recursion : recursions_) {
         for (const FlatEdge& edge : recursion.edges) {
-            int start = never, end = -1;
+            int start = std::numeric_limits<int>::max(), end = -1;
             for (int k = edge.first_step; k < edge.last_step; ++k) {
                 const int own = at(steps_[static_cast<std::size_t>(k)]);
                 start = std::min(start, own);
@@ -173,6 +149,71 @@ double OrderSearch::estimate_at(const std::vector<int>& position) {
     double sum = 0.0;
     for (const double own : bits_) sum += std::exp2(own - largest);
     return largest + std::log2(sum);
+}
+
+// Add the bits about the bodies of a child. A bit that depends on one parent alone is left to that parent, as those of
+// several children may distinguish the same outcomes; all others distinguish at most the outcomes of the parents so far.
+void OrderSearch::add_child(const Child& child, const std::vector<int>& position) {
+    const int n_parents = static_cast<int>(child.parents.size());
+    ranked_.clear();
+    for (const int step : child.parents) ranked_.emplace_back(position[static_cast<std::size_t>(step)], step);
+    std::sort(ranked_.begin(), ranked_.end());
+    for (int rank = 0; rank < n_parents; ++rank) rank_[static_cast<std::size_t>(ranked_[static_cast<std::size_t>(rank)].second)] = rank;
+    counts_.assign(static_cast<std::size_t>(n_parents) + 1, 0);
+    const int decided = child.step >= 0 ? position[static_cast<std::size_t>(child.step)] : -1;
+    const auto count = [&](int first, int last) {
+        if (first >= last) return;
+        ++counts_[static_cast<std::size_t>(first)];
+        --counts_[static_cast<std::size_t>(last)];
+    };
+    const auto leave_to = [&](int rank, int last) {  // until the parent of the last rank, or the child, is decided
+        const int end = last < n_parents ? ranked_[static_cast<std::size_t>(last)].first : decided;
+        ends_[static_cast<std::size_t>(ranked_[static_cast<std::size_t>(rank)].second)].push_back(end);
+    };
+    for (const FlatGroup& group : child.groups) {
+        int first = n_parents, second = n_parents, single = -1;  // the ranks at which the first two bodies are decided
+        for (int body = group.first_body; body < group.last_body; ++body) {
+            const int begin = at_[static_cast<std::size_t>(body)], stop = at_[static_cast<std::size_t>(body) + 1];
+            int start = n_parents, next = n_parents, end = -1;
+            for (int k = begin; k < stop; ++k) {
+                const int own = rank_[static_cast<std::size_t>(steps_[static_cast<std::size_t>(k)])];
+                end = std::max(end, own);
+                if (own < start) {
+                    next = start;
+                    start = own;
+                } else {
+                    next = std::min(next, own);
+                }
+            }
+            if (stop > begin + 1) {  // partly decided: it depends on one parent, then on several
+                leave_to(start, next);
+                count(next, end);
+            }
+            if (end < first) {
+                second = first;
+                first = end;
+                single = stop == begin + 1 ? start : -1;
+            } else {
+                second = std::min(second, end);
+            }
+        }
+        if (child.step < 0) continue;
+        if (single >= 0) {
+            leave_to(single, second);
+            first = second;
+        }
+        count(first, n_parents);
+    }
+    double outcomes = 0.0;
+    int total = 0;
+    for (int rank = 0; rank < n_parents; ++rank) {
+        const auto [start, step] = ranked_[static_cast<std::size_t>(rank)];
+        outcomes += graph_.bits[static_cast<std::size_t>(step)];
+        total += counts_[static_cast<std::size_t>(rank)];
+        if (total == 0) continue;
+        const int end = rank + 1 < n_parents ? ranked_[static_cast<std::size_t>(rank) + 1].first : decided;
+        add(start, end, std::min(outcomes, static_cast<double>(total)));
+    }
 }
 
 // Add the bits of the implications between the atoms of a recursion: those that undecided rules may make true (heads),

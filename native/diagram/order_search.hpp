@@ -48,8 +48,10 @@ class OrderSearch {
     std::size_t size() const { return size_; }
 
   private:
+    struct Child;
     struct Recursion;
     double estimate_at(const std::vector<int>& position);
+    void add_child(const Child& child, const std::vector<int>& position);
     void add_relation(const Recursion& recursion, const std::vector<int>& position);
     void add(int start, int end, double weight) {
         if (start >= end) return;
@@ -65,9 +67,14 @@ class OrderSearch {
     double draw_share() { return static_cast<double>(draw(1ULL << 40)) / static_cast<double>(1ULL << 40); }
     int choose_target(const std::vector<int>& position, int step, int low, int high);
 
-    // The groups and edges, one after the other; `at` is the first of each body in `steps`, with the end.
+    // Groups and edges, one after the other; `at_` is the first of each body in `steps_`, with the end.
     struct FlatGroup {
-        int child, first_body, last_body;
+        int first_body, last_body;
+    };
+    struct Child {  // a constraint is a child of its own
+        int step;
+        std::vector<int> parents;  // the steps of all bodies
+        std::vector<FlatGroup> groups;
     };
     struct FlatEdge {
         int first_step, last_step, body, head;
@@ -80,7 +87,7 @@ class OrderSearch {
 
     StepGraph graph_;
     std::size_t n_, size_ = 1;
-    std::vector<FlatGroup> groups_;
+    std::vector<Child> children_;
     std::vector<int> at_, steps_;
     std::vector<Recursion> recursions_;
     std::vector<std::vector<int>> users_;       // step -> those that need it
@@ -88,6 +95,9 @@ class OrderSearch {
     std::vector<double> change_, bits_;         // bits that begin less those that end after each step
     std::vector<std::vector<int>> ends_;        // step -> ends of the bits that depend on it alone
     std::vector<int> first_, last_head_, last_body_, heads_, bodies_, both_;
+    std::vector<int> rank_;                     // step -> its place among the parents of a child
+    std::vector<std::pair<int, int>> ranked_;   // the positions of the parents of a child, sorted, and the parents
+    std::vector<int> counts_;                   // bits of a child that begin less those that end, by rank
     std::uint64_t random_ = 88172645463325252ULL;
 };
 

@@ -57,7 +57,7 @@ def test_the_bits_of_one_step_are_at_most_those_of_its_outcomes():
 
 @pytest.mark.parametrize("is_symmetric", [True, False])
 def test_rules_of_recursions_have_the_states_of_relations(is_symmetric):
-    """Three atoms in a circle, each rule twice: equivalences if they imply each other, else other relations."""
+    """Three atoms in a circle, each rule twice: equivalences if they imply each other, else relations."""
     pairs = enumerate([(0, 1), (1, 2), (2, 0)] * 2)
     if is_symmetric:
         rules = [([step], *pair) for step, (a, b) in pairs for pair in ((a, b), (b, a))]
