@@ -30,8 +30,13 @@ class Transition {
     void add_closure(Closure closure) { closures_.push_back(std::move(closure)); }
 
     // targets: n_words words for each bit of `moves`, in their order.
-    Index add_effect(Bits sets, Bits forbids, Bits moves, Bits targets) {
-        effects_.push_back({std::move(sets), std::move(forbids), std::move(moves), std::move(targets)});
+    Index add_effect(Bits sets, Bits forbids, Bits moves, const Bits& targets) {
+        Effect effect{std::move(sets), std::move(forbids), std::move(moves), {0}, {}};
+        for (std::size_t k = 0; k < targets.size(); k += n_words_) {
+            for_each_bit(targets.data() + k, n_words_, [&](std::size_t bit) { effect.targets.push_back(static_cast<Index>(bit)); });
+            effect.first.push_back(static_cast<Index>(effect.targets.size()));
+        }
+        effects_.push_back(std::move(effect));
         return static_cast<Index>(effects_.size() - 1);
     }
 
@@ -60,7 +65,7 @@ class Transition {
         for (std::size_t w = 0; w < n_words_; ++w) {
             for (Word rest = effect.moves[w]; rest; rest &= rest - 1, ++rank) {
                 if (!(state[w] & rest & -rest)) continue;
-                for (std::size_t k = 0; k < n_words_; ++k) after[k] |= effect.targets[rank * n_words_ + k];
+                for (Index k = effect.first[rank]; k < effect.first[rank + 1]; ++k) set_bit(after, effect.targets[k]);
             }
         }
         for (const auto& [satisfied, redundant] : absorptions_) {
@@ -77,7 +82,8 @@ class Transition {
 
   private:
     struct Effect {
-        Bits sets, forbids, moves, targets;
+        Bits sets, forbids, moves;
+        std::vector<Index> first, targets;  // the bits to set for each bit of `moves`
     };
 
     std::size_t n_words_;

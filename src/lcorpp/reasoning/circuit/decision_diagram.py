@@ -37,7 +37,8 @@ TRIALS = ((2**21, 1e7), (2**26, 2e8))
 """(memory, work): if the diagram takes more memory, a better order is searched for with so much work."""
 
 MAX_LOG_STATES = 30
-"""If more states are expected than 2 to this power, a diagram is not expanded."""
+"""Diagrams of recursions are not expanded if more states are expected than 2 to this power. Others may have
+far fewer than expected, as probabilities of 0 and deterministic rules exclude most."""
 
 MAX_LABELS = 2_000_000
 """Different outcomes of all steps are at most so many."""
@@ -137,7 +138,7 @@ def build_decision_diagram(system: TransitionSystem, max_bytes: int = MAX_BYTES)
             better, log_states = system.reorder(work)
             system = better or system
     if graph is None:
-        if log_states > MAX_LOG_STATES:
+        if system.tree.recursions and log_states > MAX_LOG_STATES:
             raise TooLargeError(
                 f"{file}: about 2^{log_states:.1f} states of the decision diagram; expected at most"
                 f" 2^{MAX_LOG_STATES}"

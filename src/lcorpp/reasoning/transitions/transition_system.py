@@ -33,6 +33,7 @@ from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
+from lcorpp.errors import TooLargeError
 from lcorpp.reasoning.grounding.ground_program import Clause, GroundProgram
 from lcorpp.reasoning.grounding.simplification import simplify
 from lcorpp.reasoning.transitions.elimination_tree import (
@@ -61,6 +62,9 @@ if TYPE_CHECKING:  # few programs are recursive
     from lcorpp.reasoning.transitions.linear_recursion import LinearRecursion
     from lcorpp.reasoning.transitions.order_search import OrderSearch
     from lcorpp.reasoning.transitions.recursion_frontier import Claim, RecursionFrontier
+
+MAX_BITS = 20_000
+"""States have at most this many bits."""
 
 
 @dataclass(slots=True, eq=False)
@@ -289,6 +293,8 @@ class _TransitionBuilder:
                 for slot in parent.allocates:
                     bits[slot] = ~live & (live + 1)  # the lowest bit that is not in use
                     live |= bits[slot]
+                if live.bit_length() > MAX_BITS:
+                    raise TooLargeError(f"{self._program.source.file}: states of more than {MAX_BITS} bits")
             closures: list[Closure] = []
             for frontier in self._frontiers_at.get(step, ()):
                 closure, live = frontier.advance(step, live)
