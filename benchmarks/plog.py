@@ -71,8 +71,10 @@ FAMILIES: dict[str, tuple[str, tuple[tuple[int, ...], ...]]] = {
 }
 
 STRUCTURES = ("tree", "noisy_or", "corridor", "rooms", "assignment")
+"""The families of `plog_structures`, written for lcorpp and ProbLog."""
+
 RELATIONS = ("smokers", "contagion", "supplies", "courses", "rumours")
-"""The families of `plog_structures` and `plog_relations`, written for lcorpp and ProbLog."""
+"""The families of `plog_relations`, in ProbLog, which lcorpp reads, too."""
 
 
 def measure(engine: str, family: str, sizes: Sequence[int], limit: float) -> list[Row]:
@@ -224,9 +226,9 @@ def describe_conditions(limit: float) -> str:
 
 Every answer was compared with the exact one: to a relative 1e-9, for plingo to 2e-3, for the output of
 commands to 2e-3 and 1e-5. Of relational programs there is no formula: answers of engines are compared with
-each other. Times are medians over rounds of repetitions, per question; the × columns are the
-wall and CPU time over lcorpp's for the same kind of question in this run. The machine also did other work:
-trust ratios more than times, and CPU more than wall.
+each other, where several end in time. Times are medians over rounds of repetitions, per question; the ×
+columns are the wall and CPU time over lcorpp's for the same kind of question in this run. The machine also
+did other work: trust ratios more than times, and CPU more than wall.
 
 "Text to answer" begins with the program's text and ends with the probability, in one process, without
 imports; a command is the whole process. plingo runs the steps of its own application without printing,

@@ -18,6 +18,7 @@ import tempfile
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
+from math import isnan
 from pathlib import Path
 from statistics import median
 from typing import Any
@@ -89,7 +90,7 @@ def check_answers(
     digits: float = 0.0,
 ) -> Row:
     """Return the measurement with its first wrong result; with the answer if there is no exact one."""
-    if answers[0] != answers[0]:  # of relational programs, one case at a time
+    if isnan(answers[0]):  # of relational programs, one case at a time
         return {**measured[0], "answer": number(measured[1][0])} if not digits else measured[0]
     pairs = zip(map(number, measured[1]), answers, strict=True)
     allowed = [tolerance * exact + digits for exact in answers]

@@ -18,7 +18,7 @@ class Case:
     """A program and its query.
 
     texts: "lcorpp", "plog2", "plingo", "problog" -> the program with the query.
-    answer: the probability that the query asks for.
+    answer: the probability that the query asks for; NaN if there is no formula.
     query, inputs: the term to compile for, with its value, and the terms that evidence may name; without
         inputs the family is measured from its text only.
     evidences: evidence for all inputs, with the answers.

@@ -10,6 +10,9 @@ from random import Random
 
 from plog_families import Case
 
+NOT = "\\+"
+"""Negation in ProbLog."""
+
 
 def smokers(n: int) -> Case:
     """n people, 2 n friendships that may pass smoking on, one way; P(one smokes | three others)."""
@@ -65,7 +68,7 @@ def supplies(n: int) -> Case:
 
 
 def courses(n: int) -> Case:
-    """n courses, each after two earlier ones; who passes both passes with 9/10, others with 3/10."""
+    """n courses, each after two earlier ones; who passes both passes with 93/100, others with 3/10."""
     random = Random(n)
     before = {c: sorted(random.sample(range(max(0, c - 8), c), 2)) for c in range(2, n)}
     passed = random.sample(range(2, n - 1), n // 5)
@@ -96,10 +99,6 @@ def rumours(n: int) -> Case:
         [f"evidence({'' if i else NOT}believes({a}))." for i, a in enumerate(seen)],
         f"query(believes({asked})).",
     )
-
-
-NOT = "\\+"
-"""Negation in ProbLog."""
 
 
 def make_case(*parts: str | Iterable[str]) -> Case:

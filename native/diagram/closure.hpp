@@ -2,6 +2,7 @@
 #pragma once
 
 #include <algorithm>
+#include <stdexcept>
 #include <utility>
 #include <vector>
 
@@ -134,7 +135,8 @@ class Closure {
         for (const Mask& mask : masks) {
             bool is_redundant = false;
             for (const Mask& other : masks) is_redundant |= &other != &mask && includes(mask, other);
-            if (is_redundant || number >= goals_.size()) continue;
+            if (is_redundant) continue;
+            if (number >= goals_.size()) throw std::logic_error("more goals than bits");  // Sperner's theorem bounds them
             for (const auto& [atom, bit] : goals_[number]) {
                 if (has_bit(mask.data(), static_cast<std::size_t>(atom))) set_bit(state, static_cast<std::size_t>(bit));
             }

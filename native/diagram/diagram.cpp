@@ -1,6 +1,7 @@
 #include "diagram.hpp"
 
-#include <stdexcept>
+#include <map>
+#include <set>
 
 namespace lcorpp {
 
@@ -12,6 +13,18 @@ constexpr std::size_t max_shared_words = 1 << 16;  // of states of steps whose a
 
 Diagram::Diagram(std::vector<std::vector<int>> children, std::vector<int> roots, std::size_t n_words, bool is_consistent)
     : children_(std::move(children)), roots_(std::move(roots)), n_words_(n_words), states_(children_.size()) {
+    std::vector<int> n_parents(children_.size(), 0);
+    const auto add = [&](int step, std::size_t least) {
+        if (step < static_cast<int>(least) || static_cast<std::size_t>(step) >= children_.size() || ++n_parents[static_cast<std::size_t>(step)] > 1) {
+            throw std::invalid_argument("steps that are no tree in depth-first order");
+        }
+    };
+    for (const int root : roots_) add(root, 0);
+    for (std::size_t step = 0; step < children_.size(); ++step) {
+        for (const int child : children_[step]) add(child, step + 1);
+    }
+    if (std::count(n_parents.begin(), n_parents.end(), 0)) throw std::invalid_argument("a step without a parent that is no root");
+    if (!n_words_) throw std::invalid_argument("states without bits");
     const auto start = std::make_shared<const std::vector<Word>>(is_consistent ? n_words : 0, 0);
     for (const int root : roots_) states_[static_cast<std::size_t>(root)] = start;
 }
@@ -46,93 +59,128 @@ std::vector<std::vector<Word>> Diagram::enter(std::shared_ptr<Transition> transi
     return inputs;
 }
 
+namespace {
+
+// Numbers equal values.
+template <typename T>
+class Interner {
+  public:
+    int number(const T& value) {
+        const auto [at, is_new] = numbers_.emplace(value, static_cast<int>(values_.size()));
+        if (is_new) values_.push_back(&at->first);
+        return at->second;
+    }
+    const T& value(int number) const { return *values_[static_cast<std::size_t>(number)]; }
+
+  private:
+    std::map<T, int> numbers_;
+    std::vector<const T*> values_;
+};
+
+void append_arcs(Arcs& own, const Arcs& arcs, std::size_t node, const std::vector<char>* kept) {
+    own.first.push_back(static_cast<Index>(own.outcomes.size()));
+    for (Index arc = arcs.first[node]; arc < arcs.first[node + 1]; ++arc) {
+        if (kept != nullptr && !(*kept)[arc]) continue;
+        own.outcomes.push_back(arcs.outcomes[arc]);
+        for (std::size_t branch = 0; branch < own.targets.size(); ++branch) own.targets[branch].push_back(arcs.targets[branch][arc]);
+    }
+}
+
+using SharedArcs = std::shared_ptr<const Arcs>;
+
+constexpr int all_nodes = -1;  // in place of the number of a set of nodes
+
+}  // namespace
+
+// Equal steps share their arcs before and after.
 void Diagram::prune() {
+    if (arcs_.size() < children_.size()) throw std::invalid_argument("a step that is not expanded");
     const std::size_t n = children_.size();
-    std::vector<std::vector<char>> is_alive(n);  // node -> whether it is in a world, empty if all are
+    Interner<std::vector<char>> alive_sets;  // node -> whether it is in a world
+    std::vector<int> alive(n, all_nodes);    // of each step
+    std::map<std::pair<SharedArcs, std::vector<int>>, std::pair<SharedArcs, int>> cut;
     for (std::size_t step = n; step-- > 0;) {
-        const Arcs& arcs = *arcs_[step];
-        std::vector<char> kept(arcs.size(), 1);
-        bool has_dead = false;
-        for (std::size_t branch = 0; branch < children_[step].size(); ++branch) {
-            const auto& alive = is_alive[static_cast<std::size_t>(children_[step][branch])];
-            if (alive.empty()) continue;
-            for (std::size_t arc = 0; arc < arcs.size(); ++arc) kept[arc] &= alive[arcs.targets[branch][arc]];
-            has_dead = true;
-        }
-        std::vector<char> alive(arcs.n_nodes(), 0);
-        bool all = true;
-        for (std::size_t node = 0; node < arcs.n_nodes(); ++node) {
-            for (Index arc = arcs.first[node]; arc < arcs.first[node + 1]; ++arc) alive[node] |= kept[arc];
-            all &= alive[node];
-        }
-        if (!all) is_alive[step] = std::move(alive);
-        if (!has_dead) continue;
-        auto own = std::make_shared<Arcs>();
-        own->targets.resize(arcs.targets.size());
-        for (std::size_t node = 0; node < arcs.n_nodes(); ++node) {
-            own->first.push_back(static_cast<Index>(own->outcomes.size()));
-            for (Index arc = arcs.first[node]; arc < arcs.first[node + 1]; ++arc) {
-                if (!kept[arc]) continue;
-                own->outcomes.push_back(arcs.outcomes[arc]);
-                for (std::size_t branch = 0; branch < own->targets.size(); ++branch) {
-                    own->targets[branch].push_back(arcs.targets[branch][arc]);
-                }
+        std::vector<int> below;
+        for (const int child : children_[step]) below.push_back(alive[static_cast<std::size_t>(child)]);
+        const auto [known, is_new] = cut.try_emplace({arcs_[step], below});
+        if (is_new) {
+            const Arcs& arcs = *arcs_[step];
+            std::vector<char> kept(arcs.size(), 1), nodes(arcs.n_nodes(), 0);
+            bool has_dead = false;
+            for (std::size_t branch = 0; branch < below.size(); ++branch) {
+                if (below[branch] == all_nodes) continue;
+                has_dead = true;
+                const auto& targets = alive_sets.value(below[branch]);
+                for (std::size_t arc = 0; arc < arcs.size(); ++arc) kept[arc] &= targets[arcs.targets[branch][arc]];
+            }
+            bool all = true;
+            for (std::size_t node = 0; node < arcs.n_nodes(); ++node) {
+                for (Index arc = arcs.first[node]; arc < arcs.first[node + 1]; ++arc) nodes[node] |= kept[arc];
+                all &= nodes[node];
+            }
+            known->second = {arcs_[step], all ? all_nodes : alive_sets.number(nodes)};
+            if (has_dead) {
+                auto own = std::make_shared<Arcs>();
+                own->targets.resize(arcs.targets.size());
+                for (std::size_t node = 0; node < arcs.n_nodes(); ++node) append_arcs(*own, arcs, node, &kept);
+                own->first.push_back(static_cast<Index>(own->outcomes.size()));
+                known->second.first = own;
             }
         }
-        own->first.push_back(static_cast<Index>(own->outcomes.size()));
-        arcs_[step] = own;
+        std::tie(arcs_[step], alive[step]) = known->second;
     }
+    cut.clear();
     bool has_worlds = true;
     for (const int root : roots_) has_worlds &= arcs_[static_cast<std::size_t>(root)]->size() > 0;
-    std::vector<std::vector<Index>> numbers(n);  // node -> its new number, `no_index` if it is dropped; empty if all stay
+    if (!has_worlds) {
+        for (std::size_t step = 0; step < n; ++step) {
+            auto none = std::make_shared<Arcs>();
+            none->targets.resize(children_[step].size());
+            none->first.push_back(0);
+            arcs_[step] = none;
+        }
+    }
+    Interner<std::vector<Index>> numberings;  // node -> its new number, `no_index` if no arc reaches it
+    std::vector<int> numbering(n, all_nodes);
+    std::map<std::pair<SharedArcs, int>, std::pair<SharedArcs, std::vector<int>>> renumbered;
     n_arcs_ = 0;
-    for (std::size_t step = 0; step < n; ++step) {
-        const Arcs& arcs = *arcs_[step];
-        auto own = std::make_shared<Arcs>();
-        own->targets.resize(arcs.targets.size());
-        if (!has_worlds) {
-            own->first.push_back(0);
-            arcs_[step] = own;
-            continue;
-        }
-        bool is_changed = false;
-        const std::vector<Index>& number = numbers[step];
-        if (!number.empty()) {
-            is_changed = true;
-            for (std::size_t node = 0; node < arcs.n_nodes(); ++node) {
-                if (number[node] == no_index) continue;
-                own->first.push_back(static_cast<Index>(own->outcomes.size()));
-                for (Index arc = arcs.first[node]; arc < arcs.first[node + 1]; ++arc) {
-                    own->outcomes.push_back(arcs.outcomes[arc]);
-                    for (std::size_t branch = 0; branch < own->targets.size(); ++branch) {
-                        own->targets[branch].push_back(arcs.targets[branch][arc]);
-                    }
+    for (std::size_t step = 0; step < n && has_worlds; ++step) {
+        const auto [known, is_new] = renumbered.try_emplace({arcs_[step], numbering[step]});
+        if (is_new) {
+            auto own = std::make_shared<Arcs>(*arcs_[step]);
+            if (numbering[step] != all_nodes) {
+                const Arcs& arcs = *arcs_[step];
+                const std::vector<Index> numbers = numberings.value(numbering[step]);
+                own = std::make_shared<Arcs>();
+                own->targets.resize(arcs.targets.size());
+                for (std::size_t node = 0; node < arcs.n_nodes(); ++node) {
+                    if (numbers[node] != no_index) append_arcs(*own, arcs, node, nullptr);
                 }
+                own->first.push_back(static_cast<Index>(own->outcomes.size()));
             }
-            own->first.push_back(static_cast<Index>(own->outcomes.size()));
+            std::vector<int> following;
+            for (std::size_t branch = 0; branch < own->targets.size(); ++branch) {
+                const auto child = static_cast<std::size_t>(children_[step][branch]);
+                std::vector<Index> numbers(arcs_[child]->n_nodes(), no_index);
+                for (const Index target : own->targets[branch]) numbers[target] = 0;
+                Index count = 0;
+                for (Index& number : numbers) {
+                    if (number == 0) number = count++;
+                }
+                following.push_back(all_nodes);
+                if (count == numbers.size()) continue;
+                for (Index& target : own->targets[branch]) target = numbers[target];
+                following.back() = numberings.number(numbers);
+            }
+            known->second = {own, following};
         }
+        arcs_[step] = known->second.first;
         for (std::size_t branch = 0; branch < children_[step].size(); ++branch) {
-            const auto child = static_cast<std::size_t>(children_[step][branch]);
-            const auto& targets = is_changed ? own->targets[branch] : arcs.targets[branch];
-            std::vector<Index> new_numbers(arcs_[child]->n_nodes(), no_index);
-            for (const Index target : targets) new_numbers[target] = 0;
-            Index count = 0;
-            for (Index& target : new_numbers) {
-                if (target == 0) target = count++;
-            }
-            if (count == new_numbers.size()) continue;
-            if (!is_changed) {
-                *own = arcs;
-                is_changed = true;
-            }
-            for (Index& target : own->targets[branch]) target = new_numbers[target];
-            numbers[child] = std::move(new_numbers);
+            numbering[static_cast<std::size_t>(children_[step][branch])] = known->second.second[branch];
         }
-        if (is_changed) arcs_[step] = own;
         n_arcs_ += arcs_[step]->size();
     }
     has_dead_ends_ = false;
-    known_.clear();
 }
 
 }  // namespace lcorpp

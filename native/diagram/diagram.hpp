@@ -2,6 +2,7 @@
 #pragma once
 
 #include <memory>
+#include <stdexcept>
 #include <unordered_map>
 #include <vector>
 
@@ -29,8 +30,8 @@ class Diagram {
     // Enter the next step; return the bits of its nodes that have no choices yet.
     std::vector<std::vector<Word>> enter(std::shared_ptr<Transition> transition, bool is_shared);
 
-    // Expand the step that was entered last. `check` is called from time to time, and may throw.
-    // Returns whether the diagram is within the limit of memory.
+    // Expand the step that was entered last, whose inputs must all have choices. `check` is called from time to time, and
+    // may throw. Returns whether the diagram is within the limit of memory; if not, the step is not expanded.
     template <typename Check>
     bool expand(std::size_t max_bytes, Check& check);
 
@@ -39,12 +40,13 @@ class Diagram {
 
     bool has_dead_ends() const { return has_dead_ends_; }
     std::size_t n_arcs() const { return n_arcs_; }
-    std::size_t memory() const { return memory_; }
     std::size_t n_steps() const { return children_.size(); }
     const std::vector<std::vector<int>>& children() const { return children_; }
     const std::vector<int>& roots() const { return roots_; }
-    const Arcs& arcs(std::size_t step) const { return *arcs_[step]; }
-    const std::shared_ptr<const Arcs>& shared_arcs(std::size_t step) const { return arcs_[step]; }
+    const Arcs& arcs(std::size_t step) const {
+        if (step >= arcs_.size()) throw std::invalid_argument("a step that is not expanded");
+        return *arcs_[step];
+    }
 
   private:
     using States = std::shared_ptr<const std::vector<Word>>;
@@ -71,8 +73,9 @@ class Diagram {
 template <typename Check>
 bool Diagram::expand(std::size_t max_bytes, Check& check) {
     const std::size_t step = arcs_.size();
+    if (transition_ == nullptr) throw std::invalid_argument("no step was entered");
     const auto& children = children_[step];
-    const States states = std::move(states_[step]);
+    const States states = states_[step];
     std::vector<States> following;
     if (level_ == nullptr) {
         Transition& transition = *transition_;
@@ -87,7 +90,9 @@ bool Diagram::expand(std::size_t max_bytes, Check& check) {
         for (std::size_t node = 0; node < n_nodes; ++node) {
             const Word* state = states->data() + node * n_words_;
             arcs->first.push_back(static_cast<Index>(arcs->outcomes.size()));
-            for (const Choice& choice : transition.choices(transition.find_input(state))) {
+            const Index input = transition.find_input(state);
+            if (input == no_index) throw std::invalid_argument("a state of the input bits without choices");
+            for (const Choice& choice : transition.choices(input)) {
                 ++work;
                 if (!transition.advance(state, choice.effect, after.data())) continue;
                 arcs->outcomes.push_back(choice.outcome);
@@ -118,6 +123,9 @@ bool Diagram::expand(std::size_t max_bytes, Check& check) {
         has_dead_ends_ |= level_->has_dead_ends;
     }
     n_arcs_ += arcs_.back()->size();
+    transition_ = nullptr;
+    states_[step] = nullptr;
+    if (arcs_.size() == children_.size()) known_.clear();
     for (std::size_t branch = 0; branch < children.size(); ++branch) {
         states_[static_cast<std::size_t>(children[branch])] = following[branch];
     }

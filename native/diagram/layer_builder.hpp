@@ -1,8 +1,9 @@
 // Sums out all terms of a decision diagram but the observed ones, from its leaves to its roots.
 #pragma once
 
+#include <algorithm>
+#include <exception>
 #include <numeric>
-#include <stdexcept>
 
 #include "diagram.hpp"
 #include "layers.hpp"
@@ -14,6 +15,9 @@ constexpr double min_weight = 1e-150;
 
 // A weight is so small that digits may be lost.
 struct Underflow : std::exception {};
+
+// The layers, or the sums from which they are built, take more memory than the limit.
+struct OutOfBytes : std::exception {};
 
 // A term that evidence may name or a question reads.
 struct ObservedTerm {
@@ -34,8 +38,8 @@ class LayerBuilder {
   public:
     // weights: of the labels of arcs. selections: at most one for each step.
     LayerBuilder(const Diagram& diagram, std::vector<T> weights, std::vector<ObservedTerm> observed,
-                 std::vector<Selection> selections)
-        : diagram_(diagram), weights_(std::move(weights)), observed_(diagram.n_steps()), selected_(diagram.n_steps(), nullptr),
+                 std::vector<Selection> selections, std::size_t max_bytes)
+        : diagram_(diagram), weights_(std::move(weights)), max_bytes_(max_bytes), observed_(diagram.n_steps()), selected_(diagram.n_steps(), nullptr),
           terms_(std::move(observed)), selections_(std::move(selections)) {
         for (const ObservedTerm& term : terms_) observed_[term.step].push_back(&term);
         for (const Selection& selection : selections_) selected_[selection.step] = &selection;
@@ -93,11 +97,19 @@ class LayerBuilder {
         }
     }
 
+    // Check that the layers and some more memory are within the limit.
+    void check_memory(std::size_t more) const {
+        if (memory_ + more > max_bytes_) throw OutOfBytes();
+    }
+
     Part sum_step(std::size_t step, std::vector<Part> branches) {
         const Arcs& arcs = diagram_.arcs(step);
         const std::size_t n_nodes = std::max<std::size_t>(arcs.n_nodes(), 1);  // one without arcs if there is no world
         std::vector<T> weights(arcs.size());
-        for (std::size_t arc = 0; arc < arcs.size(); ++arc) weights[arc] = weights_[arcs.outcomes[arc]];
+        for (std::size_t arc = 0; arc < arcs.size(); ++arc) {
+            weights[arc] = weights_[arcs.outcomes[arc]];
+            check_number(weights[arc]);
+        }
         if (const Selection* selection = selected_[step]) {
             for (std::size_t arc = 0; arc < arcs.size(); ++arc) {
                 if (!std::binary_search(selection->labels.begin(), selection->labels.end(), arcs.outcomes[arc])) weights[arc] = T(0.0);
@@ -134,7 +146,7 @@ class LayerBuilder {
                 result.inputs.push_back(input);
                 result.weights.push_back(weight);
             });
-            if (result.inputs.size() > no_index / 2) throw std::bad_alloc();
+            check_memory(result.inputs.size() * (sizeof(Index) + sizeof(T)));
             result.first.push_back(static_cast<Index>(result.inputs.size()));
         }
         result.sources = std::move(part.sources);
@@ -227,6 +239,7 @@ class LayerBuilder {
                 const auto number = static_cast<Index>(sums.size());
                 sums.push_back({static_cast<Index>(node), own[start]});
                 accumulator.flush([&](Index input, const T& weight) { entries.push_back({number, 0, input, weight}); });
+                check_memory(entries.size() * sizeof(Entry));
             }
         }
         std::vector<Source> sources = std::move(part.sources);
@@ -337,6 +350,7 @@ class LayerBuilder {
                       !(T(1.0) < part.weights[i]);
         }
         if (is_done) return part;
+        check_memory(part.inputs.size() * sizeof(Entry));
         std::vector<Entry> entries;
         entries.reserve(part.inputs.size());
         for (std::size_t node = 0; node < n_nodes; ++node) {
@@ -375,6 +389,7 @@ class LayerBuilder {
             }
         }
         std::partial_sum(layer.first.begin(), layer.first.end(), layer.first.begin());
+        memory_ += entries.size() * (2 * sizeof(Index) + sizeof(double)) + layer.first.size() * sizeof(Index);
         layers_.push_back(std::move(layer));
         Part part = make_identity(n_outputs);
         Source source{layers_.size() - 1, std::vector<Index>(n_outputs)};
@@ -385,6 +400,7 @@ class LayerBuilder {
 
     const Diagram& diagram_;
     std::vector<T> weights_;
+    std::size_t max_bytes_, memory_ = 0;
     std::vector<std::vector<const ObservedTerm*>> observed_;  // of each step
     std::vector<const Selection*> selected_;
     std::vector<ObservedTerm> terms_;

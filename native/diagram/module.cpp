@@ -9,10 +9,13 @@
 #include <nanobind/stl/tuple.h>
 #include <nanobind/stl/vector.h>
 
+#include <algorithm>
 #include <cstring>
+#include <limits>
 #include <memory>
 #include <new>
 #include <optional>
+#include <set>
 #include <stdexcept>
 #include <tuple>
 
@@ -84,6 +87,7 @@ class Layers {
             if (layer.variable < 0) continue;
             const auto variable = static_cast<std::size_t>(layer.variable);
             if (variable >= n_outcomes_.size()) n_outcomes_.resize(variable + 1, 0);
+            if (n_outcomes_[variable]) throw std::invalid_argument("two layers of one term");
             n_outcomes_[variable] = layer.n_outcomes;
         }
     }
@@ -217,7 +221,7 @@ std::vector<Layer> read_layers(const std::vector<StoredLayer>& stored) {
     for (const auto& [variable, shape, sources, first, outcomes, inputs, weights, exponents] : stored) {
         const auto [n_outputs, n_outcomes, n_inputs] = shape;
         Layer layer{variable, n_outputs, n_outcomes, n_inputs, {}, {}, {}, {}, {}, {}};
-        if (variable < -1 || !n_outputs || !n_outcomes || !n_inputs || std::max({n_outputs, n_outcomes, n_inputs}) > no_index / 2) {
+        if (variable < -1 || variable >= static_cast<int>(stored.size()) || !n_outputs || !n_outcomes || !n_inputs || std::max({n_outputs, n_outcomes, n_inputs}) > no_index / 2) {
             throw std::invalid_argument("a layer has a wrong shape");
         }
         for (const auto& [number, nodes] : sources) {
@@ -256,13 +260,15 @@ std::vector<Layer> read_layers(const std::vector<StoredLayer>& stored) {
     return layers;
 }
 
-// The diagram, with the limit of memory.
+// Returns nothing if the layers take more memory than the limit.
 std::shared_ptr<Layers> build_layers(const Diagram& diagram, const std::vector<double>& weights, const std::vector<std::int64_t>& exponents,
-                                     const std::vector<Position>& observed, const std::vector<std::pair<std::size_t, std::vector<Index>>>& selections) {
+                                     const std::vector<Position>& observed, const std::vector<std::pair<std::size_t, std::vector<Index>>>& selections,
+                                     std::size_t max_bytes) {
     std::vector<ObservedTerm> terms;
+    std::set<int> variables;
     for (const auto& [step, variable, n_outcomes, labels, codes] : observed) {
-        if (step < 0 || static_cast<std::size_t>(step) >= diagram.n_steps() || variable < 0 || labels.size() != codes.size() ||
-            !std::is_sorted(labels.begin(), labels.end())) {
+        if (step < 0 || variable < 0 || static_cast<std::size_t>(variable) >= observed.size() || n_outcomes < 1 ||
+            labels.size() != codes.size() || !std::is_sorted(labels.begin(), labels.end()) || !variables.insert(variable).second) {
             throw std::invalid_argument("an observed term out of range");
         }
         for (const Index outcome : diagram.arcs(static_cast<std::size_t>(step)).outcomes) {
@@ -285,19 +291,23 @@ std::shared_ptr<Layers> build_layers(const Diagram& diagram, const std::vector<d
     }
     InterruptCheck check;
     if (!exponents.empty() && exponents.size() != weights.size()) throw std::invalid_argument("exponents of a wrong length");
-    if (exponents.empty()) {
-        try {
-            LayerBuilder<double> builder(diagram, weights, terms, selected);
-            return std::make_shared<Layers>(builder.build(check));
-        } catch (const Underflow&) {
+    try {
+        if (exponents.empty()) {
+            try {
+                LayerBuilder<double> builder(diagram, weights, terms, selected, max_bytes);
+                return std::make_shared<Layers>(builder.build(check));
+            } catch (const Underflow&) {
+            }
         }
+        std::vector<WideNumber> wide;
+        for (std::size_t i = 0; i < weights.size(); ++i) {
+            wide.push_back(Pass<WideNumber>::make_number(weights[i], exponents.empty() ? 0 : exponents[i]));
+        }
+        LayerBuilder<WideNumber> builder(diagram, std::move(wide), terms, selected, max_bytes);
+        return std::make_shared<Layers>(builder.build(check));
+    } catch (const OutOfBytes&) {
+        return nullptr;
     }
-    std::vector<WideNumber> wide;
-    for (std::size_t i = 0; i < weights.size(); ++i) {
-        wide.push_back(Pass<WideNumber>::make_number(weights[i], exponents.empty() ? 0 : exponents[i]));
-    }
-    LayerBuilder<WideNumber> builder(diagram, std::move(wide), terms, selected);
-    return std::make_shared<Layers>(builder.build(check));
 }
 
 }  // namespace
@@ -327,9 +337,9 @@ NB_MODULE(_diagram, m) {
                std::vector<std::vector<std::pair<int, int>>> goals) {
                 const std::size_t n_bits = 64 * own.n_words();
                 if (falsum < 1 || n_atoms <= falsum) throw std::invalid_argument("atoms out of range");
-                for (const auto* implications : {&closed, &targets}) {
+                for (const auto* implications : {&closed, &added, &targets}) {
                     for (const auto& [bit, body, head] : *implications) {
-                        if (bit < 0 || body >= falsum) throw std::invalid_argument("an implication out of range");
+                        if (bit < (implications == &added ? -1 : 0) || body >= falsum) throw std::invalid_argument("an implication out of range");
                     }
                 }
                 for (const auto& goal : goals) {
@@ -401,6 +411,7 @@ NB_MODULE(_diagram, m) {
             }
             OrderSearch search(std::move(graph));
             const double before = search.estimate(order);
+            if (!(max_work >= 0.0 && max_work < 1e15)) throw std::invalid_argument("the work of a search out of range");
             InterruptCheck check;
             const double n_moves = max_work / static_cast<double>(search.size() + order.size());
             const double after = search.improve(order, static_cast<std::size_t>(n_moves), check);
@@ -437,7 +448,6 @@ NB_MODULE(_diagram, m) {
         .def("prune", &Diagram::prune, "Drop nodes without a world, and those that no arc reaches.")
         .def_prop_ro("has_dead_ends", &Diagram::has_dead_ends, "Whether a node has no arcs.")
         .def_prop_ro("n_arcs", &Diagram::n_arcs, "The number of arcs.")
-        .def_prop_ro("memory", &Diagram::memory, "Bytes of the arcs; steps with equal arcs share them.")
         .def_prop_ro(
             "sizes",
             [](const Diagram& own) {
@@ -466,8 +476,11 @@ NB_MODULE(_diagram, m) {
                 return labels;
             },
             "step"_a, "List the different labels of the arcs of a step, sorted.")
-        .def("build_layers", &build_layers, "weights"_a, "exponents"_a, "observed"_a, "selections"_a,
-             "Sum out all terms but the observed ones.\n\n"
+        .def("build_layers", &build_layers, "weights"_a, "exponents"_a, "observed"_a, "selections"_a, "max_bytes"_a,
+             nb::sig("def build_layers(self, weights: Sequence[float], exponents: Sequence[int], "
+                     "observed: Sequence[tuple[int, int, int, Sequence[int], Sequence[int]]], "
+                     "selections: Sequence[tuple[int, Sequence[int]]], max_bytes: int) -> Layers | None"),
+             "Sum out all terms but the observed ones; return None if the layers take more memory.\n\n"
              "Args:\n"
              "    weights: of the labels of arcs; exponents: of 2, by which they are multiplied; may be empty.\n"
              "    observed: (step, variable, number of outcomes, sorted labels, the outcome for each label).\n"

@@ -1,7 +1,10 @@
 #include <algorithm>
 #include <cmath>
+#include <functional>
 #include <limits>
+#include <set>
 #include <stdexcept>
+#include <tuple>
 
 #include "order_search.hpp"
 
@@ -62,6 +65,8 @@ OrderSearch::OrderSearch(StepGraph graph)
     for (const auto& edges : graph_.recursions) {
         Recursion recursion;
         std::vector<std::vector<int>> inputs_of;  // atom -> the inputs of its rules
+        std::set<std::tuple<int, int, std::vector<int>>> known;
+        for (const auto& edge : edges) known.emplace(edge.body, edge.head, edge.inputs);
         std::size_t n_both = 0, n_symmetric = 0;
         for (const auto& edge : edges) {
             const auto first_step = static_cast<int>(steps_.size());
@@ -77,15 +82,14 @@ OrderSearch::OrderSearch(StepGraph graph)
             }
             if (edge.body < 0 || edge.head < 0) continue;
             ++n_both;
-            n_symmetric += std::any_of(edges.begin(), edges.end(), [&](const StepGraph::Edge& other) {
-                return other.body == edge.head && other.head == edge.body && other.inputs == edge.inputs;
-            });
+            n_symmetric += known.count({edge.head, edge.body, edge.inputs});
         }
         for (auto& own : inputs_of) {
             if (own.size() <= max_connected) connect(own);
         }
-        // of k atoms that may be true and imply others there are about 2^(.42 k^2 + .5 k) transitive relations, some of the
-        // atoms being true; and 2^(.085 k^2 + 1.12 k) equivalences, where all implications have their converse
+        // Of k atoms, some of them true, there are about 2^(.42 k^2 + .5 k) transitive relations, and, where all implications
+        // have their converse, 2^(.085 k^2 + 1.12 k) equivalences: fitted to their numbers for k from 1 to 6, sums of
+        // binomial coefficients times OEIS A000798, and the Bell numbers of k + 1.
         const double share = n_both ? static_cast<double>(n_symmetric) / static_cast<double>(n_both) : 0.0;
         recursion.relation = 0.42 - 0.335 * share;
         recursion.both = 0.5 + 0.62 * share;
@@ -112,6 +116,7 @@ double OrderSearch::estimate(const std::vector<int>& order) {
 }
 
 double OrderSearch::estimate_at(const std::vector<int>& position) {
+    if (n_ == 0) return 0.0;
     std::fill(change_.begin(), change_.end(), 0.0);
     for (auto& own : ends_) own.clear();
     const auto at = [&](int step) { return position[static_cast<std::size_t>(step)]; };
@@ -145,6 +150,10 @@ double OrderSearch::estimate_at(const std::vector<int>& position) {
     double total = 0.0;
     for (std::size_t i = 0; i < n_; ++i) bits_[i] = total += change_[i];
     for (const Recursion& recursion : recursions_) add_relation(recursion, position);
+    std::fill(change_.begin(), change_.end(), 0.0);
+    for (std::size_t step = 0; step < n_; ++step) change_[static_cast<std::size_t>(position[step])] = graph_.bits[step];
+    double outcomes = 0.0;  // states distinguish at most the outcomes of the steps so far
+    for (std::size_t i = 0; i < n_; ++i) bits_[i] = std::min(bits_[i], outcomes += change_[i]);
     const double largest = *std::max_element(bits_.begin(), bits_.end());
     double sum = 0.0;
     for (const double own : bits_) sum += std::exp2(own - largest);
@@ -223,6 +232,7 @@ void OrderSearch::add_relation(const Recursion& recursion, const std::vector<int
     last_head_.assign(recursion.n_atoms, -1);
     last_body_.assign(recursion.n_atoms, -1);
     for (const FlatEdge& edge : recursion.edges) {
+        if (edge.first_step == edge.last_step) continue;  // a rule without inputs holds always
         int end = 0;
         for (int k = edge.first_step; k < edge.last_step; ++k) {
             end = std::max(end, position[static_cast<std::size_t>(steps_[static_cast<std::size_t>(k)])]);

@@ -11,8 +11,8 @@ namespace lcorpp {
 
 // What later steps need to know of earlier ones, as in transitions/rule_templates.py.
 struct StepGraph {
-    // The bodies of rules of a child with the same head. Whether one is satisfied is a bit until the child is decided;
-    // constraints have no child (-1), and the rules of recursions neither: their edges follow.
+    // The bodies of rules of a child with the same head. Whether one is satisfied is a bit until the child is decided.
+    // Constraints have no child (-1); rules of recursions are in `recursions`.
     struct Group {
         int child;
         std::vector<std::vector<int>> bodies;  // the steps that decide the literals of each body
@@ -44,7 +44,7 @@ class OrderSearch {
     template <typename Check>
     double improve(std::vector<int>& order, std::size_t n_moves, Check& check);
 
-    // The work of one estimate, about: intervals of bits.
+    // The work of one estimate: the steps and literals that it visits.
     std::size_t size() const { return size_; }
 
   private:
@@ -82,7 +82,7 @@ class OrderSearch {
     struct Recursion {
         std::vector<FlatEdge> edges;
         std::size_t n_atoms = 0;
-        double relation = 0.0, both = 0.0;  // bits of the relation of atoms, see `estimate_at`
+        double relation = 0.0, both = 0.0;  // factors of the bits of the relation of atoms, see `add_relation`
     };
 
     StepGraph graph_;
@@ -92,8 +92,10 @@ class OrderSearch {
     std::vector<Recursion> recursions_;
     std::vector<std::vector<int>> users_;       // step -> those that need it
     std::vector<std::vector<int>> neighbours_;  // step -> those with which it shares a body or a child
-    std::vector<double> change_, bits_;         // bits that begin less those that end after each step
+    std::vector<double> change_;                // bits that begin less those that end after each step
+    std::vector<double> bits_;                  // of the states after each step
     std::vector<std::vector<int>> ends_;        // step -> ends of the bits that depend on it alone
+    // atom -> the first step that decides a rule about it, the last with it as head, as body; and counts of atoms by step
     std::vector<int> first_, last_head_, last_body_, heads_, bodies_, both_;
     std::vector<int> rank_;                     // step -> its place among the parents of a child
     std::vector<std::pair<int, int>> ranked_;   // the positions of the parents of a child, sorted, and the parents
@@ -109,6 +111,7 @@ double OrderSearch::improve(std::vector<int>& order, std::size_t n_moves, Check&
     };
     std::vector<int> current = order;
     place(current);
+    if (n_ == 0) return 0.0;
     double cost = estimate_at(position), best = cost, temperature = 0.0, cooling = 1.0, hot = max_temperature;
     const std::size_t n_round = n_moves / n_rounds + 1;
     for (std::size_t move = 0; move < n_moves; ++move, temperature *= cooling) {

@@ -11,7 +11,6 @@ namespace lcorpp {
 
 using Offset = std::int64_t;
 
-
 // A loop over the axes of a clique. Axes that all operands store next to each other become one; the one with the longest
 // runs of memory is the inner loop. Operands without the inner axis are factors of whole runs, multiplied once for each
 // value of the axes that they have; a run with a factor 0 is skipped.

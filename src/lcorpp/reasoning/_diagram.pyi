@@ -100,10 +100,6 @@ class Diagram:
         """The number of arcs."""
 
     @property
-    def memory(self) -> int:
-        """Bytes of the arcs; steps with equal arcs share them."""
-
-    @property
     def sizes(self) -> list[int]:
         """The number of nodes of each step."""
 
@@ -115,9 +111,9 @@ class Diagram:
     def list_labels(self, step: int) -> list[int]:
         """List the different labels of the arcs of a step, sorted."""
 
-    def build_layers(self, weights: Sequence[float], exponents: Sequence[int], observed: Sequence[tuple[int, int, int, Sequence[int], Sequence[int]]], selections: Sequence[tuple[int, Sequence[int]]]) -> Layers:
+    def build_layers(self, weights: Sequence[float], exponents: Sequence[int], observed: Sequence[tuple[int, int, int, Sequence[int], Sequence[int]]], selections: Sequence[tuple[int, Sequence[int]]], max_bytes: int) -> Layers | None:
         """
-        Sum out all terms but the observed ones.
+        Sum out all terms but the observed ones; return None if the layers take more memory.
 
         Args:
             weights: of the labels of arcs; exponents: of 2, by which they are multiplied; may be empty.

@@ -4,7 +4,12 @@ from __future__ import annotations
 
 from fractions import Fraction
 
-from lcorpp.reasoning import Reasoner, parse_plog
+import pytest
+
+from lcorpp.errors import ProgramError, TooLargeError
+from lcorpp.reasoning import Enumeration, Reasoner, parse_plog, parse_query
+from lcorpp.reasoning._diagram import CompiledTransition, Diagram
+from lcorpp.reasoning.circuit import decision_diagram, layers
 from lcorpp.reasoning.circuit.decision_diagram import build_decision_diagram
 from lcorpp.reasoning.circuit.world_queries import WorldQueries
 from lcorpp.reasoning.grounding.grounder import ground_program
@@ -13,6 +18,7 @@ from lcorpp.reasoning.transitions.transition_system import build_transition_syst
 COINS = parse_plog(
     "coin = {heads, tails}. c1, c2 : coin. random(c1). random(c2). :- c1=tails, c2=tails.", file="coins.plog"
 )
+COINS_QUERY = parse_query("c1", COINS)
 HALF = Fraction(1, 2)
 
 
@@ -64,3 +70,97 @@ def test_short_representations():
     long = many.compile(["p"], ["p(1)", "p(2)"])
     for value in (long, long.most_probable({})[0], long.world_queries.diagram.system.program):
         assert len(repr(value)) < 200
+
+
+def test_states_of_many_words():
+    """A switch decides which of 150 pairs is read: the pending bodies of all pairs are bits of the state."""
+    n = 150
+    program = parse_plog(
+        f"i = {{1..{n}}}. #domain i(I). s : i. on, lit : boolean. a : i -> boolean. random(s). random(on)."
+        " a(I) :- s = I. both : i -> boolean. both(I) :- a(I), on. lit :- both(I). lit=false :- not lit."
+        " q : boolean. random(q). pr(q | lit) = 3/4. pr(q | -lit) = 1/4."
+    )
+    names = ["s", "on", "q", "both(7)"]
+    system = build_transition_system(ground_program(program, {}), names)
+    assert system.transitions[0].n_words >= 2
+    worlds = WorldQueries(build_decision_diagram(system))
+    assert worlds.count() == 4 * n
+    found = worlds.compute_exact_weights("s", {"q": "true", "both(7)": "true"})
+    assert found == {"7": Fraction(1, n) * HALF * Fraction(3, 4)}
+    assert worlds.compute_float_weights("q", {"on": "true"}) == pytest.approx({"true": 1, "false": 1 / 3})
+
+
+def test_equal_steps_share_arcs_after_nodes_are_dropped():
+    """In a chain that must end true, the steps before the end lose the same nodes."""
+    program = parse_plog(
+        "t = {0..300}. #domain t(T). x : t -> boolean. random(x(T)). pr(x(T+1) | x(T)) = 9/10."
+        " pr(x(T+1) | -x(T)) = 0. dead : boolean. dead :- not x(300). :- dead. :- x(T), x(T+1)=false."
+    )
+    diagram = build_decision_diagram(build_transition_system(ground_program(program, {}), ["x(0)"]))
+    assert sum(diagram.sizes) < 1000
+    reference = Reasoner(program).exact("x(0)", {})
+    assert WorldQueries(diagram).compute_exact_weights("x(0)", {}).keys() == {
+        value for value, p in reference.items() if p
+    }
+
+
+def test_a_violation_in_a_large_diagram_is_an_error_of_the_program(monkeypatch):
+    program = parse_plog("s = {u, v}. a : s. b : boolean. random(b). random(a). pr(a=u)=3/4. pr(a=v)=3/4.")
+    monkeypatch.setattr(decision_diagram, "MAX_LISTED_ARCS", 1)
+    with pytest.raises(ProgramError, match="in the world"):
+        build_decision_diagram(build_transition_system(ground_program(program, {}), ["a", "b"]))
+    with pytest.raises(TooLargeError, match=r"5 arcs in the decision diagram; fractions, .* at most 1"):
+        Reasoner(COINS).exact("c1", {})
+    assert Reasoner(COINS).ask(COINS_QUERY) == pytest.approx({"heads": 2 / 3, "tails": 1 / 3})
+
+
+def test_limits_of_labels_and_layers(monkeypatch):
+    with monkeypatch.context() as patch:
+        patch.setattr(decision_diagram, "MAX_LABELS", 3)
+        with pytest.raises(TooLargeError, match=r"coins\.plog: more than 3 labels of arcs"):
+            Reasoner(COINS).compile([], "c1")
+    monkeypatch.setattr(layers, "MAX_BYTES", 20)
+    with pytest.raises(TooLargeError, match=r"coins\.plog: more than \S+ MiB in the layers"):
+        Reasoner(COINS).compile(["c2"], "c1")
+
+
+def test_a_wide_state_is_refused(monkeypatch):
+    monkeypatch.setattr("lcorpp.reasoning.transitions.transition_system.MAX_BITS", 0)
+    with pytest.raises(TooLargeError, match=r"coins\.plog: states of more than 0 bits"):
+        Reasoner(COINS).compile([], "c1")
+
+
+def test_the_kernel_refuses_arguments_that_do_not_fit():
+    bits = bytes(8)
+    transition = CompiledTransition(1, bits, [], [])
+    graph = Diagram([[]], [0], 1, True)
+    with pytest.raises(ValueError, match="no step was entered"):
+        graph.expand(100)
+    assert graph.enter(transition, False) == [bits]
+    with pytest.raises(ValueError, match="without choices"):
+        graph.expand(100)
+    with pytest.raises(ValueError, match="not expanded"):
+        graph.prune()
+    with pytest.raises(ValueError, match="not expanded"):
+        graph.list_labels(0)
+    with pytest.raises(ValueError, match="an effect that"):
+        transition.add_choices(bits, [(0, 0)])
+    with pytest.raises(ValueError, match="bits of a wrong length"):
+        transition.add_effect(bits, bits, bits, bits)
+    with pytest.raises(ValueError, match="an implication out of range"):
+        transition.add_closure([], [(-1, 5, 1)], [], 2, 3, [])
+    for children, roots in (([[]], [1]), ([[0]], [0]), ([[], []], [0]), ([[1], []], [0, 1])):
+        with pytest.raises(ValueError, match=r"steps that are no tree|a step without a parent"):
+            Diagram(children, roots, 1, True)
+    with pytest.raises(ValueError, match="states without bits"):
+        Diagram([[]], [0], 0, True)
+
+
+def test_the_diagram_agrees_with_the_enumeration_after_a_failed_limit():
+    """Outcomes that a refused expansion found are those of the next one."""
+    system = build_transition_system(ground_program(COINS, {}), ["c1", "c2"])
+    with pytest.raises(TooLargeError):
+        build_decision_diagram(system, 1)
+    weights = WorldQueries(build_decision_diagram(system)).compute_exact_weights("c1", {})
+    total = sum(weights.values())
+    assert {value: p / total for value, p in weights.items()} == Enumeration(COINS).exact("c1", {})

@@ -172,6 +172,7 @@ def test_inconsistent_headers(circuit, change, words, tmp_path):
         ({"variable": None}, "damaged"), ({"variable": "time"}, "damaged"), ({"shape": [3]}, "damaged"),
         ({"shape": [-1, 4, 1]}, "has the shape"), ({"shape": [10**12, 4, 1]}, "has the shape"),
         ({"shape": [1, 99, 1]}, "its layers are those of"), ({"sources": [0]}, "damaged"),
+        ({"variable": 1}, "its layers are those of"),
     ],
 )  # fmt: skip
 def test_inconsistent_layers(circuit, change, words, tmp_path):

@@ -14,7 +14,6 @@ from lcorpp.reasoning._diagram import improve_order
 from lcorpp.reasoning.circuit import decision_diagram
 from lcorpp.reasoning.circuit.decision_diagram import build_decision_diagram
 from lcorpp.reasoning.grounding.grounder import ground_program
-from lcorpp.reasoning.transitions import order_search
 from lcorpp.reasoning.transitions.transition_system import build_transition_system
 
 
@@ -74,7 +73,7 @@ def test_rules_of_recursions_have_the_states_of_relations(is_symmetric):
         rules = [([step], a, b) for step, (a, b) in pairs]
         used, kept = [2, 3, 3, 2, 1, 0], [2, 3, 3, 1, 0, 0]  # as heads, as bodies; as both
         bits = [0.42 * u**2 + 0.5 * k + u - k for u, k in zip(used, kept, strict=True)]
-    _, before, _ = improve_order([1.0] * 6, [[]] * 6, [], [rules], list(range(6)), 0)
+    _, before, _ = improve_order([9.0] * 6, [[]] * 6, [], [rules], list(range(6)), 0)
     assert before == pytest.approx(log2(sum(2**own for own in bits)))
 
 
@@ -91,7 +90,53 @@ def test_orders_stay_topological_and_do_not_get_worse(n, random):
     assert improve_order(*arguments[:-1], order, 0)[1] == pytest.approx(after)
 
 
+def test_constraints_and_bodies_of_several_steps():
+    """a and b are read by x, b and c by a constraint: bits for a, for the body and b, then for x or c."""
+    groups = [(3, [[0, 1]]), (-1, [[1, 2]])]
+    sizes, needs = [1.0, 1.0, 1.0, 1.0], [[], [], [], [0, 1]]
+    _, before, _ = improve_order(sizes, needs, groups, [], [0, 1, 3, 2], 0)
+    assert before == pytest.approx(log2(2**1 + 2**2 + 2**1 + 2**0))
+    _, before, _ = improve_order(sizes, needs, groups, [], [0, 1, 2, 3], 0)
+    assert before == pytest.approx(log2(2**1 + 2**2 + 2**1 + 2**0))
+
+
+def test_rules_without_inputs_need_no_states():
+    rules = [([1], 0, 1), ([2], 1, 2)]
+    estimates = [
+        improve_order([1.0] * 3, [[]] * 3, [], [own], [0, 1, 2], 0)[1]
+        for own in (rules, [([], 0, 2), *rules])
+    ]
+    assert estimates[0] == estimates[1]
+
+
+def test_estimates_are_near_the_sizes_of_diagrams():
+    """Within 2 bits for influences in one direction, and for contacts in both."""
+    people = make_smokers(12)
+    contacts = parse_plog(str(people) + " smokes(X) :- friend(X,Y), influences(X,Y), smokes(Y).")
+    for program in (people, contacts):
+        terms = ["smokes(3)", "smokes(5)"]
+        system = build_transition_system(ground_program(program, {}), terms)
+        _, estimate = system.reorder(0.0)
+        states = sum(build_decision_diagram(system).sizes)
+        assert abs(estimate - log2(states)) < 2, (estimate, states)
+
+
+def test_a_search_continues_from_the_best_order():
+    system = build_transition_system(ground_program(make_smokers(14), {}), ["smokes(3)", "smokes(5)"])
+    _, first = system.reorder(0.0)
+    better, second = system.reorder(1e6)
+    assert better is not None
+    assert second < first - 1
+    _, third = better.reorder(0.0)
+    assert third == second
+    none, fourth = better.reorder(0.0)
+    assert (none, fourth) == (None, second)
+
+
 def test_arguments_that_do_not_fit_are_refused():
+    assert improve_order([], [], [], [], [], 1e3)[0] == []
+    with pytest.raises(ValueError, match="work of a search"):
+        improve_order([1.0], [[]], [], [], [0], -5)
     with pytest.raises(ValueError, match="not topological"):
         improve_order([1.0, 1.0], [[1], []], [], [], [0, 1], 10)
     with pytest.raises(ValueError, match="not an order"):
@@ -114,7 +159,7 @@ def test_a_better_order_has_fewer_states_and_the_same_answers(monkeypatch):
 def test_programs_with_too_many_expected_states_are_refused_at_once(monkeypatch):
     monkeypatch.setattr(decision_diagram, "TRIALS", ((0, 1e3),))
     monkeypatch.setattr(decision_diagram, "MAX_LOG_STATES", 3)
-    monkeypatch.setattr(order_search, "MIN_GAIN", 0)
+    monkeypatch.setattr(decision_diagram, "_expand", lambda _, max_bytes: None if not max_bytes else 1 / 0)
     words = r"<text>: about 2\^\d+\.\d states of the decision diagram; expected at most 2\^3"
     with pytest.raises(TooLargeError, match=words):
         Reasoner(make_smokers(9)).exact("smokes(1)")

@@ -233,7 +233,7 @@ class Circuit:
 
     @cached_property
     def system(self) -> TransitionSystem:
-        """The program as a transition system, from which its decision diagram is expanded."""
+        """The program as a transition system; that of its decision diagram may have a better order."""
         ground = ground_program(self.program, self.do, queried=self.queries)
         return build_transition_system(ground, self._variables)
 

@@ -31,10 +31,11 @@ from lcorpp.reasoning.transitions.transition import Transition
 from lcorpp.reasoning.transitions.transition_system import TransitionSystem
 
 MAX_BYTES = 2**30
-"""The arcs of a decision diagram, and the states of a step, take at most this much memory."""
+"""The arcs of a decision diagram, with the states of a step, and the layers of a circuit each take at most so
+much memory. Steps with equal arcs share them."""
 
 TRIALS = ((2**21, 1e7), (2**26, 2e8))
-"""(memory, work): if the diagram takes more memory, a better order is searched for with so much work."""
+"""(bytes, work): if the diagram takes more memory, a better order is searched for, see `improve_order`."""
 
 MAX_LOG_STATES = 30
 """Diagrams of recursions are not expanded if more states are expected than 2 to this power. Others may have
@@ -72,6 +73,7 @@ class Arcs(NamedTuple):
 class DecisionDiagram:
     """The possible worlds of a program.
 
+    system: whose steps are expanded: that of the caller, or one with a better order.
     graph: the nodes and arcs, in C++.
     """
 
@@ -100,11 +102,12 @@ class DecisionDiagram:
                 f"{file}: {n_arcs} arcs in the decision diagram; fractions, single worlds and samples need at"
                 f" most {MAX_LISTED_ARCS}"
             )
-        arcs = []
-        for step in range(len(self.sizes)):
-            sources, targets, outcomes = self.graph.list_arcs(step)
-            arcs.append(Arcs(sources, tuple(targets), outcomes))
-        return arcs
+        return [self.list_arcs(step) for step in range(len(self.sizes))]
+
+    def list_arcs(self, step: int) -> Arcs:
+        """List the arcs of a step."""
+        sources, targets, outcomes = self.graph.list_arcs(step)
+        return Arcs(sources, tuple(targets), outcomes)
 
     @property
     def outcomes(self) -> list[Outcome]:
@@ -153,7 +156,7 @@ def build_decision_diagram(system: TransitionSystem, max_bytes: int = MAX_BYTES)
         for step in range(len(system.transitions)):
             for label in graph.list_labels(step):
                 if violation := system.outcomes[label].violation:
-                    raise _make_error(diagram, step, diagram.arcs[step].outcomes.index(label), violation)
+                    raise _make_error(diagram, step, label, violation)
     return diagram
 
 
@@ -162,11 +165,12 @@ def _expand(system: TransitionSystem, max_bytes: int) -> Diagram | None:
     tree = system.tree
     n_words = system.transitions[0].n_words if system.transitions else 1
     graph = Diagram(tree.children, tree.roots, n_words, system.consistent)
-    for transition in system.transitions:
-        if missing := graph.enter(transition.compiled, transition.is_shared):
-            _add_choices(system, transition, missing)
-        if not graph.expand(max_bytes):
-            return None
+    with system.expansion:
+        for transition in system.transitions:
+            if missing := graph.enter(transition.compiled, transition.is_shared):
+                _add_choices(system, transition, missing)
+            if not graph.expand(max_bytes):
+                return None
     return graph
 
 
@@ -187,23 +191,26 @@ def _add_choices(system: TransitionSystem, transition: Transition, inputs: Itera
         raise TooLargeError(f"{file}: more than {MAX_LABELS} labels of arcs in the decision diagram")
 
 
-def _make_error(diagram: DecisionDiagram, step: int, arc: int, violation: ConditionViolation) -> ProgramError:
-    """Make the error for a violated condition, with a world that contains the arc."""
+def _make_error(
+    diagram: DecisionDiagram, step: int, label: int, violation: ConditionViolation
+) -> ProgramError:
+    """Make the error for a violated condition, with a world that has an arc of this label."""
     tree = diagram.system.tree
     parents = {child: parent for parent, own in enumerate(tree.children) for child in own}
-    chosen = {step: arc}  # step -> arc, for the step and those above it
+    chosen = {step: diagram.list_arcs(step).outcomes.index(label)}  # step -> arc, for it and those above it
     below = step
     while below in parents:
         above = parents[below]
-        node = diagram.arcs[below].sources[chosen[below]]
-        branch = diagram.arcs[above].targets[tree.children[above].index(below)]
+        node = diagram.list_arcs(below).sources[chosen[below]]
+        branch = diagram.list_arcs(above).targets[tree.children[above].index(below)]
         chosen[above], below = branch.index(node), above
     nodes = dict.fromkeys(tree.roots, 0)
     path: list[int] = []
-    for current, arcs in enumerate(diagram.arcs):
+    for current, children in enumerate(tree.children):
+        arcs = diagram.list_arcs(current)
         own = chosen[current] if current in chosen else arcs.sources.index(nodes[current])
         path.append(arcs.outcomes[own])
-        for child, targets in zip(tree.children[current], arcs.targets, strict=True):
+        for child, targets in zip(children, arcs.targets, strict=True):
             nodes[child] = targets[own]
     world = decode_world(diagram.system, [diagram.outcomes[outcome].values for outcome in path])
     program = diagram.system.program

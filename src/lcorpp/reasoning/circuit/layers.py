@@ -20,8 +20,9 @@ from collections.abc import Iterable, Mapping, Sequence
 from fractions import Fraction
 from typing import TYPE_CHECKING
 
+from lcorpp.errors import TooLargeError
 from lcorpp.reasoning._diagram import Layers
-from lcorpp.reasoning.circuit.decision_diagram import DecisionDiagram
+from lcorpp.reasoning.circuit.decision_diagram import MAX_BYTES, DecisionDiagram
 
 if TYPE_CHECKING:  # one question without other evidence needs no numpy
     from lcorpp.reasoning.evidence import EncodedEvidence
@@ -38,6 +39,9 @@ def build_layers(
 
     Args:
         evidence: term -> value, that is the same for all questions.
+
+    Raises:
+        TooLargeError: the layers take more memory than `MAX_BYTES`.
     """
     system, graph = diagram.system, diagram.graph
     step_of = {term: step for step, terms in enumerate(system.tree.order) for term in terms}
@@ -64,7 +68,11 @@ def build_layers(
         agreeing = [label for label, code in zip(labels, codes, strict=True) if code == wanted]
         selected[step] = sorted({*agreeing}.intersection(selected.get(step, agreeing)))
     weights, exponents = _convert([outcome.weight for outcome in diagram.outcomes])
-    return graph.build_layers(weights, exponents, observed, list(selected.items()))
+    layers = graph.build_layers(weights, exponents, observed, list(selected.items()), MAX_BYTES)
+    if layers is None:
+        file = system.program.source.file
+        raise TooLargeError(f"{file}: more than {MAX_BYTES / 2**20:.4g} MiB in the layers of the circuit")
+    return layers
 
 
 def _convert(probabilities: Sequence[Fraction]) -> tuple[list[float], list[int]]:

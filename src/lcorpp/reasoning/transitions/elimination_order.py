@@ -43,7 +43,6 @@ def eliminate(
         groups: the components of each constraint.
         sizes: the bits of each component.
         ranks: a permutation; of equally good components the one with the highest rank is eliminated.
-
         ordered: components with `ORDERED_DEGREE`, as they share one group.
 
     Returns:
@@ -63,7 +62,7 @@ def arrange(
     groups: Sequence[Iterable[int]],
     sizes: Sequence[float],
     order: Sequence[int],
-) -> list[int]:
+) -> Order:
     """Arrange components in the tree that eliminates them in the opposite of an order.
 
     Args:
@@ -71,12 +70,13 @@ def arrange(
         order: the components, those that others need before these.
 
     Returns:
-        Component -> the one before it in the tree, -1 for roots.
+        Component -> the one before it in the tree, -1 for roots; and the width.
     """
     levels = [0] * len(order)
     for place, component in enumerate(reversed(order)):
         levels[component] = place
-    return _eliminate(needs, groups, sizes, levels, (), levels, inf)[0]
+    # with levels there is no choice, so that ranks do not matter
+    return _eliminate(needs, groups, sizes, levels, (), levels, inf)
 
 
 def _list_levels(needs: Sequence[set[int]]) -> list[list[int]]:

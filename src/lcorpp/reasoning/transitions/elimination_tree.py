@@ -159,7 +159,7 @@ def build_elimination_tree(
         if not improve_order(search, program, components, recursions, clauses, *graph, max_work):
             return None
         assert search.order is not None
-        parents = arrange(component_needs, groups, sizes, search.order)
+        parents, width = arrange(component_needs, groups, sizes, search.order)
     for i, parent in enumerate(parents):
         children[parent].append(i)
     if len(components) < len(terms):

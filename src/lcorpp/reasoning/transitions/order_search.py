@@ -89,13 +89,14 @@ def improve_order(
                 atom = known.setdefault((term, value), len(known))
                 rules[number].append(([component_of[term]], atom, -1))
     first = search.order or _list_order(parents)
-    order, before, search.log_states = improve_in_kernel(
+    order, before, after = improve_in_kernel(
         sizes, list(map(sorted, needs)), list(groups.values()), rules, first, max_work
     )
-    is_better = search.log_states < before - MIN_GAIN
-    if is_better:
-        search.order = order
-    return is_better
+    search.log_states = before
+    if after >= before - MIN_GAIN:
+        return False
+    search.order, search.log_states = order, after
+    return True
 
 
 def _list_order(parents: Sequence[int]) -> list[int]:

@@ -31,6 +31,7 @@ from __future__ import annotations
 from collections import Counter, defaultdict
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from threading import Lock
 from typing import TYPE_CHECKING
 
 from lcorpp.errors import TooLargeError
@@ -82,6 +83,7 @@ class TransitionSystem:
     reorder: searches for a better order with some work, see `order_search`; returns the system with it, None
         if there is none, and a logarithm to base 2, the estimated number of states.
     outcomes: those found so far by the compiled transitions, the labels of the arcs of decision diagrams.
+    expansion: is locked while a thread adds outcomes.
     """
 
     program: GroundProgram
@@ -94,6 +96,7 @@ class TransitionSystem:
     probabilities: ProbabilityCache
     reorder: Callable[[float], tuple[TransitionSystem | None, float]]
     outcomes: list[Outcome] = field(default_factory=list)
+    expansion: Lock = field(default_factory=Lock)
 
     def __repr__(self) -> str:
         return (

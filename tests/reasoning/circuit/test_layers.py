@@ -171,3 +171,28 @@ def test_impossible_evidence_is_never_improbable():
     for likelihood in (None, Likelihood(("true", "false"), [1e-200, 1])):
         batch = circuit({**columns, "p(3)": [likelihood] * len(rows)}, undefined="nan")
         assert [row for row, p in zip(rows, batch, strict=True) if np.isnan(p).any()] == [("sun", "rain")]
+
+
+@pytest.mark.parametrize(("first", "second"), [(181, 141), (174, 148), (184, 140), (200, 140), (280, 140)])
+def test_products_of_tiny_numbers_keep_their_digits(first, second, tmp_path):
+    """Each number fits floating point, their product does not, or has few digits."""
+    program = parse_plog(
+        f"n = {{1..3}}. x, z : boolean. y : n. random(x). pr(x) = 3/1{'0' * first}. random(y)."
+        f" pr(y=1 | x) = 1234/1{'0' * second}. pr(y=2 | x) = 777/1{'0' * second}. pr(y=1 | -x) = 1/3."
+        " pr(y=2 | -x) = 1/3. random(z). pr(z | y=1) = 1/3. pr(z | y=2) = 3/4. :- y=3, x."
+    )
+    expected = (1234 / 3 + 777 * 3 / 4) / (1234 + 777)
+    circuit = Reasoner(program).compile(["x"], "z")
+    save_circuit(circuit, tmp_path / "a")
+    for own in (circuit, load_circuit(tmp_path / "a")):
+        assert own({"x": "true"})["true"] == pytest.approx(expected, rel=1e-12)
+
+
+@pytest.mark.parametrize("rule", ["obs(b).", ":- not b."])
+def test_a_product_that_vanishes_is_repeated_with_wide_numbers(rule):
+    program = parse_plog(
+        f"a, b, c : boolean. random(a). pr(a) = 1/1{'0' * 250}. random(b). pr(b | a) = 1/1{'0' * 140}."
+        f" pr(b | -a) = 0. random(c). pr(c | a) = 1/3. {rule}"
+    )
+    assert Reasoner(program).posterior("a", {})["true"] == 1
+    assert Reasoner(program).posterior("c", {})["true"] == pytest.approx(1 / 3, rel=1e-12)
