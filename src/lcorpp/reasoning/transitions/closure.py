@@ -41,11 +41,6 @@ class Closure:
     n_atoms: int
     goals: Sequence[dict[int, int]]
 
-    def list_bits(self) -> list[int]:
-        """List the bits of the implications."""
-        implications = (*self.closed, *self.added, *self.targets)
-        return [*[bit for bit, _, _ in implications], *[bit for own in self.goals for bit in own.values()]]
-
     def compile_into(self, transition: CompiledTransition) -> None:
         """Add the closure to a transition; it changes a state after the effect of an outcome."""
         goals = [[(atom, bit.bit_length() - 1) for atom, bit in own.items()] for own in self.goals]

@@ -63,7 +63,6 @@ class Transition:
     absorptions: pairs (satisfied, pending bits): once a body of a group is satisfied, the others are
         irrelevant.
     is_shared: whether several steps of the system have this transition.
-    n_bits: the bits of a state before, during or after the step, at least 1.
     n_words: the number of words of 64 bits of a state, the same for all transitions of a system.
     """
 
@@ -78,12 +77,6 @@ class Transition:
     ) -> None:
         self.distribution, self.is_shared = distribution, False
         self.input_mask, self.live_masks, self.closures = input_mask, live_masks, closures
-        used = [1, input_mask, *live_masks]
-        for _, parent, bits in children:
-            used += [bits[slot] for slot in parent.slots]
-        for closure in closures:
-            used += closure.list_bits()
-        self.n_bits = max(used).bit_length()
         self.n_words = 1
         self.absorptions = _find_absorptions(children)
         self._effects: dict[object, Effect | None] = {}
@@ -162,8 +155,10 @@ class Transition:
             else:
                 moves |= pending
                 targets_of[pending] = targets_of.get(pending, 0) | target
-        targets = b"".join([self.pack(targets_of[bit]) for bit in sorted(targets_of)])
-        number = self.compiled.add_effect(self.pack(sets), self.pack(forbids), self.pack(moves), targets)
+        size = 8 * self.n_words
+        targets = b"".join([targets_of[bit].to_bytes(size, "little") for bit in sorted(targets_of)])
+        masks = [mask.to_bytes(size, "little") for mask in (sets, forbids, moves)]
+        number = self.compiled.add_effect(masks[0], masks[1], masks[2], targets)
         return Effect(number, sets, forbids, moves, targets_of)
 
 

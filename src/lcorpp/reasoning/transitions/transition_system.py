@@ -130,7 +130,7 @@ def build_transition_system(
             return None
         builder = _TransitionBuilder(program, clauses, outcomes, tree, needed)
         transitions, consistent = builder.build(), builder.consistent
-        n_words = max([(transition.n_bits + 63) // 64 for transition in transitions], default=1)
+        n_words = (builder.n_bits + 63) // 64
         for transition in transitions:
             transition.n_words = n_words
         return TransitionSystem(
@@ -162,6 +162,7 @@ class _TransitionBuilder:
         queried: the terms whose outcomes queries read.
 
     consistent, derived, probabilities: as in `TransitionSystem`.
+    n_bits: the largest number of bits of a state so far, at least 1.
     """
 
     def __init__(
@@ -186,6 +187,7 @@ class _TransitionBuilder:
         self._final_bits: defaultdict[int, list[list[int]]] = defaultdict(list)
         self._outcomes_of: dict[RuleTemplate, dict[tuple[int, ...], list[Outcome]]] = {}
         self.probabilities: ProbabilityCache = {}
+        self.n_bits = 1
         self._own_clauses: list[list[Clause]] = [[] for _ in order]
         recursive = {term for recursion in tree.recursions for term in recursion.terms}
         constraints: dict[int, list[Clause]] = {}  # the last step of the body -> clauses
@@ -296,12 +298,14 @@ class _TransitionBuilder:
                 for slot in parent.allocates:
                     bits[slot] = ~live & (live + 1)  # the lowest bit that is not in use
                     live |= bits[slot]
-                if live.bit_length() > MAX_BITS:
-                    raise TooLargeError(f"{self._program.source.file}: states of more than {MAX_BITS} bits")
+            self.n_bits = max(self.n_bits, live.bit_length())
+            if self.n_bits > MAX_BITS:
+                raise TooLargeError(f"{self._program.source.file}: states of more than {MAX_BITS} bits")
             closures: list[Closure] = []
             for frontier in self._frontiers_at.get(step, ()):
                 closure, live = frontier.advance(step, live)
                 closures.append(closure)
+                self.n_bits = max(self.n_bits, live.bit_length())
             # all bodies of the component are decided, so only bits for "satisfied" are left
             input_mask = sum(own_bits)
             # a bit is free again only now, as the transition reads it together with those allocated above
