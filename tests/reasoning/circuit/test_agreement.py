@@ -189,5 +189,5 @@ def test_circuit_and_enumeration_agree_on_trees(case: Case) -> None:
 @pytest.mark.slow
 @given(case=cases() | maps() | trees())
 @settings(SUITE, max_examples=10_000)
-def test_circuit_and_enumeration_agree_on_twenty_thousand_programs(case: Case) -> None:
+def test_circuit_and_enumeration_agree_on_thirty_thousand_programs(case: Case) -> None:
     check(case)
