@@ -261,6 +261,20 @@ def test_large_programs_are_refused(monkeypatch):
         Reasoner(program).compile([], "c(1)")
 
 
+def test_the_progress_of_a_large_diagram_is_reported(monkeypatch):
+    monkeypatch.setattr("lcorpp.reasoning.circuit.decision_diagram.TRIALS", ((0, 1e3),))
+    reports = []
+    query = parse_query("intention | obs(time=morning)", LCORPP)
+    found = Reasoner(LCORPP).ask(query, progress=lambda share, text: reports.append((share, text)))
+    assert found == Reasoner(LCORPP).ask(query)
+    shares, texts = zip(*reports, strict=True)
+    assert [*shares] == [step / len(shares) for step in range(len(shares))]
+    arcs = [int(text.removesuffix(" arcs of the decision diagram")) for text in texts]
+    assert arcs[0] == 0
+    assert arcs == sorted(arcs)
+    assert arcs[-1] > 0
+
+
 def test_samples_follow_the_world_probabilities():
     reasoner, draws, rng = Reasoner(LCORPP), 3000, np.random.default_rng(7)
     for given in ({}, {"classifier": "one"}):

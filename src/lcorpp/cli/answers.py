@@ -116,8 +116,8 @@ def _restore_worlds(worlds: _Worlds, names: Mapping[str, str]) -> _Worlds:
 
 
 def _ask(reasoner: Reasoner, query: Query, exact: bool) -> QueryAnswer:
-    """Answer a query with a display of the progress if worlds are sampled."""
-    with show_delayed_progress("sampling worlds") as advance:
+    """Answer a query with a display of the progress."""
+    with show_delayed_progress("answering") as advance:
         try:
             return reasoner.ask(query, exact=exact, progress=advance)
         except KeyboardInterrupt:

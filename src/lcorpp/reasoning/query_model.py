@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cached_property
 from math import inf
 from typing import TYPE_CHECKING
@@ -28,6 +29,8 @@ class QueryModel:
         query: a query resolved by `resolve_query`.
         facts: terms that evidence will name.
 
+    progress: called while a large decision diagram is expanded, with a share and a text.
+
     Raises:
         ProgramError: arithmetic is undefined.
         TooLargeError: the joint of the subjects has too many values.
@@ -40,6 +43,7 @@ class QueryModel:
         terms = (*list_questions(query), *facts)
         self.program, self._observed, self._terms = program, observed, terms
         self._questions, self._facts = list_questions(query), facts
+        self.progress: Callable[[float, str], None] | None = None
         for question in filter(is_joint, terms):
             list_values(program, question)  # raises an error if they are too many
 
@@ -65,7 +69,7 @@ class QueryModel:
         from lcorpp.reasoning.circuit.world_queries import WorldQueries  # a decision needs no worlds
 
         def expand() -> WorldQueries:
-            return WorldQueries(build_decision_diagram(self.system))
+            return WorldQueries(build_decision_diagram(self.system, progress=self.progress))
 
         network = self._find_network()
         if network is None:

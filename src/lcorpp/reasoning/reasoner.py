@@ -231,8 +231,12 @@ class Reasoner(Inference):
         """Answer a query, see `Inference.ask`; in `Estimate`s if the program is too large to be compiled.
 
         Args:
-            progress: called while worlds are sampled, with the share of them and a text with their numbers.
+            progress: called in long work with its share and a text: the arcs of the decision diagram so far, or
+                the numbers of sampled worlds.
         """
+        if not self.program.has_cr_rules:
+            query = resolve_query(self.program, query)
+            self.build_model(query).progress = progress
         try:
             return super().ask(query, exact=exact)
         except TooLargeError as error:
@@ -240,7 +244,7 @@ class Reasoner(Inference):
                 raise
             from lcorpp.reasoning.estimation import estimate_answer  # imports numpy
 
-            model = self.build_model(resolve_query(self.program, query))
+            model = self.build_model(query)
             return estimate_answer(model, error, self.samples, self.seed, progress)
 
     def _compute_posterior(

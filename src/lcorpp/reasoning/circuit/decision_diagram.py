@@ -16,7 +16,7 @@ Source: Mateescu, Dechter and Marinescu, "AND/OR multi-valued decision diagrams"
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
@@ -120,13 +120,19 @@ class DecisionDiagram:
         return self.system.consistent and all(self.sizes[root] for root in self.system.tree.roots)
 
 
-def build_decision_diagram(system: TransitionSystem, max_bytes: int = MAX_BYTES) -> DecisionDiagram:
+def build_decision_diagram(
+    system: TransitionSystem,
+    max_bytes: int = MAX_BYTES,
+    *,
+    progress: Callable[[float, str], None] | None = None,
+) -> DecisionDiagram:
     """Expand the reachable states of a transition system, and drop nodes that are in no world.
 
     If the diagram is large, better orders are searched for, and the diagram is that of another system.
 
     Args:
         max_bytes: the limit of memory.
+        progress: called while a large diagram is expanded, with the share of its steps and a text.
 
     Raises:
         TooLargeError: the diagram takes more memory.
@@ -135,7 +141,7 @@ def build_decision_diagram(system: TransitionSystem, max_bytes: int = MAX_BYTES)
     file, graph, log_states = system.program.source.file, None, 0.0
     for limit, work in TRIALS:
         if limit < max_bytes:
-            graph = _expand(system, limit)
+            graph = _expand(system, limit, progress if limit > TRIALS[0][0] else None)
             if graph is not None:
                 break
             better, log_states = system.reorder(work)
@@ -146,7 +152,7 @@ def build_decision_diagram(system: TransitionSystem, max_bytes: int = MAX_BYTES)
                 f"{file}: about 2^{log_states:.1f} states of the decision diagram; expected at most"
                 f" 2^{MAX_LOG_STATES}"
             )
-        graph = _expand(system, max_bytes)
+        graph = _expand(system, max_bytes, progress)
     if graph is None:
         raise TooLargeError(f"{file}: more than {max_bytes / 2**20:.4g} MiB of arcs in the decision diagram")
     if graph.has_dead_ends:
@@ -160,13 +166,17 @@ def build_decision_diagram(system: TransitionSystem, max_bytes: int = MAX_BYTES)
     return diagram
 
 
-def _expand(system: TransitionSystem, max_bytes: int) -> Diagram | None:
+def _expand(
+    system: TransitionSystem, max_bytes: int, progress: Callable[[float, str], None] | None = None
+) -> Diagram | None:
     """Expand step by step; return None if the diagram takes more memory."""
     tree = system.tree
     n_words = system.transitions[0].n_words if system.transitions else 1
     graph = Diagram(tree.children, tree.roots, n_words, system.consistent)
     with system.expansion:
-        for transition in system.transitions:
+        for step, transition in enumerate(system.transitions):
+            if progress:
+                progress(step / len(system.transitions), f"{graph.n_arcs} arcs of the decision diagram")
             if missing := graph.enter(transition.compiled, transition.is_shared):
                 _add_choices(system, transition, missing)
             if not graph.expand(max_bytes):
