@@ -231,8 +231,8 @@ class Reasoner(Inference):
         """Answer a query, see `Inference.ask`; in `Estimate`s if the program is too large to be compiled.
 
         Args:
-            progress: called in long work with its share and a text: the arcs of the decision diagram so far, or
-                the numbers of sampled worlds.
+            progress: called in long work with its share and a text: the arcs of the decision diagram so far,
+                or the numbers of sampled worlds.
         """
         if not self.program.has_cr_rules:
             query = resolve_query(self.program, query)
