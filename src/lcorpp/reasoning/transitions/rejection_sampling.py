@@ -40,6 +40,9 @@ MAX_EXTENSION = 16
 BATCH = 1000
 """Number of worlds drawn together, so that a step computes the outcomes of all their states at once."""
 
+MAX_STATES = 100_000
+"""The states after a step are cached for at most so many states before it."""
+
 Progress = Callable[[float, str], None]
 
 _Choices = tuple[float, list[float], list[tuple[Effect, Outcome]]]
@@ -120,6 +123,8 @@ class _WorldSampler:
         self._system, self._random = system, random
         # step -> state of the input bits -> choices
         self._choices: list[dict[int, _Choices]] = [{} for _ in system.transitions]
+        # step -> (state, effect) -> the state after it
+        self._reached: list[dict[tuple[int, int], int | None]] = [{} for _ in system.transitions]
         self._bound, self._following_bounds = self._bound_evidence(ground)  # logarithms
 
     def draw(self, count: int, queried: int | None) -> list[tuple[int, int]]:
@@ -144,7 +149,7 @@ class _WorldSampler:
                 states.update((child, [state & live for state in own]) for child, live in children)
                 continue
             branches = [(states.setdefault(child, [0] * count), live) for child, live in children]
-            least, advance = self._following_bounds[step], transition.advance
+            least, reached = self._following_bounds[step], self._reached[step]
             survivors = []
             for world in accepted:
                 state = own[world]
@@ -153,7 +158,13 @@ class _WorldSampler:
                 if weight + least < thresholds[world]:
                     continue
                 effect, outcome = choices[bisect_right(cumulative, random()) if len(choices) > 1 else 0]
-                following = advance(state, effect)
+                key = state, effect[0]  # faster than by name
+                try:
+                    following = reached[key]
+                except KeyError:
+                    if len(reached) >= MAX_STATES:
+                        reached.clear()
+                    following = reached[key] = transition.advance(state, effect)
                 if following is None:
                     continue
                 for column, live in branches:
