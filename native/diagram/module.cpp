@@ -54,7 +54,7 @@ class InterruptCheck {
 std::vector<Word> read_bits(const nb::bytes& bits, std::size_t n_words) {
     if (bits.size() != 8 * n_words) throw std::invalid_argument("bits of a wrong length");
     std::vector<Word> words(n_words);
-    std::memcpy(words.data(), bits.c_str(), bits.size());
+    if (n_words) std::memcpy(words.data(), bits.c_str(), bits.size());
     return words;
 }
 

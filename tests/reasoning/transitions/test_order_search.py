@@ -159,7 +159,7 @@ def test_a_better_order_has_fewer_states_and_the_same_answers(monkeypatch):
 def test_programs_with_too_many_expected_states_are_refused_at_once(monkeypatch):
     monkeypatch.setattr(decision_diagram, "TRIALS", ((0, 1e3),))
     monkeypatch.setattr(decision_diagram, "MAX_LOG_STATES", 3)
-    monkeypatch.setattr(decision_diagram, "_expand", lambda _, max_bytes: None if not max_bytes else 1 / 0)
+    monkeypatch.setattr(decision_diagram, "_expand", lambda _, limit, *__: None if not limit else 1 / 0)
     words = r"<text>: about 2\^\d+\.\d states of the decision diagram; expected at most 2\^3"
     with pytest.raises(TooLargeError, match=words):
         Reasoner(make_smokers(9)).exact("smokes(1)")
