@@ -15,17 +15,17 @@ struct Implication {
     int body, head;
 };
 
-// Atoms are numbered: 0 is true, then follow those before and after the step, the contradiction (`falsum`), and goals.
+// Atoms are numbered: 0 is true, then follow those before and after the step, the contradiction (`contradiction`), and goals.
 class Closure {
   public:
     // closed: implications with conditions, which are closed before the step.
     // goals: for each goal after the step, the bits of the implications of which it is the head: (body, bit).
     Closure(std::size_t n_words, std::vector<Implication> closed, std::vector<Implication> added,
-            std::vector<Implication> targets, int falsum, int n_atoms, std::vector<std::vector<std::pair<int, int>>> goals)
-        : added_(std::move(added)), falsum_(static_cast<std::size_t>(falsum)), n_atoms_(static_cast<std::size_t>(n_atoms)),
-          n_words_((n_atoms_ + 63) / 64), goals_(std::move(goals)), read_(n_words, 0), closed_(n_words, 0),
-          implication_of_(64 * n_words), heads_(falsum_ * n_words_, 0), bit_of_(falsum_ * 64 * n_words_),
-          follows_(falsum_ * n_words_), reached_(n_words_) {
+            std::vector<Implication> targets, int contradiction, int n_atoms, std::vector<std::vector<std::pair<int, int>>> goals)
+        : added_(std::move(added)), contradiction_(static_cast<std::size_t>(contradiction)), n_atoms_(static_cast<std::size_t>(n_atoms)),
+          n_atom_words_((n_atoms_ + 63) / 64), goals_(std::move(goals)), read_(n_words, 0), closed_(n_words, 0),
+          implication_of_(64 * n_words), heads_(contradiction_ * n_atom_words_, 0), bit_of_(contradiction_ * 64 * n_atom_words_),
+          follows_(contradiction_ * n_atom_words_), reached_(n_atom_words_) {
         for (const Implication& own : closed) {
             set_bit(closed_.data(), static_cast<std::size_t>(own.bit));
             implication_of_[static_cast<std::size_t>(own.bit)] = {own.body, own.head};
@@ -36,8 +36,8 @@ class Closure {
         }
         for (const Implication& own : targets) {
             const auto body = static_cast<std::size_t>(own.body), head = static_cast<std::size_t>(own.head);
-            set_bit(heads_.data() + body * n_words_, head);
-            bit_of_[body * 64 * n_words_ + head] = own.bit;
+            set_bit(heads_.data() + body * n_atom_words_, head);
+            bit_of_[body * 64 * n_atom_words_ + head] = own.bit;
             if (bodies_.empty() || bodies_.back() != body) bodies_.push_back(body);
         }
         std::sort(bodies_.begin(), bodies_.end());
@@ -45,7 +45,7 @@ class Closure {
     }
 
     // Change a state to that after the step; return whether it is possible: no contradiction, all goals in reach.
-    bool apply(Word* state) { return n_words_ == 1 ? apply_words<1>(state) : apply_words<0>(state); }
+    bool apply(Word* state) { return n_atom_words_ == 1 ? apply_words<1>(state) : apply_words<0>(state); }
 
   private:
     Word* follows(std::size_t atom, std::size_t n) { return follows_.data() + atom * n; }
@@ -53,9 +53,9 @@ class Closure {
     // N: the number of words of a set of atoms, 0 for any.
     template <std::size_t N>
     bool apply_words(Word* state) {
-        const std::size_t n = N ? N : n_words_;
+        const std::size_t n = N ? N : n_atom_words_;
         std::fill(follows_.begin(), follows_.end(), 0);
-        for (std::size_t atom = 0; atom < falsum_; ++atom) set_bit(follows(atom, n), atom);
+        for (std::size_t atom = 0; atom < contradiction_; ++atom) set_bit(follows(atom, n), atom);
         for (std::size_t w = 0; w < closed_.size(); ++w) {
             for (Word rest = state[w] & closed_[w]; rest; rest &= rest - 1) {
                 const auto [body, head] = implication_of_[64 * w + static_cast<std::size_t>(count_trailing_zeros(rest))];
@@ -67,29 +67,29 @@ class Closure {
             const auto body = static_cast<std::size_t>(own.body), head = static_cast<std::size_t>(own.head);
             if (own.bit >= 0 && !has_bit(state, static_cast<std::size_t>(own.bit))) continue;
             if (has_bit(is_true, head) || has_bit(follows(body, n), head)) continue;
-            if (head < falsum_) {
+            if (head < contradiction_) {
                 std::copy_n(follows(head, n), n, reached_.data());
             } else {
                 std::fill(reached_.begin(), reached_.end(), 0);
                 set_bit(reached_.data(), head);
             }
-            for (std::size_t atom = 0; atom < falsum_; ++atom) {
+            for (std::size_t atom = 0; atom < contradiction_; ++atom) {
                 Word* row = follows(atom, n);
                 const Word has_body = -(row[body / 64] >> (body % 64) & 1);
                 for (std::size_t w = 0; w < n; ++w) row[w] |= reached_[w] & has_body;
             }
         }
-        if (has_bit(is_true, falsum_)) return false;
+        if (has_bit(is_true, contradiction_)) return false;
         for (std::size_t w = 0; w < read_.size(); ++w) state[w] &= ~read_[w];
-        if (n_atoms_ > falsum_ + 1 && !write_goals(state)) return false;
+        if (n_atoms_ > contradiction_ + 1 && !write_goals(state)) return false;
         for (const std::size_t body : bodies_) {
             const Word* row = follows(body, n);
             const Word* heads = heads_.data() + body * n;
             const int* bits = bit_of_.data() + body * 64 * n;
             // what is true needs no other reason, what follows from it is true; the false has no effect
             if (body != 0 && has_bit(is_true, body)) continue;
-            if (body != 0 && has_bit(row, falsum_)) {
-                if (has_bit(heads, falsum_)) set_bit(state, static_cast<std::size_t>(bits[falsum_]));
+            if (body != 0 && has_bit(row, contradiction_)) {
+                if (has_bit(heads, contradiction_)) set_bit(state, static_cast<std::size_t>(bits[contradiction_]));
                 continue;
             }
             for (std::size_t w = 0; w < n; ++w) {
@@ -105,17 +105,17 @@ class Closure {
     bool write_goals(Word* state) {
         using Mask = std::vector<Word>;
         std::vector<Mask> masks;
-        for (std::size_t goal = falsum_ + 1; goal < n_atoms_; ++goal) {
-            if (has_bit(follows(0, n_words_), goal)) continue;
+        for (std::size_t goal = contradiction_ + 1; goal < n_atoms_; ++goal) {
+            if (has_bit(follows(0, n_atom_words_), goal)) continue;
             bool is_open = false;
-            for (std::size_t atom = 0; atom < falsum_ && !is_open; ++atom) is_open = has_bit(follows(atom, n_words_), goal);
+            for (std::size_t atom = 0; atom < contradiction_ && !is_open; ++atom) is_open = has_bit(follows(atom, n_atom_words_), goal);
             if (!is_open) continue;
-            Mask mask(n_words_, 0);
+            Mask mask(n_atom_words_, 0);
             bool is_possible = false;
             if (!goals_.empty()) {
                 for (const auto& [atom, bit] : goals_.front()) {
-                    const Word* row = follows(static_cast<std::size_t>(atom), n_words_);
-                    if (!has_bit(row, goal) || has_bit(row, falsum_)) continue;
+                    const Word* row = follows(static_cast<std::size_t>(atom), n_atom_words_);
+                    if (!has_bit(row, goal) || has_bit(row, contradiction_)) continue;
                     set_bit(mask.data(), static_cast<std::size_t>(atom));
                     is_possible = true;
                 }
@@ -126,7 +126,7 @@ class Closure {
         std::sort(masks.begin(), masks.end());
         masks.erase(std::unique(masks.begin(), masks.end()), masks.end());
         const auto includes = [&](const Mask& large, const Mask& small) {
-            for (std::size_t w = 0; w < n_words_; ++w) {
+            for (std::size_t w = 0; w < n_atom_words_; ++w) {
                 if (small[w] & ~large[w]) return false;
             }
             return true;
@@ -146,7 +146,7 @@ class Closure {
     }
 
     std::vector<Implication> added_;
-    std::size_t falsum_, n_atoms_, n_words_;  // n_words_: of a set of atoms
+    std::size_t contradiction_, n_atoms_, n_atom_words_;  // n_atom_words_: words of a set of atoms
     std::vector<std::vector<std::pair<int, int>>> goals_;
     std::vector<Word> read_, closed_;                   // the bits of the state that are read; those of closed implications
     std::vector<std::pair<int, int>> implication_of_;   // bit -> (body, head), of closed implications

@@ -105,8 +105,7 @@ class Pass {
             if (!leads[i]) continue;
             const Layer& layer = layers_[i];
             std::vector<T>& derivative = derivatives_[i];
-            T largest(0.0);
-            for (const T& number : derivative) largest = largest < number ? number : largest;
+            T largest = find_largest(derivative);
             if (!is_zero(largest)) scale(derivative, largest, is_extreme);
             const TermEvidence own = layer.variable < 0 ? TermEvidence{} : evidence[static_cast<std::size_t>(layer.variable)];
             const std::vector<T>& weights = get_weights(i);
@@ -127,8 +126,7 @@ class Pass {
                 }
             }
             if (results[i] != nullptr) write(by_outcome_, results[i]);
-            largest = T(0.0);
-            for (const T& number : by_input_) largest = largest < number ? number : largest;
+            largest = find_largest(by_input_);
             bool ignored = false;  // no two of these numbers are multiplied
             if (!is_zero(largest)) scale(by_input_, largest, ignored);
             pass_down(layer, leads, is_extreme);
@@ -146,6 +144,12 @@ class Pass {
 
     static void check(const T& number, bool& is_extreme) {
         if constexpr (std::is_same_v<T, double>) is_extreme |= number > 0.0 && number < min_number;
+    }
+
+    static T find_largest(const std::vector<T>& numbers) {
+        T largest(0.0);
+        for (const T& number : numbers) largest = largest < number ? number : largest;
+        return largest;
     }
 
     // Divide numbers by the largest; return its logarithm.
@@ -206,8 +210,7 @@ class Pass {
     }
 
     static void write(const std::vector<T>& numbers, double* result) {
-        T largest(0.0);
-        for (const T& number : numbers) largest = largest < number ? number : largest;
+        const T largest = find_largest(numbers);
         for (std::size_t k = 0; k < numbers.size(); ++k) {
             if constexpr (std::is_same_v<T, double>) {
                 result[k] = largest > 0.0 ? numbers[k] / largest : 0.0;

@@ -20,6 +20,7 @@
 #include <tuple>
 
 #include "arrays.hpp"
+#include "interrupt.hpp"
 #include "layer_builder.hpp"
 #include "order_search.hpp"
 
@@ -36,20 +37,6 @@ using Column = std::pair<int, Table>;
 using Position = std::tuple<int, int, int, std::vector<Index>, std::vector<Index>>;
 using StoredLayer = std::tuple<int, std::tuple<std::size_t, std::size_t, std::size_t>, std::vector<std::pair<std::size_t, Indices>>,
                                Indices, Indices, Indices, Numbers, Indices>;
-
-// Lets Python handle an interrupt after each ten million arcs or entries.
-class InterruptCheck {
-  public:
-    void operator()(std::size_t work) {
-        done_ += work;
-        if (done_ < 10'000'000) return;
-        done_ = 0;
-        if (PyErr_CheckSignals() != 0) throw nb::python_error();
-    }
-
-  private:
-    std::size_t done_ = 0;
-};
 
 std::vector<Word> read_bits(const nb::bytes& bits, std::size_t n_words) {
     if (bits.size() != 8 * n_words) throw std::invalid_argument("bits of a wrong length");
@@ -333,24 +320,24 @@ NB_MODULE(_diagram, m) {
         .def(
             "add_closure",
             [](Transition& own, const std::vector<std::tuple<int, int, int>>& closed, const std::vector<std::tuple<int, int, int>>& added,
-               const std::vector<std::tuple<int, int, int>>& targets, int falsum, int n_atoms,
+               const std::vector<std::tuple<int, int, int>>& targets, int contradiction, int n_atoms,
                std::vector<std::vector<std::pair<int, int>>> goals) {
                 const std::size_t n_bits = 64 * own.n_words();
-                if (falsum < 1 || n_atoms <= falsum) throw std::invalid_argument("atoms out of range");
+                if (contradiction < 1 || n_atoms <= contradiction) throw std::invalid_argument("atoms out of range");
                 for (const auto* implications : {&closed, &added, &targets}) {
                     for (const auto& [bit, body, head] : *implications) {
-                        if (bit < (implications == &added ? -1 : 0) || body >= falsum) throw std::invalid_argument("an implication out of range");
+                        if (bit < (implications == &added ? -1 : 0) || body >= contradiction) throw std::invalid_argument("an implication out of range");
                     }
                 }
                 for (const auto& goal : goals) {
                     for (const auto& [atom, bit] : goal) {
-                        if (atom < 0 || atom >= falsum || bit < 0 || bit >= static_cast<int>(n_bits)) throw std::invalid_argument("a goal out of range");
+                        if (atom < 0 || atom >= contradiction || bit < 0 || bit >= static_cast<int>(n_bits)) throw std::invalid_argument("a goal out of range");
                     }
                 }
                 own.add_closure(Closure(own.n_words(), read_implications(closed, n_bits, n_atoms), read_implications(added, n_bits, n_atoms),
-                                        read_implications(targets, n_bits, n_atoms), falsum, n_atoms, std::move(goals)));
+                                        read_implications(targets, n_bits, n_atoms), contradiction, n_atoms, std::move(goals)));
             },
-            "closed"_a, "added"_a, "targets"_a, "falsum"_a, "n_atoms"_a, "goals"_a, "Add a closure, see `Closure`; implications have numbers of bits.")
+            "closed"_a, "added"_a, "targets"_a, "contradiction"_a, "n_atoms"_a, "goals"_a, "Add a closure, see `Closure`; implications have numbers of bits.")
         .def(
             "add_effect",
             [](Transition& own, nb::bytes sets, nb::bytes forbids, nb::bytes moves, nb::bytes targets) {

@@ -12,6 +12,7 @@
 #include <stdexcept>
 
 #include "arrays.hpp"
+#include "interrupt.hpp"
 #include "network.hpp"
 
 using namespace lcorpp;
@@ -22,21 +23,6 @@ namespace {
 using Table = nb::ndarray<const double, nb::c_contig, nb::device::cpu>;
 using Values = nb::ndarray<const std::int64_t, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
 using Weights = nb::ndarray<const double, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
-
-// Lets Python handle an interrupt after each ten million numbers.
-class InterruptCheck {
-  public:
-    void operator()(std::size_t work) {
-        done_ += work;
-        if (done_ < 10'000'000) return;
-        done_ = 0;
-        const nb::gil_scoped_acquire locked;
-        if (PyErr_CheckSignals() != 0) throw nb::python_error();
-    }
-
-  private:
-    std::size_t done_ = 0;
-};
 
 void check_variables(const Network& network, const std::vector<int>& variables) {
     for (const int v : variables) {

@@ -16,7 +16,7 @@ class CompiledTransition:
 
     def __init__(self, n_words: int, input_mask: bytes, live_masks: Sequence[bytes], absorptions: Sequence[tuple[bytes, bytes]]) -> None: ...
 
-    def add_closure(self, closed: Sequence[tuple[int, int, int]], added: Sequence[tuple[int, int, int]], targets: Sequence[tuple[int, int, int]], falsum: int, n_atoms: int, goals: Sequence[Sequence[tuple[int, int]]]) -> None:
+    def add_closure(self, closed: Sequence[tuple[int, int, int]], added: Sequence[tuple[int, int, int]], targets: Sequence[tuple[int, int, int]], contradiction: int, n_atoms: int, goals: Sequence[Sequence[tuple[int, int]]]) -> None:
         """Add a closure, see `Closure`; implications have numbers of bits."""
 
     def add_effect(self, sets: bytes, forbids: bytes, moves: bytes, targets: bytes) -> int:

@@ -31,21 +31,21 @@ from lcorpp.reasoning.transitions.transition import Transition
 from lcorpp.reasoning.transitions.transition_system import TransitionSystem
 
 MAX_BYTES = 2**30
-"""The arcs of a decision diagram, with the states of a step, and the layers of a circuit each take at most so
-much memory. Steps with equal arcs share them."""
+"""Maximum memory of the arcs of a decision diagram with the states of a step, and of the layers of a circuit.
+Steps with equal arcs share them."""
 
 TRIALS = ((2**21, 1e7), (2**26, 2e8))
-"""(bytes, work): if the diagram takes more memory, a better order is searched for, see `improve_order`."""
+"""(maximum memory, work of the search for a better order if the diagram takes more), see `improve_order`."""
 
 MAX_LOG_STATES = 30
-"""Diagrams of recursions are not expanded if more states are expected than 2 to this power. Others may have
-far fewer than expected, as probabilities of 0 and deterministic rules exclude most."""
+"""Maximum estimate of the states of a program with recursions, as a logarithm to base 2. Estimates of other
+programs may be far too high, as probabilities of 0 and deterministic rules exclude most states."""
 
 MAX_LABELS = 2_000_000
-"""Different outcomes of all steps are at most so many."""
+"""Maximum number of different outcomes of all steps."""
 
 MAX_LISTED_ARCS = 5_000_000
-"""Queries about whole worlds, and fractions, need diagrams of at most this many arcs."""
+"""Maximum number of arcs for queries about whole worlds, and for fractions."""
 
 
 class Arcs(NamedTuple):

@@ -79,6 +79,24 @@ def arrange(
     return _eliminate(needs, groups, sizes, levels, (), levels, inf)
 
 
+def list_children(parents: Sequence[int]) -> list[list[int]]:
+    """List the children of each node of a tree and, last, its roots, as these have the parent -1."""
+    children: list[list[int]] = [[] for _ in (*parents, "roots")]
+    for node, parent in enumerate(parents):
+        children[parent].append(node)
+    return children
+
+
+def list_depth_first(children: Sequence[Sequence[int]]) -> list[int]:
+    """List the nodes of a tree depth first; brothers keep their order. The last children are the roots."""
+    nodes: list[int] = []
+    stack = [*reversed(children[-1])]
+    while stack:
+        nodes.append(stack.pop())
+        stack += reversed(children[nodes[-1]])
+    return nodes
+
+
 def _list_levels(needs: Sequence[set[int]]) -> list[list[int]]:
     """List two orders from the leaves to the roots: by distance from the leaves, and from the roots.
 

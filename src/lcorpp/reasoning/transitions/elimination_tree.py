@@ -23,7 +23,12 @@ from typing import TYPE_CHECKING
 
 from lcorpp.reasoning.grounding.ground_program import SELECT, Clause, GroundProgram
 from lcorpp.reasoning.grounding.strong_components import find_strongly_connected_components
-from lcorpp.reasoning.transitions.elimination_order import arrange, eliminate
+from lcorpp.reasoning.transitions.elimination_order import (
+    arrange,
+    eliminate,
+    list_children,
+    list_depth_first,
+)
 
 if TYPE_CHECKING:  # few programs are recursive
     from lcorpp.reasoning.transitions.linear_recursion import LinearRecursion
@@ -150,7 +155,6 @@ def build_elimination_tree(
     bits_of = [bits[mask] for mask in outcomes]
     sizes = [bits_of[own[0]] if len(own) == 1 else sum([bits_of[term] for term in own]) for own in components]
     groups = [group for group in constraints if len(group) > 1]
-    children: list[list[int]] = [[] for _ in (*components, "roots")]  # last, as they have the parent -1
     parents, width = eliminate(component_needs, groups, sizes, ranks, ordered)
     if search is not None:
         from lcorpp.reasoning.transitions.order_search import improve_order  # few programs need it
@@ -160,8 +164,7 @@ def build_elimination_tree(
             return None
         assert search.order is not None
         parents, width = arrange(component_needs, groups, sizes, search.order)
-    for i, parent in enumerate(parents):
-        children[parent].append(i)
+    children = list_children(parents)
     if len(components) < len(terms):
         random = {clause.term for clause in clauses if clause.kind is SELECT} | program.do.keys()
         _merge_deterministic(components, children, random.union(*[own.guesses for own, _ in recursions]))
@@ -209,14 +212,10 @@ def _number_nodes(
     may_be_tables: bool,
 ) -> EliminationTree:
     """Number the nodes of a tree depth first; brothers keep their order. The last children are the roots."""
-    nodes: list[int] = []  # step -> node
+    nodes = list_depth_first(children)  # step -> node
     step_of = [0] * len(components)
-    stack = children[-1][::-1]
-    while stack:
-        node = stack.pop()
-        step_of[node] = len(nodes)
-        nodes.append(node)
-        stack += reversed(children[node])
+    for step, node in enumerate(nodes):
+        step_of[node] = step
     numbered = [[step_of[child] for child in children[node]] for node in nodes]
     ends = list(range(1, len(nodes) + 1))
     for step in range(len(nodes) - 1, -1, -1):

@@ -18,10 +18,11 @@ from math import inf
 
 from lcorpp.reasoning._diagram import improve_order as improve_in_kernel
 from lcorpp.reasoning.grounding.ground_program import DERIVE, Atom, Clause, GroundProgram
+from lcorpp.reasoning.transitions.elimination_order import list_children, list_depth_first
 from lcorpp.reasoning.transitions.linear_recursion import LinearRecursion, find_edges
 
 MIN_GAIN = 0.3
-"""A better order has fewer states by at least this power of 2."""
+"""Minimum gain of a better order: the decrease of the logarithm to base 2 of the number of states."""
 
 _Group = tuple[int, list[list[int]]]
 """Clauses with the same head: (component, -1 for constraints; the components of each body)."""
@@ -88,7 +89,7 @@ def improve_order(
             for _, value, _ in guess.claims:
                 atom = known.setdefault((term, value), len(known))
                 rules[number].append(([component_of[term]], atom, -1))
-    first = search.order or _list_order(parents)
+    first = search.order or list_depth_first(list_children(parents))
     order, before, after = improve_in_kernel(
         sizes, list(map(sorted, needs)), list(groups.values()), rules, first, max_work
     )
@@ -97,16 +98,3 @@ def improve_order(
         return False
     search.order, search.log_states = order, after
     return True
-
-
-def _list_order(parents: Sequence[int]) -> list[int]:
-    """List the nodes of a tree depth first; brothers keep their order."""
-    children: list[list[int]] = [[] for _ in (*parents, "roots")]
-    for node, parent in enumerate(parents):
-        children[parent].append(node)
-    order: list[int] = []
-    stack = children[-1][::-1]
-    while stack:
-        order.append(stack.pop())
-        stack += reversed(children[order[-1]])
-    return order

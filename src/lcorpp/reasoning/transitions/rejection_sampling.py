@@ -41,7 +41,7 @@ BATCH = 1000
 """Number of worlds drawn together, so that a step computes the outcomes of all their states at once."""
 
 MAX_STATES = 100_000
-"""The states after a step are cached for at most so many states before it."""
+"""Maximum number of states before a step whose following states are cached."""
 
 Progress = Callable[[float, str], None]
 

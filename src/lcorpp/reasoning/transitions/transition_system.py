@@ -65,7 +65,7 @@ if TYPE_CHECKING:  # few programs are recursive
     from lcorpp.reasoning.transitions.recursion_frontier import Claim, RecursionFrontier
 
 MAX_BITS = 20_000
-"""States have at most this many bits."""
+"""Maximum number of bits of a state."""
 
 
 @dataclass(slots=True, eq=False)
