@@ -74,7 +74,7 @@ wheel:
 sanitize: $(VENV)-sanitize/.installed
 	LD_PRELOAD="$$($(CXX) -print-file-name=libasan.so) $$($(CXX) -print-file-name=libstdc++.so)" ASAN_OPTIONS=detect_leaks=0 \
 	  $(VENV)-sanitize/bin/python -m pytest -m "not slow" tests/planning tests/learning/lstm \
-	  tests/reasoning/circuit tests/reasoning/transitions tests/reasoning/factors
+	  tests/reasoning/circuit tests/reasoning/diagram tests/reasoning/transitions tests/reasoning/factors
 
 $(VENV)-sanitize/.installed: $(NATIVE)
 	$(PYTHON) -m venv $(VENV)-sanitize

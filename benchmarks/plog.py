@@ -68,12 +68,13 @@ FAMILIES: dict[str, tuple[str, tuple[tuple[int, ...], ...]]] = {
     "supplies": ("n layers of six plants with two lines each from the layer before", ((4,), (8,), (20,))),
     "courses": ("n courses, each after two others", ((15,), (30,), (120,))),
     "rumours": ("A rumour among n people with 3 n / 2 acquaintances", ((8,), (12,), (25,))),
+    "outages": ("A power grid of n x n cells, whose outages lock doors of 4 x 4 rooms", ((4,), (8,), (14,))),
 }
 
 STRUCTURES = ("tree", "noisy_or", "corridor", "rooms", "assignment")
 """The families of `plog_structures`, written for lcorpp and ProbLog."""
 
-RELATIONS = ("smokers", "contagion", "supplies", "courses", "rumours")
+RELATIONS = ("smokers", "contagion", "supplies", "courses", "rumours", "outages")
 """The families of `plog_relations`, in ProbLog, which lcorpp reads, too."""
 
 

@@ -33,7 +33,10 @@ FAMILIES: Mapping[str, Callable[..., Case]] = {
     "lcorpp": lcorpp,
     **{f: getattr(plog_families, f) for f in ("chain", "dice", "dice_sum", "squirrel", "robot", "blocks")},
     **{f: getattr(plog_structures, f) for f in ("tree", "noisy_or", "corridor", "rooms", "assignment")},
-    **{f: getattr(plog_relations, f) for f in ("smokers", "contagion", "supplies", "courses", "rumours")},
+    **{
+        f: getattr(plog_relations, f)
+        for f in ("smokers", "contagion", "supplies", "courses", "rumours", "outages")
+    },
 }
 EXACT, ROUNDED, PRINTED = 1e-9, 2e-3, 1e-5
 """Relative tolerances for floating point and for plingo, which rounds the logarithms of its weights; absolute

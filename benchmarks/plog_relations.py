@@ -6,6 +6,7 @@ There is no formula for their answers; the answers of the engines are compared w
 from __future__ import annotations
 
 from collections.abc import Iterable
+from itertools import product
 from random import Random
 
 from plog_families import Case
@@ -98,6 +99,34 @@ def rumours(n: int) -> Case:
         f"believes(X) :- hears(X), {NOT}sceptic(X).",
         [f"evidence({'' if i else NOT}believes({a}))." for i, a in enumerate(seen)],
         f"query(believes({asked})).",
+    )
+
+
+def outages(n: int) -> Case:
+    """A power grid of n x n cells, each depending on two others, whose outages lock doors of 4 x 4 rooms."""
+    random = Random(n)
+    lines = []
+    for i in range(n):
+        for j in range(n):
+            above = [f"off({i - 1},{j})"] * (i > 0) + [f"off({i},{j - 1})"] * (j > 0)
+            for signs in product(("", NOT), repeat=len(above)):
+                body = ", ".join([sign + cell for sign, cell in zip(signs, above, strict=True)])
+                lines.append(f"{random.randint(1, 9) / 10}::off({i},{j}){f' :- {body}' if body else ''}.")
+    doors = [((i, j), other) for i in range(4) for j in range(4) for other in ((i, j + 1), (i + 1, j))]
+    doors = [(a, b) for a, b in doors if max(b) < 4]
+    cells = [(random.randrange(n), random.randrange(n)) for _ in range(4)]
+    locked = random.sample(doors, 4)
+    return make_case(
+        lines,
+        [f"door(r{a}{b},r{c}{d})." for (a, b), (c, d) in doors],
+        [
+            f"locked(r{a}{b},r{c}{d}) :- off({i},{j})."
+            for ((a, b), (c, d)), (i, j) in zip(locked, cells, strict=True)
+        ],
+        f"0.7::opens(X,Y) :- door(X,Y). passable(X,Y) :- opens(X,Y), {NOT}locked(X,Y).",
+        "reach(r00). reach(Y) :- passable(X,Y), reach(X). reach(X) :- passable(X,Y), reach(Y).",
+        f"evidence(off({n - 1},{n // 2})). evidence({NOT}off({n // 2},{n - 1})). evidence({NOT}reach(r03)).",
+        "query(reach(r33)).",
     )
 
 

@@ -1,4 +1,4 @@
-// A decision diagram; see circuit/decision_diagram.py.
+// A decision diagram; see diagram/decision_diagram.py.
 #pragma once
 
 #include <memory>

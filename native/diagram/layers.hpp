@@ -1,4 +1,4 @@
-// The layers of an arithmetic circuit, and the passes that answer questions; see circuit/layers.py.
+// The layers of an arithmetic circuit, and the passes that answer questions; see diagram/layers.py.
 #pragma once
 
 #include <algorithm>

@@ -83,7 +83,7 @@ def test_cr_rules(lcorpp):
 
 @pytest.mark.parametrize("query", ["intention", "?{intention=interested}"])
 def test_a_program_too_large_to_compile_is_estimated_with_a_warning(lcorpp, monkeypatch, query):
-    monkeypatch.setattr("lcorpp.reasoning.circuit.decision_diagram.build_decision_diagram.__defaults__", (1,))
+    monkeypatch.setattr("lcorpp.reasoning.diagram.decision_diagram.build_decision_diagram.__defaults__", (1,))
     ended = lcorpp("ask", PLOG / "lcorpp.plog", query)
     assert ended.code == 0
     assert "MiB of arcs in the decision diagram: estimated from 20000 worlds drawn at random" in ended.err
@@ -190,7 +190,7 @@ def test_expectations(lcorpp, tmp_path):
 
 
 def test_estimates_as_json(lcorpp, coin, monkeypatch):
-    monkeypatch.setattr("lcorpp.reasoning.circuit.decision_diagram.build_decision_diagram.__defaults__", (1,))
+    monkeypatch.setattr("lcorpp.reasoning.diagram.decision_diagram.build_decision_diagram.__defaults__", (1,))
     answer = json.loads(lcorpp("ask", coin, "{p}", "--json").out)["answer"]
     assert answer["low"] < 0.5 < answer["high"]
     assert answer["low"] < answer["estimate"] < answer["high"]
@@ -224,7 +224,7 @@ def test_an_interrupt_of_the_sampling_follows_the_message_that_it_begins(lcorpp,
     def interrupt(*_: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("lcorpp.reasoning.circuit.decision_diagram.build_decision_diagram.__defaults__", (1,))
+    monkeypatch.setattr("lcorpp.reasoning.diagram.decision_diagram.build_decision_diagram.__defaults__", (1,))
     monkeypatch.setattr("lcorpp.reasoning.estimation.sample_worlds", interrupt)
     ended = lcorpp("ask", PLOG / "lcorpp.plog", "intention")
     assert ended.code == 130

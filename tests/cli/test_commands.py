@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from lcorpp.planning import read_policy, read_pomdp
-from lcorpp.reasoning.circuit import decision_diagram
+from lcorpp.reasoning.diagram import decision_diagram
 from lcorpp.scoring.metrics import METRICS
 
 COLUMNS = ("strategy", *(f"{name}{end}" for name in METRICS for end in ("", "_low", "_high")))

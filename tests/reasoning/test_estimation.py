@@ -18,7 +18,7 @@ from lcorpp.values import Interval
 @pytest.fixture(autouse=True)
 def small(monkeypatch):
     """No program can be compiled."""
-    monkeypatch.setattr("lcorpp.reasoning.circuit.decision_diagram.build_decision_diagram.__defaults__", (1,))
+    monkeypatch.setattr("lcorpp.reasoning.diagram.decision_diagram.build_decision_diagram.__defaults__", (1,))
 
 
 def make_program(random: Random) -> str:

@@ -112,6 +112,6 @@ def test_errors():
 
 
 def test_too_large(monkeypatch):
-    monkeypatch.setattr("lcorpp.reasoning.circuit.decision_diagram.build_decision_diagram.__defaults__", (1,))
+    monkeypatch.setattr("lcorpp.reasoning.diagram.decision_diagram.build_decision_diagram.__defaults__", (1,))
     with pytest.raises(TooLargeError):
         asked(LCORPP, "intention")

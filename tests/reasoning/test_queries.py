@@ -169,7 +169,7 @@ def test_cr_rules():
 
 
 def test_samples_of_joints(monkeypatch):
-    monkeypatch.setattr("lcorpp.reasoning.circuit.decision_diagram.build_decision_diagram.__defaults__", (1,))
+    monkeypatch.setattr("lcorpp.reasoning.diagram.decision_diagram.build_decision_diagram.__defaults__", (1,))
     reasoner = Reasoner(HOUSE)
     with pytest.warns(ReasoningWarning):
         found = reasoner.posterior(["item", "person"], {"time": "noon"})
@@ -343,7 +343,7 @@ def test_the_name_of_a_joint_may_have_any_spaces():
 
 
 def test_expectations_of_samples(monkeypatch):
-    monkeypatch.setattr("lcorpp.reasoning.circuit.decision_diagram.build_decision_diagram.__defaults__", (1,))
+    monkeypatch.setattr("lcorpp.reasoning.diagram.decision_diagram.build_decision_diagram.__defaults__", (1,))
     hits = 0
     for seed in range(60):
         reasoner = Reasoner(DICE, samples=400, seed=seed)

@@ -25,7 +25,7 @@ GOLDEN = {"time": "afternoon", "location": "classroom", "classifier": "zero"}
 @pytest.fixture
 def small(monkeypatch):
     """Make every program too large for compilation."""
-    monkeypatch.setattr("lcorpp.reasoning.circuit.decision_diagram.build_decision_diagram.__defaults__", (1,))
+    monkeypatch.setattr("lcorpp.reasoning.diagram.decision_diagram.build_decision_diagram.__defaults__", (1,))
 
 
 def test_posterior_by_reasoner_and_enumeration():
@@ -249,7 +249,7 @@ def test_estimates_of_undefined_answers_are_errors(small):
 def test_large_programs_are_refused(monkeypatch):
     """30 terms that constraints join pairwise: more states than any machine could hold."""
     monkeypatch.setattr(
-        "lcorpp.reasoning.circuit.decision_diagram.build_decision_diagram.__defaults__", (200_000,)
+        "lcorpp.reasoning.diagram.decision_diagram.build_decision_diagram.__defaults__", (200_000,)
     )
     program = parse_plog(
         "i = {1..30}. c : i -> i. random(c(I)). #domain i(I;J). same : i, i -> boolean."
@@ -262,7 +262,7 @@ def test_large_programs_are_refused(monkeypatch):
 
 
 def test_the_progress_of_a_large_diagram_is_reported(monkeypatch):
-    monkeypatch.setattr("lcorpp.reasoning.circuit.decision_diagram.TRIALS", ((0, 1e3),))
+    monkeypatch.setattr("lcorpp.reasoning.diagram.decision_diagram.TRIALS", ((0, 1e3),))
     reports = []
     query = parse_query("intention | obs(time=morning)", LCORPP)
     found = Reasoner(LCORPP).ask(query, progress=lambda share, text: reports.append((share, text)))

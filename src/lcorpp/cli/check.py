@@ -101,11 +101,9 @@ def check(
 
 def _check_network(program: Program) -> None:
     """Print the size of a Bayesian network, and what the marginals of all variables cost."""
-    from lcorpp.reasoning.factors.choice import choose_network
-    from lcorpp.reasoning.factors.network import describe_cost
+    from lcorpp.reasoning.factors.network import describe_cost, make_table_network
 
-    network = choose_network(program, {}, (), program.attributes)
-    assert network is not None  # the reader has checked the tables
+    network = make_table_network(program, {})
     n_numbers = sum(len(factor.table) for factor in network.graph.factors)
     try:
         cost = f"an answer for all {describe_cost(network.find_plan((), (), (), True))}: OK"

@@ -17,7 +17,7 @@ import numpy.typing as npt
 from scipy import sparse
 
 from lcorpp.errors import ProgramError, expected_one_of
-from lcorpp.reasoning.circuit.decision_diagram import DecisionDiagram, build_decision_diagram
+from lcorpp.reasoning.diagram.decision_diagram import DecisionDiagram, build_decision_diagram
 from lcorpp.reasoning.grounding.ground_program import DERIVE, FORBID, GroundProgram
 from lcorpp.reasoning.grounding.grounder import ground_program
 from lcorpp.reasoning.language.program import Program

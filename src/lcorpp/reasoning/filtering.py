@@ -27,8 +27,8 @@ from lcorpp.reasoning.answers import (
     make_no_value_error,
     make_no_world_error,
 )
-from lcorpp.reasoning.circuit.decision_diagram import build_decision_diagram
-from lcorpp.reasoning.circuit.layers import build_layers, weigh
+from lcorpp.reasoning.diagram.decision_diagram import build_decision_diagram
+from lcorpp.reasoning.diagram.layers import build_layers, weigh
 from lcorpp.reasoning.evidence import Codes, EncodedEvidence, EvidenceEncoder
 from lcorpp.reasoning.grounding.ground_program import GroundProgram
 from lcorpp.reasoning.grounding.grounder import ground_program

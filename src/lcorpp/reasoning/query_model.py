@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import cached_property
-from math import inf
 from typing import TYPE_CHECKING
 
 from lcorpp.errors import ProgramError, check_type
-from lcorpp.reasoning.circuit.decision_diagram import build_decision_diagram
+from lcorpp.reasoning.circuit.choice import choose_engine
+from lcorpp.reasoning.diagram.decision_diagram import DecisionDiagram, build_decision_diagram
 from lcorpp.reasoning.grounding.grounder import ground_program
 from lcorpp.reasoning.language.program import Program
 from lcorpp.reasoning.language.syntax import Query
@@ -16,7 +16,6 @@ from lcorpp.reasoning.questions import get_interventions, is_joint, list_questio
 from lcorpp.reasoning.transitions.transition_system import TransitionSystem, build_transition_system
 
 if TYPE_CHECKING:
-    from lcorpp.reasoning.factors.network import TableNetwork
     from lcorpp.reasoning.grounding.ground_program import GroundProgram
     from lcorpp.reasoning.inference import Worlds
 
@@ -66,25 +65,22 @@ class QueryModel:
             TooLargeError: the program is too large to be compiled.
             ProgramError: a world violates a condition of the language.
         """
-        from lcorpp.reasoning.circuit.world_queries import WorldQueries  # a decision needs no worlds
+        from lcorpp.reasoning.diagram.world_queries import WorldQueries  # a decision needs no worlds
 
-        def expand() -> WorldQueries:
-            return WorldQueries(build_decision_diagram(self.system, progress=self.progress))
+        engine = choose_engine(
+            self.program,
+            get_interventions(self.query),
+            self._questions,
+            self._facts,
+            self,
+            observed=self._observed,
+            asked=self.query.formula,
+            progress=self.progress,
+        )
+        if isinstance(engine, DecisionDiagram):
+            return WorldQueries(engine)
+        from lcorpp.reasoning.circuit.table_worlds import TableWorlds  # imports numpy
 
-        network = self._find_network()
-        if network is None:
-            return expand()
-        from lcorpp.reasoning.circuit.table_worlds import TableWorlds
-
-        return TableWorlds(network, expand)
-
-    def _find_network(self) -> TableNetwork | None:
-        """Find the tables; None if the decision diagram is cheaper, or there are none."""
-        has_tables = self.program.has_tables
-        if not (has_tables or self.system.tree.may_be_tables):
-            return None
-        from lcorpp.reasoning.factors.choice import choose_network  # imports numpy
-
-        do, asked = get_interventions(self.query), self.query.formula
-        nodes = inf if has_tables else self.system.tree.nodes
-        return choose_network(self.program, do, self._questions, self._facts, nodes, self._observed, asked)
+        return TableWorlds(
+            engine, lambda: WorldQueries(build_decision_diagram(self.system, progress=self.progress))
+        )

@@ -43,6 +43,13 @@ def list_terms(question: str) -> list[str]:
     return question.removeprefix(QUERY_TERM).split(", ")
 
 
+def list_question_terms(question: str) -> list[str]:
+    """List the terms of a question: those of a joint, or itself; none of ""."""
+    if is_joint(question):
+        return list_terms(question)
+    return [question] if question else []
+
+
 def list_values(program: Program, question: str) -> tuple[Any, ...]:
     """List the values of a term, or of a joint.
 

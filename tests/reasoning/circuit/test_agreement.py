@@ -14,14 +14,14 @@ from hypothesis import HealthCheck, given, settings
 from tests.reasoning.circuit.maps import maps
 from tests.reasoning.circuit.programs import Case, cases
 from tests.reasoning.circuit.trees import trees
+from tests.reasoning.engines import force_tables
 
 from lcorpp.errors import NoValueError, ProgramError, UndefinedError
 from lcorpp.reasoning import Enumeration, parse_plog, parse_query
-from lcorpp.reasoning.circuit import decision_diagram
 from lcorpp.reasoning.circuit.circuit import Circuit
-from lcorpp.reasoning.factors import choice
+from lcorpp.reasoning.diagram import decision_diagram
 from lcorpp.reasoning.reasoner import Reasoner
-from lcorpp.reasoning.transitions import elimination_tree, order_search
+from lcorpp.reasoning.transitions import order_search
 from lcorpp.values import Distribution, Likelihood
 
 
@@ -32,9 +32,7 @@ def engine(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> N
         monkeypatch.setattr(decision_diagram, "TRIALS", ((0, 1e4),))
         monkeypatch.setattr(order_search, "MIN_GAIN", -inf)
     if request.param == "tables":
-        monkeypatch.setattr(elimination_tree, "MAX_DIAGRAM_WIDTH", -1)
-        monkeypatch.setattr(elimination_tree, "MAX_PRUNED_WIDTH", -1)
-        monkeypatch.setattr(choice, "is_cheaper", lambda *_: True)
+        force_tables(monkeypatch)
 
 
 SUITE = settings(max_examples=15, suppress_health_check=list(HealthCheck))

@@ -102,6 +102,6 @@ def test_too_many_inputs_are_refused():
 
 
 def test_too_many_states_are_refused(monkeypatch):
-    monkeypatch.setattr("lcorpp.reasoning.circuit.decision_diagram.build_decision_diagram.__defaults__", (5,))
+    monkeypatch.setattr("lcorpp.reasoning.diagram.decision_diagram.build_decision_diagram.__defaults__", (5,))
     with pytest.raises(TooLargeError, match=r"lcorpp\.plog: more than \S+ MiB of arcs in the decision"):
         REASONER.compile(INPUTS, "intention")

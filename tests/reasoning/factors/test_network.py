@@ -8,6 +8,7 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
+from tests.reasoning.engines import force_tables
 from tests.reasoning.factors.networks import compute_joint, make_network
 
 from lcorpp.errors import TooLargeError, UndefinedError
@@ -21,10 +22,9 @@ from lcorpp.reasoning import (
     program_text,
     save_circuit,
 )
-from lcorpp.reasoning.factors import choice, network as tables
+from lcorpp.reasoning.factors import network as tables
 from lcorpp.reasoning.factors._tables import Network
 from lcorpp.reasoning.language.networks.bif import parse_bif
-from lcorpp.reasoning.transitions import elimination_tree
 from lcorpp.values import Likelihood
 
 
@@ -255,9 +255,7 @@ def test_threads_share_a_circuit():
 @pytest.fixture
 def only_tables(monkeypatch):
     """Tables wherever a program has them."""
-    monkeypatch.setattr(elimination_tree, "MAX_DIAGRAM_WIDTH", -1)
-    monkeypatch.setattr(elimination_tree, "MAX_PRUNED_WIDTH", -1)
-    monkeypatch.setattr(choice, "is_cheaper", lambda *_: True)
+    force_tables(monkeypatch)
 
 
 @pytest.mark.usefixtures("only_tables")

@@ -10,7 +10,7 @@ import pytest
 
 from lcorpp.reasoning import Program, Reasoner, parse_plog
 from lcorpp.reasoning._diagram import CompiledTransition
-from lcorpp.reasoning.circuit.decision_diagram import build_decision_diagram
+from lcorpp.reasoning.diagram.decision_diagram import build_decision_diagram
 from lcorpp.reasoning.grounding.grounder import ground_program
 from lcorpp.reasoning.transitions import recursion_order
 from lcorpp.reasoning.transitions.closure import Closure

@@ -11,8 +11,8 @@ from hypothesis import given, strategies as st
 from lcorpp.errors import TooLargeError
 from lcorpp.reasoning import Program, Reasoner, parse_plog
 from lcorpp.reasoning._diagram import improve_order
-from lcorpp.reasoning.circuit import decision_diagram
-from lcorpp.reasoning.circuit.decision_diagram import build_decision_diagram
+from lcorpp.reasoning.diagram import decision_diagram
+from lcorpp.reasoning.diagram.decision_diagram import build_decision_diagram
 from lcorpp.reasoning.grounding.grounder import ground_program
 from lcorpp.reasoning.transitions.transition_system import build_transition_system
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from lcorpp.reasoning import parse_plog
-from lcorpp.reasoning.circuit.decision_diagram import build_decision_diagram
+from lcorpp.reasoning.diagram.decision_diagram import build_decision_diagram
 from lcorpp.reasoning.grounding.grounder import ground_program
 from lcorpp.reasoning.transitions.transition_system import build_transition_system
 

@@ -1,7 +1,4 @@
-"""Steps 3 to 5 of compilation: transition system -> decision diagram -> layers -> answers.
+"""Compiled programs: `Circuit` answers one kind of question for new evidence.
 
-`decision_diagram` expands the transition system to an AND/OR graph with arc probabilities; `layers` sums the
-steps between the observed terms out, and evaluates what remains by upward and downward passes for new
-evidence, as `Circuit` asks; `compiler` chooses between these and tables. `world_queries` answers questions
-about whole worlds on the diagram itself.
+`compiler` chooses between the layers of a decision diagram (`diagram`) and tables (`factors`).
 """

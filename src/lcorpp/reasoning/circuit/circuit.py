@@ -18,9 +18,10 @@ from lcorpp.reasoning.answers import (
     make_no_world_error,
     normalise_marginal,
 )
-from lcorpp.reasoning.circuit.decision_diagram import DecisionDiagram, build_decision_diagram
-from lcorpp.reasoning.circuit.layers import weigh
+from lcorpp.reasoning.diagram.decision_diagram import DecisionDiagram, build_decision_diagram
+from lcorpp.reasoning.diagram.layers import weigh
 from lcorpp.reasoning.evidence import Codes, Column, EncodedEvidence, EvidenceEncoder
+from lcorpp.reasoning.grounding.ground_program import GroundProgram
 from lcorpp.reasoning.grounding.grounder import ground_program
 from lcorpp.reasoning.language.program import Program
 from lcorpp.reasoning.questions import list_values
@@ -31,13 +32,13 @@ from lcorpp.values import Array, Distribution, Label
 if TYPE_CHECKING:
     from lcorpp.reasoning._diagram import Layers
     from lcorpp.reasoning.circuit.table_worlds import TableWorlds
-    from lcorpp.reasoning.circuit.world_queries import WorldQueries
+    from lcorpp.reasoning.diagram.world_queries import WorldQueries
     from lcorpp.reasoning.factors.network import TableNetwork
 
 CACHE_SIZE = 100_000
 """A circuit caches at most this many answers."""
 
-EXPANDED = ("system", "diagram", "world_queries")
+EXPANDED = ("ground", "system", "diagram", "world_queries")
 """What a circuit computes again when it is first needed, so that a pickled circuit is small."""
 
 Answer = Distribution | dict[str, Distribution]
@@ -232,10 +233,14 @@ class Circuit:
     # worlds
 
     @cached_property
+    def ground(self) -> GroundProgram:
+        """The ground program."""
+        return ground_program(self.program, self.do, queried=self.queries)
+
+    @cached_property
     def system(self) -> TransitionSystem:
         """The program as a transition system; that of its decision diagram may have a better order."""
-        ground = ground_program(self.program, self.do, queried=self.queries)
-        return build_transition_system(ground, self._variables)
+        return build_transition_system(self.ground, self._variables)
 
     @cached_property
     def diagram(self) -> DecisionDiagram:
@@ -245,7 +250,7 @@ class Circuit:
     @cached_property
     def world_queries(self) -> WorldQueries:
         """Queries about whole worlds; a loaded circuit expands its program when it first needs them."""
-        from lcorpp.reasoning.circuit.world_queries import WorldQueries  # rarely needed
+        from lcorpp.reasoning.diagram.world_queries import WorldQueries  # rarely needed
 
         return WorldQueries(self.diagram)
 

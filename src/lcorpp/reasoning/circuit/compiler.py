@@ -6,8 +6,10 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from lcorpp.errors import ProgramError
+from lcorpp.reasoning.circuit.choice import choose_engine
 from lcorpp.reasoning.circuit.circuit import Circuit
-from lcorpp.reasoning.circuit.layers import build_layers
+from lcorpp.reasoning.diagram.decision_diagram import DecisionDiagram
+from lcorpp.reasoning.diagram.layers import build_layers
 from lcorpp.reasoning.language.program import Program
 from lcorpp.reasoning.resolve import resolve_inputs, resolve_interventions, resolve_queries
 
@@ -42,19 +44,10 @@ def compile_program(
         )
     do = resolve_interventions(program, do)
     circuit = Circuit(program, names, queries[0] if isinstance(query, str) else queries, do)
-    circuit.network = _find_network(circuit, networks if networks is not None else {})
-    if circuit.network is None:
-        circuit.layers = build_layers(circuit.diagram, dict.fromkeys((*names, *queries)))
+    engine = choose_engine(program, do, circuit.queries, circuit.inputs, circuit, networks=networks)
+    if isinstance(engine, DecisionDiagram):
+        circuit.diagram = engine
+        circuit.layers = build_layers(engine, dict.fromkeys((*names, *queries)))
+    else:
+        circuit.network = engine
     return circuit
-
-
-def _find_network(circuit: Circuit, networks: dict[object, TableNetwork]) -> TableNetwork | None:
-    """Find the tables of a program; None if its decision diagram is cheaper, or the program has no tables."""
-    program, do = circuit.program, circuit.do
-    if not (program.has_tables or circuit.system.tree.may_be_tables):
-        return None
-    from lcorpp.reasoning.factors.choice import choose_network, find_network  # few programs are tables
-
-    if program.has_tables:
-        return find_network(program, do, networks)
-    return choose_network(program, do, circuit.queries, circuit.inputs, circuit.system.tree.nodes)

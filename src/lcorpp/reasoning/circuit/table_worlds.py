@@ -11,11 +11,11 @@ import numpy as np
 import numpy.typing as npt
 
 from lcorpp.reasoning.answers import PossibleWorld, Value
-from lcorpp.reasoning.circuit.world_queries import WorldQueries
+from lcorpp.reasoning.diagram.world_queries import WorldQueries
 from lcorpp.reasoning.evidence import EncodedEvidence
 from lcorpp.reasoning.factors.exact import sum_exactly
-from lcorpp.reasoning.factors.network import TableNetwork, list_question_terms
-from lcorpp.reasoning.questions import is_joint
+from lcorpp.reasoning.factors.network import TableNetwork
+from lcorpp.reasoning.questions import is_joint, list_question_terms
 
 if TYPE_CHECKING:
     from numpy.random import Generator

@@ -13,28 +13,22 @@ product of all factors at its outcomes. Example:
 
 from __future__ import annotations
 
-from collections import defaultdict
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
-from graphlib import CycleError, TopologicalSorter
 from itertools import product
 from math import prod
 
 import numpy as np
 
+from lcorpp.errors import ProgramError, TooLargeError
+from lcorpp.reasoning.factors.block_table import BlockTable
+from lcorpp.reasoning.factors.blocks import Block, Part
+from lcorpp.reasoning.factors.division import Division
 from lcorpp.reasoning.grounding.ground_program import Clause, GroundProgram
-from lcorpp.reasoning.grounding.simplification import simplify
 from lcorpp.reasoning.language.networks.bayesian_network import BayesianNetwork, ProbabilityTable
 from lcorpp.reasoning.transitions.local_distribution import ProbabilityCache, enumerate_outcomes
-from lcorpp.reasoning.transitions.relevance import separate_irrelevant_rules
 from lcorpp.values import Array
-
-MAX_ENTRIES = 2**16
-"""A table that is computed from clauses has at most this many entries; larger ones are better expanded."""
-
-MAX_TERMS = 20_000
-"""Programs with more terms are expanded: an elimination order takes time and memory for pairs of terms."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,13 +42,15 @@ class Factor:
 
     scope: tuple[int, ...]
     table: Array
-    source: ProbabilityTable | Sequence[Fraction]
+    source: ProbabilityTable | BlockTable | Sequence[Fraction]
     child: int
 
     def list_fractions(self) -> list[Fraction]:
         """List the entries as fractions."""
         if isinstance(self.source, ProbabilityTable):
             return [number for row in self.source.list_fractions() for number in row]
+        if isinstance(self.source, BlockTable):
+            return self.source.list_fractions()
         return list(self.source)
 
 
@@ -101,118 +97,93 @@ def make_network_graph(network: BayesianNetwork, do: Mapping[str, str]) -> Facto
     return FactorGraph(program, range(len(names)), [range(len(own)) for own in values], factors, variable_of)
 
 
-def build_factor_graph(
-    program: GroundProgram,
-    queried: Iterable[str],
-    tables: Mapping[str, ProbabilityTable] | None = None,
-) -> FactorGraph | None:
-    """Build the factors of a ground program.
+def build_factor_graph(division: Division, tables: Mapping[str, ProbabilityTable]) -> FactorGraph | None:
+    """Compute the factors of a program that is divided.
 
     Args:
-        queried: terms that questions and evidence will name.
         tables: term -> its distribution, for terms whose selections have no other pr-atoms.
 
     Returns:
-        None if terms depend on each other in a cycle, a table would be too large, or a condition of the
-        language may be broken; the decision diagram then is the way.
+        None if a block is too large, or a condition of the language may be broken; the decision diagram then
+        is the way.
     """
-    program, numbers = program.number_terms(set(queried))
-    clauses, masks = simplify(program)
-    needed = set(numbers.values())
-    table_of = (
-        {term: tables[name] for term, name in enumerate(program.names) if name in tables} if tables else {}
-    )
-    table_of = {term: table for term, table in table_of.items() if term not in program.do}
-    number_of = {name: term for term, name in enumerate(program.names)} if table_of else {}
-    for table in table_of.values():
-        needed.update([number_of[parent] for parent in table.parents])
-    clauses, _, _ = separate_irrelevant_rules(program, clauses, needed)
-    builder = _Builder(program, clauses, masks)
-    terms = sorted({c.term for c in clauses if c.term >= 0} | program.do.keys() | needed | builder.bodies)
-    if len(terms) > MAX_TERMS:
+    builder = _Builder(division, tables)
+    if not all(builder.add_table(part) for part in division.tables):
         return None
-    for term in terms:
-        if term in table_of:
-            parents = tuple([number_of[parent] for parent in table_of[term].parents])
-            builder.add_table(term, parents, table_of[term])
-        elif not builder.add_term(term):
-            return None
-    if not (builder.is_acyclic() and builder.add_constraints()):
+    if not all(builder.add_block(block) for block in division.blocks):
         return None
-    variable_of = {term: i for i, term in enumerate(terms)}
+    inner = {term for block in division.blocks for term in block.inner}
+    variable_of = {term: i for i, term in enumerate([term for term in division.terms if term not in inner])}
     factors = [
         Factor(tuple([variable_of[t] for t in f.scope]), f.table, f.source, variable_of.get(f.child, -1))
         for f in builder.factors
     ]
-    queried_variables = {name: variable_of[term] for name, term in numbers.items()}
-    outcomes = [builder.outcomes_of[term] for term in terms]
-    has_worlds = all(outcomes) and all(clause.body for clause in clauses if clause.term < 0)
-    return FactorGraph(program, terms, outcomes, factors, queried_variables, has_worlds)
+    queried = {name: variable_of[term] for name, term in division.numbers.items()}
+    outcomes = [division.outcomes_of[term] for term in variable_of]
+    return FactorGraph(division.program, list(variable_of), outcomes, factors, queried, division.has_worlds)
 
 
 class _Builder:
     """Builds factors over the terms of the ground program."""
 
-    def __init__(self, program: GroundProgram, clauses: Sequence[Clause], masks: Sequence[int]) -> None:
-        self._program = program
-        self._clauses_of: defaultdict[int, list[Clause]] = defaultdict(list)
-        for clause in clauses:
-            self._clauses_of[clause.term].append(clause)
-        self.bodies = {literal[0] for clause in clauses for literal in clause.body}
-        decoded: dict[int, list[int]] = {}
-        self.outcomes_of = [
-            decoded.get(mask)
-            or decoded.setdefault(mask, [i for i in range(mask.bit_length()) if mask >> i & 1])
-            for mask in masks
-        ]
-        self.observed: set[int] = set()  # terms of which constraints exclude outcomes
-        for clause in self._clauses_of.get(-1, ()):
-            if len(clause.body) == 1:
-                ((term, mask, _),) = clause.body
-                self.outcomes_of[term] = [i for i in self.outcomes_of[term] if not mask >> i & 1]
-                self.observed.add(term)
+    def __init__(self, division: Division, tables: Mapping[str, ProbabilityTable]) -> None:
+        self._program, self._division, self._tables = division.program, division, tables
         self.factors: list[Factor] = []
-        self._needs: dict[int, tuple[int, ...]] = {}
         self._probabilities: ProbabilityCache = {}
 
-    def is_acyclic(self) -> bool:
-        """Whether no term depends on itself."""
-        try:
-            TopologicalSorter(self._needs).prepare()
-        except CycleError:
-            return False
-        return True
+    def add_table(self, part: Part) -> bool:
+        """Add the factor of a part; return False if a condition of the language may be broken."""
+        if not part.terms:
+            self._add_constraints(tuple(sorted(part.scope)), self._division.constraints[part.scope])
+            return True
+        (term,) = part.terms
+        name = self._program.names[term]
+        if name in self._tables and term not in self._program.do:
+            self._add_given(term, self._tables[name])
+            return True
+        return self._add_term(term)
 
-    def add_table(self, term: int, parents: tuple[int, ...], table: ProbabilityTable) -> None:
+    def add_block(self, block: Block) -> bool:
+        """Add the factor of a block; return False if it is too large, or a condition may be broken."""
+        division = self._division
+        defined = [term for part in block.parts for term in part.terms]
+        keys = [part.scope for part in block.parts if not part.terms]
+        keys += [frozenset([term]) for term in defined if term in division.observed]
+        clauses = [clause for term in defined for clause in division.clauses_of.get(term, ())]
+        clauses += [clause for key in keys for clause in division.constraints[key]]
+        outcomes = {term: division.outcomes_of[term] for term in block.boundary}
+        inputs = {term: own for term, own in outcomes.items() if term not in defined}
+        table = BlockTable.from_clauses(self._program, clauses, outcomes, inputs)
+        try:
+            array = table.compute()
+        except (ProgramError, TooLargeError):  # the whole program has fewer worlds, maybe without the reason
+            return False
+        if array is not None:
+            self.factors.append(Factor(block.boundary, array, table, -1))
+        return array is not None
+
+    def _add_given(self, term: int, table: ProbabilityTable) -> None:
         """Add a distribution that is given."""
-        self._needs[term] = parents
-        scope = (*parents, term)
-        sizes = [len(self.outcomes_of[t]) for t in scope]
+        division = self._division
+        scope = (*division.parents_of[term], term)
+        sizes = [len(division.outcomes_of[t]) for t in scope]
         if sizes == list(table.numbers.shape):
             self.factors.append(Factor(scope, table.probabilities.ravel(), table, term))
             return
         # only some of the values are possible, by interventions or observations
-        chosen = np.ix_(*[self.outcomes_of[t] for t in scope])
+        chosen = np.ix_(*[division.outcomes_of[t] for t in scope])
         array = table.probabilities[chosen]
         indexes = np.arange(table.numbers.size).reshape(table.numbers.shape)[chosen].ravel()
         fractions = [number for row in table.list_fractions() for number in row]
-        child = -1 if term in self.observed else term
+        child = -1 if term in division.observed else term
         self.factors.append(Factor(scope, array.ravel(), [fractions[i] for i in indexes], child))
 
-    def add_term(self, term: int) -> bool:
+    def _add_term(self, term: int) -> bool:
         """Add the distribution of a term given its clauses; return False if it is no table."""
-        clauses = self._clauses_of.get(term, [])
-        parents = tuple(dict.fromkeys([literal[0] for clause in clauses for literal in clause.body]))
-        if term in parents:
-            return False
-        self._needs[term] = parents
-        own = self.outcomes_of[term]
-        sizes = [len(self.outcomes_of[t]) for t in parents]
-        if not own or not all(sizes):  # there is no world
-            return True
-        if prod(sizes) * len(own) > MAX_ENTRIES:
-            return False
-        found = self._compute_table(term, clauses, parents, sizes, own)
+        division = self._division
+        clauses, parents = division.clauses_of.get(term, ()), division.parents_of[term]
+        sizes = [len(division.outcomes_of[t]) for t in parents]
+        found = self._compute_table(term, clauses, parents, sizes, division.outcomes_of[term])
         if found is None:
             return False
         array, fractions, is_distribution = found
@@ -248,7 +219,7 @@ class _Builder:
                         return None
                     if value in index_of:
                         row[index_of[value]] = weight
-                    elif weight and term not in self.observed:
+                    elif weight and term not in self._division.observed:
                         return None
                 rows[key] = row
             fractions += rows[key]
@@ -268,25 +239,17 @@ class _Builder:
             for term, mask, _ in clause.body:
                 masks[term] = masks.get(term, -1) & mask
             for term, mask in masks.items():
-                chosen[place[term]] = [i for i, o in enumerate(self.outcomes_of[term]) if mask >> o & 1]
+                chosen[place[term]] = [
+                    i for i, o in enumerate(self._division.outcomes_of[term]) if mask >> o & 1
+                ]
             for combination in product(*chosen):
                 true_at[sum([i * stride for i, stride in zip(combination, strides, strict=True)])].append(
                     number
                 )
         return true_at
 
-    def add_constraints(self) -> bool:
-        """Add a factor for each set of terms that constraints are about; return False if one is too large."""
-        by_scope: defaultdict[tuple[int, ...], list[Clause]] = defaultdict(list)
-        for clause in self._clauses_of.get(-1, ()):
-            if len(clause.body) == 1:  # among the outcomes already
-                continue
-            by_scope[tuple(sorted({literal[0] for literal in clause.body}))].append(clause)
-        for scope, clauses in by_scope.items():
-            sizes = [len(self.outcomes_of[term]) for term in scope]
-            if prod(sizes) > MAX_ENTRIES:
-                return False
-            true_at = self._list_true(clauses, scope, sizes)
-            fractions = [Fraction(not true) for true in true_at]
-            self.factors.append(Factor(scope, np.array(fractions, dtype=np.float64), fractions, -1))
-        return True
+    def _add_constraints(self, scope: tuple[int, ...], clauses: Sequence[Clause]) -> None:
+        """Add a factor of zeros and ones for constraints about the same terms."""
+        true_at = self._list_true(clauses, scope, [len(self._division.outcomes_of[term]) for term in scope])
+        fractions = [Fraction(not true) for true in true_at]
+        self.factors.append(Factor(scope, np.array(fractions, dtype=np.float64), fractions, -1))

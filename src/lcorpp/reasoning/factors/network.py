@@ -8,7 +8,7 @@ Source: Dechter, "Bucket elimination: a unifying framework for reasoning", Artif
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 
 import numpy as np
@@ -17,8 +17,10 @@ import numpy.typing as npt
 from lcorpp.errors import TooLargeError
 from lcorpp.reasoning.evidence import Codes, EncodedEvidence
 from lcorpp.reasoning.factors._tables import Network, Plan
-from lcorpp.reasoning.factors.factor_graph import FactorGraph
-from lcorpp.reasoning.questions import is_joint, list_terms
+from lcorpp.reasoning.factors.factor_graph import FactorGraph, make_network_graph
+from lcorpp.reasoning.language.networks.bayesian_network import BayesianNetwork
+from lcorpp.reasoning.language.program import Program
+from lcorpp.reasoning.questions import is_joint, list_question_terms, list_terms
 from lcorpp.values import Array
 
 MAX_BYTES = 2**31
@@ -250,6 +252,12 @@ class TableNetwork:
         return split
 
 
+def make_table_network(network: Program, do: Mapping[str, str]) -> TableNetwork:
+    """Make the tables of a Bayesian network with interventions, term -> value."""
+    assert isinstance(network, BayesianNetwork)
+    return TableNetwork(make_network_graph(network, do))
+
+
 def describe_cost(plan: Plan) -> str:
     """Describe what a plan costs: its largest table, memory and time."""
     memory, seconds = plan.memory / 2**20, plan.cost * SECONDS
@@ -257,13 +265,6 @@ def describe_cost(plan: Plan) -> str:
         f"sums a table of {2**plan.width:.3g} entries, about {max(memory, 1):.3g} MiB and"
         f" {max(seconds, 0.01):.2g} s"
     )
-
-
-def list_question_terms(question: str) -> list[str]:
-    """List the terms of a question: those of a joint, or itself; none of ""."""
-    if is_joint(question):
-        return list_terms(question)
-    return [question] if question else []
 
 
 def _are_marginals(questions: Sequence[str]) -> bool:

@@ -6,6 +6,6 @@ each other in a cycle, or (usually) one term. `elimination_tree` arranges the co
 the bodies of rules become the bits of a state, through which steps communicate. `local_distribution`,
 `recursive_components` and `stratified` define the outcomes of a step, `transition` their effect on the state;
 `linear_recursion` describes recursive components such as reachability, which are decided rule by rule
-(`recursion_frontier`, `closure`). `circuit.decision_diagram`
+(`recursion_frontier`, `closure`). `diagram.decision_diagram`
 expands the system; `rejection_sampling` samples from it if the program is too large to be compiled.
 """

@@ -41,11 +41,11 @@ MAX_FRONTIER = 24
 MAX_DIAGRAM_WIDTH = 8
 """Decision diagrams that may have levels of more than 2 to this power nodes are compared with tables."""
 
-MAX_PRUNED_WIDTH = 20
-"""The same for programs with constraints, which usually cut most of the nodes off."""
-
 MAX_SCOPE_BITS = 16
 """Terms that depend on more bits of others are no tables."""
+
+MAX_PRUNED_WIDTH = 20
+"""The same for programs with constraints, which usually cut most of the nodes off."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -58,8 +58,8 @@ class EliminationTree:
     ends: step -> the end of the range of its subtree.
     recursions: the components without a step of their own, see `linear_recursion`.
     width: bits of the largest set of components on which a step may depend.
-    may_be_tables: whether the diagram may be so large that tables are compared with it, and each term depends
-        on few others.
+    is_wide: whether the diagram may be so large that tables are compared with it.
+    has_blocks: whether there are components of several terms, or terms that depend on many others.
     """
 
     order: Sequence[tuple[int, ...]]
@@ -68,7 +68,8 @@ class EliminationTree:
     ends: Sequence[int]
     recursions: Sequence[LinearRecursion]
     width: float
-    may_be_tables: bool
+    is_wide: bool
+    has_blocks: bool
 
     @property
     def nodes(self) -> float:
@@ -168,14 +169,16 @@ def build_elimination_tree(
     if len(components) < len(terms):
         random = {clause.term for clause in clauses if clause.kind is SELECT} | program.do.keys()
         _merge_deterministic(components, children, random.union(*[own.guesses for own, _ in recursions]))
-    may_be_tables = width > (MAX_PRUNED_WIDTH if groups else MAX_DIAGRAM_WIDTH) and not (
-        recursions
+    has_blocks = (
+        bool(recursions)
         or len(components) < len(terms)
         or any(
             sizes[i] + sum([sizes[n] for n in own]) > MAX_SCOPE_BITS for i, own in enumerate(component_needs)
         )
     )
-    return _number_nodes(components, children, [own for own, _ in recursions], width, may_be_tables)
+    is_wide = width > (MAX_PRUNED_WIDTH if groups else MAX_DIAGRAM_WIDTH)
+    own_recursions = [own for own, _ in recursions]
+    return _number_nodes(components, children, own_recursions, width, is_wide, has_blocks)
 
 
 def _merge_deterministic(
@@ -209,7 +212,8 @@ def _number_nodes(
     children: list[list[int]],
     recursions: Sequence[LinearRecursion],
     width: float,
-    may_be_tables: bool,
+    is_wide: bool,
+    has_blocks: bool,
 ) -> EliminationTree:
     """Number the nodes of a tree depth first; brothers keep their order. The last children are the roots."""
     nodes = list_depth_first(children)  # step -> node
@@ -222,6 +226,5 @@ def _number_nodes(
         if numbered[step]:  # the subtree ends with that of the last child
             ends[step] = ends[numbered[step][-1]]
     order = [components[node] for node in nodes]
-    return EliminationTree(
-        order, numbered, [step_of[root] for root in children[-1]], ends, recursions, width, may_be_tables
-    )
+    roots = [step_of[root] for root in children[-1]]
+    return EliminationTree(order, numbered, roots, ends, recursions, width, is_wide, has_blocks)

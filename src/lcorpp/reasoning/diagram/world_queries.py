@@ -17,12 +17,12 @@ from operator import mul
 from typing import TYPE_CHECKING, Any
 
 from lcorpp.reasoning.answers import PossibleWorld, Value
-from lcorpp.reasoning.circuit.decision_diagram import Arcs, DecisionDiagram, decode_world, iterate_arcs
+from lcorpp.reasoning.diagram.decision_diagram import Arcs, DecisionDiagram, decode_world, iterate_arcs
 
 if TYPE_CHECKING:
     import numpy as np
 
-    from lcorpp.reasoning.circuit.best_paths import Choice, Track
+    from lcorpp.reasoning.diagram.best_paths import Choice, Track
 
     _Sampler = list[list[tuple[list[float], list[Choice]]]]
     """For each node of each step: (cumulative probabilities of its arcs, arcs)"""
@@ -62,13 +62,17 @@ class WorldQueries:
 
     def _list_arcs(self, evidence: Mapping[str, str]) -> list[Arcs]:
         """List the arcs of each step that agree with the evidence."""
+        system = self.diagram.system
+        terms = [system.term_numbers[name] for name in evidence]
+        observed = zip(terms, evidence.values(), strict=True)
+        return self._select_arcs({term: system.program.values[term].index(value) for term, value in observed})
+
+    def _select_arcs(self, outcome_of: Mapping[int, int]) -> list[Arcs]:
+        """List the arcs of each step with some outcomes of terms."""
         diagram = self.diagram
-        system, outcomes = diagram.system, diagram.outcomes
-        arcs_of = list(diagram.arcs)
-        for name, value in evidence.items():
-            term = system.term_numbers[name]
+        outcomes, arcs_of = diagram.outcomes, list(diagram.arcs)
+        for term, observed in outcome_of.items():
             step, i = self._position_of[term]
-            observed = system.program.values[term].index(value)
             labels = arcs_of[step].outcomes
             kept = [k for k, label in enumerate(labels) if outcomes[label].values[i] == observed]
             arcs_of[step] = arcs_of[step].select(kept)
@@ -82,11 +86,17 @@ class WorldQueries:
         weights, unit = self._find_integers(arcs_of)
         return {value: w * unit for value, w in self._sum_measures(query, arcs_of, weights).items()}
 
+    def compute_measure(self, outcome_of: Mapping[int, int]) -> Fraction:
+        """Sum the measures of the worlds with some outcomes of terms, by number."""
+        arcs_of = self._select_arcs(outcome_of)
+        weights, unit = self._find_integers(arcs_of)
+        return Fraction(self._sum_measures("", arcs_of, weights).get("", 0) * unit)
+
     def compute_float_weights(self, query: str, evidence: Mapping[str, str]) -> dict[Value, float]:
         """Sum as `compute_exact_weights` in floating point; only the ratios matter."""
         if self._excludes(evidence):
             return {}
-        from lcorpp.reasoning.circuit.layers import build_layers  # fractions need none
+        from lcorpp.reasoning.diagram.layers import build_layers  # fractions need none
 
         if not self.diagram.has_worlds:
             return {}
@@ -175,7 +185,7 @@ class WorldQueries:
         mass = self._sum_measures("", arcs_of, weights).get("")
         if not mass:
             return ()
-        from lcorpp.reasoning.circuit.best_paths import BestPaths  # rarely needed
+        from lcorpp.reasoning.diagram.best_paths import BestPaths  # rarely needed
 
         tree, outcomes = self.diagram.system.tree, self.diagram.outcomes
         choices = self._list_choices(arcs_of, weights, partial(max, default=0))

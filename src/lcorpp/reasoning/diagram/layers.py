@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING
 
 from lcorpp.errors import TooLargeError
 from lcorpp.reasoning._diagram import Layers
-from lcorpp.reasoning.circuit.decision_diagram import MAX_BYTES, DecisionDiagram
+from lcorpp.reasoning.diagram.decision_diagram import MAX_BYTES, DecisionDiagram
 
 if TYPE_CHECKING:  # one question without other evidence needs no numpy
     from lcorpp.reasoning.evidence import EncodedEvidence

@@ -155,6 +155,21 @@ def build_decision_diagram(
         graph = _expand(system, max_bytes, progress)
     if graph is None:
         raise TooLargeError(f"{file}: more than {max_bytes / 2**20:.4g} MiB of arcs in the decision diagram")
+    return _complete(system, graph)
+
+
+def find_small_diagram(system: TransitionSystem) -> DecisionDiagram | None:
+    """Expand a transition system if its diagram is so small that no better order is needed, see `TRIALS`.
+
+    Raises:
+        ProgramError: as `build_decision_diagram`.
+    """
+    graph = _expand(system, TRIALS[0][0])
+    return None if graph is None else _complete(system, graph)
+
+
+def _complete(system: TransitionSystem, graph: Diagram) -> DecisionDiagram:
+    """Drop nodes that are in no world; raise an error if a world breaks a condition of the language."""
     if graph.has_dead_ends:
         graph.prune()
     diagram = DecisionDiagram(system, graph)

@@ -9,9 +9,9 @@ import pytest
 from lcorpp.errors import ProgramError, TooLargeError
 from lcorpp.reasoning import Enumeration, Reasoner, parse_plog, parse_query
 from lcorpp.reasoning._diagram import CompiledTransition, Diagram
-from lcorpp.reasoning.circuit import decision_diagram, layers
-from lcorpp.reasoning.circuit.decision_diagram import build_decision_diagram
-from lcorpp.reasoning.circuit.world_queries import WorldQueries
+from lcorpp.reasoning.diagram import decision_diagram, layers
+from lcorpp.reasoning.diagram.decision_diagram import build_decision_diagram
+from lcorpp.reasoning.diagram.world_queries import WorldQueries
 from lcorpp.reasoning.grounding.grounder import ground_program
 from lcorpp.reasoning.transitions.transition_system import build_transition_system
 

@@ -1,0 +1,180 @@
+"""The table of a block: its measure for each combination of outcomes of its boundary, by a decision diagram.
+
+The terms of the boundary that the block does not define are its inputs. In the program of the block each of
+them is selected at random, so that all combinations are among its worlds; the probabilities of these
+selections are divided out. An input that may have no value is selected if a coin shows heads.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from fractions import Fraction
+from functools import cached_property
+from itertools import product
+from math import prod
+
+import numpy as np
+import numpy.typing as npt
+
+from lcorpp.errors import TooLargeError
+from lcorpp.reasoning.diagram.decision_diagram import DecisionDiagram, build_decision_diagram
+from lcorpp.reasoning.diagram.layers import build_layers, weigh
+from lcorpp.reasoning.diagram.world_queries import WorldQueries
+from lcorpp.reasoning.evidence import EncodedEvidence
+from lcorpp.reasoning.grounding.ground_program import DERIVE, FORBID, SELECT, Clause, GroundProgram
+from lcorpp.reasoning.questions import QUERY_TERM
+from lcorpp.reasoning.transitions.transition_system import build_transition_system
+from lcorpp.values import Array
+
+MAX_BYTES = 2**26
+"""Maximum memory of the arcs of the decision diagram of a block."""
+
+MAX_VISITED_ARCS = 20_000_000
+"""Maximum number of arcs that are visited for the fractions of a table, about ten seconds."""
+
+MIN_LOG = -600.0
+"""A table whose entries differ by more, as logarithms, is left to the decision diagram."""
+
+
+@dataclass(eq=False)
+class BlockTable:
+    """The measures of a block.
+
+    program: its clauses, with those of the inputs.
+    terms: the boundary. outcomes: the possible outcomes of each of these terms.
+    scales: for each of these terms what the measure of each outcome is multiplied by; 1 for terms that the
+        block defines.
+    """
+
+    program: GroundProgram
+    terms: Sequence[int]
+    outcomes: Sequence[Sequence[int]]
+    scales: Sequence[Sequence[int]]
+
+    @classmethod
+    def from_clauses(
+        cls,
+        program: GroundProgram,
+        clauses: list[Clause],
+        outcomes: Mapping[int, Sequence[int]],
+        inputs: Mapping[int, Sequence[int]],
+    ) -> BlockTable:
+        """Make the table of some clauses of a program.
+
+        Args:
+            outcomes: term of the boundary -> its possible outcomes.
+            inputs: the same of those terms that the clauses do not define.
+        """
+        own, scales = _add_inputs(program, clauses, inputs)
+        every = [scales.get(term, [1] * len(possible)) for term, possible in outcomes.items()]
+        return cls(own, list(outcomes), list(outcomes.values()), every)
+
+    def __repr__(self) -> str:
+        return f"BlockTable({self.program!r}, {len(self.terms)} terms)"
+
+    def __getstate__(self) -> dict[str, object]:
+        return {name: value for name, value in vars(self).items() if name != "diagram"}
+
+    @cached_property
+    def diagram(self) -> DecisionDiagram:
+        """The decision diagram.
+
+        Raises:
+            TooLargeError: it takes more memory than `MAX_BYTES`.
+            ProgramError: a world of the block breaks a condition of the language.
+        """
+        return build_decision_diagram(build_transition_system(self.program, self._names), MAX_BYTES)
+
+    @property
+    def _names(self) -> list[str]:
+        return [self.program.names[term] for term in self.terms]
+
+    def compute(self) -> Array | None:
+        """Compute the entries, the last term fastest, up to a common factor.
+
+        Returns:
+            None if floating point does not represent them.
+
+        Raises:
+            TooLargeError, ProgramError: as `diagram`.
+        """
+        diagram = self.diagram
+        n_rows = prod([len(own) for own in self.outcomes])
+        if not diagram.has_worlds:
+            return np.zeros(n_rows)
+        grid = np.meshgrid(*[np.array(own, dtype=np.intp) for own in self.outcomes], indexing="ij")
+        codes: npt.NDArray[np.intp] = np.zeros((n_rows, len(grid)), dtype=np.intp)
+        for i, column in enumerate(grid):
+            codes[:, i] = column.ravel()
+        layers = build_layers(diagram, self._names)
+        _, logarithms = weigh(layers, EncodedEvidence(codes), ())
+        finite = logarithms[np.isfinite(logarithms)]
+        if len(finite) and finite.max() - finite.min() > -MIN_LOG:
+            return None
+        shift = finite.max() if len(finite) and abs(finite.max()) > -MIN_LOG / 2 else 0.0
+        table: Array = np.exp(logarithms - shift)
+        for own in self._list_scales():
+            table *= own
+        return table
+
+    def _list_scales(self) -> list[Array]:
+        """List for each term by what each entry is multiplied."""
+        sizes = [len(own) for own in self.scales]
+        return [
+            np.tile(np.repeat(np.array(own, dtype=np.float64), prod(sizes[i + 1 :])), prod(sizes[:i]))
+            for i, own in enumerate(self.scales)
+            if set(own) != {1}
+        ]
+
+    def list_fractions(self) -> list[Fraction]:
+        """List the entries as fractions.
+
+        Raises:
+            TooLargeError: the sums visit more than `MAX_VISITED_ARCS`.
+        """
+        n_arcs = self.diagram.graph.n_arcs * prod([len(own) for own in self.outcomes])
+        if n_arcs > MAX_VISITED_ARCS:
+            raise TooLargeError(
+                f"{self.program.source.file}: fractions visit {n_arcs} arcs of a decision diagram, expected"
+                f" at most {MAX_VISITED_ARCS}"
+            )
+        worlds, entries = WorldQueries(self.diagram), list[Fraction]()
+        for codes, scales in zip(product(*self.outcomes), product(*self.scales), strict=True):
+            measure = worlds.compute_measure(dict(zip(self.terms, codes, strict=True)))
+            entries.append(measure * prod(scales))
+        return entries
+
+
+def _add_inputs(
+    program: GroundProgram, clauses: list[Clause], inputs: Mapping[int, Sequence[int]]
+) -> tuple[GroundProgram, dict[int, list[int]]]:
+    """Make a program of clauses in which inputs are random.
+
+    Returns:
+        The program, and input -> by what the measure of each of its outcomes is multiplied.
+    """
+    names, values, clauses = [*program.names], [*program.values], [*clauses]
+    scales: dict[int, list[int]] = {}
+    for term, outcomes in inputs.items():
+        n_values = len(values[term])
+        chosen = [outcome for outcome in outcomes if outcome < n_values]
+        if len(outcomes) == 1:
+            scales[term] = [1]
+            clauses += [Clause(DERIVE, term, value, ()) for value in chosen]
+            continue
+        scales[term] = [n_values] * len(chosen)
+        body: tuple[tuple[int, int, bool], ...] = ()
+        if len(chosen) < len(outcomes):  # none of the values, too
+            coin = len(names)
+            names.append(f"{QUERY_TERM} {names[term]} has a value")
+            values.append(("true", "false"))
+            clauses.append(Clause(SELECT, coin, 0, ()))
+            body = ((coin, 0b001, False),)
+            scales[term] = [*[2 * scale for scale in scales[term]], 2]
+        clauses.append(Clause(SELECT, term, 0, body))
+        if len(chosen) < n_values:
+            allowed = sum([1 << outcome for outcome in outcomes])
+            clauses.append(Clause(FORBID, -1, 0, ((term, (1 << n_values + 1) - 1 & ~allowed, False),)))
+    do = {term: value for term, value in program.do.items() if term not in inputs}
+    return replace(program, names=names, values=values, clauses=clauses, do=do), scales

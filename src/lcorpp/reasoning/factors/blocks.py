@@ -1,0 +1,158 @@
+"""Blocks: the parts of a program that are no tables by themselves, such as recursions.
+
+A block is a set of clauses whose product is summed by a decision diagram instead (`block_table`). It begins
+with a component of several terms, or with a term or constraint about too many others. Then it takes the
+clauses of further terms, of those terms that the rest of the program shares with it, its *boundary*, until
+the boundary is small enough for a table: a term about which no other clause is left is summed out inside of
+the block. For example, whether rooms can be reached depends on 24 doors and on whether it rains; doors are
+only about the map, so the table is about the rain and the room in question.
+"""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Collection, Mapping, Sequence, Set
+from dataclasses import dataclass
+from math import inf
+
+SMALL_BITS = 8
+"""A block does not grow further when its boundary has at most this many bits."""
+
+MAX_BITS = 14
+"""Maximum number of bits of a boundary."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Part:
+    """The clauses of a component, or all constraints about the same terms.
+
+    terms: those that the clauses define, none for constraints.
+    scope: these, and the terms in bodies.
+    is_table: whether it can be a factor of its own.
+    """
+
+    terms: tuple[int, ...]
+    scope: frozenset[int]
+    is_table: bool
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Block:
+    """Parts of a program that become one table.
+
+    inner: the terms that are summed out. boundary: the terms of the table, sorted.
+    """
+
+    parts: Sequence[Part]
+    inner: frozenset[int]
+    boundary: tuple[int, ...]
+
+
+def find_blocks(
+    parts: Sequence[Part], bits: Mapping[int, float], fixed: Collection[int]
+) -> list[Block] | None:
+    """Find a block for each part that is no table; None if one has a boundary of more than `MAX_BITS`.
+
+    Args:
+        bits: of the outcomes of each term.
+        fixed: terms that are not summed out, as questions or evidence will name them.
+    """
+    parts_of: defaultdict[int, set[int]] = defaultdict(set)
+    for number, part in enumerate(parts):
+        for term in part.scope:
+            parts_of[term].add(number)
+    block_of: dict[int, Block] = {}  # part -> the block that has it
+    for seed, part in enumerate(parts):
+        if part.is_table or seed in block_of:
+            continue
+        growth = _Growth(parts, parts_of, bits, fixed, block_of)
+        growth.add({seed})
+        growth.shrink_boundary()
+        if growth.size > MAX_BITS:
+            return None
+        own = sorted(growth.parts)
+        block = Block([parts[i] for i in own], frozenset(growth.inner), tuple(sorted(growth.boundary)))
+        block_of |= dict.fromkeys(own, block)
+    return list(dict.fromkeys(block_of.values()))
+
+
+class _Growth:
+    """A block while it grows.
+
+    size: bits of the boundary.
+    """
+
+    def __init__(
+        self,
+        parts: Sequence[Part],
+        parts_of: Mapping[int, set[int]],
+        bits: Mapping[int, float],
+        fixed: Collection[int],
+        block_of: Mapping[int, Block],
+    ) -> None:
+        self._parts, self._parts_of, self._bits, self._fixed = parts, parts_of, bits, fixed
+        self._block_of = block_of
+        self.parts: set[int] = set()
+        self.inner: set[int] = set()
+        self.boundary: dict[int, None] = {}  # those near to the first part come first
+        self.size = 0.0
+        self._changes: dict[int, float] = {}  # of the size, if the other parts of a term were added
+
+    def add(self, numbers: Collection[int]) -> None:
+        """Add parts."""
+        self.parts.update(numbers)
+        changed = dict.fromkeys(
+            [term for number in sorted(numbers) for term in sorted(self._parts[number].scope)]
+        )
+        for term in changed:
+            if self._is_open(term, frozenset()):
+                if term not in self.boundary:
+                    self.size += self._bits[term]
+                    self.boundary[term] = None
+            else:
+                self.inner.add(term)
+                if term in self.boundary:
+                    self.size -= self._bits[term]
+                    del self.boundary[term]
+        near = {
+            other
+            for term in changed
+            for number in self._parts_of[term] - self.parts
+            for other in self._parts[number].scope
+        }
+        for term in near.union(changed):
+            self._changes.pop(term, None)
+
+    def shrink_boundary(self) -> None:
+        """Add parts as long as the boundary is large, and does not grow."""
+        while self.size > SMALL_BITS:
+            best, least = -1, inf
+            for term in self.boundary:
+                if term not in self._changes:
+                    self._changes[term] = self._compute_change(term)
+                if self._changes[term] < least:
+                    best, least = term, self._changes[term]
+            if least > 0:
+                return
+            self.add(self._list_others(best))
+
+    def _list_others(self, term: int) -> set[int]:
+        """List the other parts about a term; with a part of an earlier block the whole block."""
+        others = self._parts_of[term] - self.parts
+        blocks = {self._block_of[number] for number in others if number in self._block_of}
+        return others.union([number for number, block in self._block_of.items() if block in blocks])
+
+    def _is_open(self, term: int, added: Set[int]) -> bool:
+        """Whether a term stays on the boundary after parts are added."""
+        return term in self._fixed or not self._parts_of[term] - self.parts <= added
+
+    def _compute_change(self, term: int) -> float:
+        """Compute how the size changes if all parts about a term are added."""
+        if term in self._fixed:
+            return inf
+        added, change = self._list_others(term), 0.0
+        for other in {other for number in added for other in self._parts[number].scope}:
+            is_open = self._is_open(other, added)
+            if is_open != (other in self.boundary):
+                change += self._bits[other] if is_open else -self._bits[other]
+        return change
