@@ -39,6 +39,15 @@ class LoopNest {
         }
     }
 
+    // Estimate the cycles of a run. An entry takes one and a half for each jump in memory, an inner loop some to begin.
+    double estimate() const {
+        double entries = 1.0;
+        for (const Offset size : sizes_) entries *= static_cast<double>(size);
+        int jumps = out_strides_.back() > 1;
+        for (const auto& own : strides_) jumps += own.back() > 1;
+        return entries * (0.6 + jumps + 20.0 / static_cast<double>(sizes_.back()));
+    }
+
     // Add to `out`, given a pointer to the first entry of each operand; the pointers are the same afterwards.
     void run(T* out, std::vector<const T*>& operands, std::vector<T>& buffer) const {
         const std::size_t needed = static_cast<std::size_t>(sizes_.back()) * sizes_.size();

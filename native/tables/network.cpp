@@ -2,9 +2,12 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <numeric>
 
 namespace lcorpp {
+
+constexpr std::size_t min_copied = 64;  // smaller messages are written as they are read
 
 Plan::Plan(std::shared_ptr<const Network> network, Question question)
     : network_(std::move(network)), question_(std::move(question)) {
@@ -97,11 +100,7 @@ Plan::Plan(std::shared_ptr<const Network> network, Question question)
         if (step.variable >= 0) add({Kind::message, static_cast<int>(i), step.scope, {}, {}});
     }
     for (std::size_t i = steps_.size(); i-- > 0;) arrange_messages(steps_[i]);
-    for (Step& step : steps_) {
-        std::vector<const Operand*> all;
-        for (const Operand& operand : step.operands) all.push_back(&operand);
-        step.nest = make_nest<double>(step, step.scope, all);
-    }
+    for (Step& step : steps_) arrange_loops(step);
     if (question_.marginals) {
         result_size_ = std::accumulate(network_->sizes.begin(), network_->sizes.end(), std::size_t{0});
         memory_ *= 2.0;
@@ -142,6 +141,51 @@ void Plan::arrange_messages(Step& step) {
         operand.strides = list_strides(scope);
         steps_[operand.index].scope = scope;
     }
+}
+
+// Choose the loops of a step: over the entries of its message as it is read, or in the order of its largest operand, where
+// what that operand alone has is last; then the message is reordered afterwards.
+void Plan::arrange_loops(Step& step) {
+    std::vector<const Operand*> all;
+    const Operand* largest = nullptr;
+    double most = 0.0;
+    for (const Operand& operand : step.operands) {
+        all.push_back(&operand);
+        double size = 1.0;
+        for (const int v : operand.scope) size *= network_->sizes[v];
+        if (size > most) {
+            most = size;
+            largest = &operand;
+        }
+    }
+    step.nest = make_nest<double>(step, step.scope, all);
+    if (step.size < min_copied || step.variable < 0) return;
+    std::vector<int> users(network_->sizes.size(), 0);
+    for (const Operand& operand : step.operands) {
+        for (const int v : operand.scope) ++users[v];
+    }
+    std::vector<std::pair<Offset, int>> order;  // by the strides of the largest operand, of which others come first
+    for (const int v : step.scope) {
+        const auto at = std::find(largest->scope.begin(), largest->scope.end(), v);
+        const bool has = at != largest->scope.end();
+        order.emplace_back(has ? -largest->strides[static_cast<std::size_t>(at - largest->scope.begin())] : 0, v);
+        if (!has) order.back().first = std::numeric_limits<Offset>::min();
+    }
+    std::stable_sort(order.begin(), order.end(), [](const auto& a, const auto& b) { return a.first < b.first; });
+    std::vector<int> written;
+    for (const auto& [stride, v] : order) written.push_back(v);
+    if (written == step.scope) return;
+    LoopNest<double> nest = make_nest<double>(step, written, all);
+    std::vector<Offset> sizes, out_strides = list_strides(step.scope), own = list_strides(written), strides;
+    for (const int v : step.scope) {
+        sizes.push_back(network_->sizes[v]);
+        strides.push_back(own[static_cast<std::size_t>(std::find(written.begin(), written.end(), v) - written.begin())]);
+    }
+    Reorder copy(sizes, out_strides, strides);
+    if (nest.estimate() + copy.estimate() >= step.nest.estimate()) return;
+    step.nest = std::move(nest);
+    step.copy = std::move(copy);
+    step.is_copied = true;
 }
 
 // The distance in memory between entries of a table that differ by one in a variable, for each variable of its scope.

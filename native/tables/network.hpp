@@ -11,6 +11,7 @@
 #include "number.hpp"
 #include "loop_nest.hpp"
 #include "order.hpp"
+#include "reorder.hpp"
 
 namespace lcorpp {
 
@@ -44,6 +45,7 @@ template <typename T>
 struct Numbers {
     std::vector<std::vector<T>> tables;  // empty for floating point, which uses those of the network
     std::vector<std::vector<T>> messages;
+    std::vector<T> written;  // a message before it is reordered
     std::vector<double> logarithms;      // of the factors by which messages are scaled
     std::vector<double> lowest;          // as of tables, of messages
 };
@@ -100,12 +102,15 @@ class Plan {
         std::vector<Operand> operands;
         std::size_t size;  // of the message
         bool is_static;    // whether it depends on no evidence
+        bool is_copied = false;  // whether `nest` writes the message in another order, and `copy` reorders it
+        Reorder copy;
         // LoopNest has no state but its shape, so floating-point and wide numbers each have their own
         LoopNest<double> nest;
         LoopNest<WideNumber> wide_nest;
     };
 
     void arrange_messages(Step& step);
+    void arrange_loops(Step& step);
     std::vector<Offset> list_strides(const std::vector<int>& scope) const;
     std::vector<bool> find_needed(const std::vector<bool>& is_fixed) const;
     template <typename T>

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <utility>
 
 namespace lcorpp {
 
@@ -64,16 +65,32 @@ const T* Plan::locate(const Numbers<T>& numbers, const Operand& operand, const E
     return values;
 }
 
+// The largest number, and the smallest positive one; 0 and infinity if there is none.
+inline std::pair<double, double> find_range(const std::vector<double>& numbers) {
+    constexpr double infinity = std::numeric_limits<double>::infinity();
+    constexpr std::size_t n_lanes = 8;  // independent of each other, so that they are found at once
+    double largest[n_lanes], smallest[n_lanes];
+    std::fill_n(largest, n_lanes, 0.0);
+    std::fill_n(smallest, n_lanes, infinity);
+    const auto include = [&](std::size_t lane, double number) {
+        const double positive = number > 0.0 ? number : infinity;
+        largest[lane] = number > largest[lane] ? number : largest[lane];
+        smallest[lane] = positive < smallest[lane] ? positive : smallest[lane];
+    };
+    std::size_t i = 0;
+    for (; i + n_lanes <= numbers.size(); i += n_lanes) {
+        for (std::size_t lane = 0; lane < n_lanes; ++lane) include(lane, numbers[i + lane]);
+    }
+    for (; i < numbers.size(); ++i) include(0, numbers[i]);
+    return {*std::max_element(largest, largest + n_lanes), *std::min_element(smallest, smallest + n_lanes)};
+}
+
 // Scale numbers unless the largest is near 1; find the logarithm of the smallest positive one.
 template <typename T>
 void Plan::scale(std::vector<T>& numbers, double& logarithm, double& lowest) {
     logarithm = lowest = 0.0;
     if constexpr (std::is_same_v<T, double>) {
-        double largest = 0.0, smallest = std::numeric_limits<double>::infinity();
-        for (const double number : numbers) {
-            largest = std::max(largest, number);
-            smallest = std::min(smallest, number == 0.0 ? smallest : number);
-        }
+        const auto [largest, smallest] = find_range(numbers);
         if (largest == 0.0) {
             logarithm = -std::numeric_limits<double>::infinity();
             return;
@@ -114,7 +131,16 @@ bool Plan::compute(Numbers<T>& numbers, std::size_t index, const Evidence* evide
     if (std::is_same_v<T, double> && lowest < min_product) return true;
     std::vector<T>& message = numbers.messages[index];
     message.assign(step.size, T(0.0));
-    get_nest<T>(step).run(message.data(), operands, buffer);
+    bool is_copied = false;
+    if constexpr (std::is_same_v<T, double>) {
+        if (step.is_copied) {
+            is_copied = true;
+            numbers.written.assign(step.size, 0.0);
+            step.nest.run(numbers.written.data(), operands, buffer);
+            step.copy.run(message.data(), numbers.written.data());
+        }
+    }
+    if (!is_copied) get_nest<T>(step).run(message.data(), operands, buffer);
     scale(message, numbers.logarithms[index], numbers.lowest[index]);
     return false;
 }

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from tests.reasoning.circuit.maps import maps
+from tests.reasoning.circuit.mixtures import mixtures
 from tests.reasoning.circuit.programs import Case, cases
 from tests.reasoning.circuit.trees import trees
 from tests.reasoning.engines import force_tables
@@ -184,8 +185,14 @@ def test_circuit_and_enumeration_agree_on_trees(case: Case) -> None:
     check(case)
 
 
+@given(case=mixtures())
+@SUITE
+def test_circuit_and_enumeration_agree_on_mixtures(case: Case) -> None:
+    check(case)
+
+
 @pytest.mark.slow
-@given(case=cases() | maps() | trees())
+@given(case=cases() | maps() | trees() | mixtures())
 @settings(SUITE, max_examples=10_000)
 def test_circuit_and_enumeration_agree_on_thirty_thousand_programs(case: Case) -> None:
     check(case)

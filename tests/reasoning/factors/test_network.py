@@ -172,6 +172,22 @@ def test_an_answer_that_is_too_large_is_refused_before_it_begins(monkeypatch):
         Reasoner(program).posteriors()
 
 
+@pytest.mark.parametrize("seed", range(20))
+def test_tables_of_many_shapes_are_summed_as_by_einsum(seed):
+    """Large messages are written in another order than they are read in."""
+    rng = np.random.default_rng(seed)
+    sizes = rng.integers(2, 8, 7).tolist()
+    scopes = [rng.choice(7, rng.integers(3, 6), replace=False).tolist() for _ in range(6)]
+    arrays = [rng.random([sizes[v] for v in scope]) for scope in scopes]
+    kept, seen = rng.choice(7, 3, replace=False).tolist(), sorted({v for scope in scopes for v in scope})
+    kept = [v for v in kept if v in seen]
+    network = Network(sizes, scopes, [np.ascontiguousarray(a).ravel() for a in arrays], [-1] * 6)
+    operands = [part for array, scope in zip(arrays, scopes, strict=True) for part in (array, scope)]
+    expected = np.einsum(*operands, kept, optimize=True).ravel()
+    found, _ = network.plan(kept, [], []).evaluate(np.zeros((1, 0), np.int64), np.zeros((1, 0)))
+    np.testing.assert_allclose(found[0] / found[0].max(), expected / expected.max(), rtol=1e-12)
+
+
 def test_wrong_arguments_of_the_kernel():
     table = np.array([0.5, 0.5])
     for scopes, own, children, words in (

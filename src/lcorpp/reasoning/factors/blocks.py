@@ -61,19 +61,20 @@ def find_blocks(
     for number, part in enumerate(parts):
         for term in part.scope:
             parts_of[term].add(number)
-    block_of: dict[int, Block] = {}  # part -> the block that has it
+    growth_of: dict[int, _Growth] = {}  # part -> the block that has it
     for seed, part in enumerate(parts):
-        if part.is_table or seed in block_of:
+        if part.is_table or seed in growth_of:
             continue
-        growth = _Growth(parts, parts_of, bits, fixed, block_of)
+        growth = _Growth(parts, parts_of, bits, fixed, growth_of)
         growth.add({seed})
         growth.shrink_boundary()
         if growth.size > MAX_BITS:
             return None
-        own = sorted(growth.parts)
-        block = Block([parts[i] for i in own], frozenset(growth.inner), tuple(sorted(growth.boundary)))
-        block_of |= dict.fromkeys(own, block)
-    return list(dict.fromkeys(block_of.values()))
+        growth_of |= dict.fromkeys(growth.parts, growth)
+    return [
+        Block([parts[i] for i in sorted(own.parts)], frozenset(own.inner), tuple(sorted(own.boundary)))
+        for own in dict.fromkeys(growth_of.values())
+    ]
 
 
 class _Growth:
@@ -88,10 +89,10 @@ class _Growth:
         parts_of: Mapping[int, set[int]],
         bits: Mapping[int, float],
         fixed: Collection[int],
-        block_of: Mapping[int, Block],
+        growth_of: Mapping[int, _Growth],
     ) -> None:
         self._parts, self._parts_of, self._bits, self._fixed = parts, parts_of, bits, fixed
-        self._block_of = block_of
+        self._growth_of = growth_of
         self.parts: set[int] = set()
         self.inner: set[int] = set()
         self.boundary: dict[int, None] = {}  # those near to the first part come first
@@ -132,15 +133,14 @@ class _Growth:
                     self._changes[term] = self._compute_change(term)
                 if self._changes[term] < least:
                     best, least = term, self._changes[term]
-            if least > 0:
+            if least > 1e-9:  # bits are rounded
                 return
             self.add(self._list_others(best))
 
     def _list_others(self, term: int) -> set[int]:
         """List the other parts about a term; with a part of an earlier block the whole block."""
         others = self._parts_of[term] - self.parts
-        blocks = {self._block_of[number] for number in others if number in self._block_of}
-        return others.union([number for number, block in self._block_of.items() if block in blocks])
+        return others.union(*[self._growth_of[i].parts for i in others if i in self._growth_of])
 
     def _is_open(self, term: int, added: Set[int]) -> bool:
         """Whether a term stays on the boundary after parts are added."""
