@@ -99,8 +99,14 @@ Plan::Plan(std::shared_ptr<const Network> network, Question question)
         }
         if (step.variable >= 0) add({Kind::message, static_cast<int>(i), step.scope, {}, {}});
     }
-    for (std::size_t i = steps_.size(); i-- > 0;) arrange_messages(steps_[i]);
-    for (Step& step : steps_) arrange_loops(step);
+    std::vector<Use> uses(n);
+    for (std::size_t i = steps_.size(); i-- > 0;) arrange_messages(steps_[i], uses);
+    std::size_t largest_copy = 0;
+    for (Step& step : steps_) {
+        arrange_loops(step);
+        if (step.is_copied) largest_copy = std::max(largest_copy, step.size);
+    }
+    memory_ += 8.0 * static_cast<double>(largest_copy);
     if (question_.marginals) {
         result_size_ = std::accumulate(network_->sizes.begin(), network_->sizes.end(), std::size_t{0});
         memory_ *= 2.0;
@@ -119,14 +125,16 @@ Plan::Plan(std::shared_ptr<const Network> network, Question question)
 
 // Arrange the messages that a step reads in memory: variables that the same operands have are next to each other, those of
 // one operand alone last and in the order of the step's own message, so that loops run over memory without jumps.
-void Plan::arrange_messages(Step& step) {
-    std::vector<int> users(network_->sizes.size(), 0), place(network_->sizes.size(), -1);
-    std::vector<std::uint64_t> signature(network_->sizes.size(), 0);
-    for (std::size_t k = 0; k < step.scope.size(); ++k) place[step.scope[k]] = static_cast<int>(k);
+void Plan::arrange_messages(Step& step, std::vector<Use>& uses) {
+    if (step.variable >= 0) uses[static_cast<std::size_t>(step.variable)] = {};
+    for (std::size_t k = 0; k < step.scope.size(); ++k) {
+        uses[static_cast<std::size_t>(step.scope[k])] = {0, 0, static_cast<int>(k)};
+    }
     for (std::size_t i = 0; i < step.operands.size(); ++i) {
         for (const int v : step.operands[i].scope) {
-            ++users[v];
-            signature[v] |= 1ULL << (i % 64);
+            Use& use = uses[static_cast<std::size_t>(v)];
+            ++use.users;
+            use.signature |= 1ULL << (i % 64);
         }
     }
     for (Operand& operand : step.operands) {
@@ -134,9 +142,10 @@ void Plan::arrange_messages(Step& step) {
         std::vector<int>& scope = operand.scope;
         std::sort(scope.begin(), scope.end(), [&](int a, int b) {
             if ((a == step.variable) != (b == step.variable)) return a == step.variable;
-            if (users[a] != users[b]) return users[a] > users[b];
-            if (signature[a] != signature[b]) return signature[a] < signature[b];
-            return place[a] < place[b];
+            const Use &one = uses[static_cast<std::size_t>(a)], &other = uses[static_cast<std::size_t>(b)];
+            if (one.users != other.users) return one.users > other.users;
+            if (one.signature != other.signature) return one.signature < other.signature;
+            return one.place < other.place;
         });
         operand.strides = list_strides(scope);
         steps_[operand.index].scope = scope;
@@ -160,10 +169,6 @@ void Plan::arrange_loops(Step& step) {
     }
     step.nest = make_nest<double>(step, step.scope, all);
     if (step.size < min_copied || step.variable < 0) return;
-    std::vector<int> users(network_->sizes.size(), 0);
-    for (const Operand& operand : step.operands) {
-        for (const int v : operand.scope) ++users[v];
-    }
     std::vector<std::pair<Offset, int>> order;  // by the strides of the largest operand, of which others come first
     for (const int v : step.scope) {
         const auto at = std::find(largest->scope.begin(), largest->scope.end(), v);

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstddef>
+#include <cstdint>
 #include <memory>
 #include <stdexcept>
 #include <type_traits>
@@ -109,7 +110,14 @@ class Plan {
         LoopNest<WideNumber> wide_nest;
     };
 
-    void arrange_messages(Step& step);
+    // Which operands of a step have a variable, as a number and as bits, and its place in the scope of the message.
+    struct Use {
+        int users = 0;
+        std::uint64_t signature = 0;
+        int place = -1;
+    };
+
+    void arrange_messages(Step& step, std::vector<Use>& uses);
     void arrange_loops(Step& step);
     std::vector<Offset> list_strides(const std::vector<int>& scope) const;
     std::vector<bool> find_needed(const std::vector<bool>& is_fixed) const;

@@ -234,3 +234,79 @@ def test_a_narrow_program_is_not_divided():
     assert len(division.blocks) == 1
     assert not division.has_wide_tables
     assert "1 blocks" in repr(division)
+
+
+# limits of numbers and shapes
+
+
+def test_many_observed_doors_are_constants_of_a_block():
+    """A table over 78 terms with one outcome each would have more axes than numpy has."""
+    doors = [(a, b) for a in range(1, 14) for b in range(a + 1, 14)]
+    program = parse_plog(
+        make_grid(13) + " room = {1..13}. door : room, room -> boolean. reach : room -> boolean."
+        " random(door(A, B)) :- A < B. reach(1). reach(B) :- reach(A), door(A, B), A < B, g(6, 6)."
+        " reach(A) :- reach(B), door(A, B), A < B, g(6, 6). -reach(A) :- not reach(A)."
+        + "".join([f" obs(door({a}, {b}))." for a, b in doors])
+    )
+    found = Reasoner(program).posterior("reach(3)")
+    assert found["true"] == pytest.approx(Reasoner(parse_plog(make_grid(13))).posterior("g(6, 6)")["true"])
+
+
+@pytest.mark.usefixtures("only_tables")
+def test_fractions_of_a_table_with_many_constants():
+    names = [f"x({i})" for i in range(1, 71)]
+    program = parse_plog(
+        make_grid(3) + " n = {1..70}. x : n -> boolean. y : boolean. random(x(N)). random(y)."
+        f" pr(y | {', '.join(names)}, g(2, 2)) = 1/3." + "".join([f" obs({name})." for name in names])
+    )
+    circuit = Reasoner(program).compile([], "y")
+    share = Reasoner(parse_plog(make_grid(3))).exact("g(2, 2)")["true"]
+    assert circuit.exact({})["true"] == share / 3 + (1 - share) / 2
+    assert circuit({})["true"] == pytest.approx(float(share / 3 + (1 - share) / 2), rel=1e-12)
+
+
+@pytest.mark.usefixtures("only_tables")
+def test_entries_near_the_smallest_numbers_stay_possible(monkeypatch):
+    monkeypatch.setattr(blocks, "SMALL_BITS", -1)
+    program = parse_plog(
+        f"p, q, b, c : boolean. random(p). random(q). pr(p) = 1/{10**125}. pr(q) = 1/{10**255}. obs(p)."
+        " b :- c, q. c :- b, p. c :- q, p. b :- c. -b :- not b. -c :- not c."
+    )
+    circuit = Reasoner(program).compile(["c"], "c")
+    assert has_block(circuit)
+    assert circuit({})["true"] == pytest.approx(1e-255, rel=1e-9)
+    assert circuit({"c": "true"})["true"] == 1.0
+
+
+@pytest.mark.usefixtures("only_tables")
+def test_a_default_is_a_table():
+    """A term that depends on itself alone needs no block."""
+    program = parse_plog(
+        "p, q, a, b, c : boolean. random(p). random(q). a :- p, q. -a :- not a. b :- not -b, p."
+        " -b :- not b, p. -b :- not b, -p. random(c) :- not c, a. -c :- not c, -a."
+    )
+    circuit = Reasoner(program).compile([], "b")
+    assert circuit.network is not None
+    assert not has_block(circuit)
+    for term in ("a", "b"):
+        assert Reasoner(program).exact(term) == Enumeration(program).exact(term)
+
+
+def test_a_joint_of_many_terms_is_no_block():
+    program = parse_plog(make_grid(11))
+    joint = [f"g(11, {i})" for i in range(1, 12)]
+    circuit = Reasoner(program).compile(["g(1, 1)"], [joint])
+    assert circuit.network is not None
+    assert not has_block(circuit)
+    answer = circuit({"g(1, 1)": "true"})
+    assert isinstance(answer, dict)
+    (shares,) = [own.probabilities.reshape([2] * 11) for own in answer.values()]
+    expected = Reasoner(program).posterior("g(11, 4)", {"g(1, 1)": "true"})["true"]
+    assert shares[:, :, :, 0].sum() == pytest.approx(expected, rel=1e-9)
+
+
+def test_growth_ends_after_its_work(monkeypatch):
+    monkeypatch.setattr(blocks, "MAX_WORK", 10)
+    parts = [Part((i,), frozenset([i]), True) for i in range(1, 30)]
+    recursion = Part((0,), frozenset(range(30)), False)
+    assert find_blocks([*parts, recursion], dict.fromkeys(range(30), 1.0), {0}) is None

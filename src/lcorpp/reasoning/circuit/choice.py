@@ -87,7 +87,7 @@ def choose_engine(
     else:
         system = model.system
         if system.tree.is_wide:
-            if system.tree.has_blocks and (diagram := find_small_diagram(system)):
+            if system.tree.may_have_blocks and (diagram := find_small_diagram(system)):
                 return diagram
             network = _build_network(model.ground, questions, facts, system.tree.nodes)
     return network or build_decision_diagram(model.system, progress=progress)

@@ -63,7 +63,7 @@ class Circuit:
     queries: the queried terms, of several attributes `?item, person`; single: whether there is one answer.
     values: term -> range, for all of these terms; of several attributes tuples.
     layers: see `layers`; None if there are tables.
-    network: the tables of a program in which each term depends on few others, see `TableNetwork`; or None.
+    network: the tables of a program, some of them of blocks, see `TableNetwork`; or None.
 
     Source: Darwiche, J. ACM 50(3), 2003; the elimination tree as in AND/OR search, see `elimination_tree`.
 

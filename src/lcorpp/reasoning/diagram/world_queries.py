@@ -56,6 +56,11 @@ class WorldQueries:
             for i, term in enumerate(terms)
         }
 
+    @cached_property
+    def _integers(self) -> tuple[list[dict[int, int]], Fraction]:
+        """See `_find_integers`, for all arcs."""
+        return self._find_integers(self.diagram.arcs)
+
     def _excludes(self, evidence: Mapping[str, str]) -> bool:
         """Whether a term of the evidence has no value in any world, as no rule names it."""
         return not evidence.keys() <= self.diagram.system.term_numbers.keys()
@@ -88,9 +93,8 @@ class WorldQueries:
 
     def compute_measure(self, outcome_of: Mapping[int, int]) -> Fraction:
         """Sum the measures of the worlds with some outcomes of terms, by number."""
-        arcs_of = self._select_arcs(outcome_of)
-        weights, unit = self._find_integers(arcs_of)
-        return Fraction(self._sum_measures("", arcs_of, weights).get("", 0) * unit)
+        weights, unit = self._integers
+        return Fraction(self._sum_measures("", self._select_arcs(outcome_of), weights).get("", 0) * unit)
 
     def compute_float_weights(self, query: str, evidence: Mapping[str, str]) -> dict[Value, float]:
         """Sum as `compute_exact_weights` in floating point; only the ratios matter."""

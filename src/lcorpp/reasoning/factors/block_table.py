@@ -22,7 +22,14 @@ from lcorpp.reasoning.diagram.decision_diagram import DecisionDiagram, build_dec
 from lcorpp.reasoning.diagram.layers import build_layers, weigh
 from lcorpp.reasoning.diagram.world_queries import WorldQueries
 from lcorpp.reasoning.evidence import EncodedEvidence
-from lcorpp.reasoning.grounding.ground_program import DERIVE, FORBID, SELECT, Clause, GroundProgram
+from lcorpp.reasoning.grounding.ground_program import (
+    DERIVE,
+    FORBID,
+    SELECT,
+    Clause,
+    GroundProgram,
+    make_full_mask,
+)
 from lcorpp.reasoning.questions import QUERY_TERM
 from lcorpp.reasoning.transitions.transition_system import build_transition_system
 from lcorpp.values import Array
@@ -66,15 +73,15 @@ class BlockTable:
             outcomes: term of the boundary -> its possible outcomes.
             inputs: the same of those terms that the clauses do not define.
         """
-        own, scales = _add_inputs(program, clauses, inputs)
+        own, number_of, scales = _add_inputs(program, clauses, inputs)
         every = [scales.get(term, [1] * len(possible)) for term, possible in outcomes.items()]
-        return cls(own, list(outcomes), list(outcomes.values()), every)
+        return cls(own, [number_of[term] for term in outcomes], list(outcomes.values()), every)
 
     def __repr__(self) -> str:
         return f"BlockTable({self.program!r}, {len(self.terms)} terms)"
 
     def __getstate__(self) -> dict[str, object]:
-        return {name: value for name, value in vars(self).items() if name != "diagram"}
+        return {name: value for name, value in vars(self).items() if name not in ("diagram", "fractions")}
 
     @cached_property
     def diagram(self) -> DecisionDiagram:
@@ -112,7 +119,8 @@ class BlockTable:
         finite = logarithms[np.isfinite(logarithms)]
         if len(finite) and finite.max() - finite.min() > -MIN_LOG:
             return None
-        shift = finite.max() if len(finite) and abs(finite.max()) > -MIN_LOG / 2 else 0.0
+        is_extreme = len(finite) and (finite.min() < MIN_LOG or finite.max() > -MIN_LOG)
+        shift = finite.max() if is_extreme else 0.0
         table: Array = np.exp(logarithms - shift)
         for own in self._list_scales():
             table *= own
@@ -127,8 +135,9 @@ class BlockTable:
             if set(own) != {1}
         ]
 
-    def list_fractions(self) -> list[Fraction]:
-        """List the entries as fractions.
+    @cached_property
+    def fractions(self) -> list[Fraction]:
+        """The entries as fractions.
 
         Raises:
             TooLargeError: the sums visit more than `MAX_VISITED_ARCS`.
@@ -148,33 +157,43 @@ class BlockTable:
 
 def _add_inputs(
     program: GroundProgram, clauses: list[Clause], inputs: Mapping[int, Sequence[int]]
-) -> tuple[GroundProgram, dict[int, list[int]]]:
+) -> tuple[GroundProgram, dict[int, int], dict[int, list[int]]]:
     """Make a program of clauses in which inputs are random.
 
     Returns:
-        The program, and input -> by what the measure of each of its outcomes is multiplied.
+        The program, the number of each term in it, and input -> by what the measures of its outcomes are
+        multiplied.
     """
-    names, values, clauses = [*program.names], [*program.values], [*clauses]
+    terms = sorted({*inputs, *[t for c in clauses for t in (c.term, *[x[0] for x in c.body])]} - {-1})
+    number_of = {term: number for number, term in enumerate(terms)}
+    names, values = [program.names[term] for term in terms], [program.values[term] for term in terms]
+    number_of[-1] = -1
+    own = []
+    for c in clauses:
+        body = tuple([(number_of[t], mask, negated) for t, mask, negated in c.body])
+        own.append(
+            Clause(c.kind, number_of[c.term], c.value, body, c.statement, c.label, c.instance, c.number)
+        )
     scales: dict[int, list[int]] = {}
     for term, outcomes in inputs.items():
-        n_values = len(values[term])
+        number, n_values = number_of[term], len(program.values[term])
         chosen = [outcome for outcome in outcomes if outcome < n_values]
         if len(outcomes) == 1:
             scales[term] = [1]
-            clauses += [Clause(DERIVE, term, value, ()) for value in chosen]
+            own += [Clause(DERIVE, number, value, ()) for value in chosen]
             continue
         scales[term] = [n_values] * len(chosen)
-        body: tuple[tuple[int, int, bool], ...] = ()
+        body = ()
         if len(chosen) < len(outcomes):  # none of the values, too
             coin = len(names)
-            names.append(f"{QUERY_TERM} {names[term]} has a value")
+            names.append(f"{QUERY_TERM} {program.names[term]} has a value")
             values.append(("true", "false"))
-            clauses.append(Clause(SELECT, coin, 0, ()))
+            own.append(Clause(SELECT, coin, 0, ()))
             body = ((coin, 0b001, False),)
             scales[term] = [*[2 * scale for scale in scales[term]], 2]
-        clauses.append(Clause(SELECT, term, 0, body))
+        own.append(Clause(SELECT, number, 0, body))
         if len(chosen) < n_values:
             allowed = sum([1 << outcome for outcome in outcomes])
-            clauses.append(Clause(FORBID, -1, 0, ((term, (1 << n_values + 1) - 1 & ~allowed, False),)))
-    do = {term: value for term, value in program.do.items() if term not in inputs}
-    return replace(program, names=names, values=values, clauses=clauses, do=do), scales
+            own.append(Clause(FORBID, -1, 0, ((number, make_full_mask(n_values) & ~allowed, False),)))
+    do = {number_of[t]: value for t, value in program.do.items() if t in number_of and t not in inputs}
+    return replace(program, names=names, values=values, clauses=own, do=do), number_of, scales

@@ -10,8 +10,8 @@ only about the map, so the table is about the rain and the room in question.
 
 from __future__ import annotations
 
-from collections import defaultdict
-from collections.abc import Collection, Mapping, Sequence, Set
+from collections import Counter, defaultdict
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from math import inf
 
@@ -20,6 +20,10 @@ SMALL_BITS = 8
 
 MAX_BITS = 14
 """Maximum number of bits of a boundary."""
+
+
+MAX_WORK = 5_000_000
+"""Maximum number of terms that are visited while a block grows, some seconds."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -97,16 +101,18 @@ class _Growth:
         self.inner: set[int] = set()
         self.boundary: dict[int, None] = {}  # those near to the first part come first
         self.size = 0.0
+        self._n_outside = {term: len(own) for term, own in parts_of.items()}  # parts that are not added
         self._changes: dict[int, float] = {}  # of the size, if the other parts of a term were added
+        self._work = 0
 
     def add(self, numbers: Collection[int]) -> None:
         """Add parts."""
         self.parts.update(numbers)
-        changed = dict.fromkeys(
-            [term for number in sorted(numbers) for term in sorted(self._parts[number].scope)]
-        )
-        for term in changed:
-            if self._is_open(term, frozenset()):
+        scopes = [sorted(self._parts[number].scope) for number in sorted(numbers)]
+        changed = Counter([term for scope in scopes for term in scope])
+        for term, n_parts in changed.items():
+            self._n_outside[term] -= n_parts
+            if term in self._fixed or self._n_outside[term]:
                 if term not in self.boundary:
                     self.size += self._bits[term]
                     self.boundary[term] = None
@@ -126,7 +132,7 @@ class _Growth:
 
     def shrink_boundary(self) -> None:
         """Add parts as long as the boundary is large, and does not grow."""
-        while self.size > SMALL_BITS:
+        while self.size > SMALL_BITS and self._work < MAX_WORK:
             best, least = -1, inf
             for term in self.boundary:
                 if term not in self._changes:
@@ -142,17 +148,16 @@ class _Growth:
         others = self._parts_of[term] - self.parts
         return others.union(*[self._growth_of[i].parts for i in others if i in self._growth_of])
 
-    def _is_open(self, term: int, added: Set[int]) -> bool:
-        """Whether a term stays on the boundary after parts are added."""
-        return term in self._fixed or not self._parts_of[term] - self.parts <= added
-
     def _compute_change(self, term: int) -> float:
         """Compute how the size changes if all parts about a term are added."""
         if term in self._fixed:
             return inf
-        added, change = self._list_others(term), 0.0
-        for other in {other for number in added for other in self._parts[number].scope}:
-            is_open = self._is_open(other, added)
+        scopes = [self._parts[number].scope for number in self._list_others(term)]
+        added = Counter([other for scope in scopes for other in scope])
+        self._work += len(added) + len(self.boundary)
+        change = 0.0
+        for other, n_parts in added.items():
+            is_open = other in self._fixed or self._n_outside[other] > n_parts
             if is_open != (other in self.boundary):
                 change += self._bits[other] if is_open else -self._bits[other]
         return change

@@ -1,25 +1,26 @@
 """The division of a program into tables and blocks, before any table is computed.
 
-A term that does not depend on itself has a table over the terms in the bodies of its clauses, and so have the
-constraints about the same terms, unless these are too many. The other parts become blocks, see `blocks`.
+A term has a table over the terms in the bodies of its clauses, and so have the constraints about the same
+terms, unless these are too many. Terms that depend on each other, and the rest, become blocks, see `blocks`.
 """
 
 from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import log2, prod
 
 from lcorpp.reasoning.factors.blocks import Block, Part, find_blocks
 from lcorpp.reasoning.grounding.ground_program import Clause, GroundProgram
 from lcorpp.reasoning.grounding.simplification import simplify
 from lcorpp.reasoning.grounding.strong_components import find_strongly_connected_components
+from lcorpp.reasoning.questions import is_joint
 from lcorpp.reasoning.transitions.elimination_order import eliminate
-from lcorpp.reasoning.transitions.elimination_tree import MAX_DIAGRAM_WIDTH
+from lcorpp.reasoning.transitions.elimination_tree import MAX_DIAGRAM_WIDTH, MAX_SCOPE_BITS
 from lcorpp.reasoning.transitions.relevance import separate_irrelevant_rules
 
-MAX_ENTRIES = 2**16
+MAX_ENTRIES = 2**MAX_SCOPE_BITS
 """A table that is computed from clauses has at most this many entries; larger ones are left to blocks."""
 
 MAX_TERMS = 20_000
@@ -84,6 +85,9 @@ def divide_program(
         None if there are too many terms, or a block would have a large table.
     """
     program, numbers = program.number_terms(set(queried))
+    joint = {term for term, name in enumerate(program.names) if is_joint(name) and name not in numbers}
+    if joint:  # questions and evidence name its terms instead
+        program = replace(program, clauses=[c for c in program.clauses if c.term not in joint])
     clauses, masks = simplify(program)
     needed = set(numbers.values())
     number_of = {name: term for term, name in enumerate(program.names)} if parents else {}
@@ -167,13 +171,12 @@ def _list_parts(
     """List the components, each after those that it depends on, and the constraints of several terms."""
 
     def is_small(scope: Iterable[int]) -> bool:
-        return prod([len(outcomes_of[term]) for term in scope]) <= MAX_ENTRIES
+        return bool(prod([len(outcomes_of[term]) for term in scope]) <= MAX_ENTRIES)
 
     parts = []
     for own in find_strongly_connected_components(parents_of):
         scope = frozenset(own).union(*[parents_of[term] for term in own])
-        is_acyclic = len(own) == 1 and own[0] not in parents_of[own[0]]
-        parts.append(Part(own, scope, own[0] in given or (is_acyclic and is_small(scope))))
+        parts.append(Part(own, scope, own[0] in given or (len(own) == 1 and is_small(scope))))
     return [*parts, *[Part((), scope, is_small(scope)) for scope in constraints if len(scope) > 1]]
 
 

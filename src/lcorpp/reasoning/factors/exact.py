@@ -46,8 +46,8 @@ def sum_exactly(network: TableNetwork, terms: Sequence[str], facts: Mapping[str,
         if outcome not in graph.outcomes[v]:
             return result
         observed[v] = graph.outcomes[v].index(outcome)
-    kept = [v for v in variables if v not in observed]
-    plan = network.find_plan(kept, sorted(observed), ())
+    kept = [v for v in variables if v not in observed and len(graph.outcomes[v]) > 1]
+    plan = network.find_plan([v for v in variables if v not in observed], sorted(observed), ())
     if plan.cost > MAX_COST:
         raise TooLargeError(
             f"{graph.program.source.file}: an exact answer takes {plan.cost:.2g} multiplications of integers,"
@@ -65,11 +65,12 @@ def sum_exactly(network: TableNetwork, terms: Sequence[str], facts: Mapping[str,
         integers = np.array(
             [number.numerator * (common // number.denominator) for number in numbers], dtype=object
         )
-        sizes = [len(graph.outcomes[v]) for v in factor.scope]
-        chosen = tuple([observed.get(v, slice(None)) for v in factor.scope])
-        left = tuple([v for v in factor.scope if v not in observed])
+        varying = [v for v in factor.scope if len(graph.outcomes[v]) > 1]  # numpy has at most 64 axes
+        sizes = [len(graph.outcomes[v]) for v in varying]
+        chosen = tuple([observed.get(v, slice(None)) for v in varying])
+        left = tuple([v for v in varying if v not in observed])
         tables.append((left, np.array(integers.reshape(sizes)[chosen], dtype=object)))
-    for v in plan.order:
+    for v in [v for v in plan.order if len(graph.outcomes[v]) > 1]:
         own = [table for table in tables if v in table[0]]
         tables = [table for table in tables if v not in table[0]]
         scope = tuple(dict.fromkeys([u for variables_, _ in own for u in variables_ if u != v]))

@@ -13,7 +13,7 @@ product of all factors at its outcomes. Example:
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from itertools import product
@@ -25,7 +25,7 @@ from lcorpp.errors import ProgramError, TooLargeError
 from lcorpp.reasoning.factors.block_table import BlockTable
 from lcorpp.reasoning.factors.blocks import Block, Part
 from lcorpp.reasoning.factors.division import Division
-from lcorpp.reasoning.grounding.ground_program import Clause, GroundProgram
+from lcorpp.reasoning.grounding.ground_program import Clause, GroundLiteral, GroundProgram
 from lcorpp.reasoning.language.networks.bayesian_network import BayesianNetwork, ProbabilityTable
 from lcorpp.reasoning.transitions.local_distribution import ProbabilityCache, enumerate_outcomes
 from lcorpp.values import Array
@@ -50,7 +50,7 @@ class Factor:
         if isinstance(self.source, ProbabilityTable):
             return [number for row in self.source.list_fractions() for number in row]
         if isinstance(self.source, BlockTable):
-            return self.source.list_fractions()
+            return self.source.fractions
         return list(self.source)
 
 
@@ -151,15 +151,17 @@ class _Builder:
         keys += [frozenset([term]) for term in defined if term in division.observed]
         clauses = [clause for term in defined for clause in division.clauses_of.get(term, ())]
         clauses += [clause for key in keys for clause in division.constraints[key]]
+        # terms with one outcome are constants of the block
         outcomes = {term: division.outcomes_of[term] for term in block.boundary}
         inputs = {term: own for term, own in outcomes.items() if term not in defined}
+        outcomes = {term: own for term, own in outcomes.items() if len(own) > 1}
         table = BlockTable.from_clauses(self._program, clauses, outcomes, inputs)
         try:
             array = table.compute()
         except (ProgramError, TooLargeError):  # the whole program has fewer worlds, maybe without the reason
             return False
         if array is not None:
-            self.factors.append(Factor(block.boundary, array, table, -1))
+            self.factors.append(Factor(tuple(outcomes), array, table, -1))
         return array is not None
 
     def _add_given(self, term: int, table: ProbabilityTable) -> None:
@@ -181,9 +183,9 @@ class _Builder:
     def _add_term(self, term: int) -> bool:
         """Add the distribution of a term given its clauses; return False if it is no table."""
         division = self._division
-        clauses, parents = division.clauses_of.get(term, ()), division.parents_of[term]
+        parents = tuple([parent for parent in division.parents_of[term] if parent != term])
         sizes = [len(division.outcomes_of[t]) for t in parents]
-        found = self._compute_table(term, clauses, parents, sizes, division.outcomes_of[term])
+        found = self._compute_table(term, parents, sizes)
         if found is None:
             return False
         array, fractions, is_distribution = found
@@ -191,34 +193,28 @@ class _Builder:
         return True
 
     def _compute_table(
-        self,
-        term: int,
-        clauses: Sequence[Clause],
-        parents: Sequence[int],
-        sizes: Sequence[int],
-        own: Sequence[int],
+        self, term: int, parents: Sequence[int], sizes: Sequence[int]
     ) -> tuple[Array, list[Fraction], bool] | None:
         """Compute a table, and whether each row is a distribution.
 
-        Rows do not sum to 1 where outcomes are excluded, or two rules derive different values. None if a
-        condition of the language may be broken.
+        Rows do not sum to 1 where outcomes are excluded, or the term has no or several stable models. None if
+        a condition of the language may be broken.
         """
-        true_at = self._list_true(clauses, parents, sizes)
+        clauses, own = self._division.clauses_of.get(term, ()), self._division.outcomes_of[term]
+        bodies = [[literal for literal in clause.body if literal[0] != term] for clause in clauses]
+        list_outcomes = self._find_distribution(term, clauses)
         index_of = {outcome: i for i, outcome in enumerate(own)}
         rows: dict[tuple[int, ...], list[Fraction]] = {}
         fractions: list[Fraction] = []
-        zero = Fraction(0)
-        for true in true_at:
+        for true in self._list_true(bodies, parents, sizes):
             key = tuple(true)
             if key not in rows:
-                row = [zero] * len(own)
-                for value, weight, violation in enumerate_outcomes(
-                    self._program, term, [clauses[i] for i in key], self._probabilities
-                ):
+                row = [Fraction(0)] * len(own)
+                for value, weight, violation in list_outcomes(key):
                     if violation:
                         return None
                     if value in index_of:
-                        row[index_of[value]] = weight
+                        row[index_of[value]] += weight
                     elif weight and term not in self._division.observed:
                         return None
                 rows[key] = row
@@ -226,17 +222,38 @@ class _Builder:
         is_distribution = all(sum(row) == 1 for row in rows.values())
         return np.array(fractions, dtype=np.float64), fractions, is_distribution
 
+    def _find_distribution(
+        self, term: int, clauses: Sequence[Clause]
+    ) -> Callable[[Sequence[int]], Iterable[tuple[int, Fraction, object]]]:
+        """Return the function that lists the outcomes of a term, given the clauses that others make true."""
+        own_literals = [[literal for literal in clause.body if literal[0] == term] for clause in clauses]
+        if not any(own_literals):
+            return lambda key: enumerate_outcomes(
+                self._program, term, [clauses[i] for i in key], self._probabilities
+            )
+        from lcorpp.reasoning.transitions.recursive_components import build_component  # few terms need it
+
+        guarded = [(1 << i, clause, own_literals[i]) for i, clause in enumerate(clauses)]
+        component = build_component(self._program, (term,), guarded, self._probabilities, (term,))
+
+        def list_models(key: Sequence[int]) -> Iterable[tuple[int, Fraction, object]]:
+            state = sum([1 << i for i in key])
+            found = component.list_outcomes([state])[state]
+            return [(outcome.values[0], outcome.weight, outcome.violation) for outcome in found]
+
+        return list_models
+
     def _list_true(
-        self, clauses: Sequence[Clause], parents: Sequence[int], sizes: Sequence[int]
+        self, bodies: Sequence[Sequence[GroundLiteral]], parents: Sequence[int], sizes: Sequence[int]
     ) -> list[list[int]]:
-        """List the indexes of the clauses that are true for each combination of outcomes of the parents."""
+        """List the indexes of the bodies that are true for each combination of outcomes of the parents."""
         strides = [prod(sizes[i + 1 :]) for i in range(len(sizes))]
         place = {parent: i for i, parent in enumerate(parents)}
         true_at: list[list[int]] = [[] for _ in range(prod(sizes))]
-        for number, clause in enumerate(clauses):
+        for number, body in enumerate(bodies):
             chosen: list[Sequence[int]] = [range(size) for size in sizes]
             masks: dict[int, int] = {}
-            for term, mask, _ in clause.body:
+            for term, mask, _ in body:
                 masks[term] = masks.get(term, -1) & mask
             for term, mask in masks.items():
                 chosen[place[term]] = [
@@ -250,6 +267,7 @@ class _Builder:
 
     def _add_constraints(self, scope: tuple[int, ...], clauses: Sequence[Clause]) -> None:
         """Add a factor of zeros and ones for constraints about the same terms."""
-        true_at = self._list_true(clauses, scope, [len(self._division.outcomes_of[term]) for term in scope])
+        sizes = [len(self._division.outcomes_of[term]) for term in scope]
+        true_at = self._list_true([clause.body for clause in clauses], scope, sizes)
         fractions = [Fraction(not true) for true in true_at]
         self.factors.append(Factor(scope, np.array(fractions, dtype=np.float64), fractions, -1))

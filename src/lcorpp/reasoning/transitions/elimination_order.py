@@ -26,7 +26,8 @@ ORDERED_DEGREE = 1e9
 """The degree of components that are eliminated after all others, in the order of their ranks."""
 
 Order = tuple[list[int], float]
-"""The tree, and its width: the largest number of bits of the components that share a scope with another."""
+"""The tree, and its width: the largest number of bits of the components that share a scope with another one,
+which is not among those in a given order."""
 
 
 def eliminate(
@@ -147,7 +148,8 @@ def _eliminate(
             if components[i].is_outdated:
                 push(i)
                 continue
-            width = max(width, degree)
+            if not components[i].is_ordered:
+                width = max(width, degree)
             if width >= limit:
                 break
         components[i].is_eliminated = True

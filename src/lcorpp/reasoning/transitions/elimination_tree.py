@@ -41,11 +41,11 @@ MAX_FRONTIER = 24
 MAX_DIAGRAM_WIDTH = 8
 """Decision diagrams that may have levels of more than 2 to this power nodes are compared with tables."""
 
-MAX_SCOPE_BITS = 16
-"""Terms that depend on more bits of others are no tables."""
-
 MAX_PRUNED_WIDTH = 20
 """The same for programs with constraints, which usually cut most of the nodes off."""
+
+MAX_SCOPE_BITS = 16
+"""A term has a table if it and those that it depends on have at most this many bits."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -59,7 +59,7 @@ class EliminationTree:
     recursions: the components without a step of their own, see `linear_recursion`.
     width: bits of the largest set of components on which a step may depend.
     is_wide: whether the diagram may be so large that tables are compared with it.
-    has_blocks: whether there are components of several terms, or terms that depend on many others.
+    may_have_blocks: whether there are components of several terms, or terms that depend on many others.
     """
 
     order: Sequence[tuple[int, ...]]
@@ -69,7 +69,7 @@ class EliminationTree:
     recursions: Sequence[LinearRecursion]
     width: float
     is_wide: bool
-    has_blocks: bool
+    may_have_blocks: bool
 
     @property
     def nodes(self) -> float:
@@ -169,16 +169,16 @@ def build_elimination_tree(
     if len(components) < len(terms):
         random = {clause.term for clause in clauses if clause.kind is SELECT} | program.do.keys()
         _merge_deterministic(components, children, random.union(*[own.guesses for own, _ in recursions]))
-    has_blocks = (
+    may_have_blocks = (
         bool(recursions)
         or len(components) < len(terms)
         or any(
             sizes[i] + sum([sizes[n] for n in own]) > MAX_SCOPE_BITS for i, own in enumerate(component_needs)
         )
     )
-    is_wide = width > (MAX_PRUNED_WIDTH if groups else MAX_DIAGRAM_WIDTH)
+    is_wide = width > (MAX_PRUNED_WIDTH if groups and not may_have_blocks else MAX_DIAGRAM_WIDTH)
     own_recursions = [own for own, _ in recursions]
-    return _number_nodes(components, children, own_recursions, width, is_wide, has_blocks)
+    return _number_nodes(components, children, own_recursions, width, is_wide, may_have_blocks)
 
 
 def _merge_deterministic(
@@ -213,7 +213,7 @@ def _number_nodes(
     recursions: Sequence[LinearRecursion],
     width: float,
     is_wide: bool,
-    has_blocks: bool,
+    may_have_blocks: bool,
 ) -> EliminationTree:
     """Number the nodes of a tree depth first; brothers keep their order. The last children are the roots."""
     nodes = list_depth_first(children)  # step -> node
@@ -227,4 +227,4 @@ def _number_nodes(
             ends[step] = ends[numbered[step][-1]]
     order = [components[node] for node in nodes]
     roots = [step_of[root] for root in children[-1]]
-    return EliminationTree(order, numbered, roots, ends, recursions, width, is_wide, has_blocks)
+    return EliminationTree(order, numbered, roots, ends, recursions, width, is_wide, may_have_blocks)
