@@ -67,6 +67,7 @@ CHECKS = {
     "guides/reasoning/networks.md": 3,
     "guides/reasoning/python.md": 4,
     "guides/reasoning/soft-evidence.md": 2,
+    "guides/reasoning/tables.md": 2,
     "guides/reasoning/time.md": 4,
     "guides/results/figures.md": 3,
     "guides/results/play.md": 2,

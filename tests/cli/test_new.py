@@ -130,3 +130,44 @@ def test_without_a_terminal_the_questions_are_refused(tmp_path, lcorpp, monkeypa
     refused = lcorpp("new", tmp_path / "x")
     assert (refused.code, "which needs a terminal" in refused.err) == (2, True)
     assert not (tmp_path / "x").exists()
+
+
+def test_knowledge_as_tables_gives_the_same_numbers(tmp_path, lcorpp):
+    folder = tmp_path / "drinks"
+    flags = (
+        "--fact",
+        "time=morning:0.3,evening",
+        "--shared",
+        "wish=tea,coffee,juice",
+        "--sense",
+        "gaze:wish:0.8",
+    )
+    ended = lcorpp("new", folder, *flags, "--tables")
+    assert "edit its knowledge.csv and interaction.py" in " ".join(ended.out.split())
+    table = folder / "knowledge.csv"
+    assert "wish = tea,wish = coffee,wish = juice\n1/3,1/3,1/3\n" in table.read_text()
+    dependent = "time,wish = tea,wish = coffee,wish = juice\nmorning,20 %,70 %,10 %\n,50 %,10 %,rest\n"
+    table.write_text(
+        table.read_text().replace("wish = tea,wish = coffee,wish = juice\n1/3,1/3,1/3\n", dependent)
+    )
+    checked = lcorpp("check", table)
+    assert (checked.code, "3 variables, 17 numbers" in checked.out) == (0, True), checked.err
+    expected = lcorpp("run", folder, "--trials", 30, "--jobs", 1)
+    assert expected.code == 0, expected.err
+    config = folder / "domain.toml"
+    for form in ("plog", "toml"):
+        file = folder / f"knowledge.{form}"
+        assert lcorpp("translate", table, "-o", file).code == 0
+        config.write_text(config.read_text().replace('"knowledge.csv"', f'"knowledge.{form}"'))
+        assert lcorpp("check", file).code == 0
+        found = lcorpp("run", folder, "--trials", 30, "--jobs", 1)
+        assert found.out.partition("SARSOP")[0] == expected.out.partition("SARSOP")[0]
+        config.write_text(config.read_text().replace(f'"knowledge.{form}"', '"knowledge.csv"'))
+    assert "wish = tea" in lcorpp("translate", folder / "knowledge.plog", "--to", "csv").out
+    table.write_text(table.read_text().replace("morning,20 %", "mornin,20 %"))
+    for command in (("check", folder), ("run", folder), ("ask", table, "wish")):
+        refused = lcorpp(*command)
+        assert refused.code == 2
+        assert "mornin is not a value of time; expected one of morning, evening" in " ".join(
+            refused.err.split()
+        )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
 
@@ -9,6 +10,14 @@ import typer
 
 from lcorpp.cli.console import print_text
 from lcorpp.cli.options import common as options
+
+
+class Form(StrEnum):
+    """A form of programs."""
+
+    plog = "plog"
+    csv = "csv"
+    toml = "toml"
 
 
 def ask(
@@ -69,22 +78,35 @@ def ask(
 
 
 def translate(
-    file: Annotated[Path, typer.Argument(metavar="FILE", help="A program of ProbLog, plog 1.0 or plog 2.0.")],
+    file: Annotated[
+        Path,
+        typer.Argument(
+            metavar="FILE", help="A program of ProbLog, plog 1.0 or plog 2.0, a Bayesian network, or tables."
+        ),
+    ],
     output: Annotated[
-        Path | None, typer.Option("-o", "--output", metavar="FILE.plog", help="Write to this file.")
+        Path | None, typer.Option("-o", "--output", metavar="FILE", help="Write to this file.")
+    ] = None,
+    to: Annotated[
+        Form | None,
+        typer.Option(help="Plain P-log, or tables in CSV or TOML; by default the end of the file's name."),
     ] = None,
 ) -> None:
-    """Print a program of ProbLog or plog 2.0 as plain P-log.
+    """Print a program as plain P-log, or as tables.
 
-    Declarations come first, then one statement per line; comments are lost. The other commands read the
-    same programs directly.
+    In P-log, declarations come first, then one statement per line; comments are lost. Tables are for programs
+    that are Bayesian networks, and edited in a spreadsheet. The other commands read all forms directly.
     """
     from lcorpp.cli.console import show_warnings
     from lcorpp.files import write_atomically
-    from lcorpp.reasoning import program_text, read_plog
+    from lcorpp.reasoning import program_text, read_plog, table_text
 
+    if to is None:
+        suffix = output.suffix[1:].lower() if output is not None else ""
+        to = Form(suffix) if suffix in Form.__members__ else Form.plog
     with show_warnings():
-        text = program_text(read_plog(file))
+        program = read_plog(file)
+        text = program_text(program) if to is Form.plog else table_text(program, to.value)
     if output is None:
         print_text(text, end="")
     else:

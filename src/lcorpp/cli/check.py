@@ -20,12 +20,12 @@ if TYPE_CHECKING:
     from lcorpp.reasoning import Program
 
 KINDS = (
-    "a .plog, .pl, .bif, .pomdp, .pomdpx, .policy, .xml or .alpha file, a domain folder or its domain.toml, a"
-    " folder of recorded tracks, a store of tracks, a robot.toml"
+    "a .plog, .pl, .bif, .csv, .pomdp, .pomdpx, .policy, .xml or .alpha file, a domain folder or its"
+    " domain.toml, a folder of recorded tracks, a store of tracks, a robot.toml, a .toml file of tables"
 )
 
-PROGRAMS = (".plog", ".pl", ".problog", ".lp", ".plp", ".bif")
-"""Suffixes of programs of P-log, ProbLog and plingo, and of Bayesian networks."""
+PROGRAMS = (".plog", ".pl", ".problog", ".lp", ".plp", ".bif", ".csv")
+"""Suffixes of programs of P-log, ProbLog and plingo, of Bayesian networks and of tables."""
 
 MAX_VALUES = 12
 """Maximum number of values of a shared variable that are listed."""
@@ -53,12 +53,14 @@ def check(
     """
     from lcorpp.domains.loading import SHIPPED_FOLDER, list_domains
     from lcorpp.learning.store import is_store
+    from lcorpp.reasoning.language.networks.written_tables import is_table_file
 
     suffix = path.suffix.lower()
+    is_program = suffix in PROGRAMS or (suffix == ".toml" and is_table_file(path))
     check_folder = _inspect_domain if no_code else _check_domain
     if path.is_dir() and (path / AUTHORS_FILE).exists():
         _check_tracks(path)
-    elif suffix == ".toml" and path.name != "domain.toml":
+    elif suffix == ".toml" and not is_program and path.name != "domain.toml":
         if no_code:
             raise FileError(f"{path}: --no-code checks a domain folder; give that of the robot")
         _check_robot(path)
@@ -68,12 +70,12 @@ def check(
         check_folder(SHIPPED_FOLDER / path)
     elif is_store(path):
         _check_store(path)
-    elif suffix in PROGRAMS:
+    elif is_program:
         from lcorpp.reasoning import Reasoner, read_plog
 
         with console.show_warnings():
             program = read_plog(path)
-        if suffix == ".bif":
+        if program.has_tables:
             _check_network(program)
             return
         try:

@@ -57,7 +57,7 @@ def fit(
         check_writable(output)
         if output.suffix.lower() != ".plog":
             raise FileError(f"{output}: expected a file name that ends with .plog")
-    is_network = file.suffix.lower() == ".bif"
+    is_network = file.suffix.lower() in (".bif", ".csv", ".toml")
     text = program_text(read_plog(file)) if is_network else read_text(file, MAX_PROGRAM_BYTES)
     fixed = [int(name) if name.isdecimal() else name for name in fix or ()]
     program = parse_plog(text, file=str(file))

@@ -59,6 +59,9 @@ def new(
     wrong: Annotated[
         float | None, typer.Option(help=f"Reward of a wrong report; {WRONG:g} by default.")
     ] = None,
+    tables: Annotated[
+        bool, typer.Option("--tables", help="Write the knowledge as tables, knowledge.csv, instead of P-log.")
+    ] = False,
 ) -> None:
     """Write a domain to be edited, from answers or from options.
 
@@ -80,7 +83,7 @@ def new(
                 "lcorpp new asks six questions, which needs a terminal; or give --shared NAME=VALUE,VALUE,..."
             )
         answers = ask_answers(folder.absolute().name, console.ask)
-    domain = write_new_domain(folder, answers)
+    domain = write_new_domain(folder, answers, tables=tables)
     pomdp = domain.pomdp
     sizes = f"{len(pomdp.states)} states, {len(pomdp.actions)} actions"
     values = f"{len(domain.values)} values to decide among"
@@ -88,7 +91,8 @@ def new(
     for asked in answers.questions:
         understood = f"understood rightly with probability {asked.reliability}"
         console.out.print(f"question {asked.name}, of {asked.of}: costs {asked.cost}, {understood}")
-    console.out.print(f"edit its knowledge.plog and interaction.py; then: lcorpp run {folder}")
+    knowledge = "knowledge.csv" if tables else "knowledge.plog"
+    console.out.print(f"edit its {knowledge} and interaction.py; then: lcorpp run {folder}")
 
 
 def build(

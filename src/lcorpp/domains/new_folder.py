@@ -14,6 +14,7 @@ from lcorpp.domains.loading import load_domain
 from lcorpp.domains.new_domain import TERMINAL, NewDomain
 from lcorpp.errors import DomainError, FileError
 from lcorpp.files import make_folder
+from lcorpp.reasoning import parse_plog, table_text
 
 MODEL_SOURCE = Path(__file__).parent / "new_interaction.py"
 """The model of new domains, of which the folder gets a copy with the numbers of the answers."""
@@ -29,8 +30,11 @@ def check_new_folder(folder: Path) -> None:
         raise DomainError(f"{folder}: exists; expected a new or an empty folder")
 
 
-def write_new_domain(folder: Path, new: NewDomain) -> Domain:
+def write_new_domain(folder: Path, new: NewDomain, *, tables: bool = False) -> Domain:
     """Write the folder of a domain completely or not at all, and return the domain.
+
+    Args:
+        tables: whether to write the knowledge as tables, knowledge.csv, instead of knowledge.plog.
 
     Raises:
         DomainError: the folder is not empty, or the answers lack a shared variable or a question.
@@ -46,9 +50,11 @@ def write_new_domain(folder: Path, new: NewDomain) -> Domain:
         with tempfile.TemporaryDirectory(prefix=".lcorpp-", dir=parent, ignore_cleanup_errors=True) as name:
             complete = Path(name) / "domain"
             complete.mkdir()
+            knowledge = format_knowledge(new)
+            own = {"knowledge.csv": format_tables(knowledge)} if tables else {"knowledge.plog": knowledge}
             texts = {
-                "domain.toml": format_toml(new),
-                "knowledge.plog": format_knowledge(new),
+                "domain.toml": format_toml(new, tables),
+                **own,
                 "interaction.py": format_model(new),
             }
             for file, text in texts.items():
@@ -63,7 +69,16 @@ def write_new_domain(folder: Path, new: NewDomain) -> Domain:
     return load_domain(folder)
 
 
-def format_toml(new: NewDomain) -> str:
+def format_tables(knowledge: str) -> str:
+    """Return the text of knowledge.csv, given that of knowledge.plog."""
+    head = (
+        "# What is known about people: edit the numbers. A row is for values of the columns before it;\n"
+        "# a blank cell there is for all others. For attributes that depend on another, add its column.\n\n"
+    )
+    return head + table_text(parse_plog(knowledge))
+
+
+def format_toml(new: NewDomain, tables: bool = False) -> str:
     """Return the text of domain.toml."""
     shared = [variable.name for variable in new.shared]
     pattern = "_".join(f"{{{name}}}" for name in shared)
@@ -72,7 +87,9 @@ def format_toml(new: NewDomain) -> str:
         f"description = {json.dumps(f'What is the {join_words(shared)}?', ensure_ascii=False)}",
         "",
         "[reasoning]",
-        'program = "knowledge.plog"        # P-log: what is known about people; edit the numbers there',
+        'program = "knowledge.csv"         # what is known about people; edit it in a spreadsheet'
+        if tables
+        else 'program = "knowledge.plog"        # P-log: what is known about people; edit the numbers there',
         f"observed = {json.dumps([fact.name for fact in new.facts])}",
         f"shared = {json.dumps(shared)}",
         "",
@@ -86,7 +103,7 @@ def format_toml(new: NewDomain) -> str:
             f'attribute = "{sense.name}"',
             f'of = "{sense.of}"',
             f"labels = {{ {labels} }}",
-            'classifier = "channel"            # simulated at the rates of knowledge.plog',
+            'classifier = "channel"            # simulated at the rates of the knowledge',
             "",
         ]
     lines += [

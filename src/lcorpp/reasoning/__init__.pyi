@@ -22,3 +22,4 @@ from .language.program import Program as Program, program_text as program_text
 from .language.signature import Attribute as Attribute
 from .language.syntax import Query as Query
 from .reasoner import Reasoner as Reasoner, ask as ask
+from .tabulation import table_text as table_text

@@ -29,6 +29,18 @@ def make_name_text(name: str) -> str:
     return f"'{escaped}'"
 
 
+def make_value_text(name: str) -> str:
+    """Return the text of a value: an integer of at most nine digits is itself, others are names."""
+    digits = name.removeprefix("-")
+    is_short = digits.isdigit() and digits.isascii() and len(digits) < 10
+    return name if is_short and str(int(name)) == name else make_name_text(name)
+
+
+def strip_quotes(text: str) -> str:
+    """Return the characters of a name, given its text."""
+    return _ESCAPED.sub(r"\1", text[1:-1]) if text.startswith("'") else text
+
+
 def unquote(token: str) -> str:
     """Return the text of a name that is written in quotes."""
     return make_name_text(_ESCAPED.sub(r"\1", token[1:-1]))

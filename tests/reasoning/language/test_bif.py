@@ -20,8 +20,8 @@ from lcorpp.reasoning import (
     read_plog,
     with_classifier,
 )
-from lcorpp.reasoning.language.networks.bif import make_value_text, parse_bif
-from lcorpp.reasoning.quoting import is_quoted, make_name_text, unquote, write_name
+from lcorpp.reasoning.language.networks.bif import parse_bif
+from lcorpp.reasoning.quoting import is_quoted, make_name_text, make_value_text, unquote, write_name
 
 SPRINKLER = """
 // a comment with { braces }

@@ -10,6 +10,7 @@ import re
 from collections.abc import Container, Iterator
 from contextlib import contextmanager
 from os import PathLike
+from os.path import splitext
 from typing import TYPE_CHECKING
 
 from lcorpp.errors import ParseError, ProgramError, check_type
@@ -33,7 +34,7 @@ MAX_PROGRAM_BYTES = 2**24
 
 
 def read_plog(path: str | Path, *, semantics: Semantics | None = None, strict: bool = True) -> Program:
-    """Read and check a P-log program, or a Bayesian network in a ``.bif`` file (`language.networks.bif`).
+    """Read and check a P-log program, a Bayesian network (``.bif``), or tables (``.csv``, ``.toml``).
 
     Args:
         semantics, strict: as in `parse_plog`.
@@ -51,10 +52,15 @@ def read_plog(path: str | Path, *, semantics: Semantics | None = None, strict: b
         3.5
     """
     check_type(path, (str, PathLike), "path", ProgramError)
-    if str(path).lower().endswith(".bif"):
+    suffix = splitext(path)[1].lower()
+    if suffix == ".bif":
         from lcorpp.reasoning.language.networks.bif import read_bif  # imports numpy
 
         return read_bif(path)
+    if suffix in (".csv", ".toml"):
+        from lcorpp.reasoning.language.networks.table_files import read_tables  # imports numpy
+
+        return read_tables(path)
     return parse_plog(read_text(path, MAX_PROGRAM_BYTES), file=str(path), semantics=semantics, strict=strict)
 
 

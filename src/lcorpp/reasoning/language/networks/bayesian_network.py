@@ -6,17 +6,20 @@ is made only for what reads statements, such as `program_text`, the enumeration 
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import cached_property
+from graphlib import CycleError, TopologicalSorter
 from itertools import product
 from typing import Any
 
 import numpy as np
 
+from lcorpp.errors import ProgramError
 from lcorpp.reasoning.language.arithmetic import is_integer
-from lcorpp.reasoning.language.issues import Place
+from lcorpp.reasoning.language.issues import Place, ReasoningWarning
 from lcorpp.reasoning.language.program import Program
 from lcorpp.reasoning.language.sorts import SortDefinition, SortSet
 from lcorpp.reasoning.language.syntax import (
@@ -39,11 +42,13 @@ class ProbabilityTable:
     parents: the variables on which it depends.
     numbers: (values of each parent..., values) as written; the numbers of a row sum to 1 but for rounding.
     at: the place where it begins.
+    fractions: the probabilities of each row, where `numbers` are not exact.
     """
 
     parents: tuple[str, ...]
     numbers: Array
     at: Place
+    fractions: list[list[Fraction]] | None = None
 
     @cached_property
     def probabilities(self) -> Array:
@@ -53,6 +58,8 @@ class ProbabilityTable:
 
     def list_fractions(self) -> list[list[Fraction]]:
         """List the probabilities of each row, exact for decimals of up to 15 digits."""
+        if self.fractions is not None:
+            return self.fractions
         exact: dict[float, Fraction] = {}
         rows = []
         for row in self.numbers.reshape(-1, self.numbers.shape[-1]).tolist():
@@ -60,6 +67,31 @@ class ProbabilityTable:
             total = sum(own)
             rows.append(own if total == 1 else [number / total for number in own])
         return rows
+
+
+RoundedRow = tuple[Place, str, float]
+"""The place of a table, its variable, and the sum of a row that rounding explains."""
+
+
+def check_acyclic(tables: Mapping[str, ProbabilityTable]) -> None:
+    """Raise `ProgramError` if a variable depends on itself."""
+    try:
+        TopologicalSorter({name: table.parents for name, table in tables.items()}).prepare()
+    except CycleError as error:
+        cycle = list(reversed(error.args[1]))
+        first = tables[cycle[0]].at
+        raise ProgramError(
+            f"{first}: {cycle[0]} depends on itself: {' -> '.join(cycle[:12])}; expected no cycle"
+        ) from None
+
+
+def warn_of_rounding(rows: Sequence[RoundedRow], stacklevel: int) -> None:
+    """Warn of rows that are divided by their sum, naming the first."""
+    if rows:
+        (at, name, total), *others = rows
+        also = f" (and so {len(others)} other rows)" if others else ""
+        text = f"the probabilities of {name} sum to {total:.10g}, not 1, and are divided by their sum{also}"
+        warnings.warn(f"{at}: {text}", ReasoningWarning, stacklevel=stacklevel)
 
 
 class BayesianNetwork(Program):

@@ -14,10 +14,8 @@ Source: the Interchange Format for Bayesian Networks 0.15 (Cozman, 1996).
 from __future__ import annotations
 
 import re
-import warnings
 from bisect import bisect_right
 from collections.abc import Iterator, Sequence
-from graphlib import CycleError, TopologicalSorter
 from math import prod
 from pathlib import Path
 
@@ -26,10 +24,16 @@ import numpy as np
 from lcorpp.errors import ParseError, ProgramError, expected_one_of
 from lcorpp.files import read_text
 from lcorpp.reasoning.language.arithmetic import MAX_ROUNDING
-from lcorpp.reasoning.language.issues import Place, ReasoningWarning, SourceIssue
+from lcorpp.reasoning.language.issues import Place, SourceIssue
 from lcorpp.reasoning.language.lexer import list_line_starts
-from lcorpp.reasoning.language.networks.bayesian_network import BayesianNetwork, ProbabilityTable
-from lcorpp.reasoning.quoting import make_name_text
+from lcorpp.reasoning.language.networks.bayesian_network import (
+    BayesianNetwork,
+    ProbabilityTable,
+    RoundedRow,
+    check_acyclic,
+    warn_of_rounding,
+)
+from lcorpp.reasoning.quoting import make_name_text, make_value_text
 from lcorpp.values import Array
 
 MAX_BYTES = 2**28
@@ -95,7 +99,7 @@ class _Reader:
         self._codes: dict[str, dict[str, int]] = {}
         self._places: dict[str, Place] = {}
         self._tables: dict[str, ProbabilityTable] = {}
-        self._rounded: list[tuple[Place, str, float]] = []
+        self._rounded: list[RoundedRow] = []
 
     def read(self) -> BayesianNetwork:
         """Read all variables, then all tables."""
@@ -116,21 +120,8 @@ class _Reader:
                 raise ProgramError(
                     f"{place}: {name} has no table; expected 'probability ( {name} ) {{ ... }}'"
                 )
-        try:
-            TopologicalSorter({name: table.parents for name, table in self._tables.items()}).prepare()
-        except CycleError as error:
-            cycle = list(reversed(error.args[1]))
-            first = self._tables[cycle[0]].at
-            raise ProgramError(
-                f"{first}: {cycle[0]} depends on itself: {' -> '.join(cycle[:12])}; expected no cycle"
-            ) from None
-        if self._rounded:
-            (at, name, total), *others = self._rounded
-            also = f" (and so {len(others)} other rows)" if others else ""
-            words = (
-                f"the probabilities of {name} sum to {total:.10g}, not 1, and are divided by their sum{also}"
-            )
-            warnings.warn(f"{at}: {words}", ReasoningWarning, stacklevel=5)
+        check_acyclic(self._tables)
+        warn_of_rounding(self._rounded, stacklevel=6)
         return BayesianNetwork(self._file, self._values, self._tables, self._places)
 
     def _at(self, offset: int) -> Place:
@@ -334,13 +325,6 @@ def _read_name(word: str, *, is_attribute: bool = False) -> str:
     if word.startswith('"'):
         word = _ESCAPE.sub(r"\1", word[1:-1].translate(_UNMASK))
     return make_name_text(word) if is_attribute else make_value_text(word)
-
-
-def make_value_text(name: str) -> str:
-    """Return the text of a value: an integer of at most nine digits is itself, others are names."""
-    digits = name.removeprefix("-")
-    is_short = digits.isdigit() and digits.isascii() and len(digits) < 10
-    return name if is_short and str(int(name)) == name else make_name_text(name)
 
 
 def _is_number(word: str) -> bool:
