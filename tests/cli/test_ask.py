@@ -333,3 +333,25 @@ def test_a_bayesian_network_is_read_checked_and_translated(lcorpp, tmp_path):
     ended = lcorpp("check", file)
     assert ended.code == 2
     assert "alarm.bif:5:68: the probabilities of 'Blood pressure' sum to 0.9; expected 1" in ended.err
+
+
+def test_a_markov_logic_network_is_asked_with_evidence(lcorpp, tmp_path):
+    network, evidence = tmp_path / "s.mln", tmp_path / "e.db"
+    network.write_text(
+        "Smokes(person)\nFriends(person, person)\n1.1 Friends(x, y) ^ Smokes(x) => Smokes(y)\n"
+    )
+    evidence.write_text("Smokes(Anna)\nFriends(Anna, Bob)\n")
+    ended = lcorpp("ask", network, "Smokes(Bob)", "--evidence", evidence)
+    assert ended.code == 0, ended.err
+    assert "?'Smokes'('Bob') | obs('Smokes'('Anna')=true), obs('Friends'('Anna','Bob')=true)." in ended.out
+    refused = lcorpp("ask", network, "Smokes(Bob)")
+    assert refused.code == 2
+    assert "s.mln:2:1: the domain person has no constant" in refused.err
+    evidence.write_text("Smokes(Anna)\nDrinks(Anna)\n")
+    refused = lcorpp("ask", network, "Smokes(Bob)", "--evidence", evidence)
+    assert refused.code == 2
+    assert f"{evidence}:2:1: Drinks is not declared" in refused.err
+    (tmp_path / "c.plog").write_text("a : boolean. random(a).")
+    refused = lcorpp("ask", tmp_path / "c.plog", "a", "--evidence", evidence)
+    assert refused.code == 2
+    assert "is no Markov logic network; expected a .mln file" in " ".join(refused.err.split())

@@ -18,9 +18,10 @@ from lcorpp.cli.console import (
     show_warnings,
 )
 from lcorpp.errors import ProgramError, UndefinedError
+from lcorpp.files import read_text
 from lcorpp.log_output import show_log
 from lcorpp.reasoning.language.arithmetic import canonical_text
-from lcorpp.reasoning.language.parser import parse_query, read_plog
+from lcorpp.reasoning.language.parser import MAX_PROGRAM_BYTES, parse_mln, parse_query, read_plog
 from lcorpp.reasoning.language.syntax import Query
 from lcorpp.reasoning.language.translation.names import is_auxiliary, restore_names
 from lcorpp.reasoning.reasoner import DEFAULT_SAMPLES, Reasoner
@@ -51,6 +52,7 @@ def print_answers(
     as_json: bool = False,
     samples: int | None = None,
     seed: int = 0,
+    evidence: Path | None = None,
 ) -> None:
     """Answer a query to a P-log program, or the program's own queries; the arguments are those of `ask`.
 
@@ -59,8 +61,18 @@ def print_answers(
         UndefinedError: no possible world satisfies the conditions of a query.
     """
     show_log(logging.INFO, "lcorpp.reasoning")  # e.g. which engine answers
-    program = read_plog(file, strict=not lenient)
+    observed: Sequence[str] = ()
+    if evidence is None:
+        program = read_plog(file, strict=not lenient)
+    elif str(file).lower().endswith(".mln"):
+        texts = [read_text(path, MAX_PROGRAM_BYTES) for path in (file, evidence)]
+        program, observed = parse_mln(texts[0], file=str(file), facts=texts[1], facts_file=str(evidence))
+    else:
+        raise ProgramError(f"--evidence {evidence}: {file} is no Markov logic network; expected a .mln file")
     queries = [parse_query(query, program)] if query is not None else program.queries
+    if observed:
+        others = parse_query(f"?{{{observed[0][4:-1]}}} | {', '.join(observed)}.", program).observations
+        queries = [replace(own, observations=(*own.observations, *others)) for own in queries]
     if not queries and not worlds:
         raise ProgramError(
             f"{file}: the program has no query of its own; give one, such as 'attribute=value'"

@@ -67,13 +67,17 @@ def ask(
         ),
     ] = None,
     seed: options.SeedOption = 0,
+    evidence: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE.db", help="Evidence for a Markov logic network: a literal a line."),
+    ] = None,
 ) -> None:
-    """Answer a query to a P-log program."""
+    """Answer a query to a program."""
     from lcorpp.cli.answers import print_answers
 
     print_answers(
         file, query, exact=exact, lenient=lenient, why=why, best=best, worlds=worlds, as_json=as_json,
-        samples=samples, seed=seed,
+        samples=samples, seed=seed, evidence=evidence,
     )  # fmt: skip
 
 

@@ -20,12 +20,12 @@ if TYPE_CHECKING:
     from lcorpp.reasoning import Program
 
 KINDS = (
-    "a .plog, .pl, .bif, .csv, .pomdp, .pomdpx, .policy, .xml or .alpha file, a domain folder or its"
+    "a .plog, .pl, .mln, .bif, .csv, .pomdp, .pomdpx, .policy, .xml or .alpha file, a domain folder or its"
     " domain.toml, a folder of recorded tracks, a store of tracks, a robot.toml, a .toml file of tables"
 )
 
-PROGRAMS = (".plog", ".pl", ".problog", ".lp", ".plp", ".bif", ".csv")
-"""Suffixes of programs of P-log, ProbLog and plingo, of Bayesian networks and of tables."""
+PROGRAMS = (".plog", ".pl", ".problog", ".lp", ".plp", ".mln", ".bif", ".csv")
+"""Suffixes of programs of P-log, ProbLog, plingo and Markov logic, of Bayesian networks and of tables."""
 
 MAX_VALUES = 12
 """Maximum number of values of a shared variable that are listed."""

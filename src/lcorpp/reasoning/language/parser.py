@@ -34,7 +34,8 @@ MAX_PROGRAM_BYTES = 2**24
 
 
 def read_plog(path: str | Path, *, semantics: Semantics | None = None, strict: bool = True) -> Program:
-    """Read and check a P-log program, a Bayesian network (``.bif``), or tables (``.csv``, ``.toml``).
+    """Read and check a program by the end of its file's name: P-log or ProbLog, Markov logic (``.mln``), a
+    Bayesian network (``.bif``), or tables (``.csv``, ``.toml``).
 
     Args:
         semantics, strict: as in `parse_plog`.
@@ -57,6 +58,8 @@ def read_plog(path: str | Path, *, semantics: Semantics | None = None, strict: b
         from lcorpp.reasoning.language.networks.bif import read_bif  # imports numpy
 
         return read_bif(path)
+    if suffix == ".mln":
+        return parse_mln(read_text(path, MAX_PROGRAM_BYTES), file=str(path))[0]
     if suffix in (".csv", ".toml"):
         from lcorpp.reasoning.language.networks.table_files import read_tables  # imports numpy
 
@@ -110,6 +113,38 @@ def parse_plog(
         if translated is None:
             raise
     return Program(file, translated.statements, semantics or "2009", translated.names)
+
+
+def parse_mln(
+    text: str, *, file: str = "<text>.mln", facts: str = "", facts_file: str = "<text>.db"
+) -> tuple[Program, list[str]]:
+    """Parse a Markov logic network given as text; it becomes a P-log program.
+
+    Args:
+        facts: the text of a file of evidence, whose constants are in the domains, too.
+
+    Returns:
+        The program, and the evidence as observations of a query.
+
+    Raises:
+        ParseError: a text does not follow the format, or has a construct that is not translated, by name.
+    """
+    from lcorpp.reasoning.language.translation.mln_reader import read_facts, read_mln  # rarely needed
+    from lcorpp.reasoning.language.translation.mln_translation import (
+        add_constants,
+        list_observations,
+        translate_mln,
+    )
+
+    with _locate_issues(text):
+        network = read_mln(text, file)
+    with _locate_issues(facts):
+        literals = read_facts(facts, facts_file)
+        add_constants(network, literals)
+    with _locate_issues(text):
+        translated, names = translate_mln(network)
+    program = _parse_own(translated, f"{file} (as P-log)", "2009", True)
+    return Program(program.file, program.statements, "2009", names), list_observations(network, literals)
 
 
 def _parse_own(text: str, file: str, semantics: Semantics | None, strict: bool) -> Program:
@@ -182,12 +217,19 @@ def parse_term(text: str, file: str, names: Container[str] = ()) -> Expression:
 @contextmanager
 def _open_cursor(text: str, file: str, names: Container[str] = ()) -> Iterator[Cursor]:
     """Yield a cursor over the text, and convert a SourceIssue to ParseError."""
-    cursor = Cursor(text, file, names)
-    try:
+    with _locate_issues(text):
+        cursor = Cursor(text, file, names)
         try:
             yield cursor
         except RecursionError:  # the caller's own calls leave little of Python's stack
             raise make_depth_error(cursor.at) from None
+
+
+@contextmanager
+def _locate_issues(text: str) -> Iterator[None]:
+    """Convert a SourceIssue about a text to ParseError."""
+    try:
+        yield
     except SourceIssue as issue:
         at, lines = issue.at, re.split(r"\r\n|\r|\n", text)
         line = lines[at.line - 1] if at.line <= len(lines) else ""
