@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given, settings, strategies as st
 
 from lcorpp.errors import ProgramError, UndefinedError
-from lcorpp.reasoning import Enumeration, Program, parse_plog, parse_query, program_text
+from lcorpp.reasoning import Enumeration, Program, Reasoner, parse_plog, parse_query, program_text
 
 
 def probability(program: Program, query: str) -> Fraction:
@@ -177,3 +177,25 @@ def test_cr_rules_agree_with_trying_sets_of_rules(
     total = sum(worlds.values())
     share = sum(w for values, w in worlds.items() if (asked, "true") in values)
     assert probability(program, asked + "=true") == share / total
+
+
+@pytest.mark.parametrize(
+    ("text", "query", "expected"),
+    [
+        ("a, d, e, f : boolean. e. d :- e. random(f). a :- f, not d. -a :- not a.", "a", "0"),
+        ("a, d, e, f : boolean. e. d :- e. random(f). a :- f, not -d. -a :- not a.", "a", "1/2"),
+        (
+            "n = {1, 2}. opens, blocked, wall : n -> boolean. wall(1). blocked(X) :- wall(X)."
+            " opens(X) :- not blocked(X), lucky. lucky : boolean. random(lucky). -opens(X) :- not opens(X).",
+            "opens(1)",
+            "0",
+        ),
+        ("0.5::f. a :- f, \\+d. d :- e. e. query(a).", "a", "0"),
+    ],
+)
+def test_a_negated_literal_about_a_derived_fact_is_tested(text: str, query: str, expected: str):
+    """Also where its attribute is declared after that of the rule."""
+    program = parse_plog(text)
+    question = parse_query(f"?{{{query}}}.", program)
+    assert Reasoner(program).ask(question, exact=True) == Fraction(expected)
+    assert Enumeration(program).ask(question) == Fraction(expected)

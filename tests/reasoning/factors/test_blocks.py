@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import pickle
 from fractions import Fraction
 from itertools import product
@@ -11,7 +10,7 @@ import numpy as np
 import pytest
 from tests.reasoning.engines import force_tables
 
-from lcorpp.errors import ProgramError, TooLargeError, UndefinedError
+from lcorpp.errors import ProgramError, UndefinedError
 from lcorpp.reasoning import Enumeration, Reasoner, parse_plog, parse_query
 from lcorpp.reasoning.circuit import choice
 from lcorpp.reasoning.circuit.circuit import Circuit
@@ -202,17 +201,6 @@ def test_a_condition_that_only_impossible_inputs_break(monkeypatch):
 
 
 @pytest.mark.usefixtures("only_tables")
-def test_fractions_of_a_large_block_are_refused(monkeypatch):
-    monkeypatch.setattr(block_table, "MAX_VISITED_ARCS", 10)
-    program = parse_plog(make_grid(3) + make_map(4, "blocked(1, 2) :- g(2, 3)."))
-    circuit = Reasoner(program).compile(["g(1, 1)"], "reach(3)")
-    assert has_block(circuit)
-    with pytest.raises(TooLargeError, match="arcs of a decision diagram, expected at most 10"):
-        circuit.exact({})
-    assert math.isclose(circuit({}).probabilities.sum(), 1)
-
-
-@pytest.mark.usefixtures("only_tables")
 def test_tables_that_floating_point_does_not_represent_are_expanded(monkeypatch):
     monkeypatch.setattr(blocks, "SMALL_BITS", -1)
     tiny = f"1/{10**299}"
@@ -310,3 +298,41 @@ def test_growth_ends_after_its_work(monkeypatch):
     parts = [Part((i,), frozenset([i]), True) for i in range(1, 30)]
     recursion = Part((0,), frozenset(range(30)), False)
     assert find_blocks([*parts, recursion], dict.fromkeys(range(30), 1.0), {0}) is None
+
+
+def test_an_observed_disjunction_about_a_network():
+    program = parse_plog(make_grid(12))
+    query = parse_query("g(3, 3) | obs(g(1, 1) or g(2, 2))", program)
+    whole = Reasoner(program)
+    given = whole.posterior(["g(3, 3)", "g(1, 1)", "g(2, 2)"])
+    shares = np.reshape(given.probabilities, (2, 2, 2)).copy()
+    shares[:, 1, 1] = 0.0
+    assert Reasoner(program).ask(query)["true"] == pytest.approx(shares[0].sum() / shares.sum(), rel=1e-9)
+
+
+@pytest.mark.usefixtures("only_tables")
+def test_the_marginal_of_a_term_with_one_outcome():
+    program = parse_plog(
+        "p, b, c, d : boolean. random(p). random(d). pr(d | c) = 1/3. b :- p. b :- c. c :- b, p. -c :- not c."
+        " obs(b)."
+    )
+    found = Reasoner(program).compile([], ["b", "c", "d", "p"])({})
+    assert isinstance(found, dict)
+    for name, shares in found.items():
+        expected = Enumeration(program).exact(name)
+        np.testing.assert_allclose(shares.probabilities, [float(p) for p in expected.values()], atol=1e-12)
+
+
+@pytest.mark.usefixtures("only_tables")
+def test_fractions_of_a_large_block_come_from_the_whole_diagram(monkeypatch):
+    program = parse_plog(make_grid(3) + make_map(4, "blocked(1, 2) :- g(2, 3)."))
+    expected = Reasoner(program).compile(["g(1, 1)"], "reach(3)").exact({"g(1, 1)": "true"})
+    monkeypatch.setattr(block_table, "MAX_VISITED_ARCS", 10)
+    assert Reasoner(program).compile(["g(1, 1)"], "reach(3)").exact({"g(1, 1)": "true"}) == expected
+
+
+@pytest.mark.usefixtures("only_tables")
+def test_a_table_that_takes_too_much_work_is_left_to_the_diagram(monkeypatch):
+    monkeypatch.setattr(block_table, "MAX_WORK", 10)
+    program = parse_plog(make_grid(3) + make_map(4, "blocked(1, 2) :- g(2, 3)."))
+    assert Reasoner(program).compile(["g(1, 1)"], "reach(3)").network is None

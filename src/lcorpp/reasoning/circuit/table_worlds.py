@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
+from lcorpp.errors import TooLargeError
 from lcorpp.reasoning.answers import PossibleWorld, Value
 from lcorpp.reasoning.diagram.world_queries import WorldQueries
 from lcorpp.reasoning.evidence import EncodedEvidence
@@ -49,9 +50,17 @@ class TableWorlds:
         return self._name_values(question, weights)
 
     def compute_exact_weights(self, question: str, facts: Mapping[str, str]) -> dict[Value, Fraction]:
-        """Sum as `compute_float_weights` in fractions, with the measures of the worlds."""
+        """Sum as `compute_float_weights` in fractions, with the measures of the worlds.
+
+        The decision diagram of the whole program does it if the fractions of a block take too much work.
+        """
         terms = list_question_terms(question)
-        return self._name_values(question, sum_exactly(self._network, terms, facts))
+        try:
+            return self._name_values(question, sum_exactly(self._network, terms, facts))
+        except TooLargeError:
+            if not self._network.graph.has_blocks:
+                raise
+        return self._queries.compute_exact_weights(question, facts)
 
     def _name_values(self, question: str, weights: npt.NDArray[Any]) -> dict[Value, Any]:
         """Map the positive weights of outcomes to values; "" is for no value."""

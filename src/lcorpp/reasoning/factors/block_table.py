@@ -37,6 +37,9 @@ from lcorpp.values import Array
 MAX_BYTES = 2**26
 """Maximum memory of the arcs of the decision diagram of a block."""
 
+MAX_WORK = 2_000_000_000
+"""Maximum product of the arcs of a block and the entries of its table, about ten seconds."""
+
 MAX_VISITED_ARCS = 20_000_000
 """Maximum number of arcs that are visited for the fractions of a table, about ten seconds."""
 
@@ -101,7 +104,7 @@ class BlockTable:
         """Compute the entries, the last term fastest, up to a common factor.
 
         Returns:
-            None if floating point does not represent them.
+            None if floating point does not represent them, or they take more work than `MAX_WORK`.
 
         Raises:
             TooLargeError, ProgramError: as `diagram`.
@@ -110,6 +113,8 @@ class BlockTable:
         n_rows = prod([len(own) for own in self.outcomes])
         if not diagram.has_worlds:
             return np.zeros(n_rows)
+        if diagram.graph.n_arcs * n_rows > MAX_WORK:
+            return None
         grid = np.meshgrid(*[np.array(own, dtype=np.intp) for own in self.outcomes], indexing="ij")
         codes: npt.NDArray[np.intp] = np.zeros((n_rows, len(grid)), dtype=np.intp)
         for i, column in enumerate(grid):

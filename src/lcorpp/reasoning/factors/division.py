@@ -15,7 +15,7 @@ from lcorpp.reasoning.factors.blocks import Block, Part, find_blocks
 from lcorpp.reasoning.grounding.ground_program import Clause, GroundProgram
 from lcorpp.reasoning.grounding.simplification import simplify
 from lcorpp.reasoning.grounding.strong_components import find_strongly_connected_components
-from lcorpp.reasoning.questions import is_joint
+from lcorpp.reasoning.questions import is_joint, list_terms
 from lcorpp.reasoning.transitions.elimination_order import eliminate
 from lcorpp.reasoning.transitions.elimination_tree import MAX_DIAGRAM_WIDTH, MAX_SCOPE_BITS
 from lcorpp.reasoning.transitions.relevance import separate_irrelevant_rules
@@ -68,7 +68,7 @@ class Division:
             elif len(own) > 1:
                 groups.append(own)
         bits = _compute_bits(index_of, self.outcomes_of)
-        _, width = eliminate(needs, groups, [bits[term] for term in index_of], range(len(needs)), ())
+        _, _, width = eliminate(needs, groups, [bits[term] for term in index_of], range(len(needs)), ())
         return width > MAX_DIAGRAM_WIDTH
 
 
@@ -85,8 +85,12 @@ def divide_program(
         None if there are too many terms, or a block would have a large table.
     """
     program, numbers = program.number_terms(set(queried))
-    joint = {term for term, name in enumerate(program.names) if is_joint(name) and name not in numbers}
-    if joint:  # questions and evidence name its terms instead
+    joint = {
+        term
+        for term, name in enumerate(program.names)
+        if is_joint(name) and len(list_terms(name)) > 1 and name not in numbers
+    }
+    if joint:  # questions and evidence name its terms instead; formulas have names such as "?1"
         program = replace(program, clauses=[c for c in program.clauses if c.term not in joint])
     clauses, masks = simplify(program)
     needed = set(numbers.values())

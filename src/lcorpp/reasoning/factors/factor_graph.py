@@ -72,6 +72,11 @@ class FactorGraph:
     variable_of: Mapping[str, int]
     has_worlds: bool = True
 
+    @property
+    def has_blocks(self) -> bool:
+        """Whether a decision diagram computed some of the factors."""
+        return any(isinstance(factor.source, BlockTable) for factor in self.factors)
+
     def __repr__(self) -> str:
         file, n = self.program.source.file, len(self.terms)
         return f"FactorGraph({file}: {n} variables, {len(self.factors)} factors)"
@@ -113,6 +118,7 @@ def build_factor_graph(division: Division, tables: Mapping[str, ProbabilityTable
     if not all(builder.add_block(block) for block in division.blocks):
         return None
     inner = {term for block in division.blocks for term in block.inner}
+    builder.add_constants([term for term in division.terms if term not in inner])
     variable_of = {term: i for i, term in enumerate([term for term in division.terms if term not in inner])}
     factors = [
         Factor(tuple([variable_of[t] for t in f.scope]), f.table, f.source, variable_of.get(f.child, -1))
@@ -142,6 +148,13 @@ class _Builder:
             self._add_given(term, self._tables[name])
             return True
         return self._add_term(term)
+
+    def add_constants(self, terms: Iterable[int]) -> None:
+        """Add a factor for each term with one outcome that is in none, so that its marginal is known."""
+        seen = {term for factor in self.factors for term in factor.scope}
+        for term in terms:
+            if term not in seen and len(self._division.outcomes_of[term]) == 1:
+                self.factors.append(Factor((term,), np.ones(1), [Fraction(1)], -1))
 
     def add_block(self, block: Block) -> bool:
         """Add the factor of a block; return False if it is too large, or a condition may be broken."""

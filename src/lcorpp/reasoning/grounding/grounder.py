@@ -146,7 +146,8 @@ class _Grounder:
     def _find_atoms(self) -> None:
         """Instantiate the rules and selections, those first on which others depend, and find their atoms.
 
-        The literals of attributes that depend on each other do not restrict the bindings of their rules.
+        Negated literals count, too: those of attributes that are certain are tested here. The literals of
+        attributes that depend on each other do not restrict the bindings of their rules.
         """
         literals = {
             name: [x for _, clause in clauses for x in clause.body if isinstance(x, Literal)]
@@ -154,11 +155,15 @@ class _Grounder:
         }
         facts_first = sorted(literals, key=lambda name: len(literals[name]) > 0)
         needs = {
-            name: [x.term.name for x in literals[name] if not x.negated and x.term.name in literals]
-            for name in facts_first
+            name: [x.term.name for x in literals[name] if x.term.name in literals] for name in facts_first
         }
         for component in find_strongly_connected_components(needs):
-            self._instantiator.atoms.update([(name, self._instantiate_all(name)) for name in component])
+            positive = {
+                name: [x.term.name for x in literals[name] if not x.negated and x.term.name in component]
+                for name in component
+            }
+            for names in find_strongly_connected_components(positive):
+                self._instantiator.atoms.update([(name, self._instantiate_all(name)) for name in names])
 
     def _instantiate_all(self, name: str) -> Atoms:
         """Instantiate the rules and selections of an attribute, and return its atoms."""

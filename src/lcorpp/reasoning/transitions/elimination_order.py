@@ -25,9 +25,9 @@ MAX_EXACT_DEGREE = 32
 ORDERED_DEGREE = 1e9
 """The degree of components that are eliminated after all others, in the order of their ranks."""
 
-Order = tuple[list[int], float]
-"""The tree, and its width: the largest number of bits of the components that share a scope with another one,
-which is not among those in a given order."""
+Order = tuple[list[int], float, float]
+"""The tree, and its width: the largest number of bits of the components that share a scope with another; of
+all components, and of those that are not ordered."""
 
 
 def eliminate(
@@ -47,7 +47,7 @@ def eliminate(
         ordered: components with `ORDERED_DEGREE`, as they share one group.
 
     Returns:
-        Component -> the one before it in the tree, -1 for roots; and the width.
+        Component -> the one before it in the tree, -1 for roots; and the widths.
     """
     best = _eliminate(needs, groups, sizes, ranks, ordered, [0] * len(needs), inf)
     if best[1] > max([MAX_GREEDY_WIDTH, *[len(own) + 1 for own in needs]]):  # no order divides a clause
@@ -71,7 +71,7 @@ def arrange(
         order: the components, those that others need before these.
 
     Returns:
-        Component -> the one before it in the tree, -1 for roots; and the width.
+        Component -> the one before it in the tree, -1 for roots; and the widths.
     """
     levels = [0] * len(order)
     for place, component in enumerate(reversed(order)):
@@ -134,7 +134,7 @@ def _eliminate(
         own.degree, own.is_outdated = own.compute_degree(components), False
         heappush(heap, (own.level, own.degree, -own.rank, i))
 
-    width, parents = 0.0, [-1] * len(needs)
+    width, free_width, parents = 0.0, 0.0, [-1] * len(needs)
     ready = [i for i, own in enumerate(components) if not own.n_users]  # not yet on the heap
     while heap or ready:
         if len(ready) == 1 and not heap:  # no choice
@@ -148,8 +148,9 @@ def _eliminate(
             if components[i].is_outdated:
                 push(i)
                 continue
+            width = max(width, degree)
             if not components[i].is_ordered:
-                width = max(width, degree)
+                free_width = max(free_width, degree)
             if width >= limit:
                 break
         components[i].is_eliminated = True
@@ -164,7 +165,7 @@ def _eliminate(
             for member in scope.members:
                 if not components[member].n_users and components[member].degree >= 0:
                     push(member)
-    return parents, width
+    return parents, width, free_width
 
 
 @dataclass(slots=True, eq=False)

@@ -57,7 +57,7 @@ class EliminationTree:
     roots: the first steps of the parts that are independent from the start.
     ends: step -> the end of the range of its subtree.
     recursions: the components without a step of their own, see `linear_recursion`.
-    width: bits of the largest set of components on which a step may depend.
+    width: bits of the largest set of components on which a step may depend, but for the inputs of recursions.
     is_wide: whether the diagram may be so large that tables are compared with it.
     may_have_blocks: whether there are components of several terms, or terms that depend on many others.
     """
@@ -156,7 +156,7 @@ def build_elimination_tree(
     bits_of = [bits[mask] for mask in outcomes]
     sizes = [bits_of[own[0]] if len(own) == 1 else sum([bits_of[term] for term in own]) for own in components]
     groups = [group for group in constraints if len(group) > 1]
-    parents, width = eliminate(component_needs, groups, sizes, ranks, ordered)
+    parents, _, width = eliminate(component_needs, groups, sizes, ranks, ordered)
     if search is not None:
         from lcorpp.reasoning.transitions.order_search import improve_order  # few programs need it
 
@@ -164,7 +164,7 @@ def build_elimination_tree(
         if not improve_order(search, program, components, recursions, clauses, *graph, max_work):
             return None
         assert search.order is not None
-        parents, width = arrange(component_needs, groups, sizes, search.order)
+        parents, width, _ = arrange(component_needs, groups, sizes, search.order)
     children = list_children(parents)
     if len(components) < len(terms):
         random = {clause.term for clause in clauses if clause.kind is SELECT} | program.do.keys()
