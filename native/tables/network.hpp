@@ -134,6 +134,8 @@ class Plan {
                  std::vector<T>& buffer, Check& check);
     template <typename T>
     static void scale(std::vector<T>& numbers, double& logarithm, double& lowest);
+    template <typename T>
+    void release_messages(Numbers<T>& numbers, const Step& step, bool is_static) const;
     template <typename T, typename Check>
     void prepare_all(Numbers<T>& numbers, Check& check);
     template <typename T, typename Check>

@@ -9,6 +9,7 @@
 namespace lcorpp {
 
 constexpr double min_product = -650.0;  // the logarithm of the smallest product that is certain not to underflow
+constexpr double max_kept_memory = 67'108'864.0;  // of messages, in bytes; larger plans release those that are read
 constexpr std::size_t min_messages = 5;  // of a step, for products that all derivatives share
 constexpr std::size_t max_clique_numbers = 4'000'000;  // of these products
 constexpr double min_scale = 1e-20;     // tables with a smaller largest number are scaled to a largest number of 1
@@ -145,6 +146,15 @@ bool Plan::compute(Numbers<T>& numbers, std::size_t index, const Evidence* evide
     return false;
 }
 
+// Release the messages that a step read, which no other step reads: the static ones, or those that evidence changes.
+template <typename T>
+void Plan::release_messages(Numbers<T>& numbers, const Step& step, bool is_static) const {
+    for (const Operand& operand : step.operands) {
+        const auto i = static_cast<std::size_t>(operand.index);
+        if (operand.kind == Kind::message && steps_[i].is_static == is_static) std::vector<T>().swap(numbers.messages[i]);
+    }
+}
+
 template <typename T, typename Check>
 void Plan::prepare_all(Numbers<T>& numbers, Check& check) {
     numbers.messages.resize(steps_.size());
@@ -167,10 +177,7 @@ void Plan::prepare_all(Numbers<T>& numbers, Check& check) {
             is_extreme_ = true;
             return;
         }
-        if (question_.marginals) continue;
-        for (const Operand& operand : steps_[i].operands) {  // no other step reads them
-            if (operand.kind == Kind::message) std::vector<T>().swap(numbers.messages[static_cast<std::size_t>(operand.index)]);
-        }
+        if (!question_.marginals) release_messages(numbers, steps_[i], true);
     }
 }
 
@@ -192,6 +199,7 @@ double Plan::run(Numbers<T>& numbers, const Evidence& evidence, double* result, 
         }
         logarithm += numbers.logarithms[i];
         if (std::isinf(numbers.logarithms[i])) return logarithm;
+        if (!question_.marginals && memory_ > max_kept_memory) release_messages(numbers, steps_[i], false);
     }
     if (question_.marginals) {
         is_extreme = derive(numbers, evidence, weights, result, check);
