@@ -2,8 +2,9 @@
 
 import pytest
 
-from lcorpp.domains.toml import MAX_KEY_PARTS, MAX_TOML_BYTES, read_toml
+from lcorpp.domains.toml import MAX_TOML_BYTES, read_toml
 from lcorpp.errors import DomainError, FileError, ParseError
+from lcorpp.toml_text import MAX_KEY_PARTS
 
 DOTTED = ".".join(["a"] * 50_000)
 

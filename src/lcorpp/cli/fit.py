@@ -57,6 +57,8 @@ def fit(
         check_writable(output)
         if output.suffix.lower() != ".plog":
             raise FileError(f"{output}: expected a file name that ends with .plog")
+    if file.suffix.lower() == ".mln":
+        raise FileError(f"{file}: weights of Markov logic are not learnt; expected P-log or tables")
     is_network = file.suffix.lower() in (".bif", ".csv", ".toml")
     text = program_text(read_plog(file)) if is_network else read_text(file, MAX_PROGRAM_BYTES)
     fixed = [int(name) if name.isdecimal() else name for name in fix or ()]

@@ -3,63 +3,17 @@
 from __future__ import annotations
 
 import re
-import tomllib
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from lcorpp.errors import DomainError, ParseError, expected_one_of
+from lcorpp.errors import DomainError, expected_one_of
 from lcorpp.files import read_text
 from lcorpp.input_files import is_inside
+from lcorpp.toml_text import parse_toml
 
 MAX_TOML_BYTES = 2**22
 """Maximum size of a file."""
-
-MAX_KEY_PARTS = 32
-"""Maximum number of parts of a dotted key."""
-
-_TOKEN = re.compile(
-    r'"""(?:[^\\]|\\.)*?(?:"""|\Z)'
-    r"|'''.*?(?:'''|\Z)"
-    r'|"(?:[^"\\\n]|\\.)*"?'
-    r"|'[^'\n]*'?"
-    r"|#[^\n]*"
-    r"|[\w-]+"
-    r"|[^\S\n]+"
-    r"|.",
-    re.DOTALL,
-)
-
-
-def check_key_parts(path: Path, text: str) -> None:
-    """Raise `ParseError` if a key has more than `MAX_KEY_PARTS` parts."""
-    if text.count(".") < MAX_KEY_PARTS:
-        return
-    dots, line = 0, 1  # dots since the last token that is neither a part of a key nor white space
-    for match in _TOKEN.finditer(text):
-        token = match[0]
-        if token == ".":
-            dots += 1
-            if dots >= MAX_KEY_PARTS:
-                start = text.rfind("\n", 0, match.start()) + 1
-                column, shown = match.start() - start + 1, text[start : start + 10_000].partition("\n")[0]
-                message = f"a key of more than {MAX_KEY_PARTS} parts"
-                raise ParseError(str(path), line, column, message, shown)
-        elif token[0] in "=,#[]{}\n":
-            dots = 0
-        line += token.count("\n")
-
-
-def check_integers(path: Path, table: Mapping[str, Any]) -> None:
-    """Raise `DomainError` if an integer has more than the 64 bits of TOML, e.g. more than any float."""
-    pending: list[Any] = [table]
-    while pending:
-        value = pending.pop()
-        if isinstance(value, dict | list):
-            pending.extend(value.values() if isinstance(value, dict) else value)
-        elif type(value) is int and not -(2**63) <= value < 2**63:
-            raise DomainError(f"{path}: an integer of {value.bit_length()} bits; TOML has 64")
-
 
 Keys = tuple[str, ...]
 
@@ -254,14 +208,7 @@ def _shorten(value: object) -> str:
 
 
 def _parse(path: Path, text: str) -> dict[str, Any]:
-    check_key_parts(path, text)
-    try:
-        table = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        raise _make_parse_error(error, path, text) from None
-    except (RecursionError, ValueError) as error:  # nested too deeply; a number of thousands of digits
-        raise DomainError(f"{path}: cannot be read: {error}") from None
-    check_integers(path, table)
+    table = parse_toml(str(path), text, DomainError)
     presets = table.get("presets", {})
     if not isinstance(presets, dict) or not all(isinstance(value, dict) for value in presets.values()):
         raise DomainError(f"{path}: [presets]: expected a table of tables")
@@ -275,17 +222,6 @@ def _merge(base: Mapping[str, Any], overrides: Mapping[str, Any]) -> dict[str, A
         both = isinstance(value, dict) and isinstance(result.get(key), dict)
         result[key] = _merge(result[key], value) if both else value
     return result
-
-
-def _make_parse_error(error: tomllib.TOMLDecodeError, path: Path, text: str) -> ParseError:
-    """Return the error with the line and column that tomllib appends to its message."""
-    lines = text.splitlines()
-    match = re.search(r"\s*\(at line (\d+), column (\d+)\)", str(error))
-    # the alternative is "(at end of document)": after the last character
-    line = int(match[1]) if match else max(len(lines), 1)
-    column = int(match[2]) if match else (len(lines[-1]) + 1 if lines else 1)
-    message = re.sub(r"\s*\(at [^)]*\)", "", str(error))
-    return ParseError(str(path), line, column, message, lines[line - 1] if line <= len(lines) else "")
 
 
 class _KeyLines:

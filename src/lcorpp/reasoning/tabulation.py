@@ -68,6 +68,8 @@ def tabulate(program: Program) -> BayesianNetwork:
     if division is None:
         raise ProgramError(f"{program.file}: its tables would be too large")
     _check(program, division)
+    if not division.has_worlds:
+        raise ProgramError(f"{program.file}: no possible world, so that no attribute has a distribution")
     graph = build_factor_graph(division, {})
     if graph is None:
         raise ProgramError(f"{program.file}: a world may break a condition of P-log, so it is no table")

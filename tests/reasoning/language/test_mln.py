@@ -142,6 +142,12 @@ def test_errors_have_their_place(line: str, message: str):
     assert f"s.mln:{message}" in str(found.value)
 
 
+def test_names_of_types_need_not_be_names_of_p_log():
+    program, _ = parse_mln("my-type = {A, B}\nrandom = {C}\nP(my-type)\nQ(random)\n1 P(x)\n")
+    assert Reasoner(program).posterior("P(B)")["true"] == pytest.approx(exp(1) / (1 + exp(1)), rel=1e-12)
+    assert Reasoner(program).posterior("Q(C)")["true"] == 0.5
+
+
 def test_errors_of_evidence_have_their_place():
     for facts, message in (
         ("Smokes(Anna)\nDrinks(Anna)", "e.db:2:1: Drinks is not declared; expected one of Smokes,"),

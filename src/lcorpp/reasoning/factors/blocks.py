@@ -1,11 +1,11 @@
 """Blocks: the parts of a program that are no tables by themselves, such as recursions.
 
-A block is a set of clauses whose product is summed by a decision diagram instead (`block_table`). It begins
-with a component of several terms, or with a term or constraint about too many others. Then it takes the
-clauses of further terms, of those terms that the rest of the program shares with it, its *boundary*, until
-the boundary is small enough for a table: a term about which no other clause is left is summed out inside of
-the block. For example, whether rooms can be reached depends on 24 doors and on whether it rains; doors are
-only about the map, so the table is about the rain and the room in question.
+A block is a set of clauses whose product a decision diagram sums (`block_table`). Its *boundary* are the
+terms that it shares with other clauses or with questions; all its other terms are summed out. A block begins
+with the clauses of a component of several terms, or with a term or constraint about too many others. It grows
+by all clauses about one term of the boundary after the other, until the boundary is small enough for a table.
+Example: the reachability of rooms reads 24 doors and the rain. No other clause reads the doors, so they are
+summed out, and the table has two axes: the rain, and the queried room.
 """
 
 from __future__ import annotations
@@ -20,7 +20,6 @@ SMALL_BITS = 8
 
 MAX_BITS = 14
 """Maximum number of bits of a boundary."""
-
 
 MAX_WORK = 5_000_000
 """Maximum number of terms that are visited while a block grows, some seconds."""

@@ -10,7 +10,7 @@
 
 A table has a column for each parent and one for each value of its attribute; a row has the distribution given
 values of the parents. A blank cell of a parent stands for the values that no more specific row names, `rest`
-for the probability that is left of the row. Numbers are probabilities, fractions or percent. In CSV, a header
+for the probability that is left of the row. Numbers are probabilities, fractions or percent. In CSV, a head
 begins a table, and lines that begin with # are comments. In TOML the second table is
 
     [time]
@@ -41,6 +41,7 @@ from lcorpp.reasoning.language.networks.bayesian_network import (
     warn_of_rounding,
 )
 from lcorpp.reasoning.language.networks.written_tables import (
+    MAX_BYTES,
     Cell,
     TableSource,
     WrittenTable,
@@ -48,9 +49,6 @@ from lcorpp.reasoning.language.networks.written_tables import (
     split_toml,
 )
 from lcorpp.reasoning.quoting import make_name_text, make_value_text
-
-MAX_BYTES = 2**24
-"""Maximum size of a file."""
 
 MAX_COMBINATIONS = 2**20
 """Maximum number of combinations of values of the parents of an attribute."""
@@ -81,7 +79,7 @@ class _Row(NamedTuple):
 
 
 def read_tables(path: str | Path) -> BayesianNetwork:
-    """Read a file of tables; the end of its name, ``.csv`` or ``.toml``, tells which format it has.
+    """Read a file of tables; its suffix, ``.csv`` or ``.toml``, selects the format.
 
     Raises:
         FileError: the file cannot be read.
@@ -91,10 +89,10 @@ def read_tables(path: str | Path) -> BayesianNetwork:
 
 
 def parse_tables(text: str, *, file: str = "<text>.csv") -> BayesianNetwork:
-    """Parse tables given as text; ``.toml`` at the end of the file's name stands for TOML, others for CSV.
+    """Parse tables given as text: TOML if the file's suffix is ``.toml``, otherwise CSV.
 
     Raises:
-        ParseError: a cell is wrong, a row lacks or occurs twice, or its sum is not 1.
+        ParseError: a cell is wrong, a row is missing or occurs twice, or its sum is not 1.
         ProgramError: there is no table, or an attribute depends on itself.
     """
     source = TableSource(file, text.removeprefix("\ufeff"))
@@ -234,7 +232,7 @@ class _Reader:
             return None
         if len(text) <= MAX_DIGITS:
             if match := _NUMBER.fullmatch(text):
-                number = Fraction(match[1] if match[1] != "." else "0")
+                number = Fraction(match[1])
                 return number * Fraction(10) ** int(match[2] or 0), bool(match[3])
             if (match := _FRACTION.fullmatch(text)) and int(match[2]):
                 return Fraction(int(match[1]), int(match[2])), False
@@ -250,9 +248,7 @@ class _Reader:
     ) -> Any:
         """(combinations,) Choose for each combination of values of the parents the most specific row."""
         chosen = np.full(shape, -1, dtype=np.int64)
-        named = np.zeros(
-            shape, dtype=np.int64
-        )  # the parents that some row for the combination names, as bits
+        named = np.zeros(shape, dtype=np.int64)  # the parents that rows for a combination name, as bits
         seen: dict[tuple[int | None, ...], Cell] = {}
         masks = [sum([1 << k for k, code in enumerate(row.given) if code is not None]) for row in rows]
         for i in sorted(range(len(rows)), key=lambda i: masks[i].bit_count()):

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import csv
 import json
 import re
 from collections.abc import Iterable
 from fractions import Fraction
-from io import StringIO
 from itertools import product
 
+from lcorpp.csv_text import format_csv
 from lcorpp.errors import ProgramError
 from lcorpp.reasoning.language.networks.bayesian_network import BayesianNetwork
 from lcorpp.reasoning.quoting import strip_quotes
@@ -24,28 +23,19 @@ def write_csv(network: BayesianNetwork) -> str:
     """Write the tables of a network in CSV, with a blank line between them.
 
     Raises:
-        ProgramError: a name cannot stand in a head, as it contains ``=``, or begins with ``#`` or a space.
+        ProgramError: a name has ``=`` or a space around it, or begins with ``#``.
     """
     for name, attribute in network.attributes.items():
         for text in (name, *attribute.values):
             shown = strip_quotes(text)
-            if (
-                shown != shown.strip()
-                or shown.startswith("#")
-                or not shown
-                or (text is name and "=" in shown)
-            ):
+            if shown != shown.strip() or not shown or shown.startswith("#") or "=" in shown:
                 raise ProgramError(f"{network.file}: {text} cannot be written in CSV, but in TOML")
     parts = []
     for name, table in network.tables.items():
         shown = strip_quotes(name)
         values = [strip_quotes(value) for value in network.attributes[name].values]
         head = [*map(strip_quotes, table.parents), *[f"{shown} = {value}" for value in values]]
-        buffer = StringIO()
-        writer = csv.writer(buffer, lineterminator="\n")
-        writer.writerow(head)
-        writer.writerows(_list_rows(network, name))
-        parts.append(buffer.getvalue())
+        parts.append(format_csv([head, *_list_rows(network, name)]))
     return "\n".join(parts)
 
 

@@ -4,14 +4,18 @@ from __future__ import annotations
 
 import csv
 import re
-import tomllib
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from lcorpp.errors import ParseError, expected_one_of
+from lcorpp.errors import LcorppError, ParseError, ProgramError, expected_one_of
+from lcorpp.files import read_text
 from lcorpp.reasoning.language.issues import Place
+from lcorpp.toml_text import parse_toml
+
+MAX_BYTES = 2**24
+"""Maximum size of a file."""
 
 _DECIMAL_COMMA = re.compile(r"(?<![0-9.])[0-9]*,[0-9]+")
 
@@ -75,10 +79,7 @@ def split_csv(source: TableSource) -> Iterator[WrittenTable]:
         if record is None:
             break
         number += 1
-        cells = [
-            _make_cell(source, delimiter, rows.line_num, number, column, value)
-            for column, value in enumerate(record)
-        ]
+        cells = _make_cells(source, delimiter, rows.line_num, number, record)
         while cells and not cells[-1].text:
             cells.pop()
         if cells and cells[0].text.startswith("#"):
@@ -97,32 +98,34 @@ def split_csv(source: TableSource) -> Iterator[WrittenTable]:
                 raise source.fail(
                     cells[len(head)], f"a cell beyond the head, which has {len(head)} columns; expected none"
                 )
-            blank = [
-                _make_cell(source, delimiter, rows.line_num, number, column, "")
-                for column in range(len(cells), len(head))
-            ]
-            heads[-1][1].append([*cells, *blank])
+            missing = len(head) - len(cells)
+            cells = _make_cells(source, delimiter, rows.line_num, number, [*record, *[""] * missing])
+            heads[-1][1].append(cells[: len(head)])
     for head, body in heads:
         yield _arrange(source, head, body, has_decimal_commas=delimiter != ",")
 
 
-def _make_cell(source: TableSource, delimiter: str, line: int, row: int, column: int, text: str) -> Cell:
-    """Make a cell with its name in a spreadsheet, A1, and its place in the line."""
-    letters, rest = "", column + 1
-    while rest:
-        rest, digit = divmod(rest - 1, 26)
-        letters = chr(ord("A") + digit) + letters
-    start, quoted, seen = 0, False, 0
+def _make_cells(
+    source: TableSource, delimiter: str, line: int, row: int, record: Sequence[str]
+) -> list[Cell]:
+    """Make the cells of a row, with their names in a spreadsheet, e.g. A1, and their places in the line."""
     shown = source.lines[line - 1] if line <= len(source.lines) else ""
+    starts, is_quoted = [0], False
     for i, sign in enumerate(shown):
-        if seen == column:
-            break
-        quoted ^= sign == '"'
-        if sign == delimiter and not quoted:
-            seen, start = seen + 1, i + 1
-    start = start if seen == column else len(shown)
-    spaces = len(shown[start:]) - len(shown[start:].lstrip())
-    return Cell(text.strip(), f"cell {letters}{row}", Place(source.file, line, start + spaces + 1))
+        is_quoted ^= sign == '"'
+        if sign == delimiter and not is_quoted:
+            starts.append(i + 1)
+    cells = []
+    for column, text in enumerate(record):
+        letters, rest = "", column + 1
+        while rest:
+            rest, digit = divmod(rest - 1, 26)
+            letters = chr(ord("A") + digit) + letters
+        start = starts[column] if column < len(starts) else len(shown)
+        while start < len(shown) and shown[start].isspace():
+            start += 1
+        cells.append(Cell(text.strip(), f"cell {letters}{row}", Place(source.file, line, start + 1)))
+    return cells
 
 
 def _arrange(
@@ -160,13 +163,7 @@ def _replace_comma(match: re.Match[str]) -> str:
 
 def split_toml(source: TableSource) -> Iterator[WrittenTable]:
     """Read the tables of TOML, each with `values`, `rows` and, if it has parents, `given`."""
-    try:
-        document = tomllib.loads(source.text)
-    except (tomllib.TOMLDecodeError, RecursionError) as error:
-        found = re.search(r"\(at line (\d+), column (\d+)\)", str(error))
-        line, column = (int(found[1]), int(found[2])) if found else (1, 1)
-        text = re.sub(r" \(at .*\)", "", str(error)) if found else "too deeply nested"
-        raise source.fail(Cell("", "TOML", Place(source.file, line, column)), text) from None
+    document = parse_toml(source.file, source.text, ProgramError)
     for name, table in document.items():
         head = Cell(name.strip(), f"[{name}]", _find_head(source, name))
         if not isinstance(table, Mapping):
@@ -204,8 +201,8 @@ def is_table_file(path: Path) -> bool:
     if path.name in ("domain.toml", "robot.toml") or not path.is_file():
         return False
     try:
-        document = tomllib.loads(path.read_text("utf-8"))
-    except (OSError, ValueError, RecursionError):
+        document = parse_toml(str(path), read_text(path, MAX_BYTES), ProgramError)
+    except LcorppError:  # the reader of the file names the reason
         return False
     return bool(document) and all(
         isinstance(table, Mapping) and not {"values", "rows"}.isdisjoint(table) for table in document.values()

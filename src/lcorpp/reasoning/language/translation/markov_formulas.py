@@ -6,10 +6,14 @@ from dataclasses import dataclass, field
 from math import exp
 from typing import NamedTuple
 
+from lcorpp.errors import expected_one_of
 from lcorpp.reasoning.language.issues import Place, SourceIssue
 
 MAX_SIZE = 5000
 """Maximum number of connectives and atoms of a formula."""
+
+MAX_HEIGHT = 250
+"""Maximum number of connectives of a formula below each other."""
 
 MAX_EXPANSIONS = 6
 """Maximum number of atoms with ``*`` in a formula."""
@@ -38,6 +42,7 @@ class Formula:
     name, arguments: the predicate of an atom, or "" and both sides of an equation.
     parts: the formulas that it joins. variables: those that it binds.
     is_both: whether an atom has ``*``. size: the number of connectives and atoms; ``<=>`` doubles both sides.
+    height: the number of connectives below each other.
     """
 
     kind: str
@@ -48,12 +53,17 @@ class Formula:
     variables: tuple[str, ...] = ()
     is_both: bool = False
     size: int = field(default=1, init=False)
+    height: int = field(default=1, init=False)
 
     def __post_init__(self) -> None:
         size = 1 + sum([part.size for part in self.parts])
         if size > MAX_SIZE:
             raise SourceIssue(self.at, f"a formula of more than {MAX_SIZE} connectives and atoms")
+        height = 1 + max([part.height for part in self.parts], default=0)
+        if height > MAX_HEIGHT:
+            raise SourceIssue(self.at, f"a formula of more than {MAX_HEIGHT} connectives below each other")
         object.__setattr__(self, "size", size)
+        object.__setattr__(self, "height", height)
 
 
 class Predicate(NamedTuple):
@@ -91,6 +101,22 @@ class MarkovLogic:
         own = self.domains.setdefault(kind, [])
         if name not in own:
             own.append(name)
+
+    def find_predicate(self, name: str, at: Place, n_arguments: int | None = None) -> Predicate:
+        """Find the declaration of a predicate with a number of arguments.
+
+        Raises:
+            SourceIssue: there is none, or it has another number.
+        """
+        predicate = self.predicates.get(name)
+        if predicate is None:
+            known = (
+                expected_one_of(list(self.predicates)) if self.predicates else "expected a declaration before"
+            )
+            raise SourceIssue(at, f"{name} is not declared; {known}")
+        if n_arguments not in (None, len(predicate.types)):
+            raise SourceIssue(at, f"{name} has {n_arguments} arguments; expected {len(predicate.types)}")
+        return predicate
 
 
 def join(kind: str, at: Place, *parts: Formula) -> Formula:

@@ -21,7 +21,6 @@ from collections.abc import Iterator, Sequence
 from math import isfinite, log
 from typing import NamedTuple
 
-from lcorpp.errors import expected_one_of
 from lcorpp.reasoning.language.issues import Place, SourceIssue
 from lcorpp.reasoning.language.translation.markov_formulas import (
     Argument,
@@ -38,6 +37,9 @@ from lcorpp.reasoning.language.translation.markov_formulas import (
 
 MAX_WEIGHT = 600.0
 """Maximum absolute weight of a formula; a larger one is a hard formula."""
+
+MAX_RANGE = 100_000
+"""Maximum number of integers of a range of a domain."""
 
 MAX_DEPTH = 60
 """Maximum nesting of a formula."""
@@ -204,9 +206,8 @@ class _Statement:
                 self._position += 1
                 self.accept(",")
                 first, last = self._network.domains[kind][-1], self.read_constant()
-                if not (
-                    first.isdigit() and last.isdigit() and int(first) < int(last) <= int(first) + 100_000
-                ):
+                is_range = all(re.fullmatch("[0-9]{1,9}", end) for end in (first, last))
+                if not is_range or not int(first) < int(last) <= int(first) + MAX_RANGE:
                     raise self._fail(f"expected two integers around '...', not {first} and {last}")
                 for number in range(int(first) + 1, int(last) + 1):
                     self._network.add_constant(kind, str(number))
@@ -239,11 +240,8 @@ class _Statement:
         weight = self._read_weight()
         is_hard = self._tokens[-1].text == "."
         if weight is None and not is_hard:
-            if first.kind == "name" and first.text not in (*self._network.predicates, *QUANTIFIERS):
-                known = expected_one_of(list(self._network.predicates)) if self._network.predicates else ""
-                raise SourceIssue(
-                    first.at, f"{first.text} is not declared; {known or 'expected a predicate'}"
-                )
+            if first.kind == "name" and first.text not in QUANTIFIERS:
+                self._network.find_predicate(first.text, first.at)
             raise SourceIssue(
                 first.at, "a formula without weight; expected a number before it, or '.' after it"
             )
@@ -381,21 +379,13 @@ class _Statement:
         return equation if sign.text == "=" else negate(equation)
 
     def _read_arguments(self, name: Token, is_both: bool) -> Formula:
-        predicate = self._network.predicates.get(name.text)
-        if predicate is None:
-            known = expected_one_of(list(self._network.predicates)) if self._network.predicates else ""
-            raise SourceIssue(
-                name.at, f"{name.text} is not declared; {known or 'expected a declaration before'}"
-            )
+        self._network.find_predicate(name.text, name.at)
         self.expect("(")
         arguments = [self._read_argument()]
         while self.accept(","):
             arguments.append(self._read_argument())
         self.expect(")")
-        if len(arguments) != len(predicate.types):
-            raise SourceIssue(
-                name.at, f"{name.text} has {len(arguments)} arguments; expected {len(predicate.types)}"
-            )
+        predicate = self._network.find_predicate(name.text, name.at, len(arguments))
         for argument, kind in zip(arguments, predicate.types, strict=True):
             if isinstance(argument, Constant):
                 self._network.add_constant(kind, argument.name)

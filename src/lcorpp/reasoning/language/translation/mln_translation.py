@@ -3,8 +3,7 @@
 Each ground atom is a random term with equal probabilities. A formula of weight w is an attribute that is true
 where it holds, with an observation whose probability is e^w times as large there: a likelihood. So the
 measure of a world is that of Markov logic, e to the sum of the weights of the formulas that hold, but for a
-factor.
-Subformulas are attributes of their own, so that the translation keeps the variables of the formula.
+factor. Subformulas are attributes of their own, so that the translation keeps the variables of the formula.
 
     1.5 Smokes(x) => Cancer(x)        formula'1(X) :- not 'Smokes'(X).   formula'1(X) :- 'Cancer'(X).
                                       random(weight'1(X)).  pr(weight'1(X) | formula'1(X)) = 1.
@@ -13,10 +12,10 @@ Subformulas are attributes of their own, so that the translation keeps the varia
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from decimal import Decimal
 
-from lcorpp.errors import expected_one_of
 from lcorpp.reasoning.language.issues import SourceIssue
 from lcorpp.reasoning.language.translation.markov_formulas import (
     Constant,
@@ -47,15 +46,7 @@ def add_constants(network: MarkovLogic, facts: Sequence[Fact]) -> None:
         SourceIssue: a predicate is not declared, or has another number of arguments.
     """
     for fact in facts:
-        predicate = network.predicates.get(fact.name)
-        if predicate is None:
-            raise SourceIssue(
-                fact.at,
-                f"{fact.name} is not declared; {expected_one_of(list(network.predicates) or ['none'])}",
-            )
-        if len(fact.arguments) != len(predicate.types):
-            n = len(predicate.types)
-            raise SourceIssue(fact.at, f"{fact.name} has {len(fact.arguments)} arguments; expected {n}")
+        predicate = network.find_predicate(fact.name, fact.at, len(fact.arguments))
         for name, kind in zip(fact.arguments, predicate.types, strict=True):
             network.add_constant(kind, name)
 
@@ -82,7 +73,9 @@ class _Translation:
         taken = set(network.predicates) | {"boolean"}
         self._sort_of: dict[str, str] = {}
         for kind in network.domains:
-            name = f"{kind}_" if kind in taken or make_name_text(kind) != kind else kind
+            name = re.sub(r"\W", "_", kind)
+            if make_name_text(name) != name:  # reserved
+                name += "_"
             while name in taken:
                 name += "_"
             taken.add(name)
