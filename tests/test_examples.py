@@ -22,6 +22,11 @@ SLOW = {"04_your_own_classifier.py", "05_streaming.py", "07_watch.py"}
     ],
 )
 def test_example_runs(script, monkeypatch, capsys):
+    if script.name == "08_your_own_reasoner.py":  # importing pyAgrum crashes where its warnings are errors
+        done = subprocess.run([sys.executable, str(script)], capture_output=True, text=True, check=True)
+        assert done.stderr == ""
+        assert done.stdout.count("interested: 0.8279, not_interested: 0.1721") == 3
+        return
     monkeypatch.setattr(sys, "argv", [str(script)])
     runpy.run_path(str(script), run_name="__main__")
     printed = capsys.readouterr()

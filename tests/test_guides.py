@@ -66,6 +66,7 @@ CHECKS = {
     "guides/reasoning/fit.md": 2,
     "guides/reasoning/markov-logic.md": 2,
     "guides/reasoning/networks.md": 3,
+    "guides/reasoning/own.md": 1,
     "guides/reasoning/python.md": 4,
     "guides/reasoning/soft-evidence.md": 2,
     "guides/reasoning/tables.md": 2,

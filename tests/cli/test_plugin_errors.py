@@ -195,7 +195,11 @@ BELIEF = r"expected a belief, a probability for each of the 4 states \(tea, coff
         ("wrong", 17, r"update\(\) failed: ModelError: .*'dance'.*expected one of ask"),
         ("start", 6, rf"start returned \(1, 1, 0, 0\); .*; {BELIEF}"),
         ("label", 9, r"classify\(\) of the sense 'cup' returned 'beer'; expected one of tea, coffee, water"),
-        ("reason", 11, r"posterior\(\) returned {'tea': 1}; expected a Distribution of tea, coffee, water"),
+        (
+            "reason",
+            11,
+            r"posterior\(\) returned {'tea': 1}; coffee is missing; expected a probability of each",
+        ),
         ("sense", 32, r"has a classifier of the sense 'mug'; expected one of cup"),
     ],
 )

@@ -13,13 +13,13 @@ from typing import TYPE_CHECKING, Any
 import lcorpp
 from lcorpp.assembly.solving import RatesSource, have_own_rates, solve_domain
 from lcorpp.decision import Robot
-from lcorpp.domains import Domain, load_domain
+from lcorpp.domains import Domain, load_domain, with_reasoner
 from lcorpp.domains.loading import SHIPPED_FOLDER
 from lcorpp.errors import DecisionError, LcorppError
 from lcorpp.files import read_bytes
 from lcorpp.planning import Planner, Policy, SolverOptions
 from lcorpp.planning.upper_bounds import MixtureBound
-from lcorpp.reasoning import Program, Reasoner
+from lcorpp.reasoning import Program
 from lcorpp.user_code import split_function
 from lcorpp.values import JEFFREYS, ConfusionMatrix
 
@@ -126,7 +126,8 @@ class RobotParts:
     @cached_property
     def robot(self) -> Robot:
         """The full robot, without classifiers."""
-        return Robot({}, Reasoner(self.program), Planner(self.policy, self.domain.pomdp), self.domain)
+        reasoner = self.domain.make_reasoner(self.program)
+        return Robot({}, reasoner, Planner(self.policy, self.domain.pomdp), self.domain)
 
 
 def describe_strategy(strategy: Strategy) -> dict[str, Any]:
@@ -150,10 +151,12 @@ def list_changed_files(domain: Domain, logged: Json) -> list[str]:
     """Return the files of a domain that differ from those of a log."""
     now, model = _describe_domain(domain), domain.pomdp.file
     files = {"domain": domain.folder / "domain.toml", "knowledge": domain.program.file, "model": model}
+    if "reasoner" in logged:
+        files["reasoner"] = logged["reasoner"]["source"]
     return [
         f"{what}: {file}"
         for what, file in files.items()
-        if logged[what]["fingerprint"] != now[what]["fingerprint"]
+        if what not in now or logged[what]["fingerprint"] != now[what]["fingerprint"]
     ]
 
 
@@ -186,7 +189,10 @@ def load_logged_domain(description: Json, folder: Path | None = None) -> Domain:
         LookupError, TypeError, ValueError: `description` has another form.
     """
     about = description["domain"]
-    return load_domain(folder or Path(about["folder"]), preset=about["preset"])
+    domain = load_domain(folder or Path(about["folder"]), preset=about["preset"])
+    if "reasoner" not in description:
+        return domain
+    return with_reasoner(domain, str(domain.folder / description["reasoner"]["source"]))
 
 
 def read_parts(description: Json, domain: Domain, *, cache: Path | None = None) -> RobotParts:
@@ -257,8 +263,16 @@ def find_own_program(
 
 
 def _describe_domain(domain: Domain) -> dict[str, Any]:
-    """Return the domain, its knowledge and its model; a comment in the latter two changes no fingerprint."""
+    """Return the domain, its knowledge and its model; a comment in the latter two changes no fingerprint.
+
+    A reasoner of the user's own is there with its file, relative to the domain's folder if it lies there.
+    """
     shipped = domain.folder.parent == SHIPPED_FOLDER
+    own, reasoner = domain.reasoning.own_reasoners, {}
+    if own is not None:
+        path, folder = Path(own.source).resolve(), domain.folder.resolve()
+        source = str(path.relative_to(folder) if path.is_relative_to(folder) else path)
+        reasoner = {"reasoner": {"source": source, "fingerprint": find_fingerprint(own.source)}}
     return {
         "domain": {
             "name": domain.name,
@@ -268,6 +282,7 @@ def _describe_domain(domain: Domain) -> dict[str, Any]:
         },
         "knowledge": {"file": domain.program.file, "fingerprint": hash_bytes(str(domain.program).encode())},
         "model": {"file": domain.pomdp.file, "fingerprint": shorten(domain.pomdp.fingerprint)},
+        **reasoner,
     }
 
 

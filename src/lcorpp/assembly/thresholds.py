@@ -18,7 +18,6 @@ from lcorpp.learning import (
     choose_threshold,
 )
 from lcorpp.learning.evaluation.thresholds import resolve_goal
-from lcorpp.reasoning import Reasoner
 
 MIN_PREVALENCE = 1e-3
 """Lower bound on the prevalence of a class that the knowledge rules out, so that thresholds exist."""
@@ -83,8 +82,14 @@ def compute_class_prevalence(
 
     Args:
         positive_prevalence: replaces the prevalence of the positive class; the others keep their ratios.
+
+    Raises:
+        DomainError: a reasoner of the domain's own decides, and the classes are not the shared values.
     """
-    marginal = Reasoner(domain.program).posterior(sense.of, {})
+    if sense.of != domain.shared:
+        domain.check_program_decides(f"the prevalence of the classes of {sense.name}")
+    marginal = domain.make_reasoner(domain.program).posterior(sense.of, {})
+    assert marginal is not None
     shares = {value: max(share, MIN_PREVALENCE) for value, share in marginal}
     total = sum(shares.values())
     prevalence = {value: share / total for value, share in shares.items()}

@@ -106,6 +106,7 @@ def read_people(path: Path, *, folder: Path | None = None, strategy: str | None 
         raise
     except DAMAGE as error:
         raise DataError(f"{path}: cannot be read: {describe_damage(error)}") from error
+    domain.check_program_decides("an audit")
     return _Reader(domain, program, parts).read(own, chosen, len(decisions) - len(own), skipped, path)
 
 

@@ -171,6 +171,9 @@ def _check_domain(folder: Path) -> None:
         domain = load_domain(folder, preset=preset)
         for sense in domain.senses:
             UserFunction.parse(sense.classifier or "", DomainError)  # raises if its file lacks it
+        if domain.reasoning.own_reasoners is not None:
+            domain.list_starts()  # it answers all or many combinations of facts and labels
+            console.out.print(f"{folder}: reasoner {domain.reasoning.own_reasoners}: OK")
         name = f"{domain.name}, preset {preset}" if preset else domain.name
         console.out.print(
             f"{folder} ({name}): observes {', '.join(domain.observed) or 'nothing'};"

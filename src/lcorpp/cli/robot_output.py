@@ -31,9 +31,11 @@ MAX_NAME_WIDTH = 13
 
 
 def print_domain(domain: Domain) -> None:
-    """Print the name, preset and description of a domain."""
+    """Print the name, preset and description of a domain, and a reasoner of the user's own."""
     preset = f", preset {domain.preset}" if domain.preset else ""
     console.out.print(f"{domain.name}{preset}: {domain.description}", style="bold")
+    if domain.reasoning.own_reasoners is not None:
+        console.out.print(f"reasoner: {domain.reasoning.own_reasoners}")
 
 
 def note_storage_problems(classifiers: Iterable[ClassifierOptions]) -> bool:

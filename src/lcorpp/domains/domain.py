@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
+from lcorpp.domains.reasoners import make_reasoner
 from lcorpp.domains.sections.learning import Sense
 from lcorpp.domains.sections.noisy_channels import is_joint
 from lcorpp.domains.sections.planning import PlanningSection
@@ -20,6 +21,7 @@ from lcorpp.domains.start_beliefs import StartBeliefs, list_start_beliefs
 from lcorpp.errors import DomainError, expected_one_of
 from lcorpp.notebook import html_table, join_some
 from lcorpp.planning import Pomdp, SparseTables
+from lcorpp.protocols import Reasoner
 from lcorpp.reasoning import Program, with_classifier
 from lcorpp.values import (
     JEFFREYS,
@@ -99,8 +101,7 @@ class Domain:
     @property
     def shared(self) -> str | tuple[str, ...]:
         """The attribute shared by reasoner and planner, or the tuple of several."""
-        shared = self.reasoning.shared
-        return shared[0] if len(shared) == 1 else shared
+        return self.reasoning.subject
 
     @property
     def values(self) -> tuple[SharedValue, ...]:
@@ -338,6 +339,26 @@ class Domain:
             s = self.find_sense(name)
             program = with_classifier(program, s.attribute, s.of, matrix, s.label_of, smoothing=count)
         return program
+
+    def make_reasoner(self, program: Program) -> Reasoner:
+        """The reasoner of decisions: the domain's own, or that of a program.
+
+        Args:
+            program: with the rules of the robot's classifiers, see `program_for`.
+
+        Raises:
+            DomainError, ProgramError: as of `domains.reasoners.make_reasoner`.
+        """
+        return make_reasoner(self.reasoning, self.senses, program)
+
+    def check_program_decides(self, what: str) -> None:
+        """Raise `DomainError` if the domain has a reasoner of its own, which `what` cannot use."""
+        own = self.reasoning.own_reasoners
+        if own is not None:
+            raise DomainError(
+                f"{what} needs the rules of the program, but the reasoner {own} decides in {self.folder};"
+                " expected a domain without [reasoning] reasoner"
+            )
 
     def soft_program(self, senses: Iterable[str] | None = None) -> Program:
         """The P-log program for soft evidence: the label of each sense equals what it classifies.

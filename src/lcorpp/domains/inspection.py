@@ -42,7 +42,7 @@ def inspect_domain(folder: Path, preset: str | None = None) -> InspectedDomain:
     with NO_CODE.apply():
         table, preset = read_domain_toml(folder / "domain.toml", preset, {})
         name = table.text("name", folder.resolve().name)
-        reasoning, senses = read_knowledge(table, folder)
+        reasoning, senses = read_knowledge(table, folder, own_reasoner=False)
         planning, simulation = table.section("planning", required=True), table.section("simulation")
         made = find_function(planning, "model", folder)
         pomdp = None
@@ -50,6 +50,7 @@ def inspect_domain(folder: Path, preset: str | None = None) -> InspectedDomain:
             pomdp = read_planning(planning, folder, reasoning, own_solver=False).pomdp
         read_truth(simulation, folder, reasoning, senses)
         own = [split_function(sense.classifier or "") for sense in senses]
+        own += [_find(table.section("reasoning"), "reasoner", folder)]
         own += [made, _find(planning, "solver", folder), _find(simulation, "world", folder)]
         files = [part[0] for part in own if part is not None]
         if "people" in simulation:

@@ -81,10 +81,16 @@ def load_domain(
     return state_form(domain, planning.answers, planning_table.location("answers"))
 
 
-def read_knowledge(table: TomlTable, folder: Path) -> tuple[ReasoningSection, tuple[Sense, ...]]:
-    """Read the sections `[reasoning]` and `[learning]`; errors as of `load_domain`."""
+def read_knowledge(
+    table: TomlTable, folder: Path, *, own_reasoner: bool = True
+) -> tuple[ReasoningSection, tuple[Sense, ...]]:
+    """Read the sections `[reasoning]` and `[learning]`; errors as of `load_domain`.
+
+    Args:
+        own_reasoner: as of `read_reasoning`.
+    """
     knowledge = table.section("reasoning", required=True)
-    reasoning = read_reasoning(knowledge, folder)
+    reasoning = read_reasoning(knowledge, folder, own_reasoner=own_reasoner)
     check_defined(
         knowledge.location("shared" if "shared" in knowledge else "target"),
         reasoning.shared,
@@ -114,7 +120,39 @@ def with_world(domain: Domain, text: str) -> Domain:
     """
     from lcorpp.domains.own_world import OwnWorlds
 
+    own = OwnWorlds(*_split("world", text))
+    return replace(domain, simulation=replace(domain.simulation, world=own))
+
+
+def with_reasoner(domain: Domain, text: str) -> Domain:
+    """Return the domain with the reasoner that ``FILE.py:NAME`` makes, see `OwnReasoners`.
+
+    Raises:
+        DomainError: the text is something else, or the file is wrong.
+
+    Examples:
+        >>> from pathlib import Path
+        >>> from lcorpp import load_domain
+        >>> from lcorpp.domains import with_reasoner
+        >>> _ = Path("mine.py").write_text('''
+        ... class Half:
+        ...     def __init__(self, program, rates): ...
+        ...     def posterior(self, shared, evidence):
+        ...         return {"interested": 0.5, "not_interested": 0.5}
+        ... ''')
+        >>> domain = with_reasoner(load_domain("intention"), "mine.py:Half")
+        >>> domain.make_reasoner(domain.program).posterior(domain.shared, {})
+        Distribution(interested: 0.5, not_interested: 0.5)
+    """
+    from lcorpp.domains.own_reasoner import OwnReasoners
+
+    own = OwnReasoners(*_split("reasoner", text))
+    return replace(domain, reasoning=replace(domain.reasoning, own_reasoners=own))
+
+
+def _split(what: str, text: str) -> tuple[Path, str]:
+    """Return the file and the function that a text names."""
     parts = split_function(text)
     if parts is None:
-        raise DomainError(f"the world {text!r}: expected FILE.py:NAME")
-    return replace(domain, simulation=replace(domain.simulation, world=OwnWorlds(*parts)))
+        raise DomainError(f"the {what} {text!r}: expected FILE.py:NAME")
+    return parts

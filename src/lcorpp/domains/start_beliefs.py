@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
+from functools import partial
 from itertools import combinations_with_replacement, product
 from math import comb, prod
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from lcorpp.domains.reasoners import make_reasoner
 from lcorpp.domains.sections.learning import Sense
 from lcorpp.domains.sections.planning import PlanningSection
 from lcorpp.domains.sections.reasoning import ReasoningSection
-from lcorpp.errors import NoValueError, ProgramError, TooLargeError
+from lcorpp.errors import NoValueError, ProgramError, TooLargeError, UndefinedError
+from lcorpp.protocols import Reasoner as ReasonerProtocol
 from lcorpp.values import Array
 
 MAX_GRID_STEPS, MAX_PRIORS = 10, 36
@@ -54,7 +58,7 @@ def list_start_beliefs(
     marginals, labels_alone = _compute_all_marginals(reasoning, senses)
     are_complete = marginals is not None
     if marginals is None:
-        marginals = np.zeros((0, n)) if steps > 1 else _compute_likely_marginals(reasoning)
+        marginals = np.zeros((0, n)) if steps > 1 else _compute_likely_marginals(reasoning, senses)
     corners = planning.initial_states
     beliefs = np.vstack([planning.pomdp.start, np.vstack([grid, marginals]) @ corners])
     return StartBeliefs(beliefs, labels_alone @ corners, are_complete)
@@ -75,24 +79,9 @@ def _compute_all_marginals(section: ReasoningSection, senses: Sequence[Sense]) -
     choices |= {sense.attribute: [None, *sense.label_of.values()] for sense in senses}
     if not choices or prod(map(len, choices.values())) > MAX_EVIDENCES:
         return None, nothing
-    from lcorpp.reasoning import Reasoner  # imports the grounder and the compiler
-
-    try:
-        circuit = Reasoner(section.program).compile(list(choices), [section.shared])
-    except ProgramError:
+    infer = _make_inference(section, senses, choices)
+    if infer is None:
         return None, nothing
-
-    def infer(rows: Sequence[Sequence[str | None]]) -> Array:
-        """(n, V) the marginals given rows of evidence; NaN where it is impossible, or there is no value."""
-        columns: Any = dict(zip(choices, map(list, zip(*rows, strict=True)), strict=True))
-        try:
-            answers: Any = circuit(columns, undefined="nan")
-        except NoValueError:
-            single = np.full((1, len(section.values)), np.nan)
-            return np.vstack([infer([row]) for row in rows]) if len(rows) > 1 else single
-        (marginals,) = answers.values()
-        return np.asarray(marginals)
-
     marginals = infer([[None] * len(choices), *product(*choices.values())])
     before = marginals[0]  # without evidence: not all facts can be observed of all people
     distinct = _find_distinct(marginals)
@@ -107,13 +96,65 @@ def _compute_all_marginals(section: ReasoningSection, senses: Sequence[Sense]) -
     return distinct, _find_distinct(ratios / ratios.sum(axis=1, keepdims=True))
 
 
+def _make_inference(
+    section: ReasoningSection, senses: Sequence[Sense], choices: Mapping[str, Sequence[str | None]]
+) -> Callable[[Sequence[Sequence[str | None]]], Array] | None:
+    """Return the function from rows of evidence to the marginals (n, V), NaN where there is none.
+
+    Args:
+        choices: attribute -> its values in the rows, None for none.
+
+    Returns:
+        None if the program has no circuit, e.g. because it is too large.
+    """
+    if section.own_reasoners is not None:
+        own = make_reasoner(section, senses, section.program)
+        return partial(_infer_each, own, section, list(choices))
+    from lcorpp.reasoning import Reasoner  # imports the grounder and the compiler
+
+    try:
+        circuit = Reasoner(section.program).compile(list(choices), [section.shared])
+    except ProgramError:
+        return None
+
+    def infer(rows: Sequence[Sequence[str | None]]) -> Array:
+        """(n, V) the marginals given rows of evidence; NaN where it is impossible, or there is no value."""
+        columns: Any = dict(zip(choices, map(list, zip(*rows, strict=True)), strict=True))
+        try:
+            answers: Any = circuit(columns, undefined="nan")
+        except NoValueError:
+            single = np.full((1, len(section.values)), np.nan)
+            return np.vstack([infer([row]) for row in rows]) if len(rows) > 1 else single
+        (marginals,) = answers.values()
+        return np.asarray(marginals)
+
+    return infer
+
+
+def _infer_each(
+    reasoner: ReasonerProtocol,
+    section: ReasoningSection,
+    names: Sequence[str],
+    rows: Sequence[Sequence[str | None]],
+) -> Array:
+    """Return the marginals (n, V) of rows of evidence about `names`, each computed alone."""
+    marginals = np.full((len(rows), len(section.values)), np.nan)
+    for marginal, row in zip(marginals, rows, strict=True):
+        evidence = {name: value for name, value in zip(names, row, strict=True) if value is not None}
+        with suppress(UndefinedError):
+            answer = reasoner.posterior(section.subject, evidence)
+            assert answer is not None
+            marginal[:] = answer.probabilities
+    return marginals
+
+
 def _find_distinct(marginals: Array) -> Array:
     """Return the distinct rows (n, V) without NaN, rounded."""
     distinct: Array = np.unique(np.round(marginals[~np.isnan(marginals).any(axis=1)], 12), axis=0)
     return distinct
 
 
-def _compute_likely_marginals(section: ReasoningSection) -> Array:
+def _compute_likely_marginals(section: ReasoningSection, senses: Sequence[Sense]) -> Array:
     """Return the marginals (n, V) of the shared variables given each of the most probable observed facts.
 
     They are distinct, sorted, and rounded far above the reasoner's errors, so that programs that are
@@ -121,13 +162,16 @@ def _compute_likely_marginals(section: ReasoningSection) -> Array:
     """
     from lcorpp.reasoning import Reasoner  # imports the grounder and the compiler
 
-    reasoner, subject = Reasoner(section.program), list(section.shared)
+    program, names = section.program, section.observed
     try:
-        likely = reasoner.most_probable(count=MAX_PRIORS, of=section.observed) if section.observed else ()
+        likely = Reasoner(program).most_probable(count=MAX_PRIORS, of=names) if names else ()
     except NoValueError:  # not all facts can be observed of all people
         likely = ()
     except TooLargeError:  # each marginal would take seconds of sampling
         return np.zeros((0, len(section.values)))
-    facts = [world.values for world in likely] or [{}]
-    marginals = [reasoner.posterior(subject, context).probabilities for context in facts]
-    return np.unique(np.round(marginals, 12), axis=0)
+    rows = [[world.values[name] for name in names] for world in likely]
+    reasoner = make_reasoner(section, senses, program)
+    marginals = (
+        _infer_each(reasoner, section, names, rows) if rows else _infer_each(reasoner, section, (), [()])
+    )
+    return _find_distinct(marginals)

@@ -20,7 +20,6 @@ from lcorpp.early_decision.stream_model import ENDED, StreamModel
 from lcorpp.errors import DataError, DecisionError
 from lcorpp.learning import PredictionTimeline
 from lcorpp.planning import Planner
-from lcorpp.reasoning import Reasoner
 from lcorpp.scoring.decision_graph import DecisionGraph
 from lcorpp.scoring.decision_nodes import RoundedBeliefNodes
 from lcorpp.scoring.episode_model import EpisodeModel
@@ -58,14 +57,14 @@ class ObservedPeople:
     @classmethod
     def of(cls, domain: Domain, people: Sequence[Person], timeline: PredictionTimeline) -> ObservedPeople:
         """Infer the priors of people, one for each combination of facts."""
-        reasoner = Reasoner(domain.program)
+        reasoner = domain.make_reasoner(domain.program)
         facts = [tuple(person[name] for name in domain.observed) for person in people]
-        prior_of = {
-            own: reasoner.posterior(
-                domain.shared, domain.evidence(dict(zip(domain.observed, own, strict=True)), {})
-            ).probabilities
-            for own in dict.fromkeys(facts)
-        }
+        prior_of = {}
+        for own in dict.fromkeys(facts):
+            evidence = domain.evidence(dict(zip(domain.observed, own, strict=True)), {})
+            marginal = reasoner.posterior(domain.shared, evidence)
+            assert marginal is not None
+            prior_of[own] = marginal.probabilities
         values = [domain.values.index(domain.reasoning.join(person)) for person in people]
         return cls(np.array([prior_of[own] for own in facts]), np.array(values, np.intp), timeline)
 
@@ -159,7 +158,8 @@ def sum_dialogues(domain: Domain, planner: Planner, beliefs: Array) -> Array:
         DecisionError: no policy reports soon enough for an exact sum.
     """
     model = EpisodeModel(domain)
-    nodes = RoundedBeliefNodes(domain, Robot({}, Reasoner(domain.program), planner, domain))
+    robot = Robot({}, domain.make_reasoner(domain.program), planner, domain)
+    nodes = RoundedBeliefNodes(domain, robot)
     graph, v = DecisionGraph(domain, nodes), len(domain.values)
     numbers = graph.find_numbers([belief.tobytes() for belief in beliefs])
     returns = np.empty((len(beliefs), v))

@@ -26,7 +26,11 @@ def make_hypotheses(domain: Domain, program: Program | None = None, *, given: bo
     Args:
         program: with the rules of its classifiers; by default the domain's.
         given: whether the facts are given, see `Hypotheses`.
+
+    Raises:
+        DomainError: a reasoner of the domain's own decides.
     """
+    domain.check_program_decides("the alarm")
     used = (*domain.observed, *domain.label_attributes, *domain.reasoning.shared)
     may_lack_rules = (*domain.observed, *domain.reasoning.shared)
     faults = list_faults(domain.program if program is None else program, used, may_lack_rules)

@@ -23,6 +23,9 @@ class AlarmSession:
     Args:
         full: the robot of the first person, after a training.
         listener: gets each alarm, with the number of people until then.
+
+    Raises:
+        DomainError: as of `make_alarm` and `make_hypotheses`.
     """
 
     def __init__(self, domain: Domain, full: Robot, listener: Callable[[int, Finding], None]) -> None:
@@ -80,5 +83,6 @@ class AlarmSession:
         return {**log_e, "alarm": "; ".join(found)}
 
     def _make_hypotheses(self, full: Robot) -> Hypotheses:
+        self._domain.check_program_decides("the alarm")
         assert isinstance(full.reasoner, Reasoner)
         return make_hypotheses(self._domain, full.reasoner.program)

@@ -14,7 +14,6 @@ from lcorpp.decision import Robot, dt_control
 from lcorpp.domains import Domain
 from lcorpp.domains.sections.simulation import Simulate
 from lcorpp.protocols import Classifier, Planner
-from lcorpp.reasoning import Reasoner
 from lcorpp.runs.batches import score_batch
 from lcorpp.runs.run import run_active_learning
 from lcorpp.runs.senses import LABEL_KINDS, ActiveLearningOptions, set_up_learning
@@ -129,9 +128,8 @@ def _decide_without_learning(
     sense = domain.senses[0]
     classifier = RandomClassifier(sense.classes, seed)
     rules = classifier.confusion
-    robot = Robot(
-        {sense.name: classifier}, Reasoner(domain.program_for({sense.name: rules})), planner, domain
-    )
+    reasoner = domain.make_reasoner(domain.program_for({sense.name: rules}))
+    robot = Robot({sense.name: classifier}, reasoner, planner, domain)
     stream = PeopleStream(domain, {sense.name: SimulatedSignals.from_domain(domain, sense)}, seed)
     outcomes = []
     for _ in range(batches):

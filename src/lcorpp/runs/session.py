@@ -12,8 +12,7 @@ from lcorpp.domains import Domain
 from lcorpp.errors import DecisionError, check_type
 from lcorpp.logs.decision_log import format_labels, read_labels
 from lcorpp.planning import Planner as PolicyPlanner
-from lcorpp.protocols import Planner
-from lcorpp.reasoning import Reasoner
+from lcorpp.protocols import Planner, Reasoner
 from lcorpp.runs.batches import Row
 from lcorpp.runs.run_store import EVIDENCE, STRATEGY, RunStore
 from lcorpp.runs.training import SenseTrainer

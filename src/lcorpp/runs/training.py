@@ -22,8 +22,7 @@ from lcorpp.learning import TrainedClassifier, Validation, cross_validate, train
 from lcorpp.learning.classifiers.registry import check_weighted
 from lcorpp.learning.evaluation.validation import count_confusion
 from lcorpp.learning.label_noise.uncertain_labels import split_by_class
-from lcorpp.protocols import Classifier
-from lcorpp.reasoning import Reasoner
+from lcorpp.protocols import Classifier, Reasoner
 from lcorpp.runs.corrected_labels import correct_labels
 from lcorpp.runs.senses import (
     CORRECTED,
@@ -115,7 +114,7 @@ class SenseTrainer:
         """Return the reasoner with the error rates of all senses as rules, but for soft evidence."""
         confusions, soft = self._join_confusions(learned)
         program = self._domain.program_for(confusions, self._options.evidence.smoothing, soft=soft)
-        return Reasoner(program)
+        return self._domain.make_reasoner(program)
 
     def compute_rates(self, learned: Mapping[str, ConfusionMatrix]) -> Rates:
         """Return the error rates of the senses with soft evidence, which are not in the rules."""

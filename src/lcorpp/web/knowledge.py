@@ -52,9 +52,13 @@ class Knowledge:
     """The reasoner of a domain, for evidence of names.
 
     attributes: those without arguments, which the page shows.
+
+    Raises:
+        DomainError: a reasoner of the domain's own decides.
     """
 
     def __init__(self, domain: Domain, program: Program) -> None:
+        domain.check_program_decides("the page")
         self._domain, self.reasoner = domain, Reasoner(program)
         self.attributes = [name for name, attribute in program.attributes.items() if not attribute.arguments]
         self._inputs = {

@@ -11,6 +11,7 @@ from pathlib import Path
 
 from lcorpp.decision import Robot, Strategy
 from lcorpp.domains import Domain
+from lcorpp.domains.own_reasoner import read_marginal
 from lcorpp.errors import (
     DecisionError,
     LcorppError,
@@ -178,12 +179,15 @@ class _CheckedReasoner:
             marginal = self.reasoner.posterior(attribute, evidence)
         if marginal is None:
             return None
-        values = self.domain.values if attribute == self.domain.shared else None
-        if not isinstance(marginal, Distribution) or (values and marginal.values != values):
-            shown = "" if values is None else f" of {', '.join(map(str, values))} in this order"
+        try:
+            if attribute == self.domain.shared:
+                return read_marginal(marginal, self.domain.values)
+            if not isinstance(marginal, Distribution):
+                raise ValueError("expected a Distribution or None")
+        except ValueError as error:
             raise self.strategy.make_error(
-                self.reasoner.posterior, "posterior()", marginal, f"expected a Distribution{shown}, or None"
-            )
+                self.reasoner.posterior, "posterior()", marginal, str(error)
+            ) from None
         return marginal
 
 

@@ -50,6 +50,7 @@ def explain(
         ),
     ] = None,
     world: options.WorldOption = None,
+    reasoner: options.ReasonerOption = None,
     classifiers: ClassifierGroup,
     recording: RecordingGroup,
     tracks: TracksOption = None,
@@ -72,7 +73,7 @@ def explain(
     from lcorpp.logs.decision_log import DecisionLog
 
     _check_world(person, world, interactive=interactive)
-    loaded = options.load_domain(domain, preset, world)
+    loaded = options.load_domain(domain, preset, world, reasoner)
     row = _find_strategy(loaded, strategy)
     chosen, cache = solving.choose_solver(loaded), solving.find_cache()
     known = person.parse(loaded)

@@ -33,7 +33,7 @@ def decide_and_print(
         truth: the true shared value, None if it is unknown.
     """
     from lcorpp.decision.dt_control import act_until_report, infer_prior
-    from lcorpp.decision.strategies import LabelOnlyReasoner, LabelRatesReasoner
+    from lcorpp.reasoning import Reasoner
     from lcorpp.trust import Trust
     from lcorpp.values import Episode, format_value
 
@@ -60,8 +60,8 @@ def decide_and_print(
         for name, attribute in domain.program.attributes.items()
         if not attribute.arguments and name not in evidence and name != domain.shared
     ]
-    if isinstance(robot.reasoner, LabelOnlyReasoner | LabelRatesReasoner | Trust):
-        hidden = []  # these answer for the shared variables alone
+    if not isinstance(robot.reasoner, Reasoner):
+        hidden = []  # others answer for the shared variables alone
     if isinstance(robot.reasoner, Trust):
         trust = robot.reasoner
         console.out.print(f"   weight of each source after {trust.n_people} people")

@@ -77,13 +77,24 @@ WorldOption = Annotated[
     ),
 ]
 
+ReasonerOption = Annotated[
+    str | None,
+    typer.Option(
+        metavar="FILE.py:NAME",
+        help="Your own reasoner instead of the domain's: NAME(program, rates) returns an object with"
+        " posterior(shared, evidence), see docs/guides/reasoning/own.md.",
+    ),
+]
 
-def load_domain(name: str, preset: str | None, world: str | None) -> Domain:
-    """Load a domain with its preset, and the user's world if one is given."""
-    from lcorpp.domains import load_domain as load, with_world
+
+def load_domain(name: str, preset: str | None, world: str | None, reasoner: str | None) -> Domain:
+    """Load a domain with its preset, and the user's world and reasoner if they are given."""
+    from lcorpp.domains import load_domain as load, with_reasoner, with_world
 
     loaded = load(name, preset=preset)
-    return loaded if world is None else with_world(loaded, world)
+    if world is not None:
+        loaded = with_world(loaded, world)
+    return loaded if reasoner is None else with_reasoner(loaded, reasoner)
 
 
 def _parse_folder(text: str) -> Path:

@@ -30,6 +30,7 @@ class RobotGroup:
     domain: options.DomainArgument = "intention"
     preset: options.PresetOption = None
     world: options.WorldOption = None
+    reasoner: options.ReasonerOption = None
     seed: options.SeedOption = 0
     senses: ClassifierGroup = field(default_factory=ClassifierGroup)
     label: LabelOption = None
@@ -61,8 +62,8 @@ class RobotGroup:
     jobs: options.JobsOption = None
 
     def load_domain(self) -> Domain:
-        """Load the domain with its preset and world."""
-        return options.load_domain(self.domain, self.preset, self.world)
+        """Load the domain with its preset, world and reasoner."""
+        return options.load_domain(self.domain, self.preset, self.world, self.reasoner)
 
     def choose_classifiers(
         self, domain: Domain, used: Sequence[Sense], tracks: int | None, trained: Collection[str] = ()

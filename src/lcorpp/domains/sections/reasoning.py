@@ -7,13 +7,17 @@ from dataclasses import dataclass
 from functools import cached_property
 from itertools import product
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from lcorpp.domains.sections.files import find_file
+from lcorpp.domains.sections.files import find_file, find_function
 from lcorpp.domains.sections.names import check_same_names, find_attribute_values
 from lcorpp.domains.toml import TomlTable
 from lcorpp.errors import DomainError, expected_one_of
 from lcorpp.reasoning import Program, read_plog
 from lcorpp.values import SharedValue
+
+if TYPE_CHECKING:
+    from lcorpp.domains.own_reasoner import OwnReasoners
 
 MAX_SHARED_VALUES = 10_000
 """Maximal number of combinations of values of the shared variables."""
@@ -26,6 +30,7 @@ class ReasoningSection:
     program: the P-log program.
     observed: attributes that the robot observes as facts; beta of Algorithm 2.
     shared: attributes shared by reasoner and planner, at least one.
+    own_reasoners: make the reasoner in place of that of the program; None without.
 
     Examples:
         >>> from lcorpp import load_domain
@@ -36,6 +41,12 @@ class ReasoningSection:
     program: Program
     observed: tuple[str, ...]
     shared: tuple[str, ...]
+    own_reasoners: OwnReasoners | None = None
+
+    @property
+    def subject(self) -> str | tuple[str, ...]:
+        """The shared attribute, or the tuple of several, as `Reasoner.posterior` takes it."""
+        return self.shared[0] if len(self.shared) == 1 else self.shared
 
     @cached_property
     def values(self) -> tuple[SharedValue, ...]:
@@ -71,12 +82,15 @@ class ReasoningSection:
             )
 
 
-def read_reasoning(table: TomlTable, folder: Path) -> ReasoningSection:
+def read_reasoning(table: TomlTable, folder: Path, *, own_reasoner: bool = True) -> ReasoningSection:
     """Read the section and the program.
 
+    Args:
+        own_reasoner: whether the file of a reasoner of the domain's own is loaded.
+
     Raises:
-        DomainError: an attribute is not in the program, or a shared one is observed; or the shared ones have
-            too many values.
+        DomainError: an attribute is not in the program, or a shared one is observed; the shared ones have too
+            many values; or the file of the reasoner is wrong.
     """
     program = read_plog(find_file(table, "program", folder))
     key = "shared" if "shared" in table else "target"  # for one variable
@@ -96,8 +110,17 @@ def read_reasoning(table: TomlTable, folder: Path) -> ReasoningSection:
             f"{table.location(key)}: the variables have {size} values together; expected at most"
             f" {MAX_SHARED_VALUES}"
         )
+    parts = find_function(table, "reasoner", folder) if "reasoner" in table else None
+    if "reasoner" in table and parts is None:
+        raise DomainError(
+            f"{table.location('reasoner')}: is {table.text('reasoner')!r}; expected FILE.py:NAME"
+        )
     table.reject_unknown_keys()
-    return ReasoningSection(program, observed, shared)
+    if parts is None or not own_reasoner:
+        return ReasoningSection(program, observed, shared)
+    from lcorpp.domains.own_reasoner import OwnReasoners  # few domains have one
+
+    return ReasoningSection(program, observed, shared, OwnReasoners(*parts))
 
 
 def read_value_mapping(table: TomlTable, reasoning: ReasoningSection) -> tuple[str, dict[str, str]]:

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import lcorpp
-from lcorpp.assembly.robot_parts import hash_bytes
+from lcorpp.assembly.robot_parts import find_fingerprint, hash_bytes
 from lcorpp.domains import Domain, load_domain
 from lcorpp.domains.sections.learning import Sense
 from lcorpp.errors import DomainError, WorkerError
@@ -162,7 +162,7 @@ def _check_worker(problem: Problem) -> None:
 
 def hash_domain(domain: Domain) -> str:
     """Return the fingerprint of what determines the scores in a domain."""
-    simulation, planning = domain.simulation, domain.planning
+    simulation, planning, own = domain.simulation, domain.planning, domain.reasoning.own_reasoners
     parts = (
         str(domain.program),
         str(simulation.true_program),
@@ -177,6 +177,7 @@ def hash_domain(domain: Domain) -> str:
         planning.solver,
         domain.observed,
         domain.senses,
+        *([] if own is None else [find_fingerprint(own.source)]),
         simulation.feedback_model.tolist(),
         *([] if simulation.transition is None else [simulation.transition.dense.tolist()]),
     )

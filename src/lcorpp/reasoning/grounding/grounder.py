@@ -13,6 +13,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from fractions import Fraction
 from itertools import product
+from typing import TYPE_CHECKING
 
 from lcorpp.errors import ProgramError
 from lcorpp.reasoning.grounding.binding_table import BindingTable, Key, Memo, Part
@@ -28,7 +29,6 @@ from lcorpp.reasoning.grounding.ground_program import (
     GroundProgram,
     make_full_mask,
 )
-from lcorpp.reasoning.grounding.path_rules import stage_clauses
 from lcorpp.reasoning.grounding.relation import Relation
 from lcorpp.reasoning.grounding.rule_instantiator import Atoms, RuleInstantiator, Source
 from lcorpp.reasoning.grounding.strong_components import find_strongly_connected_components
@@ -58,6 +58,9 @@ from lcorpp.reasoning.language.syntax import (
 )
 from lcorpp.reasoning.language.traversal import iter_expressions, list_expressions
 from lcorpp.reasoning.questions import QUERY_TERM, is_joint, list_terms, list_values
+
+if TYPE_CHECKING:
+    from lcorpp.reasoning.grounding.path_rules import PathRule
 
 
 def ground_program(
@@ -175,7 +178,12 @@ class _Grounder:
             isinstance(clause, Rule) and not self._list_uncertain(clause.body) for _, clause in clauses
         )
         width = arity + is_certain
-        paths, stages = stage_clauses(clauses, self.signature)
+        paths: dict[int, PathRule] = {}
+        stages = [clauses]
+        if arity > 1:  # a path has two ends
+            from lcorpp.reasoning.grounding.path_rules import stage_clauses
+
+            paths, stages = stage_clauses(clauses, self.signature)
         for stage in stages:
             steps = Relation.from_rows(rows if paths else (), arity)
             for index, clause in stage:
