@@ -354,4 +354,4 @@ def test_a_markov_logic_network_is_asked_with_evidence(lcorpp, tmp_path):
     (tmp_path / "c.plog").write_text("a : boolean. random(a).")
     refused = lcorpp("ask", tmp_path / "c.plog", "a", "--evidence", evidence)
     assert refused.code == 2
-    assert "is no Markov logic network; expected a .mln file" in " ".join(refused.err.split())
+    assert "has its evidence in queries; expected a .mln, .plp or .lp file" in " ".join(refused.err.split())

@@ -6,6 +6,7 @@ import logging
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from heapq import nsmallest
+from os.path import splitext
 from typing import TYPE_CHECKING
 
 from lcorpp.cli.console import (
@@ -21,7 +22,13 @@ from lcorpp.errors import ProgramError, UndefinedError
 from lcorpp.files import read_text
 from lcorpp.log_output import show_log
 from lcorpp.reasoning.language.arithmetic import canonical_text
-from lcorpp.reasoning.language.parser import MAX_PROGRAM_BYTES, parse_mln, parse_query, read_plog
+from lcorpp.reasoning.language.parser import (
+    MAX_PROGRAM_BYTES,
+    parse_answer_sets,
+    parse_mln,
+    parse_query,
+    read_plog,
+)
 from lcorpp.reasoning.language.syntax import Query
 from lcorpp.reasoning.language.translation.names import is_auxiliary, restore_names
 from lcorpp.reasoning.reasoner import DEFAULT_SAMPLES, Reasoner
@@ -64,11 +71,16 @@ def print_answers(
     observed: Sequence[str] = ()
     if evidence is None:
         program = read_plog(file, strict=not lenient)
-    elif str(file).lower().endswith(".mln"):
-        texts = [read_text(path, MAX_PROGRAM_BYTES) for path in (file, evidence)]
-        program, observed = parse_mln(texts[0], file=str(file), facts=texts[1], facts_file=str(evidence))
+    elif (suffix := splitext(file)[1].lower()) in (".mln", ".plp", ".lp"):
+        text, facts = (read_text(path, MAX_PROGRAM_BYTES) for path in (file, evidence))
+        if suffix == ".mln":
+            program, observed = parse_mln(text, file=str(file), facts=facts, facts_file=str(evidence))
+        else:
+            program = parse_answer_sets(text, file=str(file), facts=facts, facts_file=str(evidence))
     else:
-        raise ProgramError(f"--evidence {evidence}: {file} is no Markov logic network; expected a .mln file")
+        raise ProgramError(
+            f"--evidence {evidence}: {file} has its evidence in queries; expected a .mln, .plp or .lp file"
+        )
     queries = [parse_query(query, program)] if query is not None else program.queries
     if observed:
         others = parse_query(f"?{{{observed[0][4:-1]}}} | {', '.join(observed)}.", program).observations

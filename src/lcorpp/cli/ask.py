@@ -69,7 +69,10 @@ def ask(
     seed: options.SeedOption = 0,
     evidence: Annotated[
         Path | None,
-        typer.Option(metavar="FILE.db", help="Evidence for a Markov logic network: a literal a line."),
+        typer.Option(
+            metavar="FILE",
+            help="Evidence for a Markov logic network (.db, a literal a line) or for answer sets (rules).",
+        ),
     ] = None,
 ) -> None:
     """Answer a query to a program."""
@@ -85,7 +88,8 @@ def translate(
     file: Annotated[
         Path,
         typer.Argument(
-            metavar="FILE", help="A program of ProbLog, plog 1.0 or plog 2.0, a Bayesian network, or tables."
+            metavar="FILE",
+            help="A program of ProbLog, plingo, plog 1.0 or plog 2.0, a Bayesian network, or tables.",
         ),
     ],
     output: Annotated[

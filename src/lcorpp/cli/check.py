@@ -20,8 +20,8 @@ if TYPE_CHECKING:
     from lcorpp.reasoning import Program
 
 KINDS = (
-    "a .plog, .pl, .mln, .bif, .csv, .pomdp, .pomdpx, .policy, .xml or .alpha file, a domain folder or its"
-    " domain.toml, a folder of recorded tracks, a store of tracks, a robot.toml, a .toml file of tables"
+    "a .plog, .pl, .plp, .mln, .bif, .csv, .pomdp, .pomdpx, .policy, .xml or .alpha file, a domain folder or"
+    " its domain.toml, a folder of recorded tracks, a store of tracks, a robot.toml, a .toml file of tables"
 )
 
 PROGRAMS = (".plog", ".pl", ".problog", ".lp", ".plp", ".mln", ".bif", ".csv")

@@ -22,7 +22,7 @@ from lcorpp.errors import DomainError, expected_one_of
 from lcorpp.notebook import html_table, join_some
 from lcorpp.planning import Pomdp, SparseTables
 from lcorpp.protocols import Reasoner
-from lcorpp.reasoning import Program, with_classifier
+from lcorpp.reasoning import Program
 from lcorpp.values import (
     JEFFREYS,
     Array,
@@ -335,6 +335,10 @@ class Domain:
             classes = self.find_sense(name).classes
             rules[name] = ConfusionMatrix(classes, np.eye(len(classes))), Fraction(0)
         program = self.program
+        if not rules:
+            return program
+        from lcorpp.reasoning import with_classifier  # only classifiers with rates of their own need it
+
         for name, (matrix, count) in rules.items():
             s = self.find_sense(name)
             program = with_classifier(program, s.attribute, s.of, matrix, s.label_of, smoothing=count)

@@ -1,4 +1,4 @@
-"""Programs of ProbLog with answers known by hand, and refusals of ProbLog and plingo by name."""
+"""Programs of ProbLog with answers known by hand, and refusals by name."""
 
 from __future__ import annotations
 
@@ -275,9 +275,6 @@ REFUSED = [
     ("0.3::p(1). evidence(p(1), 0.7).", "1:21", "ProbLog", "expected true or false"),
     ("0.3::p(1). query(p(1) = 2).", "1:18", "ProbLog", "query(p(1)=2) is not translated; expected an atom"),
     ("0.3::p(1). query(p(1)) :- p(1).", "1:12", "ProbLog", "query(...) that depends on chance"),
-    ("&random { prize(D) : door(D) }. door(1..3).", "1:1", "plingo", "expected random(f(D) : {X : p(X)})"),
-    ("door(1..3).\n&pr { prize(1) } = \"0.3\".", "2:1", "plingo", "&pr is not translated; expected pr("),
-    ("a(X) :- b(X), &weight(5).", "1:15", "plingo", "as P-log has no weights"),
 ]  # fmt: skip
 
 

@@ -72,7 +72,7 @@ def parse_plog(
 ) -> Program:
     """Parse and check a P-log program given as text, in the dialect of plog 1.0, plog 2.0 or the papers.
 
-    A ProbLog program is recognised and translated, a plingo program is recognised and rejected.
+    Programs of ProbLog and plingo are recognised and translated.
 
     Args:
         file: the file name in error messages.
@@ -106,10 +106,15 @@ def parse_plog(
     try:
         return _parse_own(text, file, semantics, strict)
     except (ParseError, ProgramError):
-        from lcorpp.reasoning.language.translation.recognition import translate_other_system  # rarely needed
+        from lcorpp.reasoning.language.translation.recognition import (  # rarely needed
+            is_answer_set_program,
+            translate_problog,
+        )
 
         with _open_cursor(text, file):
-            translated = translate_other_system(text, file)
+            if is_answer_set_program(text, file):
+                return parse_answer_sets(text, file=file)
+            translated = translate_problog(text, file)
         if translated is None:
             raise
     return Program(file, translated.statements, semantics or "2009", translated.names)
@@ -145,6 +150,34 @@ def parse_mln(
         translated, names = translate_mln(network)
     program = _parse_own(translated, f"{file} (as P-log)", "2009", True)
     return Program(program.file, program.statements, "2009", names), list_observations(network, literals)
+
+
+def parse_answer_sets(
+    text: str, *, file: str = "<text>.plp", facts: str = "", facts_file: str = "<text>.evid"
+) -> Program:
+    """Parse a program of plingo or LPMLN given as text; it is grounded by clingo and becomes P-log.
+
+    Args:
+        facts: the text of a file of evidence: further rules, such as ``:- not alarm.``
+
+    Raises:
+        ParseError: the text does not follow the grammar of clingo, has a construct that is not translated,
+            by name, or too many ground rules.
+    """
+    # rarely needed; they load clingo
+    from lcorpp.reasoning.language.answer_sets.asp_grounding import ground_answer_sets
+    from lcorpp.reasoning.language.answer_sets.asp_translation import translate_answer_sets
+    from lcorpp.reasoning.language.answer_sets.plingo_reader import rewrite_plingo
+
+    with _locate_issues(text):
+        rewritten = rewrite_plingo(text, file)
+    with _locate_issues(facts):
+        rewrite_plingo(facts, facts_file, rewritten)
+    with _locate_issues(text):
+        ground = ground_answer_sets(rewritten.lines, rewritten.places)
+        translated, names = translate_answer_sets(rewritten, ground)
+    program = _parse_own(translated, f"{file} (as P-log)", "2009", True)
+    return Program(program.file, program.statements, "2009", names)
 
 
 def _parse_own(text: str, file: str, semantics: Semantics | None, strict: bool) -> Program:
