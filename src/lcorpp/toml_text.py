@@ -84,4 +84,8 @@ def _make_parse_error(error: tomllib.TOMLDecodeError, file: str, text: str) -> P
     line = int(match[1]) if match else max(len(lines), 1)
     column = int(match[2]) if match else (len(lines[-1]) + 1 if lines else 1)
     message = re.sub(r"\s*\(at [^)]*\)", "", str(error))
+    if message == r"Illegal character '\n'":
+        message = "a text without its closing quote"
+    elif message == "Unclosed array":
+        message = "a list without ',' or ']' here"
     return ParseError(file, line, column, message, lines[line - 1] if line <= len(lines) else "")

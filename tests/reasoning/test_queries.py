@@ -438,3 +438,12 @@ def test_filters_answer_joint_queries():
     assert answers["?at(0), at(1)"].probabilities == pytest.approx([0.72, 0.02, 0.08, 0.18], abs=1e-12)
     exact = Reasoner(program).exact(["at(0)", "at(1)"], {"seen(1)": "hall"})
     assert answers["?at(0), at(1)"].probabilities == pytest.approx([float(p) for p in exact.values()])
+
+
+def test_an_observation_may_have_several_literals():
+    program = parse_plog("n = {1..4}. a, b : n. random(a). random(b).")
+    several = parse_query("?{a = 1} | obs(a < 3, b != 2, not a = 2).", program)
+    apart = parse_query("?{a = 1} | obs(a < 3), obs(b != 2), obs(a != 2).", program)
+    reasoner = Reasoner(program)
+    assert float(reasoner.ask(several)) == float(reasoner.ask(apart)) == 1
+    assert str(parse_query("?{a = 1} | obs(a = 1, false).", program)) == "?{a=1} | obs(a!=1)."

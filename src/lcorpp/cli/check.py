@@ -102,8 +102,9 @@ def check(
 
 
 def _check_network(program: Program) -> None:
-    """Print the size of a Bayesian network, and what the marginals of all variables cost."""
+    """Print the size of a Bayesian network, what its marginals cost, and the variables of tables."""
     from lcorpp.reasoning.factors.network import describe_cost, make_table_network
+    from lcorpp.reasoning.language.networks.bayesian_network import BayesianNetwork
 
     network = make_table_network(program, {})
     n_numbers = sum(len(factor.table) for factor in network.graph.factors)
@@ -111,6 +112,11 @@ def _check_network(program: Program) -> None:
         cost = f"an answer for all {describe_cost(network.find_plan((), (), (), True))}: OK"
     except TooLargeError as error:
         cost = f"names and tables are OK; answers may be sampled: {error}"
+    is_own = not str(program.file).lower().endswith(".bif")  # a file of tables, with few variables
+    if is_own and isinstance(program, BayesianNetwork):
+        for name, table in program.tables.items():
+            given = f" given {', '.join(table.parents)}" if table.parents else ""
+            console.out.print(f"  {name}: {join_some(program.attributes[name].values, MAX_VALUES)}{given}")
     console.out.print(f"{program.file}: {len(program.attributes)} variables, {n_numbers} numbers; {cost}")
 
 

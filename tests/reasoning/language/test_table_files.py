@@ -196,7 +196,7 @@ MISTAKES = [
         "cell B6: the probabilities of time in this row sum to 103 %; expected 100 %, or 'rest'",
     ),
     ("student,15", "studnt,15", "cell A6: studnt is not a value of identity; expected one of student,"),
-    ("professor,80", "student,80", "cell B7: a second row for identity=student; the first is in line 6"),
+    ("professor,80", "student,80", "cell B7: a second row for identity=student; the first is row 6"),
     ("professor,80,10,", "professor,80,rest,", "cell D7: a second 'rest' in this row"),
     ("professor,80,10,", "professor,80,,", "cell C7: a blank cell; expected a probability such as 0.3,"),
     ("15,70", "15", "cell D6: a blank cell; expected a probability"),
@@ -204,7 +204,7 @@ MISTAKES = [
     ("15,70", "15,7o", "cell D6: '7o' is not a number; expected a probability such as 0.3, 30 % or 3/10"),
     ("15,70", "15,nan", "cell D6: 'nan' is not a number"),
     ("identity,time =", "identty,time =", "cell A5: identty has no table, nor is it 'attribute = value';"),
-    ("time = afternoon", "tim = afternoon", "cell C5: a column of tim in the table of time;"),
+    ("time = afternoon", "tim = afternoon", "cell C5: a column of tim in the table of time, cell B5;"),
     ("time = afternoon", "time = morning", "cell C5: time has the value morning twice;"),
     ("time = afternoon", "time =", "cell C5: 'time =' is no head; expected a parent, or 'attribute = value'"),
     ("15,70", "15,70,3", "cell E6: a cell beyond the head, which has 4 columns"),
@@ -214,12 +214,12 @@ MISTAKES = [
     (
         "student,evening,0,1\n",
         "",
-        "cell C12: this row and line 11 are both for identity=student",
+        "cell C12: this row and row 11 are both for identity=student",
     ),
     (",10,70,20\n", "", "cell B5: the table of time has no row for identity=visitor; expected one"),
     ("\nidentity,time,", "\ntime = x\n1\n\nidentity,time,", "cell A10: a second table of time; the first is"),
-    ("identity,time,", "intention,time,", "cell A10: intention occurs twice in the head"),
-    (",80,", ',"80,', "row 7: is no CSV: unexpected end of data"),
+    ("identity,time,", "intention,time,", "cell A10: intention depends on itself"),
+    (",80,", ',"80,', "cell B7: a quote that is not closed"),
 ]
 
 
@@ -298,3 +298,61 @@ def test_injected_mistakes_never_change_an_answer_silently(seed: int):
         assert {name: Reasoner(found).exact(name) for name in found.attributes} == reference
     assert set(lines_named) <= {0}
     assert len(lines_named) > 30
+
+
+FOUND = [
+    # a first table with one value selects no separator
+    ("a = x\n1\n\nkind = b,kind = c\n20,80\n", "kind", {"b": 1 / 5}),
+    # comments have any characters, also quotes
+    ('a = x,a = y\n.5,.5\n\na,b = u,b = v\n,.1,.9\n# new, "since May\nx,.8,.2\n', "b", {"u": 9 / 20}),
+    # fractions are never percent
+    ("a = x,a = y,a = z\n1/3,1/3,1/3\n", "a", {"x": 1 / 3}),
+    ("a = x,a = y,a = z\n40 %,1/5,rest\n", "a", {"y": 1 / 5}),
+    ("b = u,b = v\n50,50\n\na = x,a = y,b\n60,40,u\n1/2,rest,v\n", "a", {"x": 11 / 20}),
+    # spaces that look as others are others
+    ("a = not so,a = so\n.4,.6\n\na,b = u,b = v\nnot so,1,0\n​so,0,1\n", "b", {"u": 2 / 5}),
+    ("sep=;\na = x;a = y\n0,3;Rest\n", "a", {"x": 3 / 10}),
+    ('"a = x;y",a = z\n.3,.7\n', "a", {"z": 7 / 10}),
+]
+
+
+@pytest.mark.parametrize(("text", "name", "expected"), FOUND, ids=range(len(FOUND)))
+def test_what_people_write_is_understood(text, name, expected):
+    found = Reasoner(parse_tables(text)).exact(name)
+    assert {value: float(found[value]) for value in expected} == pytest.approx(expected)
+
+
+NAMED = [
+    (
+        "a = x,a = y,a = z\n3,.22,rest\n",
+        "cell A2: 3 is more than 1; expected a probability, or percent",
+    ),
+    ("a = x,a = y\nrest,9\n", "cell B2: 9 is more than 1"),
+    ("b = u,b = v\n1,0\n\na = x,a = y,a = z,b\n80,10,10,u\nrest,0,1,v\n", "cell C6: 1 in a table of percent"),
+    ("a = x,a = y\n.5,.5\n\na,b = u,b = v\n,.1,.9\n#N/A,.8,.2\n", "cell A6: #N/A is not a value of a"),
+    ("a = x,a = y\n.5,50%\n", "cell A2: .5 without %; other cells of this table have it"),
+    ("a = x,a = y\n.5,.5\n\na,b = u,b = v\nx,.1,.9\n\ny,.8,.2\n", "cell A7: 'y' is in no table"),
+    ("a = x,a = y\n.5,,.5\n", "cell B2: a blank cell, and the row has 3 cells; the head has 2 columns"),
+    ("a = x,a = y\n0,5,0,5\n", "cell A2: the row has 4 cells, the head 2 columns; is 0,5 one number?"),
+    ("a = x,a = y\n.5,.5\n\na,b = u b = v\nx,.1,.9\ny,.8,.2\n", "cell B4: the head has 2 columns"),
+    ("a = x,a = y\n.5,.5\n\nab = u,b = v,a\n.1,.9,x\n.8,.2,y\n\nb,c = s\n,1\n", "cell A4: a column of ab in"),
+    ("a = x,a = y\n.5,.5\n\na,b = u,b = v\n.1,.9\n,.8,.2\n", "cell A5: .1 is not a value of a; expected"),
+    ('a = x",a = y\n.5,.5\n', "cell A1: a quote inside of a cell"),
+    ('a = "x,a = y\n.5,.5\n', "cell A1: a quote inside of a cell"),
+    (
+        "a = x,a = y\n.5,.5\n\na,b = u,b = v\nx,.1,.9\n",
+        "cell B4: the table of b has no row for a=y; expected",
+    ),
+]
+
+
+@pytest.mark.parametrize(("text", "message"), NAMED, ids=range(len(NAMED)))
+def test_more_mistakes_are_named_at_their_cells(text, message):
+    with pytest.raises(ParseError) as found:
+        parse_tables(text, file="k.csv")
+    assert found.value.message.startswith(message), found.value.message
+
+
+def test_a_value_with_a_separator_is_written_and_read():
+    program = parse_tables('"x = a;b","x = c\td"\n.25,.75\n')
+    assert Reasoner(parse_tables(table_text(program))).exact("x") == Reasoner(program).exact("x")

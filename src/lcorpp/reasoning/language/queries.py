@@ -51,7 +51,7 @@ def parse_evidence(cursor: Cursor) -> Observation | Intervention:
 
 
 def _parse_observation(cursor: Cursor, at: Place) -> Observation:
-    """Parse `(formula)`, or `(term, value)` and `(term, value, true or false)` of plog 2.0."""
+    """Parse `(formula)`, `(literal, literal, ...)`, or `(term, value)`, `(term, value, true)` of plog 2.0."""
     cursor.expect("(")
     formula = _parse_formula(cursor, ("and",))
     literal = formula[0][0]
@@ -60,11 +60,14 @@ def _parse_observation(cursor: Cursor, at: Place) -> Observation:
         if is_bare_term(literal):
             literal = replace(literal, value=parse_value(cursor))
             has_polarity = cursor.accept(",")
-        if has_polarity and not cursor.accept("true"):
-            if not cursor.accept("false"):
-                raise cursor.make_unexpected_error()
+        if has_polarity and cursor.accept("false"):
             literal = replace(literal, relation=NEGATED_RELATIONS[literal.relation])
-        formula = ((literal,),)
+            formula = ((literal,),)
+        elif has_polarity and not cursor.accept("true"):
+            more = _parse_case(cursor, ("and", ","))
+            formula = _multiply_out(cursor, product(((literal,),), more))
+        else:
+            formula = ((literal,),)
     cursor.expect(")")
     return Observation(formula, at=at)
 

@@ -6,6 +6,7 @@ is made only for what reads statements, such as `program_text`, the enumeration 
 
 from __future__ import annotations
 
+import re
 import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -94,6 +95,9 @@ def warn_of_rounding(rows: Sequence[RoundedRow], stacklevel: int) -> None:
         warnings.warn(f"{at}: {text}", ReasoningWarning, stacklevel=stacklevel)
 
 
+_LETTERS = re.compile("[A-Za-z0-9_]+")
+
+
 class BayesianNetwork(Program):
     """A Bayesian network as a program.
 
@@ -177,8 +181,8 @@ def _declare(values: Mapping[str, Sequence[str]], places: Mapping[str, Place]) -
     for name, own in values.items():
         at, key = places[name], tuple(own)
         if key not in sort_of:
-            sort = f"values_{len(sort_of) + 1}"
-            while sort in values:
+            sort = f"values_of_{name}" if _LETTERS.fullmatch(name) else f"values_{len(sort_of) + 1}"
+            while sort in values or sort in sort_of.values():
                 sort += "_"
             sort_of[key] = sort
             sorts.append(

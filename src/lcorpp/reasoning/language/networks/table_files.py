@@ -62,9 +62,19 @@ REST = "rest"
 MAX_DIGITS = 300
 """Maximum number of characters of a number."""
 
+MAX_SHOWN = 3
+"""Maximum number of missing combinations that a message names."""
+
 _NUMBER = re.compile(r"([0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE]([+-]?[0-9]{1,3}))?\s*(%?)")
 
 _FRACTION = re.compile(r"([0-9]+)\s*/\s*([0-9]+)")
+
+
+class _Number(NamedTuple):
+    """A number as it is written; kind: plain, percent with its sign, or fraction."""
+
+    number: Fraction
+    kind: str
 
 
 class _Row(NamedTuple):
@@ -149,7 +159,9 @@ class _Reader:
             if parent not in self._values:
                 known = expected_one_of([written.attribute.text for written in self._written.values()])
                 raise self._fail(cell, f"{cell.text} has no table, nor is it 'attribute = value'; {known}")
-            if parent == name or parent in parents:
+            if parent == name:
+                raise self._fail(cell, f"{cell.text} depends on itself; expected other attributes")
+            if parent in parents:
                 raise self._fail(cell, f"{cell.text} occurs twice in the head; expected different attributes")
             parents[parent] = cell
         if len(parents) > MAX_PARENTS:
@@ -177,29 +189,71 @@ class _Reader:
             code = self._codes[parent].get(make_value_text(cell.text)) if cell.text else None
             if cell.text and code is None:
                 known = expected_one_of([c.text for c in self._written[parent].values])
-                raise self._fail(cell, f"{cell.text} is not a value of {parents[parent].text}; {known}")
+                hint = _describe_missing(cell) or "; a blank cell is for all others"
+                raise self._fail(cell, f"{cell.text} is not a value of {parents[parent].text}; {known}{hint}")
             given.append(code)
         return tuple(given)
 
     def _read_numbers(self, head: Cell, rows: Sequence[_Row]) -> list[_Row]:
-        """Read the numbers of all rows, which have one unit."""
+        """Read the numbers of all rows, which have one unit; fractions are never percent."""
         read = [[self._read_number(cell) for cell in row.cells] for row in rows]
-        every = [number for own in read for number in own if number is not None]
-        has_signs = any(is_percent for _, is_percent in every)
-        n_large = sum([any(n is not None and n[0] > 1 for n in own) for own in read])  # rows in percent
-        unit = 100 if has_signs or 2 * n_large > len(rows) else 1
+        unit = self._find_unit(rows, read)
         result = []
         for row, own in zip(rows, read, strict=True):
             numbers: list[Fraction | None] = []
             for cell, found in zip(row.cells, own, strict=True):
-                if found is not None and has_signs and found[0] and not found[1]:
-                    raise self._fail(cell, f"{cell.text} without %; other cells of this table have it")
-                if found is not None and found[0] > unit:
-                    limit = "100 %" if unit == 100 else "1"
-                    raise self._fail(cell, f"{cell.text} is more than {limit}; expected a probability")
-                numbers.append(None if found is None else found[0] / unit)
+                if found is None:
+                    numbers.append(None)
+                    continue
+                number = found.number if found.kind == "fraction" else found.number / unit
+                if number > 1:
+                    limit = "100 %" if unit == 100 else "1; expected a probability, or percent with %"
+                    raise self._fail(cell, f"{cell.text} is more than {limit}")
+                numbers.append(number)
             result.append(row._replace(numbers=self._complete(head, row, numbers, unit)))
         return result
+
+    def _find_unit(self, rows: Sequence[_Row], read: Sequence[Sequence[_Number | None]]) -> int:
+        """Return 100 for percent: with signs, or if most rows are in percent.
+
+        Raises:
+            ParseError: some numbers have signs of percent and some have none, or a row may have either unit.
+        """
+        pairs = [
+            pair for row, own in zip(rows, read, strict=True) for pair in zip(row.cells, own, strict=True)
+        ]
+        signed = [cell for cell, found in pairs if found is not None and found.kind == "percent"]
+        plain = [
+            cell for cell, found in pairs if found is not None and found.kind == "plain" and found.number
+        ]
+        if signed and plain:
+            few = signed if len(signed) < len(plain) else plain
+            has = (
+                "has %; other cells of this table have none" if few is signed else "without %; other cells of"
+            )
+            has += "" if few is signed else " this table have it"
+            raise self._fail(few[0], f"{few[0].text} {has}; expected it in all, or fractions such as 1/3")
+        if signed:
+            return 100
+        written = [[found.number for found in own if found and found.kind == "plain"] for own in read]
+        whole = [sum(numbers) > 50 for numbers, own in zip(written, read, strict=True) if None not in own]
+        if not whole:  # a row is in percent if its numbers are; a single 9 may be .9 without its point
+            nonzero = [list(filter(None, numbers)) for numbers in written]
+            whole = [
+                len(numbers) > 0 and min(numbers) >= (1 if len(numbers) > 1 else 10) for numbers in nonzero
+            ]
+        if 2 * sum(whole) <= len(whole):
+            return 1
+        for row, own in zip(rows, read, strict=True):
+            numbers = [
+                (found.number, cell)
+                for cell, found in zip(row.cells, own, strict=True)
+                if found is not None and found.kind == "plain" and found.number
+            ]
+            if None in own and numbers and (min(numbers)[0] < 1 or max(numbers)[0] == 1):
+                cell = min(numbers)[1]
+                raise self._fail(cell, f"{cell.text} in a table of percent; expected it with %")
+        return 100
 
     def _complete(
         self, head: Cell, row: _Row, numbers: Sequence[Fraction | None], unit: int
@@ -213,7 +267,9 @@ class _Reader:
             raise self._fail(row.cells[rest[1]], f"a second {REST!r} in this row; expected at most one")
         if rest:
             if total > 1:
-                raise self._fail(row.cells[rest[0]], f"the row sums to {shown}, so that nothing is left")
+                raise self._fail(
+                    row.cells[rest[0]], f"the row sums to {shown}, so that nothing is left; expected {whole}"
+                )
             return [1 - total if number is None else number for number in numbers]
         if abs(total - 1) > MAX_ROUNDING:
             raise self._fail(
@@ -225,23 +281,23 @@ class _Reader:
             self._rounded.append((row.cells[0].at, head.text, float(total)))
         return [(number or Fraction(0)) / total for number in numbers]
 
-    def _read_number(self, cell: Cell) -> tuple[Fraction, bool] | None:
-        """Read a number, and whether it has a sign of percent; None for the rest."""
+    def _read_number(self, cell: Cell) -> _Number | None:
+        """Read a number; None for the rest."""
         text = cell.text
-        if text == REST:
+        if text.lower() == REST:
             return None
         if len(text) <= MAX_DIGITS:
             if match := _NUMBER.fullmatch(text):
-                number = Fraction(match[1])
-                return number * Fraction(10) ** int(match[2] or 0), bool(match[3])
+                number = Fraction(match[1]) * Fraction(10) ** int(match[2] or 0)
+                return _Number(number, "percent" if match[3] else "plain")
             if (match := _FRACTION.fullmatch(text)) and int(match[2]):
-                return Fraction(int(match[1]), int(match[2])), False
+                return _Number(Fraction(int(match[1]), int(match[2])), "fraction")
         expected = f"expected a probability such as 0.3, 30 % or 3/10, or {REST!r}"
         if not text:
-            raise self._fail(cell, f"a blank cell; {expected}")
+            raise self._fail(cell, f"a blank cell; {expected}{_describe_missing(cell)}")
         if text.startswith("-") and _NUMBER.fullmatch(text[1:].strip()):
             raise self._fail(cell, f"{text} is negative; {expected}")
-        raise self._fail(cell, f"{text[:40]!r} is not a number; {expected}")
+        raise self._fail(cell, f"{text[:40]!r} is not a number; {expected}{_describe_missing(cell)}")
 
     def _choose_rows(
         self, head: Cell, parents: Sequence[str], shape: tuple[int, ...], rows: Sequence[_Row]
@@ -255,22 +311,22 @@ class _Reader:
             row = rows[i]
             if row.given in seen:
                 first = seen[row.given]
-                text = f"a second row for {self._describe(parents, row.given)}; the first is in line"
-                raise self._fail(row.cells[0], f"{text} {first.at.line}")
+                text = f"a second row for {self._describe(parents, row.given)}; the first is"
+                raise self._fail(row.cells[0], f"{text} {_name_row(first)}")
             seen[row.given] = row.cells[0]
             where = tuple([slice(None) if code is None else code for code in row.given])
             chosen[where] = i
             named[where] |= masks[i]
         wrong = np.flatnonzero(named.ravel() != np.array([*masks, 0])[chosen.ravel()])
         missing = np.flatnonzero(chosen.ravel() < 0)
-        for place in [*missing[:1].tolist(), *wrong[:1].tolist()]:
+        if len(missing):
+            boxes, n_more = _find_boxes(missing, shape)
+            text = "; ".join([self._describe(parents, box) for box in boxes])
+            more = f", and {n_more} more" if n_more else ""
+            raise self._fail(head, f"the table of {head.text} has no row for {text}{more}; expected one")
+        for place in wrong[:1].tolist():
             codes = tuple([int(code) for code in np.unravel_index(place, shape)])
             combination = self._describe(parents, codes)
-            if len(missing):
-                also = f", and {len(missing) - 1} others" if len(missing) > 1 else ""
-                raise self._fail(
-                    head, f"the table of {head.text} has no row for {combination}{also}; expected one"
-                )
             fits = [
                 i
                 for i, row in enumerate(rows)
@@ -279,11 +335,11 @@ class _Reader:
             best = [
                 rows[i] for i in fits if not any(masks[i] | masks[k] == masks[k] != masks[i] for k in fits)
             ]
-            last = max(best, key=lambda row: row.cells[0].at.line)
-            others = ", ".join([str(row.cells[0].at.line) for row in best if row is not last])
+            last = max(best, key=rows.index)
+            others = ", ".join([_name_row(row.cells[0]) for row in best if row is not last])
             raise self._fail(
                 last.cells[0],
-                f"this row and line {others} are both for {combination}, and neither is more specific;"
+                f"this row and {others} are both for {combination}, and neither is more specific;"
                 " expected a row for all that they name",
             )
         return chosen.ravel()
@@ -292,3 +348,33 @@ class _Reader:
         pairs = zip(parents, codes, strict=True)
         text = ", ".join([f"{p}={'' if c is None else self._values[p][c]}" for p, c in pairs])
         return text or "this attribute"
+
+
+def _find_boxes(places: Any, shape: Sequence[int]) -> tuple[list[list[int | None]], int]:
+    """Return combinations of values that cover the places, at most `MAX_SHOWN`; None is any value.
+
+    Returns:
+        The combinations, and the number of places that none of them covers.
+    """
+    among = np.zeros(shape, dtype=bool)
+    among.ravel()[places] = True
+    left, boxes = among.copy(), list[list[int | None]]()
+    while left.any() and len(boxes) < MAX_SHOWN:
+        where: list[Any] = [int(code) for code in np.argwhere(left)[0]]
+        for axis in range(len(shape)):
+            whole = [*where[:axis], slice(None), *where[axis + 1 :]]
+            if shape[axis] > 1 and among[tuple(whole)].all():
+                where = whole
+        left[tuple(where)] = False
+        boxes.append([None if isinstance(code, slice) else code for code in where])
+    return boxes, int(left.sum())
+
+
+def _name_row(cell: Cell) -> str:
+    """Name the row of a cell: ``row 3`` in CSV, ``[time] row 3`` in TOML."""
+    return re.sub(r"^cell [A-Z]+", "row ", cell.name.partition(", cell ")[0])
+
+
+def _describe_missing(cell: Cell) -> str:
+    n = cell.n_missing
+    return f"; the row has {n} cell{'s' if n > 1 else ''} less than the head" if n else ""

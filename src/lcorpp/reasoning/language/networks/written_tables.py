@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import csv
 import re
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -21,16 +21,36 @@ _DECIMAL_COMMA = re.compile(r"(?<![0-9.])[0-9]*,[0-9]+")
 
 _KEYS = ("given", "values", "rows")
 
+_SPACES = " \t\u00a0\u200b\u2060\ufeff"
+
+_ODD_SPACE = re.compile("[\u00a0\u2000-\u200a\u202f\u205f\u3000]")
+
+_NO_WIDTH = re.compile("[\u200b\u2060\ufeff]")
+
+_QUOTED = re.compile(r'"((?:[^"]|"")*)"')
+
+_SEPARATOR_LINE = re.compile(r"(?i)\s*sep=([;,\t])\s*")
+
+_SHEET_ERRORS = {"#N/A", "#DIV/0!", "#REF!", "#VALUE!", "#NAME?", "#NULL!", "#NUM!"}
+"""What a spreadsheet shows in place of a value that it cannot compute."""
+
 
 class Cell(NamedTuple):
     """A cell of a table.
 
     text: without space around it. name: as a spreadsheet names it, or of TOML. at: its place in the file.
+    n_missing: the number of cells that its row has less than the head.
     """
 
     text: str
     name: str
     at: Place
+    n_missing: int = 0
+
+
+def clean_text(text: str) -> str:
+    """Return the text of a cell: with plain spaces, as others look the same, and none around it."""
+    return _NO_WIDTH.sub("", _ODD_SPACE.sub(" ", text)).strip()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -61,79 +81,141 @@ class TableSource:
 
 def split_csv(source: TableSource) -> Iterator[WrittenTable]:
     """Split a text into tables; a row with a cell `attribute = value` is a head."""
-    lines = [line for line in source.lines if line.strip()]
-    first = next((line for line in lines if not line.lstrip().startswith("#")), "")
-    delimiter = max(";\t,", key=lambda sign: (sign in first, sign == ";"))
+    delimiter = _find_delimiter(source.lines)
     head: list[Cell] | None = None
     heads: list[tuple[list[Cell], list[list[Cell]]]] = []
-    rows = csv.reader(
-        source.text.splitlines(keepends=True), delimiter=delimiter, skipinitialspace=True, strict=True
-    )
-    number = 0
-    while True:
-        try:
-            record = next(rows, None)
-        except csv.Error as error:
-            at = Place(source.file, max(rows.line_num, 1), 1)
-            raise source.fail(Cell("", f"row {number + 1}", at), f"is no CSV: {error}") from None
-        if record is None:
-            break
-        number += 1
-        cells = _make_cells(source, delimiter, rows.line_num, number, record)
+    for number, line in enumerate(source.lines, 1):
+        first = line.lstrip(_SPACES).partition(delimiter)[0].strip()
+        if first.startswith("#") and first not in _SHEET_ERRORS:
+            continue
+        if number == 1 and _SEPARATOR_LINE.fullmatch(line):
+            continue
+        cells = _split_line(source, delimiter, number, line)
+        n_written = len(cells)
         while cells and not cells[-1].text:
             cells.pop()
-        if cells and cells[0].text.startswith("#"):
-            continue
         if not cells:
             head = None
         elif any("=" in cell.text for cell in cells):
             head = cells
             heads.append((cells, []))
         elif head is None:
+            ended = "; a blank line ended the table before" if heads else ""
             raise source.fail(
-                cells[0], f"{cells[0].text!r} is in no table; expected a head with 'attribute = value'"
+                cells[0],
+                f"{cells[0].text!r} is in no table; expected a head with 'attribute = value'{ended}",
             )
         else:
-            if len(cells) > len(head):
-                raise source.fail(
-                    cells[len(head)], f"a cell beyond the head, which has {len(head)} columns; expected none"
-                )
-            missing = len(head) - len(cells)
-            cells = _make_cells(source, delimiter, rows.line_num, number, [*record, *[""] * missing])
-            heads[-1][1].append(cells[: len(head)])
+            blank = Cell("", "", cells[-1].at)
+            for column in range(len(cells), len(head)):
+                cells.append(blank._replace(name=f"cell {_name_column(column)}{number}"))
+            if n_written < len(head):
+                cells = [cell._replace(n_missing=len(head) - n_written) for cell in cells]
+            heads[-1][1].append(cells)
+    parents = Counter([cell.text for head, _ in heads for cell in head if "=" not in cell.text])
     for head, body in heads:
-        yield _arrange(source, head, body, has_decimal_commas=delimiter != ",")
+        _check_widths(source, head, body)
+        yield _arrange(source, head, body, parents, has_decimal_commas=delimiter != ",")
 
 
-def _make_cells(
-    source: TableSource, delimiter: str, line: int, row: int, record: Sequence[str]
-) -> list[Cell]:
-    """Make the cells of a row, with their names in a spreadsheet, e.g. A1, and their places in the line."""
-    shown = source.lines[line - 1] if line <= len(source.lines) else ""
-    starts, is_quoted = [0], False
-    for i, sign in enumerate(shown):
-        is_quoted ^= sign == '"'
-        if sign == delimiter and not is_quoted:
-            starts.append(i + 1)
-    cells = []
-    for column, text in enumerate(record):
-        letters, rest = "", column + 1
-        while rest:
-            rest, digit = divmod(rest - 1, 26)
-            letters = chr(ord("A") + digit) + letters
-        start = starts[column] if column < len(starts) else len(shown)
-        while start < len(shown) and shown[start].isspace():
-            start += 1
-        cells.append(Cell(text.strip(), f"cell {letters}{row}", Place(source.file, line, start + 1)))
+def _find_delimiter(lines: Sequence[str]) -> str:
+    """Find the sign between cells: that of most lines, or of a line `sep=;` of a spreadsheet."""
+    if lines and (match := _SEPARATOR_LINE.fullmatch(lines[0])):
+        return match[1]
+    bare = [_QUOTED.sub("", line) for line in lines if not line.lstrip().startswith("#")]
+    counts = Counter([sign for line in bare for sign in {*";\t,"} & {*line}])
+    # with semicolons or tabs a comma is the decimal sign, which is in as many lines at most
+    return next((sign for sign in ";\t" if counts[sign] and counts[sign] >= counts[","]), ",")
+
+
+def _split_line(source: TableSource, delimiter: str, number: int, line: str) -> list[Cell]:
+    """Split a line into cells, which may be in quotes.
+
+    Raises:
+        ParseError: a quote is not closed, or is inside of a cell.
+    """
+    cells: list[Cell] = []
+    start = 0
+    while start <= len(line):
+        text, end, begin = "", start, start
+        while begin < len(line) and line[begin] in _SPACES and line[begin] != delimiter:
+            begin += 1
+        name = f"cell {_name_column(len(cells))}{number}"
+        cell = Cell("", name, Place(source.file, number, begin + 1))
+        if line[begin : begin + 1] == '"':
+            match = _QUOTED.match(line, begin)
+            if match is None:
+                raise source.fail(cell, "a quote that is not closed; expected another one in this line")
+            text, end = match[1].replace('""', '"'), match.end()
+            while end < len(line) and line[end] in _SPACES and line[end] != delimiter:
+                end += 1
+            if end < len(line) and line[end] != delimiter:
+                raise source.fail(cell, f"{line[end]!r} after a quote; expected {delimiter!r}")
+        else:
+            end = line.find(delimiter, start)
+            end = len(line) if end < 0 else end
+            text = line[start:end]
+            if '"' in text:
+                raise source.fail(cell, "a quote inside of a cell; expected quotes around the cell")
+        cells.append(cell._replace(text=clean_text(text)))
+        start = end + 1
     return cells
 
 
+def _check_widths(source: TableSource, head: Sequence[Cell], body: Sequence[Sequence[Cell]]) -> None:
+    """Check that no row has more cells than the head.
+
+    Raises:
+        ParseError: that of the head if each row has more, of the blank cell in the middle if there is one.
+    """
+    longer = [row for row in body if len(row) > len(head)]
+    if not longer:
+        return
+    joined = [cell for cell in head if cell.text.count("=") > 1]
+    if len(longer) == len(body) and (len(body) > 1 or joined):
+        at = joined[0] if joined else head[-1]
+        raise source.fail(
+            at, f"the head has {len(head)} columns, its rows have {len(body[0])}; is a separator missing?"
+        )
+    (row, *_), n = longer, len(head)
+    first_value = next(column for column, cell in enumerate(head) if "=" in cell.text)
+    blank = next((cell for cell in row[first_value:] if not cell.text), None)
+    if blank is not None:
+        raise source.fail(blank, f"a blank cell, and the row has {len(row)} cells; the head has {n} columns")
+    comma = next((k for k in range(len(row) - 1) if row[k].text == "0" and row[k + 1].text.isdigit()), None)
+    if comma is not None:
+        hint = f"is {row[comma].text},{row[comma + 1].text} one number? expected a decimal point"
+        raise source.fail(row[comma], f"the row has {len(row)} cells, the head {n} columns; {hint}")
+    raise source.fail(row[n], f"a cell beyond the head, which has {n} columns; expected none")
+
+
+def _name_column(column: int) -> str:
+    """Name a column, numbered from 0, as a spreadsheet does: A, B, ..."""
+    letters, rest = "", column + 1
+    while rest:
+        rest, digit = divmod(rest - 1, 26)
+        letters = chr(ord("A") + digit) + letters
+    return letters
+
+
 def _arrange(
-    source: TableSource, head: Sequence[Cell], body: Sequence[Sequence[Cell]], has_decimal_commas: bool
+    source: TableSource,
+    head: Sequence[Cell],
+    body: Sequence[Sequence[Cell]],
+    known: Mapping[str, int],
+    *,
+    has_decimal_commas: bool,
 ) -> WrittenTable:
-    """Divide the columns of a table into those of parents and those of values."""
+    """Divide the columns of a table into those of parents and those of values.
+
+    Args:
+        known: name -> how many tables have it as a parent.
+    """
     attribute: Cell | None = None
     parents, values = dict[int, Cell](), dict[int, Cell]()
+    names = Counter([cell.text.partition("=")[0].strip() for cell in head if "=" in cell.text])
+    usual = max(names, key=lambda name: (names[name], known.get(name, 0)))  # of equal ones the first
+    first = next(cell for cell in head if cell.text.partition("=")[0].strip() == usual and "=" in cell.text)
     for column, cell in enumerate(head):
         name, sign, value = [part.strip() for part in cell.text.partition("=")]
         if not name or (sign and not value):
@@ -141,9 +223,11 @@ def _arrange(
         if not sign:
             parents[column] = cell
             continue
-        if attribute is not None and name != attribute.text:
+        if name != usual:
             raise source.fail(
-                cell, f"a column of {name} in the table of {attribute.text}; expected one attribute a table"
+                cell,
+                f"a column of {name} in the table of {usual}, {first.name}; expected one attribute a table: a"
+                " parent has no '=', and a row has values alone",
             )
         attribute = attribute or cell._replace(text=name)
         values[column] = cell._replace(text=value)
@@ -165,7 +249,7 @@ def split_toml(source: TableSource) -> Iterator[WrittenTable]:
     """Read the tables of TOML, each with `values`, `rows` and, if it has parents, `given`."""
     document = parse_toml(source.file, source.text, ProgramError)
     for name, table in document.items():
-        head = Cell(name.strip(), f"[{name}]", _find_head(source, name))
+        head = Cell(clean_text(name), f"[{name}]", _find_head(source, name))
         if not isinstance(table, Mapping):
             raise source.fail(head, "expected a table with values and rows")
         for key in table:
@@ -232,5 +316,5 @@ def _make_toml_cell(source: TableSource, head: Cell, value: Any, name: str) -> C
     if isinstance(value, int | float):
         return cell._replace(text=repr(value))
     if isinstance(value, str):
-        return cell._replace(text=value.strip())
+        return cell._replace(text=clean_text(value))
     raise source.fail(cell, f"{str(value)[:40]} is no cell; expected a number or a text")
