@@ -18,7 +18,7 @@ from lcorpp.cli.console import (
     show_delayed_progress,
     show_warnings,
 )
-from lcorpp.errors import ProgramError, UndefinedError
+from lcorpp.errors import ParseError, ProgramError, UndefinedError
 from lcorpp.files import read_text
 from lcorpp.log_output import show_log
 from lcorpp.reasoning.language.arithmetic import canonical_text
@@ -70,7 +70,15 @@ def print_answers(
     show_log(logging.INFO, "lcorpp.reasoning")  # e.g. which engine answers
     observed: Sequence[str] = ()
     if evidence is None:
-        program = read_plog(file, strict=not lenient)
+        try:
+            program = read_plog(file, strict=not lenient)
+        except ParseError:
+            if not _has_decisions(file):
+                raise
+            if query is not None:
+                raise ProgramError(f"{file}: a program with decisions has no query; expected none") from None
+            _print_decisions(file, as_json=as_json)
+            return
     elif (suffix := splitext(file)[1].lower()) in (".mln", ".plp", ".lp"):
         text, facts = (read_text(path, MAX_PROGRAM_BYTES) for path in (file, evidence))
         if suffix == ".mln":
@@ -111,6 +119,40 @@ def print_answers(
         report(question, answer, without, _restore_worlds(listed, program.names), exact)
         if answer is None and (queries or not listed):
             raise UndefinedError(f"{file}: no possible world of positive measure has the evidence")
+
+
+def _has_decisions(file: str | Path) -> bool:
+    """Whether a file may have decisions or utilities of ProbLog."""
+    from lcorpp.reasoning.language.translation import problog_decisions  # rarely needed
+
+    return problog_decisions.has_decisions(read_text(file, MAX_PROGRAM_BYTES))
+
+
+def _print_decisions(file: str | Path, *, as_json: bool) -> None:
+    """Print the best decisions of a program, and how much worse the next ones are.
+
+    Raises:
+        ParseError, TooLargeError, UndefinedError: as `choose_decisions` and `read_decision_problem`.
+    """
+    from lcorpp.reasoning.decision_problems import choose_decisions, read_decision_problem  # imports numpy
+
+    best = choose_decisions(read_decision_problem(file))
+    if as_json:
+        record = {"decisions": best.choices, "utility": best.utility}
+        if best.difference is not None:
+            record |= {"difference": best.difference, "next": best.next_choices}
+        print_json(record)
+        return
+    print_spans(("best decisions", BOLD), f": {_list_taken(best.choices)}")
+    print_spans(f"  expected utility {best.utility:.6g}")
+    if best.difference is not None:
+        print_spans(f"  the next best, {_list_taken(best.next_choices)}, has {best.difference:.6g} less")
+
+
+def _list_taken(choices: Mapping[str, bool]) -> str:
+    """List the decisions that are taken."""
+    taken = [name for name, is_taken in choices.items() if is_taken]
+    return ", ".join(taken) or "none"
 
 
 def _format_query(query: Query) -> str:

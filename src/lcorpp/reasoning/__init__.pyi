@@ -4,6 +4,13 @@ from .answers import (
 from .circuit.circuit import Circuit as Circuit
 from .circuit.storage import load_circuit as load_circuit, save_circuit as save_circuit
 from .classifier_rules import with_classifier as with_classifier
+from .decision_problems import (
+    BestDecisions as BestDecisions,
+    DecisionProblem as DecisionProblem,
+    choose_decisions as choose_decisions,
+    parse_decision_problem as parse_decision_problem,
+    read_decision_problem as read_decision_problem,
+)
 from .enumeration.reasoner import Enumeration as Enumeration
 from .estimation import (
     Estimate as Estimate,

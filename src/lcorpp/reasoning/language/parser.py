@@ -29,6 +29,8 @@ from lcorpp.reasoning.language.syntax import Expression, Query, Semantics, State
 if TYPE_CHECKING:
     from pathlib import Path
 
+    from lcorpp.reasoning.language.translation.problog_decisions import Utility
+
 MAX_PROGRAM_BYTES = 2**24
 """Maximum size of a program's file; a program of this size would take hours to ground."""
 
@@ -178,6 +180,17 @@ def parse_answer_sets(
         translated, names = translate_answer_sets(rewritten, ground)
     program = _parse_own(translated, f"{file} (as P-log)", "2009", True)
     return Program(program.file, program.statements, "2009", names)
+
+
+def parse_decisions(
+    text: str, *, file: str = "<text>.pl"
+) -> tuple[Program, dict[str, str], tuple[Utility, ...]]:
+    """Parse a program of DTProbLog given as text; see `decision_problems.DecisionProblem` for the result."""
+    from lcorpp.reasoning.language.translation.problog_decisions import translate_decisions  # rarely needed
+
+    with _open_cursor(text, file):
+        (statements, names), decisions, utilities = translate_decisions(text, file)
+    return Program(file, statements, "2009", names), decisions, utilities
 
 
 def _parse_own(text: str, file: str, semantics: Semantics | None, strict: bool) -> Program:

@@ -62,7 +62,7 @@ def translate_instances(clauses: Sequence[PrologClause]) -> Translation:
         SourceIssue: the evaluation fails, see `tabling.Evaluation.solve`, or a query or evidence is wrong.
     """
     evaluation = Evaluation(clauses)
-    queries = list(_list_asked(evaluation, "query"))
+    queries = list(list_asked(evaluation, "query"))
     asked: list[tuple[GroundLiteral, Place]] = []
     for atom, negated, at in queries:
         table = evaluation.solve(atom, at)
@@ -70,12 +70,12 @@ def translate_instances(clauses: Sequence[PrologClause]) -> Translation:
         asked.extend((GroundLiteral(table, answer, negated), at) for answer in answers)
     observed = [
         (GroundLiteral(evaluation.solve(atom, at), atom, negated), at)
-        for atom, negated, at in _list_asked(evaluation, "evidence")
+        for atom, negated, at in list_asked(evaluation, "evidence")
     ]
     required = [*asked, *observed]
     if not required:
         _solve_all(evaluation, clauses)
-    writer = _Writer(evaluation, clauses)
+    writer = InstanceWriter(evaluation, clauses)
     for literal, at in required:
         writer.require(literal, at)
     if not required:
@@ -98,40 +98,55 @@ def _solve_all(evaluation: Evaluation, clauses: Sequence[PrologClause]) -> None:
         evaluation.solve(Compound(name, variables, head.at), head.at)
 
 
-def _list_asked(evaluation: Evaluation, kind: str) -> Iterator[tuple[Compound, bool, Place]]:
+def list_asked(evaluation: Evaluation, kind: str) -> Iterator[tuple[Compound, bool, Place]]:
     """Iterate over the atoms of `query(a)`, `evidence(a)`, `evidence(a, false)`: (atom, negated, place)."""
     for count in (1, 2) if kind == "evidence" else (1,):
-        if not evaluation.defines((kind, count)):
-            continue
-        variables = tuple([PrologVariable(f"V{i}") for i in range(count)])
-        table = evaluation.solve(Compound(kind, variables), Place("", 1, 1))
-        for answer, is_certain in table.answers.items():
-            if not is_certain:
-                at = next(iter(table.derivations[answer])).at
-                raise SourceIssue(at, f"{kind}(...) that depends on chance is not translated")
-            atom, negated = answer.arguments[0], False
-            at = atom.at if isinstance(atom, Compound) else answer.at
+        for answer in list_certain(evaluation, kind, count):
+            atom, negated, at = read_literal(answer, kind)
             if count == 2:
                 value = str(answer.arguments[1])
                 if value not in ("true", "false"):
                     raise SourceIssue(
                         at, f"evidence({atom},{value}) is not translated; expected true or false"
                     )
-                negated = value == "false"
-            while isinstance(atom, Compound) and atom.key in (("\\+", 1), ("not", 1)):
-                atom, negated = atom.arguments[0], not negated
-            if not isinstance(atom, Compound) or atom.name in (".", ",", ";", "[]") or atom.key in BUILTINS:
-                raise SourceIssue(at, f"{kind}({atom}) is not translated; expected an atom")
-            atom = Compound(unquote(atom.name), atom.arguments, atom.at)
+                negated ^= value == "false"
             if not atom.is_ground and (negated or kind == "evidence"):
                 raise SourceIssue(at, f"{kind}({atom}) with a variable is not translated")
             yield atom, negated, at
 
 
+def list_certain(evaluation: Evaluation, name: str, count: int) -> list[Compound]:
+    """List the answers of a predicate; none if it has no clause.
+
+    Raises:
+        SourceIssue: an answer depends on chance.
+    """
+    if not evaluation.defines((name, count)):
+        return []
+    variables = tuple([PrologVariable(f"V{i}") for i in range(count)])
+    table = evaluation.solve(Compound(name, variables), Place("", 1, 1))
+    for answer, is_certain in table.answers.items():
+        if not is_certain:
+            at = next(iter(table.derivations[answer])).at
+            raise SourceIssue(at, f"{name.rstrip(chr(39))}(...) that depends on chance is not translated")
+    return list(table.answers)
+
+
+def read_literal(answer: Compound, kind: str) -> tuple[Compound, bool, Place]:
+    """Return the atom that is the first argument of an answer, perhaps negated: (atom, negated, place)."""
+    atom, negated = answer.arguments[0], False
+    at = atom.at if isinstance(atom, Compound) else answer.at
+    while isinstance(atom, Compound) and atom.key in (("\\+", 1), ("not", 1)):
+        atom, negated = atom.arguments[0], not negated
+    if not isinstance(atom, Compound) or atom.name in (".", ",", ";", "[]") or atom.key in BUILTINS:
+        raise SourceIssue(at, f"{kind}({atom}) is not translated; expected an atom")
+    return Compound(unquote(atom.name), atom.arguments, atom.at), negated, at
+
+
 # writing
 
 
-class _Writer:
+class InstanceWriter:
     """Writes the answers that were evaluated as attributes, and their derivations as statements.
 
     Answers of different calls are one atom, unless the calls are modal, see `Table`.
