@@ -64,6 +64,7 @@ CHECKS = {
     "guides/planning/solve.md": 5,
     "guides/planning/solvers.md": 6,
     "guides/reasoning/answer-sets.md": 3,
+    "guides/reasoning/decisions.md": 3,
     "guides/reasoning/fit.md": 2,
     "guides/reasoning/markov-logic.md": 2,
     "guides/reasoning/networks.md": 3,

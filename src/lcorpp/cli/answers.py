@@ -72,7 +72,10 @@ def print_answers(
     if evidence is None:
         try:
             program = read_plog(file, strict=not lenient)
-        except ParseError:
+        except ParseError as error:
+            if _has_answer_sets(file, error):
+                _print_bounds(file, query, as_json=as_json)
+                return
             if not _has_decisions(file):
                 raise
             if query is not None:
@@ -121,6 +124,41 @@ def print_answers(
             raise UndefinedError(f"{file}: no possible world of positive measure has the evidence")
 
 
+def _has_answer_sets(file: str | Path, error: ParseError) -> bool:
+    """Whether a file that is no program of P-log or ProbLog may have lower and upper probabilities."""
+    from lcorpp.reasoning.language.answer_sets.credal_reader import has_answer_sets  # loads clingo
+
+    is_cyclic = "depends on its own negation" in str(error)
+    return has_answer_sets(read_text(file, MAX_PROGRAM_BYTES), is_cyclic=is_cyclic)
+
+
+def _print_bounds(file: str | Path, query: str | None, *, as_json: bool) -> None:
+    """Print the lower and upper probability of the query, or of the program's own.
+
+    Raises:
+        ParseError, ProgramError, TooLargeError, UndefinedError: as `bound_probability`, or there is no query.
+    """
+    from lcorpp.reasoning.choices.credal import bound_probability, read_credal_program  # imports numpy
+
+    program = read_credal_program(file)
+    own = program.program
+    if query is not None and "{" not in query:
+        subject, bar, conditions = query.partition("|")
+        query = f"{{{subject.strip()}}} {bar} {conditions}".strip()
+    queries = own.queries if query is None else [parse_query(query, own)]
+    if not queries:
+        raise ProgramError(f"{file}: the program has no query of its own; give one, such as 'atom'")
+    for question in queries:
+        bounds = bound_probability(program, question)
+        if as_json:
+            print_json({"query": str(question), **bounds._asdict()})
+            continue
+        print_spans((str(question), BOLD))
+        print_spans(f"  lower {bounds.lower:.6f}, upper {bounds.upper:.6f}")
+        if bounds.inconsistent:
+            print_spans(f"  without choices that have no answer set, probability {bounds.inconsistent:.6f}")
+
+
 def _has_decisions(file: str | Path) -> bool:
     """Whether a file may have decisions or utilities of ProbLog."""
     from lcorpp.reasoning.language.translation import problog_decisions  # rarely needed
@@ -134,7 +172,10 @@ def _print_decisions(file: str | Path, *, as_json: bool) -> None:
     Raises:
         ParseError, TooLargeError, UndefinedError: as `choose_decisions` and `read_decision_problem`.
     """
-    from lcorpp.reasoning.decision_problems import choose_decisions, read_decision_problem  # imports numpy
+    from lcorpp.reasoning.choices.decision_problems import (  # imports numpy
+        choose_decisions,
+        read_decision_problem,
+    )
 
     best = choose_decisions(read_decision_problem(file))
     if as_json:

@@ -1,16 +1,23 @@
 from .answers import (
     PossibleWorld as PossibleWorld,
 )
-from .circuit.circuit import Circuit as Circuit
-from .circuit.storage import load_circuit as load_circuit, save_circuit as save_circuit
-from .classifier_rules import with_classifier as with_classifier
-from .decision_problems import (
+from .choices.credal import (
+    CredalProgram as CredalProgram,
+    ProbabilityBounds as ProbabilityBounds,
+    bound_probability as bound_probability,
+    parse_credal_program as parse_credal_program,
+    read_credal_program as read_credal_program,
+)
+from .choices.decision_problems import (
     BestDecisions as BestDecisions,
     DecisionProblem as DecisionProblem,
     choose_decisions as choose_decisions,
     parse_decision_problem as parse_decision_problem,
     read_decision_problem as read_decision_problem,
 )
+from .circuit.circuit import Circuit as Circuit
+from .circuit.storage import load_circuit as load_circuit, save_circuit as save_circuit
+from .classifier_rules import with_classifier as with_classifier
 from .enumeration.reasoner import Enumeration as Enumeration
 from .estimation import (
     Estimate as Estimate,

@@ -126,6 +126,17 @@ KNOWN = [
         "s = t",
         0.27 / 0.41,
     ),
+    # an intervention makes the other values of its experiment false, also where a rule derives them
+    ("d(1..2). &random { f(X) : d(X) }. f(2) :- a. {a}. &do { f(1) }.", "a", 0),
+    # a number without quotes is a fraction, not a division of integers
+    ("d(1..2). &random { f(X) : d(X) }. &pr { f(1) } = 1/4.", "f = 1", 0.25),
+    # one weight and tuple count once, however they are written
+    ('{a;b}. :~ a. [1@0,t] :~ b. ["1.0"@0,t]', "a", 2 * E / (3 * E + 1)),
+    ("a; b. a; c :- b. {d} :- b.", "a", 1 / 3),
+    ("not a :- &weight(2). {a}.", "a", 1 / (1 + E2)),
+    ("not not a :- &weight(2). {a}.", "a", E2 / (1 + E2)),
+    ("{a'(1)}.", "a'(1)", 1 / 2),
+    ("{p(-1..1)}. a :- #sum+ { X : p(X) } >= 1.", "a", 1 / 2),
 ]
 
 
@@ -242,6 +253,20 @@ REFUSED = [
     ('b(1). &random { a(X) : b(X) }. &pr { a(1) } = "3/2".', "1:1", "expected a probability from 0 to 1"),
     ("#program step(t).", "1:1", "#program step is not translated"),
     ("lcorpp'soft(1).", "1:1", "is reserved"),
+    ("a(Lcorpp'1) :- b(Lcorpp'1).", "1:1", "is reserved"),
+    ("{a}.\n\u00e4.", "2:1", "unexpected character '\u00e4'; other letters need quotes"),
+    ('{a}. #include "x.lp".', "1:6", "#include is not translated"),
+    ("a; b. a; c :- b. b; d :- a.", "1:1", "depend on each other"),
+    ("{b}. d(1..3). &random { f(X) : d(X) }. &do { f(1) } :- b.", "1:1", "&do { f(1) } depends on chance"),
+    ("d(1..3). &random { f(X) : d(X) }. &do { f(4) }.", "1:1", "&do outside of the range"),
+    ("&obs { a } != true.", "1:1", "&obs with '!=' is not translated"),
+    ("&evidence(a) { b }.", "1:1", "&evidence has no braces"),
+    ('a :- &weight("1e400").', "1:1", "the weight 1e400; expected at most 600"),
+    ('a :- &weight("1e999999999").', "1:1", "is too large"),
+    ('a :- &log("1e5000").', "1:1", "is too large"),
+    ('a :- &problog("1e-5000").', "1:1", "is too large"),
+    (f"b :- {', '.join(['a(1;2)'] * 20)}.", "1:1", "its pools stand for more than 100000 rules"),
+    ("{p(1..1000)}. a :- 500 #count { X : p(X) }.", "1:1", "partial sums"),
 ]
 
 

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 
 from lcorpp.errors import ParseError, ProgramError, check_type
 from lcorpp.files import read_text
+from lcorpp.reasoning.language.arithmetic import canonical_text
 from lcorpp.reasoning.language.checker import drop_ill_sorted
 from lcorpp.reasoning.language.desugar import desugar
 from lcorpp.reasoning.language.expressions import parse_value
@@ -27,6 +28,7 @@ from lcorpp.reasoning.language.statements import parse_statements
 from lcorpp.reasoning.language.syntax import Expression, Query, Semantics, Statement
 
 if TYPE_CHECKING:
+    from fractions import Fraction
     from pathlib import Path
 
     from lcorpp.reasoning.language.translation.problog_decisions import Utility
@@ -175,11 +177,22 @@ def parse_answer_sets(
         rewritten = rewrite_plingo(text, file)
     with _locate_issues(facts):
         rewrite_plingo(facts, facts_file, rewritten)
-    with _locate_issues(text):
+    with _locate_issues(text, facts, facts_file):
         ground = ground_answer_sets(rewritten.lines, rewritten.places)
         translated, names = translate_answer_sets(rewritten, ground)
     program = _parse_own(translated, f"{file} (as P-log)", "2009", True)
     return Program(program.file, program.statements, "2009", names)
+
+
+def parse_credal(text: str, *, file: str = "<text>.lp") -> tuple[Program, dict[str, dict[str, Fraction]]]:
+    """Parse a program with probabilistic facts and rules of clingo; see `credal.CredalProgram`."""
+    from lcorpp.reasoning.language.answer_sets.credal_reader import translate_credal  # rarely needed
+
+    with _locate_issues(text):
+        translated, names, choices = translate_credal(text, file)
+    program = _parse_own(translated, f"{file} (as P-log)", "2009", True)
+    terms = {canonical_text(parse_term(text, file)): values for text, values in choices.items()}
+    return Program(program.file, program.statements, "2009", names), terms
 
 
 def parse_decisions(
@@ -272,11 +285,12 @@ def _open_cursor(text: str, file: str, names: Container[str] = ()) -> Iterator[C
 
 
 @contextmanager
-def _locate_issues(text: str) -> Iterator[None]:
-    """Convert a SourceIssue about a text to ParseError."""
+def _locate_issues(text: str, other: str = "", other_file: str | None = None) -> Iterator[None]:
+    """Convert a SourceIssue about a text, or about another one of another file, to ParseError."""
     try:
         yield
     except SourceIssue as issue:
-        at, lines = issue.at, re.split(r"\r\n|\r|\n", text)
+        at = issue.at
+        lines = re.split(r"\r\n|\r|\n", other if at.file == other_file else text)
         line = lines[at.line - 1] if at.line <= len(lines) else ""
         raise ParseError(at.file, at.line, at.column, issue.message, line) from None

@@ -99,7 +99,11 @@ def ground_answer_sets(lines: Sequence[str], places: Mapping[int, Place]) -> Gro
         ) from None
     except RuntimeError as error:
         raise _make_issue(messages, str(error), places, first) from None
-    undefined = [pair for pair in messages if pair[0] == clingo.MessageCode.OperationUndefined]
+    undefined = [
+        (code, text)
+        for code, text in messages
+        if code == clingo.MessageCode.OperationUndefined and "tuple ignored" not in text
+    ]
     if undefined:
         raise _make_issue(undefined, "", places, first)
     collector.ground.symbols.update([(atom.literal, atom.symbol) for atom in control.symbolic_atoms])
@@ -118,5 +122,5 @@ def _make_issue(
     if found is None:
         return SourceIssue(first, f"clingo refuses the program: {text.strip()}")
     line, words = int(found[1]), " ".join(found[2].replace("<block>:", "line ").split())
-    words = re.sub(r"line \d+:\S+ note: ", "", words).replace("lcorpp'", "")
+    words = re.sub(r"line \d+:\S+ note: ", "", words).replace("lcorpp'", "").replace("[#inc_base]", "")
     return SourceIssue(places.get(line, first), words)

@@ -10,24 +10,21 @@ condition is true. Worlds then have the probabilities of answer sets, but for a 
 
 from __future__ import annotations
 
+import re
 from collections import Counter, defaultdict
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from fractions import Fraction
 from typing import NamedTuple
 
 from clingo import Symbol, SymbolType
 
-from lcorpp.reasoning.language.answer_sets.asp_grounding import GroundAnswerSets, SumRule
+from lcorpp.reasoning.language.answer_sets.asp_grounding import GroundAnswerSets
+from lcorpp.reasoning.language.answer_sets.asp_rules import Body, RuleTable
 from lcorpp.reasoning.language.answer_sets.asp_weights import compute_factor, evaluate_number
 from lcorpp.reasoning.language.answer_sets.plingo_reader import PREFIX, RewrittenProgram
 from lcorpp.reasoning.language.arithmetic import MAX_INTEGER
 from lcorpp.reasoning.language.issues import Place, SourceIssue
 from lcorpp.reasoning.quoting import make_name_text, make_value_text, write_name
-
-MAX_PARTS = 200_000
-"""Maximum number of partial sums of all aggregates."""
-
-Body = tuple[int, ...]
 
 
 class _Experiment(NamedTuple):
@@ -52,10 +49,12 @@ def translate_answer_sets(program: RewrittenProgram, ground: GroundAnswerSets) -
     Raises:
         SourceIssue: a disjunction depends on itself, or a number is no probability.
     """
-    return _Writer(program, ground).write()
+    return AnswerSetWriter(program, ground).write()
 
 
-class _Writer:
+class AnswerSetWriter:
+    """Writes a grounded program as P-log; errors as of `translate_answer_sets`."""
+
     def __init__(self, program: RewrittenProgram, ground: GroundAnswerSets) -> None:
         self._program, self._symbols = program, ground.symbols
         self._at = next(iter(program.places.values()), Place("", 1, 1))
@@ -64,10 +63,8 @@ class _Writer:
         self._taken = {symbol.name for symbol in ground.symbols.values()}
         self._texts: dict[int, str] = {}  # atom -> its literal, once it is made
         self._uses: dict[tuple[str, int], list[dict[str, None]]] = {}
-        self._bodies: dict[int, dict[Body, None]] = defaultdict(dict)  # atom -> the bodies of its rules
-        self._choices: dict[int, dict[Body, None]] = defaultdict(dict)
-        self._constraints: dict[Body, None] = {}
-        self._next = max([*ground.symbols, *_iter_atoms(ground)], default=0) + 1
+        rules = RuleTable(ground, self._at)
+        self._bodies, self._choices, self._constraints = rules.bodies, rules.choices, rules.constraints
         self._by_name: dict[str, list[tuple[int, Symbol]]] = defaultdict(list)
         for atom, symbol in ground.symbols.items():
             if symbol.name.startswith(PREFIX):
@@ -79,8 +76,9 @@ class _Writer:
         self._outcomes: dict[tuple[str, int], list[dict[str, None]]] = {}
         self._narrow: dict[tuple[str, int], set[Symbol]] = {}
         self._experiments = self._find_experiments()
-        self._negated = {(s.name, len(s.arguments)) for s in ground.symbols.values() if s.negative}
-        self._add_rules(ground)
+        queried = [symbol.arguments[-1] for _, symbol in self._by_name["query"]]
+        named = [s for s in (*ground.symbols.values(), *queried) if s.type == SymbolType.Function]
+        self._negated = {(s.name, len(s.arguments)) for s in named if s.negative}
 
     def _find_experiments(self) -> dict[Symbol, _Experiment]:
         values: dict[Symbol, dict[Symbol, int]] = defaultdict(dict)
@@ -101,88 +99,26 @@ class _Writer:
                 found[experiment] = _Experiment(number, None, own)
         return found
 
-    # rules by their heads
-
-    def _add_rules(self, ground: GroundAnswerSets) -> None:
-        disjunctions = list[tuple[Body, Body]]()
-        for rule in ground.rules:
-            body = tuple(sorted(set(rule.body)))
-            if len(rule.heads) > 1 and not rule.is_choice:
-                disjunctions.append((rule.heads, body))
-            else:
-                self._add_rule(rule.heads, body, is_choice=rule.is_choice)
-        n_parts = 0
-        for own in ground.sums:
-            part, n_made = self._add_sum(own)
-            n_parts += n_made
-            if n_parts > MAX_PARTS:
-                raise SourceIssue(self._at, f"the aggregates have more than {MAX_PARTS} partial sums")
-            if len(own.heads) > 1 and not own.is_choice:
-                disjunctions.append((own.heads, (part,)))
-            else:
-                self._add_rule(own.heads, (part,), is_choice=own.is_choice)
-        for heads, body in disjunctions:
-            self._shift(heads, body)
-
-    def _add_rule(self, heads: Sequence[int], body: Body, *, is_choice: bool) -> None:
-        if any(-literal in body for literal in body):
-            return
-        if not heads:
-            self._constraints[body] = None
-        for head in heads:
-            if not is_choice and head in body:
-                continue
-            (self._choices if is_choice else self._bodies)[head][body] = None
-
-    def _add_sum(self, rule: SumRule) -> tuple[int, int]:
-        """Add that a sum is large enough: atoms that the literals from the i-th on reach a bound.
-
-        Returns:
-            The atom of the whole sum, and the number of atoms.
-        """
-        made: dict[tuple[int, int], int] = {}
-        waiting = [(0, rule.bound)]
-        while waiting:
-            index, bound = key = waiting.pop()
-            if key in made:
-                continue
-            made[key] = self._next
-            self._next += 1
-            if bound > 0 and index < len(rule.literals):
-                waiting += [(index + 1, bound), (index + 1, bound - rule.literals[index][1])]
-            if len(made) > MAX_PARTS:
-                break
-        for (index, bound), atom in made.items():
-            if bound <= 0:
-                self._bodies[atom][()] = None
-            elif index < len(rule.literals):
-                literal, weight = rule.literals[index]
-                self._bodies[atom][made[index + 1, bound],] = None
-                self._bodies[atom][tuple(sorted({literal, made[index + 1, bound - weight]}))] = None
-        return made[0, rule.bound], len(made)
-
-    def _shift(self, heads: Sequence[int], body: Body) -> None:
-        """Replace a disjunction by rules, one for each head where the others are false.
+    def list_choices(self) -> list[tuple[int, list[str], str]]:
+        """List the choices of probabilistic facts and disjunctions: their number, values and term.
 
         Raises:
-            SourceIssue: two of its heads depend on each other.
+            SourceIssue: a probabilistic fact depends on chance.
         """
-        for head in heads:
-            reached, waiting = {head}, [head]
-            while waiting:
-                atom = waiting.pop()
-                for own in (*self._bodies.get(atom, ()), *self._choices.get(atom, ())):
-                    new = [literal for literal in own if literal > 0 and literal not in reached]
-                    reached.update(new)
-                    waiting += new
-            if reached & set(heads) - {head}:
-                names = " ; ".join(str(self._symbols.get(own, own)) for own in heads)
-                raise SourceIssue(
-                    self._at, f"the heads of the disjunction {names} depend on each other; expected a choice"
+        found = []
+        for atom, symbol in self._by_name["fact"]:
+            if not self._is_random(atom):
+                words = (
+                    f"the probability of {symbol.arguments[1]}, which depends on chance, is not translated"
                 )
-        for head in heads:
-            others = {-other for other in heads if other != head}
-            self._add_rule((head,), tuple(sorted({*body, *others})), is_choice=False)
+                raise SourceIssue(self._at, words)
+            found.append((symbol.arguments[0].number, ["true", "false"], self._find_text(atom)))
+        for experiment, own in self._experiments.items():
+            if experiment.name == "choice":
+                literals = [self._texts[self._values[experiment, value]] for value in own.values]
+                values = [literal.partition(" = ")[2] for literal in literals]
+                found.append((experiment.arguments[0].number, values, literals[0].partition(" = ")[0]))
+        return found
 
     # writing
 
@@ -190,6 +126,7 @@ class _Writer:
         self._lines.append("")  # that of the declarations
         for experiment, own in self._experiments.items():
             self._write_experiment(experiment, own)
+        self._merge_weights()
         odds = self._fold_weights()
         values = {atom for atom, _ in self._by_name["value"]}
         queries = {atom for atom, _ in self._by_name["query"]}
@@ -336,12 +273,31 @@ class _Writer:
         return {value.arguments[-1] for value in own.values} != self._narrow[name, len(given)]
 
     def _write_intervention(self, experiment: Symbol, own: _Experiment, done: Sequence[Symbol]) -> None:
-        """Write that an experiment has the value of an intervention: the others are false."""
+        """Write that an experiment has the value of an intervention: the others are false.
+
+        Raises:
+            SourceIssue: the intervention depends on chance, or its value may be outside of the range.
+        """
+        for atom, symbol in self._by_name["do"]:
+            if symbol.arguments[0] in own.values and () not in self._bodies[atom]:
+                raise SourceIssue(self._at, f"&do {{ {symbol.arguments[0]} }} depends on chance")
+        if not done or () not in self._bodies[own.values[done[0]]]:
+            raise SourceIssue(self._at, "&do outside of the range of its experiment is not translated")
         for symbol, ranged in own.values.items():
             atom = self._atom_of[symbol]
             self._bodies[atom].pop((self._values[experiment, symbol],), None)
-            if symbol not in done[:1]:
-                self._constraints[tuple(sorted({atom, ranged}))] = None
+            if symbol == done[0]:
+                continue
+            if () in self._bodies[ranged]:
+                self._constraints[(atom,)] = None
+                continue
+            if ranged not in self._texts:
+                self._texts[ranged] = self._make_name("range", str(experiment))
+                self._lines.append(f"{self._texts[ranged]} : boolean.")
+                self._lines += [
+                    f"{self._texts[ranged]} :- {self._write_body(body)}." for body in self._bodies[ranged]
+                ]
+            self._constraints[tuple(sorted({atom, ranged}))] = None
 
     def _write_number(self, atom: int, value: str, number: Symbol) -> None:
         """Write a pr-atom; its condition is an attribute unless it is always true."""
@@ -362,6 +318,15 @@ class _Writer:
         self._lines.append(f"pr({value}{condition}) = {_write_fraction(p)}.")
 
     # weights
+
+    def _merge_weights(self) -> None:
+        """Merge weak constraints of one weight and tuple, which count once: [1@0,t] and ["1"@0,t]."""
+        first: dict[tuple[Fraction, Symbol], int] = {}
+        for atom, symbol in list(self._by_name["weak"]):
+            key = self._find_factor(symbol), symbol.arguments[1]
+            if first.setdefault(key, atom) != atom:
+                self._bodies[first[key]].update(self._bodies.pop(atom))
+                self._by_name["weak"].remove((atom, symbol))
 
     def _fold_weights(self) -> dict[int, Fraction]:
         """Fold weights about one random atom into its odds; a folded weight is there with odds 1, too."""
@@ -433,7 +398,9 @@ class _Writer:
         uses = self._uses.setdefault((symbol.name, len(arguments)), [{} for _ in arguments])
         for known, text in zip(uses, arguments, strict=True):
             known[text] = None
-        sign, name = "-" if symbol.negative else "", write_name(make_name_text(symbol.name))
+        sign, name = "-" if symbol.negative else "", _write_predicate(symbol.name)
+        if symbol.name.startswith(PREFIX):
+            self._names[name] = f"[{name.removesuffix(chr(39))}]"
         return f"{sign}{name}{_parenthesize(arguments)}"
 
     def _write_value(self, symbol: Symbol) -> str:
@@ -470,7 +437,7 @@ def _declare(name: str, sort: str, uses: Sequence[Mapping[str, None]], target: s
             sorts.append(f"{sort}{'v' if is_last else index}")
             yield f"{sorts[-1]} = {{{', '.join(values)}}}."
     result = sorts.pop() if target is None else target
-    yield f"{write_name(make_name_text(name))} : {', '.join(sorts)}{' -> ' if sorts else ''}{result}."
+    yield f"{_write_predicate(name)} : {', '.join(sorts)}{' -> ' if sorts else ''}{result}."
 
 
 def _find_key(symbol: Symbol) -> _Key:
@@ -478,13 +445,11 @@ def _find_key(symbol: Symbol) -> _Key:
     return symbol.name, tuple(symbol.arguments[:-1])
 
 
-def _iter_atoms(ground: GroundAnswerSets) -> Iterable[int]:
-    for rule in ground.rules:
-        yield from rule.heads
-        yield from map(abs, rule.body)
-    for own in ground.sums:
-        yield from own.heads
-        yield from (abs(literal) for literal, _ in own.literals)
+def _write_predicate(name: str) -> str:
+    """Write the name of a predicate; one of the rewriting has the apostrophe last."""
+    if name.startswith(PREFIX):
+        return f"{name.removeprefix(PREFIX)}'"
+    return name if re.fullmatch(r"[a-z]\w*'[\w']*", name, re.ASCII) else write_name(make_name_text(name))
 
 
 def _parenthesize(arguments: Sequence[str]) -> str:

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import ast
 import math
+import re
 from fractions import Fraction
 
 from lcorpp.reasoning.language.translation.mln_reader import MAX_WEIGHT
 
-MAX_LENGTH, MAX_DEPTH, MAX_POWER = 200, 20, 100
-"""Maximum length of the text of a weight, depth of its parentheses, and exponent in it."""
+MAX_LENGTH, MAX_DEPTH, MAX_POWER, MAX_BITS = 200, 20, 100, 2000
+"""Maximum length of the text of a weight, depth of its operators, exponent, and bits of a number in it."""
+
+_EXPONENT = re.compile(r"[eE][+-]?0*(\d*)$")
 
 
 def compute_factor(kind: str, text: str) -> Fraction:
@@ -32,22 +35,19 @@ def compute_factor(kind: str, text: str) -> Fraction:
     """
     value = evaluate_number(text)
     if kind == "weight":
-        weight = float(value)
-        _check_weight(weight)
-        return Fraction(math.exp(weight))
+        if abs(value) > MAX_WEIGHT:
+            raise ValueError(f"the weight {text}; expected at most {MAX_WEIGHT:g}, or a rule without weight")
+        return Fraction(math.exp(value))
     if kind == "problog":
         if not 0 < value < 1:
             raise ValueError(f"the probability {text} is not between 0 and 1")
         return value / (1 - value)
     if value <= 0:
         raise ValueError(f"the logarithm of {text}; expected a positive number")
-    _check_weight(math.log(value))
+    weight = math.log(value.numerator) - math.log(value.denominator)
+    if abs(weight) > MAX_WEIGHT:
+        raise ValueError(f"the weight log({text}); expected at most {MAX_WEIGHT:g}")
     return value
-
-
-def _check_weight(weight: float) -> None:
-    if not abs(weight) <= MAX_WEIGHT:
-        raise ValueError(f"the weight {weight:g}; expected at most {MAX_WEIGHT:g}, or a rule without weight")
 
 
 def evaluate_number(text: str) -> Fraction:
@@ -74,21 +74,31 @@ def _evaluate(node: ast.expr, text: str, depth: int) -> Fraction:
         raise TypeError
     match node:
         case ast.Constant(value=int() | float()) if not isinstance(node.value, bool):
-            return Fraction(ast.get_source_segment(text, node) or "")  # the decimals as they are written
+            written = ast.get_source_segment(text, node) or ""
+            exponent = _EXPONENT.search(written)
+            if exponent is not None and len(exponent[1]) > 3:
+                raise OverflowError
+            return _check_size(Fraction(written))  # the decimals as they are written
         case ast.UnaryOp(op=ast.USub() | ast.UAdd()):
             value = _evaluate(node.operand, text, depth + 1)
             return -value if isinstance(node.op, ast.USub) else value
         case ast.BinOp():
             left, right = (_evaluate(part, text, depth + 1) for part in (node.left, node.right))
-            return _combine(node.op, left, right)
+            return _check_size(_combine(node.op, left, right))
         case ast.Call(func=ast.Name(id="log" | "exp" as name), args=[argument], keywords=[]):
             value = _evaluate(argument, text, depth + 1)
             if name == "exp":
-                return Fraction(math.exp(value))
+                return _check_size(Fraction(math.exp(value)))
             if value <= 0:
-                raise ValueError(f"{text!r} has the logarithm of {float(value):g}")
-            return Fraction(math.log(value))
+                raise ValueError(f"{text!r} has a logarithm of a number that is not positive")
+            return Fraction(math.log(value.numerator) - math.log(value.denominator))
     raise TypeError
+
+
+def _check_size(number: Fraction) -> Fraction:
+    if max(number.numerator.bit_length(), number.denominator.bit_length()) > MAX_BITS:
+        raise OverflowError
+    return number
 
 
 def _combine(operator: ast.operator, left: Fraction, right: Fraction) -> Fraction:

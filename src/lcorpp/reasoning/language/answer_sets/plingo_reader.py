@@ -44,7 +44,15 @@ _REFUSED = {
 
 _IGNORED = {ASTType.ShowSignature, ASTType.ShowTerm, ASTType.Comment}
 
-_INCLUDE = re.compile(r"^\s*#include\b", re.MULTILINE)
+HIDDEN = re.compile(r'%\*.*?\*%|%[^\n]*|"(?:[^"\\\n]|\\.)*"', re.DOTALL)
+"""Comments and texts."""
+
+MAX_POOL = 100_000
+"""Maximum number of rules that the pools of a statement, such as ``a(1;2)``, stand for."""
+
+_VARIABLE = "Lcorpp'"
+
+_INCLUDE = re.compile(r"#include\b")
 
 _MESSAGE = re.compile(r"<string>:(\d+):(\d+)\S* error: (.*)", re.DOTALL)
 
@@ -76,9 +84,14 @@ def rewrite_plingo(text: str, file: str, program: RewrittenProgram | None = None
     Raises:
         SourceIssue: the text is not of clingo's grammar, or has a construct without translation.
     """
-    if found := _INCLUDE.search(text):
-        at = Place(file, text.count("\n", 0, found.start()) + found[0].count("\n") + 1, 1)
-        raise SourceIssue(at, "#include is not translated; expected one file")
+    bare = HIDDEN.sub(lambda match: re.sub(r"[^\n]", " ", match[0]), text)
+    if found := _INCLUDE.search(bare):
+        raise SourceIssue(
+            _find_place(file, text, found.start()), "#include is not translated; expected one file"
+        )
+    if found := re.search(r"[^\x00-\x7f]", bare):
+        place = _find_place(file, text, found.start())
+        raise SourceIssue(place, f"unexpected character {found[0]!r}; other letters need quotes")
     messages: list[str] = []
     nodes: list[AST] = []
     try:
@@ -91,8 +104,17 @@ def rewrite_plingo(text: str, file: str, program: RewrittenProgram | None = None
         raise SourceIssue(Place(file, 1, 1), words) from None
     reader = _Reader(file, RewrittenProgram() if program is None else program)
     for node in nodes:
-        reader.rewrite(node)
+        try:
+            reader.rewrite(node)
+        except RecursionError:
+            begin = node.location.begin
+            raise SourceIssue(Place(file, begin.line, begin.column), "a term nested too deeply") from None
     return reader.program
+
+
+def _find_place(file: str, text: str, position: int) -> Place:
+    start = text.rfind("\n", 0, position) + 1
+    return Place(file, text.count("\n", 0, position) + 1, position - start + 1)
 
 
 class _Reader:
@@ -117,6 +139,8 @@ class _Reader:
                 raise SourceIssue(at, f"#program {node.name} is not translated; expected the base program")
             return
         _check_names(node, at)
+        if _count_rules(node) > MAX_POOL:
+            raise SourceIssue(at, f"its pools stand for more than {MAX_POOL} rules")
         if kind == ASTType.Rule:
             self._rewrite_rule(node, at)
         elif kind == ASTType.Minimize:
@@ -169,7 +193,7 @@ class _Reader:
             else:
                 if head.atom.ast_type == ASTType.SymbolicAtom and head.sign == Sign.NoSign:
                     texts.append(_write_rule(f"{{ {head} }}", body))
-                negated.append(f"not {head}")
+                negated.append(f"not {head.atom if head.sign == Sign.DoubleNegation else head}")
         else:
             raise SourceIssue(at, "a soft rule with a disjunction in its head is not translated")
         number = len(self.program.factors)
@@ -202,6 +226,10 @@ class _Reader:
         if name not in _HEADS:
             raise SourceIssue(at, f"&{name} is not translated; expected one of &{', &'.join(_HEADS)}")
         guard = atom.guard
+        if guard is not None and (guard.operator_name != "=" or name not in ("pr", "obs")):
+            raise SourceIssue(at, f"&{name} with {guard.operator_name!r} is not translated")
+        if name in ("query", "evidence") and atom.elements:
+            raise SourceIssue(at, f"&{name} has no braces; expected &{name}(a)")
         if name == "query":
             if not 1 <= len(arguments) <= 2:
                 raise SourceIssue(at, "&query has one atom, and perhaps one that is observed")
@@ -232,8 +260,6 @@ class _Reader:
                 raise SourceIssue(at, f"&obs {{...}} = {truth}; expected true or false")
             self._observe(written, truth == "true", body, at)
             return
-        if name != "pr" and guard is not None:
-            raise SourceIssue(at, f"&{name} {{...}} has no value")
         if name == "do":
             self.program.add(at, _write_rule(written, body), _write_rule(f"{PREFIX}do({written})", body))
             return
@@ -246,7 +272,12 @@ class _Reader:
             return
         if guard is None:
             raise SourceIssue(at, '&pr {...} has a probability, = "1/4"')
-        number = f"{PREFIX}pr({experiment},{written},{guard.term},{len(self.program.lines)})"
+        names: dict[str, None] = {}
+        _find_variables(guard.term, names)
+        text = str(guard.term)
+        if not names and not text.startswith('"'):
+            text = f'"{text}"'  # 1/2 is no division of integers
+        number = f"{PREFIX}pr({experiment},{written},{text},{len(self.program.lines)})"
         self.program.add(at, _write_rule(number, body))
 
     def _add_experiments(self) -> None:
@@ -312,7 +343,7 @@ def _name_anonymous(body: Sequence[AST]) -> list[AST]:
 
 def _rename(node: AST, numbers: Iterator[int]) -> AST:
     if node.ast_type == ASTType.Variable:
-        return node.update(name=f"Any'{next(numbers)}") if node.name == "_" else node
+        return node.update(name=f"{_VARIABLE}{next(numbers)}") if node.name == "_" else node
     changes: dict[str, AST | list[AST]] = {}
     for key in node.child_keys:
         child = getattr(node, key)
@@ -323,6 +354,16 @@ def _rename(node: AST, numbers: Iterator[int]) -> AST:
     return node.update(**changes)
 
 
+def _count_rules(node: AST) -> int:
+    """Count the rules that the pools of a statement stand for."""
+    own = len(node.arguments) if node.ast_type == ASTType.Pool else 1
+    for part in _iter_parts(node):
+        own *= _count_rules(part)
+        if own > MAX_POOL:
+            break
+    return own
+
+
 def _check_names(node: AST, at: Place) -> None:
     """Raise `SourceIssue` at a function of a script, or a name of the rewriting."""
     if node.ast_type == ASTType.Function:
@@ -330,5 +371,7 @@ def _check_names(node: AST, at: Place) -> None:
             raise SourceIssue(at, f"the function @{node.name} of a script is not translated")
         if node.name.startswith(PREFIX):
             raise SourceIssue(at, f"the name {node.name} is reserved")
+    if node.ast_type == ASTType.Variable and node.name.startswith(_VARIABLE):
+        raise SourceIssue(at, f"the name {node.name} is reserved")
     for part in _iter_parts(node):
         _check_names(part, at)

@@ -2,26 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
-from lcorpp.errors import TooLargeError, UndefinedError
+from lcorpp.errors import UndefinedError
 from lcorpp.files import read_text
+from lcorpp.reasoning.choices.combinations import iter_answers
 from lcorpp.reasoning.language.parser import MAX_PROGRAM_BYTES, parse_decisions
 from lcorpp.reasoning.language.program import Program
 from lcorpp.reasoning.language.translation.problog_decisions import Utility
-from lcorpp.reasoning.reasoner import Reasoner
-from lcorpp.values import Array
-
-MAX_DECISIONS = 20
-"""Maximum number of decisions: all their combinations are compared."""
-
-MAX_ROWS = 4096
-"""Maximum number of combinations that are evaluated together."""
+from lcorpp.values import Array, Indices
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,56 +71,50 @@ def read_decision_problem(path: str | Path) -> DecisionProblem:
 
     Raises:
         FileError: the file cannot be read. ParseError: as `parse_decision_problem`.
+
+    Examples:
+        >>> from pathlib import Path
+        >>> from lcorpp.reasoning import read_decision_problem
+        >>> _ = Path("day.pl").write_text("?::walk. utility(walk, 1).")
+        >>> read_decision_problem("day.pl").decisions
+        {'walk': "decision'(walk)"}
     """
     return parse_decision_problem(read_text(path, MAX_PROGRAM_BYTES), file=str(path))
 
 
 def choose_decisions(problem: DecisionProblem) -> BestDecisions:
-    """Return the decisions of highest expected utility: exact, by a circuit over all combinations.
+    """Return the decisions of highest expected utility: exact, all combinations are compared.
 
     Raises:
-        TooLargeError: more than `MAX_DECISIONS` decisions, or the program is too large to be compiled.
+        TooLargeError: as of `iter_answers`.
         UndefinedError: the evidence is impossible.
+
+    Examples:
+        >>> from lcorpp.reasoning import choose_decisions, parse_decision_problem
+        >>> text = "0.4::sun. ?::walk. fun :- sun, walk. utility(fun, 5). utility(walk, -1)."
+        >>> problem = parse_decision_problem(text)
+        >>> best = choose_decisions(problem)
+        >>> best.choices, best.utility
+        ({'walk': True}, 1.0)
     """
-    names, n = list(problem.decisions), len(problem.decisions)
-    if n > MAX_DECISIONS:
-        raise TooLargeError(f"{problem.program.file}: {n} decisions; expected at most {MAX_DECISIONS}")
-    utilities = np.concatenate(list(_iter_utilities(problem)))
+    inputs = dict.fromkeys(problem.decisions.values(), ("false", "true"))
+    terms = [each.term for each in problem.utilities]
+    parts, found = list[Indices](), list[Array]()
+    for codes, answers in iter_answers(problem.program, inputs, terms):
+        own = np.zeros(len(codes))
+        for utility in problem.utilities:
+            index = problem.program.attributes[utility.term].values.index("true")
+            own += utility.number * answers[utility.term][:, index]
+        parts.append(codes)
+        found.append(own)
+    taken, utilities = np.concatenate(parts), np.concatenate(found)
     possible = np.flatnonzero(~np.isnan(utilities))
     if not len(possible):
         raise UndefinedError(f"{problem.program.file}: no possible world has the evidence")
-    order = possible[np.argsort(-utilities[possible], kind="stable")]
-    found = [dict(zip(names, _list_bits(int(code), n), strict=True)) for code in order[:2]]
+    # of equal ones, up to rounding errors, those of fewer decisions come first
+    order = possible[np.lexsort((taken[possible].sum(axis=1), -np.round(utilities[possible], 9)))]
+    choices = [dict(zip(problem.decisions, map(bool, row), strict=True)) for row in taken[order[:2]].tolist()]
     if len(order) == 1:
-        return BestDecisions(found[0], float(utilities[order[0]]), None, {})
-    best, following = (float(utilities[code]) for code in order[:2])
-    return BestDecisions(found[0], best, best - following, found[1])
-
-
-def _iter_utilities(problem: DecisionProblem) -> Iterator[Array]:
-    """Iterate over the expected utilities (n,) of all combinations in parts, NaN for impossible ones."""
-    terms, n = list(problem.decisions.values()), 2 ** len(problem.decisions)
-    if not problem.utilities:
-        yield np.zeros(n)
-        return
-    # of equal combinations those of fewer decisions come first, as a sort of their codes is stable
-    circuit = Reasoner(problem.program).compile(terms, [each.term for each in problem.utilities])
-    numbers = np.array([each.number for each in problem.utilities])
-    for begin in range(0, n, MAX_ROWS):
-        codes = range(begin, min(n, begin + MAX_ROWS))
-        columns = _make_columns(terms, codes)
-        answers: Any = circuit(columns, undefined="nan")
-        own = np.zeros(len(codes))
-        for utility, number in zip(problem.utilities, numbers, strict=True):
-            values = problem.program.attributes[utility.term].values
-            own += number * np.reshape(answers[utility.term], (len(codes), -1))[:, values.index("true")]
-        yield own
-
-
-def _make_columns(terms: Sequence[str], codes: Sequence[int]) -> dict[str, list[str]]:
-    rows = [_list_bits(code, len(terms)) for code in codes]
-    return {term: ["true" if row[k] else "false" for row in rows] for k, term in enumerate(terms)}
-
-
-def _list_bits(code: int, count: int) -> list[bool]:
-    return [bool(code >> k & 1) for k in range(count)]
+        return BestDecisions(choices[0], float(utilities[order[0]]), None, {})
+    best, following = utilities[order[:2]].tolist()
+    return BestDecisions(choices[0], best, best - following, choices[1])
