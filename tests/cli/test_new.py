@@ -171,3 +171,22 @@ def test_knowledge_as_tables_gives_the_same_numbers(tmp_path, lcorpp):
         assert "mornin is not a value of time; expected one of morning, evening" in " ".join(
             refused.err.split()
         )
+
+
+def test_percent_and_spaces_in_answers(tmp_path, lcorpp, answer):
+    options = [
+        "--fact",
+        "time=morning:70%,evening",
+        "--shared",
+        "wish=tea:20 %,coffee",
+        "--sense",
+        "gaze:wish:90%",
+    ]
+    ended = lcorpp("new", tmp_path / "percent", *options, "--question", "ask:1:80%")
+    assert ended.code == 0, ended.err
+    text = (tmp_path / "percent" / "knowledge.plog").read_text()
+    assert "pr(time=morning) = 0.70." in text or "pr(time=morning) = 0.7." in text
+    answer("", "time=morning, evening", "wish=tea,  coffee", "", "ask:2", "")
+    ended = lcorpp("new", tmp_path / "asked")
+    assert ended.code == 0, ended.err
+    assert 'observed = ["time"]' in (tmp_path / "asked" / "domain.toml").read_text()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -92,7 +93,8 @@ def new(
         understood = f"understood rightly with probability {asked.reliability}"
         console.out.print(f"question {asked.name}, of {asked.of}: costs {asked.cost}, {understood}")
     knowledge = "knowledge.csv" if tables else "knowledge.plog"
-    console.out.print(f"edit its {knowledge} and interaction.py; then: lcorpp run {folder}")
+    joined = f"which domain.toml joins (lcorpp check {folder})"
+    console.out.print(f"edit its {knowledge} and interaction.py, {joined}; then: lcorpp run {folder}")
 
 
 def build(
@@ -157,7 +159,7 @@ def ask_answers(folder_name: str, ask: Callable[[str], str]) -> NewDomain:
                 elif number < 6:
                     if number == 3 and not typed:
                         raise DomainError("expected at least one variable")
-                    texts[number - 2] = typed.split()
+                    texts[number - 2] = re.sub(r"\s*,\s*", ",", typed).split()
                 elif typed:
                     right, wrong = _parse_rewards(typed)
                 facts, shared, senses, questions = texts

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from decimal import Decimal
 from fractions import Fraction
 from itertools import product
 from math import isfinite, prod
@@ -119,12 +120,12 @@ class NewDomain:
 
 
 def parse_variable(text: str) -> NewVariable:
-    """Return the variable in a text such as ``time=morning:0.3,noon,evening``; the rates are optional."""
+    """Return the variable in a text such as ``time=morning:0.3,noon:20%,evening``; rates are optional."""
     name, equals, values = text.partition("=")
     if not equals or not name.strip():
         raise DomainError(f"{text!r}: expected NAME=VALUE,VALUE,...")
     pairs = [part.strip().partition(":") for part in values.split(",")]
-    rates = tuple([(value.strip(), rate.strip()) for value, colon, rate in pairs if colon])
+    rates = tuple([(value.strip(), _read_percent(rate)) for value, colon, rate in pairs if colon])
     return NewVariable(name.strip(), tuple([value.strip() for value, _, _ in pairs]), rates)
 
 
@@ -150,13 +151,20 @@ def _split(
     text: str, shared: Sequence[NewVariable], numbers: Sequence[str]
 ) -> tuple[str, list[str], list[str]]:
     """Return the name, the variable or all of them, and the numbers of a text with colons."""
-    name, *rest = [part.strip() for part in text.split(":")]
+    name, *rest = [_read_percent(part) for part in text.split(":")]
     of = [variable.name for variable in shared]
     if rest and not _is_number(rest[0]):
         of = [rest.pop(0)]
     if not name or len(rest) > len(numbers) or not all(map(_is_number, rest)):
         raise DomainError(f"{text!r}: expected NAME[:VARIABLE][:{'[:'.join(numbers)}{']' * len(numbers)}")
     return name, of, rest
+
+
+def _read_percent(text: str) -> str:
+    """Return the number of a text in percent, ``70%``, as a decimal fraction; another text as it is."""
+    text = text.strip()
+    number = text.removesuffix("%").strip()
+    return format(Decimal(number) / 100, "f") if text.endswith("%") and _is_number(number) else text
 
 
 def _is_number(text: str) -> bool:
