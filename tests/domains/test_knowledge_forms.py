@@ -7,10 +7,11 @@ from math import log
 import numpy as np
 import pytest
 
-from lcorpp import load_domain, load_robot
+from lcorpp import ConfusionMatrix, load_domain, load_robot
 from lcorpp.decision import strategies
 from lcorpp.domains.loading import SHIPPED_FOLDER
-from lcorpp.reasoning import read_plog, table_text
+from lcorpp.errors import ProgramError
+from lcorpp.reasoning import Reasoner, read_plog, table_text, with_classifier
 from lcorpp.scoring import evaluate_exactly
 
 VALUES = {
@@ -117,3 +118,19 @@ def test_the_same_robot(tmp_path, suffix, write):
         assert one.strategy == other.strategy
         assert one.accuracy.estimate == pytest.approx(other.accuracy.estimate, abs=1e-7)
         assert one.return_.estimate == pytest.approx(other.return_.estimate, abs=1e-4)
+
+
+def test_error_rates_replace_pr_atoms_but_no_weights(tmp_path):
+    """Formulas about the label would count beside the rates of a trained classifier."""
+    confusion = ConfusionMatrix(("interested", "not_interested"), [[9, 1], [2, 8]])
+    labels = {"interested": "one", "not_interested": "zero"}
+    expected = load_domain("intention", preset="paper").program_for({"motion": confusion})
+    (tmp_path / "own.plp").write_text(write_plingo())
+    program = with_classifier(read_plog(tmp_path / "own.plp"), "classifier", "intention", confusion, labels)
+    ours, theirs = (
+        Reasoner(each).posterior("intention", {"classifier": "one"}) for each in (program, expected)
+    )
+    np.testing.assert_allclose(ours.probabilities, theirs.probabilities)
+    (tmp_path / "own.mln").write_text(write_mln())
+    with pytest.raises(ProgramError, match="a weight depends on classifier, and error rates cannot replace"):
+        with_classifier(read_plog(tmp_path / "own.mln"), "classifier", "intention", confusion, labels)

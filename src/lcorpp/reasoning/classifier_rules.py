@@ -8,7 +8,7 @@ from fractions import Fraction
 from lcorpp.errors import ProgramError, check_type, expected_one_of
 from lcorpp.reasoning.language.program import Program
 from lcorpp.reasoning.language.signature import Attribute
-from lcorpp.reasoning.language.syntax import Literal, Number, Probability, Selection, Term
+from lcorpp.reasoning.language.syntax import Literal, Number, Probability, Rule, Selection, Term
 from lcorpp.reasoning.resolve import parse_label
 from lcorpp.values import JEFFREYS, ConfusionMatrix
 
@@ -34,8 +34,8 @@ def with_classifier(
         smoothing: the pseudo-count, see `ConfusionMatrix.rates`.
 
     Raises:
-        ProgramError: an argument has another type, a name is unknown to the program or the matrix, or
-            `attribute` has no random selection.
+        ProgramError: an argument has another type, a name is unknown to the program or the matrix,
+            `attribute` has no random selection, or a weight of Markov logic or plingo depends on it.
         DataError: `smoothing` is negative, or 0 although a class has no cases.
 
     Source: Algorithm 1 of the LCORPP paper, line 17 (update theta with C).
@@ -62,6 +62,11 @@ def with_classifier(
         raise ProgramError(
             f"{program.file}: {attribute} has no random selection; expected 'random({attribute}).'"
         )
+    if _has_weight(program, attribute):
+        raise ProgramError(
+            f"{program.file}: a weight depends on {attribute}, and error rates cannot replace weights;"
+            f" expected pr-atoms or a table of {attribute}, or a program without weights about it"
+        )
     _check_values(confusion.classes, classified, "class")
     if set(label_of) != set(confusion.classes):
         raise ProgramError(
@@ -80,6 +85,29 @@ def with_classifier(
             rules.append(Probability(Term(attribute), term, Number(rate), (condition,), at=places[0]))
     kept = [s for s in program.statements if not (isinstance(s, Probability) and s.term.name == attribute)]
     return Program(program.file, (*kept, *rules), program.semantics, program.names)
+
+
+def _has_weight(program: Program, attribute: str) -> bool:
+    """Whether a weight of a translated program depends on an attribute, directly or through rules."""
+    weights = {name for name, words in program.names.items() if words.startswith("[weight")}
+    if not weights:
+        return False
+    needs: dict[str, set[str]] = {}
+    for statement in program.statements:
+        if isinstance(statement, Rule) and statement.head is not None:
+            head = statement.head.term.name
+        elif isinstance(statement, Probability) and statement.term.name in weights:
+            head = statement.term.name
+        else:
+            continue
+        own = [literal.term.name for literal in statement.body if isinstance(literal, Literal)]
+        needs.setdefault(head, set()).update(own)
+    reached, waiting = set(weights), list(weights)
+    while waiting:
+        new = needs.get(waiting.pop(), set()) - reached
+        reached |= new
+        waiting += new
+    return attribute in reached
 
 
 def _find_attribute(program: Program, name: str) -> Attribute:

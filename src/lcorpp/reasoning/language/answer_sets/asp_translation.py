@@ -1,11 +1,11 @@
 """Write the ground rules of a program with weights as P-log.
 
 An atom is a boolean term, and false where it is not true; if the program has ``-a``, that is its value false,
-and it may have no value. A choice ``{a} :- b`` is a
-random term of equal probabilities, which is true exactly if `a` is true and a choice of it is open: so each
-answer set is one world, whatever else derives `a`. An experiment of `&random` is a random term, whose values
-are atoms. A weight is a likelihood: an observation whose probability is e^w times as large where the
-condition is true. Worlds then have the probabilities of answer sets, but for a factor.
+and it may have no value. A choice ``{a} :- b`` is a random term of equal probabilities, which is true exactly
+if `a` is true and a choice of it is open: so each answer set is one world, whatever else derives `a`. An
+experiment of `&random` is a random term, whose values are atoms. A weight is a likelihood: an observation
+whose probability is e^w times as large where the condition is true. Worlds then have the probabilities of
+answer sets, but for a factor.
 """
 
 from __future__ import annotations
