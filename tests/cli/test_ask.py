@@ -355,3 +355,24 @@ def test_a_markov_logic_network_is_asked_with_evidence(lcorpp, tmp_path):
     refused = lcorpp("ask", tmp_path / "c.plog", "a", "--evidence", evidence)
     assert refused.code == 2
     assert "has its evidence in queries; expected a .mln, .plp or .lp file" in " ".join(refused.err.split())
+
+
+def test_best_decisions_and_bounds(lcorpp, tmp_path):
+    file = tmp_path / "walk.pl"
+    file.write_text("0.4::sun. ?::walk. fun :- sun, walk. utility(fun, 5). utility(walk, -1).")
+    assert lcorpp("ask", file).out == (
+        "best decisions: walk\n  expected utility 1\n  the next best, none, has 1 less\n"
+    )
+    record = json.loads(lcorpp("ask", file, "--json").out)
+    assert record == {"decisions": {"walk": True}, "utility": 1.0, "difference": 1.0, "next": {"walk": False}}
+    assert "a program with decisions has no query" in lcorpp("ask", file, "fun").err
+    birds = tmp_path / "birds.lp"
+    birds.write_text("0.4::bird. {fly} :- bird.")
+    assert lcorpp("ask", birds, "fly").out == "?{fly=true}.\n  lower 0.000000, upper 0.400000\n"
+    assert lcorpp("ask", birds, "fly | obs(bird)").out.endswith("lower 0.000000, upper 1.000000\n")
+    record = json.loads(lcorpp("ask", birds, "fly", "--json").out)
+    assert record == {"query": "?{fly=true}.", "lower": 0.0, "upper": 0.4, "inconsistent": 0.0}
+    ended = lcorpp("ask", birds)
+    assert (ended.code, "has no query of its own" in ended.err) == (2, True)
+    file.write_text("1/2^2::a(X) :- b(X), not c.")  # an error of ProbLog stays one
+    assert "this is a ProbLog program: unexpected '^'" in lcorpp("ask", file, "a(1)").err

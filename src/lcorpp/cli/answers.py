@@ -37,6 +37,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from lcorpp.reasoning.answers import Numeric, PossibleWorld, QueryAnswer
+    from lcorpp.reasoning.choices.credal import CredalProgram
     from lcorpp.reasoning.explanation import FiredRule
 
     _Without = Sequence[tuple[str, QueryAnswer | str]]
@@ -72,9 +73,9 @@ def print_answers(
     if evidence is None:
         try:
             program = read_plog(file, strict=not lenient)
-        except ParseError as error:
-            if _has_answer_sets(file, error):
-                _print_bounds(file, query, as_json=as_json)
+        except ParseError:
+            if (bounded := _read_bounds(file)) is not None:
+                _print_bounds(bounded, query, as_json=as_json)
                 return
             if not _has_decisions(file):
                 raise
@@ -124,30 +125,44 @@ def print_answers(
             raise UndefinedError(f"{file}: no possible world of positive measure has the evidence")
 
 
-def _has_answer_sets(file: str | Path, error: ParseError) -> bool:
-    """Whether a file that is no program of P-log or ProbLog may have lower and upper probabilities."""
+def _read_bounds(file: str | Path) -> CredalProgram | None:
+    """Read a program with probabilistic facts whose choices may have several answer sets.
+
+    Returns:
+        None if the file is of another language, whose error is to be raised.
+
+    Raises:
+        ParseError: it has rules of clingo, but an error or a construct without translation.
+    """
+    from lcorpp.reasoning.choices.credal import parse_credal_program  # imports numpy
     from lcorpp.reasoning.language.answer_sets.credal_reader import has_answer_sets  # loads clingo
 
-    is_cyclic = "depends on its own negation" in str(error)
-    return has_answer_sets(read_text(file, MAX_PROGRAM_BYTES), is_cyclic=is_cyclic)
+    text = read_text(file, MAX_PROGRAM_BYTES)
+    if "::" not in text and not has_answer_sets(text):
+        return None
+    try:
+        return parse_credal_program(text, file=str(file))
+    except ParseError:
+        if has_answer_sets(text):
+            raise
+        return None
 
 
-def _print_bounds(file: str | Path, query: str | None, *, as_json: bool) -> None:
+def _print_bounds(program: CredalProgram, query: str | None, *, as_json: bool) -> None:
     """Print the lower and upper probability of the query, or of the program's own.
 
     Raises:
-        ParseError, ProgramError, TooLargeError, UndefinedError: as `bound_probability`, or there is no query.
+        ParseError, ProgramError, TooLargeError, UndefinedError: as of `bound_probability`; or no query.
     """
-    from lcorpp.reasoning.choices.credal import bound_probability, read_credal_program  # imports numpy
+    from lcorpp.reasoning.choices.credal import bound_probability  # imports numpy
 
-    program = read_credal_program(file)
     own = program.program
     if query is not None and "{" not in query:
         subject, bar, conditions = query.partition("|")
         query = f"{{{subject.strip()}}} {bar} {conditions}".strip()
     queries = own.queries if query is None else [parse_query(query, own)]
     if not queries:
-        raise ProgramError(f"{file}: the program has no query of its own; give one, such as 'atom'")
+        raise ProgramError(f"{own.file}: the program has no query of its own; give one, such as 'atom'")
     for question in queries:
         bounds = bound_probability(program, question)
         if as_json:

@@ -32,7 +32,8 @@ _END = re.compile(r"(?<!\.)\.(?=\s|$)")
 
 _REFUSED = (
     (re.compile(r"^\s*abducible\s+[a-z]"), "an abducible atom (PASTA)"),
-    (re.compile(r"^\s*(?:decision|utility)\b"), "a decision or utility with answer sets (PASTA)"),
+    (re.compile(r"^\s*decision\s+[a-z]"), "a decision with answer sets (PASTA)"),
+    (re.compile(r"^\s*utility\s*\("), "a utility with answer sets"),
     (re.compile(r"^\s*map\s+[\d.]"), "a fact of a MAP query, 'map' (PASTA),"),
     (re.compile(r"^\s*\(.*\|.*\)\s*\["), "a conditional, (a | b)[0.6,1] (PASTA),"),
     (re.compile(r"^\s*optimizable\b"), "an optimizable fact (PASTA)"),
@@ -60,18 +61,13 @@ class CredalTranslation(NamedTuple):
     choices: dict[str, dict[str, Fraction]]
 
 
-def has_answer_sets(text: str, *, is_cyclic: bool) -> bool:
-    """Whether a text has probabilistic facts with rules of clingo, or a construct of PASTA.
-
-    Args:
-        is_cyclic: whether it is a program of ProbLog but for a cycle through negation.
-    """
-    bare = HIDDEN.sub("", text)
+def has_answer_sets(text: str) -> bool:
+    """Whether a text has probabilistic facts and rules that ProbLog has not, or constructs of PASTA."""
     own = [pattern for pattern, words in _REFUSED if "PASTA" in words]
     if any(pattern.search(statement) for statement, _ in _split(text, "") for pattern in own):
         return True
-    has_rules = re.search(r"[{}#]|:-[^.]*\bnot\b|^[^:.]*;|^\s*:-\s*(?!use_module)", bare, re.MULTILINE)
-    return "::" in bare and (is_cyclic or has_rules is not None)
+    bare = HIDDEN.sub("", text)
+    return "::" in bare and re.search(r"[{}#]", bare) is not None
 
 
 def translate_credal(text: str, file: str) -> CredalTranslation:
