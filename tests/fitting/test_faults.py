@@ -129,6 +129,7 @@ def test_hypotheses_of_tables_are_the_programs_with_their_numbers(given):
         label_attributes=(),
         observed=("side",),
         reasoning=SimpleNamespace(shared=("who",)),
+        check_program_decides=lambda what: None,
     )
     hypotheses = make_hypotheses(domain, parse_plog(COIN.format("0.2", "0.9")), given=given)
     found = hypotheses.predict({"side": "heads"})
