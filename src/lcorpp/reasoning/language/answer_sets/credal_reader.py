@@ -28,7 +28,8 @@ from lcorpp.reasoning.language.answer_sets.plingo_reader import (
 )
 from lcorpp.reasoning.language.issues import Place, SourceIssue
 
-_END = re.compile(r"(?<!\.)\.(?=\s|$)")
+_END = re.compile(r"(?<=[^.\d\s;])\.(?!\.)|(?<=\d)\.(?![.\d])")
+"""The point after a statement: not that of an interval or a decimal number."""
 
 _REFUSED = (
     (re.compile(r"^\s*abducible\s+[a-z]"), "an abducible atom (PASTA)"),
