@@ -65,6 +65,8 @@ def negative(program, rates): return Part({"interested": -0.5, "not_interested":
 def nan(program, rates): return Part({"interested": np.nan, "not_interested": 1})
 def text(program, rates): return Part({"interested": "much", "not_interested": 0.2})
 def given(program, rates): return Part(Distribution(("not_interested", "interested"), [0.3, 0.7]))
+def huge(program, rates): return Part({"interested": 10**400, "not_interested": 0})
+def tiny(program, rates): return Part({"interested": -1e-17, "not_interested": 1})
 def number(program, rates): return 3
 def a_class(program, rates): return Same
 def breaks(program, rates): return rates["gaze"]
@@ -97,8 +99,9 @@ def test_the_answers_are_in_the_order_of_the_values(own):
         ("missing", r"not_interested is missing; expected a probability of each value"),
         ("large", r"with the sum 1; the sum is 1\.1"),
         ("negative", r"expected probabilities from 0 to 1"),
-        ("nan", r"the sum is nan"),
+        ("nan", r"expected probabilities from 0 to 1 with the sum 1"),
         ("text", r"expected numbers as probabilities"),
+        ("huge", r"own\.py.*: posterior\(\) failed: OverflowError"),
     ],
 )
 def test_a_wrong_answer_is_named_with_its_line(own, name, words):
@@ -118,6 +121,10 @@ def test_a_wrong_answer_is_named_with_its_line(own, name, words):
 def test_a_wrong_function_is_named(own, name, words):
     with pytest.raises(DomainError, match=words):
         make(own, name)
+
+
+def test_a_rounding_error_below_zero_is_zero(own):
+    assert make(own, "tiny").posterior("intention", {}).probabilities.tolist() == [0, 1]
 
 
 def test_impossible_evidence_keeps_its_type(own):

@@ -29,6 +29,12 @@ KNOWN = [
     ("0.3::a. 0.4::b. a :- b.", "a", (0.58, 0.58, 0)),
     ("0.5::a(1). 0.5::a(2). q :- a(X). r :- not q.", "q, not r", (0.75, 0.75, 0)),
     ("{a}.", "a", (0, 1, 0)),
+    # heads of disjunctions that other rules derive, or other choices
+    ("0.2::a; 0.3::b. a :- c. {c}.", "a", (0.2, 1, 0)),
+    ("0.5::a; 0.5::b. 0.3::a. {c} :- a.", "a", (0.65, 0.65, 0)),
+    ("0.5::a; 0.5::b. 0.5::a; 0.5::c. {d} :- a.", "a", (0.75, 0.75, 0)),
+    ("0.5::a; 0.5::b. b :- a. {d} :- a.", "b", (1, 1, 0)),
+    ("0.2::a; 0.3::a. {c} :- a.", "a", (0.5, 0.5, 0)),
     ("0.25::f(1..2).{a}:-f(1).0.5::b.a:-b.", "a", (0.5, 0.625, 0)),
 ]
 
@@ -111,6 +117,9 @@ def test_random_programs_are_as_their_answer_sets(caplog):
         ("0.5::a.\nmap 0.4::b.", "2:1", "'map' (PASTA), is not translated"),
         ("(f(X) | b(X))[0.6,1].", "1:1", "a conditional, (a | b)[0.6,1] (PASTA), is not translated"),
         ("[0.1,0.2]::a.", "1:1", "an interval as a probability"),
+        ("0.5::a. evidence(a).", "1:9", "expected a query with obs(a)"),
+        ("0.5::c(1). query(c(1)),query(c(2)).", "1:12", "is no atom"),
+        ("0.2::\u00e4. {c}.", "1:6", "unexpected character"),
         ("decision a.", "1:1", "a decision with answer sets (PASTA)"),
         ("optimizable [0,0.3]::a.", "1:1", "an optimizable fact (PASTA)"),
         ("a:gaussian(0,1).", "1:1", "a density (PASTA)"),

@@ -90,6 +90,11 @@ def test_evidence_conditions_the_utility():
     assert choose_decisions(parse_decision_problem(f"{text} evidence(\\+a).")).choices == {"d": False}
 
 
+def test_small_utilities_decide():
+    assert choose_decisions(parse_decision_problem("?::a. utility(a, 1e-10).")).choices == {"a": True}
+    assert choose_decisions(parse_decision_problem("decision(a). utility(a, 3).")).utility == 3
+
+
 @pytest.mark.parametrize(
     ("text", "words"),
     [

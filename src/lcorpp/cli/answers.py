@@ -47,6 +47,10 @@ WHY_WORLDS = 3
 """The number of worlds that --why prints."""
 
 
+_SEVERAL_ANSWER_SETS = ("depends on its own negation", "a disjunction in a head without probabilities")
+"""Refusals of ProbLog programs that have several answer sets."""
+
+
 @show_warnings()
 def print_answers(
     file: str | Path,
@@ -73,8 +77,8 @@ def print_answers(
     if evidence is None:
         try:
             program = read_plog(file, strict=not lenient)
-        except ParseError:
-            if (bounded := _read_bounds(file)) is not None:
+        except (ParseError, ProgramError) as error:
+            if (bounded := _read_bounds(file, error)) is not None:
                 _print_bounds(bounded, query, as_json=as_json)
                 return
             if not _has_decisions(file):
@@ -125,8 +129,11 @@ def print_answers(
             raise UndefinedError(f"{file}: no possible world of positive measure has the evidence")
 
 
-def _read_bounds(file: str | Path) -> CredalProgram | None:
+def _read_bounds(file: str | Path, error: ParseError | ProgramError) -> CredalProgram | None:
     """Read a program with probabilistic facts whose choices may have several answer sets.
+
+    Args:
+        error: of the program as one of P-log or ProbLog.
 
     Returns:
         None if the file is of another language, whose error is to be raised.
@@ -143,7 +150,7 @@ def _read_bounds(file: str | Path) -> CredalProgram | None:
     try:
         return parse_credal_program(text, file=str(file))
     except ParseError:
-        if has_answer_sets(text):
+        if has_answer_sets(text) or any(words in str(error) for words in _SEVERAL_ANSWER_SETS):
             raise
         return None
 

@@ -65,7 +65,9 @@ class OwnReasoners:
             DomainError: the function fails or returns an object without `posterior`.
         """
         reasoner = self._function(program, rates)
-        if isinstance(reasoner, type) or not callable(getattr(reasoner, "posterior", None)):
+        with self._function.locate_failures(self._function.name):
+            has_method = callable(getattr(reasoner, "posterior", None))
+        if isinstance(reasoner, type) or not has_method:
             what = f"the class {reasoner.__name__}" if isinstance(reasoner, type) else reprlib.repr(reasoner)
             raise DomainError(
                 f"{self._function.location}: {self._function.name}() returned {what}; expected an object with"
@@ -111,15 +113,16 @@ class OwnReasoner:
         try:
             with self._function.locate_failures(what):
                 answer = self._reasoner.posterior(self._shared, dict(evidence))
+                try:
+                    return read_marginal(answer, self._values)
+                except ValueError as error:
+                    problem = f"{reprlib.repr(answer)}; {error}"
         except LcorppError as error:
             if isinstance(error.__cause__, UndefinedError):
                 raise error.__cause__ from None
             raise
-        try:
-            return read_marginal(answer, self._values)
-        except ValueError as error:
-            where = self._function.file.locate(self._reasoner.posterior, self._function.location)
-            raise DomainError(f"{where}: {what} returned {reprlib.repr(answer)}; {error}") from None
+        where = self._function.file.locate(self._reasoner.posterior, self._function.location)
+        raise DomainError(f"{where}: {what} returned {problem}")
 
 
 def _make_again(own: OwnReasoners, *arguments: Any) -> OwnReasoner:
@@ -152,7 +155,10 @@ def read_marginal(answer: object, values: Sequence[SharedValue]) -> Distribution
         numbers = [float(answer[value]) for value in values]
     except (TypeError, ValueError):
         raise ValueError("expected numbers as probabilities") from None
+    if not all(-SUM_TOLERANCE <= number <= 1 + SUM_TOLERANCE for number in numbers):
+        raise ValueError("expected probabilities from 0 to 1 with the sum 1")
     total = math.fsum(numbers)
-    if not all(0 <= number <= 1 + SUM_TOLERANCE for number in numbers) or abs(total - 1) > SUM_TOLERANCE:
+    if abs(total - 1) > SUM_TOLERANCE:
         raise ValueError(f"expected probabilities from 0 to 1 with the sum 1; the sum is {total:g}")
-    return Distribution(tuple(values), np.array(numbers) / total)
+    probabilities = np.clip(numbers, 0, None)
+    return Distribution(tuple(values), probabilities / probabilities.sum())

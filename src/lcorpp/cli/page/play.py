@@ -63,6 +63,7 @@ def play(
 
     require_server()
     loaded = load_domain(domain, preset=preset)
+    loaded.check_program_decides("the page")
     chosen = page.choose_classifiers(loaded)
     solver = page.solving.choose_solver(loaded)
     with ExitStack() as stack:

@@ -112,7 +112,8 @@ def choose_decisions(problem: DecisionProblem) -> BestDecisions:
     if not len(possible):
         raise UndefinedError(f"{problem.program.file}: no possible world has the evidence")
     # of equal ones, up to rounding errors, those of fewer decisions come first
-    order = possible[np.lexsort((taken[possible].sum(axis=1), -np.round(utilities[possible], 9)))]
+    scaled = utilities[possible] / (np.abs(utilities[possible]).max() or 1.0)
+    order = possible[np.lexsort((taken[possible].sum(axis=1), -np.round(scaled, 12)))]
     choices = [dict(zip(problem.decisions, map(bool, row), strict=True)) for row in taken[order[:2]].tolist()]
     if len(order) == 1:
         return BestDecisions(choices[0], float(utilities[order[0]]), None, {})

@@ -91,7 +91,8 @@ class AnswerSetWriter:
         for number, (experiment, own) in enumerate(values.items(), 1):
             key = next(iter(keys[experiment]))
             attribute = key[0], len(key[1])
-            is_plain = not any(value.negative for value in own) and attribute not in predicates
+            is_atom = all(value.type == SymbolType.Function and not value.negative for value in own)
+            is_plain = is_atom and attribute not in predicates
             if len(keys[experiment]) == users[key] == 1 and is_plain:
                 self._narrow.setdefault(attribute, set()).update(value.arguments[-1] for value in own)
                 found[experiment] = _Experiment(number, key, own)
@@ -441,7 +442,9 @@ def _declare(name: str, sort: str, uses: Sequence[Mapping[str, None]], target: s
 
 
 def _find_key(symbol: Symbol) -> _Key:
-    """Return the attribute of an atom and its arguments but the value, which is the last."""
+    """Return the attribute of an atom and its arguments but the value, the last; a number has none."""
+    if symbol.type != SymbolType.Function:
+        return "", ()
     return symbol.name, tuple(symbol.arguments[:-1])
 
 

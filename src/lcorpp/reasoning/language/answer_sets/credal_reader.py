@@ -24,6 +24,7 @@ from lcorpp.reasoning.language.answer_sets.plingo_reader import (
     HIDDEN,
     PREFIX,
     RewrittenProgram,
+    check_letters,
     rewrite_plingo,
 )
 from lcorpp.reasoning.language.issues import Place, SourceIssue
@@ -43,6 +44,7 @@ _REFUSED = (
     (re.compile(r"^\s*[a-z]\w*\s*(?:\([^()]*\))?\s*:\s*[a-z]\w*\s*\("), "a density (PASTA)"),
     (re.compile(r"\b(?:above|below|between|outside)\s*\("), "a comparison with a density (PASTA)"),
     (re.compile(r"^\s*#program\s*\("), "#program of a learning problem (PASTA)"),
+    (re.compile(r"^\s*evidence\s*\("), "evidence(a); expected a query with obs(a): it"),
     (re.compile(r"^\s*t\s*\(.*\)\s*::"), "a learnable probability, t(_)"),
     (re.compile(r"^\s*\?\s*::"), "a decision, ?::, with answer sets"),
 )
@@ -77,6 +79,7 @@ def translate_credal(text: str, file: str) -> CredalTranslation:
     Raises:
         SourceIssue: a construct has no translation, or a probability depends on chance.
     """
+    check_letters(text, file)
     program = RewrittenProgram()
     numbers: dict[int, list[Fraction]] = {}
     plain = []
@@ -91,6 +94,7 @@ def translate_credal(text: str, file: str) -> CredalTranslation:
             plain.append(statement.replace("\\+", " not "))
     for statement, at in _split("".join(plain), file):
         if match := re.fullmatch(r"\s*query\s*\((.*)\)\s*\.\s*", statement, re.DOTALL):
+            _name_variables(match[1], at)
             program.add(at, f"{PREFIX}query({len(program.lines)},{match[1]}).")
     rewritten = rewrite_plingo(
         re.sub(r"(?m)^\s*query\s*\(.*?\)\s*\.(?=\s|$)", "", "".join(plain)), file, program
@@ -131,8 +135,10 @@ def _name_variables(head: str, at: Place) -> str:
         parse_string(f"{head}.", nodes.append, logger=lambda *_: None)
         (symbol,) = [node.head.atom.symbol for node in nodes if node.ast_type == ASTType.Rule]
     except (RuntimeError, AttributeError, ValueError):
-        raise SourceIssue(at, f"{head!r} is no atom; expected one after a probability") from None
+        raise SourceIssue(at, f"{head!r} is no atom") from None
     sign = ""
+    if symbol.ast_type not in (ASTType.UnaryOperation, ASTType.Pool, ASTType.Function):
+        raise SourceIssue(at, f"{head!r} is no atom")
     if symbol.ast_type == ASTType.UnaryOperation:
         sign, symbol = "-", symbol.argument
     if symbol.ast_type == ASTType.Pool:
@@ -168,9 +174,11 @@ def _add_choice(program: RewrittenProgram, index: int, statement: str, at: Place
         return numbers
     if body:
         raise SourceIssue(at, "an annotated disjunction with a body is not translated with answer sets")
-    if sum(numbers) < 1:
-        heads.append(f"{PREFIX}none({index})")
-    for head in heads:
-        value = f"{PREFIX}value(choice({index}),{head})"
-        program.add(at, f"{PREFIX}range(choice({index}),{head}). {{ {value} }}. {head} :- {value}.")
+    # a value is the number of a head, not the head itself, which other rules may derive
+    for number, head in enumerate(heads, 1):
+        _name_variables(head, at)
+        program.add(at, f"{head} :- {PREFIX}value(choice({index}),{number}).")
+    size = len(heads) + (sum(numbers) < 1)
+    value = f"{PREFIX}value(choice({index}),1..{size})"
+    program.add(at, f"{PREFIX}range(choice({index}),1..{size}). {{ {value} }}.")
     return numbers

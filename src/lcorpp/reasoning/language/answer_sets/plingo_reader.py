@@ -84,14 +84,7 @@ def rewrite_plingo(text: str, file: str, program: RewrittenProgram | None = None
     Raises:
         SourceIssue: the text is not of clingo's grammar, or has a construct without translation.
     """
-    bare = HIDDEN.sub(lambda match: re.sub(r"[^\n]", " ", match[0]), text)
-    if found := _INCLUDE.search(bare):
-        raise SourceIssue(
-            _find_place(file, text, found.start()), "#include is not translated; expected one file"
-        )
-    if found := re.search(r"[^\x00-\x7f]", bare):
-        place = _find_place(file, text, found.start())
-        raise SourceIssue(place, f"unexpected character {found[0]!r}; other letters need quotes")
+    check_letters(text, file)
     messages: list[str] = []
     nodes: list[AST] = []
     try:
@@ -110,6 +103,21 @@ def rewrite_plingo(text: str, file: str, program: RewrittenProgram | None = None
             begin = node.location.begin
             raise SourceIssue(Place(file, begin.line, begin.column), "a term nested too deeply") from None
     return reader.program
+
+
+def check_letters(text: str, file: str) -> None:
+    """Check that letters outside of texts and comments are ASCII, as clingo requires, and refuse #include.
+
+    Raises:
+        SourceIssue: another letter, or #include.
+    """
+    bare = HIDDEN.sub(lambda match: re.sub(r"[^\n]", " ", match[0]), text)
+    if found := _INCLUDE.search(bare):
+        place = _find_place(file, text, found.start())
+        raise SourceIssue(place, "#include is not translated; expected one file")
+    if found := re.search(r"[^\x00-\x7f]", bare):
+        place = _find_place(file, text, found.start())
+        raise SourceIssue(place, f"unexpected character {found[0]!r}; other letters need quotes")
 
 
 def _find_place(file: str, text: str, position: int) -> Place:
