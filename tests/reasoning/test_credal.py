@@ -138,6 +138,12 @@ def test_refusals_name_the_construct(text, place, words):
     assert words in message
 
 
+def test_queries_of_a_program_and_texts():
+    program = parse_credal_program('0.5::a. query(a). query(b). {b} :- a. c("0.5::d."). % 0.1::e. query(f).')
+    assert [str(query) for query in program.program.queries] == ["?{a=true}.", "?{b=true}."]
+    assert len(program.choices) == 1
+
+
 def test_what_bounds_cannot_answer():
     program = parse_credal_program("0.5::a. {b} :- a.")
     with pytest.raises(ProgramError, match="bounds are of one conjunction"):

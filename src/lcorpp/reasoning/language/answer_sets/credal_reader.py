@@ -49,6 +49,8 @@ _REFUSED = (
     (re.compile(r"^\s*\?\s*::"), "a decision, ?::, with answer sets"),
 )
 
+_QUERY = re.compile(r"\s*query\s*\((.*)\)\s*\.\s*", re.DOTALL)
+
 _HEAD = re.compile(r"\s*([\d.eE+*/() -]+?)\s*::\s*(.*)", re.DOTALL)
 
 
@@ -87,26 +89,23 @@ def translate_credal(text: str, file: str) -> CredalTranslation:
         for pattern, words in _REFUSED:
             if pattern.search(statement):
                 raise SourceIssue(at, f"{words} is not translated")
-        if "::" in statement:
+        query = _QUERY.fullmatch(statement)
+        if query is not None:
+            _name_variables(query[1], at)
+            program.add(at, f"{PREFIX}query({len(program.lines)},{query[1]}).")
+        elif "::" in HIDDEN.sub("", statement):
             numbers[len(numbers) + 1] = _add_choice(program, len(numbers) + 1, statement, at)
-            plain.append(re.sub(r"[^\n]", " ", statement))
         else:
             plain.append(statement.replace("\\+", " not "))
-    for statement, at in _split("".join(plain), file):
-        if match := re.fullmatch(r"\s*query\s*\((.*)\)\s*\.\s*", statement, re.DOTALL):
-            _name_variables(match[1], at)
-            program.add(at, f"{PREFIX}query({len(program.lines)},{match[1]}).")
-    rewritten = rewrite_plingo(
-        re.sub(r"(?m)^\s*query\s*\(.*?\)\s*\.(?=\s|$)", "", "".join(plain)), file, program
-    )
+            continue
+        plain.append(re.sub(r"[^\n]", " ", statement))
+    rewritten = rewrite_plingo("".join(plain), file, program)
     writer = AnswerSetWriter(rewritten, ground_answer_sets(rewritten.lines, rewritten.places))
     written, names = writer.write()
     choices = {}
     for index, values, term in writer.list_choices():
         own = numbers[index]
-        rest = [] if sum(own) == 1 else [1 - sum(own, Fraction(0))]
-        if values == ["true", "false"]:
-            rest = [1 - own[0]]
+        rest = [1 - sum(own, Fraction(0))] * (len(values) - len(own))
         choices[term] = dict(zip(values, [*own, *rest], strict=True))
     return CredalTranslation(written, names, choices)
 

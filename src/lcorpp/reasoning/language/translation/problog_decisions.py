@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Sequence
+from math import isfinite
 from typing import NamedTuple
 
 from lcorpp.reasoning.language.issues import Place, SourceIssue
@@ -86,24 +87,7 @@ def translate_decisions(text: str, file: str) -> TranslatedDecisions:
     statements = PrologReader(text, file, list_tokens(text)).read_clauses()
     clauses = make_clauses([own for at, term in statements for own in _rewrite(at, term)])
     evaluation = Evaluation(clauses)
-    utilities = []
-    for answer in list_certain(evaluation, _UTILITY, 2):
-        atom, negated, at = read_literal(answer, "utility")
-        number = float(compute(answer.arguments[1], at))
-        if not atom.is_ground:
-            raise SourceIssue(at, f"utility({atom}) with a variable is not translated")
-        utilities.append((GroundLiteral(evaluation.solve(atom, at), atom, negated), number, at))
-    decided = []
-    if evaluation.defines((_DECISION, 1)):
-        table = evaluation.solve(Compound(_DECISION, (PrologVariable("V0"),)), Place("", 1, 1))
-        for answer in table.answers:
-            derivations = list(table.derivations.get(answer, ()))
-            if len(derivations) != 1 or derivations[0].literals or not answer.is_ground:
-                at = derivations[0].at if derivations else answer.at
-                raise SourceIssue(
-                    at, f"the decision {answer.arguments[0]} depends on chance, or is there twice"
-                )
-            decided.append((GroundLiteral(table, answer, False), derivations[0].at))
+    utilities, decided = list(_iter_utilities(evaluation)), list(_iter_decisions(evaluation))
     observed = [
         (GroundLiteral(evaluation.solve(atom, at), atom, negated), at)
         for atom, negated, at in list_asked(evaluation, "evidence")
@@ -122,12 +106,41 @@ def translate_decisions(text: str, file: str) -> TranslatedDecisions:
         own.append(Utility(name, shown, number))
     decisions = {}
     for literal, at in decided:
-        decided_atom = literal.atom.arguments[0]
-        assert isinstance(decided_atom, Compound)
-        decisions[format_atom(decided_atom)] = str(writer.make_literal(literal, at).term)
+        atom = literal.atom.arguments[0]
+        assert isinstance(atom, Compound)
+        decisions[format_atom(atom)] = str(writer.make_literal(literal, at).term)
     names = {**writer.list_names(), **{each.term: f"[utility of {each.literal}]" for each in own}}
     every = tuple(resolve_overloads([*writer.declare(), *written]))
     return TranslatedDecisions(Translation(every, names), decisions, tuple(own))
+
+
+def _iter_utilities(evaluation: Evaluation) -> Iterator[tuple[GroundLiteral, float, Place]]:
+    """Iterate over the utilities: a literal, its number, and the place."""
+    for answer in list_certain(evaluation, _UTILITY, 2):
+        atom, negated, at = read_literal(answer, "utility")
+        number = float(compute(answer.arguments[1], at))
+        if not isfinite(number):
+            raise SourceIssue(at, f"utility({atom}) is {number}; expected a finite number")
+        if not atom.is_ground:
+            raise SourceIssue(at, f"utility({atom}) with a variable is not translated")
+        yield GroundLiteral(evaluation.solve(atom, at), atom, negated), number, at
+
+
+def _iter_decisions(evaluation: Evaluation) -> Iterator[tuple[GroundLiteral, Place]]:
+    """Iterate over the decisions: the atom of the choice, and the place.
+
+    Raises:
+        SourceIssue: whether there is a decision depends on chance.
+    """
+    if not evaluation.defines((_DECISION, 1)):
+        return
+    table = evaluation.solve(Compound(_DECISION, (PrologVariable("V0"),)), Place("", 1, 1))
+    for answer in table.answers:
+        derivations = list(table.derivations.get(answer, ()))
+        if len(derivations) != 1 or derivations[0].literals or not answer.is_ground:
+            at, atom = derivations[0].at if derivations else answer.at, answer.arguments[0]
+            raise SourceIssue(at, f"the decision {atom} depends on chance, or is there twice")
+        yield GroundLiteral(table, answer, False), derivations[0].at
 
 
 def _define(name: str, literal: Literal, at: Place) -> Iterator[Statement]:
