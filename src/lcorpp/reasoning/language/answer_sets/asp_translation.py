@@ -168,15 +168,17 @@ class AnswerSetWriter:
             return
         if symbol is not None and (symbol.name, len(symbol.arguments)) not in self._negated:
             self._lines.append(f"-{text} :- not {text}.")
-        if not choices:
-            return
-        if () in choices:
-            choices = {(): None}
-        choice = self._make_name("choice", str(symbol))
+        if choices:
+            own: list[Body] = [()] if () in choices else list(choices)
+            self._write_choice(text, str(symbol), own, is_derived=bool(bodies))
+
+    def _write_choice(self, text: str, of: str, choices: Sequence[Body], *, is_derived: bool) -> None:
+        """Write the choices of an atom, given by their bodies; is_derived: whether it has rules, too."""
+        choice = self._make_name("choice", of)
         self._lines.append(f"{choice} : boolean. random({choice}).")
         opens = [self._write_body(body) for body in choices]
         if len(opens) > 1:
-            name = self._make_name("open", str(symbol))
+            name = self._make_name("open", of)
             self._lines.append(f"{name} : boolean.")
             self._lines += [f"{name} :- {body}." for body in opens]
             self._lines += [f"{text} :- {choice}, {body}." for body in opens]
@@ -184,13 +186,13 @@ class AnswerSetWriter:
         else:
             (opened,) = opens
             self._lines.append(f"{text} :- {', '.join(filter(None, [choice, opened]))}.")
-            if opened and len(next(iter(choices))) > 1:
-                name = self._make_name("open", str(symbol))
+            if opened and len(choices[0]) > 1:
+                name = self._make_name("open", of)
                 self._lines.append(f"{name} : boolean. {name} :- {opened}.")
                 opened = name
         if opened:
             self._lines.append(f":- {choice}, {_negate(opened)}.")
-        if bodies or len(choices) > 1:  # else only the choice derives the atom
+        if is_derived or len(choices) > 1:  # else only the choice derives the atom
             self._lines.append(f":- {', '.join(filter(None, [text, opened]))}, not {choice}.")
 
     def _is_random(self, atom: int) -> bool:
