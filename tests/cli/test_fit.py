@@ -91,3 +91,56 @@ def test_the_numbers_of_a_bayesian_network(lcorpp, tmp_path):
     fitted = lcorpp("fit", file, data)
     assert fitted.code == 0, fitted.err
     assert "pr('C'='HEADS') = 0.75." in fitted.out
+
+
+PROBLOG = """\
+% weather
+t(_)::rain.
+0.5::sprinkler.   % known
+wet :- rain.
+wet :- sprinkler.
+t(0.2)::a(X) :- p(X).
+p(1). p(2). p(3).
+b :- a(1).
+query(wet).
+"""
+PROBLOG_DATA = """\
+rain,wet,a(1),a(2),a(3),b
+true,true,true,false,true,true
+true,true,true,true,true,
+false,false,false,false,true,false
+true,true,false,true,true,false
+"""
+
+
+def test_the_learnable_numbers_of_problog(lcorpp, tmp_path):
+    """Rain in 3 of 4 records; a(1), a(2), a(3) have one number: 8 of 12."""
+    program, records = tmp_path / "m.pl", tmp_path / "m.csv"
+    program.write_text(PROBLOG)
+    records.write_text(PROBLOG_DATA)
+    ended = lcorpp("fit", program, records)
+    assert ended.code == 0, ended.err
+    assert ended.out == PROBLOG.replace("t(_)", "0.75").replace("t(0.2)", "0.666667")
+    assert "line 6: pr(a(X)=true) = 0.666667; 95 % interval " in ended.err
+    ended = lcorpp("fit", program, records, "-o", tmp_path / "fitted.pl")
+    assert ended.code == 0, ended.err
+    assert lcorpp("ask", tmp_path / "fitted.pl").out.splitlines()[-1].strip() == "0.875000"  # 1 - .25 * .5
+    assert "ends with .pl\n" in lcorpp("fit", program, records, "-o", tmp_path / "fitted.plog").err
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("t(_)::a; 0.2::b.", "a learnable probability in a disjunction is not translated"),
+        ("t(_)::a. 0.2::b.", "a learnable clause needs a line of its own"),
+        ("t(1)::a.", "the search cannot begin from t(1)"),
+        ("p(1). p(2). t(_)::a(Y) :- p(X), Y is X + 1.", "whose instances are computed is not translated"),
+        ("t(_, X)::a(X) :- p(X). p(1).", "the learnable probability t(_"),
+    ],
+)
+def test_what_is_not_learnt_of_problog(lcorpp, tmp_path, text, words):
+    program, records = tmp_path / "m.pl", tmp_path / "m.csv"
+    program.write_text(text)
+    records.write_text("a\ntrue\n")
+    ended = lcorpp("fit", program, records)
+    assert (ended.code, words in " ".join(ended.err.split())) == (2, True), ended.err

@@ -51,18 +51,25 @@ def fit(
     from lcorpp.fitting import fit as fit_numbers, read_records
     from lcorpp.fitting.maximisation import TOLERANCE
     from lcorpp.reasoning import parse_plog, program_text, read_plog
-    from lcorpp.reasoning.language.parser import MAX_PROGRAM_BYTES
+    from lcorpp.reasoning.language.parser import MAX_PROGRAM_BYTES, parse_learnable
+    from lcorpp.reasoning.language.translation.problog_learnable import has_learnable, replace_learnt
 
     if output is not None:
         check_writable(output)
-        if output.suffix.lower() != ".plog":
-            raise FileError(f"{output}: expected a file name that ends with .plog")
+        expected = ".pl" if file.suffix.lower() == ".pl" else ".plog"
+        if output.suffix.lower() != expected:
+            raise FileError(f"{output}: expected a file name that ends with {expected}")
     if file.suffix.lower() == ".mln":
         raise FileError(f"{file}: weights of Markov logic are not learnt; expected P-log or tables")
     is_network = file.suffix.lower() in (".bif", ".csv", ".toml")
     text = program_text(read_plog(file)) if is_network else read_text(file, MAX_PROGRAM_BYTES)
-    fixed = [int(name) if name.isdecimal() else name for name in fix or ()]
-    program = parse_plog(text, file=str(file))
+    fixed: list[int | str] = [int(name) if name.isdecimal() else name for name in fix or ()]
+    is_learnable = not is_network and has_learnable(text)
+    if is_learnable:
+        program, others = parse_learnable(text, file=str(file))
+        fixed += others
+    else:
+        program = parse_plog(text, file=str(file))
     try:
         with show_delayed_progress("fitting") as advance:
             result = fit_numbers(
@@ -77,7 +84,10 @@ def fit(
             )
     except KeyboardInterrupt:
         raise KeyboardInterrupt("interrupted while fitting; nothing is written") from None
-    fitted = result.rewrite(text)
+    if is_learnable:
+        fitted = replace_learnt(text, [x.statement for x in result.numbers])
+    else:
+        fitted = result.rewrite(text)
     if output is None:
         print_text(fitted, end="")
     else:

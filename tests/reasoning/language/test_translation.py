@@ -255,7 +255,7 @@ REFUSED = [
     ("a; b. 0.3::c.", "1:1", "ProbLog", "a disjunction in a head without probabilities"),
     ("?::a. utility(a,3).", "1:1", "ProbLog", "a decision, ?:: (DTProbLog), is not translated"),
     ("0.3::a. utility(a,3).", "1:9", "ProbLog", "a utility (DTProbLog) is not translated"),
-    ("t(_)::a.", "1:1", "ProbLog", "the learnable probability t(_) is not translated"),
+    ("t(_)::a.", "1:1", "ProbLog", "the learnable probability t(_), which lcorpp fit estimates, is"),
     ("normal(0,1)::a.", "1:1", "ProbLog", "the density normal(0,1) is not translated"),
     ("0.3::b. a ~ normal(0,1).", "1:9", "ProbLog", "a distribution (~) is not translated"),
     ("0.3::a. b :- findall(X,a,L).", "1:14", "ProbLog", "findall is not translated"),

@@ -206,6 +206,22 @@ def parse_decisions(
     return Program(file, statements, "2009", names), decisions, utilities
 
 
+def parse_learnable(text: str, *, file: str = "<text>.pl") -> tuple[Program, frozenset[int]]:
+    """Parse a program of ProbLog with numbers to be learnt, `t(_)::a`.
+
+    Returns:
+        The program, and the lines of the clauses whose numbers are not learnt.
+
+    Raises:
+        ParseError: as `parse_plog`.
+    """
+    from lcorpp.reasoning.language.translation.problog_learnable import translate_learnable  # rarely needed
+
+    with _open_cursor(text, file):
+        (statements, names), fixed = translate_learnable(text, file)
+    return Program(file, statements, "2009", names), fixed
+
+
 def _parse_own(text: str, file: str, semantics: Semantics | None, strict: bool) -> Program:
     """Parse a program of P-log."""
     with _open_cursor(text, file) as cursor:

@@ -238,7 +238,7 @@ def _name_weight(term: PrologTerm) -> str | None:
     if term.name == "?":
         return "a decision, ?:: (DTProbLog),"
     if term.name == "t" and term.arguments:
-        return f"the learnable probability {term}"
+        return f"the learnable probability {term}, which lcorpp fit estimates,"
     if term.name in _DENSITIES and not is_function(term):
         return f"the density {term}"
     return None
