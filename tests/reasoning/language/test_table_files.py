@@ -356,3 +356,47 @@ def test_more_mistakes_are_named_at_their_cells(text, message):
 def test_a_value_with_a_separator_is_written_and_read():
     program = parse_tables('"x = a;b","x = c\td"\n.25,.75\n')
     assert Reasoner(parse_tables(table_text(program))).exact("x") == Reasoner(program).exact("x")
+
+
+TOML = """\
+[a]
+values = ["x", "y"]
+rows = [[0.25, 0.75]]
+[b]
+given = ["a"]
+values = ["u", "v"]
+rows = [
+    ["x", 0.1, 0.9],
+    ["y", 0.8, "rest"],
+]
+"""
+
+TOML_NAMED = [
+    ('["x", 0.1', '["x, 0.1', 8, "[b] row 1, cell 1: a text without its closing quote"),
+    ('"rest"', 'rest"', 9, "[b] row 2, cell 3: Invalid value"),
+    ('["y", 0.8', '["y", 0.8"', 9, "[b] row 2, cell 2: a list without ',' or ']' here"),
+    ('["u", "v"]', '["u, "v"]', 6, "[b] values, entry 1: a list without ',' or ']' here"),
+    ("[b]\n", "", 5, "[a] values: a second time; is a head such as [weather] missing above?"),
+    ("[a]\n", "", 1, "values: outside of a table; expected a head such as [weather] above"),
+    (
+        "[0.25, 0.75]",
+        "[0.25]",
+        1,
+        "[a] row 1: 1 cells; expected a list of 0 of the parents and 2 probabilities",
+    ),
+]
+
+
+@pytest.mark.parametrize(("old", "new", "line", "message"), TOML_NAMED, ids=range(len(TOML_NAMED)))
+def test_mistakes_in_toml_are_named_by_row_and_cell(old, new, line, message):
+    assert Reasoner(parse_tables(TOML, file="k.toml")).exact("b")["u"] == Fraction(5, 8)
+    with pytest.raises(ParseError) as found:
+        parse_tables(TOML.replace(old, new, 1), file="k.toml")
+    assert (found.value.line, found.value.message) == (line, message)
+
+
+def test_of_two_units_the_one_is_named_without_which_the_row_is_whole():
+    with pytest.raises(ParseError, match=r"cell A2: \.5% has %; other cells of this table have none"):
+        parse_tables("a = x,a = y\n.5%,.5\n", file="k.csv")
+    with pytest.raises(ParseError, match="cell B2: 60 without %; other cells of this table have it"):
+        parse_tables("a = x,a = y\n40%,60\n", file="k.csv")

@@ -227,7 +227,10 @@ class _Reader:
             cell for cell, found in pairs if found is not None and found.kind == "plain" and found.number
         ]
         if signed and plain:
-            few = signed if len(signed) < len(plain) else plain
+            # of as many, those are wrong without which the row sums to 1, or to 100
+            numbers = [found.number for _, found in pairs if found is not None and found.kind != "fraction"]
+            is_small = sum(numbers) < 2 * len(rows)
+            few = signed if (len(signed), not is_small) < (len(plain), True) else plain
             has = (
                 "has %; other cells of this table have none" if few is signed else "without %; other cells of"
             )
@@ -245,13 +248,13 @@ class _Reader:
         if 2 * sum(whole) <= len(whole):
             return 1
         for row, own in zip(rows, read, strict=True):
-            numbers = [
+            given = [
                 (found.number, cell)
                 for cell, found in zip(row.cells, own, strict=True)
                 if found is not None and found.kind == "plain" and found.number
             ]
-            if None in own and numbers and (min(numbers)[0] < 1 or max(numbers)[0] == 1):
-                cell = min(numbers)[1]
+            if None in own and given and (min(given)[0] < 1 or max(given)[0] == 1):
+                cell = min(given)[1]
                 raise self._fail(cell, f"{cell.text} in a table of percent; expected it with %")
         return 100
 

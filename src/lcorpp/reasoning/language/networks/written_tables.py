@@ -247,9 +247,25 @@ def _replace_comma(match: re.Match[str]) -> str:
 
 def split_toml(source: TableSource) -> Iterator[WrittenTable]:
     """Read the tables of TOML, each with `values`, `rows` and, if it has parents, `given`."""
-    document = parse_toml(source.file, source.text, ProgramError)
+    try:
+        document = parse_toml(source.file, source.text, ProgramError)
+    except ParseError as error:
+        message, place = error.message, Place(source.file, error.line, error.column)
+        name = _name_toml_place(source.lines, error.line, error.column)
+        if message == "Cannot overwrite a value":
+            name, message = (
+                name.partition(",")[0],
+                "a second time; is a head such as [weather] missing above?",
+            )
+        elif message != "Invalid value" and not message.startswith(("a text ", "a list ")):
+            raise
+        raise source.fail(Cell("", name, place), message) from None
     for name, table in document.items():
         head = Cell(clean_text(name), f"[{name}]", _find_head(source, name))
+        if not isinstance(table, Mapping) and name in _KEYS:
+            line = next((i for i, own in enumerate(source.lines, 1) if own.lstrip().startswith(name)), 1)
+            cell = Cell("", name, Place(source.file, line, 1))
+            raise source.fail(cell, "outside of a table; expected a head such as [weather] above")
         if not isinstance(table, Mapping):
             raise source.fail(head, "expected a table with values and rows")
         for key in table:
@@ -291,6 +307,24 @@ def is_table_file(path: Path) -> bool:
     return bool(document) and all(
         isinstance(table, Mapping) and not {"values", "rows"}.isdisjoint(table) for table in document.values()
     )
+
+
+def _name_toml_place(lines: Sequence[str], line: int, column: int) -> str:
+    """Name the table, the key and the row or entry of a place in a text that is no TOML."""
+    table, key, row = "", "", 0
+    for own in lines[:line]:
+        if match := re.match(r"\s*\[\s*[\"']?([^\[\]\"',]+)[\"']?\s*\]\s*(?:#.*)?$", own):
+            table, key = f"[{match[1].strip()}]", ""
+        elif match := re.match(rf"\s*({'|'.join(_KEYS)})\s*=", own):
+            key, row = match[1], own.count("[") - 1
+        elif own.lstrip().startswith("["):
+            row += 1
+    shown = re.sub(r'"[^"]*"?', lambda match: match[0].replace(",", " "), lines[line - 1][: column - 1])
+    entry = shown.count(",") + 1
+    if key == "rows":
+        entry = shown.rpartition("[")[2].count(",") + 1
+        return f"{table} row {max(row, 1)}, cell {entry}"
+    return f"{table} {key}, entry {entry}" if key else table or "the text"
 
 
 def _find_head(source: TableSource, name: str) -> Place:
