@@ -366,12 +366,15 @@ def test_best_decisions_and_bounds(lcorpp, tmp_path):
     record = json.loads(lcorpp("ask", file, "--json").out)
     assert record == {"decisions": {"walk": True}, "utility": 1.0, "difference": 1.0, "next": {"walk": False}}
     assert "a program with decisions has no query" in lcorpp("ask", file, "fun").err
+    assert "--exact: " in lcorpp("ask", file, "--exact").err
     birds = tmp_path / "birds.lp"
     birds.write_text("0.4::bird. {fly} :- bird.")
     assert lcorpp("ask", birds, "fly").out == "?{fly=true}.\n  lower 0.000000, upper 0.400000\n"
     assert lcorpp("ask", birds, "fly | obs(bird)").out.endswith("lower 0.000000, upper 1.000000\n")
     record = json.loads(lcorpp("ask", birds, "fly", "--json").out)
     assert record == {"query": "?{fly=true}.", "lower": 0.0, "upper": 0.4, "inconsistent": 0.0}
+    ended = lcorpp("ask", birds, "fly", "--worlds", 2)
+    assert (ended.code, "has lower and upper probabilities" in " ".join(ended.err.split())) == (2, True)
     ended = lcorpp("ask", birds)
     assert (ended.code, "has no query of its own" in ended.err) == (2, True)
     file.write_text("1/2^2::a(X) :- b(X), not c.")  # an error of ProbLog stays one

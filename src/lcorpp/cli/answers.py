@@ -78,11 +78,16 @@ def print_answers(
         try:
             program = read_plog(file, strict=not lenient)
         except (ParseError, ProgramError) as error:
-            if (bounded := _read_bounds(file, error)) is not None:
+            bounded = _read_bounds(file, error)
+            if bounded is None and not _has_decisions(file):
+                raise
+            options = {"exact": exact, "why": why, "best": best, "worlds": worlds, "samples": samples}
+            if useless := [name for name, value in options.items() if value]:
+                kind = "decisions" if bounded is None else "lower and upper probabilities"
+                raise ProgramError(f"--{useless[0]}: {file} has {kind}, which are printed alone") from None
+            if bounded is not None:
                 _print_bounds(bounded, query, as_json=as_json)
                 return
-            if not _has_decisions(file):
-                raise
             if query is not None:
                 raise ProgramError(f"{file}: a program with decisions has no query; expected none") from None
             _print_decisions(file, as_json=as_json)
