@@ -2,23 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any, Protocol
 
 import numpy as np
 import numpy.typing as npt
 
 from lcorpp.arguments import check_arguments
+from lcorpp.camera.damaged_bag import DamagedBag, find_file, warn_once
 from lcorpp.camera.floor import Intrinsics
 from lcorpp.camera.frames import Frame, check_alike, check_depth_scale, make_frame
 from lcorpp.errors import DataError, LcorppError, expected_one_of
 from lcorpp.input_files import check_regular, starts_with
-
-if TYPE_CHECKING:
-    from rosbags.highlevel import AnyReader
-    from rosbags.interfaces import Connection
 
 IMAGE, CAMERA_INFO = "sensor_msgs/msg/Image", "sensor_msgs/msg/CameraInfo"
 
@@ -35,6 +32,29 @@ ENCODINGS: dict[str, tuple[str, int, tuple[int, ...]]] = {
 """Encoding -> type of a number, numbers of a pixel, and places of blue, green, red (or the only one)."""
 
 NANOSECOND = 1e-9
+
+
+class BagTopic(Protocol):
+    """A topic of a bag: its name, and type and number of its messages."""
+
+    @property
+    def topic(self) -> str: ...
+    @property
+    def msgtype(self) -> str: ...
+    @property
+    def msgcount(self) -> int: ...
+
+
+class BagReader(Protocol):
+    """What lcorpp calls of a reader of bags: `rosbags.highlevel.AnyReader`, or `DamagedBag`."""
+
+    @property
+    def connections(self) -> Sequence[Any]: ...
+    def messages(self, connections: Any) -> Iterator[tuple[Any, int, bytes]]:
+        """Yield topic, nanoseconds and content of each message of some topics."""
+
+    def deserialize(self, data: bytes, kind: str) -> Any:
+        """Return a message of a type."""
 
 
 class Bag:
@@ -82,7 +102,7 @@ class Bag:
         with open_bag(self._path) as reader:
             images = {c.topic: c for c in reader.connections if c.msgtype == IMAGE}
             self.topic = _choose(images, topic, self._path)
-            self._count = sum(c.msgcount for c in reader.connections if c.topic == self.topic)
+            self._count = sum(int(c.msgcount) for c in reader.connections if c.topic == self.topic)
             self.intrinsics = self._read_intrinsics(reader)
 
     def __len__(self) -> int:
@@ -107,9 +127,9 @@ class Bag:
                 last = frame.time
                 yield frame
 
-    def _read_intrinsics(self, reader: AnyReader) -> Intrinsics | None:
+    def _read_intrinsics(self, reader: BagReader) -> Intrinsics | None:
         """Return the intrinsics of the camera of the images."""
-        cameras: dict[str, Connection] = {c.topic: c for c in reader.connections if c.msgtype == CAMERA_INFO}
+        cameras: dict[str, BagTopic] = {c.topic: c for c in reader.connections if c.msgtype == CAMERA_INFO}
         beside = f"{self.topic.rpartition('/')[0]}/camera_info"
         topic = beside if beside in cameras else next(iter(cameras)) if len(cameras) == 1 else None
         for connection, _, data in reader.messages([cameras[topic]]) if topic else ():
@@ -121,37 +141,81 @@ class Bag:
         return None
 
 
+IDS_LIST = "std_msgs/Header header\nstring[] ids\n"
+"""The definition of hri_msgs/IdsList, which bags before ROS 2 Iron do not have."""
+
 MAGIC = b"#ROSBAG V2.0"
 """The beginning of a bag of ROS 1."""
 
 
+BAG_SUFFIXES = (".bag", ".db3", ".mcap")
+"""Of files of ROS 1 and 2; a ROS 2 bag is a folder with metadata.yaml and the files."""
+
+
+def is_bag(path: Path) -> bool:
+    """Return whether a path is a bag by its names: a file of ROS 1 or 2, or a folder of ROS 2."""
+    if not path.is_dir():
+        return path.suffix.lower() in BAG_SUFFIXES
+    if (path / "metadata.yaml").exists():
+        return True
+    return any(file.suffix in BAG_SUFFIXES[1:] for file in path.iterdir())  # the recorder was killed
+
+
 @contextmanager
-def open_bag(path: Path) -> Iterator[AnyReader]:
+def open_bag(path: Path) -> Iterator[BagReader]:
     """Return a reader of a bag: a ROS 1 file (.bag) or a ROS 2 folder (with metadata.yaml).
+
+    Of a damaged ROS 2 bag in SQLite, or one without metadata.yaml, the messages before the fault are read,
+    with a warning.
 
     Raises:
         FileError: the path does not exist.
-        DataError: the bag is damaged, also in a part that is read later, or rosbags is not installed.
+        DataError: nothing of the bag can be read, a part that is read later is damaged, or rosbags is not
+            installed.
     """
     check_regular(path)
+    if path.is_file() and path.suffix in BAG_SUFFIXES[1:]:
+        path = path.parent  # the bag is the folder
     if path.is_file() and not starts_with(path, MAGIC):  # rosbags would read to the first newline
         raise DataError(f"{path}: cannot be read as a bag: it does not begin with {MAGIC.decode()}")
     try:
         from rosbags.highlevel import AnyReader
-        from rosbags.typesys import Stores, get_typestore
+        from rosbags.typesys import Stores, get_types_from_msg, get_typestore
     except ImportError:
         raise DataError("rosbags is not installed; pip install 'lcorpp[bags]'") from None
+    store = get_typestore(Stores.LATEST)
+    store.register(get_types_from_msg(IDS_LIST, "hri_msgs/msg/IdsList"))
     try:
-        with AnyReader([path], default_typestore=get_typestore(Stores.LATEST)) as reader:
+        with ExitStack() as stack:
+            try:
+                reader: BagReader = stack.enter_context(AnyReader([path], default_typestore=store))
+            except Exception as error:  # readers of damaged bags fail in any way: struct, sqlite3, yaml, ...
+                reader = _open_damaged(path, lambda file: DamagedBag(file, store, get_types_from_msg), error)
             yield reader
     except (LcorppError, MemoryError):
         raise
-    except Exception as error:  # readers of damaged bags fail in any way: struct, sqlite3, yaml, zstd, ...
+    except Exception as error:
         reason = f"{type(error).__name__}: {error}"[:300]
         raise DataError(f"{path}: cannot be read as a bag: {reason}") from error
 
 
-def _choose(topics: dict[str, Connection], topic: str | None, path: Path) -> str:
+def _open_damaged(path: Path, read: Callable[[Path], DamagedBag], error: Exception) -> DamagedBag:
+    """Return a reader of what is readable of a bag; raise the error if nothing is."""
+    file = find_file(path)
+    if file is None:
+        raise error
+    try:
+        found = read(file)
+    except Exception:  # the first error states more
+        raise error from None
+    count = sum(topic.msgcount for topic in found.connections)
+    if not count:
+        raise error
+    warn_once(f"{path}: is damaged: {found.fault or error}; {count} messages are read")
+    return found
+
+
+def _choose(topics: dict[str, BagTopic], topic: str | None, path: Path) -> str:
     """Return the name of the topic with images."""
     if topic is not None and topic in topics:
         return topic
