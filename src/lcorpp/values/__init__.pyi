@@ -17,6 +17,7 @@ from .confusion import (
 )
 from .dataset import (
     CHANNELS as CHANNELS,
+    GROUP_SEPARATOR as GROUP_SEPARATOR,
     Dataset as Dataset,
     Kind as Kind,
     LabelEvidence as LabelEvidence,

@@ -25,8 +25,13 @@ from lcorpp.values.padding import (
     strip_padding,
 )
 
-CHANNELS = ("x", "y", "velocity", "heading", "facing")
-"""The channels of motion: position (m), speed (m/s), direction of motion and of the body (rad)."""
+CHANNELS = ("x", "y", "velocity", "heading", "facing", "gaze_angle", "robot_angle", "face_distance")
+"""The channels of motion: position (m), speed (m/s), direction of motion and of the body (rad). And of gaze:
+the angles between the face and the direction to the robot, and between the robot's head and the direction to
+the face (rad), and the distance of the face from the robot's head (m)."""
+
+GROUP_SEPARATOR = "+"
+"""Between the people of a case whose group has several, e.g. "ann+bob"."""
 
 Kind = Literal["motion", "series", "table"]
 """Kinds of data: channels of motion, or channels of a domain's own, over time; features without time."""
@@ -77,8 +82,9 @@ class Dataset:
         and radians. A track that is shorter than others is padded: after its last time point all its channels
         are NaN.
     labels: (cases,) class names.
-    groups: (cases,) group names; cross-validation never splits a group between training and test. Default:
-        each case is its own group.
+    groups: (cases,) group names, e.g. of people; cross-validation never splits a group between training and
+        test. A case of several people has their names, joined by `GROUP_SEPARATOR`. Default: each case is its
+        own group.
     source: origin of the data, for reports.
     notes: warnings for the user, e.g. that the data leak their label.
     interval: seconds between two time points; features have none, and ignore it.

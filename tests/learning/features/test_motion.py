@@ -13,7 +13,9 @@ from lcorpp.learning.features.motion_features import MOTION_FEATURES, TrackHisto
 from lcorpp.values import stack_signals, strip_padding
 
 ALL = ("x", "y", "velocity", "heading", "facing")
-FEATURES = tuple(MOTION_FEATURES)
+GAZE = ("gaze_angle", "robot_angle", "face_distance")
+FEATURES = tuple(name for name, known in MOTION_FEATURES.items() if not known.needs[0] & set(GAZE))
+OF_GAZE = tuple(name for name in MOTION_FEATURES if name not in FEATURES)
 OWN = ("velocity", "acceleration", "turn_rate", "ahead", "left", "facing_ahead")
 """The features that are the same from wherever a person is seen."""
 SECOND = {"rate": 1.0, "interval": 0.5}
@@ -124,6 +126,29 @@ def test_a_track_that_stays_near_its_first_point_leads_ahead():
     assert found["left"] == pytest.approx([0] * 4)
 
 
+def test_gaze_known_by_hand():
+    """A person looks past the robot, then straight at it, then away, farther off than people interact."""
+    x = [[np.pi / 6, 0, np.pi / 2], [0, 0, 0], [2, 1.5, 4.5]]
+    found = rows_of(x, rate=2, inputs=GAZE, features=OF_GAZE)
+    assert found["gaze_angle"] == pytest.approx(x[0])
+    assert found["gaze_rate"] == pytest.approx([0, -np.pi / 3, np.pi])
+    assert found["looks"] == [0, 1, 0]
+    assert found["mutual_gaze"] == pytest.approx([2 / 3, 1, 0])  # 1 - tan(30) / tan(60)
+    assert found["social_engagement"] == pytest.approx([1 / 3, 2 / 3, 0])
+    assert found["face_distance"] == [2, 1.5, 4.5]
+    assert found["face_distance_rate"] == pytest.approx([0, -1, 6])
+
+
+@settings(max_examples=30)
+@given(seed=st.integers(0, 10**6))
+def test_gaze_does_not_depend_on_the_pose_of_the_robot(seed):
+    """Trackers of faces measure it from the robot's head."""
+    x = np.concatenate([measured(seed)[:, :2], np.abs(tracks(seed, channels=3)) % np.pi], axis=1)
+    motion = {"inputs": ("x", "y", *GAZE), "features": OF_GAZE}
+    seen = Motion(**motion).fit_transform(x)
+    assert np.array_equal(seen, Motion(robot=(1.0, -2.0, 0.3), **motion).fit_transform(x))
+
+
 def measured(seed: int, points: int = 50) -> np.ndarray:
     x = tracks(seed, channels=5, points=points)
     x[:, 2] = np.abs(x[:, 2])
@@ -186,14 +211,20 @@ def test_own_features_do_not_depend_on_where_the_robot_stands(seed, x, y, turned
         np.testing.assert_allclose(one, other, atol=1e-6)
 
 
-@pytest.mark.parametrize("inputs", [ALL, ("x", "y", "facing"), ("velocity", "heading", "facing")])
+@pytest.mark.parametrize(
+    "inputs", [ALL, ("x", "y", "facing"), ("velocity", "heading", "facing"), ("x", "y", *GAZE)]
+)
 def test_features_of_points_one_by_one_equal_those_of_the_track(inputs):
     """Number for number, of people who walk, stand and vanish."""
-    points = measured(3)[:, [ALL.index(name) for name in inputs]]
+    known = (*ALL, *GAZE)
+    measurements = np.concatenate([measured(3), np.abs(tracks(4, channels=3)) % np.pi], axis=1)
+    points = measurements[:, [known.index(name) for name in inputs]]
     points[1] = points[1, :, :1]
     points[2, :, 20:] = points[2, :, 20:21]
     points[3, :, 30:] = np.nan
-    usable = [name for name in FEATURES if any(need <= set(inputs) for need in MOTION_FEATURES[name].needs)]
+    usable = [
+        name for name in MOTION_FEATURES if any(need <= set(inputs) for need in MOTION_FEATURES[name].needs)
+    ]
     motion = Motion(inputs=inputs, features=usable).fit(points[:3])
     history = TrackHistory(*np.full((4, 4, len(inputs), 1), np.nan))
     found = []

@@ -41,7 +41,8 @@ ColumnOption = Annotated[
     typer.Option(
         metavar="COLUMN=NAME",
         help="The name in the file, or without a heading the number, of a column: track, time, x, y, z,"
-        " velocity, heading, facing, label or group; repeatable, e.g. --column time=stamp.",
+        " velocity, heading, facing, tilt, gaze_angle, robot_angle, face_distance, label or group;"
+        " repeatable, e.g. --column time=stamp.",
     ),
 ]
 UnitOption = Annotated[

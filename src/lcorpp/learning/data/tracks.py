@@ -14,11 +14,18 @@ from lcorpp.errors import DataError, expected_one_of
 from lcorpp.notebook import html_table
 from lcorpp.values import CHANNELS, Array, freeze, wrap_angle
 
-COLUMNS = ("x", "y", "z", "velocity", "heading", "facing")
-"""Columns of a track: the channels of a `Dataset`, and z, the height of the head (m)."""
+COLUMNS = (
+    *("x", "y", "z", "velocity", "heading", "facing", "tilt"),
+    *("gaze_angle", "robot_angle", "face_distance"),
+)
+"""Columns of a track: the channels of a `Dataset`; z, the height of the head (m); and tilt, the angle of the
+face above the horizon (rad)."""
 
 ANGLES = ("heading", "facing")
-"""Columns that are angles, in radians."""
+"""Columns that are directions in the plane, in radians; they turn with the frame."""
+
+OTHER_ANGLES = ("tilt", "gaze_angle", "robot_angle")
+"""Columns that are other angles, in radians, in [-pi / 2, pi / 2] or [0, pi]."""
 
 CLOCK_TOLERANCE = 1e-6
 """Seconds that may be missing in the duration of a track: rounding of the clock."""
@@ -143,6 +150,14 @@ class Track:
         first = min(first, len(self) - 2)
         columns = {name: values[first:] for name, values in self.columns.items()}
         return replace(self, times=self.times[first:], columns=columns)
+
+    def between(self, start: float, end: float) -> Track | None:
+        """Return the part from one time to another, in seconds; None if it has less than two samples."""
+        first, last = np.searchsorted(self.times, [start, np.nextafter(end, np.inf)]).tolist()
+        if last - first < 2:
+            return None
+        columns = {name: values[first:last] for name, values in self.columns.items()}
+        return replace(self, times=self.times[first:last], columns=columns)
 
     def in_robot_frame(self, x: float, y: float, angle: float) -> Track:
         """Transform positions and angles to the frame of a robot at (x, y), m, that faces `angle`, rad.

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from lcorpp.learning.data.repairs import RowSource
-from lcorpp.learning.data.tracks import ANGLES, JUMP_TOLERANCE, Track
+from lcorpp.learning.data.tracks import ANGLES, JUMP_TOLERANCE, OTHER_ANGLES, Track
 from lcorpp.values import Array, Flags
 
 MAX_SPEED = 12.0
@@ -31,7 +31,7 @@ FOOT = 0.3048
 MAX_DISAGREEMENT = 3.0
 """Maximum factor between the velocities of a file and the speeds of positions; smoothing explains less."""
 
-LENGTHS = ("x", "y", "z")
+LENGTHS = ("x", "y", "z", "face_distance")
 
 
 def convert_units(
@@ -140,7 +140,8 @@ def _factor(speed: float) -> float:
 
 def _find_degrees(tracks: Sequence[Track]) -> list[str]:
     """Return the angles that are in degrees in every track that has them."""
-    largest = {name: [np.abs(t.columns[name]).max() for t in tracks if name in t.columns] for name in ANGLES}
+    names = (*ANGLES, *OTHER_ANGLES)
+    largest = {name: [np.abs(t.columns[name]).max() for t in tracks if name in t.columns] for name in names}
     return [name for name, sizes in largest.items() if sizes and np.mean(np.array(sizes) > 2 * np.pi) >= 0.5]
 
 

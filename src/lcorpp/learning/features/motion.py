@@ -62,10 +62,18 @@ class Motion(TransformerMixin, BaseEstimator):  # type: ignore[misc]  # scikit-l
     - attention: the same for facing: (1, 0) if the person looks at the robot;
     - distance: metres from the robot; distance_rate: its change, m/s;
     - bearing: cosine and sine of the direction from the robot to the person; bearing_rate: its change,
-      radians per second anticlockwise.
+      radians per second anticlockwise;
+    - gaze_angle: angle between the face and the direction to the robot, radians; gaze_rate: its change,
+      radians per second; looks: 1 if the angle is at most 20 degrees, else 0, so that its mean over time is
+      the share of the time in which the person looks at the robot;
+    - mutual_gaze: how much person and robot look at each other, from 0 to 1; social_engagement: the same over
+      the distance in metres, at most 1 (Webb and others, 2022, see `features.gaze`);
+    - face_distance: metres between the face and the robot's head; face_distance_rate: its change, m/s.
 
-    approach to bearing_rate depend on the place of a track: on data that leaks its label by place a
-    classifier learns the leak. x, y, heading and facing depend on the direction in which the robot stands.
+    The features of gaze need the inputs that trackers of faces measure, which are relative to the robot's
+    head wherever it is. approach to bearing_rate depend on the place of a track: on data that leaks its label
+    by place a classifier learns the leak. x, y, heading and facing depend on the direction in which the robot
+    stands.
     The others depend on the person alone, so a classifier that was trained at one place works at another.
 
     Args:
@@ -73,7 +81,7 @@ class Motion(TransformerMixin, BaseEstimator):  # type: ignore[misc]  # scikit-l
         interval: seconds between two time points of the input tracks.
         features: the features, in the order of the result.
         inputs: the channels of the input tracks: among x and y (m), velocity (m/s), heading and facing
-            (radians, anticlockwise from the x axis).
+            (radians, anticlockwise from the x axis), gaze_angle and robot_angle (radians), face_distance (m).
         robot: the robot's pose in the frame of the tracks: x, y (m) and heading (radians).
 
     Attributes:

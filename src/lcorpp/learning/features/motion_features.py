@@ -15,6 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lcorpp.errors import DataError, expected_one_of
+from lcorpp.learning.features.gaze import compute_mutual_gaze, compute_social_engagement, is_looking
 from lcorpp.values import CHANNELS, Array
 
 Pose = tuple[float, float, float]
@@ -120,7 +121,7 @@ class TrackPoints:
     @cached_property
     def position(self) -> Array:
         """(2, ..., points) position relative to the robot: metres ahead of it and to its left."""
-        return self._rotate(self._find("x") - self.robot[0], self._find("y") - self.robot[1])
+        return self._rotate(self.find("x") - self.robot[0], self.find("y") - self.robot[1])
 
     @property
     def heading(self) -> Array:
@@ -142,7 +143,7 @@ class TrackPoints:
     def velocity(self) -> Array:
         """(1, ..., points) speed, m/s: measured, else length of the increment times the rate."""
         measured = "velocity" in self.inputs
-        return (self._find("velocity") if measured else np.hypot(*self.increment) * self.rate)[None]
+        return (self.find("velocity") if measured else np.hypot(*self.increment) * self.rate)[None]
 
     @property
     def acceleration(self) -> Array:
@@ -164,7 +165,22 @@ class TrackPoints:
         distance: Array = np.hypot(*self.position)
         return distance[None]
 
-    def _find(self, name: str) -> Array:
+    @property
+    def mutual_gaze(self) -> Array:
+        """(1, ..., points) how much person and robot look at each other, from 0 to 1."""
+        return compute_mutual_gaze(self.find("gaze_angle"), self.find("robot_angle"))[None]
+
+    @property
+    def social_engagement(self) -> Array:
+        """(1, ..., points) mutual gaze over distance, from 0 to 1."""
+        angles = self.find("gaze_angle"), self.find("robot_angle")
+        return compute_social_engagement(*angles, self.find("face_distance"))[None]
+
+    def compute_change(self, name: str) -> Array:
+        """(1, ..., points) the change of an input since the previous point, per second."""
+        return ((self.find(name) - self.before.find(name)) * self.rate)[None]
+
+    def find(self, name: str) -> Array:
         """(..., points) the input of this name."""
         return self.points[..., self.inputs.index(name), :]
 
@@ -173,7 +189,7 @@ class TrackPoints:
         return self._rotate(*(end[..., row, :] - start[..., row, :] for row in rows))
 
     def _compute_direction(self, name: str) -> Array:
-        relative = self._find(name) - self.robot[2]
+        relative = self.find(name) - self.robot[2]
         return np.stack([np.cos(relative), np.sin(relative)])
 
     def _rotate(self, x: Array, y: Array) -> Array:
@@ -242,6 +258,15 @@ MOTION_FEATURES = {
     "distance_rate": MotionFeature(lambda p: (p.distance - p.before.distance) * p.rate, (_XY,)),
     "bearing": MotionFeature(lambda p: _normalize(p.position), (_XY,), is_direction=True),
     "bearing_rate": MotionFeature(lambda p: _compute_angle(p.position, p.before.position) * p.rate, (_XY,)),
+    "gaze_angle": MotionFeature(lambda p: p.find("gaze_angle")[None], ({"gaze_angle"},)),
+    "gaze_rate": MotionFeature(lambda p: p.compute_change("gaze_angle"), ({"gaze_angle"},)),
+    "looks": MotionFeature(lambda p: is_looking(p.find("gaze_angle"))[None], ({"gaze_angle"},)),
+    "mutual_gaze": MotionFeature(lambda p: p.mutual_gaze, ({"gaze_angle", "robot_angle"},)),
+    "social_engagement": MotionFeature(
+        lambda p: p.social_engagement, ({"gaze_angle", "robot_angle", "face_distance"},)
+    ),
+    "face_distance": MotionFeature(lambda p: p.find("face_distance")[None], ({"face_distance"},)),
+    "face_distance_rate": MotionFeature(lambda p: p.compute_change("face_distance"), ({"face_distance"},)),
 }
 """The motion features by name; the docstring of `Motion` describes each."""
 

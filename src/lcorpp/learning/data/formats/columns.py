@@ -1,7 +1,8 @@
 """Names of columns: those of the long format, and the names that other files use for them.
 
 Long format: a heading, then one row per person and time, in metres. track, time (s), x and y (m) are
-required; z (m), velocity (m/s), heading and facing (rad), label and group are optional; others are ignored.
+required; z (m), velocity (m/s), heading, facing, tilt, gaze_angle and robot_angle (rad), face_distance (m),
+label and group are optional; others are ignored.
 """
 
 from __future__ import annotations
