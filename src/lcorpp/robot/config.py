@@ -45,11 +45,14 @@ class TrackerConfig:
 
     topic: of a people tracker or a laser scanner. classes: of detections that are people, in lower case.
     mounting: the pose of a laser scanner in the robot's frame.
+    head_frame: of frames: that of the robot's head, to which the gaze of people is related; None takes that
+        in which their faces come.
     """
 
     topic: Topic
     classes: tuple[str, ...] = CLASSES
     mounting: Pose = AT_ROBOT
+    head_frame: str | None = None
 
 
 @dataclass(frozen=True)

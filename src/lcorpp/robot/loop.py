@@ -299,6 +299,7 @@ def make_perceptions(connection: RosConnection, config: RobotConfig) -> list[Per
                 tracker=name,
                 home=None if first is None else first.home,
                 initial=config.initial_pose if first is None else None,
+                head_frame=tracker.head_frame,
             )
         )
     return perceptions

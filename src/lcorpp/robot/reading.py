@@ -31,6 +31,7 @@ from lcorpp.worlds.ros.people.laser_scan import LASER
 from lcorpp.worlds.ros.perception import Frames
 from lcorpp.worlds.ros.pose import Pose
 from lcorpp.worlds.ros.sensor_messages import PEOPLE, POSES, TEXTS
+from lcorpp.worlds.ros.transforms import TRANSFORMS
 
 MAX_SECONDS = 3600.0
 """Maximum of time-outs and durations."""
@@ -231,8 +232,8 @@ def _read_people(table: TomlTable, domain: Domain) -> PeopleConfig:
 
 def _read_tracker(table: TomlTable) -> TrackerConfig:
     """Read topic and type of a tracker or laser scanner, and what belongs to it."""
-    topic, default = read_topic(table, (*PEOPLE, LASER)), TrackerConfig(("", ""))
-    classes, mounting = default.classes, default.mounting
+    topic, default = read_topic(table, (*PEOPLE, TRANSFORMS, LASER)), TrackerConfig(("", ""))
+    classes, mounting, head_frame = default.classes, default.mounting, default.head_frame
     if "classes" in table:
         if topic[1] == LASER:
             raise DomainError(f"{table.location('classes')}: is for detections; {LASER} has none")
@@ -241,7 +242,11 @@ def _read_tracker(table: TomlTable) -> TrackerConfig:
         if topic[1] != LASER:
             raise DomainError(f"{table.location('mounting')}: is for {LASER}; {topic[1]} has frames")
         mounting = _read_numbers(table, "mounting", table.value("mounting"))
-    return TrackerConfig(topic, classes, mounting)
+    if "head_frame" in table:
+        if topic[1] != TRANSFORMS:
+            raise DomainError(f"{table.location('head_frame')}: is for {TRANSFORMS}; {topic[1]} has no faces")
+        head_frame = table.text("head_frame")
+    return TrackerConfig(topic, classes, mounting, head_frame)
 
 
 def _read_own_trackers(table: TomlTable, domain: Domain) -> dict[str, TrackerConfig]:

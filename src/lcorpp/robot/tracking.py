@@ -16,7 +16,8 @@ from lcorpp.errors import ConnectionLostError, DataError, LcorppError, WorldErro
 from lcorpp.learning import StreamingClassifier, TrainedClassifier
 from lcorpp.learning.streaming.clock import Clock, StampCheck, describe_doubtful_stamps
 from lcorpp.values import Array, Label
-from lcorpp.worlds.ros.perception import Perception, Sample
+from lcorpp.worlds.ros.perception import Perception
+from lcorpp.worlds.ros.sensor_messages import Sample
 
 PERIOD = 0.2
 """Seconds after which the thread checks whether it should end."""
@@ -42,7 +43,7 @@ class Track:
     last: float
     seen: float = 0.0
     received: float = 0.0
-    samples: list[tuple[float, float, float]] = field(default_factory=list)
+    samples: list[Sample] = field(default_factory=list)
     waiting: Sample | None = None
     stamps: StampCheck = field(default_factory=StampCheck)
 
@@ -54,24 +55,23 @@ class Track:
     def select(self, sample: Sample, max_silence: float) -> list[Sample]:
         """Return the samples to use now: this one, the one that waits, both or none."""
         waiting, self.waiting = self.waiting, None
-        if abs(sample[0] - self.last) <= max_silence:
+        if abs(sample.time - self.last) <= max_silence:
             return [sample]
         if waiting is None:
             self.waiting = sample
             return []
-        if abs(sample[0] - waiting[0]) <= max_silence:
+        if abs(sample.time - waiting.time) <= max_silence:
             return [waiting, sample]
         self.waiting = sample
         return [waiting]
 
     def add(self, sample: Sample, max_silence: float) -> None:
         """Add a sample that is used; a stamp far from the last one begins the track anew."""
-        time, _, x, y = sample
-        if abs(time - self.last) > max_silence:
-            self.first = self.last = time
+        if abs(sample.time - self.last) > max_silence:
+            self.first = self.last = sample.time
             self.samples.clear()
-        self.last = max(self.last, time)
-        self.samples.append((time, x, y))
+        self.last = max(self.last, sample.time)
+        self.samples.append(sample)
         del self.samples[:-MAX_SAMPLES]
 
 
@@ -101,8 +101,13 @@ class PeopleTracks:
         self._lock = threading.Lock()
         self._clock, self._has_warned = Clock(min(max_silence, CLOCK_STEP)), False
 
-    def add(self, samples: list[Sample]) -> None:
+    def add(self, samples: Sequence[Sequence[Any]]) -> None:
         """Add samples of any people; those that are not finite are left out.
+
+        A sense takes the samples that have all inputs of its classifier, e.g. a face; the others are gaps.
+
+        Args:
+            samples: each is a `Sample`, or time, person, x and y.
 
         Raises:
             DataError: a sample is malformed; then none of them is used. Or a classifier fails.
@@ -111,15 +116,18 @@ class PeopleTracks:
         with self._lock:
             used = list[Sample]()
             for sample in checked:
-                if all(map(isfinite, (sample[0], *sample[2:]))):
+                if all(map(isfinite, (sample.time, sample.x, sample.y))):
                     used += self._add(sample, now)
             for streams in self._streams.values():
-                streams.push_many(used)
+                rows = [_read_inputs(sample, streams.inputs) for sample in used]
+                streams.push_many(
+                    [(s.time, s.person, *row) for s, row in zip(used, rows, strict=True) if row]
+                )
             self._remove_absent(now)
 
     def _add(self, sample: Sample, now: float) -> list[Sample]:
         """Add a sample to the track of its person; return the samples that are used now."""
-        time, person = sample[:2]
+        time, person = sample.time, sample.person
         self._clock.observe(time)
         track = self._tracks.setdefault(person, Track(time, time))
         track.seen, track.received = self._clock.elapsed, now
@@ -149,13 +157,16 @@ class PeopleTracks:
                 del self._tracks[person]
 
     def signals(self, person: str) -> dict[str, Array]:
-        """Return sense -> the positions (2, samples) of a person so far."""
+        """Return sense -> the signal (inputs of its classifier, samples) of a person so far."""
         with self._lock:
             track = self._tracks.get(person)
             if track is None:
                 return {}
-            positions = np.array(track.samples)[:, 1:].T
-        return dict.fromkeys(self._streams, positions)
+            found = {
+                name: [row for sample in track.samples if (row := _read_inputs(sample, streams.inputs))]
+                for name, streams in self._streams.items()
+            }
+        return {name: np.array(rows).T for name, rows in found.items() if rows}
 
     def classify(self, person: str, sense: str) -> Label | None:
         """Return the current output of a sense for a person; None with too few samples."""
@@ -192,7 +203,7 @@ class SensedPeople:
         return seconds
 
     def signals(self, person: str) -> dict[str, Array]:
-        """Return sense -> the positions (2, samples) of a person so far, of the senses that perceive them."""
+        """Return sense -> the signal (inputs, samples) of a person so far, if the sense perceives them."""
         return {sense: own for tracks in self._tracks for sense, own in tracks.signals(person).items()}
 
     def classifiers(self, person: str) -> dict[str, PersonClassifier]:
@@ -202,10 +213,16 @@ class SensedPeople:
 
 def _check(sample: Sequence[Any]) -> Sample:
     try:
-        time, person, x, y = sample
-        return float(time), person, float(x), float(y)
+        own = Sample(*sample)
+        return own._replace(time=float(own.time), x=float(own.x), y=float(own.y))
     except (TypeError, ValueError, OverflowError):
         raise DataError(f"sample {sample!r}; expected time, person, x, y") from None
+
+
+def _read_inputs(sample: Sample, inputs: Sequence[str]) -> list[float]:
+    """Return the values of a sample by their names; none if it lacks one of them."""
+    values = {**sample.columns, "x": sample.x, "y": sample.y}
+    return [values[name] for name in inputs] if values.keys() >= set(inputs) else []
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,7 +1,6 @@
 """People in bags that rosbags wrote, of ROS 1 and 2, as tracks."""
 
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,7 +10,7 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from lcorpp.errors import DataError, FileError
 from lcorpp.learning import read_recording
-from lcorpp.worlds.ros.people_bag import list_people_topics, read_people_bag
+from lcorpp.worlds.ros.people.people_bag import list_people_topics, read_people_bag
 from tests.worlds.ros.test_laser_scan import HALF, RADIUS, scan
 
 PEOPLE_MSGS = {
@@ -72,7 +71,7 @@ def test_a_bag_has_the_samples_of_its_people(bag):
     assert list_people_topics(bag) == {"/people": "people_msgs/People"}
     samples = read_people_bag(bag)
     assert len(samples) == 40
-    times, names, x, y = zip(*samples[:2], strict=True)
+    times, names, x, y, _ = zip(*samples[:2], strict=True)
     assert times == pytest.approx((100.0, 100.0))
     assert (names, x, y) == (("a", "b"), (5.0, 1.0), (0.0, 0.0))
     assert read_people_bag(bag, "/people") == samples
@@ -96,18 +95,6 @@ def test_topics_that_are_missing_or_unknown_are_errors(bag, tmp_path):
         read_people_bag(tmp_path / "broken.bag")
 
 
-ENGAGEMENT = Path(__file__).parents[4] / "shared" / "data" / "engagement"
-
-
-@pytest.mark.skipif(not ENGAGEMENT.is_dir(), reason="the recordings are not here (shared/data/engagement)")
-@pytest.mark.parametrize(("name", "people"), [("1p_AA_eng_1", 1), ("2p_AA_FV_eng_1", 2)])
-def test_recorded_frames_have_one_track_a_person(name, people):
-    """In one there are frames of faces and gazes only, in the other of persons, too."""
-    samples = read_people_bag(ENGAGEMENT / name, "/tf")
-    assert len({person for _, person, _, _ in samples}) == people
-    assert all(0.3 < x < 4 and abs(y) < 2 for _, _, x, y in samples)  # metres in front of the robot
-
-
 def test_people_are_tracked_in_the_scans_of_a_bag(tmp_path):
     store, kind = get_typestore(Stores.ROS2_HUMBLE), "sensor_msgs/msg/LaserScan"
     types, path = store.types, tmp_path / "scans"
@@ -124,9 +111,9 @@ def test_people_are_tracked_in_the_scans_of_a_bag(tmp_path):
             writer.write(connection, int(now * 1e9), store.serialize_cdr(message, kind))
     assert list_people_topics(path) == {"/scan": "sensor_msgs/LaserScan"}
     samples = read_people_bag(path, "/scan")
-    assert {person for _, person, _, _ in samples} == {"1-1"}
+    assert {sample.person for sample in samples} == {"1-1"}
     assert len(samples) > 25
-    for time, _, x, y in samples:
+    for time, _, x, y, _ in samples:
         assert abs(x - (104.0 - time)) < 0.2
         assert abs(y) < 0.15
     with pytest.raises(DataError, match="has 0 topics with people; expected one of /scan"):

@@ -131,8 +131,10 @@ def test_people_in_another_frame_are_left_out_once_there_were_some_in_a_known_on
 def test_frames_of_faces_below_a_camera_do_not_end_the_tracking(caplog):
     robot = Received()
     perception = Perception(robot, ("/tf", TRANSFORMS), ORIGIN, Frames())
-    for parent, child, x in (("camera_optical_frame", "face_1", 0.0), ("map", "person_ann", 3.0)):
-        at = {"translation": {"x": x, "y": 1.0, "z": 2.0}}
+    frames = ("camera_optical_frame", "face_1", 0.0), ("face_1", "gaze_1", 0.0), ("map", "person_ann", 3.0)
+    for parent, child, x in frames:
+        rotation = {"x": 0.0, "y": 0.0, "z": 0.0, "w": 1.0}
+        at = {"translation": {"x": x, "y": 1.0, "z": 2.0}, "rotation": rotation}
         transform = {"header": header(parent), "child_frame_id": child, "transform": at}
         robot.put("/tf", {"transforms": [transform]})
     perception.update(0.0)
@@ -162,6 +164,6 @@ def test_a_walker_whom_a_slow_scanner_sees_is_the_person_of_the_camera(monkeypat
         robot.put("/p", people("map", ann=(x, 0.0)))
         camera.update(0.0)
         robot.put("/scan", make_message(100 + now[0], scan(legs_at(x, 0.0), noise=0.01, seed=k)))
-        seen += [(x, person) for _, person, x, _ in laser.update(0.0)]
+        seen += [(x, person) for _, person, x, _, _ in laser.update(0.0)]
     assert {person for _, person in seen} == {"ann"}
     assert len(seen) >= 10

@@ -47,12 +47,6 @@ EXAMPLES = {
         "people": [{"header": HEADER_2, "name": "person", "object_id": "7", "pos": POSITION}],
     },
     "leg_tracker/PersonArray": {"header": HEADER_1, "people": [{"id": 7, "pose": {"position": POSITION}}]},
-    "tf2_msgs/TFMessage": {
-        "transforms": [
-            {"header": HEADER_2, "child_frame_id": "person_7", "transform": {"translation": POSITION}},
-            {"header": HEADER_2, "child_frame_id": "odom", "transform": {"translation": POSITION}},
-        ]
-    },
 }
 NUMBERS = st.floats(-100, 100)
 ANGLES = st.floats(-10, 10)
@@ -179,36 +173,6 @@ def test_the_parts_of_a_person_are_one_person(caplog):
     ]
     assert read_markers(*parts) == {"1": (4.0, 1.0), "2": (4.0, 1.2)}
     assert caplog.messages == []
-
-
-def transform(child, parent="map", **translation):
-    header = {"stamp": {"sec": 5, "nanosec": 0}, "frame_id": parent}
-    return {"header": header, "child_frame_id": child, "transform": {"translation": POSITION | translation}}
-
-
-def read_frames(*messages):
-    reader = PeopleReader("tf2_msgs/TFMessage")
-    return [[(p.id, p.x, p.y) for p in reader.read({"transforms": list(m)})] for m in messages]
-
-
-def test_faces_are_people_and_their_gaze_is_no_second_one():
-    face, gaze = transform("face_a1"), transform("gaze_a1", "face_a1", x=0.0, y=0.0)
-    assert read_frames([face, gaze], [gaze], [face]) == [[("a1", 1.0, 2.0)], [], [("a1", 1.0, 2.0)]]
-    assert read_frames([transform("gaze_a1")], [face], [transform("gaze_a1", x=3.0)]) == [
-        [("a1", 1.0, 2.0)],
-        [("a1", 1.0, 2.0)],
-        [],
-    ]
-
-
-def test_a_face_counts_until_there_are_persons():
-    face, person = transform("/face_a1"), transform("/person_ann", "/map", x=1.1)
-    assert read_frames([face], [person, face], [face]) == [[("a1", 1.0, 2.0)], [("ann", 1.1, 2.0)], []]
-
-
-def test_in_an_optical_frame_the_z_axis_is_ahead():
-    (found,) = read_frames([transform("face_a1", "camera_color_optical_frame", x=0.5, y=-0.2, z=2.0)])
-    assert found == [("a1", 2.0, -0.5)]
 
 
 DETECTION = {"bbox": {"center": {"position": POSITION}}}

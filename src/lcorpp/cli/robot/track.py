@@ -1,8 +1,9 @@
-"""`lcorpp track`: people seen by a camera, as tracks."""
+"""`lcorpp track`: people whom a robot's sensors see, as tracks."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from itertools import chain
 from math import inf
 from pathlib import Path
@@ -11,11 +12,15 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from lcorpp.cli import console, output_files
+from lcorpp.cli.options.recordings import LabelOption, parse_written_labels
+from lcorpp.cli.options.senses import reject_given
 from lcorpp.errors import DataError, FileError, expected_one_of
 
 if TYPE_CHECKING:
-    from lcorpp.camera import Frame, FrameSource, Intrinsics, Locator, Sample
+    from lcorpp.camera import Frame, FrameSource, Intrinsics, Locator
     from lcorpp.camera.mounting import FloorObserver
+    from lcorpp.learning import Recording
+    from lcorpp.worlds.ros.sensor_messages import Sample
 
 SUFFIXES = (".csv", ".parquet", ".pq")
 """Formats of tracks."""
@@ -29,7 +34,8 @@ def track(
         Path,
         typer.Argument(
             metavar="SOURCE",
-            help="A folder of images, a video, or a bag: a ROS 1 .bag file or a ROS 2 folder.",
+            help="A folder of images, a video, a bag (a ROS 1 .bag file or a ROS 2 folder), or a folder of"
+            " bags of people.",
         ),
     ],
     output: Annotated[
@@ -56,7 +62,32 @@ def track(
     topic: Annotated[
         str | None,
         typer.Option(
-            metavar="NAME", help="The topic of a bag: of a people tracker, a laser scanner or of images."
+            metavar="NAME",
+            help="The topic of a bag: of a people tracker, a laser scanner, of frames (TF) or of images.",
+        ),
+    ] = None,
+    frame: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAME",
+            help="For people by their frames: the frame in which they are placed, e.g. base_link; by default"
+            " that of the camera.",
+        ),
+    ] = None,
+    label: LabelOption = None,
+    label_file: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE",
+            help="For bags: CSV of ids and labels, of tracks or of bags; others are left out. Without it"
+            " --label finds the words in the names of bags.",
+        ),
+    ] = None,
+    groups: Annotated[
+        str | None,
+        typer.Option(
+            metavar="REGEX",
+            help="For bags: who is in them, by their names, e.g. '[A-Z]{2}'; by default the ids of people.",
         ),
     ] = None,
     rate: Annotated[
@@ -89,8 +120,8 @@ def track(
 ) -> None:
     """Track people whom a camera or a scanner sees, and write them.
 
-    A bag with messages of a people tracker is read as tracks, not images, and with --topic of a laser scanner
-    as scans (docs/guides/robot/people.md).
+    A bag with messages of a people tracker is read as tracks, not images, with --topic of a laser scanner as
+    scans, and without images by the frames of ROS4HRI, with gaze (docs/guides/robot/people.md).
 
     Colour images need a homography, depth images the intrinsics. Positions are in metres: those of the
     homography, or x forward and y to the left of a depth camera, on the floor below it. Times are those of
@@ -101,14 +132,28 @@ def track(
     output_files.check_writable(output)
     if start is not None and end is not None and not start < end:
         raise DataError(f"--from {start:g} --to {end:g}: expected the first to be less")
-    if _is_bag(source) and _has_people(source, topic):
-        from lcorpp.worlds.ros.people_bag import read_people_bag
+    if _has_people(source, topic):
+        from lcorpp.worlds.ros.people.bag_recording import read_bags
 
-        read = read_people_bag(source, topic)
-        began = min((time for time, *_ in read), default=0.0)
-        low, high = began + (start or 0.0), inf if end is None else began + end
-        console.out.print(_write([own for own in read if low <= own[0] <= high], source, output))
+        with console.show_progress(f"reading {source.name}") as advance:
+            recording = read_bags(
+                source,
+                labels=parse_written_labels(label),
+                label_file=label_file,
+                groups=groups,
+                topic=topic,
+                frame=frame,
+                progress=advance,
+            )
+        console.out.print(_write(_cut_recording(recording, start, end), source, output))
         return
+    reject_given(
+        f"{source} has images; people by their frames or a tracker have them",
+        frame=frame,
+        label=label,
+        label_file=label_file,
+        groups=groups,
+    )
     from lcorpp.camera import Intrinsics, track_people
     from lcorpp.camera.mounting import check_rotation, rotate_frames
 
@@ -123,19 +168,21 @@ def track(
         raise DataError(f"{first.place}: is a colour image; --rotate and --depth-scale are for depth images")
     locator, observer = _make_locator(first, homography, detector, known, rotate)
     turned = rotate_frames(chain([first], cut), rotate)
+    from lcorpp.worlds.ros.sensor_messages import Sample
+
     samples: list[Sample] = []
     count, interrupted = 0, False
     try:
         with console.show_progress(f"tracking people in {source.name}", len(frames)) as advance:
-            for frame, new in track_people(turned, locator):
-                samples += new
+            for image, new in track_people(turned, locator):
+                samples += [Sample(time, str(person), x, y) for time, person, x, y in new]
                 if observer is not None:
-                    observer.observe(frame)
+                    observer.observe(image)
                 count += 1
                 advance(count, max(len(frames), count))
     except KeyboardInterrupt:
         interrupted = True
-    written = _write(samples, source, output)
+    written = _write(_collect(samples, source), source, output)
     note = None if observer is None else observer.explain(has_people=bool(samples))
     if note is not None:
         console.warn(f"{source}: {note}")
@@ -149,8 +196,9 @@ def _open(
 ) -> tuple[FrameSource, Intrinsics | None]:
     """Return the frames of a source, and the intrinsics that it states."""
     from lcorpp.camera import Bag, ImageFolder, Video
+    from lcorpp.camera.bags import is_bag
 
-    if _is_bag(source):
+    if is_bag(source):
         if rate is not None:
             raise DataError("--rate is for folders and videos; the messages of a bag have times")
         bag = Bag(source, topic=topic, depth_scale=depth_scale)
@@ -164,22 +212,30 @@ def _open(
     return Video(source, rate=rate), None
 
 
-def _is_bag(source: Path) -> bool:
-    return source.suffix.lower() == ".bag" or (source / "metadata.yaml").exists()
-
-
 def _has_people(source: Path, topic: str | None) -> bool:
-    """Return whether the topic of a bag is that of a people tracker, not of a camera."""
-    from lcorpp.worlds.ros.people.laser_scan import LASER
-    from lcorpp.worlds.ros.people_bag import list_topics
-    from lcorpp.worlds.ros.sensor_messages import PEOPLE, TRANSFORMS
+    """Return whether a source is a bag, or a folder of bags, with people rather than images.
 
+    Frames are people if there are no images, or if they are the chosen topic.
+    """
+    from lcorpp.camera.bags import IMAGE
+    from lcorpp.worlds.ros.connection import name_type
+    from lcorpp.worlds.ros.people.bag_recording import find_bags
+    from lcorpp.worlds.ros.people.laser_scan import LASER
+    from lcorpp.worlds.ros.people.people_bag import list_topics
+    from lcorpp.worlds.ros.sensor_messages import PEOPLE
+    from lcorpp.worlds.ros.transforms import TRANSFORMS
+
+    bags = find_bags(source)
+    if bags != [source]:
+        return bool(bags)
     topics = list_topics(source)
-    if topic is not None and topic not in topics:
-        known = [f"{name} ({kind})" for name, kind in sorted(topics.items())]
-        raise DataError(f"{source}: has no topic {topic!r}; {expected_one_of(known)}")
-    kinds = set(topics.values()) - {TRANSFORMS} if topic is None else {topics[topic]}
-    return bool(kinds & PEOPLE.keys()) or (topic is not None and kinds == {LASER})
+    if topic is not None:
+        if topic not in topics:
+            known = [f"{name} ({kind})" for name, kind in sorted(topics.items())]
+            raise DataError(f"{source}: has no topic {topic!r}; {expected_one_of(known)}")
+        return topics[topic] in (*PEOPLE, LASER, TRANSFORMS)
+    kinds = set(topics.values())
+    return bool(kinds & PEOPLE.keys()) or (TRANSFORMS in kinds and name_type(IMAGE, 1, "msg") not in kinds)
 
 
 def _cut(frames: FrameSource, start: float | None, end: float | None) -> Iterator[Frame]:
@@ -219,23 +275,32 @@ def _make_locator(
     return ImageLocator(make_detector(detector, camera), camera), None
 
 
-def _write(samples: Sequence[tuple[float, int | str, float, float]], source: Path, output: Path) -> str:
-    """Write the tracks of two samples and more; return what was written."""
-    import numpy as np
+def _cut_recording(recording: Recording, start: float | None, end: float | None) -> Recording:
+    """Return what is between `start` and `end`, in seconds after the first sample of all."""
+    if start is None and end is None:
+        return recording
+    began = min(track.times[0] for track in recording.tracks)
+    low, high = began + (start or 0.0), inf if end is None else began + end
+    cut = [track.between(low - CLOCK_TOLERANCE, high + CLOCK_TOLERANCE) for track in recording.tracks]
+    return replace(recording, tracks=tuple(track for track in cut if track is not None))
 
-    from lcorpp.learning import Recording, Track, write_recording
 
-    tracks = []
-    for person in sorted({sample[1] for sample in samples}):
-        own: dict[float, tuple[float, float]] = {}
-        for time, name, x, y in samples:
-            if name == person:
-                own.setdefault(time, (x, y))  # of equal times the first sample counts, as in a stream
-        times = np.array(sorted(own))
-        xs, ys = np.array([own[time] for time in times]).T
-        if len(times) > 1:
-            tracks.append(Track(str(person), times, {"x": xs, "y": ys}))
+def _collect(samples: Sequence[Sample], source: Path) -> Recording:
+    """Return the tracks of the samples of images."""
+    from lcorpp.learning import Recording
+    from lcorpp.worlds.ros.people.bag_recording import collect_tracks
+
+    return Recording(tuple(collect_tracks(samples, gap=inf)[0]), str(source))
+
+
+def _write(recording: Recording, source: Path, output: Path) -> str:
+    """Write the tracks, if there are some; return what was written."""
+    from lcorpp.learning import write_recording
+
+    for note in recording.notes:
+        console.warn(f"{source}: {note}")
+    tracks = recording.tracks
     if not tracks:
         return f"no people were tracked, and {output} is not written"
-    write_recording(Recording(tuple(tracks), source=str(source)), output)
+    write_recording(recording, output)
     return f"wrote {output}: {len(tracks)} tracks, {sum(map(len, tracks))} samples"

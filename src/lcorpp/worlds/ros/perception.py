@@ -9,23 +9,23 @@ from math import pi
 from time import monotonic, time
 
 from lcorpp.errors import WorldError
+from lcorpp.values import wrap_angle
 from lcorpp.worlds.ros.connection import Message, RosConnection, Subscription
 from lcorpp.worlds.ros.fields import FaultLog
 from lcorpp.worlds.ros.initial_pose import KIND as INITIAL_POSE, PERIOD, InitialPose
+from lcorpp.worlds.ros.people.human_stream import HumanStream
 from lcorpp.worlds.ros.people.laser_scan import LASER, LaserReader
 from lcorpp.worlds.ros.people.positions import PeoplePositions
 from lcorpp.worlds.ros.pose import Pose
 from lcorpp.worlds.ros.sensor_messages import (
     CLASSES,
-    TRANSFORMS,
     Detection,
     PeopleReader,
+    Sample,
     read_pose,
     read_speed,
 )
-
-Sample = tuple[float, str, float, float]
-"""Seconds, person, x and y in metres: a sample for `lcorpp.learning.StreamingClassifier`."""
+from lcorpp.worlds.ros.transforms import TRANSFORMS
 
 AT_ROBOT = Pose(0.0, 0.0, 0.0)
 """The pose of a laser scanner in the middle of the robot that looks ahead."""
@@ -64,6 +64,8 @@ class Perception:
         timeout: seconds to wait for the first pose. classes: of detections that are people.
         mounting: the pose of a laser scanner in the robot's frame.
         positions: of people whom other trackers detect, too. tracker: the name of this one.
+        head_frame: the frame of the robot's head, to which the gaze of people is related; None takes that in
+            which their faces come.
         home: the robot's first pose; None takes that of the first message.
 
     Raises:
@@ -84,15 +86,11 @@ class Perception:
         tracker: str = "",
         home: Pose | None = None,
         initial: InitialPose | None = None,
+        head_frame: str | None = None,
     ) -> None:
         self.frames, self._people_kind = frames, people[1]
         self._lock = threading.Lock()
         self._faults, self._mounting, self._tracker = FaultLog(people[0]), mounting, tracker
-        self._reader: PeopleReader | LaserReader = (
-            LaserReader(people[0], frames.fixed, self._place_scan)
-            if people[1] == LASER
-            else PeopleReader(*reversed(people), classes=classes)
-        )
         self._has_located = False
         self.positions = PeoplePositions(tracker) if positions is None else positions
         self._poses: Subscription | None = None
@@ -111,6 +109,14 @@ class Perception:
             self._pose = self._wait_for_pose(connection, topic, timeout, initial)
         self.home = self._pose if home is None else home
         self._people = connection.subscribe(*people)
+        self._reader: PeopleReader | LaserReader | HumanStream
+        if people[1] == LASER:
+            self._reader = LaserReader(people[0], frames.fixed, self._place_scan)
+        elif people[1] == TRANSFORMS:
+            targets = frames.fixed, frames.robot
+            self._reader = HumanStream(connection, people[0], targets=targets, head=head_frame)
+        else:
+            self._reader = PeopleReader(*reversed(people), classes=classes)
         self.last_message: float | None = None
 
     @property
@@ -179,8 +185,16 @@ class Perception:
             for detection, place in located:
                 if place is not None:
                     x, y = self.home.relate(*place, heading)
-                    samples.append((detection.time or time(), names[detection.id], x, y))
+                    columns = dict(detection.columns)
+                    if "facing" in columns:
+                        columns["facing"] = wrap_angle(columns["facing"] + self._find_turn(detection))
+                    samples.append(Sample(detection.time or time(), names[detection.id], x, y, columns))
         return samples
+
+    def _find_turn(self, detection: Detection) -> float:
+        """Return the angle from directions in the frame of a detection to those in that of the samples."""
+        is_fixed = detection.frame == self.frames.fixed.lstrip("/")
+        return (0.0 if is_fixed else self._pose.heading) - self.home.heading + self.frames.training_heading
 
     def _place_scan(self, x: float, y: float) -> tuple[float, float]:
         """Return a point of the laser scanner's frame in the fixed frame."""

@@ -9,7 +9,8 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from math import atan2, hypot, inf, isfinite
-from typing import Any
+from types import MappingProxyType
+from typing import Any, NamedTuple
 
 from lcorpp.errors import WorldError
 from lcorpp.worlds.ros.connection import Message
@@ -33,14 +34,18 @@ SAME_PLACE = 0.3
 ARROW, BODIES = 0, (1, 2, 3, 10)
 """Types of visualization_msgs/Marker that show a person: arrow; cube, sphere, cylinder and mesh."""
 
-FRAMES = ("person_", "face_", "gaze_")
-"""Prefixes of the frames of people (ROS4HRI, REP 155); a person, or a face, counts and not its parts."""
-
 CLASSES = ("person", "people", "pedestrian", "human")
 """Classes of detections that are people, in lower case."""
 
-TRANSFORMS = "tf2_msgs/TFMessage"
-"""The type of frames, most of which are of no people."""
+
+class Sample(NamedTuple):
+    """A sample of a person's track. time: seconds. x, y: metres. columns: further ones, name -> number."""
+
+    time: float
+    person: str
+    x: float
+    y: float
+    columns: Mapping[str, float] = MappingProxyType({})
 
 
 @dataclass(frozen=True)
@@ -49,6 +54,7 @@ class Detection:
 
     id: the tracker's. frame: of the position. time: stamp in seconds, None without one. x, y: metres; in an
         optical frame of a camera (REP 103), whose z axis is ahead, x is ahead and y to the left.
+    columns: further columns of a track, name -> number.
     rank: of what was detected; if there are several ranks, only the lowest counts.
     group: parts of different groups at one place are one person.
     kind: the class of what was detected, in lower case; empty if the tracker gives none.
@@ -62,6 +68,7 @@ class Detection:
     rank: int = field(default=0, compare=False)
     group: str = field(default="", compare=False)
     kind: str = field(default="", compare=False)
+    columns: Mapping[str, float] = field(default_factory=dict, compare=False)
 
     @property
     def is_valid(self) -> bool:
@@ -138,16 +145,6 @@ def _read_class(detection: Mapping[str, Any]) -> str:
     return chosen
 
 
-def _read_transform(transform: Any, message: Message) -> Detection | None:
-    name = read_text_field(transform, "child_frame_id").lstrip("/")
-    rank = next((rank for rank, prefix in enumerate(FRAMES) if name.startswith(prefix)), None)
-    if rank is None:
-        return None
-    position = read_field(transform, "transform", "translation")
-    found = _detect(name.removeprefix(FRAMES[rank]), transform, position, rank=rank)
-    return None if found.frame.startswith(FRAMES) else found  # a gaze below its face has no place of its own
-
-
 @dataclass(frozen=True)
 class PeopleFormat:
     """A type of trackers' messages. items: the field with the people. read: reads one of them."""
@@ -163,7 +160,6 @@ PEOPLE: Mapping[str, PeopleFormat] = {
     "vision_msgs/Detection3DArray": PeopleFormat("detections", _read_detection),
     "people_msgs/PositionMeasurementArray": PeopleFormat("people", _read_measurement),
     "leg_tracker/PersonArray": PeopleFormat("people", _read_legs),
-    TRANSFORMS: PeopleFormat("transforms", _read_transform),
 }
 """Type of a tracker's messages -> how they are read."""
 

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Mapping
 from dataclasses import asdict
 from pathlib import Path
 
-from lcorpp.camera.bags import open_bag
+from lcorpp.camera.bags import BagReader, open_bag
 from lcorpp.errors import DataError, expected_one_of
 from lcorpp.worlds.ros.connection import Message, name_type
+from lcorpp.worlds.ros.people.humans import PART_KIND, HumanReader, is_human_topic
 from lcorpp.worlds.ros.people.laser_scan import LASER, LaserReader
-from lcorpp.worlds.ros.perception import Sample
-from lcorpp.worlds.ros.sensor_messages import PEOPLE, TRANSFORMS, Detection, PeopleReader
+from lcorpp.worlds.ros.sensor_messages import PEOPLE, Detection, PeopleReader, Sample
+from lcorpp.worlds.ros.transforms import TRANSFORMS
 
 NANOSECOND = 1e-9
 
@@ -22,54 +24,113 @@ def list_topics(path: Path) -> dict[str, str]:
         FileError, DataError: as `open_bag`.
     """
     with open_bag(path) as reader:
-        return {c.topic: name_type(c.msgtype, 1, "msg") for c in reader.connections}
+        return _list_topics(reader)
 
 
 def list_people_topics(path: Path) -> dict[str, str]:
-    """Return the topics of a bag that may have people, with the types of their messages: `PEOPLE`, `LASER`.
+    """Return the topics of a bag that may have people, with the types of their messages.
 
     Raises:
         FileError, DataError: as `open_bag`.
     """
-    return {topic: kind for topic, kind in list_topics(path).items() if kind in PEOPLE or kind == LASER}
+    return _select_people(list_topics(path))
 
 
-def read_people_bag(path: Path, topic: str | None = None) -> list[Sample]:
-    """Return the samples (seconds, person, x, y) of a bag, in the order of the messages and in their frame.
+def read_people_bag(path: Path, topic: str | None = None, *, frame: str | None = None) -> list[Sample]:
+    """Return the samples of the people in a bag, in the order of the messages.
 
     Times are those of the headers, or of the recording where these are 0. Messages that cannot be read are
     left out with a warning. Of laser scans the robot has to stand still: people are in the scanner's frame.
 
     Args:
-        topic: of a people tracker or a laser scanner; None takes the only one of a tracker that is not of
-            `TRANSFORMS`, which nearly every bag has.
+        topic: of a people tracker, a laser scanner or of frames; None takes the only one of a tracker, else
+            the frames of ROS4HRI.
+        frame: in which people of frames are placed, e.g. "base_link"; None takes that in which they come.
 
     Raises:
-        FileError, DataError: as `open_bag`; or there is no such topic.
+        FileError, DataError: as `open_bag`; there is no such topic or frame, or the frames are of no people.
     """
-    topics = list_people_topics(path)
+    with open_bag(path) as reader:
+        topics = _list_topics(reader)
+        chosen = _choose_topic(path, _select_people(topics), topic)
+        if topics[chosen] == TRANSFORMS:
+            return _read_humans(path, reader, topics, frame)
+        if frame is not None:
+            raise DataError(f"{path}: the frame {frame!r} is for {TRANSFORMS}; {chosen} is {topics[chosen]}")
+        place = f"{path}: {chosen}"
+        people: PeopleReader | LaserReader = (
+            LaserReader(place, "scan", lambda x, y: (x, y))
+            if topics[chosen] == LASER
+            else PeopleReader(topics[chosen], place)
+        )
+        found = list[tuple[float, Detection]]()
+        for _, stamp, message in _iterate(reader, {chosen}):
+            found += [(stamp, detection) for detection in people.read(message)]
+    lowest = min((detection.rank for _, detection in found), default=0)  # faces before there were persons
+    return [_make_sample(d, stamp) for stamp, d in found if d.rank == lowest]
+
+
+def _list_topics(reader: BagReader) -> dict[str, str]:
+    return {c.topic: name_type(c.msgtype, 1, "msg") for c in reader.connections}
+
+
+def _select_people(topics: Mapping[str, str]) -> dict[str, str]:
+    kinds = (*PEOPLE, LASER, TRANSFORMS)
+    return {topic: kind for topic, kind in topics.items() if kind in kinds}
+
+
+def _choose_topic(path: Path, topics: Mapping[str, str], topic: str | None) -> str:
+    """Return the topic with people.
+
+    Raises:
+        DataError: there is no such topic, or several.
+    """
     if topic is None:
         trackers = [name for name, kind in topics.items() if kind not in (TRANSFORMS, LASER)]
-        if len(trackers) != 1:
+        frames = [name for name, kind in topics.items() if kind == TRANSFORMS]
+        if len(trackers) > 1 or not (trackers or frames):
             expected = expected_one_of(sorted(topics)) if topics else "expected a topic of a people tracker"
             raise DataError(f"{path}: has {len(trackers)} topics with people; {expected}")
-        topic = trackers[0]
+        return (trackers or frames)[0]
     if topic not in topics:
         raise DataError(f"{path}: has no people in {topic!r}; {expected_one_of(sorted(topics))}")
-    place = f"{path}: {topic}"
-    people: PeopleReader | LaserReader = (
-        LaserReader(place, "scan", lambda x, y: (x, y))
-        if topics[topic] == LASER
-        else PeopleReader(topics[topic], place)
-    )
-    found = list[tuple[float, Detection]]()
-    with open_bag(path) as reader:
-        chosen = [c for c in reader.connections if c.topic == topic]
-        for connection, stamp, data in reader.messages(chosen):
-            message = _make_message(reader.deserialize(data, connection.msgtype))
-            found += [(stamp * NANOSECOND, detection) for detection in people.read(message)]
-    lowest = min((detection.rank for _, detection in found), default=0)  # faces before there were persons
-    return [(d.time or recorded, d.id, d.x, d.y) for recorded, d in found if d.rank == lowest]
+    return topic
+
+
+def _read_humans(path: Path, reader: BagReader, topics: Mapping[str, str], frame: str | None) -> list[Sample]:
+    """Return the samples of the people whose frames are in a bag."""
+    frames = {topic for topic, kind in topics.items() if kind == TRANSFORMS}
+    about = {topic for topic, kind in topics.items() if is_human_topic(topic, kind)}
+    knows_persons = any(topics[topic] == PART_KIND for topic in about)
+    humans = HumanReader(str(path), targets=() if frame is None else (frame,), waits=knows_persons)
+    found, stamp = list[tuple[float, Detection]](), 0.0
+    for topic, stamp, message in _iterate(reader, frames | about):
+        new = humans.read(message) if topic in frames else humans.read_human(topic, message)
+        found += [(stamp, detection) for detection in new]
+    found += [(stamp, detection) for detection in humans.flush()]
+    if not found:
+        raise DataError(
+            f"{path}: has no people: no frame person_<id>, face_<id>, gaze_<id> or body_<id> of ROS4HRI in"
+            f" {', '.join(sorted(frames))}"
+        )
+    if any(detection.rank == 0 for _, detection in found):  # faces before there were persons
+        found = [(s, d) for s, d in found if d.rank == 0 or d.id in humans.persons]
+    placed = [(stamp, detection) for stamp, detection in found if frame in (None, detection.frame)]
+    if not placed:
+        raise DataError(f"{path}: no person's frame is connected to {frame!r}; found {found[0][1].frame!r}")
+    return [_make_sample(detection, stamp) for stamp, detection in placed]
+
+
+def _iterate(reader: BagReader, topics: set[str]) -> Iterator[tuple[str, float, Message]]:
+    """Yield topic, seconds of the recording and message of some topics of a bag."""
+    chosen = [c for c in reader.connections if c.topic in topics]
+    for connection, stamp, data in reader.messages(chosen):
+        message = _make_message(reader.deserialize(data, connection.msgtype))
+        yield connection.topic, stamp * NANOSECOND, message
+
+
+def _make_sample(detection: Detection, recorded: float) -> Sample:
+    return Sample(detection.time or recorded, detection.id, detection.x, detection.y, detection.columns)
 
 
 def _make_message(found: object) -> Message:
