@@ -7,7 +7,6 @@ from pathlib import Path
 
 from lcorpp.arguments import check_arguments
 from lcorpp.assembly.estimators import (
-    FOLDS,
     TrainingData,
     choose_learner,
     make_estimator,
@@ -35,6 +34,7 @@ from lcorpp.learning import (
     train_and_validate,
 )
 from lcorpp.learning.classifiers.storage import check_storable
+from lcorpp.learning.evaluation.folds import choose_folds
 from lcorpp.notebook import join_some
 from lcorpp.simulation.people import SignalSource, make_signal_source
 from lcorpp.values import COVERAGE, ConfusionMatrix
@@ -72,14 +72,16 @@ def train_classifier(
         ('summaries', 40, 40)
     """
     goal = None if options.threshold is None else parse_goal(sense, options.threshold)
+    options = options.complete(sense)
     make_untrained(options)  # reject options before the work
     coverage = evidence.kind(sense.name).coverage or COVERAGE
     data = make_training_data(domain, sense, options, seed)
     options = choose_learner(options, data.dataset)
     estimator = make_estimator(data, options, seed)
-    with progress(f"training and cross-validating {options.learner}", FOLDS + 1) as advance:
+    folds = choose_folds(data.dataset)
+    with progress(f"training and cross-validating {options.learner}", folds + 1) as advance:
         trained, validation = train_and_validate(
-            estimator, data.dataset, folds=FOLDS, seed=seed, jobs=jobs, progress=advance, coverage=coverage
+            estimator, data.dataset, folds=folds, seed=seed, jobs=jobs, progress=advance, coverage=coverage
         )
     positive = find_positive_class(sense)
     prevalence = compute_class_prevalence(domain, sense, options.prevalence)

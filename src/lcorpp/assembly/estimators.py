@@ -11,14 +11,12 @@ from lcorpp.assembly.options import TrainingOptions
 from lcorpp.errors import DataError, expected_one_of
 from lcorpp.learning import learner
 from lcorpp.learning.classifiers.learner_table import DEFAULTS
+from lcorpp.learning.features.rate import RATE
 from lcorpp.simulation.people import SignalSource
 from lcorpp.values import Dataset
 
 BALANCES: Mapping[str, str | None] = {"classes": "balanced", "none": None}
 """`TrainingOptions.balance` -> weights of classes, as of `learner`."""
-
-FOLDS = 5
-"""Folds of every cross-validation."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,7 +61,7 @@ def make_estimator(
         seed=seed,
         device=options.device,
         kind=data.dataset.kind,
-        rate=options.rate,
+        rate=options.rate or RATE,
         new_places=new_places,
         class_weight=_find_class_weight(options),
     )
@@ -76,7 +74,7 @@ def make_untrained(options: TrainingOptions) -> Any:
         epochs=options.epochs,
         device=options.device,
         features=options.features,
-        rate=options.rate,
+        rate=options.rate or RATE,
         class_weight=_find_class_weight(options),
     )
 

@@ -8,11 +8,11 @@ from typing import Any
 
 import numpy as np
 
-from lcorpp.assembly.estimators import FOLDS
 from lcorpp.assembly.strategies.strategy_table import ASK_COST, NOISE, WEIGHT
 from lcorpp.decision import LCORPP, Batch, Strategy, TrainedSense
 from lcorpp.decision.stopping import choose_epsilon
 from lcorpp.domains import Domain
+from lcorpp.learning.evaluation.folds import FOLDS
 from lcorpp.notebook import html_table
 from lcorpp.scoring.decision_scores import score_decisions
 from lcorpp.scoring.metrics import Scores, get_format, make_cells

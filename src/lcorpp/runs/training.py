@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from lcorpp.assembly.estimators import FOLDS, make_estimator
+from lcorpp.assembly.estimators import make_estimator
 from lcorpp.assembly.progress import Advance, ProgressDisplay
 from lcorpp.assembly.robot import describe_classifiers
 from lcorpp.assembly.robot_parts import ClassifierPart
@@ -20,6 +20,7 @@ from lcorpp.decision.strategies import Rates
 from lcorpp.domains import Domain
 from lcorpp.learning import TrainedClassifier, Validation, cross_validate, train_and_validate
 from lcorpp.learning.classifiers.registry import check_weighted
+from lcorpp.learning.evaluation.folds import FOLDS
 from lcorpp.learning.evaluation.validation import count_confusion
 from lcorpp.learning.label_noise.uncertain_labels import split_by_class
 from lcorpp.protocols import Classifier, Reasoner

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from lcorpp.errors import DataError
-from lcorpp.learning import Recording, to_dataset
+from lcorpp.learning import Recording, Track, to_dataset
 from lcorpp.learning.data.npz import to_recording
 from lcorpp.values import Dataset, stack_signals
 
@@ -25,6 +25,35 @@ def test_windows_at_the_end_and_the_start_of_a_track():
     first = to_dataset(recording, interval=0.4, points=11, end="first")
     np.testing.assert_allclose(first.trajectories[:, 0], 0.4 * np.arange(11) * np.ones((2, 1)), atol=1e-9)
     assert (first.interval, first.channels) == (0.4, ("x", "y"))
+
+
+def test_windows_every_step_from_either_end():
+    """Of eleven seconds: three windows of four, the last or first ones, of one person."""
+    track = Track("7", np.arange(12.0), {"x": np.arange(12.0), "y": np.zeros(12)}, "a", "ann")
+    recording = Recording([track, Track("8", [0.0, 3.0], {"x": [0.0, 3], "y": [0.0, 0]}, "b")])
+    data = to_dataset(recording, interval=1.0, points=5, step=3.0)
+    assert [row[~np.isnan(row)].tolist() for row in data.trajectories[:, 0]] == [
+        [1, 2, 3, 4, 5],
+        [4, 5, 6, 7, 8],
+        [7, 8, 9, 10, 11],
+        [0, 1, 2, 3],  # shorter than a window
+    ]
+    assert (data.labels, data.groups) == (("a", "a", "a", "b"), ("ann", "ann", "ann", "8"))
+    assert data.notes == ("1 of 4 windows are shorter than 4 s and used whole: 1 b",)
+    first = to_dataset(recording, interval=1.0, points=5, step=3.0, end="first")
+    assert first.trajectories[:3, 0, 0].tolist() == [0, 3, 6]
+    with pytest.raises(DataError, match=r"the step is 0\.0 s; expected a finite number above 0"):
+        to_dataset(recording, step=0.0)
+
+
+def test_windows_with_a_pause_are_left_out():
+    """The person is not seen between second 4 and 6."""
+    times = np.array([0.0, 1, 2, 3, 4, 6, 7, 8, 9])
+    recording = Recording([Track("7", times, {"x": times, "y": 0 * times}, "a")])
+    data = to_dataset(recording, interval=1.0, points=3, step=1.0)
+    assert data.trajectories[:, 0, 0].tolist() == [0, 1, 2, 6, 7]
+    with pytest.raises(DataError, match="every window has a pause above 1 s"):
+        to_dataset(recording, interval=1.0, points=6, step=1.0)
 
 
 def test_angles_are_resampled_the_shorter_way_round():

@@ -9,7 +9,7 @@ from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import FunctionTransformer
 
 from lcorpp.errors import DataError
-from lcorpp.learning import ChannelStandardizer, Motion, Validation, cross_validate, estimate_rates
+from lcorpp.learning import ChannelStandardizer, Motion, Validation, cross_validate, estimate_rates, split
 from lcorpp.values import ConfusionMatrix, Dataset
 from tests.learning.walkers import walkers
 
@@ -122,9 +122,43 @@ def test_too_few_groups_are_an_error():
     with pytest.raises(
         DataError, match=r"5 folds need every class in at least 5 groups; .* fast in 2, slow in 2"
     ):
-        cross_validate(quick_pipeline(), walkers(12))
+        cross_validate(quick_pipeline(), walkers(12), folds=5)
     with pytest.raises(DataError, match="at least 2 folds, not 1"):
         cross_validate(quick_pipeline(), walkers(), folds=1)
+
+
+def test_each_of_few_people_is_held_out_alone():
+    data = walkers(24)  # eight people
+    validation = cross_validate(quick_pipeline(), data)
+    assert len(set(validation.folds)) == 8
+    assert len(set(zip(validation.folds, data.groups, strict=True))) == 8
+    assert len(set(cross_validate(quick_pipeline(), walkers(36)).folds)) == 5  # of twelve people
+
+
+def test_cases_of_several_people_are_trained_without_those_who_are_held_out():
+    n, groups = 40, 10 * ["ann"] + 10 * ["bob"] + 10 * ["cy"] + 10 * ["ann+bob"]
+    tracks = np.tile(np.arange(n, dtype=float)[:, None, None], (1, 2, 3))
+    Recorder.seen = []
+    cross_validate(Recorder(), Dataset(tracks, n // 2 * ["a", "b"], groups))
+    ann, bob, cy, both = (set(range(start, start + 10)) for start in (0, 10, 20, 30))
+    assert Recorder.seen == [(bob | cy, ann), (cy, both), (ann | cy, bob), (ann | bob | both, cy)]
+
+
+def test_people_of_whom_all_others_know_one_are_an_error():
+    groups = 4 * ["ann+bob"] + 4 * ["bob+cy"] + 4 * ["cy+ann"]
+    data = Dataset(np.random.default_rng(0).normal(size=(12, 2, 3)), 6 * ["a", "b"], groups)
+    with pytest.raises(DataError, match="without fold 1 of 3 there is no case of a, b to learn"):
+        cross_validate(Recorder(), data)
+
+
+def test_a_split_leaves_people_of_the_test_data_out_of_the_training_data():
+    groups = 10 * ["ann"] + 10 * ["bob"] + 10 * ["cy"] + 10 * ["ann+bob"]
+    data = Dataset(np.random.default_rng(0).normal(size=(40, 2, 3)), 20 * ["a", "b"], groups)
+    for seed in range(8):
+        training, test = split(data, test=0.25, seed=seed)
+        (held_out,) = set(test.groups)
+        assert not {name for group in training.groups for name in group.split("+")} & {*held_out.split("+")}
+        assert len(training) == {"ann": 20, "bob": 20, "cy": 30, "ann+bob": 10}[held_out]
 
 
 def test_an_interrupt_passes_through():

@@ -25,11 +25,15 @@ from tests.learning.walkers import walkers
 from .people import ByWay, batch, by_way, lstm, minirocket, walk
 
 INTERVAL = 0.033
-RICH = {
-    "inputs": ("x", "y", "facing"),
-    "features": tuple(MOTION_FEATURES),
-    "robot": (1.0, 2.0, 0.5),
-}
+
+
+def rich(*inputs):
+    """The options of a pipeline with all features of some inputs."""
+    features = [name for name, known in MOTION_FEATURES.items() if any(n <= {*inputs} for n in known.needs)]
+    return {"inputs": inputs, "features": tuple(features), "robot": (1.0, 2.0, 0.5)}
+
+
+RICH = rich("x", "y", "facing")
 PIPELINES = {
     "lstm": lstm(),
     "three classes": lstm(classes=3, rate=2.5),
@@ -37,6 +41,7 @@ PIPELINES = {
     "rich": lstm(**RICH),
     "minirocket": minirocket(),
     "rich minirocket": minirocket(**RICH),
+    "gaze": lstm(**rich("x", "y", "gaze_angle", "robot_angle", "face_distance")),
     "by way": by_way(),
 }
 

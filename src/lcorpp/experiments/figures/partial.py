@@ -9,7 +9,6 @@ from functools import partial
 import numpy as np
 from matplotlib.figure import Figure
 
-from lcorpp.assembly.estimators import FOLDS
 from lcorpp.assembly.progress import ProgressDisplay
 from lcorpp.assembly.robot import compose_robot
 from lcorpp.assembly.senses import SenseSetup, nest_rates
@@ -36,6 +35,7 @@ from lcorpp.experiments.figures.seeds import (
     subtract,
 )
 from lcorpp.learning import learner, train_and_validate, truncate
+from lcorpp.learning.evaluation.folds import FOLDS
 from lcorpp.planning import Planner
 from lcorpp.plot_style import BLUE, INK, MUTED, ORANGE, with_style
 from lcorpp.scoring.experiment import Experiment

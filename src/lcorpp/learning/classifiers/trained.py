@@ -200,7 +200,7 @@ def train_and_validate(
     estimator: Any,
     dataset: Dataset,
     *,
-    folds: int = 5,
+    folds: int | None = None,
     seed: int = 0,
     jobs: int = 1,
     progress: Progress | None = None,

@@ -49,6 +49,7 @@ def read_data(
     interval: float | None = None,
     points: int | None = None,
     seconds: float | None = None,
+    step: float | None = None,
     channels: Sequence[str] | None = None,
     repair: str | Collection[str] = (),
     robot: Pose | None = None,
@@ -65,7 +66,7 @@ def read_data(
     tracks are cut to the last ten seconds of each track, at most 304 points .033 s apart, see `to_dataset`.
 
     Args:
-        interval, points, channels: as in `to_dataset`. seconds: the duration, instead of points.
+        interval, points, step, channels: as in `to_dataset`. seconds: the duration, instead of points.
         others: as in `read_recording`.
 
     Raises:
@@ -85,7 +86,7 @@ def read_data(
     found = detect_format(path, columns, measures)
     if points is not None and seconds is not None:
         raise DataError(f"{points} points and {seconds:g} seconds are given; expected one of them")
-    changes = (interval, points, seconds, channels, robot, label_file)
+    changes = (interval, points, seconds, channels, robot, label_file, step)
     if found.kind in DATASETS:
         repair_log = RepairLog(repair)
         whole = _read_dataset(Path(path), found, labels, repair_log, progress, columns, measures)
@@ -120,7 +121,11 @@ def read_data(
     )
     try:
         return to_dataset(
-            recording, interval=interval, points=POINTS if points is None else points, channels=channels
+            recording,
+            interval=interval,
+            points=POINTS if points is None else points,
+            channels=channels,
+            step=step,
         )
     except DataError as error:
         reason = str(error).removeprefix(f"{recording.source}: ")

@@ -1,4 +1,4 @@
-"""Resample tracks to a data set of a fixed interval: the last seconds of each, or all of a shorter track."""
+"""Resample tracks to a data set of a fixed interval: the last seconds of each, or windows of them all."""
 
 from __future__ import annotations
 
@@ -19,6 +19,9 @@ INTERVAL, POINTS = 0.033, 304
 MIN_SECONDS = 1.0
 """Shorter tracks are left out."""
 
+MAX_PAUSE = 1.0
+"""Seconds without a sample that a window may contain; streams forget what is before a longer pause, too."""
+
 End = Literal["last", "first"]
 
 
@@ -31,6 +34,7 @@ def to_dataset(
     channels: Sequence[str] | None = None,
     end: End = "last",
     min_seconds: float = MIN_SECONDS,
+    step: float | None = None,
 ) -> Dataset:
     """Cut all tracks to at most the same duration and resample them every `interval` seconds.
 
@@ -44,9 +48,12 @@ def to_dataset(
         end: whether to use the last or the first seconds of each track.
         min_seconds: tracks that are shorter than this by an interval or more, and shorter than all points,
             are left out; also those of a single point.
+        step: seconds between the windows of a track, from its end or beginning on; a window with a pause
+            longer than `MAX_PAUSE` is left out, and tracks that are shorter than a window are used as without
+            steps. None takes one window of each track.
 
     Returns:
-        Cases in the order of the tracks.
+        Cases in the order of the tracks, and of the time in each.
 
     Raises:
         DataError: an argument is out of range, a track lacks its label or a channel, or all are left out.
@@ -63,6 +70,8 @@ def to_dataset(
         raise DataError(f"the interval is {interval} s; expected a finite number above 0")
     if not 0 <= min_seconds < float("inf"):
         raise DataError(f"the shortest track lasts {min_seconds} s; expected a finite number from 0")
+    if step is not None and not 0 < step < float("inf"):
+        raise DataError(f"the step is {step} s; expected a finite number above 0")
     if end not in ("last", "first"):
         raise DataError(f"unknown end {end!r}; {expected_one_of(('last', 'first'))}")
     if not recording.tracks:
@@ -82,21 +91,29 @@ def to_dataset(
             f"{recording.source or 'the recording'}: every track is shorter than {shortest:g} s; the longest"
             f" lasts {longest:.3f} s"
         )
-    cases = [extract_window(track, names, interval, points, end) for track in kept]
-    whole = [track for track, case in zip(kept, cases, strict=True) if case.shape[1] == points]
+    shifts = [_list_shifts(track, window, interval, step, end) for track in kept]
+    parts = [(track, shift) for track, own in zip(kept, shifts, strict=True) for shift in own]
+    if not parts:
+        raise DataError(
+            f"{recording.source or 'the recording'}: every window has a pause above {MAX_PAUSE:g} s"
+        )
+    used = [track for track, _ in parts]
+    cases = [extract_window(track, names, interval, points, end, shift) for track, shift in parts]
+    whole = [track for track, case in zip(used, cases, strict=True) if case.shape[1] == points]
+    unit = "tracks" if step is None else "windows"
     notes = [
-        f"{len(longer) - len(fewer)} of {len(recording)} tracks are shorter than {seconds:g} s and {what}:"
+        f"{len(longer) - len(fewer)} of {total} are shorter than {seconds:g} s and {what}:"
         f" {_count_classes(longer, fewer)}"
-        for longer, fewer, seconds, what in (
-            (recording.tracks, kept, shortest, "left out"),
-            (kept, whole, window, "used whole"),
+        for longer, fewer, seconds, total, what in (
+            (recording.tracks, kept, shortest, f"{len(recording)} tracks", "left out"),
+            (used, whole, window, f"{len(recording) if step is None else len(used)} {unit}", "used whole"),
         )
         if len(longer) > len(fewer)
     ]
     return Dataset(
         stack_signals(cases),
-        tuple(str(track.label) for track in kept),
-        tuple(track.group for track in kept),
+        tuple(str(track.label) for track in used),
+        tuple(track.group for track in used),
         recording.source,
         (*recording.notes, *notes, *note_repairs(recording.repairs)),
         interval,
@@ -104,13 +121,34 @@ def to_dataset(
     )
 
 
-def extract_window(track: Track, channels: Sequence[str], interval: float, points: int, end: End) -> Array:
+def _list_shifts(
+    track: Track, window: float, interval: float, step: float | None, end: End
+) -> Sequence[float]:
+    """Return the seconds by which the windows of a track lie before its last time, or after its first."""
+    free = track.duration - window
+    if step is None or free < -interval / 2:
+        return [0.0]
+    shifts = np.arange(int(max(free, 0.0) / step + CLOCK_TOLERANCE) + 1) * step
+    starts = track.times[0] + shifts if end == "first" else track.times[-1] - window - shifts[::-1]
+    before, after = track.times[:-1, None], track.times[1:, None]
+    is_pause = after - before > MAX_PAUSE
+    inside = (after > starts + CLOCK_TOLERANCE) & (before < starts + window - CLOCK_TOLERANCE)
+    kept: list[float] = (starts[~(is_pause & inside).any(axis=0)] - track.times[0]).tolist()
+    return kept if end == "first" else [track.duration - window - start for start in kept]
+
+
+def extract_window(
+    track: Track, channels: Sequence[str], interval: float, points: int, end: End, shift: float = 0.0
+) -> Array:
     """(channels, points) a window of one track; fewer points of a shorter one, see `count_points`.
 
     Outside its times the first or last value is repeated.
+
+    Args:
+        shift: seconds from the first time, or to the last one.
     """
     steps = np.arange(count_points(track.duration, interval, points)) * interval
-    at = track.times[0] + steps if end == "first" else track.times[-1] - steps[::-1]
+    at = track.times[0] + shift + steps if end == "first" else track.times[-1] - shift - steps[::-1]
     return np.stack(
         [
             wrap_angle(np.interp(at, track.times, np.unwrap(track.columns[name])))

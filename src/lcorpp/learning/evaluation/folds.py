@@ -1,4 +1,8 @@
-"""Folds of cross-validation, and training and test data: stratified by class, with whole groups."""
+"""Folds of cross-validation, and training and test data: stratified by class, with whole groups.
+
+The cases of a group stay together. A case of several people has a group such as "ann+bob"; it is not in the
+training data while ann is tested.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +15,13 @@ from sklearn.model_selection import StratifiedGroupKFold, StratifiedKFold
 from lcorpp.arguments import check_arguments
 from lcorpp.errors import DataError
 from lcorpp.learning.data.dataset import check_trainable, count_groups
-from lcorpp.values import Array, Dataset, Indices
+from lcorpp.values import GROUP_SEPARATOR, Array, Dataset, Flags, Indices
+
+FOLDS = 5
+"""Folds of cross-validation by default."""
+
+MAX_HELD_OUT = 10
+"""Of so few people with several cases, each one is held out alone by default."""
 
 MAX_SPLIT_FOLDS = 20
 """Maximum number of folds that `split` forms; the test data are whole folds."""
@@ -33,8 +43,34 @@ class FastStratifiedGroupKFold(StratifiedGroupKFold):  # type: ignore[misc]
         return best
 
 
+def choose_folds(dataset: Dataset) -> int:
+    """Return the number of folds by default: `FOLDS`, or the number of people if they are few.
+
+    With one fold for each of at most `MAX_HELD_OUT` groups of several cases, each is held out alone:
+    cross-validation leaves one person out.
+    """
+    n = len(set(dataset.groups))
+    is_few = 3 <= n <= MAX_HELD_OUT and n < len(dataset)
+    return n if is_few and min(count_groups(dataset.labels, dataset.groups).values()) > 1 else FOLDS
+
+
+def find_training_cases(held_out: Flags, groups: Sequence[str]) -> Flags:
+    """(cases,) whether a case is training data: it is not held out, and shares nobody with those that are."""
+    out = {group for group, is_out in zip(groups, held_out, strict=True) if is_out}
+    people = {name for group in out for name in _split(group)}
+    is_other = np.array([people.isdisjoint(_split(group)) for group in groups], dtype=bool)
+    return is_other & ~held_out
+
+
+def _split(group: str) -> list[str]:
+    """Return the people of a group."""
+    return group.split(GROUP_SEPARATOR)
+
+
 def assign_folds(labels: Sequence[str], groups: Sequence[str] | None, folds: int, seed: int) -> Indices:
     """(cases,) the fold of each case; the folds are stratified, and keep groups whole if there are some.
+
+    As many folds as groups have one group each.
 
     Raises:
         DataError: there are fewer than two folds, or the seed is out of range.
@@ -43,6 +79,8 @@ def assign_folds(labels: Sequence[str], groups: Sequence[str] | None, folds: int
         raise DataError(f"cross-validation needs at least 2 folds, not {folds}")
     if not 0 <= seed < 2**32:
         raise DataError(f"the seed must lie between 0 and {2**32 - 1}, not {seed}")
+    if groups is not None and folds == len(set(groups)):
+        return np.unique(np.array(groups), return_inverse=True)[1]
     kind = StratifiedKFold if groups is None else FastStratifiedGroupKFold
     splitter = kind(folds, shuffle=True, random_state=seed)
     fold_of = np.empty(len(labels), dtype=np.intp)
@@ -63,11 +101,13 @@ def assign_training_folds(dataset: Dataset, folds: int, seed: int) -> Indices:
         DataError: `dataset` is not trainable, see `check_trainable`, the other folds of one lack a class, or
             as `assign_folds`.
     """
-    check_trainable(dataset, folds=folds)
+    is_each_alone = folds == len(set(dataset.groups)) and folds < len(dataset)
+    check_trainable(dataset, folds=min(folds, 2) if is_each_alone else folds)
     fold_of, labels = assign_folds(dataset.labels, dataset.groups, folds, seed), np.array(dataset.labels)
     for fold in range(folds):
-        missing = sorted(set(dataset.labels) - set(labels[fold_of != fold].tolist()))
-        if missing:  # possible if a group has cases of several classes
+        training = find_training_cases(fold_of == fold, dataset.groups)
+        missing = sorted(set(dataset.labels) - set(labels[training].tolist()))
+        if missing:  # possible if a group has cases of several classes, or people of several groups
             raise DataError(
                 f"without fold {fold + 1} of {folds} there is no case of {', '.join(missing)} to learn"
             )
@@ -77,6 +117,8 @@ def assign_training_folds(dataset: Dataset, folds: int, seed: int) -> Indices:
 @check_arguments
 def split(dataset: Dataset, *, test: float = 0.3, seed: int) -> tuple[Dataset, Dataset]:
     """Split into training and test data, stratified by class; all cases of a group go to one side.
+
+    Cases of several people of whom one is on the other side are left out of the training data.
 
     Args:
         test: test share of the cases of each class, approximated by whole groups: the share is rounded to a
@@ -111,7 +153,8 @@ def split(dataset: Dataset, *, test: float = 0.3, seed: int) -> tuple[Dataset, D
     share = min(max(share, Fraction(1, number)), 1 - Fraction(1, number))
     groups = drop_single_groups(dataset.groups)
     in_test = assign_folds(dataset.labels, groups, share.denominator, seed) < share.numerator
-    sides = dataset.take(np.flatnonzero(~in_test)), dataset.take(np.flatnonzero(in_test))
+    in_training = find_training_cases(in_test, dataset.groups)
+    sides = dataset.take(np.flatnonzero(in_training)), dataset.take(np.flatnonzero(in_test))
     for name, side in zip(("training", "test"), sides, strict=True):
         missing = sorted(set(dataset.labels) - set(side.labels))
         if missing:

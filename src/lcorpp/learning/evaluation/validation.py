@@ -14,10 +14,10 @@ import numpy.typing as npt
 from lcorpp.arguments import check_arguments, check_fields
 from lcorpp.errors import DataError, expected_one_of
 from lcorpp.learning.contract import clone_unfitted, ensure_predict_proba, fit_clone, predict_proba
-from lcorpp.learning.evaluation.folds import assign_training_folds
+from lcorpp.learning.evaluation.folds import assign_training_folds, choose_folds, find_training_cases
 from lcorpp.learning.evaluation.metrics import compute_auc, jeffreys_interval
 from lcorpp.notebook import html_table
-from lcorpp.values import JEFFREYS, Array, ConfusionMatrix, Dataset, Indices, Interval, freeze
+from lcorpp.values import JEFFREYS, Array, ConfusionMatrix, Dataset, Flags, Interval, freeze
 from lcorpp.workers import run_in_workers
 
 Progress = Callable[[int, int], None]
@@ -182,7 +182,7 @@ def cross_validate(
     estimator: Any,
     dataset: Dataset,
     *,
-    folds: int = 5,
+    folds: int | None = None,
     seed: int = 0,
     jobs: int = 1,
     progress: Progress | None = None,
@@ -194,7 +194,7 @@ def cross_validate(
     Args:
         estimator: a scikit-learn classifier on (cases, channels, time points), see `ensure_predict_proba`;
             each fold uses a clone. Its own `progress` is not called.
-        folds: number of folds.
+        folds: number of folds; None takes 5, or holds out each of at most ten people alone.
         seed: seed of the split.
         jobs: number of processes; it does not affect the result.
         progress: callback after each fold.
@@ -217,7 +217,7 @@ def cross_validate(
 def fit_and_validate(
     estimator: Any,
     dataset: Dataset,
-    folds: int,
+    folds: int | None,
     seed: int,
     jobs: int,
     progress: Progress | None,
@@ -229,11 +229,14 @@ def fit_and_validate(
         raise DataError(f"jobs is {jobs}; expected a number of processes, 1 or more, or -1 for all cores")
     labels = np.array(dataset.labels)
     classes, weights = np.unique(labels), dataset.weights
+    folds = choose_folds(dataset) if folds is None else folds
     fold_of = assign_training_folds(dataset, folds, seed)
     parts = [WHOLE, *range(folds)] if whole else list(range(folds))  # the longest first, to balance the load
     quiet = _clone_without_progress(ensure_predict_proba(estimator))
     work = (
-        joblib.delayed(_train_and_predict)(quiet, dataset.trajectories, labels, weights, fold_of, part)
+        joblib.delayed(_train_and_predict)(
+            quiet, dataset.trajectories, labels, weights, fold_of == part, dataset.groups, part
+        )
         for part in parts
     )
     final = None
@@ -286,10 +289,14 @@ def _train_and_predict(
     tracks: Array,
     labels: npt.NDArray[np.str_],
     weights: Array,
-    fold_of: Indices,
+    held_out: Flags,
+    groups: Sequence[str],
     part: int,
 ) -> tuple[int, Any]:
-    """Train without a fold; return its number and the predictions for it, or for `WHOLE` the classifier."""
-    train = fold_of != part
+    """Train without the cases of a fold, and of its people; return its number and the predictions for it.
+
+    For `WHOLE`, without held out cases, the classifier stands in place of the predictions.
+    """
+    train = find_training_cases(held_out, groups)
     trained = fit_clone(estimator, tracks[train], labels[train], weights[train])
-    return part, trained if part == WHOLE else predict_proba(trained, tracks[~train])
+    return part, trained if part == WHOLE else predict_proba(trained, tracks[held_out])

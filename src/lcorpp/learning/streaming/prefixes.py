@@ -12,7 +12,7 @@ from lcorpp.arguments import check_arguments
 from lcorpp.errors import DataError
 from lcorpp.learning.contract import ensure_predict_proba, fit_clone
 from lcorpp.learning.data.dataset import check_tracks
-from lcorpp.learning.evaluation.folds import assign_training_folds
+from lcorpp.learning.evaluation.folds import assign_training_folds, choose_folds, find_training_cases
 from lcorpp.learning.streaming.prefix_ensemble import FRACTIONS
 from lcorpp.learning.streaming.streaming_classifier import StreamingClassifier
 from lcorpp.learning.streaming.timeline import PredictionTimeline
@@ -140,7 +140,7 @@ def cross_predict_over_time(
     estimator: Any,
     dataset: Dataset,
     *,
-    folds: int = 5,
+    folds: int | None = None,
     seed: int = 0,
     min_points: int = 2,
     window: int | None = None,
@@ -150,7 +150,7 @@ def cross_predict_over_time(
     Args:
         estimator: a pipeline of `Motion` and a classifier; each fold uses a clone.
         dataset: its weights count in the training and in the timeline.
-        folds: number of folds, stratified and with whole groups.
+        folds: as of `cross_validate`.
         seed: seed of the split.
         min_points, window: as for `predict_over_time`.
 
@@ -169,10 +169,12 @@ def cross_predict_over_time(
         1.0
     """
     estimator = ensure_predict_proba(estimator)
+    folds = choose_folds(dataset) if folds is None else folds
     labels, fold_of = np.array(dataset.labels), assign_training_folds(dataset, folds, seed)
     parts = []
     for fold in range(folds):
-        train, test = fold_of != fold, np.flatnonzero(fold_of == fold)
+        train = find_training_cases(fold_of == fold, dataset.groups)
+        test = np.flatnonzero(fold_of == fold)
         pipeline = fit_clone(estimator, dataset.trajectories[train], labels[train], dataset.weights[train])
         part = predict_over_time(pipeline, dataset.take(test), min_points=min_points, window=window)
         parts.append(part)
