@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from pathlib import Path
 
+from lcorpp.domains.sections.learning import Sense
 from lcorpp.learning.features.rate import RATE
 from lcorpp.values import JEFFREYS, EvidenceKind
 
@@ -44,14 +45,15 @@ class TrainingOptions:
     learner: a name in `lcorpp.learning.learner`'s table, MODULE:FUNCTION or FILE.py:FUNCTION; None takes the
         one that suits the data.
     epochs: None takes the number that suits the data. device: "cpu" or "cuda".
-    features: the classifier's features of the motion; None takes those that suit the learner.
+    features: the classifier's features of the motion; None takes those of the domain, or that suit the
+        learner.
     threshold: the decision threshold of the positive class: a number, the name of a metric to optimise, or
         the costs of a miss and of a false alarm as MISS:ALARM; None predicts the most probable class.
     prevalence: of the positive class, for thresholds; None takes it from the domain's knowledge.
     tracks: number of simulated training tracks; None takes the domain's number.
     data: recorded data for training and trials; None takes the domain's, or simulates them.
     reading: how to read them.
-    rate: points of motion per second, see `Motion`.
+    rate: points of motion per second, see `Motion`; None takes the domain's, or 3.
     seconds: the last seconds of each track that are used; None takes those of the domain, or all.
     balance: "classes": equal total weight of all classes in the training; "none": of all cases.
 
@@ -71,9 +73,14 @@ class TrainingOptions:
     tracks: int | None = None
     data: Path | None = None
     reading: ReadingOptions = READ_AS_IT_IS
-    rate: float = RATE
+    rate: float | None = None
     seconds: float | None = None
     balance: str = "classes"
+
+    def complete(self, sense: Sense) -> TrainingOptions:
+        """Return the options with the features and the rate of a sense, where none are given."""
+        rate = sense.feature_rate if self.rate is None else self.rate
+        return replace(self, features=self.features or sense.features or None, rate=rate or RATE)
 
 
 @dataclass(frozen=True)

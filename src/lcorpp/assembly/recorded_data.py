@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,11 +12,13 @@ from lcorpp.assembly.options import READ_AS_IT_IS, ReadingOptions
 from lcorpp.domains import Domain
 from lcorpp.domains.sections.learning import Sense
 from lcorpp.errors import DataError, expected_one_of
-from lcorpp.learning import format_leakage_warning, read_data, split
+from lcorpp.learning import Recording, format_leakage_warning, read_data, split, to_dataset
 from lcorpp.learning.data.cleaning import MAX_GAP
+from lcorpp.learning.data.windows import INTERVAL, POINTS
 from lcorpp.learning.features.motion_features import MOTION_FEATURES
 from lcorpp.simulation.people import RecordedSignals
-from lcorpp.values import Dataset
+from lcorpp.values import Dataset, count_window
+from lcorpp.worlds.ros.people.bag_recording import Progress, find_bags, read_bags
 
 PAPER_EPOCHS = 300
 """Epochs in the paper; right for a hundred recorded tracks, too many for simulated ones."""
@@ -36,7 +38,8 @@ def read_training_data(
     """Read recorded data and split them: 70 % for training, the other people's 30 % for the trials.
 
     Args:
-        path: a path that `read_data` accepts: a folder of the authors' files, CSV, Parquet or .npz.
+        path: a path that `read_data` accepts: a folder of the authors' files, CSV, Parquet or .npz; or a bag
+            of ROS, or a folder of bags, see `read_bags`.
         seed: of the split.
         features: the classifier's features, see `Motion`; None takes those that need x and y only. Channels
             of motion that no feature needs are dropped, so that the classifier also works where they are not
@@ -60,21 +63,7 @@ def read_training_data(
         >>> len(read_training_data(domain, sense, Path("walks.npz"), seed=0).dataset)  # 70 % of the people
         28
     """
-    labels = sense.data_labels or {value: value for value in sense.classes}
-    dataset = read_data(
-        path,
-        labels={**labels, **reading.labels},
-        label_file=reading.label_file,
-        interval=None if sense.rate is None else 1 / sense.rate,
-        seconds=sense.seconds if seconds is None else seconds,
-        repair=reading.repair,
-        robot=reading.robot,
-        gap=MAX_GAP if reading.gap is None else reading.gap,
-        columns=reading.columns,
-        unit=reading.unit,
-        time_unit=reading.time_unit,
-        fps=reading.fps,
-    )
+    dataset = _read(sense, path, reading, sense.seconds if seconds is None else seconds)
     if dataset.kind == "motion":
         dataset = _drop_unused_channels(dataset, features or ())
     unknown = sorted(set(dataset.labels) - set(sense.classes))
@@ -102,6 +91,57 @@ def read_training_data(
     )
     notes = (*train.notes, split_note, *([] if leak is None else [leak]))
     return TrainingData(replace(train, notes=notes), RecordedSignals(sense.of, test), PAPER_EPOCHS, path)
+
+
+def _read(sense: Sense, path: Path, reading: ReadingOptions, seconds: float | None) -> Dataset:
+    """Read the data of a sense; of bags the tracks of their people."""
+    labels = {**(sense.data_labels or {value: value for value in sense.classes}), **reading.labels}
+    interval = None if sense.rate is None else 1 / sense.rate
+    if path.exists() and find_bags(path):
+        recording = read_bag_recording(path, labels, reading, sense.data_groups)
+        interval = interval or INTERVAL
+        points = POINTS if seconds is None else count_window(seconds, interval)
+        return to_dataset(recording, interval=interval, points=points, step=sense.step)
+    return read_data(
+        path,
+        labels=labels,
+        label_file=reading.label_file,
+        interval=interval,
+        seconds=seconds,
+        step=sense.step,
+        repair=reading.repair,
+        robot=reading.robot,
+        gap=MAX_GAP if reading.gap is None else reading.gap,
+        columns=reading.columns,
+        unit=reading.unit,
+        time_unit=reading.time_unit,
+        fps=reading.fps,
+    )
+
+
+def read_bag_recording(
+    path: Path,
+    labels: Mapping[str, str],
+    reading: ReadingOptions,
+    groups: str | None = None,
+    progress: Progress | None = None,
+) -> Recording:
+    """Read the tracks of the people in a bag or a folder of bags; see `read_bags`.
+
+    Raises:
+        DataError: a reading option is for files of tracks.
+        FileError, DataError, ParseError: as `read_bags`.
+    """
+    options = ("repair", "columns", "unit", "time_unit", "fps")
+    given = [name for name in options if getattr(reading, name) not in (None, (), {})]
+    if given:
+        name = given[0].replace("_", "-").replace("columns", "column")
+        raise DataError(f"{path}: has bags, whose units and columns are known; expected no --{name}")
+    gap = MAX_GAP if reading.gap is None else reading.gap
+    recording = read_bags(
+        path, labels=labels, label_file=reading.label_file, groups=groups, gap=gap, progress=progress
+    )
+    return recording if reading.robot is None else recording.in_robot_frame(*reading.robot)
 
 
 def _drop_unused_channels(dataset: Dataset, features: Sequence[str]) -> Dataset:

@@ -123,7 +123,7 @@ def _choose_comparison(
     from lcorpp.assembly.strategies.trust import TRUST, check_dialogue, set_ask_budget
     from lcorpp.experiments.comparison import ComparisonOptions
 
-    rows = find_strategies(strategies, [sense.name for sense in domain.senses])
+    rows = find_strategies(strategies, [sense.name for sense in domain.all_senses])
     if not strategies and trials is not None:
         try:
             check_dialogue(domain, [TRUST])
@@ -132,7 +132,7 @@ def _choose_comparison(
             console.print_note(f"{TRUST.name} is left out: {error}")
     if ask_budget is not None:
         rows = set_ask_budget(rows, ask_budget)
-    used = [sense for sense in domain.senses if any(row.uses(sense.name) for row in rows)]
+    used = [sense for sense in domain.all_senses if any(row.uses(sense.name) for row in rows)]
     sources = given.choose_classifiers(domain, used, tracks)
     if trials is None and any(sources.values()):
         raise DomainError(

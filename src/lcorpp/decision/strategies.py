@@ -14,7 +14,7 @@ from lcorpp.decision.dt_control import Robot
 from lcorpp.errors import DecisionError, LcorppError, NoReportError, expected_one_of
 from lcorpp.protocols import DomainInterface, Planner, Reasoner
 from lcorpp.user_code import UserFunction
-from lcorpp.values import Array, Belief, Distribution, Label, Step
+from lcorpp.values import BASELINE_SIGN, Array, Belief, Distribution, Label, Step
 
 Rates = Mapping[str, Mapping[str, Array]]
 """Attribute of a sense -> its label -> (V,) P(label | shared value)."""
@@ -70,6 +70,7 @@ class Strategy:
     start: starts a session of a strategy that learns from earlier people; from the full robot, and the rates
         of senses with soft evidence, which its program lacks. None for a strategy that decides about each
         person alone.
+    is_baseline: it uses the sense of its name only, see `list_strategies`.
 
     Examples:
         >>> from lcorpp import load_robot
@@ -88,10 +89,18 @@ class Strategy:
     own: UserFunction | None = None
     draws: bool = False
     start: Callable[[Robot, Rates], Session] | None = None
+    is_baseline: bool = False
 
     def uses(self, sense: str) -> bool:
-        """Whether the robot uses the classifier of a sense."""
+        """Whether the robot uses the classifier of a sense; of a baseline, only the strategy of its name."""
+        if BASELINE_SIGN in sense or self.is_baseline:
+            return sense == self.name
         return self.learns and sense not in self.without
+
+    def select(self, full: Robot) -> Robot:
+        """Return the robot with the classifiers of those senses that it uses."""
+        used = {name: part for name, part in full.classifiers.items() if self.uses(name)}
+        return full if len(used) == len(full.classifiers) else replace(full, classifiers=used)
 
     def robot(self, full: Robot, rng: np.random.Generator | None = None, *, rates: Rates = NO_RATES) -> Robot:
         """The robot `full` with each unused part left out or replaced by its trivial substitute, and changed.
@@ -106,9 +115,9 @@ class Strategy:
             DecisionError: `change` fails or returns no robot; or `rng` is missing.
         """
         if self.start is not None:
-            return self.start(full, rates).robot(full)
+            return self.start(self.select(full), rates).robot(self.select(full))
         robot = Robot(
-            classifiers={name: part for name, part in full.classifiers.items() if self.uses(name)},
+            classifiers=self.select(full).classifiers,
             reasoner=self._choose_reasoner(full),
             planner=full.planner if self.plans else ImmediateReport(full.planner, full.domain),
             domain=full.domain,
@@ -182,9 +191,14 @@ def list_strategies(senses: Sequence[str]) -> tuple[Strategy, ...]:
     """Return the strategies of a domain with these senses.
 
     Without senses no strategy learns. With several, a row for each shows LCORPP without it, e.g.
-    "LCORPP-gaze".
+    "LCORPP-gaze". A baseline, with `BASELINE_SIGN` in its name, is a strategy first: it reports its label.
     """
-    rows = tuple(row for row in STRATEGIES if senses or not row.learns)
+    baselines = [name for name in senses if BASELINE_SIGN in name]
+    senses = [name for name in senses if name not in baselines]
+    rows = (
+        *[Strategy(name, learns=True, reasons=False, plans=False, is_baseline=True) for name in baselines],
+        *[row for row in STRATEGIES if senses or not row.learns],
+    )
     if len(senses) < 2:
         return rows
     return (*rows, *[replace(LCORPP, name=f"{LCORPP.name}-{sense}", without=(sense,)) for sense in senses])

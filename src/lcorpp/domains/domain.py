@@ -47,7 +47,8 @@ class Domain:
     name, description: for reports. folder: its path.
     preset: name of the chosen preset, None without one.
     reasoning, planning, simulation: the sections of its `domain.toml`.
-    senses: the sections `[[learning]]`, none for a robot without classifiers.
+    senses: the sections `[[learning]]`, none for a robot without classifiers. baselines: those that only the
+        strategies of their names use.
 
     Examples:
         >>> from lcorpp import load_domain
@@ -66,6 +67,7 @@ class Domain:
     senses: tuple[Sense, ...]
     planning: PlanningSection
     simulation: SimulationSection
+    baselines: tuple[Sense, ...] = ()
 
     def __repr__(self) -> str:
         preset = f", preset {self.preset!r}" if self.preset else ""
@@ -107,6 +109,11 @@ class Domain:
     def values(self) -> tuple[SharedValue, ...]:
         """The values of the shared attribute, in the order of their declaration; of several, all tuples."""
         return self.reasoning.values
+
+    @property
+    def all_senses(self) -> tuple[Sense, ...]:
+        """The senses of the robot, then the baselines."""
+        return *self.senses, *self.baselines
 
     @property
     def label_attributes(self) -> tuple[str, ...]:
@@ -160,10 +167,10 @@ class Domain:
         Raises:
             DomainError: the domain has no such sense.
         """
-        for sense in self.senses:
+        for sense in self.all_senses:
             if sense.name == name:
                 return sense
-        names = [sense.name for sense in self.senses]
+        names = [sense.name for sense in self.all_senses]
         expected = expected_one_of(names) if names else "the domain has no [learning]"
         raise DomainError(f"{self.folder}/domain.toml: no sense {name!r}; {expected}")
 
@@ -218,7 +225,7 @@ class Domain:
             None if no label is about a shared variable.
         """
         estimates: dict[str, list[Array]] = {name: [] for name in self.reasoning.shared}
-        for sense in self.senses:
+        for sense in self.all_senses:
             label = evidence.get(sense.attribute)
             if label is None or sense.of not in estimates:
                 continue

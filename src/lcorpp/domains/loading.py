@@ -73,7 +73,10 @@ def load_domain(
         sense if sense.data or sense.name in simulation.signals else replace(sense, classifier="channel")
         for sense in senses
     )
-    domain = Domain(name, description, folder, preset_name, reasoning, senses, planning, simulation)
+    own, baselines = (tuple(s for s in senses if s.is_baseline == is_one) for is_one in (False, True))
+    domain = Domain(
+        name, description, folder, preset_name, reasoning, own, planning, simulation, baselines=baselines
+    )
     if planning.answers is None:
         return domain
     from lcorpp.domains.stated_form import state_form  # few domains state a form

@@ -12,7 +12,7 @@ import numpy as np
 from lcorpp.errors import DomainError
 from lcorpp.protocols import World
 from lcorpp.user_code import UserFile, load_file
-from lcorpp.values import Array, stack_signals
+from lcorpp.values import BASELINE_SIGN, Array, stack_signals
 
 FUNCTIONS = ("trajectory", "trajectories", "reaction")
 """Functions of a plug-in, beside those with the names of senses; it defines at least one."""
@@ -66,7 +66,8 @@ class SimulationPlugin:
     @property
     def signals(self) -> dict[str, Callable[[Sequence[Mapping[str, str]], np.random.Generator], Array]]:
         """The simulations of the signals of the senses that have one."""
-        functions = {sense: sense for sense in self._senses if self.defines(sense)}
+        function_of = {sense: sense.replace(BASELINE_SIGN, "_") for sense in self._senses}
+        functions = {sense: name for sense, name in function_of.items() if self.defines(name)}
         for name in ("trajectory", "trajectories"):
             if self._senses and self.defines(name):  # of both functions, `trajectories`
                 functions[self._senses[0]] = name

@@ -156,7 +156,7 @@ def compare_strategies(
         )
         stack.enter_context(explain_missing_reports(solution))
         if options.trials is None:
-            channels = {sense.name: NoisyChannel.from_domain(domain, sense) for sense in domain.senses}
+            channels = {sense.name: NoisyChannel.from_domain(domain, sense) for sense in domain.all_senses}
             errors: dict[str, DecisionError] = {}
             with progress("enumerating people and answers") as advance:
                 exact_scores = evaluate_exactly(
@@ -194,11 +194,11 @@ def set_up_experiment(
         The experiment, the setup of each sense that a strategy uses, and the solution of the POMDP, None if a
         policy was given.
     """
-    strategies = options.strategies or list_strategies([sense.name for sense in domain.senses])
+    strategies = options.strategies or list_strategies([sense.name for sense in domain.all_senses])
     if options.trials is None:
         check_enumerable(domain, strategies)
     check_dialogue(domain, strategies)
-    used = [sense for sense in domain.senses if any(row.uses(sense.name) for row in strategies)]
+    used = [sense for sense in domain.all_senses if any(row.uses(sense.name) for row in strategies)]
     senses = set_up_senses(
         domain, used, options.classifiers, options.evidence, progress, seed=options.seed, jobs=options.jobs
     )

@@ -10,6 +10,7 @@ from lcorpp.assembly.options import ClassifierOptions, TrainingOptions
 from lcorpp.assembly.senses import SenseSetup
 from lcorpp.domains import Domain
 from lcorpp.domains.own_world import OwnWorlds
+from lcorpp.domains.sections.learning import Sense
 from lcorpp.experiments.comparison import Comparison, ComparisonOptions
 from lcorpp.experiments.result_folder import (
     FORMATS,
@@ -39,7 +40,7 @@ def describe_run(
         "shared": domain.reasoning.shared,
         "values": domain.values,
         "senses": {
-            name: _describe_sense(options.classifiers.get(name), setup)
+            name: _describe_sense(domain.find_sense(name), options.classifiers.get(name), setup)
             for name, setup in comparison.senses.items()
         },
         "evidence": ", ".join(dict.fromkeys(map(str, options.evidence.kinds.values()))) or "hard",
@@ -53,10 +54,10 @@ def describe_run(
     }
 
 
-def _describe_sense(options: ClassifierOptions, setup: SenseSetup) -> dict[str, Any]:
+def _describe_sense(sense: Sense, options: ClassifierOptions, setup: SenseSetup) -> dict[str, Any]:
     from lcorpp.learning.classifiers.learner_table import default_features
 
-    training = options if isinstance(options, TrainingOptions) else TrainingOptions()
+    training = (options if isinstance(options, TrainingOptions) else TrainingOptions()).complete(sense)
     return {
         "classifier": setup.source,
         "features": ",".join(training.features or default_features(setup.source)),

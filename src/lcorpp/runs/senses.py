@@ -143,7 +143,10 @@ def set_up_learning(
         raise DecisionError(f"the labels are {options.labels!r}; {expected_one_of(LABEL_KINDS)}")
     for name in options.classifiers:
         domain.find_sense(name)
-    training = find_learning_senses(domain, options.classifiers)
+    training = {
+        name: own.complete(domain.find_sense(name))
+        for name, own in find_learning_senses(domain, options.classifiers).items()
+    }
     for name, own in training.items():
         if own.threshold is not None:
             parse_goal(domain.find_sense(name), own.threshold)  # rejects it before the work

@@ -76,7 +76,7 @@ class Trial(NamedTuple):
     def make_robot(self, strategy: Strategy, session: Session | None = None) -> Robot:
         """Return the robot of a strategy; session: of a strategy that learns from earlier trials."""
         if session is not None:
-            return session.robot(self.robot)
+            return session.robot(strategy.select(self.robot))
         return strategy.robot(self.robot, make_generator(*self.seed) if strategy.draws else None)
 
     def make_world(self) -> SimulatedWorld:
@@ -138,7 +138,7 @@ class ChunkSource:
         rng = np.random.default_rng(seed)
         people = self._population.sample(count, rng)
         signals = {}
-        for place, sense in enumerate(experiment.domain.senses):
+        for place, sense in enumerate(experiment.domain.all_senses):
             if sense.name in experiment.signals:  # the same, whatever other senses the strategies use
                 own = rng if place == 0 else np.random.default_rng([*seed, place, 2])
                 source = experiment.signals[sense.name]
@@ -200,7 +200,10 @@ def start_session(experiment: Experiment, strategy: Strategy, trial: int, *, tri
     """
     if strategy.start is None:
         return None
-    session, source = strategy.start(experiment.robot, experiment.rates), ChunkSource(experiment)
+    session, source = (
+        strategy.start(strategy.select(experiment.robot), experiment.rates),
+        ChunkSource(experiment),
+    )
     for first in range(0, trial, CHUNK_SIZE):
         chunk = source.draw(first // CHUNK_SIZE, min(CHUNK_SIZE, trials - first))
         for i in range(min(CHUNK_SIZE, trial - first)):

@@ -81,8 +81,10 @@ def _skip_chunks(work: Sequence[ChunkWork]) -> int:
 
 def start_sessions(experiment: Experiment) -> list[Session | None]:
     """Return the session of each strategy, None for one that does not learn from earlier people."""
-    start = (experiment.robot, experiment.rates)
-    return [None if row.start is None else row.start(*start) for row in experiment.strategies]
+    return [
+        None if row.start is None else row.start(row.select(experiment.robot), experiment.rates)
+        for row in experiment.strategies
+    ]
 
 
 def _run_in_worker(level: int, pickled: npt.NDArray[np.uint8], work: Sequence[ChunkWork]) -> int:

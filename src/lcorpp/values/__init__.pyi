@@ -33,6 +33,7 @@ from .distribution import (
 )
 from .episode import Episode as Episode, Instance as Instance, Step as Step
 from .evidence_kind import (
+    BASELINE_SIGN as BASELINE_SIGN,
     COVERAGE as COVERAGE,
     EVIDENCE as EVIDENCE,
     EvidenceKind as EvidenceKind,

@@ -10,6 +10,9 @@ from lcorpp.errors import DataError, expected_one_of
 EVIDENCE = ("hard", "soft", "set")
 """Names of the kinds of evidence."""
 
+BASELINE_SIGN = "-"
+"""In the name of a sense: a baseline, which only the strategy of the same name uses, e.g. "gaze-rule"."""
+
 COVERAGE = 0.95
 """Default coverage of prediction sets."""
 

@@ -68,7 +68,7 @@ def read_strategy(description: Mapping[str, Any], domain: Domain) -> Strategy:
     name, source = description["name"], description.get("source")
     if source is not None:
         return find_strategies([source])[0]
-    senses = [sense.name for sense in domain.senses]
+    senses = [sense.name for sense in domain.all_senses]
     rows = {row.name: row for row in (*STRATEGIES, *list_strategies(senses), *BASELINES, *WITH_TRUST)}
     if name not in rows:
         raise DecisionError(f"unknown strategy {name!r}; {expected_one_of(rows)}")

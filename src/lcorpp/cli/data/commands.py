@@ -186,6 +186,14 @@ def _read(path: Path, label: list[str] | None, options: RecordingGroup) -> Recor
     from lcorpp.learning.data.cleaning import MAX_GAP
 
     labels = parse_written_labels(label)
+    if path.exists():
+        from lcorpp.worlds.ros.people.bag_recording import find_bags
+
+        if find_bags(path):
+            from lcorpp.assembly.recorded_data import read_bag_recording
+
+            with console.show_progress(f"reading {path.name}") as advance:
+                return read_bag_recording(path, labels, options.choose_reading({}), progress=advance)
     with console.show_progress(f"reading {path.name}") as advance:
         return read_recording(
             path,

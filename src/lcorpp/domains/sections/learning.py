@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,7 +14,7 @@ from lcorpp.domains.toml import TomlTable
 from lcorpp.errors import DataError, DomainError, expected_one_of
 from lcorpp.learning.classifiers.learner_table import LEARNERS
 from lcorpp.user_code import check_owner, split_function
-from lcorpp.values import EvidenceKind
+from lcorpp.values import BASELINE_SIGN, EvidenceKind
 
 CLASSIFIERS = (*LEARNERS, "channel")
 """The learners, and the simulated noisy classifier."""
@@ -29,7 +30,7 @@ MIN_INTERVAL, DEFAULT_INTERVAL, MAX_INTERVAL = 1e-3, 0.033, 10.0
 class Sense:
     """A sense of the robot: a classifier, its labels and its training data: rho of the paper.
 
-    name: for options and reports, by default that of the attribute.
+    name: for options and reports, by default that of the attribute; of a baseline with `BASELINE_SIGN`.
     attribute: the attribute whose values are the classifier's labels.
     of: the attribute that it classifies.
     label_of: class (a value of `of`) -> label (a value of `attribute`), in the order of `classes`.
@@ -45,8 +46,12 @@ class Sense:
     report_labels: the class by the robot's report: a shared variable, and its value -> class; `of` itself, if
         it is shared. None if a report is not a label.
     data: recorded data for training and trials; None simulates them.
+    data_groups: regular expression that finds the people of a bag in its name, see `read_bags`.
     seconds, rate: duration and points per second to which recorded tracks are cut and resampled; None for
-        those of `read_data`.
+        those of `read_data`. step: seconds between the windows of a track; None for one of each track.
+    features, feature_rate: the classifier's features of motion, and points per second; () and None for those
+        that suit the learner.
+    is_baseline: only the strategy of its name uses it, see `list_strategies`.
 
     Examples:
         >>> from lcorpp import load_domain
@@ -72,6 +77,11 @@ class Sense:
     data: Path | None
     seconds: float | None
     rate: float | None
+    data_groups: str | None = None
+    step: float | None = None
+    features: tuple[str, ...] = ()
+    feature_rate: float | None = None
+    is_baseline: bool = False
 
     def find_class(self, text: str) -> str:
         """Return the class that a text names: by itself, or by its label in the program.
@@ -135,11 +145,12 @@ def _read_sense(table: TomlTable, reasoning: ReasoningSection, folder: Path) -> 
     data_labels = table.mapping("data_labels") if "data_labels" in table else {}
     for name, value in data_labels.items():
         reasoning.check_value(table.location("data_labels", name), of, value)
-    name = table.text("name", attribute)
-    if not name.isidentifier():
+    is_baseline = table.flag("baseline", default=False)
+    name = table.text("name", attribute.replace("_", BASELINE_SIGN) if is_baseline else attribute)
+    if not name.replace(BASELINE_SIGN, "_").isidentifier() or (BASELINE_SIGN in name) != is_baseline:
+        expected = f"a name with {BASELINE_SIGN}" if is_baseline else "letters, digits and _"
         raise DomainError(
-            f"{table.location('name')}: {name!r}; expected letters, digits and _, as for a function in"
-            " people.py"
+            f"{table.location('name')}: {name!r}; expected {expected}, as for a function in people.py"
         )
     sense = Sense(
         name=name,
@@ -159,9 +170,41 @@ def _read_sense(table: TomlTable, reasoning: ReasoningSection, folder: Path) -> 
         data=_find_existing(table, "data", folder) if "data" in table else None,
         seconds=table.number("seconds", MIN_INTERVAL, MAX_SECONDS) if "seconds" in table else None,
         rate=table.number("rate", 1 / MAX_SECONDS, MAX_RATE) if "rate" in table else None,
+        data_groups=_read_pattern(table, "data_groups") if "data_groups" in table else None,
+        step=table.number("step", MIN_INTERVAL, MAX_SECONDS) if "step" in table else None,
+        features=_read_features(table),
+        feature_rate=table.number("feature_rate", 1 / MAX_SECONDS, MAX_RATE)
+        if "feature_rate" in table
+        else None,
+        is_baseline=is_baseline,
     )
     table.reject_unknown_keys()
     return sense
+
+
+def _read_features(table: TomlTable) -> tuple[str, ...]:
+    """Read the names of features of motion."""
+    names = table.names("features", required=False)
+    for name in names:
+        from lcorpp.learning.features.motion_features import MOTION_FEATURES  # few domains name features
+
+        if name not in MOTION_FEATURES:
+            raise DomainError(
+                f"{table.location('features')}: unknown feature {name!r}; {expected_one_of(MOTION_FEATURES)}"
+            )
+    return names
+
+
+def _read_pattern(table: TomlTable, key: str) -> str:
+    """Read a regular expression."""
+    pattern = table.text(key)
+    try:
+        re.compile(pattern)
+    except re.error as error:
+        raise DomainError(
+            f"{table.location(key)}: {pattern!r}: {error}; expected a regular expression"
+        ) from None
+    return pattern
 
 
 def _read_labels(table: TomlTable, attribute: str, of: str, reasoning: ReasoningSection) -> dict[str, str]:

@@ -87,7 +87,7 @@ def list_pairs(names: Sequence[str]) -> list[tuple[str, str]]:
 
 def find_rows(problem: Problem, domain: Domain) -> tuple[Strategy, ...]:
     """Return the strategies of a sweep."""
-    senses = [sense.name for sense in domain.senses]
+    senses = [sense.name for sense in domain.all_senses]
     return find_strategies(problem.strategies, senses) if problem.strategies else list_strategies(senses)
 
 
