@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
-from lcorpp.values import Kind
+if TYPE_CHECKING:  # loads the class of data sets, which most decisions do without
+    from lcorpp.values import Kind
 
 PAPER_FEATURES = ("x", "y")
 """The motion features of the paper, which learners of time series use if none are chosen."""
