@@ -35,6 +35,7 @@ from lcorpp.learning import (
 )
 from lcorpp.learning.classifiers.storage import check_storable
 from lcorpp.learning.evaluation.folds import choose_folds
+from lcorpp.learning.evaluation.held_out import HeldOutPredictor
 from lcorpp.notebook import join_some
 from lcorpp.simulation.people import SignalSource, make_signal_source
 from lcorpp.values import COVERAGE, ConfusionMatrix
@@ -86,6 +87,10 @@ def train_classifier(
     positive = find_positive_class(sense)
     prevalence = compute_class_prevalence(domain, sense, options.prevalence)
     trained, validation = set_threshold(domain, sense, options, trained, validation)
+    tested = trained
+    if data.tests_training_cases:
+        predictor = HeldOutPredictor(trained.estimator, data.dataset.trajectories, validation.probabilities)
+        tested = replace(trained, estimator=predictor)
     report = build_report(
         validation,
         positive=positive,
@@ -102,6 +107,7 @@ def train_classifier(
         unit=data.dataset.unit,
         data=data.path,
         notes=data.dataset.notes,
+        classifier=tested.as_evidence(evidence.kind(sense.name)),
     )
 
 
@@ -149,6 +155,11 @@ def load_trained(
     if path is not None:
         recorded = _read_test_data(domain, sense, options, path, trained, seed)
         signals, notes = recorded.signals, recorded.dataset.notes
+        if recorded.tests_training_cases:
+            notes = (
+                *notes[:-1],
+                f"if {options.file} was trained on the people of {path}, the trials are too good",
+            )
     else:
         signals = make_signal_source(domain, sense, options.seconds)
     setup = _make_setup(sense, trained, confusion, evidence, signals, str(options.file))

@@ -21,15 +21,17 @@ BALANCES: Mapping[str, str | None] = {"classes": "balanced", "none": None}
 
 @dataclass(frozen=True, eq=False)
 class TrainingData:
-    """A training set and the source of the test signals, which never contains a training case.
+    """A training set and the source of the test signals.
 
     epochs: the number of epochs that suits the data. path: of recorded data.
+    tests_training_cases: whether the test signals are the training cases, as the people are few.
     """
 
     dataset: Dataset
     signals: SignalSource
     epochs: int
     path: Path | None = None
+    tests_training_cases: bool = False
 
 
 def choose_learner(options: TrainingOptions, dataset: Dataset) -> TrainingOptions:

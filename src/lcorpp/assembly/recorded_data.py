@@ -15,6 +15,7 @@ from lcorpp.errors import DataError, expected_one_of
 from lcorpp.learning import Recording, format_leakage_warning, read_data, split, to_dataset
 from lcorpp.learning.data.cleaning import MAX_GAP
 from lcorpp.learning.data.windows import INTERVAL, POINTS
+from lcorpp.learning.evaluation.folds import hold_out_each
 from lcorpp.learning.features.motion_features import MOTION_FEATURES
 from lcorpp.simulation.people import RecordedSignals
 from lcorpp.values import Dataset, count_window
@@ -36,6 +37,8 @@ def read_training_data(
     seconds: float | None = None,
 ) -> TrainingData:
     """Read recorded data and split them: 70 % for training, the other people's 30 % for the trials.
+
+    Few people are not split: each of them is tested by classifiers that were trained without them.
 
     Args:
         path: a path that `read_data` accepts: a folder of the authors' files, CSV, Parquet or .npz; or a bag
@@ -79,8 +82,9 @@ def read_training_data(
             f"{path}: no {dataset.unit} of class {', '.join(missing)}; expected {dataset.unit} of each class"
             f" of {sense.of}, found {found}"
         )
+    has_few = hold_out_each(dataset)
     try:
-        train, test = split(dataset, seed=seed)
+        train, test = (dataset, dataset) if has_few else split(dataset, seed=seed)
         leak = format_leakage_warning(train)
     except DataError as error:
         raise DataError(f"{path}: {error}") from None
@@ -89,8 +93,17 @@ def read_training_data(
         f"{len(train)} of {len(dataset)} {unit} are training data; the trials sample {unit} of the"
         f" {len(set(test.groups))} other people, so their intervals do not cover people outside of the data"
     )
-    notes = (*train.notes, split_note, *([] if leak is None else [leak]))
-    return TrainingData(replace(train, notes=notes), RecordedSignals(sense.of, test), PAPER_EPOCHS, path)
+    if has_few:
+        split_note = (
+            f"the {len(set(dataset.groups))} people of {len(dataset)} {unit} are few: the trials sample their"
+            f" {unit}, which classifiers that were trained without them classify; the intervals do not cover"
+            " other people"
+        )
+    notes = (*train.notes, *([] if leak is None else [leak]), split_note)
+    signals = RecordedSignals(sense.of, test)
+    return TrainingData(
+        replace(train, notes=notes), signals, PAPER_EPOCHS, path, tests_training_cases=has_few
+    )
 
 
 def _read(sense: Sense, path: Path, reading: ReadingOptions, seconds: float | None) -> Dataset:

@@ -10,6 +10,7 @@ from lcorpp.assembly.options import TrainingOptions
 from lcorpp.domains import Domain
 from lcorpp.domains.sections.learning import Sense
 from lcorpp.errors import DataError
+from lcorpp.learning.classifiers.learner_table import default_features
 from lcorpp.simulation.people import make_signal_source, simulate_dataset
 
 
@@ -33,7 +34,7 @@ def make_training_data(domain: Domain, sense: Sense, options: TrainingOptions, s
         sense,
         path,
         seed,
-        features=options.features,
+        features=options.features or (default_features(options.learner) if options.learner else None),
         reading=options.reading,
         seconds=options.seconds,
     )

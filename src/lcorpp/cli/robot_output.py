@@ -153,6 +153,15 @@ def _print_presence(domain: Domain, sense: str) -> None:
     console.out.print(f"  {sense} perceives {shares}")
 
 
+def _name_folds(report: EvaluationReport) -> str:
+    """Return the kind of cross-validation."""
+    from lcorpp.learning.evaluation.folds import FOLDS
+
+    if report.folds == report.people < report.cases:
+        return "leave-one-person-out"
+    return "five-fold" if report.folds == FOLDS else f"{report.folds}-fold"
+
+
 def print_classifier(setup: SenseSetup, sense: str = "") -> None:
     """Print the error rates of a classifier and, if it was trained now, its evaluation.
 
@@ -171,12 +180,15 @@ def print_classifier(setup: SenseSetup, sense: str = "") -> None:
         console.out.print(f"{title}: {setup.source}")
     else:
         console.out.print(
-            f"{title}: {setup.source}, five-fold cross-validation on {report.source}:"
+            f"{title}: {setup.source}, {_name_folds(report)} cross-validation on {report.source}:"
             f" {setup.n_tracks} {setup.unit} of {report.people} people; [95% intervals]"
         )
         console.out.print(f"  accuracy {report.accuracy}")
     for cells in setup.intervals:
-        rates = ", ".join(f"{rate.predicted} {rate.interval}" for rate in cells)
+        # several cases of a person are no independent draws, as the interval of a rate assumes
+        has_intervals = report is None or report.cases == report.people
+        shown = [str(rate.interval) if has_intervals else f"{rate.value:.3f}" for rate in cells]
+        rates = ", ".join(f"{rate.predicted} {value}" for rate, value in zip(cells, shown, strict=True))
         text = f"  true class {cells[0].true} ({cells[0].cases} cases); predicted: {rates}"
         console.out.print(text)
     if report is not None:

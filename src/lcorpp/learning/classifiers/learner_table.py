@@ -15,6 +15,9 @@ PAPER_FEATURES = ("x", "y")
 OWN_FEATURES = ("velocity", "acceleration", "turn_rate")
 """Motion features that depend on the person alone, which the other learners use if none are chosen."""
 
+GAZE_RULE_FEATURES = ("social_engagement",)
+"""The motion features of the rule of ROS4HRI."""
+
 RENAMED = {"fast": "lstm-fast"}
 
 KINDS: tuple[Kind, ...] = ("motion", "series", "table")
@@ -49,6 +52,12 @@ LEARNERS: Mapping[str, Learner] = {
     ),
     "logistic": Learner("logistic regression on a table of features", "make_summaries", kinds=("table",)),
     "minirocket": Learner("MiniRocket: a ridge classifier on ten thousand convolutions", "make_minirocket"),
+    "gaze-rule": Learner(
+        "the rule of ROS4HRI: mutual gaze over distance, to compare with",
+        "make_gaze_rule",
+        kinds=("motion",),
+        features=GAZE_RULE_FEATURES,
+    ),
 }
 """The learners by name."""
 

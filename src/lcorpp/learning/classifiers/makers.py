@@ -11,7 +11,7 @@ from typing import Any
 from sklearn.pipeline import Pipeline
 
 from lcorpp.errors import DataError, expected_one_of
-from lcorpp.learning.classifiers.learner_table import KINDS
+from lcorpp.learning.classifiers.learner_table import GAZE_RULE_FEATURES, KINDS
 from lcorpp.learning.classifiers.pipelines import fast_pipeline, paper_pipeline
 from lcorpp.learning.features.motion import ChannelStandardizer, Motion
 from lcorpp.learning.features.rate import check_rate
@@ -121,3 +121,14 @@ def make_minirocket(config: LearnerConfig) -> Pipeline:
 
     rocket = MiniRocket(class_weight=config.class_weight, random_state=config.seed)
     return config.pipeline(("scaling", ChannelStandardizer()), ("minirocket", rocket))
+
+
+def make_gaze_rule(config: LearnerConfig) -> Pipeline:
+    from lcorpp.learning.classifiers.gaze_rule import GazeRule
+
+    if config.features != GAZE_RULE_FEATURES:
+        raise DataError(
+            f"the learner 'gaze-rule' takes the feature {GAZE_RULE_FEATURES[0]} alone, not"
+            f" {', '.join(config.features)}"
+        )
+    return config.pipeline(("rule", GazeRule()))

@@ -135,6 +135,7 @@ def load_classifier(path: str | Path) -> TrainedClassifier:
 
 def _native_kinds() -> dict[str, Any]:
     """The natively stored steps by their name in files, which does not change with the class name."""
+    from lcorpp.learning.classifiers.gaze_rule import GazeRule
     from lcorpp.learning.classifiers.logistic import QuadraticLogistic
     from lcorpp.learning.classifiers.minirocket import MiniRocket
 
@@ -146,6 +147,7 @@ def _native_kinds() -> dict[str, Any]:
         "QuadraticLogistic": QuadraticLogistic,
         "MiniRocket": MiniRocket,
         "SegmentStatistics": SegmentStatistics,
+        "GazeRule": GazeRule,
     }
 
 

@@ -46,12 +46,16 @@ class FastStratifiedGroupKFold(StratifiedGroupKFold):  # type: ignore[misc]
 def choose_folds(dataset: Dataset) -> int:
     """Return the number of folds by default: `FOLDS`, or the number of people if they are few.
 
-    With one fold for each of at most `MAX_HELD_OUT` groups of several cases, each is held out alone:
-    cross-validation leaves one person out.
+    With one fold for each of few groups, each is held out alone: cross-validation leaves one person out.
     """
+    return len(set(dataset.groups)) if hold_out_each(dataset) else FOLDS
+
+
+def hold_out_each(dataset: Dataset) -> bool:
+    """Return whether the people are few: 3 to `MAX_HELD_OUT` groups of several cases, each class in two."""
     n = len(set(dataset.groups))
     is_few = 3 <= n <= MAX_HELD_OUT and n < len(dataset)
-    return n if is_few and min(count_groups(dataset.labels, dataset.groups).values()) > 1 else FOLDS
+    return is_few and min(count_groups(dataset.labels, dataset.groups).values()) > 1
 
 
 def find_training_cases(held_out: Flags, groups: Sequence[str]) -> Flags:

@@ -299,4 +299,5 @@ def measure_gaze(position: Array, direction: Array) -> dict[str, float]:
 
 def _compute_angle(a: Array, b: Array) -> float:
     """Return the angle between two vectors in radians, exact also near 0 and pi."""
-    return atan2(float(np.linalg.norm(np.cross(a, b))), float(a @ b))
+    (x, y, z), (u, v, w) = a.tolist(), b.tolist()
+    return atan2(hypot(y * w - z * v, z * u - x * w, x * v - y * u), x * u + y * v + z * w)

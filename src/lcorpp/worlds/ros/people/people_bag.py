@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import asdict
 from pathlib import Path
+from typing import Any
 
 from lcorpp.camera.bags import BagReader, open_bag
 from lcorpp.errors import DataError, expected_one_of
@@ -135,5 +135,14 @@ def _make_sample(detection: Detection, recorded: float) -> Sample:
 
 def _make_message(found: object) -> Message:
     """Return a message as a dictionary, its arrays of numbers as lists."""
-    fields = asdict(found)  # type: ignore[call-overload]
-    return {name: own.tolist() if hasattr(own, "tolist") else own for name, own in fields.items()}
+    names = found.__dataclass_fields__  # type: ignore[attr-defined]
+    return {name: _convert(getattr(found, name)) for name in names}
+
+
+def _convert(value: Any) -> Any:
+    """Return a field of a message: a number or text, an array as a list, or messages as dictionaries."""
+    if isinstance(value, list):
+        return [_convert(item) for item in value]
+    if hasattr(value, "__dataclass_fields__"):
+        return _make_message(value)
+    return value.tolist() if hasattr(value, "tolist") else value
