@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from lcorpp.assembly.options import HARD_LABELS, ClassifierOptions
@@ -19,12 +19,12 @@ POSITION = ("x", "y")
 """The inputs of a track that a pointer or a people tracker can give."""
 
 
-def find_track_senses(domain: Domain) -> list[Sense]:
-    """Return the senses whose signals are tracks of positions."""
+def find_track_senses(domain: Domain, channels: Sequence[str] = POSITION) -> list[Sense]:
+    """Return the senses whose signals are tracks of some channels, by default of positions."""
     return [
         sense
         for sense in domain.senses
-        if sense.channels in ((), POSITION) and (sense.name in domain.simulation.signals or sense.data)
+        if set(sense.channels) <= set(channels) and (sense.name in domain.simulation.signals or sense.data)
     ]
 
 

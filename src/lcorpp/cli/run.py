@@ -133,7 +133,7 @@ def _choose_comparison(
     if ask_budget is not None:
         rows = set_ask_budget(rows, ask_budget)
     used = [sense for sense in domain.all_senses if any(row.uses(sense.name) for row in rows)]
-    sources = given.choose_classifiers(domain, used, tracks)
+    sources = given.choose_classifiers(domain, used, tracks, by_channel=trials is None)
     if trials is None and any(sources.values()):
         raise DomainError(
             "--exact needs --classifier channel: the error rates of a trained classifier are known from"

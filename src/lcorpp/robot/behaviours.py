@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 from lcorpp.domains import Domain
@@ -24,6 +25,7 @@ from lcorpp.worlds.ros.skills import (
     Skill,
     Speak,
     Turn,
+    Watch,
 )
 from lcorpp.worlds.speech import parse_voice
 
@@ -46,7 +48,10 @@ def read_behaviours(root: TomlTable, domain: Domain, silence: str, version: int)
             raise DomainError(
                 f"{table.location(name)}: {pomdp.file} has no such action; {expected_one_of(pomdp.actions)}"
             )
-        behaviours[name] = read_behaviour(table.section(name), pomdp.observations, version)
+        own = read_behaviour(table.section(name), pomdp.observations, version)
+        if isinstance(own.skill, Watch):
+            own = replace(own, skill=_complete_watch(table.section(name), own.skill, domain))
+        behaviours[name] = own
     for action in pomdp.actions:
         if domain.reported_value(action) is None and action not in behaviours:
             raise DomainError(f"{table.location(action)}: missing; expected how to execute it")
@@ -54,6 +59,21 @@ def read_behaviours(root: TomlTable, domain: Domain, silence: str, version: int)
     if "after" in root:
         behaviours[AFTER] = read_behaviour(root.section("after"), pomdp.observations, version)
     return behaviours
+
+
+def _complete_watch(table: TomlTable, skill: Watch, domain: Domain) -> Watch:
+    """Return the skill with the labels of its sense, which have to be observations."""
+    known = [sense.name for sense in domain.senses]
+    if skill.sense not in known:
+        raise DomainError(f"{table.location('sense')}: no sense {skill.sense!r}; {expected_one_of(known)}")
+    label_of = domain.find_sense(skill.sense).label_of
+    unknown = [label for label in label_of.values() if label not in domain.pomdp.observations]
+    if unknown:
+        raise DomainError(
+            f"{table.location('sense')}: {unknown[0]!r} is a label of {skill.sense}, and no observation of"
+            f" {domain.pomdp.file}; {expected_one_of(domain.pomdp.observations)}"
+        )
+    return replace(skill, label_of=label_of)
 
 
 def _check_possible(
@@ -66,7 +86,8 @@ def _check_possible(
         if domain.reported_value(action) is not None:
             continue
         rows = pomdp.observation.dense[pomdp.actions.index(action)][live]
-        for what, name in (("silence", silence), ("a failure", behaviour.failure)):
+        is_watching = isinstance(behaviour.skill, Watch)  # nothing is said then
+        for what, name in (("silence", None if is_watching else silence), ("a failure", behaviour.failure)):
             if name is not None and not rows[:, pomdp.observations.index(name)].any():
                 raise DomainError(
                     f"{table.location(action)}: {what} gives the observation {name!r}, which is impossible"
@@ -145,6 +166,10 @@ def _read_speak(table: TomlTable) -> Skill:
         raise DomainError(f"{table.location('voice')}: {error}") from None
 
 
+def _read_watch(table: TomlTable) -> Skill:
+    return Watch(table.text("sense"), table.number("seconds", 0.1, MAX_SECONDS))
+
+
 def _read_action(table: TomlTable) -> Skill:
     return CallAction(table.text("name"), read_type(table, "action"), _read_message(table, "goal"))
 
@@ -163,6 +188,7 @@ READERS: Mapping[str, Callable[[TomlTable], Skill | None]] = {
     "drive": _read_drive,
     "say": _read_say,
     "speak": _read_speak,
+    "watch": _read_watch,
     "action": _read_action,
     "service": _read_service,
     "listen": _read_nothing,

@@ -83,8 +83,9 @@ class RobotLoop:
         self._show_step, self._attention = show_step, Attention(parts.domain, config.value)
         self._perceptions = make_perceptions(connection, config)
         self._perception = self._perceptions[0]
+        windows = {s.name: s.seconds for s in parts.domain.senses if s.step and s.seconds}
         self._tracks = [
-            PeopleTracks(own, max_silence=config.people.max_silence)
+            PeopleTracks(own, max_silence=config.people.max_silence, windows=windows)
             for own in _divide(classifiers, config.people)
         ]
         self._people = SensedPeople(self._tracks)
@@ -268,7 +269,7 @@ class RobotLoop:
 
     def _make_world(self, person: str) -> RosWorld:
         config = self._config
-        body = Body(self._connection, self._perception, person, config.cmd_vel)
+        body = Body(self._connection, self._perception, person, config.cmd_vel, self._people)
         silence = config.answers.silence
         return RosWorld(body, config.behaviours, self._listener, silence=silence, orders=self._orders)
 

@@ -8,6 +8,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from math import isfinite
 from time import monotonic
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -15,7 +16,7 @@ import numpy as np
 from lcorpp.errors import ConnectionLostError, DataError, LcorppError, WorldError
 from lcorpp.learning import StreamingClassifier, TrainedClassifier
 from lcorpp.learning.streaming.clock import Clock, StampCheck, describe_doubtful_stamps
-from lcorpp.values import Array, Label
+from lcorpp.values import Array, Label, count_window
 from lcorpp.worlds.ros.perception import Perception
 from lcorpp.worlds.ros.sensor_messages import Sample
 
@@ -75,6 +76,25 @@ class Track:
         del self.samples[:-MAX_SAMPLES]
 
 
+def make_stream(
+    trained: TrainedClassifier, seconds: float | None = None, **options: Any
+) -> StreamingClassifier:
+    """Return the streaming classifier of a robot.
+
+    Args:
+        seconds: of the windows that the classifier was trained on; None for whole tracks.
+        options: of `StreamingClassifier`.
+
+    Raises:
+        DataError: the classifier is not one of tracks.
+    """
+    streams = StreamingClassifier.from_trained(trained, **options)
+    if seconds is None:
+        return streams
+    points = count_window(seconds, 1 / streams.rules.rate)
+    return StreamingClassifier.from_trained(trained, min_points=points, window=points, **options)
+
+
 class PeopleTracks:
     """All people who are tracked now, and the classifiers' outputs for them.
 
@@ -84,6 +104,7 @@ class PeopleTracks:
     Args:
         classifiers: sense -> its classifier of tracks; it gives labels.
         max_silence: seconds without a sample after which a person has left.
+        windows: sense -> seconds of the windows that its classifier was trained on: it sees the last ones.
     """
 
     def __init__(
@@ -91,9 +112,10 @@ class PeopleTracks:
         classifiers: Mapping[str, TrainedClassifier],
         *,
         max_silence: float = 3.0,
+        windows: Mapping[str, float] = MappingProxyType({}),
     ) -> None:
         self._streams = {
-            name: StreamingClassifier.from_trained(trained, max_silence=max_silence)
+            name: make_stream(trained, windows.get(name), max_silence=max_silence)
             for name, trained in classifiers.items()
         }
         self._max_silence = max_silence
@@ -205,6 +227,11 @@ class SensedPeople:
     def signals(self, person: str) -> dict[str, Array]:
         """Return sense -> the signal (inputs, samples) of a person so far, if the sense perceives them."""
         return {sense: own for tracks in self._tracks for sense, own in tracks.signals(person).items()}
+
+    def classify(self, person: str, sense: str) -> Label | None:
+        """Return the current output of a sense for a person; None with too few samples."""
+        own = self.classifiers(person).get(sense)
+        return None if own is None else own.classify(np.zeros(1))
 
     def classifiers(self, person: str) -> dict[str, PersonClassifier]:
         """Return sense -> the classifier of a person, for the decision loop."""

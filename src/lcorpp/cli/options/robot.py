@@ -66,7 +66,13 @@ class RobotGroup:
         return options.load_domain(self.domain, self.preset, self.world, self.reasoner)
 
     def choose_classifiers(
-        self, domain: Domain, used: Sequence[Sense], tracks: int | None, trained: Collection[str] = ()
+        self,
+        domain: Domain,
+        used: Sequence[Sense],
+        tracks: int | None,
+        trained: Collection[str] = (),
+        *,
+        by_channel: bool = False,
     ) -> dict[str, ClassifierOptions]:
         """Return the options of the classifier of each used sense; see `senses.choose_classifiers`."""
         return self.senses.choose_classifiers(
@@ -75,6 +81,7 @@ class RobotGroup:
             reading=self.recording.choose_reading(parse_written_labels(self.label)),
             training=self.training.choose(tracks, threshold=self.threshold, prevalence=self.prevalence),
             trained=trained,
+            by_channel=by_channel,
         )
 
     def choose_evidence(self, domain: Domain, sources: Mapping[str, ClassifierOptions]) -> EvidenceOptions:

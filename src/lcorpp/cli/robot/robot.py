@@ -106,14 +106,19 @@ def robot(
 
 
 def choose_robot_classifiers(config: RobotConfig, domain: Domain) -> dict[str, ClassifierOptions]:
-    """Return sense -> its stored classifier, or the default learner on simulated tracks, or None."""
+    """Return sense -> its stored classifier, or a learner on simulated or the domain's data, or None.
+
+    The learner is the domain's, if it names one, and else the default one.
+    """
     from lcorpp.assembly.options import StoredOptions, TrainingOptions
     from lcorpp.assembly.track_robot import LEARNER, find_track_senses
+    from lcorpp.values import CHANNELS
 
-    tracked = {sense.name for sense in find_track_senses(domain)}
-    chosen: dict[str, ClassifierOptions] = {
-        sense.name: TrainingOptions(LEARNER) if sense.name in tracked else None for sense in domain.senses
-    }
+    tracked = {sense.name for sense in find_track_senses(domain, CHANNELS)}
+    chosen: dict[str, ClassifierOptions] = {}
+    for sense in domain.senses:
+        own = sense.classifier if sense.classifier not in (None, "channel") else LEARNER
+        chosen[sense.name] = TrainingOptions(own) if sense.name in tracked else None
     return chosen | {name: StoredOptions(file) for name, file in config.classifiers.items()}
 
 

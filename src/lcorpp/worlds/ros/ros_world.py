@@ -104,9 +104,9 @@ class RosWorld:
         """
         behaviour = self._find_behaviour(action)
         self._body.locate_person()
-        failed = self._execute(action, behaviour)
-        if failed is not None:
-            return failed
+        observed = self._execute(action, behaviour)
+        if observed is not None:
+            return observed
         if self._listener is None:
             return self._silence
         with self._stop_after_failure(action):
@@ -136,7 +136,7 @@ class RosWorld:
         return found
 
     def _execute(self, action: str, behaviour: Behaviour) -> str | None:
-        """Run the skill of an action; return the observation of its failure, None if it did not fail."""
+        """Run the skill of an action; return its observation or that of its failure, None without either."""
         skill, began = behaviour.skill, monotonic()
         if self._listener is not None:
             self._listener.clear()
@@ -144,7 +144,7 @@ class RosWorld:
             return None
         try:
             with self._stop_after_failure(action):
-                skill.run(self._body, behaviour.timeout)
+                observed = skill.run(self._body, behaviour.timeout)
         except ActionFailedError as error:
             if behaviour.failure is None:
                 raise
@@ -154,7 +154,7 @@ class RosWorld:
         LOG.info("%s: done after %.1f s", action, monotonic() - began)
         if isinstance(skill, Say | Speak) and self._listener is not None:
             self._listener.clear()  # the robot's own voice is not an answer
-        return None
+        return observed
 
     def _stop_after_failure(self, action: str) -> StopAfterFailure:
         return StopAfterFailure(action, self._orders, self._body)

@@ -1,4 +1,4 @@
-"""What an action of the robot does: navigate, turn, drive, speak, or a ROS action, service or message.
+"""What an action of the robot does: navigate, turn, drive, speak, watch, or a ROS action, service or message.
 
 Each skill is a value that `run` executes with the parts of the robot's body. It ends within its time-out,
 with an `ActionFailedError` if it could not be completed; `RosWorld` then stops the robot.
@@ -13,6 +13,7 @@ from time import monotonic, sleep
 from typing import Protocol
 
 from lcorpp.errors import ActionFailedError, PersonLeftError
+from lcorpp.values import Label
 from lcorpp.worlds.ros.connection import Message, RosConnection
 from lcorpp.worlds.ros.perception import Perception
 from lcorpp.worlds.ros.pose import Pose
@@ -21,6 +22,8 @@ from lcorpp.worlds.speech import Voice
 TWIST = "geometry_msgs/Twist"
 PERIOD = 0.1
 """Seconds between two Twists: drivers of robots stop if none comes for about half a second."""
+WATCH_PERIOD = 0.02
+"""Seconds between two looks at the track of a person who is watched."""
 ANGLE_TOLERANCE = 0.1
 """Radians within which the robot faces a person."""
 SLOWDOWN = 1.5
@@ -32,17 +35,28 @@ def make_twist(linear: float, angular: float) -> Message:
     return {"linear": {"x": linear, "y": 0.0, "z": 0.0}, "angular": {"x": 0.0, "y": 0.0, "z": angular}}
 
 
+class PeopleView(Protocol):
+    """The people whom the robot tracks, with the outputs of its classifiers."""
+
+    def list_people(self) -> dict[str, float]:
+        """Return the people who are present, with the seconds of their tracks."""
+
+    def classify(self, person: str, sense: str) -> Label | None:
+        """Return the current output of a sense for a person; None without one."""
+
+
 @dataclass(frozen=True, eq=False)
 class Body:
     """The parts of the robot that skills use, and the person whom it attends to.
 
-    cmd_vel: topic of the Twists.
+    cmd_vel: topic of the Twists. people: for skills that watch the person; None without classifiers.
     """
 
     connection: RosConnection
     perception: Perception
     person: str
     cmd_vel: str = "/cmd_vel"
+    people: PeopleView | None = None
 
     def locate_person(self) -> tuple[float, float]:
         """Return the person's position in the fixed frame.
@@ -63,8 +77,8 @@ class Body:
 class Skill(Protocol):
     """What an action of the robot does."""
 
-    def run(self, body: Body, timeout: float) -> None:
-        """Execute the action.
+    def run(self, body: Body, timeout: float) -> str | None:
+        """Execute the action; return the observation, None if it is the person's answer.
 
         Raises:
             ActionFailedError: it is refused, fails, or does not end within `timeout` seconds.
@@ -205,6 +219,40 @@ class Speak:
     def run(self, body: Body, timeout: float) -> None:
         """As `Skill.run`; the voice has its own time-out."""
         self.voice.say(self.text)
+
+
+@dataclass(frozen=True)
+class Watch:
+    """Watch the person for some more seconds; the observation is the label that a sense gives then.
+
+    sense: its name. seconds: by which the person's track grows. label_of: class -> label, an observation.
+    """
+
+    sense: str
+    seconds: float
+    label_of: Mapping[str, str] = field(default_factory=dict)
+
+    def run(self, body: Body, timeout: float) -> str | None:
+        """As `Skill.run`; None if the sense has no output."""
+        if body.people is None:
+            raise ActionFailedError("there are no classifiers to watch people with")
+        began, start = monotonic(), self._measure_track(body.people, body.person)
+        while (seen := self._measure_track(body.people, body.person)) < start + self.seconds:
+            start = min(start, seen)  # the track has begun anew
+            if monotonic() - began > timeout:
+                raise ActionFailedError(
+                    f"the track of {body.person} is {seen - start:.1f} s longer after {timeout:g} s;"
+                    f" expected {self.seconds:g} s"
+                )
+            sleep(WATCH_PERIOD)
+        label = body.people.classify(body.person, self.sense)
+        return self.label_of.get(label) if isinstance(label, str) else None
+
+    def _measure_track(self, people: PeopleView, person: str) -> float:
+        present = people.list_people()
+        if person not in present:
+            raise PersonLeftError(f"the person {person} is no longer detected")
+        return present[person]
 
 
 @dataclass(frozen=True)

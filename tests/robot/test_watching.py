@@ -1,0 +1,266 @@
+"""A robot that watches the faces of a replayed bag decides as on the samples of the bag."""
+
+import json
+from math import sin
+from pathlib import Path
+from threading import Event
+
+import numpy as np
+import pytest
+
+from lcorpp.assembly import TrainingOptions
+from lcorpp.assembly.track_robot import set_up_track_robot
+from lcorpp.camera.bags import open_bag
+from lcorpp.decision import dt_control
+from lcorpp.decision.strategies import LCORPP
+from lcorpp.domains import load_domain
+from lcorpp.errors import ActionFailedError, DomainError, PersonLeftError
+from lcorpp.robot.connecting import connect
+from lcorpp.robot.loop import RobotLoop
+from lcorpp.robot.reading import read_robot_config
+from lcorpp.robot.tracking import PeopleTracks
+from lcorpp.values import Instance
+from lcorpp.worlds.ros import skills
+from lcorpp.worlds.ros.people.people_bag import _iterate, read_people_bag
+from lcorpp.worlds.ros.skills import Body, Watch
+from tests.worlds.ros.humans_bag import OPTICAL, HumansBag, transform
+from tests.worlds.ros.stand_in import bridge
+from tests.worlds.ros.test_rosbridge import WAIT
+
+BASE = """domain = "engagement"
+[connection]
+url = "{url}"
+timeout = 5.0
+[robot]
+frame = "{frame}"
+[people]
+topic = "/tf"
+type = "tf2_msgs/TFMessage"
+decide_after = {seconds}
+training_heading = 0.0
+max_silence = 60.0
+[facts]
+place = "{place}"
+time = "quiet"
+company = "alone"
+[actions.watch]
+skill = "watch"
+sense = "gaze"
+seconds = 2.0
+timeout = 120.0
+"""
+LINK = transform(OPTICAL, "base_link", (-0.5, 0.5, -0.5, 0.5), x=0.0, y=0.0, z=1.2)
+ENGAGEMENT = Path(__file__).parents[3] / "shared" / "data" / "engagement"
+SECONDS = 2.0
+
+
+class Player:
+    """A bag that is published message by message over a rosbridge server."""
+
+    def __init__(self, messages):
+        self.server, self._messages = bridge.BridgeServer(), iter(messages)
+        self.published = 0
+
+    def publish_next(self):
+        """Publish the next message; return its topic, None after the last."""
+        found = next(self._messages, None)
+        if found is None:
+            return None
+        topic, _, message = found
+        self.server.publish(topic, message)
+        self.published += 1
+        return topic
+
+
+@pytest.fixture(scope="module")
+def parts():
+    """The robot of the domain, with classifiers of simulated people that are trained fast."""
+    options = {
+        "gaze": TrainingOptions("summaries", tracks=200),
+        "motion": TrainingOptions("summaries", tracks=60),
+    }
+    domain = load_domain("engagement")
+    return set_up_track_robot(domain, options, domain.planning.solver)
+
+
+class RecordedWorld:
+    """The world of a decision on recorded samples: to watch adds those of two more seconds."""
+
+    def __init__(self, tracks, samples, person, label_of):
+        self.tracks, self.samples, self.person, self.label_of = tracks, iter(samples), person, label_of
+
+    def act(self, action):
+        assert action == "watch"
+        start = self.tracks.list_people()[self.person]
+        self.watch_until(start + SECONDS)
+        return self.label_of[self.tracks.classify(self.person, "gaze")]
+
+    def watch_until(self, seconds):
+        while self.tracks.list_people().get(self.person, 0.0) < seconds:
+            self.tracks.add([next(self.samples)])
+
+    def report(self, action):
+        pass
+
+
+def read_messages(path):
+    """Return topic, seconds and message of what a robot publishes about people."""
+    with open_bag(path) as reader:
+        topics = {c.topic for c in reader.connections if c.topic.startswith(("/tf", "/humans/persons"))}
+        return list(_iterate(reader, topics))
+
+
+def decide_offline(parts, samples, facts):
+    """Return the decision about the person of some samples, after two seconds."""
+    robot, classifiers = parts
+    windows = {sense.name: sense.seconds for sense in robot.domain.senses}
+    tracks = PeopleTracks(classifiers, max_silence=60.0, windows=windows)
+    person = samples[0].person
+    world = RecordedWorld(tracks, samples, person, robot.domain.find_sense("gaze").label_of)
+    world.watch_until(SECONDS)
+    full = LCORPP.robot(robot.robot)
+    own = type(full)(tracks.classifiers(person), full.reasoner, full.planner, full.domain)
+    return dt_control(own, Instance(tracks.signals(person), facts), world)
+
+
+def decide_online(parts, messages, folder, monkeypatch, *, place, frame, person):
+    """Return the decision of a robot that receives the messages; each one arrives before the next is sent."""
+    player = Player(messages)
+    file = folder / "robot.toml"
+    file.write_text(BASE.format(url=player.server.url, place=place, frame=frame, seconds=SECONDS))
+    config, _ = read_robot_config(file)
+    connection = connect(config.connection)
+    try:
+        loop = RobotLoop(config, *parts, LCORPP, connection)
+        update, processed, is_processed = loop._perception.update, [None], Event()
+
+        def note_and_update(timeout):
+            if processed[0] != loop._perception.last_message:  # whose samples are in the tracks now
+                processed[0] = loop._perception.last_message
+                is_processed.set()
+            return update(timeout)
+
+        monkeypatch.setattr(loop._perception, "update", note_and_update)
+
+        def receive_next(_):
+            is_processed.clear()
+            topic = player.publish_next()
+            assert topic is not None, "the bag has ended"
+            if topic == "/tf":
+                assert is_processed.wait(WAIT)
+
+        def receive_start(_):
+            if loop._people.list_people().get(person, 0.0) < SECONDS:
+                receive_next(None)
+
+        monkeypatch.setattr(skills, "sleep", receive_next)
+        monkeypatch.setattr("lcorpp.robot.loop.sleep", receive_start)
+        (decision,) = loop.run(1)
+    finally:
+        connection.close()
+        player.server.close()
+    if decision.error is not None:
+        raise decision.error
+    return decision.episode
+
+
+def compare(parts, path, folder, monkeypatch, *, place, frame):
+    """Check that both decide the same; return the decision."""
+    samples = read_people_bag(path, frame=frame)
+    facts = {"place": place, "time": "quiet", "company": "alone"}
+    offline = decide_offline(parts, samples, facts)
+    online = decide_online(
+        parts,
+        read_messages(path),
+        folder,
+        monkeypatch,
+        place=place,
+        frame=frame,
+        person=samples[0].person,
+    )
+    assert online.report == offline.report
+    assert online.evidence == offline.evidence
+    assert [(s.action, s.observation) for s in online.steps] == [
+        (s.action, s.observation) for s in offline.steps
+    ]
+    for one, other in zip(online.steps, offline.steps, strict=True):
+        np.testing.assert_allclose(one.belief, other.belief, atol=1e-12)
+    return offline
+
+
+@pytest.mark.parametrize(
+    ("size", "place", "report"),
+    [(0.002, "corridor", "engaged"), (0.5, "desk", "not_engaged")],
+)
+def test_a_replayed_bag_is_decided_as_its_samples(tmp_path, parts, monkeypatch, size, place, report):
+    """Somebody in the corridor whose gaze rests on the robot, and somebody at the desk who looks around."""
+    path = HumansBag(
+        tmp_path / "bag", seconds=20.0, turn=lambda t: 0.35 + size * sin(5 * t), links=(LINK,)
+    ).write()
+    episode = compare(parts, path, tmp_path, monkeypatch, place=place, frame="base_link")
+    assert episode.report == report
+    assert len(episode.steps) > 1  # it watches first, as place and gaze disagree
+
+
+@pytest.mark.skipif(not ENGAGEMENT.is_dir(), reason="the recordings are not here (shared/data/engagement)")
+@pytest.mark.parametrize("name", ["1p_AA_eng_1", "1p_FV_dis_1"])
+def test_a_recorded_bag_is_decided_as_its_samples(tmp_path, parts, monkeypatch, name):
+    compare(parts, ENGAGEMENT / name, tmp_path, monkeypatch, place="entrance", frame="camera_link")
+
+
+class FakePeople:
+    """People whose tracks grow by .5 s a look."""
+
+    def __init__(self, label="engaged", restarts=False, leaves=False):
+        self.seconds, self.label, self.restarts, self.leaves = 3.0, label, restarts, leaves
+
+    def list_people(self):
+        self.seconds += 0.5
+        if self.restarts and self.seconds == 4.0:
+            self.seconds = 0.0
+        return {} if self.leaves and self.seconds > 4 else {"ann": self.seconds}
+
+    def classify(self, person, sense):
+        assert (person, sense) == ("ann", "gaze")
+        return self.label
+
+
+def watch(people, timeout=10.0):
+    skill = Watch("gaze", 2.0, {"engaged": "rests", "not_engaged": "wanders"})
+    return skill.run(Body(None, None, "ann", people=people), timeout)
+
+
+def test_watching_ends_with_the_label_of_the_sense():
+    people = FakePeople()
+    assert watch(people) == "rests"
+    assert people.seconds == 5.5  # two seconds after the first look
+    assert watch(FakePeople(None)) is None
+    people = FakePeople("not_engaged", restarts=True)
+    assert watch(people) == "wanders"
+    assert people.seconds == 2.0  # of the track that began anew
+
+
+def test_watching_fails_if_the_person_leaves_or_nothing_comes():
+    with pytest.raises(PersonLeftError, match="the person ann is no longer detected"):
+        watch(FakePeople(leaves=True))
+    with pytest.raises(ActionFailedError, match=r"the track of ann is 0\.0 s longer after 0 s; expected 2 s"):
+        watch(type("Still", (FakePeople,), {"list_people": lambda self: {"ann": 3.0}})(), timeout=0)
+    with pytest.raises(ActionFailedError, match="there are no classifiers"):
+        watch(None)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (('sense = "gaze"', 'sense = "voice"'), "no sense 'voice'; expected one of motion, gaze"),
+        (('sense = "gaze"', 'sense = "motion"'), "'keeps_still' is a label of motion, and no observation"),
+        (("seconds = 2.0", "seconds = 0"), "seconds: expected a number from 0.1 to 3600.0, not 0"),
+    ],
+)
+def test_what_cannot_be_watched_is_refused(tmp_path, change, words):
+    file = tmp_path / "robot.toml"
+    text = BASE.format(url="ws://localhost:1", place="desk", frame="base_link", seconds=2)
+    file.write_text(text.replace(*change))
+    with pytest.raises(DomainError) as error:
+        read_robot_config(file)
+    assert words in str(error.value), json.dumps(str(error.value))
