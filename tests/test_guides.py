@@ -77,6 +77,7 @@ CHECKS = {
     "guides/results/play.md": 2,
     "guides/results/sweeps.md": 2,
     "guides/robot/camera.md": 3,
+    "guides/robot/gaze.md": 2,
     "guides/robot/several-people.md": 2,
     "guides/robot/speech.md": 1,
     "guides/robot/worlds.md": 4,
