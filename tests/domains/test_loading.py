@@ -139,7 +139,7 @@ def test_the_policy_is_as_good_at_the_priors_of_evidence_as_requested():
 
 
 def test_shipped_domains_load_by_name():
-    assert list_domains() == ("intention", "museum", "shopping")
+    assert list_domains() == ("engagement", "intention", "museum", "shopping")
     with pytest.raises(
         DomainError,
         match=r"nowhere: no folder with a domain\.toml, and no shipped domain; expected one of intention",

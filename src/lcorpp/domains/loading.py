@@ -24,7 +24,7 @@ def list_domains() -> tuple[str, ...]:
     Examples:
         >>> from lcorpp.domains import list_domains
         >>> list_domains()
-        ('intention', 'museum', 'shopping')
+        ('engagement', 'intention', 'museum', 'shopping')
     """
     return tuple(sorted(file.parent.name for file in SHIPPED_FOLDER.glob("*/domain.toml")))
 
