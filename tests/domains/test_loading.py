@@ -142,7 +142,7 @@ def test_shipped_domains_load_by_name():
     assert list_domains() == ("engagement", "intention", "museum", "shopping")
     with pytest.raises(
         DomainError,
-        match=r"nowhere: no folder with a domain\.toml, and no shipped domain; expected one of intention",
+        match=r"nowhere: no folder with a domain\.toml, and no shipped domain; expected one of engagement",
     ):
         load_domain("nowhere")
 
