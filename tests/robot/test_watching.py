@@ -11,20 +11,18 @@ import pytest
 from lcorpp.assembly import TrainingOptions
 from lcorpp.assembly.track_robot import set_up_track_robot
 from lcorpp.camera.bags import open_bag
-from lcorpp.decision import dt_control
 from lcorpp.decision.strategies import LCORPP
 from lcorpp.domains import load_domain
 from lcorpp.errors import ActionFailedError, DomainError, PersonLeftError
 from lcorpp.robot.connecting import connect
 from lcorpp.robot.loop import RobotLoop
 from lcorpp.robot.reading import read_robot_config
-from lcorpp.robot.tracking import PeopleTracks
-from lcorpp.values import Instance
+from lcorpp.robot.recorded import RecordedLoop, read_samples
 from lcorpp.worlds.ros import skills
-from lcorpp.worlds.ros.people.people_bag import _iterate, read_people_bag
+from lcorpp.worlds.ros.people.people_bag import _iterate
 from lcorpp.worlds.ros.skills import Body, Watch
 from tests.worlds.ros.humans_bag import OPTICAL, HumansBag, transform
-from tests.worlds.ros.stand_in import bridge
+from tests.worlds.ros.stand_in import EXAMPLES, bridge
 from tests.worlds.ros.test_rosbridge import WAIT
 
 BASE = """domain = "engagement"
@@ -83,26 +81,6 @@ def parts():
     return set_up_track_robot(domain, options, domain.planning.solver)
 
 
-class RecordedWorld:
-    """The world of a decision on recorded samples: to watch adds those of two more seconds."""
-
-    def __init__(self, tracks, samples, person, label_of):
-        self.tracks, self.samples, self.person, self.label_of = tracks, iter(samples), person, label_of
-
-    def act(self, action):
-        assert action == "watch"
-        start = self.tracks.list_people()[self.person]
-        self.watch_until(start + SECONDS)
-        return self.label_of[self.tracks.classify(self.person, "gaze")]
-
-    def watch_until(self, seconds):
-        while self.tracks.list_people().get(self.person, 0.0) < seconds:
-            self.tracks.add([next(self.samples)])
-
-    def report(self, action):
-        pass
-
-
 def read_messages(path):
     """Return topic, seconds and message of what a robot publishes about people."""
     with open_bag(path) as reader:
@@ -110,25 +88,16 @@ def read_messages(path):
         return list(_iterate(reader, topics))
 
 
-def decide_offline(parts, samples, facts):
-    """Return the decision about the person of some samples, after two seconds."""
-    robot, classifiers = parts
-    windows = {sense.name: sense.seconds for sense in robot.domain.senses}
-    tracks = PeopleTracks(classifiers, max_silence=60.0, windows=windows)
-    person = samples[0].person
-    world = RecordedWorld(tracks, samples, person, robot.domain.find_sense("gaze").label_of)
-    world.watch_until(SECONDS)
-    full = LCORPP.robot(robot.robot)
-    own = type(full)(tracks.classifiers(person), full.reasoner, full.planner, full.domain)
-    return dt_control(own, Instance(tracks.signals(person), facts), world)
+def make_config(folder, url="ws://localhost:1", *, place="entrance", frame="base_link"):
+    file = folder / "robot.toml"
+    file.write_text(BASE.format(url=url, place=place, frame=frame, seconds=SECONDS))
+    return read_robot_config(file)[0]
 
 
 def decide_online(parts, messages, folder, monkeypatch, *, place, frame, person):
     """Return the decision of a robot that receives the messages; each one arrives before the next is sent."""
     player = Player(messages)
-    file = folder / "robot.toml"
-    file.write_text(BASE.format(url=player.server.url, place=place, frame=frame, seconds=SECONDS))
-    config, _ = read_robot_config(file)
+    config = make_config(folder, player.server.url, place=place, frame=frame)
     connection = connect(config.connection)
     try:
         loop = RobotLoop(config, *parts, LCORPP, connection)
@@ -166,9 +135,10 @@ def decide_online(parts, messages, folder, monkeypatch, *, place, frame, person)
 
 def compare(parts, path, folder, monkeypatch, *, place, frame):
     """Check that both decide the same; return the decision."""
-    samples = read_people_bag(path, frame=frame)
-    facts = {"place": place, "time": "quiet", "company": "alone"}
-    offline = decide_offline(parts, samples, facts)
+    config = make_config(folder, place=place, frame=frame)
+    samples = read_samples(config, path)
+    (decision,) = RecordedLoop(config, *parts, LCORPP, samples).run()
+    offline = decision.episode
     online = decide_online(
         parts,
         read_messages(path),
@@ -178,6 +148,7 @@ def compare(parts, path, folder, monkeypatch, *, place, frame):
         frame=frame,
         person=samples[0].person,
     )
+    assert decision.person == samples[0].person
     assert online.report == offline.report
     assert online.evidence == offline.evidence
     assert [(s.action, s.observation) for s in online.steps] == [
@@ -206,6 +177,43 @@ def test_a_replayed_bag_is_decided_as_its_samples(tmp_path, parts, monkeypatch, 
 @pytest.mark.parametrize("name", ["1p_AA_eng_1", "1p_FV_dis_1"])
 def test_a_recorded_bag_is_decided_as_its_samples(tmp_path, parts, monkeypatch, name):
     compare(parts, ENGAGEMENT / name, tmp_path, monkeypatch, place="entrance", frame="camera_link")
+
+
+def test_the_command_decides_about_the_people_of_a_bag(tmp_path, lcorpp):
+    """From a bag to the belief in one command; the classifiers are trained on simulated people."""
+    path = HumansBag(tmp_path / "bag", seconds=7.0, turn=lambda t: 0.35, links=(LINK,)).write()
+    make_config(tmp_path)
+    log = tmp_path / "robot.jsonl"
+    ended = lcorpp("robot", "--config", tmp_path / "robot.toml", "--bag", path, "--log", log)
+    assert ended.code == 0, ended.err
+    *_, decision, last = ended.out.splitlines()
+    assert decision.startswith("  person ann: greet, the decision; engaged 0.9")
+    assert last == "person ann: engaged"
+    assert lcorpp("replay", log).code == 0
+
+
+@pytest.mark.parametrize(
+    ("seconds", "words"),
+    [(1.5, "nobody is seen for 2 s"), (3.0, "the recording of ann ends before 2 s were watched")],
+)
+def test_a_recording_that_is_too_short_is_named(tmp_path, lcorpp, seconds, words):
+    path = HumansBag(
+        tmp_path / "bag", seconds=seconds, turn=lambda t: 0.35 + 0.5 * sin(5 * t), links=(LINK,)
+    ).write()
+    make_config(tmp_path, place="desk")
+    ended = lcorpp("robot", "--config", tmp_path / "robot.toml", "--bag", path)
+    assert (ended.code, words in ended.out + ended.err) == (0, True), ended
+
+
+def test_a_bag_is_for_models_that_watch(tmp_path, lcorpp):
+    corridor = EXAMPLES / "robot.toml"
+    ended = lcorpp("robot", "--config", corridor, "--bag", tmp_path)
+    assert ended.code == 2
+    words = "[actions.move_forward] is not of the skill watch; a bag has no answers to others"
+    assert words in ended.err
+    make_config(tmp_path)
+    ended = lcorpp("robot", "--config", tmp_path / "robot.toml", "--bag", tmp_path / "none")
+    assert (ended.code, "none" in ended.err) == (2, True)
 
 
 class FakePeople:

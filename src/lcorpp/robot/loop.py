@@ -12,6 +12,7 @@ from lcorpp.assembly.robot_parts import RobotParts
 from lcorpp.decision import Robot, Strategy
 from lcorpp.decision.dt_control import dt_control, infer_prior
 from lcorpp.decision.strategies import Session
+from lcorpp.domains import Domain
 from lcorpp.errors import ConnectionLostError, LcorppError, PersonLeftError, WorldError
 from lcorpp.learning import TrainedClassifier
 from lcorpp.robot.attending import Attention
@@ -83,7 +84,7 @@ class RobotLoop:
         self._show_step, self._attention = show_step, Attention(parts.domain, config.value)
         self._perceptions = make_perceptions(connection, config)
         self._perception = self._perceptions[0]
-        windows = {s.name: s.seconds for s in parts.domain.senses if s.step and s.seconds}
+        windows = find_windows(parts.domain)
         self._tracks = [
             PeopleTracks(own, max_silence=config.people.max_silence, windows=windows)
             for own in _divide(classifiers, config.people)
@@ -276,6 +277,11 @@ class RobotLoop:
     def _publish_belief(self, person: str, marginal: Distribution, action: str | None = None) -> None:
         if self._config.beliefs is not None:
             self._config.beliefs.publish(self._connection, person, marginal, action)
+
+
+def find_windows(domain: Domain) -> dict[str, float]:
+    """Return sense -> seconds of its windows, for senses that are trained on windows."""
+    return {sense.name: sense.seconds for sense in domain.senses if sense.step and sense.seconds}
 
 
 def make_perceptions(connection: RosConnection, config: RobotConfig) -> list[Perception]:

@@ -13,10 +13,13 @@ import typer
 from lcorpp.cli import console
 from lcorpp.cli.options import common as options
 from lcorpp.cli.options.code import take_consent
+from lcorpp.cli.options.senses import reject_given
 from lcorpp.cli.options.solving import NoCacheOption, find_cache
+from lcorpp.values import format_value
 
 if TYPE_CHECKING:
     from lcorpp.assembly.options import ClassifierOptions
+    from lcorpp.decision import Strategy
     from lcorpp.domains import Domain
     from lcorpp.robot.config import RobotConfig
     from lcorpp.robot.loop import Decision
@@ -39,6 +42,14 @@ def robot(
             metavar="X Y HEADING",
             help="Where the robot is, in metres and radians of the fixed frame: sent to its localisation. By"
             " default `initial_pose` of the file.",
+        ),
+    ] = None,
+    bag: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="BAG",
+            help="Decide about the people in a bag instead, without a robot: for models whose only action"
+            " is to watch.",
         ),
     ] = None,
     ask_budget: options.AskBudgetOption = None,
@@ -65,6 +76,20 @@ def robot(
     check_dialogue(domain, [strategy])
     if ask_budget is not None:
         strategy = with_ask_budget(strategy, ask_budget)
+    if bag is not None:
+        reject_given("is for a running robot; --bag has none", pose=pose)
+        _decide_about_bag(
+            read,
+            domain,
+            strategy,
+            bag,
+            decisions=decisions,
+            log=log,
+            cache=find_cache(no_cache=no_cache),
+            seed=seed,
+            jobs=jobs,
+        )
+        return
     with ExitStack() as stack:
         stack.callback(signal.signal, signal.SIGINT, signal.getsignal(signal.SIGINT))
         kept = None if log is None else stack.enter_context(DecisionLog(log))
@@ -105,6 +130,55 @@ def robot(
             ) from None
 
 
+def _decide_about_bag(
+    config: RobotConfig,
+    domain: Domain,
+    strategy: Strategy,
+    bag: Path,
+    *,
+    decisions: int | None,
+    log: Path | None,
+    cache: Path | None,
+    seed: int,
+    jobs: int | None,
+) -> None:
+    """Print the beliefs and decisions about the people in a bag."""
+    from lcorpp.assembly.track_robot import set_up_track_robot
+    from lcorpp.logs.decision_log import DecisionLog
+    from lcorpp.robot.recorded import RecordedLoop, check_recordable, read_samples
+
+    check_recordable(config, domain)
+    samples = read_samples(config, bag)  # before the training
+    with ExitStack() as stack:
+        kept = None if log is None else stack.enter_context(DecisionLog(log))
+        parts, classifiers = set_up_track_robot(
+            domain,
+            choose_robot_classifiers(config, domain),
+            domain.planning.solver,
+            cache=cache,
+            progress=console.show_progress,
+            seed=seed,
+            jobs=console.count_processes(jobs),
+        )
+
+        def show_step(person: str, step: Step) -> None:
+            belief = domain.marginal(step.belief)
+            values = ", ".join(f"{format_value(value)} {p:.3f}" for value, p in belief)
+            what = "the decision" if step.observation is None else f"observes {step.observation}"
+            console.out.print(f"  person {person}: {step.action}, {what}; {values}")
+
+        loop = RecordedLoop(config, parts, classifiers, strategy, samples, show_step=show_step)
+        count = 0
+        for decision in loop.run(decisions):
+            count += 1
+            _print_decision(decision)
+            if kept is not None and decision.episode is not None:
+                kept.append(parts, strategy, decision.facts, decision.episode, person=decision.n_learnt)
+    if not count:
+        seconds = config.people.decide_after
+        console.print_note(f"{bag}: nobody is seen for {seconds:g} s (decide_after), so nothing is decided")
+
+
 def choose_robot_classifiers(config: RobotConfig, domain: Domain) -> dict[str, ClassifierOptions]:
     """Return sense -> its stored classifier, or a learner on simulated or the domain's data, or None.
 
@@ -128,8 +202,6 @@ def _print_step(person: str, step: Step) -> None:
 
 
 def _print_decision(decision: Decision) -> None:
-    from lcorpp.values import format_value
-
     for failure in decision.failures:
         console.warn(str(failure))
     if decision.episode is not None:

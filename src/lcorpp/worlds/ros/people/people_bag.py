@@ -36,7 +36,9 @@ def list_people_topics(path: Path) -> dict[str, str]:
     return _select_people(list_topics(path))
 
 
-def read_people_bag(path: Path, topic: str | None = None, *, frame: str | None = None) -> list[Sample]:
+def read_people_bag(
+    path: Path, topic: str | None = None, *, frame: str | None = None, head: str | None = None
+) -> list[Sample]:
     """Return the samples of the people in a bag, in the order of the messages.
 
     Times are those of the headers, or of the recording where these are 0. Messages that cannot be read are
@@ -46,6 +48,7 @@ def read_people_bag(path: Path, topic: str | None = None, *, frame: str | None =
         topic: of a people tracker, a laser scanner or of frames; None takes the only one of a tracker, else
             the frames of ROS4HRI.
         frame: in which people of frames are placed, e.g. "base_link"; None takes that in which they come.
+        head: the frame of the robot's head, as of `HumanReader`.
 
     Raises:
         FileError, DataError: as `open_bag`; there is no such topic or frame, or the frames are of no people.
@@ -54,7 +57,7 @@ def read_people_bag(path: Path, topic: str | None = None, *, frame: str | None =
         topics = _list_topics(reader)
         chosen = _choose_topic(path, _select_people(topics), topic)
         if topics[chosen] == TRANSFORMS:
-            return _read_humans(path, reader, topics, frame)
+            return _read_humans(path, reader, topics, frame, head)
         if frame is not None:
             raise DataError(f"{path}: the frame {frame!r} is for {TRANSFORMS}; {chosen} is {topics[chosen]}")
         place = f"{path}: {chosen}"
@@ -97,12 +100,14 @@ def _choose_topic(path: Path, topics: Mapping[str, str], topic: str | None) -> s
     return topic
 
 
-def _read_humans(path: Path, reader: BagReader, topics: Mapping[str, str], frame: str | None) -> list[Sample]:
+def _read_humans(
+    path: Path, reader: BagReader, topics: Mapping[str, str], frame: str | None, head: str | None
+) -> list[Sample]:
     """Return the samples of the people whose frames are in a bag."""
     frames = {topic for topic, kind in topics.items() if kind == TRANSFORMS}
     about = {topic for topic, kind in topics.items() if is_human_topic(topic, kind)}
     knows_persons = any(topics[topic] == PART_KIND for topic in about)
-    humans = HumanReader(str(path), targets=() if frame is None else (frame,), waits=knows_persons)
+    humans = HumanReader(str(path), targets=() if frame is None else (frame,), head=head, waits=knows_persons)
     found, stamp = list[tuple[float, Detection]](), 0.0
     for topic, stamp, message in _iterate(reader, frames | about):
         new = humans.read(message) if topic in frames else humans.read_human(topic, message)
