@@ -149,7 +149,7 @@ def test_recorded_windows_are_classified_better_than_by_the_rule(domain):
         sense = domain.find_sense(name)
         features = sense.features or ("social_engagement",)
         data = read_training_data(domain, sense, ENGAGEMENT, seed=0, features=features).dataset
-        assert (len(data), set(data.groups)) == (218, {"AA", "FV", "GA", "AA+FV"})
+        assert (len(data), set(data.groups)) == (218, {"AA", "FV", "GA", "AA + FV"})
         estimator = learner(
             kind, interval=data.interval, inputs=data.channels, features=features, rate=sense.feature_rate
         )

@@ -18,8 +18,10 @@ from lcorpp.robot.connecting import connect
 from lcorpp.robot.loop import RobotLoop
 from lcorpp.robot.reading import read_robot_config
 from lcorpp.robot.recorded import RecordedLoop, read_samples
+from lcorpp.robot.tracking import PeopleTracks
 from lcorpp.worlds.ros import skills
 from lcorpp.worlds.ros.people.people_bag import _iterate
+from lcorpp.worlds.ros.sensor_messages import Sample
 from lcorpp.worlds.ros.skills import Body, Watch
 from tests.worlds.ros.humans_bag import OPTICAL, HumansBag, transform
 from tests.worlds.ros.stand_in import EXAMPLES, bridge
@@ -219,8 +221,9 @@ def test_a_bag_is_for_models_that_watch(tmp_path, lcorpp):
 class FakePeople:
     """People whose tracks grow by .5 s a look."""
 
-    def __init__(self, label="engaged", restarts=False, leaves=False):
+    def __init__(self, label="engaged", restarts=False, leaves=False, hidden_until=0.0):
         self.seconds, self.label, self.restarts, self.leaves = 3.0, label, restarts, leaves
+        self.hidden_until = hidden_until
 
     def list_people(self):
         self.seconds += 0.5
@@ -230,7 +233,7 @@ class FakePeople:
 
     def classify(self, person, sense):
         assert (person, sense) == ("ann", "gaze")
-        return self.label
+        return self.label if self.seconds >= self.hidden_until else None
 
 
 def watch(people, timeout=10.0):
@@ -242,19 +245,43 @@ def test_watching_ends_with_the_label_of_the_sense():
     people = FakePeople()
     assert watch(people) == "rests"
     assert people.seconds == 5.5  # two seconds after the first look
-    assert watch(FakePeople(None)) is None
     people = FakePeople("not_engaged", restarts=True)
     assert watch(people) == "wanders"
     assert people.seconds == 2.0  # of the track that began anew
+    people = FakePeople(hidden_until=9.0)
+    assert watch(people) == "rests"
+    assert people.seconds == 9.0  # the first label after a face was turned away
 
 
 def test_watching_fails_if_the_person_leaves_or_nothing_comes():
     with pytest.raises(PersonLeftError, match="the person ann is no longer detected"):
         watch(FakePeople(leaves=True))
-    with pytest.raises(ActionFailedError, match=r"the track of ann is 0\.0 s longer after 0 s; expected 2 s"):
+    words = r"gaze has no label of ann, who was watched for 0\.0 s of 2 s, within 0 s"
+    with pytest.raises(ActionFailedError, match=words):
         watch(type("Still", (FakePeople,), {"list_people": lambda self: {"ann": 3.0}})(), timeout=0)
     with pytest.raises(ActionFailedError, match="there are no classifiers"):
         watch(None)
+
+
+def test_a_label_of_a_face_that_is_no_longer_seen_does_not_count(parts):
+    """After a second without the face, of a person whom the tracker still sees."""
+    _, classifiers = parts
+    tracks = PeopleTracks(classifiers, windows={"motion": 2.0, "gaze": 2.0}, max_silence=60.0)
+    gaze = {"gaze_angle": 0.3, "robot_angle": 0.1, "face_distance": 1.2}
+    for k in range(150):
+        tracks.add([Sample(k / 30, "ann", 1.0, 0.0, gaze if k < 90 else {})])
+        known = tracks.classify("ann", "gaze") is not None
+        assert known == (2.0 <= k / 30 < 4.0)
+    assert tracks.classify("ann", "motion") is not None
+
+
+def test_a_tracker_without_faces_cannot_be_watched(tmp_path):
+    file = tmp_path / "robot.toml"
+    text = BASE.format(url="ws://localhost:1", place="desk", frame="base_link", seconds=2)
+    file.write_text(text.replace("tf2_msgs/TFMessage", "people_msgs/People"))
+    words = "people_msgs/People has no faces, which the sense gaze needs; expected tf2_msgs/TFMessage"
+    with pytest.raises(DomainError, match=words):
+        read_robot_config(file)
 
 
 @pytest.mark.parametrize(

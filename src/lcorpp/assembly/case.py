@@ -90,7 +90,7 @@ def draw_case(
             given = {**given, sense.attribute: sense.label_of[label]}
     person = _make_population(domain).sample(1, rng, given)[0]
     labels = dict(predicted)
-    for sense in domain.senses:
+    for sense in (*domain.senses, *[own for own in domain.baselines if own.name in senses]):
         if sense.name not in labels:
             setup = senses.get(sense.name) or from_channel(domain, sense)
             signals = simulate_signals(domain, sense.name, setup.signals, [person], rng)

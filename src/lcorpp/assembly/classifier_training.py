@@ -37,7 +37,7 @@ from lcorpp.learning.classifiers.storage import check_storable
 from lcorpp.learning.evaluation.folds import choose_folds
 from lcorpp.learning.evaluation.held_out import HeldOutPredictor
 from lcorpp.notebook import join_some
-from lcorpp.simulation.people import SignalSource, make_signal_source
+from lcorpp.simulation.people import SelectedSignals, SignalSource, make_signal_source
 from lcorpp.values import COVERAGE, ConfusionMatrix
 
 
@@ -76,7 +76,7 @@ def train_classifier(
     options = options.complete(sense)
     make_untrained(options)  # reject options before the work
     coverage = evidence.kind(sense.name).coverage or COVERAGE
-    data = make_training_data(domain, sense, options, seed)
+    data = make_training_data(domain, sense, options, seed, may_hold_out=True)
     options = choose_learner(options, data.dataset)
     estimator = make_estimator(data, options, seed)
     folds = choose_folds(data.dataset)
@@ -156,12 +156,12 @@ def load_trained(
         recorded = _read_test_data(domain, sense, options, path, trained, seed)
         signals, notes = recorded.signals, recorded.dataset.notes
         if recorded.tests_training_cases:
-            notes = (
-                *notes[:-1],
-                f"if {options.file} was trained on the people of {path}, the trials are too good",
-            )
+            warning = f"if {options.file} was trained on the people of {path}, the trials are too good"
+            notes = (*notes[:-1], warning)  # in place of that about held-out people, which is the last one
     else:
         signals = make_signal_source(domain, sense, options.seconds)
+        if trained.inputs and set(trained.inputs) < set(sense.channels):  # trained on recorded data
+            signals = SelectedSignals(signals, [sense.channels.index(name) for name in trained.inputs])
     setup = _make_setup(sense, trained, confusion, evidence, signals, str(options.file))
     return replace(setup, data=path, notes=notes)
 

@@ -8,6 +8,7 @@ from fractions import Fraction
 from pathlib import Path
 
 from lcorpp.domains.sections.learning import Sense
+from lcorpp.learning.classifiers.learner_table import LEARNERS
 from lcorpp.learning.features.rate import RATE
 from lcorpp.values import JEFFREYS, EvidenceKind
 
@@ -80,7 +81,10 @@ class TrainingOptions:
     def complete(self, sense: Sense) -> TrainingOptions:
         """Return the options with the features and the rate of a sense, where none are given."""
         rate = sense.feature_rate if self.rate is None else self.rate
-        return replace(self, features=self.features or sense.features or None, rate=rate or RATE)
+        row = LEARNERS.get(self.learner or "")
+        own = () if row is not None and row.has_fixed_features else sense.features
+        features = self.features or own or None
+        return replace(self, features=features, rate=rate or RATE)
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,7 @@ from lcorpp.errors import DataError, expected_one_of
 from lcorpp.learning import Recording, format_leakage_warning, read_data, split, to_dataset
 from lcorpp.learning.data.cleaning import MAX_GAP
 from lcorpp.learning.data.windows import INTERVAL, POINTS
-from lcorpp.learning.evaluation.folds import hold_out_each
+from lcorpp.learning.evaluation.folds import count_people, hold_out_each
 from lcorpp.learning.features.motion_features import MOTION_FEATURES
 from lcorpp.simulation.people import RecordedSignals
 from lcorpp.values import Dataset, count_window
@@ -35,10 +35,11 @@ def read_training_data(
     features: Sequence[str] | None = None,
     reading: ReadingOptions = READ_AS_IT_IS,
     seconds: float | None = None,
+    may_hold_out: bool = True,
 ) -> TrainingData:
     """Read recorded data and split them: 70 % for training, the other people's 30 % for the trials.
 
-    Few people are not split: each of them is tested by classifiers that were trained without them.
+    Few people are not split, see `may_hold_out`.
 
     Args:
         path: a path that `read_data` accepts: a folder of the authors' files, CSV, Parquet or .npz; or a bag
@@ -49,6 +50,8 @@ def read_training_data(
             measured.
         reading: how to read them. Tracks are resampled to the sense's `rate`.
         seconds: the last seconds of each track that are used; None takes those of the sense.
+        may_hold_out: whether few people are not split, as the caller tests each training case by a classifier
+            that was trained without its people.
 
     Raises:
         DataError: a class is none of the sense's, or has no case; x or y is missing; there are too few
@@ -66,7 +69,7 @@ def read_training_data(
         >>> len(read_training_data(domain, sense, Path("walks.npz"), seed=0).dataset)  # 70 % of the people
         28
     """
-    dataset = _read(sense, path, reading, sense.seconds if seconds is None else seconds)
+    dataset = _read(sense, path, reading, sense.seconds if seconds is None else seconds, features or ())
     if dataset.kind == "motion":
         dataset = _drop_unused_channels(dataset, features or ())
     unknown = sorted(set(dataset.labels) - set(sense.classes))
@@ -82,7 +85,7 @@ def read_training_data(
             f"{path}: no {dataset.unit} of class {', '.join(missing)}; expected {dataset.unit} of each class"
             f" of {sense.of}, found {found}"
         )
-    has_few = hold_out_each(dataset)
+    has_few = may_hold_out and hold_out_each(dataset)
     try:
         train, test = (dataset, dataset) if has_few else split(dataset, seed=seed)
         leak = format_leakage_warning(train)
@@ -91,14 +94,18 @@ def read_training_data(
     unit = dataset.unit
     split_note = (
         f"{len(train)} of {len(dataset)} {unit} are training data; the trials sample {unit} of the"
-        f" {len(set(test.groups))} other people, so their intervals do not cover people outside of the data"
+        f" {count_people(test.groups)} other people, so their intervals do not cover people outside of the"
+        " data"
     )
     if has_few:
         split_note = (
-            f"the {len(set(dataset.groups))} people of {len(dataset)} {unit} are few: the trials sample their"
-            f" {unit}, which classifiers that were trained without them classify; the intervals do not cover"
-            " other people"
+            f"the {count_people(dataset.groups)} people of {len(dataset)} {unit} are few: the trials sample"
+            f" their {unit}, which classifiers that were trained without them classify; the robot's rates are"
+            " of the same predictions, and the intervals do not cover other people"
         )
+    lost = len(dataset) - len(train) - len(test)
+    if lost and not has_few:
+        split_note += f"; {lost} {unit} of people on both sides are left out"
     notes = (*train.notes, *([] if leak is None else [leak]), split_note)
     signals = RecordedSignals(sense.of, test)
     return TrainingData(
@@ -106,12 +113,21 @@ def read_training_data(
     )
 
 
-def _read(sense: Sense, path: Path, reading: ReadingOptions, seconds: float | None) -> Dataset:
-    """Read the data of a sense; of bags the tracks of their people."""
+def _read(
+    sense: Sense, path: Path, reading: ReadingOptions, seconds: float | None, features: Sequence[str]
+) -> Dataset:
+    """Read the data of a sense; of bags the tracks of their people that have what the features need."""
     labels = {**(sense.data_labels or {value: value for value in sense.classes}), **reading.labels}
     interval = None if sense.rate is None else 1 / sense.rate
     if path.exists() and find_bags(path):
         recording = read_bag_recording(path, labels, reading, sense.data_groups)
+        needed = _list_needed(features) - {"x", "y"}
+        known = tuple(track for track in recording.tracks if needed <= track.columns.keys())
+        if 0 < len(known) < len(recording):
+            lost = (
+                f"{len(recording) - len(known)} of {len(recording)} tracks lack {', '.join(sorted(needed))}"
+            )
+            recording = replace(recording, tracks=known, notes=(*recording.notes, f"{lost}: left out"))
         interval = interval or INTERVAL
         points = POINTS if seconds is None else count_window(seconds, interval)
         return to_dataset(recording, interval=interval, points=points, step=sense.step)
@@ -157,11 +173,15 @@ def read_bag_recording(
     return recording if reading.robot is None else recording.in_robot_frame(*reading.robot)
 
 
+def _list_needed(features: Sequence[str]) -> set[str]:
+    """Return the channels that features are computed from: derived from x and y, if that is possible."""
+    known = [MOTION_FEATURES[name] for name in features if name in MOTION_FEATURES]
+    return set[str]().union(*[feature.needs[-1] for feature in known])
+
+
 def _drop_unused_channels(dataset: Dataset, features: Sequence[str]) -> Dataset:
     """Return the data set with x, y and the channels that the features are computed from."""
-    known = [MOTION_FEATURES[name] for name in features if name in MOTION_FEATURES]
-    derived = [feature.needs[-1] for feature in known]  # from x and y, if that is possible
-    needed = {"x", "y", *features}.union(*derived)
+    needed = {"x", "y", *features} | _list_needed(features)
     indices = [index for index, name in enumerate(dataset.channels) if name in needed]
     names = tuple(dataset.channels[index] for index in indices)
     return replace(dataset, trajectories=dataset.trajectories[:, indices], channels=names)

@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lcorpp.arguments import check_arguments
-from lcorpp.camera.damaged_bag import DamagedBag, find_file, warn_once
+from lcorpp.camera.damaged_bag import SUFFIX as DAMAGED_SUFFIX, DamagedBag, warn_once
 from lcorpp.camera.floor import Intrinsics
 from lcorpp.camera.frames import Frame, check_alike, check_depth_scale, make_frame
 from lcorpp.errors import DataError, LcorppError, expected_one_of
@@ -152,21 +152,44 @@ BAG_SUFFIXES = (".bag", ".db3", ".mcap")
 """Of files of ROS 1 and 2; a ROS 2 bag is a folder with metadata.yaml and the files."""
 
 
+METADATA, METADATA_KEY = "metadata.yaml", b"rosbag2_bagfile_information"
+"""The description of a ROS 2 bag, and the key near its beginning."""
+
+MAX_DESCRIPTION = 1000
+"""Bytes in which the key is searched."""
+
+
 def is_bag(path: Path) -> bool:
-    """Return whether a path is a bag by its names: a file of ROS 1 or 2, or a folder of ROS 2."""
+    """Return whether a path is a bag by its names: a file of ROS 1 or 2, or a folder of ROS 2.
+
+    A folder without a description is a bag if it has files of one, as after the recorder was killed, and no
+    bags below it. A folder that cannot be read counts as a bag, so that opening it names the reason.
+    """
     if not path.is_dir():
         return path.suffix.lower() in BAG_SUFFIXES
-    if (path / "metadata.yaml").exists():
+    try:
+        description, inside = path / METADATA, list(path.iterdir())
+        if description.is_file() and METADATA_KEY in description.read_bytes()[:MAX_DESCRIPTION]:
+            return True
+        return bool(_list_files(path)) and not any(child.is_dir() and is_bag(child) for child in inside)
+    except OSError:
         return True
-    return any(file.suffix in BAG_SUFFIXES[1:] for file in path.iterdir())  # the recorder was killed
+
+
+def _list_files(path: Path) -> list[Path]:
+    """Return the files of a ROS 2 bag in a folder."""
+    return sorted(file for file in path.iterdir() if file.suffix.lower() in BAG_SUFFIXES[1:])
 
 
 @contextmanager
-def open_bag(path: Path) -> Iterator[BagReader]:
-    """Return a reader of a bag: a ROS 1 file (.bag) or a ROS 2 folder (with metadata.yaml).
+def open_bag(path: Path, fault: Exception | None = None) -> Iterator[BagReader]:
+    """Return a reader of a bag: a ROS 1 file (.bag) or a ROS 2 folder (with metadata.yaml), or its file.
 
     Of a damaged ROS 2 bag in SQLite, or one without metadata.yaml, the messages before the fault are read,
     with a warning.
+
+    Args:
+        fault: of a bag that turned out to be damaged: what is readable is read.
 
     Raises:
         FileError: the path does not exist.
@@ -174,9 +197,9 @@ def open_bag(path: Path) -> Iterator[BagReader]:
             installed.
     """
     check_regular(path)
-    if path.is_file() and path.suffix in BAG_SUFFIXES[1:]:
-        path = path.parent  # the bag is the folder
-    if path.is_file() and not starts_with(path, MAGIC):  # rosbags would read to the first newline
+    is_file = path.is_file()
+    if is_file and path.suffix.lower() not in BAG_SUFFIXES[1:] and not starts_with(path, MAGIC):
+        # rosbags would read to the first newline
         raise DataError(f"{path}: cannot be read as a bag: it does not begin with {MAGIC.decode()}")
     try:
         from rosbags.highlevel import AnyReader
@@ -188,9 +211,15 @@ def open_bag(path: Path) -> Iterator[BagReader]:
     try:
         with ExitStack() as stack:
             try:
-                reader: BagReader = stack.enter_context(AnyReader([path], default_typestore=store))
+                if fault is not None:
+                    raise fault
+                folder = _find_folder(path)
+                reader: BagReader = stack.enter_context(AnyReader([folder], default_typestore=store))
+                _warn_of_journal(folder)
             except Exception as error:  # readers of damaged bags fail in any way: struct, sqlite3, yaml, ...
-                reader = _open_damaged(path, lambda file: DamagedBag(file, store, get_types_from_msg), error)
+                reader = _open_damaged(
+                    path, lambda files: DamagedBag(files, store, get_types_from_msg), error
+                )
             yield reader
     except (LcorppError, MemoryError):
         raise
@@ -199,19 +228,50 @@ def open_bag(path: Path) -> Iterator[BagReader]:
         raise DataError(f"{path}: cannot be read as a bag: {reason}") from error
 
 
-def _open_damaged(path: Path, read: Callable[[Path], DamagedBag], error: Exception) -> DamagedBag:
+def _find_folder(path: Path) -> Path:
+    """Return the bag of a path: for the only file of a ROS 2 bag its folder, and else the path itself."""
+    if not path.is_dir() and path.suffix.lower() in BAG_SUFFIXES[1:]:
+        return path.parent if _list_files(path.parent) == [path] else path
+    if path.is_dir() and (path / METADATA).exists():
+        check_regular(path / METADATA)
+    return path
+
+
+def _warn_of_journal(path: Path) -> None:
+    """Warn of messages that SQLite has not yet written to a file of a bag."""
+    for file in path.glob("*.db3-wal") if path.is_dir() else ():
+        if file.stat().st_size:
+            warn_once(
+                f"{path}: its recorder was killed: messages in {file.name} are not read; open and close"
+                f" {file.name.removesuffix('-wal')} with sqlite3 first"
+            )
+
+
+def _find_rest(path: Path) -> list[Path]:
+    """Return the SQLite files of a ROS 2 bag, of which a damaged one may be readable in part."""
+    files = _list_files(path) if path.is_dir() else [path]
+    return [file for file in files if file.suffix.lower() == DAMAGED_SUFFIX]
+
+
+def has_rest(path: Path) -> bool:
+    """Return whether a damaged bag may be readable in part."""
+    return bool(_find_rest(path))
+
+
+def _open_damaged(path: Path, read: Callable[[list[Path]], DamagedBag], error: Exception) -> DamagedBag:
     """Return a reader of what is readable of a bag; raise the error if nothing is."""
-    file = find_file(path)
-    if file is None:
+    files = _find_rest(path)
+    if not files:
         raise error
     try:
-        found = read(file)
+        found = read(files)
     except Exception:  # the first error states more
         raise error from None
     count = sum(topic.msgcount for topic in found.connections)
     if not count:
         raise error
-    warn_once(f"{path}: is damaged: {found.fault or error}; {count} messages are read")
+    what = f"is damaged: {found.fault}" if found.fault else f"is read without its description ({error})"
+    warn_once(f"{path}: {what}; {count} messages are read")
     return found
 
 

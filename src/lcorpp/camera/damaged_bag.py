@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 import sqlite3
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Callable, Collection, Iterator, Sequence
 from contextlib import closing
 from dataclasses import dataclass
 from functools import lru_cache
@@ -17,7 +17,10 @@ SUFFIX = ".db3"
 MAGIC, PAGE_SIZE, PAGES = b"SQLite format 3\0", slice(16, 18), slice(28, 32)
 """Of the file format of SQLite: the beginning of a file, and where it states its size."""
 
-MAX_BYTES = 2**30
+ZSTD = b"\x28\xb5\x2f\xfd"
+"""The beginning of a message that is compressed by itself."""
+
+MAX_BYTES = 2**29
 """Largest file of which a part is read: it is copied to memory."""
 
 
@@ -36,7 +39,7 @@ class DamagedBag:
     It is a `BagReader`.
 
     Args:
-        file: of the bag (.db3). store: the `Typestore` of rosbags; types of messages in the bag are added.
+        files: of the bag (.db3). store: the `Typestore` of rosbags; types of messages in the bag are added.
         parse: `get_types_from_msg` of rosbags.
 
     Attributes:
@@ -46,14 +49,32 @@ class DamagedBag:
         sqlite3.Error: not even its topics can be read.
     """
 
-    def __init__(self, file: Path, store: Any, parse: Callable[[str, str], dict[str, Any]]) -> None:
+    def __init__(
+        self, files: Sequence[Path], store: Any, parse: Callable[[str, str], dict[str, Any]]
+    ) -> None:
         self._store, self._parse = store, parse
+        self._messages, self._kinds, faults = list[tuple[str, int, bytes]](), dict[str, str](), list[str]()
+        for file in files:
+            try:
+                faults += self._read(file)
+            except (sqlite3.Error, OSError) as error:
+                if len(files) == 1:
+                    raise
+                faults.append(f"{file.name}: {error}")
+        self.fault = "; ".join(faults)
+        self._messages.sort(key=lambda message: message[1])
+        counts = dict.fromkeys(self._kinds, 0)
+        for name, _, _ in self._messages:
+            counts[name] += 1
+        self.connections = [Topic(name, kind, counts[name]) for name, kind in self._kinds.items()]
+        self._topics = {topic.topic: topic for topic in self.connections}
+
+    def _read(self, file: Path) -> list[str]:
+        """Read a file; return why its messages end, if not at its end."""
         with closing(_open(file)) as database:
-            kinds = dict(database.execute("SELECT name, type FROM topics"))
+            self._kinds |= dict(database.execute("SELECT name, type FROM topics"))
             names = dict(database.execute("SELECT id, name FROM topics"))
             self._register(database)
-            self._messages = list[tuple[str, int, bytes]]()
-            self.fault = ""
             try:
                 rows = database.execute("SELECT topic_id, timestamp, data FROM messages NOT INDEXED")
                 for topic, time, data in rows:
@@ -61,13 +82,8 @@ class DamagedBag:
                         raise sqlite3.DatabaseError(f"message {len(self._messages) + 1} is no message")
                     self._messages.append((names[topic], int(time), data))
             except (sqlite3.Error, ValueError, TypeError) as error:
-                self.fault = str(error)
-        self._messages.sort(key=lambda message: message[1])
-        counts = dict.fromkeys(kinds, 0)
-        for name, _, _ in self._messages:
-            counts[name] += 1
-        self.connections = [Topic(name, kind, counts[name]) for name, kind in kinds.items()]
-        self._topics = {topic.topic: topic for topic in self.connections}
+                return [str(error)]
+        return []
 
     def messages(self, connections: Collection[Topic] = ()) -> Iterator[tuple[Topic, int, bytes]]:
         """Yield topic, nanoseconds and content of each message of some topics; of all, if none is given."""
@@ -78,6 +94,10 @@ class DamagedBag:
 
     def deserialize(self, data: bytes, kind: str) -> Any:
         """Return a message."""
+        if data.startswith(ZSTD):
+            from zstandard import ZstdDecompressor  # which rosbags needs
+
+            data = ZstdDecompressor().decompress(data, max_output_size=MAX_BYTES)
         return self._store.deserialize_cdr(data, kind)
 
     def _register(self, database: sqlite3.Connection) -> None:
@@ -99,12 +119,6 @@ def warn_once(text: str) -> None:
     LOG.warning("%s", text)
 
 
-def find_file(path: Path) -> Path | None:
-    """Return the file with the messages of a ROS 2 bag, a folder; None without one, or with several."""
-    files = sorted(path.glob(f"*{SUFFIX}")) if path.is_dir() else []
-    return files[0] if len(files) == 1 and files[0].stat().st_size <= MAX_BYTES else None
-
-
 def _open(file: Path) -> sqlite3.Connection:
     """Return the database; a file that was cut is read as if the rest were empty pages."""
     database = sqlite3.connect(f"{file.absolute().as_uri()}?mode=ro", uri=True)
@@ -114,6 +128,8 @@ def _open(file: Path) -> sqlite3.Connection:
         database.close()
     else:
         return database
+    if file.stat().st_size > MAX_BYTES:
+        raise sqlite3.DatabaseError(f"more than {MAX_BYTES} bytes")
     content = file.read_bytes()
     if not content.startswith(MAGIC):
         raise sqlite3.DatabaseError("file is not a database")

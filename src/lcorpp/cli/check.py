@@ -123,6 +123,7 @@ def _check_network(program: Program) -> None:
 def _check_robot(path: Path) -> None:
     from lcorpp.robot.config import AFTER
     from lcorpp.robot.reading import read_robot_config
+    from lcorpp.worlds.ros.skills import Watch
 
     config, domain = read_robot_config(path)
     connection = config.connection
@@ -139,7 +140,8 @@ def _check_robot(path: Path) -> None:
     unknown = [name for name in domain.observed if name not in config.facts]
     if unknown:
         console.print_note(f"the robot does not observe {', '.join(unknown)}; the reasoner sums over them")
-    if config.answers.topic is None and not config.answers.microphone:
+    asks = [name for name in actions if not isinstance(config.behaviours[name].skill, Watch)]
+    if asks and config.answers.topic is None and not config.answers.microphone:
         console.print_note(f"the robot cannot hear: every observation is {config.answers.silence}")
 
 

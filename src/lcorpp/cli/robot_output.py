@@ -157,7 +157,7 @@ def _name_folds(report: EvaluationReport) -> str:
     """Return the kind of cross-validation."""
     from lcorpp.learning.evaluation.folds import FOLDS
 
-    if report.folds == report.people < report.cases:
+    if report.people <= report.folds < report.cases:
         return "leave-one-person-out"
     return "five-fold" if report.folds == FOLDS else f"{report.folds}-fold"
 

@@ -37,7 +37,7 @@ class SimulationPlugin:
         self.path, self._senses = path, tuple(senses)
         self._module = load_file(path, f"lcorpp_people_{path.parent.name}", DomainError)
         self._file = UserFile.of(path, self._module)
-        names = (*FUNCTIONS, *senses)
+        names = (*FUNCTIONS, *[sense.replace(BASELINE_SIGN, "_") for sense in senses])
         if not self.defines(*names):
             raise DomainError(f"{path}: defines none of {', '.join(names)}")
 
@@ -68,9 +68,10 @@ class SimulationPlugin:
         """The simulations of the signals of the senses that have one."""
         function_of = {sense: sense.replace(BASELINE_SIGN, "_") for sense in self._senses}
         functions = {sense: name for sense, name in function_of.items() if self.defines(name)}
+        own = [sense for sense in self._senses if BASELINE_SIGN not in sense]
         for name in ("trajectory", "trajectories"):
-            if self._senses and self.defines(name):  # of both functions, `trajectories`
-                functions[self._senses[0]] = name
+            if own and self.defines(name):  # of both functions, `trajectories`
+                functions[own[0]] = name
         return {sense: partial(self._simulate, name) for sense, name in functions.items()}
 
     def _simulate(self, name: str, people: Sequence[Mapping[str, str]], rng: np.random.Generator) -> Array:

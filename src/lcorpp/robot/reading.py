@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import reprlib
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 from math import isfinite, pi
 from pathlib import Path
 from urllib.parse import urlsplit
@@ -24,13 +24,15 @@ from lcorpp.robot.config import (
     TrackerConfig,
 )
 from lcorpp.robot.facts import ClockFact, Fact, FixedFact, PlaceFact, Polygon, TopicFact, measure_area
-from lcorpp.values import SharedValue
+from lcorpp.values import GAZE_CHANNELS, SharedValue
 from lcorpp.worlds.ros.belief_messages import BeliefTopics
 from lcorpp.worlds.ros.initial_pose import LOCALISATIONS, InitialPose
 from lcorpp.worlds.ros.people.laser_scan import LASER
 from lcorpp.worlds.ros.perception import Frames
 from lcorpp.worlds.ros.pose import Pose
+from lcorpp.worlds.ros.ros_world import Behaviour
 from lcorpp.worlds.ros.sensor_messages import PEOPLE, POSES, TEXTS
+from lcorpp.worlds.ros.skills import Watch
 from lcorpp.worlds.ros.transforms import TRANSFORMS
 
 MAX_SECONDS = 3600.0
@@ -81,6 +83,7 @@ def read_robot_config(
     answers = _read_answers(table.section("answers"), domain)
     facts = _read_facts(table.section("facts"), domain)
     behaviours = read_behaviours(table, domain, answers.silence, connection.version)
+    _check_watched(behaviours, people, people_table, domain)
     beliefs = _read_beliefs(table.section("beliefs"), value) if "beliefs" in table else None
     table.reject_unknown_keys()
     return (
@@ -228,6 +231,21 @@ def _read_people(table: TomlTable, domain: Domain) -> PeopleConfig:
     )
     table.reject_unknown_keys()
     return config
+
+
+def _check_watched(
+    behaviours: Mapping[str, Behaviour], people: PeopleConfig, table: TomlTable, domain: Domain
+) -> None:
+    """Check that the tracker of a sense that is watched measures its channels: only frames have faces."""
+    for behaviour in behaviours.values():
+        if isinstance(behaviour.skill, Watch):
+            sense = domain.find_sense(behaviour.skill.sense)
+            kind = people.senses.get(sense.name, people.tracker).topic[1]
+            if kind != TRANSFORMS and set(sense.channels) & {*GAZE_CHANNELS}:
+                raise DomainError(
+                    f"{table.location('type')}: {kind} has no faces, which the sense {sense.name} needs;"
+                    f" expected {TRANSFORMS}"
+                )
 
 
 def _read_tracker(table: TomlTable) -> TrackerConfig:

@@ -141,20 +141,19 @@ class RecordedLoop:
         Raises:
             PersonLeftError: the recording ends before, or the person has left.
         """
-        present = self._tracks.list_people()
-        start = present.get(person)
-        while start is not None and present.get(person, -1.0) < start + skill.seconds:
+        start = self._tracks.list_people().get(person)
+        while start is not None:
+            seen = self._tracks.list_people().get(person)
+            if seen is None:
+                break
+            start = min(start, seen)  # the track may have begun anew
+            label = self._tracks.classify(person, skill.sense) if seen >= start + skill.seconds else None
+            if isinstance(label, str) and label in skill.label_of:
+                return skill.label_of[label]
             if not self._add_next():
-                raise PersonLeftError(
-                    f"the recording of {person} ends before {skill.seconds:g} s were watched"
-                )
-            present = self._tracks.list_people()
-            start = None if person not in present else min(start, present[person])
-        if start is None:
-            raise PersonLeftError(f"the person {person} is no longer detected")
-        label = self._tracks.classify(person, skill.sense)
-        found = skill.label_of.get(label) if isinstance(label, str) else None
-        return found or self._config.answers.silence
+                what = f"the recording of {person} ends before {skill.seconds:g} s were watched"
+                raise PersonLeftError(what)
+        raise PersonLeftError(f"the person {person} is no longer detected")
 
     def find_skill(self, action: str) -> Watch:
         """Return the skill of an action, which watches."""

@@ -6,7 +6,7 @@ import threading
 import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from math import isfinite
+from math import inf, isfinite
 from time import monotonic
 from types import MappingProxyType
 from typing import Any
@@ -24,6 +24,8 @@ PERIOD = 0.2
 """Seconds after which the thread checks whether it should end."""
 MAX_SAMPLES = 3000
 """Samples of a person that are kept: the latest."""
+MAX_STALE = 1.0
+"""Seconds without the inputs of a sense, e.g. a face, after which its last output does not count."""
 CLOCK_STEP = 1.0
 """Seconds between two stamps of people that continue each other, at most."""
 
@@ -37,7 +39,7 @@ class Track:
 
     first, last: stamps of the first and the last sample in seconds. seen: when the last one came, on the
     clock of all stamps. received: the same on the clock of this computer. waiting: the sample of a doubtful
-    stamp. stamps: the check of the stamps.
+    stamp. stamps: the check of the stamps. sensed: sense -> stamp of the last sample that has its inputs.
     """
 
     first: float
@@ -47,6 +49,7 @@ class Track:
     samples: list[Sample] = field(default_factory=list)
     waiting: Sample | None = None
     stamps: StampCheck = field(default_factory=StampCheck)
+    sensed: dict[str, float] = field(default_factory=dict)
 
     @property
     def seconds(self) -> float:
@@ -140,8 +143,11 @@ class PeopleTracks:
             for sample in checked:
                 if all(map(isfinite, (sample.time, sample.x, sample.y))):
                     used += self._add(sample, now)
-            for streams in self._streams.values():
+            for name, streams in self._streams.items():
                 rows = [_read_inputs(sample, streams.inputs) for sample in used]
+                for sample, row in zip(used, rows, strict=True):
+                    if row:
+                        self._tracks[sample.person].sensed[name] = sample.time
                 streams.push_many(
                     [(s.time, s.person, *row) for s, row in zip(used, rows, strict=True) if row]
                 )
@@ -191,8 +197,14 @@ class PeopleTracks:
         return {name: np.array(rows).T for name, rows in found.items() if rows}
 
     def classify(self, person: str, sense: str) -> Label | None:
-        """Return the current output of a sense for a person; None with too few samples."""
+        """Return the current output of a sense for a person.
+
+        None with too few samples, or if the sense has perceived nothing of the person for `MAX_STALE`.
+        """
         with self._lock:
+            track = self._tracks.get(person)
+            if track is None or track.last - track.sensed.get(sense, -inf) > MAX_STALE:
+                return None
             try:
                 classifier = self._streams[sense].classifier(person)
             except DataError:

@@ -20,7 +20,7 @@ from lcorpp.decision.strategies import Rates
 from lcorpp.domains import Domain
 from lcorpp.learning import TrainedClassifier, Validation, cross_validate, train_and_validate
 from lcorpp.learning.classifiers.registry import check_weighted
-from lcorpp.learning.evaluation.folds import FOLDS
+from lcorpp.learning.evaluation.folds import FOLDS, choose_folds
 from lcorpp.learning.evaluation.validation import count_confusion
 from lcorpp.learning.label_noise.uncertain_labels import split_by_class
 from lcorpp.protocols import Classifier, Reasoner
@@ -48,7 +48,7 @@ class SenseTrainer:
     ) -> None:
         """Raises `DataError` if uncertain labels are for a learner without `sample_weight`."""
         self._domain, self._senses, self._options, self._progress = domain, senses, options, progress
-        self._split = {"folds": FOLDS, "seed": options.seed, "jobs": options.jobs}
+        self._split = {"seed": options.seed, "jobs": options.jobs}
         self._estimators = {  # later people come to the same place
             name: make_estimator(data, senses.training[name], options.seed, new_places=False)
             for name, data in senses.data.items()
@@ -72,7 +72,9 @@ class SenseTrainer:
         """Cross-validate on the reports, correct the labels, train on them, and correct the matrix."""
         if not self._is_trainable(name, dataset):
             return self._make_untrained(name)
-        with self._show(name, "cross-validation against the reports on", dataset, FOLDS) as advance:
+        with self._show(
+            name, "cross-validation against the reports on", dataset, choose_folds(dataset)
+        ) as advance:
             first = cross_validate(self._estimators[name], dataset, **self._split, progress=advance)
         corrected = correct_labels(self._domain, name, dataset, first.predictions)
         weighted, origins = split_by_class(dataset, corrected.distributions)
@@ -101,7 +103,7 @@ class SenseTrainer:
 
     def _validate(self, name: str, dataset: Dataset) -> tuple[TrainedClassifier, Validation]:
         coverage = self._options.evidence.kind(name).coverage or COVERAGE
-        with self._show(name, "training on", dataset, FOLDS + 1) as advance:
+        with self._show(name, "training on", dataset, choose_folds(dataset) + 1) as advance:
             trained, validation = train_and_validate(
                 self._estimators[name], dataset, **self._split, progress=advance, coverage=coverage
             )

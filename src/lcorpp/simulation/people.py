@@ -140,6 +140,17 @@ class CutSignals:
         return cut_tracks(signals, self.part)
 
 
+@dataclass(frozen=True, eq=False)
+class SelectedSignals:
+    """Some channels of the signals of another source, by their indices."""
+
+    source: SignalSource
+    channels: Sequence[int]
+
+    def simulate(self, people: Sequence[Person], rng: np.random.Generator) -> Array:
+        return self.source.simulate(people, rng)[:, list(self.channels)]
+
+
 def simulate_signals(
     domain: Domain, sense: str, source: SignalSource, people: Sequence[Person], rng: np.random.Generator
 ) -> Array:

@@ -17,6 +17,7 @@ from .confusion import (
 )
 from .dataset import (
     CHANNELS as CHANNELS,
+    GAZE_CHANNELS as GAZE_CHANNELS,
     GROUP_SEPARATOR as GROUP_SEPARATOR,
     Dataset as Dataset,
     Kind as Kind,

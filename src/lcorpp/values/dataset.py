@@ -25,13 +25,14 @@ from lcorpp.values.padding import (
     strip_padding,
 )
 
-CHANNELS = ("x", "y", "velocity", "heading", "facing", "gaze_angle", "robot_angle", "face_distance")
+GAZE_CHANNELS = ("gaze_angle", "robot_angle", "face_distance")
+CHANNELS = ("x", "y", "velocity", "heading", "facing", *GAZE_CHANNELS)
 """The channels of motion: position (m), speed (m/s), direction of motion and of the body (rad). And of gaze:
 the angles between the face and the direction to the robot, and between the robot's head and the direction to
 the face (rad), and the distance of the face from the robot's head (m)."""
 
-GROUP_SEPARATOR = "+"
-"""Between the people of a case whose group has several, e.g. "ann+bob"."""
+GROUP_SEPARATOR = " + "
+"""Between the people of a case whose group has several, e.g. "ann + bob"."""
 
 Kind = Literal["motion", "series", "table"]
 """Kinds of data: channels of motion, or channels of a domain's own, over time; features without time."""

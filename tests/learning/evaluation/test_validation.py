@@ -136,7 +136,7 @@ def test_each_of_few_people_is_held_out_alone():
 
 
 def test_cases_of_several_people_are_trained_without_those_who_are_held_out():
-    n, groups = 40, 10 * ["ann"] + 10 * ["bob"] + 10 * ["cy"] + 10 * ["ann+bob"]
+    n, groups = 40, 10 * ["ann"] + 10 * ["bob"] + 10 * ["cy"] + 10 * ["ann + bob"]
     tracks = np.tile(np.arange(n, dtype=float)[:, None, None], (1, 2, 3))
     Recorder.seen = []
     cross_validate(Recorder(), Dataset(tracks, n // 2 * ["a", "b"], groups))
@@ -145,20 +145,25 @@ def test_cases_of_several_people_are_trained_without_those_who_are_held_out():
 
 
 def test_people_of_whom_all_others_know_one_are_an_error():
-    groups = 4 * ["ann+bob"] + 4 * ["bob+cy"] + 4 * ["cy+ann"]
+    groups = 4 * ["ann + bob"] + 4 * ["bob + cy"] + 4 * ["cy + ann"]
     data = Dataset(np.random.default_rng(0).normal(size=(12, 2, 3)), 6 * ["a", "b"], groups)
-    with pytest.raises(DataError, match="without fold 1 of 3 there is no case of a, b to learn"):
+    with pytest.raises(
+        DataError,
+        match=r"without the cases of ann \+ bob, and of others with these people, there is no case of a, b",
+    ):
         cross_validate(Recorder(), data)
 
 
 def test_a_split_leaves_people_of_the_test_data_out_of_the_training_data():
-    groups = 10 * ["ann"] + 10 * ["bob"] + 10 * ["cy"] + 10 * ["ann+bob"]
+    groups = 10 * ["ann"] + 10 * ["bob"] + 10 * ["cy"] + 10 * ["ann + bob"]
     data = Dataset(np.random.default_rng(0).normal(size=(40, 2, 3)), 20 * ["a", "b"], groups)
     for seed in range(8):
         training, test = split(data, test=0.25, seed=seed)
         (held_out,) = set(test.groups)
-        assert not {name for group in training.groups for name in group.split("+")} & {*held_out.split("+")}
-        assert len(training) == {"ann": 20, "bob": 20, "cy": 30, "ann+bob": 10}[held_out]
+        assert not {name for group in training.groups for name in group.split(" + ")} & {
+            *held_out.split(" + ")
+        }
+        assert len(training) == {"ann": 20, "bob": 20, "cy": 30, "ann + bob": 10}[held_out]
 
 
 def test_an_interrupt_passes_through():

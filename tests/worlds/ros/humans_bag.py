@@ -44,7 +44,7 @@ class HumansBag:
 
     turn: the angle of the face by time. faces: pairs (first time, id of the face from then on).
     distance: metres ahead by time. named_from: when the person's face is named first; None never.
-    links: further frames that do not move.
+    links: further frames that do not move. messages: (topic, seconds, message) instead of all these.
     """
 
     path: object
@@ -66,12 +66,13 @@ class HumansBag:
             get_types_from_msg("geometry_msgs/TransformStamped[] transforms\n", "tf2_msgs/msg/TFMessage")
         )
         kinds = {"/tf": "tf2_msgs/msg/TFMessage", "/tf_static": "tf2_msgs/msg/TFMessage"}
-        if self.named_from is not None:
-            kinds["/humans/persons/tracked"] = "hri_msgs/msg/IdsList"
-            kinds[f"/humans/persons/{self.person}/face_id"] = "std_msgs/msg/String"
+        messages = self.messages or self.list_messages()
+        for topic, *_ in messages:
+            kind = "hri_msgs/msg/IdsList" if topic.endswith("/tracked") else "std_msgs/msg/String"
+            kinds.setdefault(topic, kind)
         with Writer(self.path, version=9, storage_plugin=self.plugin) as writer:
             own = {t: writer.add_connection(t, kind, typestore=store) for t, kind in kinds.items()}
-            for topic, time, message in self.list_messages():
+            for topic, time, message in messages:
                 made = _make(store, kinds[topic], message)
                 writer.write(own[topic], round((1000 + time) * 1e9), store.serialize_cdr(made, kinds[topic]))
         return self.path
@@ -96,6 +97,21 @@ class HumansBag:
                 gaze = transform(f"gaze_{face}", f"face_{face}", TO_GAZE, 1000 + time + 1e-4, **zero)
                 found.append(("/tf", time + 0.003, {"transforms": [gaze]}))
         return found
+
+
+def show(*transforms, time):
+    """Return a message with frames."""
+    return "/tf", time, {"transforms": list(transforms)}
+
+
+def named(person, face, time):
+    """Return the message that names the face of a person."""
+    return f"/humans/persons/{person}/face_id", time, {"data": face}
+
+
+def see(face, time, **at):
+    """Return the frame of a face that looks straight along the axis of the camera."""
+    return transform(f"face_{face}", OPTICAL, LEVEL, 1000 + time, **({"x": 0.0, "y": 0.0, "z": 2.0} | at))
 
 
 def _make(store, kind, fields):

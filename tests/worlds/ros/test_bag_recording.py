@@ -1,6 +1,7 @@
 """Recordings from bags of people: labels and people of their names or a table, and what cannot be read."""
 
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,7 +15,7 @@ from lcorpp.worlds.ros.people.bag_recording import collect_tracks, find_bags, re
 from lcorpp.worlds.ros.people.people_bag import read_people_bag
 from lcorpp.worlds.ros.sensor_messages import Sample
 
-from .humans_bag import HumansBag
+from .humans_bag import LEVEL, OPTICAL, HumansBag, show, transform
 
 LABELS = {"eng": "engaged", "dis": "not_engaged"}
 
@@ -59,7 +60,7 @@ def test_names_give_labels_and_people(bags):
     single = read_bags(bags / "1p_AA_eng_1", labels=LABELS)
     assert [(track.id, track.label, track.group) for track in single.tracks] == [("aa", "engaged", "aa")]
     two = read_bags(bags, labels=LABELS, groups="AA|p")  # both are found in a name
-    assert {track.group for track in two.tracks} == {"p+AA", "p"}
+    assert {track.group for track in two.tracks} == {"p + AA", "p"}
 
 
 def test_a_table_gives_labels_to_bags_and_tracks(bags, tmp_path):
@@ -81,8 +82,11 @@ def test_a_table_gives_labels_to_bags_and_tracks(bags, tmp_path):
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        ({"labels": {"yes": "engaged"}}, r"1p_AA_dis_1: its name has no label; expected one of yes, engaged"),
-        ({"labels": {"AA": "a", "dis": "b"}}, r"1p_AA_dis_1: its name has labels of 2 classes: AA, dis"),
+        (
+            {"labels": {"yes": "engaged"}},
+            r"1p_AA_dis_1: its name has no label; expected one of yes, engaged in it",
+        ),
+        ({"labels": {"AA": "a", "dis": "b"}}, r"1p_AA_dis_1: its name has labels of 2 classes: dis, AA"),
         ({"groups": "["}, r"groups '\[': .*; expected a regular expression"),
         ({"groups": "Z+"}, r"1p_AA_dis_1: its name has no people: 'Z\+' finds nothing in it"),
         ({"topic": "/people"}, r"has no people in '/people'"),
@@ -108,6 +112,60 @@ def test_a_bag_that_cannot_be_read_is_left_out(bags, caplog):
         read_bags(bags, labels=LABELS)
     with pytest.raises(DataError, match="notes: is no bag, and has none"):
         read_bags(bags / "notes")
+
+
+def test_a_table_without_labels_takes_its_classes_unchanged(bags, tmp_path):
+    table = tmp_path / "labels.csv"
+    table.write_text("id,label\n1p_AA_dis_1,bored\nelsewhere,keen\n")
+    recording = read_bags(bags, labels={}, label_file=table)
+    assert [track.label for track in recording.tracks] == ["bored"]
+    assert recording.notes == (f"1 of 2 ids of {table} have no tracks: elsewhere",)
+
+
+def test_labels_are_parts_of_names_between_other_signs(bags):
+    for name, expected in (("x_not_engaged", "no"), ("x-engaged.2", "yes")):
+        HumansBag(bags / name, seconds=1.0).write()
+        labels = {"engaged": "yes", "not_engaged": "no"}
+        assert {track.label for track in read_bags(bags / name, labels=labels).tracks} == {expected}
+
+
+def test_files_beside_bags_are_bags_of_their_own(bags, monkeypatch):
+    stray = next((bags / "1p_AA_eng_1").glob("*.db3"))
+    (bags / "stray.db3").write_bytes(stray.read_bytes())
+    (bags / "metadata.yaml").write_text("title: recordings\n")
+    assert [bag.name for bag in find_bags(bags)][-1] == "stray.db3"
+    assert len(read_bags(bags)) == 7
+    assert len(read_bags(bags / "stray.db3")) == 1
+    monkeypatch.chdir(bags / "1p_AA_eng_1")
+    assert read_bags(Path(), labels=LABELS).tracks[0].label == "engaged"
+
+
+def test_people_without_faces_are_left_out_where_gaze_is_learnt(bags):
+    body = [
+        show(transform("body_zz", OPTICAL, LEVEL, 1000 + k / 30, x=k / 30), time=k / 30) for k in range(90)
+    ]
+    HumansBag(bags / "1p_DD_eng_1", messages=body).write()
+    domain = load_domain("engagement")
+    sense = domain.find_sense("gaze")
+    data = read_training_data(domain, sense, bags, seed=0, features=sense.features).dataset
+    assert set(data.groups) == {"AA", "BB", "CC"}
+    assert "1 of 7 tracks lack gaze_angle: left out" in data.notes
+
+
+def test_people_of_a_learning_run_are_split(bags):
+    """Its reports are tested on other people than those of the training, also of few people."""
+    domain = load_domain("engagement")
+    sense = domain.find_sense("gaze")
+    data = read_training_data(domain, sense, bags, seed=0, features=sense.features, may_hold_out=False)
+    assert not data.tests_training_cases
+    assert not set(data.dataset.groups) & set(data.signals.dataset.groups)
+
+
+def test_ids_of_parts_are_unique():
+    samples = [Sample(t, "a", t, 0.0) for t in (0.0, 1.0, 8.0, 9.0)]
+    samples += [Sample(t, "a#2", t, 0.0) for t in (0.0, 1.0)]
+    tracks, _ = collect_tracks(samples)
+    assert sorted(track.id for track in tracks) == ["a", "a#2", "a#3"]
 
 
 def test_a_pause_begins_another_track_of_the_person():

@@ -1,5 +1,7 @@
 """People as frames of ROS4HRI: persons, faces, gazes and bodies."""
 
+import sqlite3
+from contextlib import closing
 from math import atan2, cos, hypot, pi, sin
 from pathlib import Path
 
@@ -12,7 +14,18 @@ from lcorpp.worlds.ros.people import humans
 from lcorpp.worlds.ros.people.humans import HumanReader, measure_gaze
 from lcorpp.worlds.ros.people.people_bag import read_people_bag
 from lcorpp.worlds.ros.transforms import TransformTree
-from tests.worlds.ros.humans_bag import LEVEL, OPTICAL, TO_GAZE, HumansBag, multiply, transform, turn_face
+from tests.worlds.ros.humans_bag import (
+    LEVEL,
+    OPTICAL,
+    TO_GAZE,
+    HumansBag,
+    multiply,
+    named,
+    see,
+    show,
+    transform,
+    turn_face,
+)
 
 ENGAGEMENT = Path(__file__).parents[4] / "shared" / "data" / "engagement"
 ZERO = {"x": 0.0, "y": 0.0, "z": 0.0}
@@ -32,8 +45,8 @@ def test_a_face_with_a_gaze_is_one_person():
     assert read_frames([alone[0]], [face], [alone[1]]) == [
         [("a1", 1.0, 2.0)],
         [],
-        [("a1", 3.0, 2.0)],
-        [("a1", 1.0, 2.0)],
+        [("a1", 1.0, 2.0)],  # the face, whose own gaze has not come; a gaze that is not below it counts less
+        [],
     ]
 
 
@@ -316,6 +329,131 @@ def test_a_bag_without_its_description_is_read(tmp_path, caplog):
     assert read_people_bag(path) == whole
     (text,) = caplog.messages
     assert text.endswith("messages are read")
+
+
+def read_bag(path, *messages, **options):
+    return read_people_bag(HumansBag(path, messages=list(messages)).write(), **options)
+
+
+def test_a_person_who_left_before_the_end_has_the_face_of_before(tmp_path):
+    """Another frame of a person does not take the faces away; at the end nobody is tracked."""
+    messages = [named("ann", "f1", 0.0)]
+    for k in range(90):
+        listed = {
+            "header": {"stamp": {"sec": 0, "nanosec": 0}, "frame_id": ""},
+            "ids": ["ann"] if k < 60 else [],
+        }
+        messages.append(("/humans/persons/tracked", k / 30, listed))
+        if k < 60:
+            person = transform("person_ann", OPTICAL, LEVEL, 1000 + k / 30, x=0.0, y=0.0, z=2.0)
+            messages.append(show(person, see("f1", k / 30), time=k / 30 + 0.001))
+    samples = read_bag(tmp_path / "bag", *messages)
+    assert {sample.person for sample in samples} == {"ann"}
+    assert sum("gaze_angle" in sample.columns for sample in samples) == 60
+
+
+def test_a_face_without_a_stamp_has_the_time_of_its_recording(tmp_path):
+    messages = [
+        show(transform("face_f", OPTICAL, LEVEL, 0.0, x=k / 30, y=0.0, z=2.0), time=k / 30) for k in range(30)
+    ]
+    samples = read_bag(tmp_path / "bag", *messages)
+    assert len(samples) == 30
+    np.testing.assert_allclose([sample.time for sample in samples], 1000 + np.arange(30) / 30, atol=1e-6)
+    np.testing.assert_allclose([-sample.y for sample in samples], np.arange(30) / 30, atol=1e-9)
+
+
+def test_of_an_id_that_is_twice_all_columns_are_of_the_first(tmp_path, caplog):
+    messages = []
+    for k in range(30):
+        gaze = transform("gaze_f", "face_f", TO_GAZE, 1000 + k / 30, **ZERO)
+        messages += [
+            show(see("f", k / 30, x=1.0, z=1.0), time=k / 30),
+            show(see("f", k / 30, x=-1.0, z=5.0), gaze, time=k / 30 + 0.001),
+        ]
+    samples = read_bag(tmp_path / "bag", *messages)
+    assert {(s.x, s.y, round(s.columns["face_distance"], 6)) for s in samples} == {(1.0, -1.0, 1.414214)}
+    assert len(caplog.messages) == 1
+
+
+def test_the_order_of_face_and_gaze_in_a_message_does_not_matter(tmp_path):
+    found = []
+    for order in (1, -1):
+        messages = []
+        for k in range(30):
+            gaze = transform("gaze_f", "face_f", TO_GAZE, 1000 + k / 30, **ZERO)
+            messages.append(show(*[see("f", k / 30, z=2.0 + k), gaze][::order], time=k / 30))
+        found.append(read_bag(tmp_path / f"bag{order}", *messages))
+    assert [(s.x, s.columns) for s in found[0]] == [(s.x, s.columns) for s in found[1]]
+    assert all(sample.x == pytest.approx(sample.columns["face_distance"]) for sample in found[0])
+
+
+def test_ids_that_change_lose_no_samples(tmp_path):
+    """Every three frames the face of ann has another id; then a face passes to bob."""
+    messages = []
+    for k in range(90):
+        face = f"f{k // 3}"
+        messages += [named("ann", face, k / 30), show(see(face, k / 30), time=k / 30 + 0.001)]
+    messages += [named("bob", "f29", 3.0), show(see("f29", 3.1, x=9.0), time=3.1)]
+    samples = read_bag(tmp_path / "bag", *messages)
+    assert sum(sample.person == "ann" for sample in samples) == 90
+    assert [(sample.person, sample.y) for sample in samples][-1] == ("bob", -9.0)
+
+
+def test_a_gaze_that_is_not_below_its_face_is_the_same_person(tmp_path):
+    messages = [named("ann", "f", 0.0)]
+    for k in range(30):
+        gaze = transform("gaze_f", OPTICAL, (1.0, 0.0, 0.0, 0.0), 1000 + k / 30, x=0.0, y=0.0, z=2.0)
+        messages.append(show(see("f", k / 30), gaze, time=k / 30))
+    assert {sample.person for sample in read_bag(tmp_path / "bag", *messages)} == {"ann"}
+
+
+def test_samples_in_other_frames_are_left_out_with_a_warning(tmp_path, caplog):
+    link = transform(OPTICAL, "base_link", (-0.5, 0.5, -0.5, 0.5), **ZERO)
+    late = [show(see("f", k / 30), time=k / 30) for k in range(30)]
+    late.insert(15, ("/tf_static", 0.5, {"transforms": [link]}))
+    assert len(read_bag(tmp_path / "late", *late, frame="/base_link")) in (14, 15)
+    assert "samples are not connected to 'base_link': left out" in caplog.messages[-1]
+    mixed = [
+        show(transform("face_f", OPTICAL if k % 3 else "other", LEVEL, 1000 + k / 30, **ZERO), time=k / 30)
+        for k in range(30)
+    ]
+    assert len(read_bag(tmp_path / "mixed", *mixed)) == 20
+    assert "10 of 30 samples are in another frame than most of the person's" in caplog.messages[-1]
+
+
+def test_one_kind_of_fault_is_one_warning(tmp_path, caplog):
+    messages = [
+        show(
+            transform("face_f", OPTICAL, (0.5, 0.5, -0.5, 0.3 + k / 1000), 1000 + k / 30, **ZERO), time=k / 30
+        )
+        for k in range(30)
+    ]
+    messages += [show(see("g", k / 30, x=1e10 + k), time=k / 30) for k in range(30)]
+    read_bag(tmp_path / "bag", *messages)
+    assert len(caplog.messages) == 3  # the rotation, the gaze that it leaves unknown, and the distance
+
+
+@pytest.mark.parametrize("damage", ["payload", "page", "two files"])
+def test_what_is_left_of_a_bag_with_one_fault_is_read(tmp_path, caplog, damage):
+    path = HumansBag(tmp_path / "bag", seconds=20.0).write()
+    whole = read_people_bag(path)
+    (file,) = path.glob("*.db3")
+    if damage == "payload":
+        with closing(sqlite3.connect(file)) as database:
+            database.execute("update messages set data = x'0001000005' where id = 700")
+            database.commit()
+    elif damage == "page":
+        content = bytearray(file.read_bytes())
+        content[len(content) // 2 : len(content) // 2 + 4096] = bytes(4096)
+        file.write_bytes(content)
+    else:
+        (path / "bag_1.db3").write_bytes(file.read_bytes()[:100_000])
+        (path / "metadata.yaml").unlink()
+    found = read_people_bag(path)
+    assert len(found) > 0.3 * len(whole)
+    known = {(sample.time, sample.x) for sample in whole}
+    assert sum((sample.time, sample.x) in known for sample in found) > 0.99 * len(found)
+    assert caplog.messages
 
 
 @pytest.mark.skipif(not ENGAGEMENT.is_dir(), reason="the recordings are not here (shared/data/engagement)")

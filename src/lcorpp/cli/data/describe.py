@@ -30,8 +30,10 @@ def print_description(recording: Recording, path: Path, seed: int) -> None:
     if not recording.tracks:
         _print_repairs(recording.repairs)
         raise DataError("; ".join([f"{path}: no track remains", *recording.notes]))
+    from lcorpp.learning.evaluation.folds import count_people
+
     description = describe(recording)
-    people = sum(part.groups for part in description.classes)
+    people = count_people([track.group for track in recording.tracks])
     emit(
         f"{path}: {description.tracks} tracks of {people} people; {', '.join(description.channels)}",
         style="bold",

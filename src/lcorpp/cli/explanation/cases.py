@@ -42,7 +42,7 @@ def ask_case(domain: Domain, senses: Sequence[Sense], person: Person) -> Case:
 
 def print_person(domain: Domain, person: Mapping[str, str]) -> None:
     """Print what the robot cannot observe of a simulated person."""
-    observable = (*domain.observed, *[sense.attribute for sense in domain.senses])
+    observable = (*domain.observed, *[sense.attribute for sense in domain.all_senses])
     hidden = ", ".join(f"{name}={value}" for name, value in person.items() if name not in observable)
     console.out.print(f"a simulated person; hidden from the robot: {hidden}", style="dim")
 

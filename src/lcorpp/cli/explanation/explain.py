@@ -132,7 +132,7 @@ def _find_strategy(domain: Domain, name: str | None) -> Strategy:
 
     if name is None:
         return LCORPP
-    (found,) = find_strategies([name], [sense.name for sense in domain.senses])
+    (found,) = find_strategies([name], [sense.name for sense in domain.all_senses])
     return found
 
 
@@ -142,7 +142,7 @@ def _list_used_senses(domain: Domain, strategy: Strategy, person: Person) -> lis
     Raises:
         DomainError: an option gives the label of another sense.
     """
-    used = [sense for sense in domain.senses if strategy.uses(sense.name)]
+    used = [sense for sense in domain.all_senses if strategy.uses(sense.name)]
     for name in person.predicted.keys() - {sense.name for sense in used}:
         raise DomainError(
             f"the strategy {strategy.name} does not use the classifier {name}, whose label is given"

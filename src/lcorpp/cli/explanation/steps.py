@@ -55,10 +55,11 @@ def decide_and_print(
         console.print_heading(1, "learning", f"no label: {name} does not perceive the person")
     subtitle = "given " + ", ".join(f"{name} = {value}" for name, value in evidence.items())
     console.print_heading(2, "reasoning", subtitle)
+    known = {*evidence, domain.shared, *[baseline.attribute for baseline in domain.baselines]}
     hidden = [
         name
         for name, attribute in domain.program.attributes.items()
-        if not attribute.arguments and name not in evidence and name != domain.shared
+        if not attribute.arguments and name not in known
     ]
     if not isinstance(robot.reasoner, Reasoner):
         hidden = []  # others answer for the shared variables alone

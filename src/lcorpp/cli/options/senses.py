@@ -128,7 +128,15 @@ def choose_classifiers(
     for sense in used:
         name = sense.name
         own = file_of.get(name), learner_of.get(name)
-        kind, learner = own if any(own) else (general_file, general_learner)
+        general = (
+            (general_file if general_file == "channel" else None, None)
+            if sense.is_baseline
+            else (
+                general_file,
+                general_learner,
+            )
+        )
+        kind, learner = own if any(own) else general
         if kind is not None and learner is not None:
             raise DomainError(
                 f"--classifier {kind} and --learner {learner} both choose the classifier; expected one"
@@ -254,5 +262,5 @@ def _split_by_sense(
 
 def _require_sense(domain: Domain, option: str, text: str | None) -> None:
     if text is not None:
-        names = ", ".join(sense.name for sense in domain.senses)
+        names = ", ".join(sense.name for sense in domain.all_senses)
         raise DomainError(f"{option} {text!r}: expected the name of a sense first, SENSE=FILE: {names}")

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from itertools import chain
-from math import inf
+from math import inf, isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -24,6 +24,9 @@ if TYPE_CHECKING:
 
 SUFFIXES = (".csv", ".parquet", ".pq")
 """Formats of tracks."""
+
+DETECTOR = "background"
+"""Of people in colour images, by default."""
 
 CLOCK_TOLERANCE = 1e-6
 """Seconds by which a time may exceed --from and --to: rounding of the clock."""
@@ -51,7 +54,7 @@ def track(
     detector: Annotated[
         str,
         typer.Option(metavar="NAME", help="For colour: background, hog, or your function as FILE.py:NAME."),
-    ] = "background",
+    ] = DETECTOR,
     intrinsics: Annotated[
         tuple[float, float, float, float] | None,
         typer.Option(
@@ -125,16 +128,29 @@ def track(
 
     Colour images need a homography, depth images the intrinsics. Positions are in metres: those of the
     homography, or x forward and y to the left of a depth camera, on the floor below it. Times are those of
-    the source; --from and --to count from its first image or sample. Ctrl-C writes the tracks so far.
+    the source; --from and --to count from its first image, or from the first sample of each bag. Ctrl-C
+    writes the tracks of the images so far.
     """
     if output.suffix.lower() not in SUFFIXES:
         raise FileError(f"{output}: not the name of a recording; {expected_one_of(SUFFIXES)} at its end")
     output_files.check_writable(output)
+    for name, value in (("--from", start), ("--to", end)):
+        if value is not None and not isfinite(value):
+            raise DataError(f"{name} {value:g}: expected a finite number of seconds")
     if start is not None and end is not None and not start < end:
         raise DataError(f"--from {start:g} --to {end:g}: expected the first to be less")
     if _has_people(source, topic):
         from lcorpp.worlds.ros.people.bag_recording import read_bags
 
+        reject_given(
+            f"{source} has people, whose positions are known; it is for images",
+            homography=homography,
+            detector=None if detector == DETECTOR else detector,
+            intrinsics=intrinsics,
+            rate=rate,
+            rotate=rotate or None,
+            depth_scale=depth_scale,
+        )
         with console.show_progress(f"reading {source.name}") as advance:
             recording = read_bags(
                 source,
@@ -235,7 +251,7 @@ def _has_people(source: Path, topic: str | None) -> bool:
             raise DataError(f"{source}: has no topic {topic!r}; {expected_one_of(known)}")
         return topics[topic] in (*PEOPLE, LASER, TRANSFORMS)
     kinds = set(topics.values())
-    return bool(kinds & PEOPLE.keys()) or (TRANSFORMS in kinds and name_type(IMAGE, 1, "msg") not in kinds)
+    return bool(kinds & PEOPLE.keys()) or name_type(IMAGE, 1, "msg") not in kinds
 
 
 def _cut(frames: FrameSource, start: float | None, end: float | None) -> Iterator[Frame]:
@@ -276,12 +292,19 @@ def _make_locator(
 
 
 def _cut_recording(recording: Recording, start: float | None, end: float | None) -> Recording:
-    """Return what is between `start` and `end`, in seconds after the first sample of all."""
+    """Return what is between `start` and `end`, in seconds after the first sample of each bag."""
     if start is None and end is None:
         return recording
-    began = min(track.times[0] for track in recording.tracks)
-    low, high = began + (start or 0.0), inf if end is None else began + end
-    cut = [track.between(low - CLOCK_TOLERANCE, high + CLOCK_TOLERANCE) for track in recording.tracks]
+    bag_of = {track.id: track.id.rpartition("/")[0] for track in recording.tracks}  # "" for a single bag
+    began = dict[str, float]()
+    for track in recording.tracks:
+        bag = bag_of[track.id]
+        began[bag] = min(began.get(bag, inf), float(track.times[0]))
+    cut = []
+    for track in recording.tracks:
+        first = began[bag_of[track.id]]
+        low, high = first + (start or 0.0), inf if end is None else first + end
+        cut.append(track.between(low - CLOCK_TOLERANCE, high + CLOCK_TOLERANCE))
     return replace(recording, tracks=tuple(track for track in cut if track is not None))
 
 

@@ -68,7 +68,7 @@ def gaze(people: Sequence[Person], rng: np.random.Generator) -> Array:
 
 
 def gaze_rule(people: Sequence[Person], rng: np.random.Generator) -> Array:
-    """As `gaze`: the rule sees the same."""
+    """As `gaze`, of other seconds of the person."""
     return gaze(people, rng)
 
 

@@ -93,8 +93,8 @@ def list_axes(domain: Domain) -> dict[Axis, tuple[float, float]]:
         if len(shared) == 1:
             found |= {("reward", which, str(value)): ANY for value in domain.values}
     both: list[Axis] = []
-    for sense in domain.senses:
-        name = (sense.name,) if len(domain.senses) > 1 else ()
+    for sense in domain.all_senses:
+        name = (sense.name,) if len(domain.all_senses) > 1 else ()
         simulation = domain.simulation
         if sense.name in simulation.noisy_channels and sense.name not in simulation.joint_labels:
             both += [("classifier", *name, value) for value in sense.classes]
@@ -133,7 +133,7 @@ def change_domain(domain: Domain, setting: Setting) -> Domain:
 
 
 def _find_sense(domain: Domain, names: list[str]) -> Sense:
-    return domain.find_sense(names[0]) if names else domain.senses[0]
+    return domain.find_sense(names[0]) if names else domain.all_senses[0]
 
 
 @lru_cache(maxsize=64)
@@ -176,7 +176,7 @@ def hash_domain(domain: Domain) -> str:
         planning.terminal,
         planning.solver,
         domain.observed,
-        domain.senses,
+        domain.all_senses,
         *([] if own is None else [find_fingerprint(own.source)]),
         simulation.feedback_model.tolist(),
         *([] if simulation.transition is None else [simulation.transition.dense.tolist()]),

@@ -29,7 +29,7 @@ class Learner:
 
     maker: the function of `lcorpp.learning.classifiers.makers` that returns the untrained classifier.
     iterative: the learner takes `epochs` and `device`. kinds: the data that it learns from.
-    features: of motion, if none are chosen.
+    features: of motion, if none are chosen. has_fixed_features: whether it takes no others.
     """
 
     about: str
@@ -37,6 +37,7 @@ class Learner:
     iterative: bool = False
     kinds: tuple[Kind, ...] = ("motion", "series")
     features: tuple[str, ...] = PAPER_FEATURES
+    has_fixed_features: bool = False
 
 
 LEARNERS: Mapping[str, Learner] = {
@@ -57,6 +58,7 @@ LEARNERS: Mapping[str, Learner] = {
         "make_gaze_rule",
         kinds=("motion",),
         features=GAZE_RULE_FEATURES,
+        has_fixed_features=True,
     ),
 }
 """The learners by name."""

@@ -130,10 +130,10 @@ def _list_shifts(
         return [0.0]
     shifts = np.arange(int(max(free, 0.0) / step + CLOCK_TOLERANCE) + 1) * step
     starts = track.times[0] + shifts if end == "first" else track.times[-1] - window - shifts[::-1]
-    before, after = track.times[:-1, None], track.times[1:, None]
-    is_pause = after - before > MAX_PAUSE
+    pauses = np.flatnonzero(np.diff(track.times) > MAX_PAUSE)
+    before, after = track.times[pauses, None], track.times[pauses + 1, None]
     inside = (after > starts + CLOCK_TOLERANCE) & (before < starts + window - CLOCK_TOLERANCE)
-    kept: list[float] = (starts[~(is_pause & inside).any(axis=0)] - track.times[0]).tolist()
+    kept: list[float] = (starts[~inside.any(axis=0)] - track.times[0]).tolist()
     return kept if end == "first" else [track.duration - window - start for start in kept]
 
 

@@ -1,6 +1,6 @@
 """Folds of cross-validation, and training and test data: stratified by class, with whole groups.
 
-The cases of a group stay together. A case of several people has a group such as "ann+bob"; it is not in the
+The cases of a group stay together. A case of several people has a group such as "ann + bob"; it is not in the
 training data while ann is tested.
 """
 
@@ -66,6 +66,11 @@ def find_training_cases(held_out: Flags, groups: Sequence[str]) -> Flags:
     return is_other & ~held_out
 
 
+def count_people(groups: Sequence[str]) -> int:
+    """Return the number of people in some groups, of whom several may be in one."""
+    return len({name for group in set(groups) for name in _split(group)})
+
+
 def _split(group: str) -> list[str]:
     """Return the people of a group."""
     return group.split(GROUP_SEPARATOR)
@@ -112,9 +117,11 @@ def assign_training_folds(dataset: Dataset, folds: int, seed: int) -> Indices:
         training = find_training_cases(fold_of == fold, dataset.groups)
         missing = sorted(set(dataset.labels) - set(labels[training].tolist()))
         if missing:  # possible if a group has cases of several classes, or people of several groups
-            raise DataError(
-                f"without fold {fold + 1} of {folds} there is no case of {', '.join(missing)} to learn"
-            )
+            held_out = f"fold {fold + 1} of {folds}"
+            if is_each_alone:
+                group = next(g for g, own in zip(dataset.groups, fold_of, strict=True) if own == fold)
+                held_out = f"the cases of {group}, and of others with these people,"
+            raise DataError(f"without {held_out} there is no case of {', '.join(missing)} to learn")
     return fold_of
 
 

@@ -14,8 +14,8 @@ from lcorpp.values import Array
 class HeldOutPredictor:
     """A fitted classifier that predicts each of its training cases as cross-validation did.
 
-    So decisions about recorded people are as good as about new ones, although the people are so few that all
-    of them are training data.
+    So a label of a recorded person is as good as one of a new person, although the people are so few that all
+    of them are training data. Error rates, threshold and calibration are still those of the same predictions.
 
     Args:
         estimator: fitted to all cases. cases: (cases, channels, time points) its training data.

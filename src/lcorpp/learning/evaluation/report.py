@@ -11,6 +11,7 @@ from sklearn.metrics import roc_curve
 from lcorpp.arguments import check_arguments
 from lcorpp.errors import DataError, expected_one_of
 from lcorpp.learning.evaluation.calibration import Calibration, cross_calibrate, fit_calibration
+from lcorpp.learning.evaluation.folds import count_people
 from lcorpp.learning.evaluation.metrics import (
     ReliabilityBin,
     bootstrap_interval,
@@ -242,7 +243,7 @@ def build_report(
         learner,
         source,
         len(labels),
-        len(set(validation.groups)),
+        count_people(validation.groups),
         len(set(validation.folds)),
         bootstrap_interval(float(correct.mean()), weights @ correct / weights.sum(axis=1)),
         validation.rates,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import re
 from collections.abc import Mapping
 from math import inf, nan
 from numbers import Integral, Real
@@ -15,6 +16,14 @@ LOG = logging.getLogger("lcorpp.robot")
 
 MAX_KINDS = 20
 """Kinds of faults of a topic that are logged; further ones are not."""
+
+
+_NUMBER = re.compile(r"-?\d[\d.]*(?:e[+-]?\d+)?|\bnan\b|-?\binf\b")
+
+
+def name_kind(text: str) -> str:
+    """Return the text of a fault without its numbers: faults of one kind differ in them."""
+    return _NUMBER.sub("", text)
 
 
 class FaultLog:

@@ -225,6 +225,8 @@ class Speak:
 class Watch:
     """Watch the person for some more seconds; the observation is the label that a sense gives then.
 
+    Without a label then, e.g. of a face that is turned away, it goes on until there is one.
+
     sense: its name. seconds: by which the person's track grows. label_of: class -> label, an observation.
     """
 
@@ -233,20 +235,22 @@ class Watch:
     label_of: Mapping[str, str] = field(default_factory=dict)
 
     def run(self, body: Body, timeout: float) -> str | None:
-        """As `Skill.run`; None if the sense has no output."""
+        """As `Skill.run`."""
         if body.people is None:
             raise ActionFailedError("there are no classifiers to watch people with")
         began, start = monotonic(), self._measure_track(body.people, body.person)
-        while (seen := self._measure_track(body.people, body.person)) < start + self.seconds:
-            start = min(start, seen)  # the track has begun anew
+        while True:
+            seen = self._measure_track(body.people, body.person)
+            start = min(start, seen)  # the track may have begun anew
+            label = body.people.classify(body.person, self.sense) if seen >= start + self.seconds else None
+            if isinstance(label, str) and label in self.label_of:
+                return self.label_of[label]
             if monotonic() - began > timeout:
                 raise ActionFailedError(
-                    f"the track of {body.person} is {seen - start:.1f} s longer after {timeout:g} s;"
-                    f" expected {self.seconds:g} s"
+                    f"{self.sense} has no label of {body.person}, who was watched for {seen - start:.1f} s of"
+                    f" {self.seconds:g} s, within {timeout:g} s"
                 )
             sleep(WATCH_PERIOD)
-        label = body.people.classify(body.person, self.sense)
-        return self.label_of.get(label) if isinstance(label, str) else None
 
     def _measure_track(self, people: PeopleView, person: str) -> float:
         present = people.list_people()

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
+from math import hypot
 from typing import Any
 
 import numpy as np
@@ -12,7 +13,7 @@ import numpy as np
 from lcorpp.errors import WorldError
 from lcorpp.values import Array
 from lcorpp.worlds.ros.connection import Message
-from lcorpp.worlds.ros.fields import FaultLog, read_field, read_list, read_number, read_text_field
+from lcorpp.worlds.ros.fields import FaultLog, name_kind, read_field, read_list, read_number, read_text_field
 
 TRANSFORMS = "tf2_msgs/TFMessage"
 """The type of messages with frames."""
@@ -83,15 +84,19 @@ class TransformTree:
             self._faults.warn(f"a message that is not {TRANSFORMS} is left out: {fault}")
             return
         for item in items:
-            try:
-                child = read_frame(item, "child_frame_id")
-                self.forget(child)  # the last transform is old, also if this one cannot be read
-                parent = read_frame(item, "header", "frame_id")
-                if child == parent:
-                    raise WorldError(f"the frame {child!r} is its own parent")
-                self._links[child] = parent, read_transform(read_field(item, "transform"), child)
-            except WorldError as fault:
-                self._faults.warn(f"a transform is left out: {fault}")
+            self.add_transform(item)
+
+    def add_transform(self, item: Any) -> None:
+        """Take one frame, a geometry_msgs/TransformStamped; as `add`."""
+        try:
+            child = read_frame(item, "child_frame_id")
+            self.forget(child)  # the last transform is old, also if this one cannot be read
+            parent = read_frame(item, "header", "frame_id")
+            if child == parent:
+                raise WorldError(f"the frame {child!r} is its own parent")
+            self._links[child] = parent, read_transform(read_field(item, "transform"), child)
+        except WorldError as fault:
+            self._faults.warn(f"a transform is left out: {fault}", name_kind(str(fault)))
 
     def forget(self, frame: str) -> None:
         """Remove a frame."""
@@ -154,7 +159,7 @@ def read_transform(message: Any, frame: str) -> Transform:
         WorldError: a field is missing or not finite, or the quaternion has not length 1.
     """
     numbers = [read_number(message, "rotation", axis) for axis in "xyzw"]
-    length = float(np.linalg.norm(numbers))
+    length = hypot(*numbers)
     if not abs(length - 1) <= UNIT_TOLERANCE:  # also NaN
         raise WorldError(
             f"the quaternion {[round(n, 3) for n in numbers]} of the frame {frame!r} has length {length:.3g};"

@@ -14,7 +14,8 @@ from lcorpp.camera.bags import is_bag
 from lcorpp.errors import DataError, LcorppError, expected_one_of
 from lcorpp.learning import Recording, Track
 from lcorpp.learning.data.cleaning import MAX_GAP
-from lcorpp.learning.data.labels import class_of_label, read_labels
+from lcorpp.learning.data.labels import class_of_label, normalize_id, read_labels
+from lcorpp.notebook import join_some
 from lcorpp.values import GROUP_SEPARATOR
 from lcorpp.worlds.ros.people.people_bag import read_people_bag
 from lcorpp.worlds.ros.sensor_messages import Sample
@@ -26,8 +27,6 @@ GAZE = "gaze_angle"
 
 Progress = Callable[[int, int], None]
 """Callback (bags read, number of bags)."""
-
-_WORD = re.compile(r"[^\W_]+")
 
 
 def find_bags(path: Path) -> list[Path]:
@@ -54,8 +53,8 @@ def read_bags(
     In a folder, bags that cannot be read are left out with a warning.
 
     Args:
-        labels: label -> class. A bag whose name has such a label among its words (letters and digits) has
-            this class; without labels and `label_file` there are no classes.
+        labels: label -> class. A bag whose name has such a label, between other signs than letters and
+            digits, has this class; without labels and `label_file` there are no classes.
         label_file: a CSV of ids and labels, instead of the names; an id is a track's or a bag's. Other tracks
             are left out.
         groups: regular expression. The people of a bag are what it finds in the bag's name; None takes the
@@ -74,40 +73,48 @@ def read_bags(
         raise DataError(
             f"{path}: is no bag, and has none; expected a .bag file, or a folder with a ROS 2 bag"
         )
-    classes = None if label_file is None else read_labels(label_file, labels)
+    classes = None if label_file is None else read_labels(label_file, labels or None)
     is_folder = bags != [path]
     # What names state comes first: it is wrong at once, and bags take a while.
     label_of = {bag: None if classes is not None or not labels else _find_label(bag, labels) for bag in bags}
     group_of = {bag: None if pattern is None else _find_group(bag, pattern) for bag in bags}
-    tracks, notes, faults = list[Track](), list[str](), list[LcorppError]()
+    tracks, notes, faults, used = list[Track](), list[str](), list[LcorppError](), set[str]()
     for done, bag in enumerate(bags, start=1):
         try:
-            samples = read_people_bag(bag, topic, frame=frame)
+            own, without = collect_tracks(read_people_bag(bag, topic, frame=frame), gap=gap)
         except LcorppError as fault:
             if not is_folder:
                 raise
-            faults.append(fault)
-            LOG.warning("%s; the bag is left out", fault)
+            faults.append(fault if str(bag) in str(fault) else DataError(f"{bag}: {fault}"))
             continue
-        own, without = collect_tracks(samples, gap=gap)
-        notes += [f"{bag.name}: {note}" for note in without]
+        prefix = f"{name_bag(bag)}/" if is_folder else ""
+        notes += [f"{prefix.rstrip('/')}: {note}" if prefix else note for note in without]
         for track in own:
-            name = f"{bag.name}/{track.id}" if is_folder else track.id
             label = label_of[bag]
             if classes is not None:
-                ids = (name, f"{bag.name}/{track.group}", track.id, track.group, bag.name)
-                found = next((classes[each] for each in ids if each in classes), None)
-                if found is None:
+                ids = (f"{name_bag(bag)}/{track.id}", f"{name_bag(bag)}/{track.group}", track.id, track.group)
+                key = next((id for id in map(normalize_id, (*ids, name_bag(bag))) if id in classes), None)
+                if key is None:
                     continue
-                label = found
-            tracks.append(Track(name, track.times, track.columns, label, group_of[bag] or track.group))
+                used.add(key)
+                label = classes[key]
+            tracks.append(
+                Track(prefix + track.id, track.times, track.columns, label, group_of[bag] or track.group)
+            )
         if progress is not None:
             progress(done, len(bags))
     if len(faults) == len(bags):
         raise faults[0]
+    for each in faults:
+        LOG.warning("%s; the bag is left out", each)
     if not tracks:
         what = "no person is seen twice" if classes is None else f"no track has its label in {label_file}"
         raise DataError(f"{path}: has no tracks: {what}")
+    if classes is not None and len(used) < len(classes):
+        unknown = sorted(classes.keys() - used)
+        notes.append(
+            f"{len(unknown)} of {len(classes)} ids of {label_file} have no tracks: {join_some(unknown)}"
+        )
     if faults:
         notes.append(f"{len(faults)} of {len(bags)} bags cannot be read and are left out")
     return Recording(tuple(tracks), path.name, tuple(notes))
@@ -123,7 +130,7 @@ def collect_tracks(samples: Iterable[Sample], *, gap: float = MAX_GAP) -> tuple[
     of_person = defaultdict[str, dict[float, Sample]](dict)
     for sample in samples:
         of_person[str(sample.person)].setdefault(sample.time, sample)
-    tracks, notes = list[Track](), list[str]()
+    tracks, notes, names = list[Track](), list[str](), set(of_person)
     for person in sorted(of_person):
         own = [of_person[person][time] for time in sorted(of_person[person])]
         faced = [sample for sample in own if GAZE in sample.columns]
@@ -133,8 +140,14 @@ def collect_tracks(samples: Iterable[Sample], *, gap: float = MAX_GAP) -> tuple[
         ends = np.flatnonzero(np.diff([sample.time for sample in own]) > gap) + 1
         pieces = [own[rows[0] : rows[-1] + 1] for rows in np.split(np.arange(len(own)), ends)]
         pieces = [piece for piece in pieces if len(piece) > 1]
-        for number, piece in enumerate(pieces, start=1):
+        number = 1
+        for piece in pieces:
             name = person if number == 1 else f"{person}#{number}"
+            while number > 1 and name in names:  # another person's id
+                number += 1
+                name = f"{person}#{number}"
+            names.add(name)
+            number += 1
             tracks.append(_make_track(name, person, piece))
     return tracks, notes
 
@@ -158,23 +171,31 @@ def _compile(groups: str | None) -> re.Pattern[str] | None:
 
 def _find_group(bag: Path, pattern: re.Pattern[str]) -> str:
     """Return the people of a bag by its name."""
-    found = [match[0] for match in pattern.finditer(_name(bag)) if match[0]]
+    found = [match[0] for match in pattern.finditer(name_bag(bag)) if match[0]]
     if not found:
         raise DataError(f"{bag}: its name has no people: {pattern.pattern!r} finds nothing in it")
     return GROUP_SEPARATOR.join(dict.fromkeys(found))
 
 
 def _find_label(bag: Path, labels: Mapping[str, str]) -> str:
-    """Return the class of a bag by the words of its name."""
-    found = {class_of_label(word, labels): word for word in _WORD.findall(_name(bag))}
-    found.pop(None, None)
+    """Return the class of a bag by the labels in its name, between other signs than letters and digits.
+
+    A label within a longer one does not count, e.g. "engaged" in "not_engaged".
+    """
+    known, rest, found = dict.fromkeys((*labels, *labels.values())), name_bag(bag), dict[str, str]()
+    for label in sorted(filter(None, known), key=len, reverse=True):
+        pattern = rf"(?<![^\W_]){re.escape(label)}(?![^\W_])"
+        if re.search(pattern, rest):
+            found.setdefault(str(class_of_label(label, labels)), label)
+            rest = re.sub(pattern, "/", rest)
     if len(found) != 1:
-        known = list(dict.fromkeys((*labels, *labels.values())))
         what = "no label" if not found else f"labels of {len(found)} classes: {', '.join(found.values())}"
-        raise DataError(f"{bag}: its name has {what}; {expected_one_of(known)} among its words")
-    return str(next(iter(found)))
+        raise DataError(f"{bag}: its name has {what}; {expected_one_of(list(known))} in it")
+    return next(iter(found))
 
 
-def _name(bag: Path) -> str:
-    """Return the name of a bag without the suffix of a file."""
-    return bag.stem if bag.is_file() else bag.name
+def name_bag(bag: Path) -> str:
+    """Return the name of a bag without the suffix of a file; bytes that are no text are escaped."""
+    path = bag if bag.name not in ("", "..") else bag.resolve()
+    name = path.name if path.is_dir() else path.stem
+    return name.encode("utf-8", "backslashreplace").decode()

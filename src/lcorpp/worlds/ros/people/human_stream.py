@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from time import time
 
 from lcorpp.errors import ConnectionLostError, WorldError
 from lcorpp.worlds.ros.connection import Message, RosConnection, Subscription
@@ -54,7 +55,7 @@ class HumanStream:
         for topic, parts in self._parts.items():
             for part in parts.take():
                 found += self._reader.read_human(topic, part)
-        return found + self._reader.read(message)
+        return found + self._reader.read(message, time())
 
     def _follow_persons(self) -> None:
         """Subscribe to the faces and bodies of the persons who are tracked now, and of no others."""

@@ -17,7 +17,7 @@ import numpy as np
 from lcorpp.errors import WorldError
 from lcorpp.values import Array
 from lcorpp.worlds.ros.connection import Message
-from lcorpp.worlds.ros.fields import FaultLog, read_list, read_stamp, read_text_field
+from lcorpp.worlds.ros.fields import FaultLog, name_kind, read_list, read_stamp, read_text_field
 from lcorpp.worlds.ros.sensor_messages import MAX_COORDINATE, Detection
 from lcorpp.worlds.ros.transforms import (
     TransformTree,
@@ -47,7 +47,10 @@ MAX_PAUSE = 0.5
 MAX_FRAMES = 1000
 """Frames of people that are known: the latest; ids change, and a robot runs for days."""
 
-_FRAME = re.compile(rf"({'|'.join(PARTS)})_(.+)")
+GAZE_LAG = 0.1
+"""Seconds that a face waits for its gaze, by the stamps of frames of people."""
+
+_FRAME = re.compile(rf"({'|'.join(PARTS)})_(.*\S.*)")
 _PART_TOPIC = re.compile(r"/humans/persons/([^/]+)/(face|body)_id")
 
 
@@ -64,11 +67,22 @@ def is_human_topic(topic: str, kind: str) -> bool:
 
 @dataclass
 class _Found:
-    """A frame of a person in a message. kind: of `PARTS`. id: the tracker's. detection: its sample."""
+    """A frame of a person in a message.
+
+    kind: of `PARTS`. id: the tracker's. detection: its sample. owner: the person whose it is, None if unknown
+        when it came. is_current: whether it was the owner's latest face.
+    """
 
     kind: str
     id: str
     detection: Detection
+    owner: str | None = None
+    is_current: bool = False
+
+    @property
+    def part(self) -> tuple[str, str]:
+        """The part of a person that is named, with its id: a gaze is of the face with its id."""
+        return "face" if self.kind == "gaze" else self.kind, self.id
 
 
 @dataclass
@@ -125,14 +139,32 @@ class HumanReader:
             self._faults.warn(f"a message of {topic} is left out: {fault}")
             return []
 
-    def read(self, message: Message) -> list[Detection]:
-        """Return the people in a message with frames; what cannot be read is left out, with warnings."""
-        self.tree.add(message)
+    def read(self, message: Message, recorded: float | None = None) -> list[Detection]:
+        """Return the people in a message with frames; what cannot be read is left out, with warnings.
+
+        Args:
+            recorded: seconds, the time of frames without a stamp.
+        """
         try:
             items = read_list(message, "transforms")
         except WorldError:
+            self.tree.add(message)  # which warns
             return []
-        return [ready for item in items for found in self._find(item) for ready in self._release(found)]
+        people = [item for item in items if self._is_person(item)]
+        for item in items:
+            if item not in people:
+                self.tree.add_transform(item)
+        people.sort(
+            key=lambda item: str(item["child_frame_id"]).lstrip("/").startswith("gaze_")
+        )  # after faces
+        found = [one for item in people for one in self._find(item, recorded)]
+        return [ready for one in found for ready in self._release(one)]
+
+    def _is_person(self, item: Any) -> bool:
+        try:
+            return _FRAME.fullmatch(read_frame(item, "child_frame_id")) is not None
+        except WorldError:
+            return False
 
     def flush(self) -> list[Detection]:
         """Return the samples that wait for a gaze or for a person, at the end of all messages."""
@@ -151,30 +183,37 @@ class HumanReader:
         self._person_of[kind, part] = person
         self._part_of[kind, person] = part
         waiting = self._waiting.pop((kind, part), None)
-        return [] if waiting is None else [one for found in waiting.found for one in self._choose(found)]
+        found = [] if waiting is None else waiting.found
+        return [one for each in found for one in self._choose(self._claim(each))]
 
-    def _find(self, item: Any) -> Iterator[_Found]:
-        """Yield the frames of people that are complete with a transform: none, one or two."""
+    def _claim(self, found: _Found) -> _Found:
+        """Return a frame with the person whose it is now."""
+        owner = found.id if found.kind == "person" else self._person_of.get(found.part)
+        is_current = found.kind == "face" and self._part_of.get(("face", owner or "")) == found.id
+        return replace(found, owner=owner, is_current=is_current)
+
+    def _find(self, item: Any, recorded: float | None) -> Iterator[_Found]:
+        """Yield the frames of people that are complete with a transform."""
         try:
-            child = read_frame(item, "child_frame_id")
+            child, parent = read_frame(item, "child_frame_id"), read_frame(item, "header", "frame_id")
             matched = _FRAME.fullmatch(child)
-            if matched is None:
-                return
+            assert matched is not None
             kind, id = matched.groups()
-            parent = read_frame(item, "header", "frame_id")
-            if parent == child:
-                return  # the tree has warned
-            if kind == "gaze" and _FRAME.fullmatch(parent):
-                pending = self._pending.pop(id, None)
+            time = read_stamp(item, "header", "stamp")
+            if child == parent or (kind == "gaze" and _FRAME.fullmatch(parent)):
+                self.tree.add_transform(item)
+                pending = self._pending.pop(id, None) if kind == "gaze" and child != parent else None
                 if pending is not None:
                     yield self._turn(*pending, child)
                 return
-            found = self._locate(kind, id, parent, item)
+            found = self._locate(kind, id, parent, item, recorded if time is None else time)
         except WorldError as fault:
-            self._faults.warn(f"a person is left out: {fault}")
+            self._faults.warn(f"a person is left out: {fault}", name_kind(str(fault)))
             return
         if found is None:
             return
+        found = self._claim(found)
+        yield from self._end_waits(found.detection.time)
         if kind != "face":
             yield found
             return
@@ -183,20 +222,26 @@ class HumanReader:
             yield before[0]
         self._pending[id] = found, self._head or parent
 
-    def _locate(self, kind: str, id: str, parent: str, item: Any) -> _Found | None:
+    def _end_waits(self, now: float | None) -> Iterator[_Found]:
+        """Yield the faces whose gaze has not come in time."""
+        for id, (face, _) in list(self._pending.items()):
+            if now is not None and abs(now - (face.detection.time or 0.0)) > GAZE_LAG:
+                del self._pending[id]
+                yield face
+
+    def _locate(self, kind: str, id: str, parent: str, item: Any, time: float | None) -> _Found | None:
         """Return a frame of a person with its place, and of a face its direction; None if it is twice."""
         child = f"{kind}_{id}"
-        point, time = read_point(item, "transform", "translation"), read_stamp(item, "header", "stamp")
-        if (
-            np.abs(point).max() > MAX_COORDINATE
-            or not isfinite(time or 0.0)
-            or self._is_twice(kind, id, time, point)
-        ):
+        point = read_point(item, "transform", "translation")
+        if not isfinite(time or 0.0) or self._is_twice(kind, id, time, point):
             return None
+        self.tree.add_transform(item)
         frame = next((t for t in self._targets if self.tree.find(parent, t) is not None), parent)
         to_frame = self.tree.find(parent, frame)
         assert to_frame is not None
         x, y, z = to_body_axes(to_frame.place(point), frame).tolist()
+        if max(abs(x), abs(y), abs(z)) > MAX_COORDINATE:
+            raise WorldError(f"{child!r} is more than {MAX_COORDINATE:g} m away")
         rank = PARTS.index(kind)
         found = _Found(kind, id, Detection(id, frame, time, x, y, rank, columns={"z": z}))
         if kind in ("person", "body"):
@@ -220,7 +265,7 @@ class HumanReader:
         ahead, left, up = to_body_axes(in_frame.rotation @ axis, found.detection.frame).tolist()
         columns |= {"z": found.detection.columns["z"], "facing": atan2(left, ahead)}
         columns["tilt"] = atan2(up, hypot(ahead, left))
-        return _Found(found.kind, found.id, replace(found.detection, columns=columns))
+        return replace(found, detection=replace(found.detection, columns=columns))
 
     def _is_twice(self, kind: str, id: str, time: float | None, point: Array) -> bool:
         """Return whether a frame comes again with its last stamp; at another place it is a fault."""
@@ -246,11 +291,11 @@ class HumanReader:
 
     def _release(self, found: _Found) -> list[Detection]:
         """Return the samples that are ready with a frame of a person: it may wait for its person."""
-        key, time = (found.kind, found.id), found.detection.time
-        if found.kind in ("person", "gaze") or key in self._person_of or key in self._named or time is None:
+        key, time = found.part, found.detection.time
+        if found.owner is not None or key in self._named or time is None or not self._waits:
             return self._choose(found)
-        if not self._waits:
-            return self._choose(found)
+        if key in self._person_of:  # named since it came
+            return self._choose(self._claim(found))
         waiting = self._waiting.setdefault(key, _Waiting(time))
         waiting.found.append(found)
         if abs(time - waiting.since) < MAX_WAIT:
@@ -261,20 +306,18 @@ class HumanReader:
 
     def _choose(self, found: _Found) -> list[Detection]:
         """Return the sample of a frame, by its person's name; none if another frame of the person counts."""
-        detection, key = found.detection, (found.kind, found.id)
-        person = found.id if found.kind == "person" else self._person_of.get(key)
+        detection, person = found.detection, found.owner
         if person is None:
             self._rank = min(self._rank, detection.rank)
             return [detection] if detection.rank == self._rank else []
         if found.kind == "person":
             self._rank = 0
         time, faced = detection.time or 0.0, self._faced.get(person, -inf)
-        is_current = found.kind == "face" and self._part_of.get(("face", person)) == found.id
-        if not is_current and abs(time - faced) <= MAX_PAUSE:
+        if not found.is_current and abs(time - faced) <= MAX_PAUSE:
             return []
         if found.kind == "face":
             self._faced[person] = time
-        return [replace(detection, id=person)]
+        return [replace(detection, id=person, rank=0)]
 
 
 def measure_gaze(position: Array, direction: Array) -> dict[str, float]:

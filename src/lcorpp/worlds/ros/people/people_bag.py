@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
+import logging
+from collections import Counter, defaultdict
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from lcorpp.camera.bags import BagReader, open_bag
+from lcorpp.camera.bags import BagReader, has_rest, open_bag
 from lcorpp.errors import DataError, expected_one_of
 from lcorpp.worlds.ros.connection import Message, name_type
+from lcorpp.worlds.ros.fields import FaultLog
 from lcorpp.worlds.ros.people.humans import PART_KIND, HumanReader, is_human_topic
 from lcorpp.worlds.ros.people.laser_scan import LASER, LaserReader
 from lcorpp.worlds.ros.sensor_messages import PEOPLE, Detection, PeopleReader, Sample
 from lcorpp.worlds.ros.transforms import TRANSFORMS
+
+LOG = logging.getLogger("lcorpp.robot")
 
 NANOSECOND = 1e-9
 
@@ -53,7 +58,27 @@ def read_people_bag(
     Raises:
         FileError, DataError: as `open_bag`; there is no such topic or frame, or the frames are of no people.
     """
-    with open_bag(path) as reader:
+    try:
+        return _read_samples(path, topic, frame, head)
+    except _DamagedError as error:
+        if not has_rest(path):
+            raise DataError(f"{path}: cannot be read as a bag: {error}") from error
+        return _read_samples(path, topic, frame, head, fault=error)
+
+
+class _DamagedError(DataError):
+    """The messages of a bag end with a fault."""
+
+
+def _read_samples(
+    path: Path, topic: str | None, frame: str | None, head: str | None, fault: Exception | None = None
+) -> list[Sample]:
+    """Return the samples as `read_people_bag`. fault: of a damaged bag, of which the rest is read.
+
+    Raises:
+        _DamagedError: the bag is damaged.
+    """
+    with open_bag(path, fault) as reader:
         topics = _list_topics(reader)
         chosen = _choose_topic(path, _select_people(topics), topic)
         if topics[chosen] == TRANSFORMS:
@@ -67,7 +92,7 @@ def read_people_bag(
             else PeopleReader(topics[chosen], place)
         )
         found = list[tuple[float, Detection]]()
-        for _, stamp, message in _iterate(reader, {chosen}):
+        for _, stamp, message in _iterate(reader, {chosen}, path):
             found += [(stamp, detection) for detection in people.read(message)]
     lowest = min((detection.rank for _, detection in found), default=0)  # faces before there were persons
     return [_make_sample(d, stamp) for stamp, d in found if d.rank == lowest]
@@ -107,31 +132,72 @@ def _read_humans(
     frames = {topic for topic, kind in topics.items() if kind == TRANSFORMS}
     about = {topic for topic, kind in topics.items() if is_human_topic(topic, kind)}
     knows_persons = any(topics[topic] == PART_KIND for topic in about)
-    humans = HumanReader(str(path), targets=() if frame is None else (frame,), head=head, waits=knows_persons)
-    found, stamp = list[tuple[float, Detection]](), 0.0
-    for topic, stamp, message in _iterate(reader, frames | about):
-        new = humans.read(message) if topic in frames else humans.read_human(topic, message)
-        found += [(stamp, detection) for detection in new]
-    found += [(stamp, detection) for detection in humans.flush()]
+    target = frame and frame.lstrip("/")
+    humans = HumanReader(str(path), targets=[target] if target else [], head=head, waits=knows_persons)
+    found = list[Detection]()
+    for topic, stamp, message in _iterate(reader, frames | about, path):
+        found += humans.read(message, stamp) if topic in frames else humans.read_human(topic, message)
+    found += humans.flush()
     if not found:
         raise DataError(
             f"{path}: has no people: no frame person_<id>, face_<id>, gaze_<id> or body_<id> of ROS4HRI in"
             f" {', '.join(sorted(frames))}"
         )
-    if any(detection.rank == 0 for _, detection in found):  # faces before there were persons
-        found = [(s, d) for s, d in found if d.rank == 0 or d.id in humans.persons]
-    placed = [(stamp, detection) for stamp, detection in found if frame in (None, detection.frame)]
+    lowest = min(detection.rank for detection in found)
+    found = [each for each in found if each.rank == lowest]  # faces before there were persons
+    return [_make_sample(detection, 0.0) for detection in _select_frame(path, found, target)]
+
+
+def _select_frame(path: Path, found: list[Detection], target: str | None) -> list[Detection]:
+    """Return the detections in a frame; without one those in the frame in which a person is most often.
+
+    Raises:
+        DataError: there are none.
+    """
+    counts = defaultdict[str, Counter[str]](Counter)
+    for detection in found:
+        counts[detection.id][detection.frame] += 1
+    frame_of = {id: target or own.most_common(1)[0][0] for id, own in counts.items()}
+    placed = [detection for detection in found if detection.frame == frame_of[detection.id]]
     if not placed:
-        raise DataError(f"{path}: no person's frame is connected to {frame!r}; found {found[0][1].frame!r}")
-    return [_make_sample(detection, stamp) for stamp, detection in placed]
+        raise DataError(f"{path}: no person's frame is connected to {target!r}; found {found[0].frame!r}")
+    if len(placed) < len(found):
+        where = (
+            f"are not connected to {target!r}" if target else "are in another frame than most of the person's"
+        )
+        LOG.warning("%s: %d of %d samples %s: left out", path, len(found) - len(placed), len(found), where)
+    return placed
 
 
-def _iterate(reader: BagReader, topics: set[str]) -> Iterator[tuple[str, float, Message]]:
-    """Yield topic, seconds of the recording and message of some topics of a bag."""
-    chosen = [c for c in reader.connections if c.topic in topics]
-    for connection, stamp, data in reader.messages(chosen):
-        message = _make_message(reader.deserialize(data, connection.msgtype))
+def _iterate(
+    reader: BagReader, topics: set[str], path: Path = Path()
+) -> Iterator[tuple[str, float, Message]]:
+    """Yield topic, seconds of the recording and message of some topics of a bag.
+
+    A message that cannot be read is left out with a warning.
+
+    Raises:
+        _DamagedError: the bag ends with a fault.
+    """
+    faults, iterator = FaultLog(str(path)), iter(reader.messages(_select(reader, topics)))
+    while True:
+        try:
+            connection, stamp, data = next(iterator)
+        except StopIteration:
+            return
+        except Exception as error:
+            raise _DamagedError(f"{type(error).__name__}: {error}") from error
+        try:
+            message = _make_message(reader.deserialize(data, connection.msgtype))
+        except Exception as error:
+            fault = f"a message of {connection.topic} is left out: {type(error).__name__}: {error}"
+            faults.warn(fault, connection.topic)
+            continue
         yield connection.topic, stamp * NANOSECOND, message
+
+
+def _select(reader: BagReader, topics: set[str]) -> list[Any]:
+    return [c for c in reader.connections if c.topic in topics]
 
 
 def _make_sample(detection: Detection, recorded: float) -> Sample:
