@@ -289,7 +289,7 @@ def measure_domain(recording: Recording) -> str:
         for r in candidates
     ]
     return (
-        "Shares of windows of two seconds with the label engaged, of people who are engaged and who are not:\n"
+        "Shares of windows of two seconds with the label engaged, of people who are engaged and of others:\n"
         + ";\n".join(texts)
         + ".\nOne forest each, of seed 0. The label of the next two seconds repeats with probability"
         f" {candidates[int(np.argmax(likelihoods))]:.2f}\n(maximum likelihood, {len(pairs)} pairs)."
@@ -420,7 +420,7 @@ Where a track ends, its last label is repeated; "right within" leaves those deci
 of the domain's rewards, without discount. Decisions about one track overlap, and the rates of the domain are
 those of the same tracks.
 
-| strategy | decisions | right | right within | engaged, greeted | not engaged, greeted | seen before | return |
+| strategy | decisions | right | right within | engaged, greeted | others, greeted | seen before | return |
 |---|---|---|---|---|---|---|---|
 {decisions}
 
