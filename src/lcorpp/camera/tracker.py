@@ -8,7 +8,6 @@ from math import isfinite
 
 import numpy as np
 import numpy.typing as npt
-from scipy.optimize import linear_sum_assignment
 
 from lcorpp.arguments import check_arguments, check_fields, to_numbers
 from lcorpp.errors import DataError
@@ -239,6 +238,8 @@ def _assign(
     """Return the indices of tracks and those of their measurements, (n, 2) with (n, 2, 2) covariances."""
     if not tracks or not len(measured):
         return np.empty(0, dtype=np.intp), np.empty(0, dtype=np.intp)
+    from scipy.optimize import linear_sum_assignment  # loads in a third of a second, for trackers alone
+
     means = np.stack([track.mean[:2] for track in tracks])
     covariances = np.stack([track.covariance[:2, :2] for track in tracks])[:, None] + noise
     offsets = measured - means[:, None]
