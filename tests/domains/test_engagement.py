@@ -97,7 +97,9 @@ def test_strategies_of_a_domain_with_a_baseline(domain):
     ("change", "words"),
     [
         (("baseline = true", "baseline = false"), "'gaze-rule'; expected letters, digits and _"),
-        (('name = "gaze-rule"', 'name = "rule"'), "'rule'; expected a name with -"),
+        (('name = "gaze-rule"', 'name = "rule"'), "'rule'; expected names joined by -"),
+        (('name = "gaze-rule"', 'name = "LCORPP-gaze"'), "'LCORPP-gaze'; expected names joined by -"),
+        (("seconds = 2.0", ""), "windows need `seconds`, their duration"),
         (
             ('features = ["gaze_angle", "gaze_rate"]', 'features = ["gaze"]'),
             "unknown feature 'gaze'; expected one of x,",

@@ -196,7 +196,10 @@ def test_the_command_decides_about_the_people_of_a_bag(tmp_path, lcorpp):
 
 @pytest.mark.parametrize(
     ("seconds", "words"),
-    [(1.5, "nobody is seen for 2 s"), (3.0, "the recording of ann ends before 2 s were watched")],
+    [
+        (1.5, "nobody is seen for 2 s"),
+        (3.0, "gaze has no label of ann, who was watched for 1.0 s of 2 s, and the recording ends"),
+    ],
 )
 def test_a_recording_that_is_too_short_is_named(tmp_path, lcorpp, seconds, words):
     path = HumansBag(
@@ -205,6 +208,40 @@ def test_a_recording_that_is_too_short_is_named(tmp_path, lcorpp, seconds, words
     make_config(tmp_path, place="desk")
     ended = lcorpp("robot", "--config", tmp_path / "robot.toml", "--bag", path)
     assert (ended.code, words in ended.out + ended.err) == (0, True), ended
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (('place = "desk"', 'place = { topic = "/place" }'), "[facts] place is not known from a bag"),
+        (('domain = "engagement"', 'domain = "engagement"\nstrategy = "random"'), "random draws its actions"),
+        (("[facts]", 'head_frame = "head"\n[facts]'), "no face is connected to the head_frame 'head'"),
+    ],
+)
+def test_what_a_bag_does_not_have_is_named(tmp_path, lcorpp, change, words):
+    path = HumansBag(tmp_path / "bag", links=(LINK,)).write()
+    file = tmp_path / "robot.toml"
+    text = BASE.format(url="ws://localhost:1", place="desk", frame="base_link", seconds=2)
+    file.write_text(text.replace(*change))
+    ended = lcorpp("robot", "--config", file, "--bag", path)
+    assert (ended.code, words in ended.err) == (2, True), ended.err
+
+
+def test_a_time_out_counts_by_the_samples(tmp_path, parts):
+    """The face is turned away after 2.5 s, and comes back after 15 s; a slow computer changes nothing."""
+    file = tmp_path / "robot.toml"
+    text = BASE.format(url="ws://localhost:1", place="desk", frame="base_link", seconds=2)
+    file.write_text(text.replace("timeout = 120.0", "timeout = 5.0"))
+    config, _ = read_robot_config(file)
+    gaze = {"gaze_angle": 0.5, "robot_angle": 0.1, "face_distance": 1.2}
+    samples = [Sample(k / 30, "ann", 1.0, 0.0, {} if 75 <= k < 450 else gaze) for k in range(600)]
+    loop = RecordedLoop(config, *parts, LCORPP, samples)
+    while loop._now < 2.4:
+        loop._add_next()
+    words = r"gaze has no label of ann, who was watched for 5\.\d s of 2 s, within 5 s"
+    with pytest.raises(ActionFailedError, match=words):
+        loop.watch("ann", "watch")
+    assert loop._now == pytest.approx(7.5, abs=0.1)
 
 
 def test_a_bag_is_for_models_that_watch(tmp_path, lcorpp):

@@ -15,7 +15,12 @@ from lcorpp.errors import DataError, expected_one_of
 from lcorpp.learning import Recording, format_leakage_warning, read_data, split, to_dataset
 from lcorpp.learning.data.cleaning import MAX_GAP
 from lcorpp.learning.data.windows import INTERVAL, POINTS
-from lcorpp.learning.evaluation.folds import count_people, hold_out_each
+from lcorpp.learning.evaluation.folds import (
+    assign_training_folds,
+    choose_folds,
+    count_people,
+    hold_out_each,
+)
 from lcorpp.learning.features.motion_features import MOTION_FEATURES
 from lcorpp.simulation.people import RecordedSignals
 from lcorpp.values import Dataset, count_window
@@ -88,9 +93,12 @@ def read_training_data(
     has_few = may_hold_out and hold_out_each(dataset)
     try:
         train, test = (dataset, dataset) if has_few else split(dataset, seed=seed)
+        folds = choose_folds(train)
+        assign_training_folds(train, folds, seed)  # rejects too few people before the work
         leak = format_leakage_warning(train)
     except DataError as error:
-        raise DataError(f"{path}: {error}") from None
+        people = f"of {count_people(dataset.groups)} people some are held out for the trials"
+        raise DataError(f"{path}: {error}; {people}") from None
     unit = dataset.unit
     split_note = (
         f"{len(train)} of {len(dataset)} {unit} are training data; the trials sample {unit} of the"

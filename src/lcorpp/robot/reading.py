@@ -128,6 +128,10 @@ def _read_strategy(table: TomlTable, domain: Domain) -> str:
         (found,) = find_strategies([name], [sense.name for sense in domain.senses])
     except (LcorppError, ValueError) as error:
         raise DomainError(f"{table.location('strategy')}: {error}") from None
+    if found.draws:
+        raise DomainError(
+            f"{table.location('strategy')}: {name} draws its actions; expected one that decides"
+        )
     try:
         check_dialogue(domain, [found])
     except DomainError as error:

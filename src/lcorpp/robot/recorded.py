@@ -12,13 +12,13 @@ from lcorpp.decision import Strategy
 from lcorpp.decision.dt_control import dt_control
 from lcorpp.decision.strategies import Session
 from lcorpp.domains import Domain
-from lcorpp.errors import DomainError, LcorppError, PersonLeftError
+from lcorpp.errors import ActionFailedError, DataError, DomainError, LcorppError, PersonLeftError
 from lcorpp.learning import TrainedClassifier
 from lcorpp.robot.config import RobotConfig
-from lcorpp.robot.facts import ClockFact, FixedFact
+from lcorpp.robot.facts import ClockFact, FixedFact, PlaceFact
 from lcorpp.robot.loop import Decision, find_windows
 from lcorpp.robot.tracking import PeopleTracks
-from lcorpp.values import Instance, Step, wrap_angle
+from lcorpp.values import GAZE_CHANNELS, Instance, Step, wrap_angle
 from lcorpp.worlds.ros.people.people_bag import read_people_bag
 from lcorpp.worlds.ros.pose import Pose
 from lcorpp.worlds.ros.sensor_messages import Sample
@@ -30,7 +30,8 @@ def check_recordable(config: RobotConfig, domain: Domain) -> None:
     """Check that a bag has all that the robot of a configuration perceives.
 
     Raises:
-        DomainError: an action is not to watch, or a sense has a tracker of its own.
+        DomainError: an action is not to watch, people are not from frames, a sense has a tracker of its own,
+            or a fact is not known from a bag.
     """
     for action in [name for name in domain.pomdp.actions if domain.reported_value(name) is None]:
         if not isinstance(config.behaviours[action].skill, Watch):
@@ -39,13 +40,23 @@ def check_recordable(config: RobotConfig, domain: Domain) -> None:
             )
     if config.people.senses:
         raise DomainError(f"{config.file}: [people.senses] has further trackers; a bag is read by one")
+    if (kind := config.people.tracker.topic[1]) != TRANSFORMS:
+        raise DomainError(f"{config.file}: people are from {kind}; a bag is read by frames, {TRANSFORMS}")
+    for name, fact in config.facts.items():
+        is_placed = isinstance(fact, PlaceFact) and isinstance(config.pose, Pose)
+        if not isinstance(fact, FixedFact | ClockFact) and not is_placed:
+            raise DomainError(
+                f"{config.file}: [facts] {name} is not known from a bag; expected a fixed value, hours, or"
+                " areas with a fixed pose"
+            )
 
 
 class RecordedLoop:
     """A robot among the recorded people of a bag.
 
-    Each person is decided about once, as soon as the track is long enough. A robot that stands at home sees
-    the samples; those of the seconds that it watches are consumed by the decision.
+    Each person who is present is decided about once, as soon as the track is long enough, the first one
+    first. A robot that stands at home sees the samples; those of the seconds that it watches are consumed by
+    the decision.
 
     Args:
         config: of the robot; its connection, topics of beliefs and `[after]` are not used.
@@ -73,7 +84,7 @@ class RecordedLoop:
         self._place = 0
         windows = find_windows(parts.domain)
         silence = config.people.max_silence
-        self._tracks = PeopleTracks(classifiers, max_silence=silence, windows=windows)
+        self._tracks = PeopleTracks(classifiers, max_silence=silence, windows=windows, is_live=False)
         self._full = replace(parts.robot, classifiers={})
         self._session: Session | None = None
         if strategy.start is not None:
@@ -84,6 +95,7 @@ class RecordedLoop:
         decided, count = set[str](), 0
         while count != max_decisions:
             present = self._tracks.list_people()
+            decided &= present.keys()
             waiting = [
                 name for name, seconds in present.items() if self._is_due(seconds) and name not in decided
             ]
@@ -131,35 +143,45 @@ class RecordedLoop:
             if isinstance(fact, FixedFact):
                 facts[name] = fact.value
             elif isinstance(fact, ClockFact):
-                now = datetime.fromtimestamp(self._samples[max(0, self._place - 1)].time)
+                now = datetime.fromtimestamp(self._now)
                 facts[name] = fact.at(now.hour + now.minute / 60)
+            elif isinstance(fact, PlaceFact) and isinstance(self._config.pose, Pose):
+                value = fact.at(self._config.pose.x, self._config.pose.y)
+                if value is not None:
+                    facts[name] = value
         return facts
 
-    def watch(self, person: str, skill: Watch) -> str:
+    def watch(self, person: str, action: str) -> str:
         """Add the samples of some seconds of a person's track; return the observation.
 
         Raises:
+            ActionFailedError: there is no label within the time-out of the action, by the samples' time.
             PersonLeftError: the recording ends before, or the person has left.
         """
-        start = self._tracks.list_people().get(person)
-        while start is not None:
-            seen = self._tracks.list_people().get(person)
-            if seen is None:
-                break
+        behaviour = self._config.behaviours[action]
+        skill, began = behaviour.skill, self._now
+        assert isinstance(skill, Watch)
+        start = first = self._tracks.list_people().get(person, 0.0)
+        while (seen := self._tracks.list_people().get(person)) is not None:
             start = min(start, seen)  # the track may have begun anew
             label = self._tracks.classify(person, skill.sense) if seen >= start + skill.seconds else None
             if isinstance(label, str) and label in skill.label_of:
                 return skill.label_of[label]
-            if not self._add_next():
-                what = f"the recording of {person} ends before {skill.seconds:g} s were watched"
-                raise PersonLeftError(what)
+            has_ended = not self._add_next()
+            if has_ended or self._now - began > behaviour.timeout:
+                watched = f"who was watched for {max(0.0, seen - first):.1f} s of {skill.seconds:g} s"
+                what = f"{skill.sense} has no label of {person}, {watched}"
+                if has_ended:
+                    raise PersonLeftError(f"{what}, and the recording ends")
+                if behaviour.failure is not None:
+                    return behaviour.failure
+                raise ActionFailedError(f"{what}, within {behaviour.timeout:g} s")
         raise PersonLeftError(f"the person {person} is no longer detected")
 
-    def find_skill(self, action: str) -> Watch:
-        """Return the skill of an action, which watches."""
-        skill = self._config.behaviours[action].skill
-        assert isinstance(skill, Watch)
-        return skill
+    @property
+    def _now(self) -> float:
+        """The time of the last sample that was added."""
+        return self._samples[max(0, self._place - 1)].time
 
 
 class _RecordedWorld:
@@ -169,7 +191,7 @@ class _RecordedWorld:
         self._loop, self._person = loop, person
 
     def act(self, action: str) -> str:
-        return self._loop.watch(self._person, self._loop.find_skill(action))
+        return self._loop.watch(self._person, action)
 
     def report(self, action: str) -> None:
         """Do nothing: what was recorded does not react."""
@@ -182,9 +204,9 @@ def read_samples(config: RobotConfig, bag: Path) -> list[Sample]:
         FileError, DataError: as `read_people_bag`.
     """
     tracker, heading = config.people.tracker, config.frames.training_heading
-    topic, kind = tracker.topic
-    frame = config.frames.robot if kind == TRANSFORMS else None
-    found = read_people_bag(bag, topic, frame=frame, head=tracker.head_frame)
+    found = read_people_bag(bag, tracker.topic[0], frame=config.frames.robot, head=tracker.head_frame)
+    if not any(GAZE_CHANNELS[0] in sample.columns for sample in found) and tracker.head_frame is not None:
+        raise DataError(f"{bag}: no face is connected to the head_frame {tracker.head_frame!r}")
     home, samples = Pose(0.0, 0.0, 0.0), list[Sample]()
     for sample in found:
         x, y = home.relate(sample.x, sample.y, heading)

@@ -108,6 +108,7 @@ class PeopleTracks:
         classifiers: sense -> its classifier of tracks; it gives labels.
         max_silence: seconds without a sample after which a person has left.
         windows: sense -> seconds of the windows that its classifier was trained on: it sees the last ones.
+        is_live: whether people without samples leave by the clock of this computer, too.
     """
 
     def __init__(
@@ -116,12 +117,13 @@ class PeopleTracks:
         *,
         max_silence: float = 3.0,
         windows: Mapping[str, float] = MappingProxyType({}),
+        is_live: bool = True,
     ) -> None:
         self._streams = {
             name: make_stream(trained, windows.get(name), max_silence=max_silence)
             for name, trained in classifiers.items()
         }
-        self._max_silence = max_silence
+        self._max_silence, self._is_live = max_silence, is_live
         self._tracks = dict[str, Track]()
         self._lock = threading.Lock()
         self._clock, self._has_warned = Clock(min(max_silence, CLOCK_STEP)), False
@@ -181,7 +183,8 @@ class PeopleTracks:
         """Remove people without samples for too long, by the stamps of others or by this computer's clock."""
         limit = self._max_silence
         for person, track in list(self._tracks.items()):
-            if self._clock.elapsed - track.seen > limit or now - track.received > limit:
+            is_silent = self._is_live and now - track.received > limit
+            if is_silent or self._clock.elapsed - track.seen > limit:
                 del self._tracks[person]
 
     def signals(self, person: str) -> dict[str, Array]:

@@ -62,7 +62,9 @@ def print_description(recording: Recording, path: Path, seed: int) -> None:
 
 def print_features(dataset: Dataset, path: Path, repairs: Sequence[Repair], seed: int) -> None:
     """Print counts, ranges, repairs and the leak check of features, or of channels that are not motion."""
-    emit, people = console.out.print, len(set(dataset.groups))
+    from lcorpp.learning.evaluation.folds import count_people
+
+    emit, people = console.out.print, count_people(dataset.groups)
     if dataset.kind == "table":
         kind, over_time = "features", ""
     else:

@@ -16,6 +16,9 @@ from lcorpp.learning.classifiers.learner_table import LEARNERS
 from lcorpp.user_code import check_owner, split_function
 from lcorpp.values import BASELINE_SIGN, EvidenceKind
 
+_NAME, _BASELINE = re.compile(r"[^\W\d]\w*"), re.compile(r"[^\W\d]\w*(-\w+)+")
+"""Names of a sense, and of a baseline."""
+
 CLASSIFIERS = (*LEARNERS, "channel")
 """The learners, and the simulated noisy classifier."""
 
@@ -147,11 +150,14 @@ def _read_sense(table: TomlTable, reasoning: ReasoningSection, folder: Path) -> 
         reasoning.check_value(table.location("data_labels", name), of, value)
     is_baseline = table.flag("baseline", default=False)
     name = table.text("name", attribute.replace("_", BASELINE_SIGN) if is_baseline else attribute)
-    if not name.replace(BASELINE_SIGN, "_").isidentifier() or (BASELINE_SIGN in name) != is_baseline:
-        expected = f"a name with {BASELINE_SIGN}" if is_baseline else "letters, digits and _"
+    pattern = _BASELINE if is_baseline else _NAME
+    if not pattern.fullmatch(name) or name.upper().startswith("LCORPP-"):
+        expected = f"names joined by {BASELINE_SIGN}" if is_baseline else "letters, digits and _"
         raise DomainError(
             f"{table.location('name')}: {name!r}; expected {expected}, as for a function in people.py"
         )
+    if "step" in table and "seconds" not in table:
+        raise DomainError(f"{table.location('step')}: windows need `seconds`, their duration")
     sense = Sense(
         name=name,
         attribute=attribute,
