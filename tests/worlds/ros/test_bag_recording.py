@@ -153,12 +153,19 @@ def test_people_without_faces_are_left_out_where_gaze_is_learnt(bags):
 
 
 def test_people_of_a_learning_run_are_split(bags):
-    """Its reports are tested on other people than those of the training, also of few people."""
+    """Its reports are tested on other people than those of the training; three people are too few for that."""
     domain = load_domain("engagement")
     sense = domain.find_sense("gaze")
-    data = read_training_data(domain, sense, bags, seed=0, features=sense.features, may_hold_out=False)
+    options = {"seed": 0, "features": sense.features, "may_hold_out": False}
+    with pytest.raises(DataError, match="of 3 people some are held out for the trials"):
+        read_training_data(domain, sense, bags, **options)
+    for name in ("DD", "EE"):
+        for label in ("eng", "dis"):
+            HumansBag(bags / f"1p_{name}_{label}_1", seconds=5.0, person=name.lower()).write()
+    data = read_training_data(domain, sense, bags, **options)
     assert not data.tests_training_cases
     assert not set(data.dataset.groups) & set(data.signals.dataset.groups)
+    assert len(set(data.dataset.groups)) >= 3
 
 
 def test_ids_of_parts_are_unique():
