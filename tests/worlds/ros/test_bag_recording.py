@@ -153,7 +153,7 @@ def test_people_without_faces_are_left_out_where_gaze_is_learnt(bags):
 
 
 def test_people_of_a_learning_run_are_split(bags):
-    """Its reports are tested on other people than those of the training; three people are too few for that."""
+    """Its reports are tested on other people than those of the training; three people are too few."""
     domain = load_domain("engagement")
     sense = domain.find_sense("gaze")
     options = {"seed": 0, "features": sense.features, "may_hold_out": False}
