@@ -2,8 +2,8 @@
 
     python benchmarks/engagement.py FOLDER [--out benchmarks/results/engagement.md]
 
-FOLDER has the bags of hri_engagement's tests: names such as 1p_AA_eng_1, with the people and the label. Each
-person is held out: AA alone is tested by classifiers that have seen neither AA nor the pair of AA and FV.
+FOLDER has the bags of hri_engagement's tests: names such as 1p_AA_eng_1, with the people and the label.
+Cross-validation leaves one person out: the training data for the bags of AA exclude AA and the pair AA + FV.
 """
 
 from __future__ import annotations
@@ -88,7 +88,7 @@ def auc(p: Array, windows: Windows, rows: Array) -> float:
 
 
 def resample(windows: Windows, rng: np.random.Generator) -> Array:
-    """Return the windows of bags that are drawn with replacement, as many of each label."""
+    """Return the windows of a bootstrap sample of the bags, stratified by label."""
     drawn = []
     for label in (True, False):
         names = np.unique(windows.bags[windows.engaged == label])
@@ -158,7 +158,7 @@ def trace(recording: Recording) -> dict[str, list[tuple[Array, Array]]]:
 
 
 def time_decisions(recording: Recording, traces) -> list[str]:
-    """At thresholds with which at most so many of the five people who are not engaged are ever approached."""
+    """Return the times of approach at the lowest thresholds with no and with one false approach."""
     engaged = np.array([track.label == "engaged" for track in recording.tracks])
     rows = []
     for false in (0, 1):
@@ -314,7 +314,7 @@ def attend(recording: Recording, traces) -> list[str]:
             counts[attention.choose()] += 1
         total = sum(counts.values())
         means = ", ".join(f"{name} {p.mean():.2f}" for name, (_, p) in zip(names, own, strict=True))
-        shares = ", ".join(f"{name or 'nobody'} {count / total:.0%}" for name, count in counts.items())
+        shares = ", ".join(f"{name or 'none'} {count / total:.0%}" for name, count in counts.items())
         rows.append(f"| {bag} | {means} | {shares} |")
     return rows
 
@@ -374,8 +374,8 @@ TEXT = """# Engagement by face and gaze, on recordings of a robot
 
 `python benchmarks/engagement.py FOLDER`, {date}, {machine}. The recordings are {bags} bags of ROS4HRI's
 hri_engagement (Apache 2.0): {tracks} tracks of three people, alone and two of them together, {samples}
-samples. Every person is held out: AA alone is classified by a forest that has seen neither AA nor the pair
-of AA and FV.
+samples. Cross-validation leaves one person out: the training data for the bags of AA exclude AA and the
+pair AA + FV.
 
 The forest has two features, which depend on the person alone: the angle between face and robot, and its
 rate, at ten points a second. The rule has no parameters: mutual gaze over distance, in the mean of the
@@ -404,11 +404,11 @@ Windows of two seconds: the Brier score, and the share of engaged windows by the
 
 ## Time to a decision
 
-A person is approached once the probability of the last two seconds reaches a threshold: the lowest one with
-which at most so many of the five people who are not engaged are ever approached. Thresholds are those of
-the same ten tracks, so they favour both models. Nobody is approached before two seconds.
+The robot approaches a person once the probability of the last two seconds reaches a threshold: the lowest
+one with at most 0, or 1, false approaches to the five people who are not engaged. The thresholds are chosen
+on the same ten tracks, so they favour both models. The first window takes two seconds.
 
-| approached in error | model | threshold | engaged people approached | after, median and range |
+| false approaches | model | threshold | approaches to engaged people | time, median and range |
 |---|---|---|---|---|
 {times}
 

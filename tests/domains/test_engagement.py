@@ -143,6 +143,11 @@ def test_simulated_faces_have_the_rates_of_the_program(domain, simulated):
     assert rule.recalls[1].value == pytest.approx(0.64, abs=0.08)
 
 
+def read_recordings(domain, sense, features):
+    options = {"seed": 0, "features": features, "leave_one_out": True}
+    return read_training_data(domain, sense, ENGAGEMENT, **options).dataset
+
+
 @needs_recordings
 def test_recorded_windows_are_classified_better_than_by_the_rule(domain):
     """Each person held out; the windows of pairs without those of their members."""
@@ -150,7 +155,9 @@ def test_recorded_windows_are_classified_better_than_by_the_rule(domain):
     for name, kind in (("gaze", "forest"), ("gaze-rule", "gaze-rule")):
         sense = domain.find_sense(name)
         features = sense.features or ("social_engagement",)
-        data = read_training_data(domain, sense, ENGAGEMENT, seed=0, features=features).dataset
+        data = read_training_data(
+            domain, sense, ENGAGEMENT, seed=0, features=features, leave_one_out=True
+        ).dataset
         assert (len(data), set(data.groups)) == (218, {"AA", "FV", "GA", "AA + FV"})
         estimator = learner(
             kind, interval=data.interval, inputs=data.channels, features=features, rate=sense.feature_rate
@@ -167,7 +174,9 @@ def test_recorded_windows_are_classified_better_than_by_the_rule(domain):
 def test_recorded_people_are_tested_by_classifiers_without_them(domain):
     sense = domain.find_sense("gaze")
     setup = train_classifier(domain, sense, TrainingOptions("forest", data=ENGAGEMENT))
-    data = read_training_data(domain, sense, ENGAGEMENT, seed=0, features=sense.features).dataset
+    data = read_training_data(
+        domain, sense, ENGAGEMENT, seed=0, features=sense.features, leave_one_out=True
+    ).dataset
     labels = setup.classifier.classify_many(data.trajectories)
     right = np.mean(np.array(labels) == np.array(data.labels))
     assert right == pytest.approx(setup.report.accuracy.estimate, abs=1e-9)

@@ -14,12 +14,12 @@ from lcorpp.camera.bags import open_bag
 from lcorpp.decision.strategies import LCORPP
 from lcorpp.domains import load_domain
 from lcorpp.errors import ActionFailedError, DomainError, PersonLeftError
+from lcorpp.robot import tracking
 from lcorpp.robot.connecting import connect
 from lcorpp.robot.loop import RobotLoop
 from lcorpp.robot.reading import read_robot_config
-from lcorpp.robot.recorded import RecordedLoop, read_samples
+from lcorpp.robot.recorded import RecordedLoop, RecordedPeople, read_samples
 from lcorpp.robot.tracking import PeopleTracks
-from lcorpp.worlds.ros import skills
 from lcorpp.worlds.ros.people.people_bag import _iterate
 from lcorpp.worlds.ros.sensor_messages import Sample
 from lcorpp.worlds.ros.skills import Body, Watch
@@ -52,6 +52,7 @@ timeout = 120.0
 LINK = transform(OPTICAL, "base_link", (-0.5, 0.5, -0.5, 0.5), x=0.0, y=0.0, z=1.2)
 ENGAGEMENT = Path(__file__).parents[3] / "shared" / "data" / "engagement"
 SECONDS = 2.0
+LABEL_OF = {"engaged": "rests", "not_engaged": "wanders"}
 
 
 class Player:
@@ -87,7 +88,7 @@ def read_messages(path):
     """Return topic, seconds and message of what a robot publishes about people."""
     with open_bag(path) as reader:
         topics = {c.topic for c in reader.connections if c.topic.startswith(("/tf", "/humans/persons"))}
-        return list(_iterate(reader, topics))
+        return list(_iterate(reader, topics, path))
 
 
 def make_config(folder, url="ws://localhost:1", *, place="entrance", frame="base_link"):
@@ -124,7 +125,7 @@ def decide_online(parts, messages, folder, monkeypatch, *, place, frame, person)
             if loop._people.list_people().get(person, 0.0) < SECONDS:
                 receive_next(None)
 
-        monkeypatch.setattr(skills, "sleep", receive_next)
+        monkeypatch.setattr(tracking, "sleep", receive_next)
         monkeypatch.setattr("lcorpp.robot.loop.sleep", receive_start)
         (decision,) = loop.run(1)
     finally:
@@ -135,11 +136,17 @@ def decide_online(parts, messages, folder, monkeypatch, *, place, frame, person)
     return decision.episode
 
 
+def record(samples, parts):
+    windows = {sense.name: sense.seconds for sense in parts[0].domain.senses}
+    return RecordedPeople(samples, parts[1], max_silence=60.0, windows=windows)
+
+
 def compare(parts, path, folder, monkeypatch, *, place, frame):
     """Check that both decide the same; return the decision."""
     config = make_config(folder, place=place, frame=frame)
     samples = read_samples(config, path)
-    (decision,) = RecordedLoop(config, *parts, LCORPP, samples).run()
+    people = record(samples, parts)
+    (decision,) = RecordedLoop(config, parts[0], LCORPP, people).run()
     offline = decision.episode
     online = decide_online(
         parts,
@@ -229,19 +236,15 @@ def test_what_a_bag_does_not_have_is_named(tmp_path, lcorpp, change, words):
 
 def test_a_time_out_counts_by_the_samples(tmp_path, parts):
     """The face is turned away after 2.5 s, and comes back after 15 s; a slow computer changes nothing."""
-    file = tmp_path / "robot.toml"
-    text = BASE.format(url="ws://localhost:1", place="desk", frame="base_link", seconds=2)
-    file.write_text(text.replace("timeout = 120.0", "timeout = 5.0"))
-    config, _ = read_robot_config(file)
     gaze = {"gaze_angle": 0.5, "robot_angle": 0.1, "face_distance": 1.2}
     samples = [Sample(k / 30, "ann", 1.0, 0.0, {} if 75 <= k < 450 else gaze) for k in range(600)]
-    loop = RecordedLoop(config, *parts, LCORPP, samples)
-    while loop._now < 2.4:
-        loop._add_next()
+    people = record(samples, parts)
+    while people.now < 2.4:
+        people.wait()
     words = r"gaze has no label of ann, who was watched for 5\.\d s of 2 s, within 5 s"
     with pytest.raises(ActionFailedError, match=words):
-        loop.watch("ann", "watch")
-    assert loop._now == pytest.approx(7.5, abs=0.1)
+        Watch("gaze", 2.0, LABEL_OF).observe(people, "ann", timeout=5.0)
+    assert people.now == pytest.approx(7.5, abs=0.1)
 
 
 def test_a_bag_is_for_models_that_watch(tmp_path, lcorpp):
@@ -260,7 +263,11 @@ class FakePeople:
 
     def __init__(self, label="engaged", restarts=False, leaves=False, hidden_until=0.0):
         self.seconds, self.label, self.restarts, self.leaves = 3.0, label, restarts, leaves
-        self.hidden_until = hidden_until
+        self.hidden_until, self.now = hidden_until, 0.0
+
+    def wait(self):
+        self.now += 0.1
+        return True
 
     def list_people(self):
         self.seconds += 0.5
@@ -274,8 +281,7 @@ class FakePeople:
 
 
 def watch(people, timeout=10.0):
-    skill = Watch("gaze", 2.0, {"engaged": "rests", "not_engaged": "wanders"})
-    return skill.run(Body(None, None, "ann", people=people), timeout)
+    return Watch("gaze", 2.0, LABEL_OF).run(Body(None, None, "ann", people=people), timeout)
 
 
 def test_watching_ends_with_the_label_of_the_sense():

@@ -76,7 +76,7 @@ def train_classifier(
     options = options.complete(sense)
     make_untrained(options)  # reject options before the work
     coverage = evidence.kind(sense.name).coverage or COVERAGE
-    data = make_training_data(domain, sense, options, seed, may_hold_out=True)
+    data = make_training_data(domain, sense, options, seed, leave_one_out=True)
     options = choose_learner(options, data.dataset)
     estimator = make_estimator(data, options, seed)
     folds = choose_folds(data.dataset)

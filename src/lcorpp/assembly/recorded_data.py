@@ -19,7 +19,7 @@ from lcorpp.learning.evaluation.folds import (
     assign_training_folds,
     choose_folds,
     count_people,
-    hold_out_each,
+    has_few_people,
 )
 from lcorpp.learning.features.motion_features import MOTION_FEATURES
 from lcorpp.simulation.people import RecordedSignals
@@ -40,11 +40,11 @@ def read_training_data(
     features: Sequence[str] | None = None,
     reading: ReadingOptions = READ_AS_IT_IS,
     seconds: float | None = None,
-    may_hold_out: bool = True,
+    leave_one_out: bool = False,
 ) -> TrainingData:
     """Read recorded data and split them: 70 % for training, the other people's 30 % for the trials.
 
-    Few people are not split, see `may_hold_out`.
+    With `leave_one_out` data of few people are not split.
 
     Args:
         path: a path that `read_data` accepts: a folder of the authors' files, CSV, Parquet or .npz; or a bag
@@ -55,8 +55,8 @@ def read_training_data(
             measured.
         reading: how to read them. Tracks are resampled to the sense's `rate`.
         seconds: the last seconds of each track that are used; None takes those of the sense.
-        may_hold_out: whether few people are not split, as the caller tests each training case by a classifier
-            that was trained without its people.
+        leave_one_out: whether data of few people are not split: the caller tests each case by
+            leave-one-person-out cross-validation.
 
     Raises:
         DataError: a class is none of the sense's, or has no case; x or y is missing; there are too few
@@ -90,34 +90,33 @@ def read_training_data(
             f"{path}: no {dataset.unit} of class {', '.join(missing)}; expected {dataset.unit} of each class"
             f" of {sense.of}, found {found}"
         )
-    has_few = may_hold_out and hold_out_each(dataset)
+    is_left_out = leave_one_out and has_few_people(dataset)
     try:
-        train, test = (dataset, dataset) if has_few else split(dataset, seed=seed)
-        folds = choose_folds(train)
-        assign_training_folds(train, folds, seed)  # rejects too few people before the work
+        train, test = (dataset, dataset) if is_left_out else split(dataset, seed=seed)
+        assign_training_folds(train, choose_folds(train), seed)  # rejects too few people before the work
         leak = format_leakage_warning(train)
     except DataError as error:
-        people = f"of {count_people(dataset.groups)} people some are held out for the trials"
-        raise DataError(f"{path}: {error}; {people}") from None
+        people = f"; of {count_people(dataset.groups)} people some are held out for the trials"
+        raise DataError(f"{path}: {error}{'' if is_left_out else people}") from None
     unit = dataset.unit
     split_note = (
         f"{len(train)} of {len(dataset)} {unit} are training data; the trials sample {unit} of the"
         f" {count_people(test.groups)} other people, so their intervals do not cover people outside of the"
         " data"
     )
-    if has_few:
+    if is_left_out:
         split_note = (
             f"the {count_people(dataset.groups)} people of {len(dataset)} {unit} are few: the trials sample"
             f" their {unit}, which classifiers that were trained without them classify; the robot's rates are"
             " of the same predictions, and the intervals do not cover other people"
         )
     lost = len(dataset) - len(train) - len(test)
-    if lost and not has_few:
+    if lost and not is_left_out:
         split_note += f"; {lost} {unit} of people on both sides are left out"
     notes = (*train.notes, *([] if leak is None else [leak]), split_note)
     signals = RecordedSignals(sense.of, test)
     return TrainingData(
-        replace(train, notes=notes), signals, PAPER_EPOCHS, path, tests_training_cases=has_few
+        replace(train, notes=notes), signals, PAPER_EPOCHS, path, tests_training_cases=is_left_out
     )
 
 

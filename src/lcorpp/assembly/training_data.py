@@ -15,12 +15,12 @@ from lcorpp.simulation.people import make_signal_source, simulate_dataset
 
 
 def make_training_data(
-    domain: Domain, sense: Sense, options: TrainingOptions, seed: int, *, may_hold_out: bool = False
+    domain: Domain, sense: Sense, options: TrainingOptions, seed: int, *, leave_one_out: bool = False
 ) -> TrainingData:
     """Return the training data that the options or the domain describe, recorded or simulated.
 
     Args:
-        may_hold_out: as of `read_training_data`.
+        leave_one_out: as of `read_training_data`.
 
     Raises:
         DataError: a number of simulated tracks is given, and the data are recorded; and as
@@ -42,7 +42,7 @@ def make_training_data(
         features=options.features or (default_features(options.learner) if options.learner else None),
         reading=options.reading,
         seconds=options.seconds,
-        may_hold_out=may_hold_out,
+        leave_one_out=leave_one_out,
     )
 
 

@@ -147,10 +147,8 @@ IDS_LIST = "std_msgs/Header header\nstring[] ids\n"
 MAGIC = b"#ROSBAG V2.0"
 """The beginning of a bag of ROS 1."""
 
-
 BAG_SUFFIXES = (".bag", ".db3", ".mcap")
 """Of files of ROS 1 and 2; a ROS 2 bag is a folder with metadata.yaml and the files."""
-
 
 METADATA, METADATA_KEY = "metadata.yaml", b"rosbag2_bagfile_information"
 """The description of a ROS 2 bag, and the key near its beginning."""
@@ -247,20 +245,10 @@ def _warn_of_journal(path: Path) -> None:
             )
 
 
-def _find_rest(path: Path) -> list[Path]:
-    """Return the SQLite files of a ROS 2 bag, of which a damaged one may be readable in part."""
-    files = _list_files(path) if path.is_dir() else [path]
-    return [file for file in files if file.suffix.lower() == DAMAGED_SUFFIX]
-
-
-def has_rest(path: Path) -> bool:
-    """Return whether a damaged bag may be readable in part."""
-    return bool(_find_rest(path))
-
-
 def _open_damaged(path: Path, read: Callable[[list[Path]], DamagedBag], error: Exception) -> DamagedBag:
     """Return a reader of what is readable of a bag; raise the error if nothing is."""
-    files = _find_rest(path)
+    files = _list_files(path) if path.is_dir() else [path]
+    files = [file for file in files if file.suffix.lower() == DAMAGED_SUFFIX]
     if not files:
         raise error
     try:

@@ -70,7 +70,6 @@ class Strategy:
     start: starts a session of a strategy that learns from earlier people; from the full robot, and the rates
         of senses with soft evidence, which its program lacks. None for a strategy that decides about each
         person alone.
-    is_baseline: it uses the sense of its name only, see `list_strategies`.
 
     Examples:
         >>> from lcorpp import load_robot
@@ -89,11 +88,10 @@ class Strategy:
     own: UserFunction | None = None
     draws: bool = False
     start: Callable[[Robot, Rates], Session] | None = None
-    is_baseline: bool = False
 
     def uses(self, sense: str) -> bool:
         """Whether the robot uses the classifier of a sense; of a baseline, only the strategy of its name."""
-        if BASELINE_SIGN in sense or self.is_baseline:
+        if BASELINE_SIGN in sense:
             return sense == self.name
         return self.learns and sense not in self.without
 
@@ -196,7 +194,7 @@ def list_strategies(senses: Sequence[str]) -> tuple[Strategy, ...]:
     baselines = [name for name in senses if BASELINE_SIGN in name]
     senses = [name for name in senses if name not in baselines]
     rows = (
-        *[Strategy(name, learns=True, reasons=False, plans=False, is_baseline=True) for name in baselines],
+        *[Strategy(name, True, False, False, without=tuple(senses)) for name in baselines],
         *[row for row in STRATEGIES if senses or not row.learns],
     )
     if len(senses) < 2:

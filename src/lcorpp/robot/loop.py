@@ -5,20 +5,19 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from time import monotonic, sleep
 
 from lcorpp.assembly.robot_parts import RobotParts
-from lcorpp.decision import Robot, Strategy
-from lcorpp.decision.dt_control import dt_control, infer_prior
-from lcorpp.decision.strategies import Session
-from lcorpp.domains import Domain
+from lcorpp.decision import Strategy
+from lcorpp.decision.dt_control import infer_prior
 from lcorpp.errors import ConnectionLostError, LcorppError, PersonLeftError, WorldError
 from lcorpp.learning import TrainedClassifier
 from lcorpp.robot.attending import Attention
 from lcorpp.robot.config import AFTER, PeopleConfig, RobotConfig
+from lcorpp.robot.deciding import Decider, Decision
 from lcorpp.robot.hearing import make_listener
-from lcorpp.robot.tracking import PeopleTracks, SensedPeople, TrackingThread
+from lcorpp.robot.tracking import PeopleTracks, SensedPeople, TrackingThread, find_windows
 from lcorpp.values import Distribution, Episode, Instance, Step
 from lcorpp.worlds.ros.connection import RosConnection
 from lcorpp.worlds.ros.fields import FaultLog
@@ -36,26 +35,6 @@ SILENCE = 10.0
 """Seconds without any message of the people tracker after which the robot warns."""
 MAX_FAILURES = 5
 """Decisions in a row with a failed action after which the robot gives up: something is wrong with it."""
-
-
-@dataclass(frozen=True, eq=False)
-class Decision:
-    """The decision about a person.
-
-    person: the tracker's id. facts: observed attribute -> value.
-    episode: None if the decision failed. error: why it failed, None if it did not.
-    failures: of actions whose failure was an observation.
-    n_learnt: number of people that the strategy had learnt from before.
-    person_id: the same, if the tracker recognises people who come back; else None.
-    """
-
-    person: str
-    facts: Mapping[str, str]
-    episode: Episode | None
-    error: LcorppError | None = None
-    failures: tuple[WorldError, ...] = ()
-    n_learnt: int = 0
-    person_id: str | None = None
 
 
 class RobotLoop:
@@ -90,10 +69,7 @@ class RobotLoop:
             for own in _divide(classifiers, config.people)
         ]
         self._people = SensedPeople(self._tracks)
-        self._full = replace(parts.robot, classifiers={})
-        self._session: Session | None = None
-        if strategy.start is not None:
-            self._session = strategy.start(self._full, parts.rates)
+        self._decider = Decider(config, parts, strategy, self._people)
         for fact in config.facts.values():
             fact.start(connection, lambda: self._perception.pose)
         self._orders = StopOrders.of(config.cmd_vel, [b.skill for b in config.behaviours.values()])
@@ -190,7 +166,7 @@ class RobotLoop:
         for person, seconds in present.items():
             if seconds < waited_from or person in self._decided:
                 continue
-            robot = self._make_robot(person)
+            robot = self._decider.make_robot(person)
             labels = robot.classify(Instance(self._people.signals(person), {}))
             try:
                 _, _, prior = infer_prior(robot, facts, labels)
@@ -207,15 +183,6 @@ class RobotLoop:
                 self._publish_belief(person, beliefs[person])
         return chosen
 
-    def _make_robot(self, person: str) -> Robot:
-        full = replace(self._full, classifiers=self._people.classifiers(person))
-        if self._session is None:
-            return self._strategy.robot(full)
-        return self._session.robot(full, self._find_id(person))
-
-    def _find_id(self, person: str) -> str | None:
-        return person if self._config.people.permanent_ids else None
-
     def _read_facts(self) -> dict[str, str]:
         facts = {name: fact.read() for name, fact in self._config.facts.items()}
         return {name: value for name, value in facts.items() if value is not None}
@@ -223,29 +190,23 @@ class RobotLoop:
     def _decide(self, person: str) -> Decision:
         """Decide about a person; a failure is part of the result."""
         domain, world = self._parts.domain, self._make_world(person)
-        facts: dict[str, str] = {}
 
         def take(step: Step) -> None:
             self._publish_belief(person, domain.marginal(step.belief), step.action)
             self._attention.note_presence(len(self._people.list_people()), monotonic())
             self._show_step(person, step)
 
-        n_learnt, own = 0 if self._session is None else self._session.n_people, self._find_id(person)
         try:
-            facts = self._read_facts()
-            instance = Instance(self._people.signals(person), facts)
-            robot, max_steps = self._make_robot(person), self._config.max_actions
-            episode = dt_control(robot, instance, world, max_steps=max_steps, listener=take)
-            if self._session is not None:
-                self._session.learn(episode.evidence, episode.steps, own)
-        except LcorppError as failure:
-            world.stop()
-            return Decision(person, facts, None, failure, tuple(world.failures), n_learnt, own)
+            decision = self._decider.decide(person, self._read_facts, world, take)
         except BaseException:
             world.stop()
             raise
-        error = self._publish_intent(person, episode)
-        return Decision(person, facts, episode, error, tuple(world.failures), n_learnt, own)
+        error = decision.error
+        if decision.episode is None:
+            world.stop()
+        else:
+            error = self._publish_intent(person, decision.episode)
+        return replace(decision, error=error, failures=tuple(world.failures))
 
     def _publish_intent(self, person: str, episode: Episode) -> WorldError | None:
         """Publish that the person wants to engage, if so reported; return why it failed, if it did."""
@@ -277,11 +238,6 @@ class RobotLoop:
     def _publish_belief(self, person: str, marginal: Distribution, action: str | None = None) -> None:
         if self._config.beliefs is not None:
             self._config.beliefs.publish(self._connection, person, marginal, action)
-
-
-def find_windows(domain: Domain) -> dict[str, float]:
-    """Return sense -> seconds of its windows, for senses that are trained on windows."""
-    return {sense.name: sense.seconds for sense in domain.senses if sense.step and sense.seconds}
 
 
 def make_perceptions(connection: RosConnection, config: RobotConfig) -> list[Perception]:

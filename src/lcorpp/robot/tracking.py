@@ -7,12 +7,13 @@ import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from math import inf, isfinite
-from time import monotonic
+from time import monotonic, sleep
 from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 
+from lcorpp.domains import Domain
 from lcorpp.errors import ConnectionLostError, DataError, LcorppError, WorldError
 from lcorpp.learning import StreamingClassifier, TrainedClassifier
 from lcorpp.learning.streaming.clock import Clock, StampCheck, describe_doubtful_stamps
@@ -24,6 +25,8 @@ PERIOD = 0.2
 """Seconds after which the thread checks whether it should end."""
 MAX_SAMPLES = 3000
 """Samples of a person that are kept: the latest."""
+WATCH_PERIOD = 0.02
+"""Seconds between two looks at a person who is watched."""
 MAX_STALE = 1.0
 """Seconds without the inputs of a sense, e.g. a face, after which its last output does not count."""
 CLOCK_STEP = 1.0
@@ -77,6 +80,11 @@ class Track:
         self.last = max(self.last, sample.time)
         self.samples.append(sample)
         del self.samples[:-MAX_SAMPLES]
+
+
+def find_windows(domain: Domain) -> dict[str, float]:
+    """Return sense -> seconds of its windows, for senses that are trained on windows."""
+    return {sense.name: sense.seconds for sense in domain.senses if sense.step and sense.seconds}
 
 
 def make_stream(
@@ -243,8 +251,18 @@ class SensedPeople:
         """Return sense -> the signal (inputs, samples) of a person so far, if the sense perceives them."""
         return {sense: own for tracks in self._tracks for sense, own in tracks.signals(person).items()}
 
+    @property
+    def now(self) -> float:
+        """The time of this computer's monotonic clock in seconds."""
+        return monotonic()
+
+    def wait(self) -> bool:
+        """Wait for more samples for a moment; return whether there may be more: always."""
+        sleep(WATCH_PERIOD)
+        return True
+
     def classify(self, person: str, sense: str) -> Label | None:
-        """Return the current output of a sense for a person; None with too few samples."""
+        """Return the current output of a sense for a person; None as `PeopleTracks.classify`."""
         own = self.classifiers(person).get(sense)
         return None if own is None else own.classify(np.zeros(1))
 

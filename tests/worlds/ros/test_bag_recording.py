@@ -1,13 +1,11 @@
 """Recordings from bags of people: labels and people of their names or a table, and what cannot be read."""
 
-import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from lcorpp.assembly import read_training_data
-from lcorpp.cli.main import main
 from lcorpp.domains import load_domain
 from lcorpp.errors import DataError, ParseError
 from lcorpp.learning import read_recording
@@ -34,19 +32,6 @@ def bags(tmp_path):
                 person=person.lower(),
             ).write()
     return folder
-
-
-@pytest.fixture
-def lcorpp(monkeypatch, capsys):
-    def run(*arguments):
-        monkeypatch.setattr(sys, "argv", ["lcorpp", *map(str, arguments)])
-        capsys.readouterr()
-        with pytest.raises(SystemExit) as ended:
-            main()
-        captured = capsys.readouterr()
-        return ended.value.code or 0, captured.out, captured.err
-
-    return run
 
 
 def test_names_give_labels_and_people(bags):
@@ -147,7 +132,9 @@ def test_people_without_faces_are_left_out_where_gaze_is_learnt(bags):
     HumansBag(bags / "1p_DD_eng_1", messages=body).write()
     domain = load_domain("engagement")
     sense = domain.find_sense("gaze")
-    data = read_training_data(domain, sense, bags, seed=0, features=sense.features).dataset
+    data = read_training_data(
+        domain, sense, bags, seed=0, features=sense.features, leave_one_out=True
+    ).dataset
     assert set(data.groups) == {"AA", "BB", "CC"}
     assert "1 of 7 tracks lack gaze_angle: left out" in data.notes
 
@@ -156,7 +143,7 @@ def test_people_of_a_learning_run_are_split(bags):
     """Its reports are tested on other people than those of the training; three people are too few."""
     domain = load_domain("engagement")
     sense = domain.find_sense("gaze")
-    options = {"seed": 0, "features": sense.features, "may_hold_out": False}
+    options = {"seed": 0, "features": sense.features}
     with pytest.raises(DataError, match="of 3 people some are held out for the trials"):
         read_training_data(domain, sense, bags, **options)
     for name in ("DD", "EE"):
@@ -199,28 +186,28 @@ def test_samples_without_a_face_are_left_out_of_a_track_with_gaze():
 def test_the_command_writes_what_it_reads(lcorpp, bags, tmp_path):
     out = tmp_path / "tracks.csv"
     options = ("--label", "eng=engaged", "--label", "dis=not_engaged", "--groups", "[A-Z]{2}")
-    code, printed, _ = lcorpp("track", bags, "-o", out, *options)
-    assert (code, printed) == (0, f"wrote {out}: 6 tracks, 900 samples\n")
+    ended = lcorpp("track", bags, "-o", out, *options)
+    assert (ended.code, ended.out) == (0, f"wrote {out}: 6 tracks, 900 samples\n")
     written, direct = read_recording(out), read_bags(bags, labels=LABELS, groups="[A-Z]{2}")
     assert [(t.label, t.group) for t in written.tracks] == [(t.label, t.group) for t in direct.tracks]
     for one, other in zip(written.tracks, direct.tracks, strict=True):
         for name in ("x", "gaze_angle", "robot_angle", "face_distance"):
             np.testing.assert_allclose(one.columns[name], other.columns[name], atol=1e-4)
-    code, printed, _ = lcorpp("track", bags / "1p_AA_eng_1", "-o", out, "--from", 1, "--to", 2)
-    assert (code, printed) == (0, f"wrote {out}: 1 tracks, 31 samples\n")
-    code, _, err = lcorpp("track", bags / "1p_AA_eng_1", "-o", out, "--frame", "map")
-    assert (code, "no person's frame is connected to 'map'" in err) == (2, True)
-    code, _, err = lcorpp("track", bags / "1p_AA_eng_1", "-o", out, "--topic", "/no")
-    assert (code, "has no topic '/no'; expected one of /humans/persons" in err) == (2, True)
-    code, described, _ = lcorpp("data", "describe", bags, "--label", "eng=engaged", "--label", "dis=other")
-    assert (code, "6 tracks" in described) == (0, True)
+    ended = lcorpp("track", bags / "1p_AA_eng_1", "-o", out, "--from", 1, "--to", 2)
+    assert (ended.code, ended.out) == (0, f"wrote {out}: 1 tracks, 31 samples\n")
+    ended = lcorpp("track", bags / "1p_AA_eng_1", "-o", out, "--frame", "map")
+    assert (ended.code, "no person's frame is connected to 'map'" in ended.err) == (2, True)
+    ended = lcorpp("track", bags / "1p_AA_eng_1", "-o", out, "--topic", "/no")
+    assert (ended.code, "has no topic '/no'; expected one of /humans/persons" in ended.err) == (2, True)
+    ended = lcorpp("data", "describe", bags, "--label", "eng=engaged", "--label", "dis=other")
+    assert (ended.code, "6 tracks" in ended.out) == (0, True)
 
 
 def test_windows_of_bags_train_a_sense_of_gaze(bags):
     """Three people are few, so all of them are trained on, and each is tested without them."""
     domain = load_domain("engagement")
     sense = domain.find_sense("gaze")
-    data = read_training_data(domain, sense, bags, seed=0, features=sense.features)
+    data = read_training_data(domain, sense, bags, seed=0, features=sense.features, leave_one_out=True)
     assert data.dataset.trajectories.shape == (36, 3, 61)  # x, y and the angle; a window every half second
     assert data.dataset.channels == ("x", "y", "gaze_angle")
     assert set(data.dataset.groups) == {"AA", "BB", "CC"}
@@ -233,5 +220,5 @@ def test_windows_of_bags_train_a_sense_of_gaze(bags):
 
 
 def test_reading_options_of_files_are_refused_for_bags(lcorpp, bags):
-    code, _, err = lcorpp("data", "describe", bags, "--unit", "mm")
-    assert (code, "whose units and columns are known; expected no --unit" in err) == (2, True)
+    ended = lcorpp("data", "describe", bags, "--unit", "mm")
+    assert (ended.code, "whose units and columns are known; expected no --unit" in ended.err) == (2, True)

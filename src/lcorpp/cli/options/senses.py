@@ -128,15 +128,9 @@ def choose_classifiers(
     for sense in used:
         name = sense.name
         own = file_of.get(name), learner_of.get(name)
-        general = (
-            (general_file if general_file == "channel" else None, None)
-            if sense.is_baseline
-            else (
-                general_file,
-                general_learner,
-            )
-        )
-        kind, learner = own if any(own) else general
+        kind, learner = own if any(own) else (general_file, general_learner)
+        if sense.is_baseline and not any(own):  # what is compared with it does not replace it
+            kind, learner = general_file if general_file == "channel" else None, None
         if kind is not None and learner is not None:
             raise DomainError(
                 f"--classifier {kind} and --learner {learner} both choose the classifier; expected one"

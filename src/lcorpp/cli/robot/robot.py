@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from lcorpp.decision import Strategy
     from lcorpp.domains import Domain
     from lcorpp.robot.config import RobotConfig
-    from lcorpp.robot.loop import Decision
+    from lcorpp.robot.deciding import Decision
     from lcorpp.values import Step
 
 CONFIG = Path("robot.toml")
@@ -145,7 +145,8 @@ def _decide_about_bag(
     """Print the beliefs and decisions about the people in a bag."""
     from lcorpp.assembly.track_robot import set_up_track_robot
     from lcorpp.logs.decision_log import DecisionLog
-    from lcorpp.robot.recorded import RecordedLoop, check_recordable, read_samples
+    from lcorpp.robot.recorded import RecordedLoop, RecordedPeople, check_recordable, read_samples
+    from lcorpp.robot.tracking import find_windows
 
     check_recordable(config, domain)
     samples = read_samples(config, bag)  # before the training
@@ -167,7 +168,9 @@ def _decide_about_bag(
             what = "the decision" if step.observation is None else f"observes {step.observation}"
             console.out.print(f"  person {person}: {step.action}, {what}; {values}")
 
-        loop = RecordedLoop(config, parts, classifiers, strategy, samples, show_step=show_step)
+        silence, windows = config.people.max_silence, find_windows(domain)
+        people = RecordedPeople(samples, classifiers, max_silence=silence, windows=windows)
+        loop = RecordedLoop(config, parts, strategy, people, show_step=show_step)
         count = 0
         for decision in loop.run(decisions):
             count += 1

@@ -54,7 +54,6 @@ class Sense:
         those of `read_data`. step: seconds between the windows of a track; None for one of each track.
     features, feature_rate: the classifier's features of motion, and points per second; () and None for those
         that suit the learner.
-    is_baseline: only the strategy of its name uses it, see `list_strategies`.
 
     Examples:
         >>> from lcorpp import load_domain
@@ -84,7 +83,11 @@ class Sense:
     step: float | None = None
     features: tuple[str, ...] = ()
     feature_rate: float | None = None
-    is_baseline: bool = False
+
+    @property
+    def is_baseline(self) -> bool:
+        """Whether only the strategy of its name uses it, see `list_strategies`."""
+        return BASELINE_SIGN in self.name
 
     def find_class(self, text: str) -> str:
         """Return the class that a text names: by itself, or by its label in the program.
@@ -182,7 +185,6 @@ def _read_sense(table: TomlTable, reasoning: ReasoningSection, folder: Path) -> 
         feature_rate=table.number("feature_rate", 1 / MAX_SECONDS, MAX_RATE)
         if "feature_rate" in table
         else None,
-        is_baseline=is_baseline,
     )
     table.reject_unknown_keys()
     return sense

@@ -12,12 +12,9 @@ import numpy as np
 from lcorpp.arguments import check_arguments, check_fields
 from lcorpp.errors import DataError, expected_one_of
 from lcorpp.notebook import html_table
-from lcorpp.values import CHANNELS, Array, freeze, wrap_angle
+from lcorpp.values import CHANNELS, GAZE_CHANNELS, Array, freeze, wrap_angle
 
-COLUMNS = (
-    *("x", "y", "z", "velocity", "heading", "facing", "tilt"),
-    *("gaze_angle", "robot_angle", "face_distance"),
-)
+COLUMNS = ("x", "y", "z", "velocity", "heading", "facing", "tilt", *GAZE_CHANNELS)
 """Columns of a track: the channels of a `Dataset`; z, the height of the head (m); and tilt, the angle of the
 face above the horizon (rad)."""
 

@@ -1,7 +1,7 @@
 """Folds of cross-validation, and training and test data: stratified by class, with whole groups.
 
-The cases of a group stay together. A case of several people has a group such as "ann + bob"; it is not in the
-training data while ann is tested.
+A group is in one fold. A case of several people has a group such as "ann + bob"; the training data exclude it
+while ann is in the test data.
 """
 
 from __future__ import annotations
@@ -20,8 +20,8 @@ from lcorpp.values import GROUP_SEPARATOR, Array, Dataset, Flags, Indices
 FOLDS = 5
 """Folds of cross-validation by default."""
 
-MAX_HELD_OUT = 10
-"""Of so few people with several cases, each one is held out alone by default."""
+MAX_LEAVE_ONE_OUT = 10
+"""Maximum number of people for which leave-one-person-out is the default."""
 
 MAX_SPLIT_FOLDS = 20
 """Maximum number of folds that `split` forms; the test data are whole folds."""
@@ -44,22 +44,22 @@ class FastStratifiedGroupKFold(StratifiedGroupKFold):  # type: ignore[misc]
 
 
 def choose_folds(dataset: Dataset) -> int:
-    """Return the number of folds by default: `FOLDS`, or the number of people if they are few.
+    """Return the default number of folds: `FOLDS`, or one fold for each group of few people.
 
-    With one fold for each of few groups, each is held out alone: cross-validation leaves one person out.
+    The latter is leave-one-person-out cross-validation.
     """
-    return len(set(dataset.groups)) if hold_out_each(dataset) else FOLDS
+    return len(set(dataset.groups)) if has_few_people(dataset) else FOLDS
 
 
-def hold_out_each(dataset: Dataset) -> bool:
-    """Return whether the people are few: 3 to `MAX_HELD_OUT` groups of several cases, each class in two."""
+def has_few_people(dataset: Dataset) -> bool:
+    """Return whether there are 3 to `MAX_LEAVE_ONE_OUT` groups of several cases, each class in two."""
     n = len(set(dataset.groups))
-    is_few = 3 <= n <= MAX_HELD_OUT and n < len(dataset)
+    is_few = 3 <= n <= MAX_LEAVE_ONE_OUT and n < len(dataset)
     return is_few and min(count_groups(dataset.labels, dataset.groups).values()) > 1
 
 
 def find_training_cases(held_out: Flags, groups: Sequence[str]) -> Flags:
-    """(cases,) whether a case is training data: it is not held out, and shares nobody with those that are."""
+    """(cases,) the training data of a fold: cases outside of it (cases,) that share no person with it."""
     out = {group for group, is_out in zip(groups, held_out, strict=True) if is_out}
     people = {name for group in out for name in _split(group)}
     is_other = np.array([people.isdisjoint(_split(group)) for group in groups], dtype=bool)

@@ -22,8 +22,6 @@ from lcorpp.worlds.speech import Voice
 TWIST = "geometry_msgs/Twist"
 PERIOD = 0.1
 """Seconds between two Twists: drivers of robots stop if none comes for about half a second."""
-WATCH_PERIOD = 0.02
-"""Seconds between two looks at the track of a person who is watched."""
 ANGLE_TOLERANCE = 0.1
 """Radians within which the robot faces a person."""
 SLOWDOWN = 1.5
@@ -37,6 +35,13 @@ def make_twist(linear: float, angular: float) -> Message:
 
 class PeopleView(Protocol):
     """The people whom the robot tracks, with the outputs of its classifiers."""
+
+    @property
+    def now(self) -> float:
+        """The time in seconds, on the clock of time-outs."""
+
+    def wait(self) -> bool:
+        """Wait for more samples; return False if no more will come."""
 
     def list_people(self) -> dict[str, float]:
         """Return the people who are present, with the seconds of their tracks."""
@@ -238,19 +243,28 @@ class Watch:
         """As `Skill.run`."""
         if body.people is None:
             raise ActionFailedError("there are no classifiers to watch people with")
-        began, start = monotonic(), self._measure_track(body.people, body.person)
+        return self.observe(body.people, body.person, timeout)
+
+    def observe(self, people: PeopleView, person: str, timeout: float) -> str:
+        """Return the label of a person after some more seconds.
+
+        Raises:
+            ActionFailedError: there is none within `timeout` seconds.
+            PersonLeftError: the person has left, or no more samples come.
+        """
+        began, start = people.now, self._measure_track(people, person)
         while True:
-            seen = self._measure_track(body.people, body.person)
+            seen = self._measure_track(people, person)
             start = min(start, seen)  # the track may have begun anew
-            label = body.people.classify(body.person, self.sense) if seen >= start + self.seconds else None
+            label = people.classify(person, self.sense) if seen >= start + self.seconds else None
             if isinstance(label, str) and label in self.label_of:
                 return self.label_of[label]
-            if monotonic() - began > timeout:
-                raise ActionFailedError(
-                    f"{self.sense} has no label of {body.person}, who was watched for {seen - start:.1f} s of"
-                    f" {self.seconds:g} s, within {timeout:g} s"
-                )
-            sleep(WATCH_PERIOD)
+            watched = f"{seen - start:.1f} s of {self.seconds:g} s"
+            fault = f"{self.sense} has no label of {person}, who was watched for {watched}"
+            if people.now - began > timeout:
+                raise ActionFailedError(f"{fault}, within {timeout:g} s")
+            if not people.wait():
+                raise PersonLeftError(f"{fault}, and the recording ends")
 
     def _measure_track(self, people: PeopleView, person: str) -> float:
         present = people.list_people()

@@ -16,14 +16,11 @@ from lcorpp.learning import Recording, Track
 from lcorpp.learning.data.cleaning import MAX_GAP
 from lcorpp.learning.data.labels import class_of_label, normalize_id, read_labels
 from lcorpp.notebook import join_some
-from lcorpp.values import GROUP_SEPARATOR
+from lcorpp.values import GAZE_CHANNELS, GROUP_SEPARATOR
 from lcorpp.worlds.ros.people.people_bag import read_people_bag
 from lcorpp.worlds.ros.sensor_messages import Sample
 
 LOG = logging.getLogger("lcorpp.robot")
-
-GAZE = "gaze_angle"
-"""A column of samples with a face; others of the same person are left out."""
 
 Progress = Callable[[int, int], None]
 """Callback (bags read, number of bags)."""
@@ -133,7 +130,7 @@ def collect_tracks(samples: Iterable[Sample], *, gap: float = MAX_GAP) -> tuple[
     tracks, notes, names = list[Track](), list[str](), set(of_person)
     for person in sorted(of_person):
         own = [of_person[person][time] for time in sorted(of_person[person])]
-        faced = [sample for sample in own if GAZE in sample.columns]
+        faced = [sample for sample in own if GAZE_CHANNELS[0] in sample.columns]
         if 0 < len(faced) < len(own):
             notes.append(f"{len(own) - len(faced)} of {len(own)} samples of {person} have no gaze: left out")
             own = faced

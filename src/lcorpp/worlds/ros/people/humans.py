@@ -19,12 +19,7 @@ from lcorpp.values import Array
 from lcorpp.worlds.ros.connection import Message
 from lcorpp.worlds.ros.fields import FaultLog, name_kind, read_list, read_stamp, read_text_field
 from lcorpp.worlds.ros.sensor_messages import MAX_COORDINATE, Detection
-from lcorpp.worlds.ros.transforms import (
-    TransformTree,
-    read_frame,
-    read_point,
-    to_body_axes,
-)
+from lcorpp.worlds.ros.transforms import TransformTree, read_frame, read_point, to_body_axes
 
 PERSONS, PERSONS_KIND = "/humans/persons/tracked", "hri_msgs/IdsList"
 """Topic of the ids of the persons, and its type."""
@@ -150,13 +145,13 @@ class HumanReader:
         except WorldError:
             self.tree.add(message)  # which warns
             return []
-        people = [item for item in items if self._is_person(item)]
-        for item in items:
-            if item not in people:
+        people = list[Any]()
+        for item in items:  # people are placed in the frames of this message, and gazes follow their faces
+            if self._is_person(item):
+                people.append(item)
+            else:
                 self.tree.add_transform(item)
-        people.sort(
-            key=lambda item: str(item["child_frame_id"]).lstrip("/").startswith("gaze_")
-        )  # after faces
+        people.sort(key=lambda item: item["child_frame_id"].lstrip("/").startswith("gaze_"))
         found = [one for item in people for one in self._find(item, recorded)]
         return [ready for one in found for ready in self._release(one)]
 

@@ -8,7 +8,7 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from lcorpp.camera.bags import BagReader, has_rest, open_bag
+from lcorpp.camera.bags import BagReader, open_bag
 from lcorpp.errors import DataError, expected_one_of
 from lcorpp.worlds.ros.connection import Message, name_type
 from lcorpp.worlds.ros.fields import FaultLog
@@ -61,8 +61,6 @@ def read_people_bag(
     try:
         return _read_samples(path, topic, frame, head)
     except _DamagedError as error:
-        if not has_rest(path):
-            raise DataError(f"{path}: cannot be read as a bag: {error}") from error
         return _read_samples(path, topic, frame, head, fault=error)
 
 
@@ -169,9 +167,7 @@ def _select_frame(path: Path, found: list[Detection], target: str | None) -> lis
     return placed
 
 
-def _iterate(
-    reader: BagReader, topics: set[str], path: Path = Path()
-) -> Iterator[tuple[str, float, Message]]:
+def _iterate(reader: BagReader, topics: set[str], path: Path) -> Iterator[tuple[str, float, Message]]:
     """Yield topic, seconds of the recording and message of some topics of a bag.
 
     A message that cannot be read is left out with a warning.
@@ -179,14 +175,16 @@ def _iterate(
     Raises:
         _DamagedError: the bag ends with a fault.
     """
-    faults, iterator = FaultLog(str(path)), iter(reader.messages(_select(reader, topics)))
+    chosen = [connection for connection in reader.connections if connection.topic in topics]
+    faults, iterator = FaultLog(str(path)), iter(reader.messages(chosen))
     while True:
         try:
             connection, stamp, data = next(iterator)
         except StopIteration:
             return
         except Exception as error:
-            raise _DamagedError(f"{type(error).__name__}: {error}") from error
+            reason = f"{type(error).__name__}: {error}"
+            raise _DamagedError(f"{path}: cannot be read as a bag: {reason}") from error
         try:
             message = _make_message(reader.deserialize(data, connection.msgtype))
         except Exception as error:
@@ -194,10 +192,6 @@ def _iterate(
             faults.warn(fault, connection.topic)
             continue
         yield connection.topic, stamp * NANOSECOND, message
-
-
-def _select(reader: BagReader, topics: set[str]) -> list[Any]:
-    return [c for c in reader.connections if c.topic in topics]
 
 
 def _make_sample(detection: Detection, recorded: float) -> Sample:
