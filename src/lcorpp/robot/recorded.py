@@ -130,11 +130,8 @@ class RecordedLoop:
 
     def _read_facts(self) -> dict[str, str]:
         """Return the facts that are fixed, or follow from the time of the recording."""
-        now, pose, facts = (
-            datetime.fromtimestamp(self._people.now),
-            self._config.pose,
-            dict[str, str | None](),
-        )
+        now, pose = datetime.fromtimestamp(self._people.now), self._config.pose
+        facts = dict[str, str | None]()
         for name, fact in self._config.facts.items():
             if isinstance(fact, ClockFact):
                 facts[name] = fact.at(now.hour + now.minute / 60)
