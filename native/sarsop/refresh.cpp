@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "graph/belief_graph.hpp"
 #include "tree.hpp"
 
 namespace lcorpp {
@@ -28,7 +29,7 @@ void Tree::refresh_lower(Node& node, Index action) {
 
 void Tree::refresh_upper(Node& node, Index action) {
     Branch& branch = node.branches[as_size(action)];
-    if (branch.refreshed && branch.points_version == sawtooth.next_stamp()) return;
+    if (branch.refreshed && branch.points_version == sawtooth.next_stamp() && !graph) return;
     const Outcomes& outcomes = expand(node, action);
     double sum = 0.0;
     for (std::size_t c = 0; c < branch.children.size(); ++c) {
@@ -39,6 +40,18 @@ void Tree::refresh_upper(Node& node, Index action) {
         if (child.node >= 0) {
             const double node_bound = nodes[as_size(child.node)].upper + static_cast<double>(child.lipschitz_slack);
             child.upper = std::min(child.upper, child.probability * node_bound);
+        }
+        if (graph) {
+            if (child.graph_node < 0) {
+                Weights next;
+                next.state.assign(outcomes.states(c), outcomes.states(c) + outcomes.size(c));
+                next.weight.assign(outcomes.weights(c), outcomes.weights(c) + outcomes.size(c));
+                for (double& weight : next.weight) weight /= child.probability;
+                child.graph_node = graph->find(std::move(next), child.graph_slack);
+            }
+            if (child.graph_node >= 0) {
+                child.upper = std::min(child.upper, child.probability * (graph->upper(child.graph_node) + static_cast<double>(child.graph_slack)));
+            }
         }
         sum += child.upper;
     }
@@ -140,6 +153,10 @@ double Tree::upper_bound(Index number) {
                                         node.group, node.sawtooth_version);
     node.sawtooth_value = std::min(node.sawtooth_value, newer);
     node.sawtooth_version = sawtooth.next_stamp();
+    if (graph) {
+        if (node.graph_node < 0) node.graph_node = graph->find(node.belief, node.graph_slack);
+        if (node.graph_node >= 0) node.upper = std::min(node.upper, graph->upper(node.graph_node) + static_cast<double>(node.graph_slack));
+    }
     return std::min(node.sawtooth_value, node.upper);
 }
 

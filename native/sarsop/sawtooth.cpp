@@ -1,6 +1,7 @@
 #include "sawtooth.hpp"
 
 #include <algorithm>
+#include <cmath>
 #include <limits>
 #include <utility>
 
@@ -11,17 +12,23 @@ namespace {
 // The memory of removed points is released if three times their number exceeds that of the other points by more than this.
 constexpr std::size_t kCompactionMargin = 96;
 
+// A share of a weight that may be a rounding error.
+constexpr double kNegligibleWeight = 1e-12;
+
 }  // namespace
 
 Sawtooth::Sawtooth(const Model& model, std::vector<double> informed, std::size_t groups)
     : model_(model),
       actions_(as_size(model.actions)),
       informed_(std::move(informed)),
+      potentials_(model.states),
+      sums_(actions_),
       corners_(as_size(model.states)),
       dense_(as_size(model.states), 0.0) {
     for (std::size_t s = 0; s < corners_.size(); ++s) {
         const double* row = informed_.data() + s * actions_;
         corners_[s] = *std::max_element(row, row + actions_);
+        for (std::size_t a = 0; a < actions_; ++a) max_abs_value_ = std::max(max_abs_value_, std::abs(row[a]));
     }
     for (std::size_t g = 0; g < groups; ++g) {
         const std::size_t states = g < model.members.size() ? model.members[g].size() : corners_.size();
@@ -35,14 +42,13 @@ std::size_t Sawtooth::position(Index group, Index state) const {
     return as_size(group) < model_.members.size() ? as_size(model_.local[s]) : s;
 }
 
-double Sawtooth::informed_value(const Index* states, const double* weights, std::size_t n) const {
-    double best = -std::numeric_limits<double>::infinity();
-    for (std::size_t a = 0; a < actions_; ++a) {
-        double sum = 0.0;
-        for (std::size_t i = 0; i < n; ++i) sum += weights[i] * informed_[as_size(states[i]) * actions_ + a];
-        best = std::max(best, sum);
+double Sawtooth::informed_value(const Index* states, const double* weights, std::size_t n) {
+    std::fill(sums_.begin(), sums_.end(), 0.0);
+    for (std::size_t i = 0; i < n; ++i) {
+        const double* row = informed_.data() + as_size(states[i]) * actions_;
+        for (std::size_t a = 0; a < actions_; ++a) sums_[a] += weights[i] * row[a];
     }
-    return best;
+    return *std::max_element(sums_.begin(), sums_.end());
 }
 
 double Sawtooth::informed_value(const Weights& belief, Index action) const {
@@ -57,6 +63,15 @@ double Sawtooth::informed_value(const Weights& belief, Index action) const {
 // phi = min over the support of p of b(s) / p(s). Each point is listed at the rarest state of its support, so a loop over
 // the states of b meets every point with phi > 0 once. `threshold` is the phi below which a point cannot lower the bound.
 double Sawtooth::bound(const Index* states, const double* weights, std::size_t n, Index group, Stamp since) {
+    const double initial = initial_bound(states, weights, n, group);
+    if (renamings_) {
+        renamed_.state.assign(states, states + n);
+        renamed_.weight.assign(weights, weights + n);
+        renamings_->normalise(renamed_);
+        states = renamed_.state.data();
+        weights = renamed_.weight.data();
+        group = group_of(renamed_.state[0], group);
+    }
     double plane = 0.0, mass = 0.0;
     for (std::size_t i = 0; i < n; ++i) {
         mass += weights[i];
@@ -64,12 +79,15 @@ double Sawtooth::bound(const Index* states, const double* weights, std::size_t n
         dense_[as_size(states[i])] = weights[i];
     }
     const auto& points_by_state = points_by_state_[as_size(group)];
-    double lowest = 0.0;
+    double lowest = 0.0, share = 0.0;
+    const Point* nearest = nullptr;
+    std::uint64_t visited = n * actions_;
     for (std::size_t i = 0; i < n; ++i) {
         const auto& numbers = points_by_state[position(group, states[i])];
         for (auto number = numbers.rbegin(); number != numbers.rend(); ++number) {  // the newest first
             const Point& point = points_[as_size(*number)];
             if (point.stamp < since) break;
+            ++visited;
             if (point.excess * mass >= lowest) continue;  // phi is at most the mass
             const double threshold = lowest / point.excess;
             double phi = std::numeric_limits<double>::infinity();
@@ -79,11 +97,47 @@ double Sawtooth::bound(const Index* states, const double* weights, std::size_t n
                 if (ratio <= threshold) break;
                 if (ratio < phi) phi = ratio;
             }
-            if (entry == point.end) lowest = phi * point.excess;
+            visited += 1 + entry - point.begin;
+            if (entry == point.end) {
+                lowest = phi * point.excess;
+                nearest = &point;
+                share = phi;
+            }
         }
     }
+    work_ += visited;
+    double bound = std::min(initial, plane + lowest);
+    if (nearest && has_potentials(group)) bound = std::min(bound, bound_by_remainder(*nearest, share, states, weights, n, group));
     for (std::size_t i = 0; i < n; ++i) dense_[as_size(states[i])] = 0.0;
-    return std::min(informed_value(states, weights, n), plane + lowest);
+    return bound;
+}
+
+// A value is convex, so that at b = phi p + r it is at most phi v + the bound at the remainder r. `dense_` is b.
+double Sawtooth::bound_by_remainder(const Point& point, double phi, const Index* states, const double* weights, std::size_t n, Index group) {
+    for (std::size_t entry = point.begin; entry != point.end; ++entry) {
+        dense_[as_size(states_[entry])] -= phi / inverse_weights_[entry];
+    }
+    rest_states_.clear();
+    rest_.clear();
+    double lost = 0.0;  // the weights that are too small to be more than rounding errors
+    for (std::size_t i = 0; i < n; ++i) {
+        const double left = dense_[as_size(states[i])];
+        if (left > kNegligibleWeight * weights[i]) {
+            rest_states_.push_back(states[i]);
+            rest_.push_back(left);
+        } else {
+            lost += weights[i] * kNegligibleWeight;
+        }
+    }
+    double value = phi * point.value + lost * max_abs_value_;
+    if (!rest_.empty()) value += initial_bound(rest_states_.data(), rest_.data(), rest_.size(), group);
+    return value;
+}
+
+// The potentials hold within a block only.
+double Sawtooth::initial_bound(const Index* states, const double* weights, std::size_t n, Index group) {
+    const double informed = informed_value(states, weights, n);
+    return has_potentials(group) ? std::min(informed, potentials_.bound(states, weights, n, group)) : informed;
 }
 
 // Sort the entries of a point, the rarest states first: they exclude a point soonest.
@@ -101,7 +155,41 @@ void Sawtooth::sort_entries(const Point& point) {
     }
 }
 
-Stamp Sawtooth::add(const Weights& belief, Index group, double value) {
+void Sawtooth::set_renamings(Renamings* renamings) {
+    renamings_ = renamings;
+    Weights belief;
+    for (Point& point : points_) {
+        std::vector<std::pair<Index, double>> entries;
+        for (std::size_t i = point.begin; i < point.end; ++i) entries.emplace_back(states_[i], inverse_weights_[i]);
+        std::sort(entries.begin(), entries.end());
+        belief.clear();
+        for (const auto& [state, inverse] : entries) {
+            belief.state.push_back(state);
+            belief.weight.push_back(1.0 / inverse);
+        }
+        renamings_->normalise(belief);
+        for (std::size_t i = 0; i < belief.size(); ++i) {
+            states_[point.begin + i] = belief.state[i];
+            inverse_weights_[point.begin + i] = 1.0 / belief.weight[i];
+        }
+        point.group = group_of(belief.state[0], point.group);
+        if (!point.removed) point.excess = excess(point);
+    }
+    release_removed();
+    ++next_stamp_;
+}
+
+// The group of a belief in normal form, from that of the belief: symmetries rename blocks into blocks.
+Index Sawtooth::group_of(Index state, Index group) const {
+    return as_size(group) < model_.members.size() ? model_.block[as_size(state)] : group;
+}
+
+Stamp Sawtooth::add(const Weights& given, Index group, double value) {
+    Weights belief = given;
+    if (renamings_) {
+        renamings_->normalise(belief);
+        group = group_of(belief.state[0], group);
+    }
     if (belief.size() == 1) {
         value /= belief.weight[0];
         double& corner = corners_[as_size(belief.state[0])];

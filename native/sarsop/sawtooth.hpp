@@ -2,10 +2,14 @@
 // Source: Hauskrecht, JAIR 2000, section 4.4; Smith and Simmons, UAI 2005, section 4.2.
 #pragma once
 
+#include <algorithm>
+#include <cstdint>
 #include <utility>
 #include <vector>
 
 #include "model.hpp"
+#include "graph/renamings.hpp"
+#include "potentials/potentials.hpp"
 
 namespace lcorpp {
 
@@ -20,8 +24,18 @@ class Sawtooth {
     // informed: (S, A) Q values that are upper bounds, by state. groups: number of groups.
     Sawtooth(const Model& model, std::vector<double> informed, std::size_t groups);
 
+    // Take the points as those of all beliefs that symmetries of the model rename into theirs.
+    void set_renamings(Renamings* renamings);
+
+    // Add a bound at all beliefs within blocks.
+    void add_potential(Potential potential) {
+        potentials_.add(std::move(potential));
+        ++next_stamp_;  // bounds computed earlier may be lower now
+    }
+
     Stamp next_stamp() const { return next_stamp_; }
     std::size_t count() const { return count_; }
+    std::uint64_t work() const { return work_; }
     std::size_t entry_count() const { return states_.size(); }
 
     // Memory of all points in bytes.
@@ -30,9 +44,12 @@ class Sawtooth {
     }
 
     // The fast informed bound alone, at n states with weights.
-    double informed_value(const Index* states, const double* weights, std::size_t n) const;
+    double informed_value(const Index* states, const double* weights, std::size_t n);
     // The informed Q value of one action.
     double informed_value(const Weights& belief, Index action) const;
+
+    // The bound without any points.
+    double initial_bound(const Index* states, const double* weights, std::size_t n, Index group);
 
     // The bound at n states with weights, using the points of a group whose stamp is at least `since`.
     double bound(const Index* states, const double* weights, std::size_t n, Index group, Stamp since);
@@ -76,6 +93,9 @@ class Sawtooth {
         Index group;
         bool removed;
     };
+    bool has_potentials(Index group) const { return !potentials_.empty() && as_size(group) < model_.members.size(); }
+    Index group_of(Index state, Index group) const;
+    double bound_by_remainder(const Point& point, double phi, const Index* states, const double* weights, std::size_t n, Index group);
     void release_removed();
     double excess(const Point& point) const;
     void sort_entries(const Point& point);
@@ -84,7 +104,14 @@ class Sawtooth {
 
     const Model& model_;
     const std::size_t actions_;
+    double max_abs_value_ = 0.0;  // of the informed bound
     std::vector<double> informed_;  // (S, A)
+    Potentials potentials_;
+    Renamings* renamings_ = nullptr;
+    Weights renamed_;                  // reusable memory
+    std::vector<double> rest_;         // reusable memory
+    std::vector<Index> rest_states_;   // reusable memory
+    std::vector<double> sums_;      // (A) reusable memory
     std::vector<double> corners_;   // (S)
     std::vector<Point> points_;  // by rising stamp
     std::vector<Index> states_;            // (entries) of all points
@@ -97,6 +124,7 @@ class Sawtooth {
     std::vector<std::pair<Index, double>> sorted_;  // reusable memory
     Stamp next_stamp_ = 0;
     std::size_t count_ = 0, removed_ = 0;
+    std::uint64_t work_ = 0;
 };
 
 }  // namespace lcorpp

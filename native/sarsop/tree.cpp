@@ -5,63 +5,12 @@
 #include <numeric>
 #include <utility>
 
+#include "graph/belief_graph.hpp"
+#include "graph/belief_key.hpp"
+
 namespace lcorpp {
 
 namespace {
-
-// Beliefs whose weights are equal after rounding to multiples of 1 / kBeliefResolution share a node. The lower bound of a
-// node is used only at its own belief; the upper bound also at a parent's next belief, plus the Lipschitz slack between
-// the two.
-constexpr double kBeliefResolution = 1e10;
-
-// Constants of SplitMix64 (Steele, Lea and Flood, OOPSLA 2014): the increment, and the first multiplier of its mixing.
-constexpr std::uint64_t kGolden = 0x9E3779B97F4A7C15ull, kMultiplier = 0xBF58476D1CE4E5B9ull;
-
-// A hash of the states with a rounded weight above 0 and of these weights. Equal keys are compared by same_belief.
-std::uint64_t hash_belief(const Weights& belief) {
-    std::uint64_t hash = kGolden;
-    for (std::size_t i = 0; i < belief.size(); ++i) {
-        const auto weight = static_cast<std::uint64_t>(std::llround(belief.weight[i] * kBeliefResolution));
-        if (weight == 0) continue;
-        for (const std::uint64_t number : {static_cast<std::uint64_t>(belief.state[i]), weight}) {
-            hash ^= number + kGolden + (hash << 6) + (hash >> 2);
-            hash *= kMultiplier;
-            hash ^= hash >> 31;
-        }
-    }
-    return hash;
-}
-
-// Whether the rounded weights of two beliefs are equal.
-bool same_belief(const Weights& a, const Weights& b) {
-    std::size_t i = 0, j = 0;
-    while (true) {
-        while (i < a.size() && std::llround(a.weight[i] * kBeliefResolution) == 0) ++i;
-        while (j < b.size() && std::llround(b.weight[j] * kBeliefResolution) == 0) ++j;
-        if (i == a.size() || j == b.size()) return i == a.size() && j == b.size();
-        if (a.state[i] != b.state[j] || std::llround(a.weight[i] * kBeliefResolution) != std::llround(b.weight[j] * kBeliefResolution)) {
-            return false;
-        }
-        ++i;
-        ++j;
-    }
-}
-
-// The sum over the states of |a(s) - b(s)|.
-double l1_distance(const Weights& a, const Weights& b) {
-    double sum = 0.0;
-    std::size_t i = 0, j = 0;
-    while (i < a.size() || j < b.size()) {
-        if (j == b.size() || (i < a.size() && a.state[i] < b.state[j])) {
-            sum += a.weight[i++];
-        } else if (i == a.size() || b.state[j] < a.state[i]) {
-            sum += b.weight[j++];
-        } else {
-            sum += std::abs(a.weight[i++] - b.weight[j++]);
-        }
-    }
-    return sum;
-}
 
 // A table (A, S) as (S, A).
 std::vector<double> transpose(const Model& model, const std::vector<double>& table) {
@@ -80,6 +29,7 @@ Tree::Tree(const Model& model_, const std::vector<double>& informed, const std::
       dependencies(model_.actions),
       sawtooth(model_, transpose(model_, informed), model_.members.size() + 1),
       successors_(model_),
+      blind_(transpose(model_, blind)),
       all_states_(as_size(model_.states)),
       next_values_(as_size(model_.states), kInfinity) {
     std::iota(all_states_.begin(), all_states_.end(), 0);
@@ -101,6 +51,24 @@ Tree::Tree(const Model& model_, const std::vector<double>& informed, const std::
     }
     next_vector_ = model.actions;
     for (const VectorSet& set : sets) sizes_after_pruning_.push_back(set.count());
+}
+
+Tree::~Tree() = default;
+
+std::uint64_t Tree::work() const { return work_ + sawtooth.work() + (graph ? graph->work() : 0); }
+
+double Tree::blind_value(const Weights& belief) const {
+    double best = -kInfinity;
+    for (std::size_t a = 0; a < as_size(model.actions); ++a) {
+        double sum = 0.0;
+        for (std::size_t i = 0; i < belief.size(); ++i) sum += belief.weight[i] * blind_[as_size(belief.state[i]) * as_size(model.actions) + a];
+        best = std::max(best, sum);
+    }
+    return best;
+}
+
+double Tree::best_value_since(Index group, const Index* states, const double* weights, std::size_t n, Stamp since) {
+    return find_best_vector(group, states, weights, n, sets[as_size(group)].first_since(since)).value;
 }
 
 void Tree::add_vector(Index group, const std::vector<double>& vector, Index action) {
@@ -129,6 +97,7 @@ void Tree::clear_nodes() {
     }
     nodes.clear();
     node_index_.clear();
+    if (graph) graph->clear();
     node_memory_ = 0;
 }
 
@@ -152,6 +121,7 @@ std::vector<Index> Tree::find_positions(const Node& node) const {
 Best Tree::find_best_vector(Index group, const Index* states, const double* weights, std::size_t n, std::size_t first) {
     const VectorSet& set = sets[as_size(group)];
     if (first >= set.count()) return {-1, -kInfinity};
+    work_ += n * (set.count() - first);
     if (as_size(group) == model.members.size()) return set.best(states, weights, n, first);
     positions_.resize(n);
     for (std::size_t i = 0; i < n; ++i) positions_[i] = model.local[as_size(states[i])];
@@ -159,10 +129,13 @@ Best Tree::find_best_vector(Index group, const Index* states, const double* weig
 }
 
 Index Tree::find_or_add_node(Weights belief) {
-    const std::uint64_t hash = hash_belief(belief);
+    const std::uint64_t hash = hash_belief(belief.state.data(), belief.weight.data(), belief.size());
     const auto range = node_index_.equal_range(hash);
     for (auto entry = range.first; entry != range.second; ++entry) {
-        if (same_belief(nodes[as_size(entry->second)].belief, belief)) return entry->second;
+        const Weights& known = nodes[as_size(entry->second)].belief;
+        if (same_belief(known.state.data(), known.weight.data(), known.size(), belief.state.data(), belief.weight.data(), belief.size())) {
+            return entry->second;
+        }
     }
     Node node;
     node.group = find_group(belief);
@@ -224,8 +197,9 @@ Index Tree::find_or_add_child(Index number, Index action, std::size_t c) {
         for (double& weight : next.weight) weight /= outcomes.probability[c];
         branch.children[c].node = find_or_add_node(next);
         // The values of two beliefs differ by at most the largest value times their distance.
-        const double slack = max_abs_value * l1_distance(next, nodes[as_size(branch.children[c].node)].belief);
-        branch.children[c].lipschitz_slack = std::nextafter(static_cast<float>(slack), std::numeric_limits<float>::infinity());
+        const Weights& known = nodes[as_size(branch.children[c].node)].belief;
+        branch.children[c].lipschitz_slack = lipschitz_slack(
+            max_abs_value, l1_distance(next.state.data(), next.weight.data(), next.size(), known.state.data(), known.weight.data(), known.size()));
     }
     return branch.children[c].node;
 }

@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <deque>
 #include <limits>
+#include <memory>
 #include <unordered_map>
 #include <vector>
 
@@ -33,6 +34,8 @@ struct Child {
     double probability;
     double lower = -kInfinity, upper = kInfinity;
     Stamp best_vector = -1;  // the vector that gives `lower`
+    Index graph_node = -1;  // its node in the belief graph, if it has been found
+    float graph_slack = 0.0f;
 };
 
 // One action at a belief. Before it is expanded, the informed bound is its upper bound.
@@ -56,8 +59,12 @@ struct Node {
     double sawtooth_value = kInfinity;  // the upper bound by the points, at its last update
     Stamp sawtooth_version = 0;
     double informed_value = 0.0;  // the initial upper bound
+    Index graph_node = -1;
+    float graph_slack = 0.0f;
     Index entropy_bin = 0;
 };
+
+class BeliefGraph;
 
 class Tree {
     friend class Controller;  // see compression/controller.hpp
@@ -67,6 +74,7 @@ class Tree {
     // the blind policies, each of which repeats one action forever. Both in row-major order.
     Tree(const Model& model, const std::vector<double>& informed, const std::vector<double>& blind);
     Tree(const Tree&) = delete;
+    ~Tree();
     Tree& operator=(const Tree&) = delete;
 
     const Model& model;
@@ -103,13 +111,25 @@ class Tree {
     // The number of vectors that were ever made.
     Stamp made_count() const { return next_vector_; }
 
+    // The value of the best blind policy at a belief.
+    double blind_value(const Weights& belief) const;
+    // The value of the best vector at a belief, of those with a stamp of at least `since`; minus infinity if there is none.
+    double best_value_since(Index group, const Index* states, const double* weights, std::size_t n, Stamp since);
+    Index find_group(const Weights& belief) const;
+
+    // Whose bounds the upper bounds of children include; may be null.
+    std::unique_ptr<BeliefGraph> graph;
+
+    // Numbers of vectors and points that have been read.
+    std::uint64_t work() const;
+
     std::size_t vector_count() const;
 
     // Memory in bytes: of the nodes, and of the vectors and points.
     std::size_t node_memory() const { return node_memory_; }
     std::size_t bound_memory() const;
 
-    // Remove all nodes, but keep the vectors and points.
+    // Remove all nodes, also those of the graph, but keep the vectors and points.
     void clear_nodes();
 
     // Remove the older half of the points.
@@ -140,12 +160,13 @@ class Tree {
     template <typename ValueOf>
     std::vector<double> combine(Index group, Index action, ValueOf value_of);
     Best find_best_vector(Index group, const Index* states, const double* weights, std::size_t n, std::size_t first);
-    Index find_group(const Weights& belief) const;
     std::vector<Index> find_positions(const Node& node) const;
     std::vector<Index> find_reachable(const std::vector<Index>& roots) const;
     void prune_set(Index group, const std::vector<Index>& nodes_of_group, double radius, double max_ratio);
 
     Successors successors_;
+    std::vector<double> blind_;  // (S, A)
+    std::uint64_t work_ = 0;
     Stamp next_vector_ = 0;
     std::unordered_multimap<std::uint64_t, Index> node_index_;  // by hash of the belief
     std::unordered_map<std::uint64_t, Stamp> known_points_;     // by hash of the belief of a removed node

@@ -92,6 +92,27 @@ inline std::vector<Weights> make_beliefs(const Model& model, const InputArray<st
     return beliefs;
 }
 
+inline Potential make_potential(const Model& model, const InputArray<double, 1>& offset, double scale, double power, double entropy,
+                                const InputArray<Index, 2>& pairs, const InputArray<double, 1>& pair_weights) {
+    require(offset.size() == as_size(model.states), "a potential needs one offset per state");
+    require_finite(offset, "an offset is not finite");
+    require(scale >= 0 && power > 1 && entropy >= 0 && std::isfinite(scale) && std::isfinite(power) && std::isfinite(entropy),
+            "scale and entropy must not be negative, power above 1");
+    require(pairs.shape(1) == 2 && pairs.shape(0) == pair_weights.size(), "expected one weight for each pair of states");
+    Potential potential;
+    potential.offset = copy(offset);
+    potential.scale = scale;
+    potential.power = power;
+    potential.entropy = entropy;
+    for (std::size_t k = 0; k < pair_weights.size(); ++k) {
+        const Index first = pairs.data()[2 * k], second = pairs.data()[2 * k + 1];
+        require(first >= 0 && second >= 0 && first < model.states && second < model.states && pair_weights.data()[k] >= 0,
+                "a pair has an unknown state or a negative weight");
+        potential.pairs.push_back({first, second, pair_weights.data()[k]});
+    }
+    return potential;
+}
+
 inline Node& get_node(Tree& tree, Index node) {
     if (node < 0 || as_size(node) >= tree.nodes.size()) throw nb::index_error("unknown node");
     return tree.nodes[as_size(node)];

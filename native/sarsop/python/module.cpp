@@ -2,9 +2,12 @@
 
 #include <nanobind/nanobind.h>
 #include <nanobind/ndarray.h>
+#include <nanobind/stl/tuple.h>
+#include <nanobind/stl/vector.h>
 
 #include <algorithm>
 #include <cmath>
+#include <tuple>
 #include <utility>
 
 #include "arguments.hpp"
@@ -13,7 +16,10 @@
 #include "exports.hpp"
 #include "model.hpp"
 #include "path_sampling.hpp"
+#include "potentials/gain.hpp"
+#include "potentials/power_potentials.hpp"
 #include "reachable_blocks.hpp"
+#include "graph/symmetry.hpp"
 #include "tree.hpp"
 
 using namespace lcorpp;
@@ -130,6 +136,77 @@ Q(a, s) <- R(a, s) + gamma sum over o of max over a' of sum over s' of P(s', o |
 `blind_policies`.
 
 Source: Hauskrecht, JAIR 2000.)");
+    m.def(
+        "find_symmetries",
+        [](const Model& model, std::size_t max_refinements, double seconds) {
+            nb::gil_scoped_release released;
+            Clock clock(seconds, check_interrupt);
+            return find_symmetries(model, max_refinements, clock);
+        },
+        "model"_a, "max_refinements"_a, "seconds"_a,
+        R"(Return, for each symmetry that was found, the state whose weight each state takes (S).
+
+Source: McKay, "Practical graph isomorphism", 1981.)");
+    m.def(
+        "power_potentials",
+        [](const Model& model, InputArray<double, 2> mdp, InputArray<std::int64_t, 1> begins, InputArray<Index, 1> states,
+           InputArray<double, 1> weights, double seconds) {
+            const std::vector<Weights> beliefs = make_beliefs(model, begins, states, weights, begins.size() - 1);
+            const std::vector<double> top = copy_table(model, mdp);
+            std::vector<Potential> found;
+            {
+                nb::gil_scoped_release released;
+                Clock clock(seconds, check_interrupt);
+                found = find_power_potentials(model, top, beliefs, clock);
+            }
+            std::vector<double> offsets, scales, powers;
+            for (const Potential& potential : found) {
+                offsets.insert(offsets.end(), potential.offset.begin(), potential.offset.end());
+                scales.push_back(potential.scale);
+                powers.push_back(potential.power);
+            }
+            const std::size_t count = found.size();
+            return std::make_tuple(make_array(std::move(offsets), {count, as_size(model.states)}), make_array(std::move(scales)),
+                                   make_array(std::move(powers)));
+        },
+        "model"_a, "mdp"_a, "begins"_a.noconvert(), "states"_a.noconvert(), "weights"_a, "seconds"_a,
+        R"(Return offsets (K, S), scales (K,) and powers (K,) of the potentials that are the lowest at some beliefs.
+
+Potential k is offsets[k].b + scales[k] N(b) with the norm N(b) = (sum of b(s)^powers[k])^(1 / powers[k]).
+
+Args:
+    mdp: (A, S) upper bounds on the Q values if the state were observed.
+    begins, states, weights: the beliefs, each within a block, in the form of `Tree.points`.
+    seconds: wall-clock time limit.
+
+Source: Gallager, Information Theory and Reliable Communication, 1968, section 5.6, for the condition.)");
+    m.def(
+        "maximise_gain",
+        [](InputArray<double, 1> linear, double entropy, double gamma, InputArray<double, 2> likelihood, InputArray<Index, 2> pairs,
+           InputArray<double, 1> pair_weights, double tolerance, InputArray<double, 1> start) {
+            const std::size_t n = linear.size();
+            require(likelihood.shape(0) == n && start.size() == n && pairs.shape(0) == pair_weights.size() && pairs.shape(1) == 2,
+                    "the arrays do not fit together");
+            std::vector<Potential::Pair> terms;
+            for (std::size_t k = 0; k < pair_weights.size(); ++k) {
+                require(pairs.data()[2 * k] >= 0 && pairs.data()[2 * k + 1] >= 0 && as_size(pairs.data()[2 * k]) < n &&
+                            as_size(pairs.data()[2 * k + 1]) < n,
+                        "a pair has an unknown state");
+                if (pair_weights.data()[k] > 0) terms.push_back({pairs.data()[2 * k], pairs.data()[2 * k + 1], pair_weights.data()[k]});
+            }
+            std::vector<double> b = copy(start);
+            const Ascent found = maximise_gain(copy(linear), entropy, gamma, copy(likelihood), likelihood.shape(1), terms, tolerance, b);
+            return std::make_tuple(make_array(std::move(b)), found.value, found.upper);
+        },
+        "linear"_a, "entropy"_a, "gamma"_a, "likelihood"_a, "pairs"_a.noconvert(), "pair_weights"_a, "tolerance"_a, "start"_a,
+        R"(Return a belief (n,) at which the gain of an action is nearly the largest, its value, and an upper bound of all gains.
+
+The gain is linear.b + entropy (H(b) - gamma E[H(b')]) + sum over pairs of weight sqrt(b(s) b(t)); it is concave.
+
+Args:
+    linear: (n,). likelihood: (n, m) P(o | s) of the observations; with m = 0 there is no E[H(b')].
+    pairs: (n_pairs, 2) states s and t. pair_weights: (n_pairs,).
+    tolerance: the ascent ends when the value is this close to its upper bound. start: (n,) where it begins.)");
 }
 
 void bind_predictor(nb::module_& m) {

@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "arguments.hpp"
+#include "graph/belief_graph.hpp"
 #include "bindings.hpp"
 #include "exports.hpp"
 #include "path_sampling.hpp"
@@ -49,6 +50,51 @@ Source: Kurniawati, Hsu and Lee, RSS 2008, sections III and IV.)")
             },
             nb::keep_alive<1, 2>(), "model"_a, "informed"_a, "blind"_a,
             "Make a tree without nodes, with (A, S) upper bounds on the Q values and (A, S) values of the blind policies.")
+        .def(
+            "add_potential",
+            [](Tree& tree, InputArray<double, 1> offset, double scale, double power, double entropy, InputArray<Index, 2> pairs,
+               InputArray<double, 1> pair_weights, Index state) {
+                Potential potential = make_potential(tree.model, offset, scale, power, entropy, pairs, pair_weights);
+                require(state >= -1 && state < tree.model.states, "the state of the block is unknown");
+                if (state >= 0) potential.block = tree.model.block[as_size(state)];
+                tree.sawtooth.add_potential(std::move(potential));
+            },
+            "offset"_a, "scale"_a, "power"_a, "entropy"_a, "pairs"_a.noconvert(), "pair_weights"_a, "state"_a,
+            R"(Add the upper bound offset.b + scale N(b) - entropy H(b) - sum of weight sqrt(b(s) b(t)).
+
+Args:
+    offset: (S,). scale, power: of the norm N(b) = (sum of b(s)^power)^(1 / power). entropy: of the entropy in nats.
+    pairs: (n, 2) states s and t. pair_weights: (n,).
+    state: the bound holds at beliefs within the block of this state; -1: within any block.)")
+        .def(
+            "add_graph",
+            [](Tree& tree, const std::vector<std::vector<Index>>& symmetries) {
+                for (const std::vector<Index>& image : symmetries) {
+                    require(image.size() == as_size(tree.model.states), "a symmetry needs one state for each state");
+                    for (const Index s : image) require(s >= 0 && s < tree.model.states, "a symmetry has an unknown state");
+                }
+                tree.graph = std::make_unique<BeliefGraph>(tree, Renamings(tree.model.states, symmetries));
+                if (!symmetries.empty()) tree.sawtooth.set_renamings(&tree.graph->renamings());
+            },
+            "symmetries"_a, "Make the graph of beliefs, in which those that a symmetry of the model renames are one.")
+        .def(
+            "search_graph",
+            [](Tree& tree, Index root, double share, double min_target, std::uint64_t max_work, double seconds) {
+                require(tree.graph != nullptr, "the tree has no graph");
+                const Weights belief = get_node(tree, root).belief;
+                Clock clock(seconds, check_interrupt);
+                return tree.graph->search(belief, share, min_target, max_work, clock);
+            },
+            without_gil, "root"_a, "share"_a, "min_target"_a, "max_work"_a, "seconds"_a,
+            R"(Lower the upper bound at a root by trials in the graph of beliefs; return the number of beliefs expanded.
+
+Args:
+    share, min_target: a trial aims at this share of the gap at the root, or at the smallest target.
+    max_work: the trials end after about so many numbers have been read, see `work`.
+    seconds: of wall-clock time, after which they end early.)")
+        .def_prop_ro("graph_memory", [](const Tree& tree) { return tree.graph ? tree.graph->memory_size() : 0; },
+                     "Memory of the graph of beliefs in bytes.")
+        .def_prop_ro("work", &Tree::work, "The numbers of vectors, points and beliefs that have been read so far.")
         .def_prop_ro("discount", [](const Tree& tree) { return tree.model.discount; }, "gamma.")
         .def_prop_ro("node_count", [](const Tree& tree) { return tree.nodes.size(); }, "The number of beliefs.")
         .def_prop_ro("vector_count", &Tree::vector_count, "The number of alpha vectors in all groups.")
@@ -57,7 +103,7 @@ Source: Kurniawati, Hsu and Lee, RSS 2008, sections III and IV.)")
         .def_prop_ro("node_memory", &Tree::node_memory,
                      "Memory of the beliefs and of what is stored about them, in bytes.")
         .def_prop_ro("bound_memory", &Tree::bound_memory, "Memory of the alpha vectors and points, in bytes.")
-        .def("clear_nodes", &Tree::clear_nodes, "Remove all nodes, but keep the vectors and points.")
+        .def("clear_nodes", &Tree::clear_nodes, "Remove all nodes, also those of the graph, but keep the vectors and points.")
         .def("drop_older_points", &Tree::drop_older_points,
              "Remove the older half of the points: those that no backup has lowered for the longest time.")
         .def_prop_ro("point_count", [](const Tree& tree) { return tree.sawtooth.count(); },

@@ -70,6 +70,39 @@ def fast_informed_bound(model: Model, Q: Annotated[NDArray[numpy.float64], dict(
     Source: Hauskrecht, JAIR 2000.
     """
 
+def find_symmetries(model: Model, max_refinements: int, seconds: float) -> list[list[int]]:
+    """
+    Return, for each symmetry that was found, the state whose weight each state takes (S).
+
+    Source: McKay, "Practical graph isomorphism", 1981.
+    """
+
+def power_potentials(model: Model, mdp: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], begins: Annotated[NDArray[numpy.int64], dict(shape=(None,), order='C', device='cpu', writable=False)], states: Annotated[NDArray[numpy.int32], dict(shape=(None,), order='C', device='cpu', writable=False)], weights: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], seconds: float) -> tuple[NDArray[numpy.float64], NDArray[numpy.float64], NDArray[numpy.float64]]:
+    """
+    Return offsets (K, S), scales (K,) and powers (K,) of the potentials that are the lowest at some beliefs.
+
+    Potential k is offsets[k].b + scales[k] N(b) with the norm N(b) = (sum of b(s)^powers[k])^(1 / powers[k]).
+
+    Args:
+        mdp: (A, S) upper bounds on the Q values if the state were observed.
+        begins, states, weights: the beliefs, each within a block, in the form of `Tree.points`.
+        seconds: wall-clock time limit.
+
+    Source: Gallager, Information Theory and Reliable Communication, 1968, section 5.6, for the condition.
+    """
+
+def maximise_gain(linear: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], entropy: float, gamma: float, likelihood: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], pairs: Annotated[NDArray[numpy.int32], dict(shape=(None, None), order='C', device='cpu', writable=False)], pair_weights: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], tolerance: float, start: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)]) -> tuple[NDArray[numpy.float64], float, float]:
+    """
+    Return a belief (n,) at which the gain of an action is nearly the largest, its value, and an upper bound of all gains.
+
+    The gain is linear.b + entropy (H(b) - gamma E[H(b')]) + sum over pairs of weight sqrt(b(s) b(t)); it is concave.
+
+    Args:
+        linear: (n,). likelihood: (n, m) P(o | s) of the observations; with m = 0 there is no E[H(b')].
+        pairs: (n_pairs, 2) states s and t. pair_weights: (n_pairs,).
+        tolerance: the ascent ends when the value is this close to its upper bound. start: (n,) where it begins.
+    """
+
 class ValuePredictor:
     """
     Predicts the value of a node for selective deep sampling.
@@ -108,6 +141,39 @@ class Tree:
         Make a tree without nodes, with (A, S) upper bounds on the Q values and (A, S) values of the blind policies.
         """
 
+    def add_potential(self, offset: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], scale: float, power: float, entropy: float, pairs: Annotated[NDArray[numpy.int32], dict(shape=(None, None), order='C', device='cpu', writable=False)], pair_weights: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], state: int) -> None:
+        """
+        Add the upper bound offset.b + scale N(b) - entropy H(b) - sum of weight sqrt(b(s) b(t)).
+
+        Args:
+            offset: (S,). scale, power: of the norm N(b) = (sum of b(s)^power)^(1 / power). entropy: of the entropy in nats.
+            pairs: (n, 2) states s and t. pair_weights: (n,).
+            state: the bound holds at beliefs within the block of this state; -1: within any block.
+        """
+
+    def add_graph(self, symmetries: Sequence[Sequence[int]]) -> None:
+        """
+        Make the graph of beliefs, in which those that a symmetry of the model renames are one.
+        """
+
+    def search_graph(self, root: int, share: float, min_target: float, max_work: int, seconds: float) -> int:
+        """
+        Lower the upper bound at a root by trials in the graph of beliefs; return the number of beliefs expanded.
+
+        Args:
+            share, min_target: a trial aims at this share of the gap at the root, or at the smallest target.
+            max_work: the trials end after about so many numbers have been read, see `work`.
+            seconds: of wall-clock time, after which they end early.
+        """
+
+    @property
+    def graph_memory(self) -> int:
+        """Memory of the graph of beliefs in bytes."""
+
+    @property
+    def work(self) -> int:
+        """The numbers of vectors, points and beliefs that have been read so far."""
+
     @property
     def discount(self) -> float:
         """gamma."""
@@ -135,7 +201,9 @@ class Tree:
         """Memory of the alpha vectors and points, in bytes."""
 
     def clear_nodes(self) -> None:
-        """Remove all nodes, but keep the vectors and points."""
+        """
+        Remove all nodes, also those of the graph, but keep the vectors and points.
+        """
 
     def drop_older_points(self) -> None:
         """

@@ -113,7 +113,7 @@ class BoundedSearch:
                 reason = step()
                 if reason is not None:
                     return reason
-                self._update_record()
+                self.refresh_record()
                 if callback is not None:
                     tree = self.bounds.tree
                     callback(
@@ -123,6 +123,13 @@ class BoundedSearch:
                     )
         except KeyboardInterrupt:
             return "interrupted"
+
+    def refresh_record(self) -> None:
+        """Record the bounds at the roots that the search aims at."""
+        tree, roots = self.bounds.tree, self._aims
+        lower = [tree.lower_bound(root) for root in roots]
+        upper = [tree.upper_bound(root) for root in roots]
+        self.record.update(lower, upper, tree.vector_count, tolerance=self._tolerance)
 
     def sample(self, share: float, max_depth: int, function: SampleFunction | None = None) -> int:
         """Sample one path from the root with the widest gap and prune; return the number of its nodes.
@@ -144,6 +151,18 @@ class BoundedSearch:
         vectors = tree.vector_count
         self.work += WORK_PER_TRIAL + vectors * (len(self.bounds.pomdp.states) + vectors // 20)
         return nodes
+
+    def search_graph(self, share: float, max_work: float) -> int:
+        """Lower the upper bound at the root with the widest gap by the graph; return the expansions.
+
+        Args:
+            share: of the gap, at which each trial aims.
+            max_work: the trials end after about this work of the tree.
+        """
+        tree, target = self.bounds.tree, 0.5 * self.precision
+        expanded = tree.search_graph(self.widest, share, target, int(max_work), max(0.0, self.seconds_left))
+        self.refresh_record()
+        return expanded
 
     def prune(self, roots: list[int]) -> None:
         """Drop vectors that are useless at the beliefs that the roots reach."""
@@ -197,10 +216,9 @@ class BoundedSearch:
         """Return the result after the search stopped for a reason."""
         if len(self._aims) < len(self.roots):
             self._aim(self.roots)
-        self._update_record()
-        self.bounds.add_points(self.roots)
+        self.refresh_record()
         return self.record.make_solution(
-            self.bounds.make_policy(),
+            self.bounds.make_policy(self.roots),
             reason,
             beliefs=self.bounds.tree.node_count,
             trials=self.trials,
@@ -212,11 +230,4 @@ class BoundedSearch:
         beliefs = [self.bounds.tree.belief(root) for root in roots]
         self.record = BoundsRecord(self.bounds.pomdp, beliefs, self._began)
         self.record.history = history
-        self._update_record()
-
-    def _update_record(self) -> None:
-        """Record the bounds at the roots that the search aims at."""
-        tree, roots = self.bounds.tree, self._aims
-        lower = [tree.lower_bound(root) for root in roots]
-        upper = [tree.upper_bound(root) for root in roots]
-        self.record.update(lower, upper, tree.vector_count, tolerance=self._tolerance)
+        self.refresh_record()

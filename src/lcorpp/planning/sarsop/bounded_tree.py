@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -20,6 +21,9 @@ from lcorpp.planning.sarsop.kernel_model import build_model
 from lcorpp.planning.sarsop.reachable_blocks import ReachableBlocks
 from lcorpp.planning.upper_bounds import SawtoothBound
 from lcorpp.values import Belief
+
+if TYPE_CHECKING:
+    from lcorpp.planning.sarsop.hidden_bounds import HiddenBounds
 
 
 class BoundedTree:
@@ -45,7 +49,7 @@ class BoundedTree:
         previous: Policy | None = None,
     ) -> None:
         self.pomdp = pomdp
-        self._model, self._blocks = self._build_model(starts)
+        self._model, self._blocks = self._own = self._build_model(starts)
         self._blind = blind_policies(self._model, 1e-3 * precision, seconds)
         upper = previous.upper_bound if previous else None
         if isinstance(upper, SawtoothBound):
@@ -55,6 +59,7 @@ class BoundedTree:
             self.informed = fast_informed_bound(self._model, mdp, 1e-2 * precision, seconds)
         self.max_abs_value = max(1.0, float(np.abs(self._blind).max()), float(np.abs(self.informed).max()))
         self.predictor = ValuePredictor(self.informed.max(axis=0))
+        self._hidden: HiddenBounds | None = None
         self.tree = self._make_tree(previous)
 
     @property
@@ -63,7 +68,36 @@ class BoundedTree:
 
         The problem is in memory twice, for Python and for the kernels; a policy copies vectors and points.
         """
-        return 2 * self.pomdp.memory_size + self.tree.node_memory + 2 * self.tree.bound_memory
+        own = self.tree.node_memory + self.tree.graph_memory + 2 * self.tree.bound_memory
+        return 2 * self.pomdp.memory_size + own
+
+    @property
+    def is_sharpened(self) -> bool:
+        """Whether `sharpen` was called."""
+        return self._hidden is not None
+
+    @property
+    def has_graph(self) -> bool:
+        """Whether the tree has a graph of beliefs."""
+        return self._hidden is not None and self._hidden.found
+
+    def sharpen(self, starts: Sequence[Belief], *, seconds: float) -> None:
+        """Add what `hidden_values` finds about the problem.
+
+        Args:
+            starts: beliefs (S,) at which the upper bound shall be low.
+            seconds: time for which the limits of its work are set.
+        """
+        from lcorpp.planning.sarsop.hidden_values import find_hidden_values
+
+        self._hidden = find_hidden_values(self.pomdp, self._model, starts, seconds)
+        self._hidden.apply(self.tree)
+
+    def restart(self, policy: Policy | None) -> None:
+        """Replace all that a search has changed, by the vectors and points of a policy."""
+        self._model, self._blocks = self._own
+        self.predictor = ValuePredictor(self.informed.max(axis=0))
+        self.tree = self._make_tree(policy)
 
     def include(self, start: Belief) -> None:
         """Allow searches from another start (S,), which may remove all nodes."""
@@ -80,8 +114,8 @@ class BoundedTree:
             value = np.array([self.tree.upper_bound(node)])
             self.tree.add_points(np.array([0, len(states)]), states, belief[states], value)
 
-    def make_policy(self) -> Policy:
-        """Return the policy of the alpha vectors, with its upper bound."""
+    def make_policy(self, nodes: Sequence[int] = ()) -> Policy:
+        """Return the policy of the alpha vectors, with its upper bound, also at the beliefs of some nodes."""
         tree, sets = self.tree, []
         for group in range(tree.group_count):
             # without the pruned vectors that others depend on, the policy could earn less than it promises
@@ -95,10 +129,24 @@ class BoundedTree:
             for part in parts:
                 values = table if len(part) == len(states) else table[:, part]
                 sets.append(AlphaVectors(part, values, actions.astype(np.intp)))
-        points = tree.points()
-        for array in points:
-            array.setflags(write=False)
-        return Policy.of_sets(self.pomdp, sets, SawtoothBound(self.informed, *points))
+        return Policy.of_sets(self.pomdp, sets, self._make_upper_bound(nodes))
+
+    def _make_upper_bound(self, nodes: Sequence[int]) -> SawtoothBound:
+        """Return the bound by the points of the tree, and by one at the belief of each node.
+
+        The points of the tree are at beliefs in normal form, see `native/sarsop/graph/renamings.hpp`.
+        """
+        corners, begins, states, weights, values = self.tree.points()
+        beliefs = [self.tree.belief(node) for node in nodes]
+        supports = [np.flatnonzero(belief).astype(np.int32) for belief in beliefs]
+        ends = begins[-1] + np.cumsum([len(support) for support in supports], dtype=np.int64)
+        own = [belief[support] for belief, support in zip(beliefs, supports, strict=True)]
+        own_values = np.array([self.tree.upper_bound(node) for node in nodes])
+        begins, states = np.concatenate([begins, ends]), np.concatenate([states, *supports])
+        weights, values = np.concatenate([weights, *own]), np.concatenate([values, own_values])
+        for array in (corners, begins, states, weights, values):
+            array.setflags(write=False)  # so that the bound takes it without a copy
+        return SawtoothBound(self.informed, corners, begins, states, weights, values)
 
     def _build_model(self, starts: Sequence[Belief]) -> tuple[Model, ReachableBlocks | None]:
         """Return the problem for the kernels, and the blocks of its states if they depend on the starts."""
@@ -116,6 +164,8 @@ class BoundedTree:
         the model has a single block, and its beliefs are in that.
         """
         tree = Tree(self._model, self.informed, self._blind)
+        if self._hidden is not None:
+            self._hidden.apply(tree)
         if previous is None:
             return tree
         groups = [(group, *tree.vectors(group)[::2]) for group in range(tree.group_count)]

@@ -24,8 +24,8 @@ from lcorpp.planning.arguments import (
 from lcorpp.planning.pomdp import Pomdp
 from lcorpp.planning.sarsop.bounded_search import BoundedSearch, SampleFunction
 from lcorpp.planning.sarsop.bounded_tree import BoundedTree
-from lcorpp.planning.sarsop.look_ahead import LookAhead
 from lcorpp.planning.sarsop.mixtures import MixtureStarts
+from lcorpp.planning.sarsop.trials import Trials
 from lcorpp.planning.solution import CONVERGED, Progress, Solution
 
 MIXTURE_WORK = 2.5e5
@@ -104,10 +104,10 @@ def solve(
         previous=previous.policy if previous else None,
     )
     search = BoundedSearch(bounds, starts, precision=precision, began=began, time_limit=time_limit)
-    paths = LookAhead(search, sample)
+    trials = Trials(search, memory_limit=memory_limit, seconds=time_limit, function=sample)
 
     def step() -> str | None:
-        paths.sample()
+        trials.sample()
         if mixed is None:  # the compressed vectors are as good at the starts, not at their mixtures
             search.compress(memory_limit)
         return "memory limit" if search.limit_memory(memory_limit) else None
