@@ -38,7 +38,7 @@ help:
 demo: $(VENV)/.runtime
 	$(BIN)/lcorpp explain intention --fact time=afternoon --fact location=classroom --label zero --truth interested --answers pos,pos,pos
 	$(BIN)/lcorpp run intention --trials 1000 --out out/demo $(if $(TRAINED),--classifier $(TRAINED),--learner lstm-fast)
-	$(BIN)/lcorpp run shopping --trials 1000 --time-limit 5 --out out/demo-shopping
+	$(BIN)/lcorpp run shopping --trials 1000 --time-limit 10 --out out/demo-shopping
 
 test: $(VENV)/.dev
 	$(BIN)/python -m pytest -m "not slow" -n 2 --dist worksteal
@@ -89,6 +89,7 @@ bench: $(VENV)-bench/.peers
 	$(VENV)-bench/bin/python benchmarks/plog.py
 	$(VENV)-bench/bin/python benchmarks/networks.py
 	$(VENV)-bench/bin/python benchmarks/sarsop.py $(MODELS)
+	$(VENV)-bench/bin/python benchmarks/dialogues.py
 	$(VENV)-bench/bin/python benchmarks/large_models.py
 	$(VENV)-bench/bin/python benchmarks/learner.py
 

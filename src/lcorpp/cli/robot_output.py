@@ -224,13 +224,31 @@ def print_solution(solution: Solution, gap: float | None = None, *, precision: f
         f" vectors, {solution.seconds:.1f} s{cached}"
     )
     if not solution.converged:
+        text, is_wide = describe_open_gap(solution)
         kept = "; this is the best policy so far" if solution.reason == "interrupted" else ""
-        console.warn(
-            f"{name} has not converged ({solution.reason}{kept}): a gap of"
-            f" {solution.upper - solution.lower:.4g} remains, so a better policy may exist"
-        )
+        if is_wide:
+            console.warn(
+                f"{name} has not converged ({solution.reason}{kept}): a better one may exist; {text}"
+            )
+        else:
+            console.print_note(f"{name} ended ({solution.reason}{kept}): {text}")
     elif gap is not None:
         _note_wide_gap(solution, gap, precision)
+
+
+SMALL_SHARE = 0.1
+"""A gap up to this share of what planning gains needs no warning."""
+
+
+def describe_open_gap(solution: Solution) -> tuple[str, bool]:
+    """Return what a better policy may gain at most, and whether that is much of what planning gains."""
+    from lcorpp.planning.evaluation.gap_share import compute_gap_share
+
+    gap, share = solution.upper - solution.lower, compute_gap_share(solution)
+    text = f"no policy earns more than {gap:.4g} above this one"
+    if share is None:
+        return text, True
+    return f"{text}, {share:.1%} of what planning gains over repeating one action", share > SMALL_SHARE
 
 
 PRIORS = "the priors of these people"

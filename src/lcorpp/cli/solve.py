@@ -11,7 +11,8 @@ import typer
 
 from lcorpp.cli import console, model_files, output_files
 from lcorpp.cli.console import print_text
-from lcorpp.cli.options.solving import SOLVERS
+from lcorpp.cli.options.solving import OFFLINE_SOLVERS
+from lcorpp.planning.solver_table import ONLINE
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -44,7 +45,7 @@ def solve(
     ] = None,
     name: Annotated[
         str,
-        typer.Option("--solver", metavar="NAME", help=f"The solver: {SOLVERS}."),
+        typer.Option("--solver", metavar="NAME", help=f"The solver: {OFFLINE_SOLVERS}."),
     ] = "sarsop",
     horizon: Annotated[
         int | None,
@@ -73,9 +74,12 @@ def solve(
     The exit code is 1 if --check refutes the bounds.
     """
     from lcorpp import planning
+    from lcorpp.cli.robot_output import describe_open_gap
     from lcorpp.planning.solvers import load_solver
 
     planning.SolverOptions(name, precision, time_limit)  # checks them before the work
+    if name == ONLINE:
+        raise typer.BadParameter(f"{ONLINE} makes no policy; its bounds are those of sarsop")
     for option, value in (("--memory-limit", memory_limit), ("--horizon", horizon)):
         if value is not None and name != "sarsop":
             raise typer.BadParameter(f"{option} is an option of sarsop, not of {name}")
@@ -106,6 +110,8 @@ def solve(
         f"{problem.name}: lower {solution.lower:.6f}, upper {solution.upper:.6f},"
         f" gap {solution.upper - solution.lower:.6f} at the start belief"
     )
+    if horizon is None and not solution.converged:
+        print_text(describe_open_gap(solution)[0])
     count = sum(map(len, policies))
     written = f"{out}" if horizon is None else f"{files[0]} to {files[-1].name}, for the remaining steps"
     print_text(f"{solution.reason} after {solution.seconds:.2f} s; wrote {count} vectors to {written}")

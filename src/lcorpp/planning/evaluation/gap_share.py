@@ -1,0 +1,31 @@
+"""The gap between the bounds of a solution, compared with what planning gains."""
+
+from __future__ import annotations
+
+from lcorpp.planning.solution import Solution
+
+TOLERANCE = 1e-3
+"""Of the value of repeating an action, relative to the gap."""
+
+MAX_SECONDS = 5.0
+"""Time limit of that value, which is a lower bound then."""
+
+
+def compute_gap_share(solution: Solution) -> float | None:
+    """Return the gap as a share of what the policy gains over the best policy that repeats one action.
+
+    Where reports end a problem, that policy reports at once. The gain is that at the model's start belief,
+    so it is the same for all other starts.
+
+    Returns:
+        None if the policy gains nothing, or the discount is 1.
+    """
+    from lcorpp.planning._native import blind_policies
+    from lcorpp.planning.sarsop.kernel_model import build_model
+
+    pomdp, gap = solution.pomdp, solution.upper - solution.lower
+    if pomdp.discount == 1:
+        return None
+    repeated = blind_policies(build_model(pomdp), TOLERANCE * max(gap, TOLERANCE), MAX_SECONDS)
+    gain = solution.policy.value(pomdp.start) - float((repeated @ pomdp.start).max())
+    return gap / gain if gain > 0 else None
