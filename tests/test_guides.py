@@ -55,6 +55,7 @@ CHECKS = {
     "guides/learning/streaming.md": 6,
     "guides/learning/tables.md": 3,
     "guides/planning/bounds.md": 7,
+    "guides/planning/dialogues.md": 1,
     "guides/planning/certificate.md": 3,
     "guides/planning/files.md": 2,
     "guides/planning/gymnasium.md": 0,

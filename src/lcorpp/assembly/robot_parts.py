@@ -17,7 +17,7 @@ from lcorpp.domains import Domain, load_domain, with_reasoner
 from lcorpp.domains.loading import SHIPPED_FOLDER
 from lcorpp.errors import DecisionError, LcorppError
 from lcorpp.files import read_bytes
-from lcorpp.planning import Planner, Policy, SolverOptions
+from lcorpp.planning import Policy, SolverOptions
 from lcorpp.planning.upper_bounds import MixtureBound
 from lcorpp.reasoning import Program
 from lcorpp.user_code import split_function
@@ -127,7 +127,8 @@ class RobotParts:
     def robot(self) -> Robot:
         """The full robot, without classifiers."""
         reasoner = self.domain.make_reasoner(self.program)
-        return Robot({}, reasoner, Planner(self.policy, self.domain.pomdp), self.domain)
+        planner = (self.solver or SolverOptions()).make_planner(self.policy, self.domain.pomdp)
+        return Robot({}, reasoner, planner, self.domain)
 
 
 def describe_strategy(strategy: Strategy) -> dict[str, Any]:

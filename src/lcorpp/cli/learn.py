@@ -20,7 +20,7 @@ from lcorpp.cli.options.robot import RobotGroup
 if TYPE_CHECKING:
     from lcorpp.domains import Domain
     from lcorpp.experiments.result_folder import WrittenFiles
-    from lcorpp.planning import Planner, Policy, Solution, SolverOptions
+    from lcorpp.planning import OnlinePlanner, Planner, Policy, Solution, SolverOptions
     from lcorpp.runs.batches import BatchResult
     from lcorpp.runs.run_store import RunStore
     from lcorpp.runs.senses import ActiveLearningOptions, LearningSenses
@@ -65,7 +65,8 @@ def learn(given: RobotGroup, learning: LearningGroup) -> None:
         with _keep_on_interrupt(outcome, store):
             planner, outcome.solution = _make_planner(loaded, policy, solving, given.solving.find_cache())
             stack.enter_context(explain_missing_reports(outcome.solution))
-            solver = None if outcome.solution is None else solving
+            solver, used = (None, policy) if outcome.solution is None else (solving, outcome.solution.policy)
+            assert used is not None
             results = run_active_learning(
                 loaded,
                 senses,
@@ -73,7 +74,7 @@ def learn(given: RobotGroup, learning: LearningGroup) -> None:
                 chosen,
                 run_store=run_store,
                 log=log,
-                parts=RobotParts(loaded, planner.policy, solver=solver, policy_file=given.policy),
+                parts=RobotParts(loaded, used, solver=solver, policy_file=given.policy),
                 on_alarm=partial(_print_alarm, loaded),
                 progress=console.show_progress,
             )
@@ -134,7 +135,7 @@ def _print_outcome(outcome: _Outcome, precision: float, *, noted: bool) -> None:
 
 def _make_planner(
     domain: Domain, policy: Policy | None, solver: SolverOptions, cache: Path | None
-) -> tuple[Planner, Solution | None]:
+) -> tuple[Planner | OnlinePlanner, Solution | None]:
     """Return the planner of a given policy, or solve the POMDP and print how well."""
     from lcorpp.assembly.solving import solve_domain
     from lcorpp.cli.robot_output import print_solution
@@ -145,7 +146,7 @@ def _make_planner(
     with console.show_progress("solving the POMDP") as advance:
         solution = solve_domain(domain, solver, any_prior=True, cache=cache, advance=advance)
     print_solution(solution)
-    return Planner(solution), solution
+    return solver.make_planner(solution.policy, domain.pomdp), solution
 
 
 def _print_batches(

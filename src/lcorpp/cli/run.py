@@ -124,9 +124,10 @@ def _choose_comparison(
     from lcorpp.experiments.comparison import ComparisonOptions
 
     rows = find_strategies(strategies, [sense.name for sense in domain.all_senses])
+    solver = given.solving.choose_solver(domain)
     if not strategies and trials is not None:
         try:
-            check_dialogue(domain, [TRUST])
+            check_dialogue(domain, [TRUST], solver)
             rows = (*rows, TRUST)
         except DomainError as error:
             console.print_note(f"{TRUST.name} is left out: {error}")
@@ -146,7 +147,7 @@ def _choose_comparison(
         trials=trials,
         seed=given.seed,
         jobs=console.count_processes(given.jobs),
-        solver=given.solving.choose_solver(domain),
+        solver=solver,
         cache=given.solving.find_cache(),
         log=given.log,
     )

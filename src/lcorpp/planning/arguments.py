@@ -69,6 +69,13 @@ def check_limits(precision: float, time_limit: float) -> None:
         raise ModelError(f"the time limit is {time_limit}; expected a positive number")
 
 
+def check_step_seconds(step_seconds: float) -> None:
+    """Reject times of a search at each step that are not positive and finite."""
+    check_type("step seconds", step_seconds, Real)
+    if not 0 < step_seconds < inf:
+        raise ModelError(f"the seconds of a step are {step_seconds}; expected a finite positive number")
+
+
 def check_discounted(pomdp: Pomdp) -> None:
     """Reject a problem with discount 1, where only discounts below 1 make sense."""
     if pomdp.discount == 1:

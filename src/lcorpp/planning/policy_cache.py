@@ -26,7 +26,7 @@ from lcorpp.files import hash_files, make_folder, write_atomically
 from lcorpp.planning.policy import AlphaVectors, Policy
 from lcorpp.planning.pomdp import Pomdp
 from lcorpp.planning.solution import Progress, Solution
-from lcorpp.planning.solver_table import SOLVER_NAMES
+from lcorpp.planning.solver_table import ONLINE, SOLVER_NAMES
 from lcorpp.planning.solvers import SolverOptions, load_solver
 from lcorpp.planning.upper_bounds import MixtureBound, PiecewiseLinearBound, SawtoothBound
 from lcorpp.values import Array
@@ -83,7 +83,7 @@ def solve_cached(
         ModelError: as the solver.
     """
     path = None
-    if folder is not None and options.name in SOLVER_NAMES:
+    if folder is not None and options.name in (*SOLVER_NAMES, ONLINE):
         path = folder / "policies" / f"{_make_key(pomdp, starts, mixed, options)}.solution"
         found = _read(path, pomdp)
         if found is not None:
@@ -101,6 +101,7 @@ def solve_cached(
 def _make_key(pomdp: Pomdp, starts: Array, mixed: Array | None, options: SolverOptions) -> str:
     """Return the fingerprint of all that determines a solution."""
     digest = hashlib.sha256(_hash_code().encode())
+    options = replace(options, step_seconds=1.0)  # a search at each step begins with the same policy
     beliefs = [starts] if mixed is None else [starts, mixed]
     digest.update(repr((pomdp.fingerprint, options, [each.shape for each in beliefs])).encode())
     for each in beliefs:

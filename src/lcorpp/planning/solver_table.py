@@ -14,3 +14,6 @@ SOLVERS: Mapping[str, tuple[str, str]] = {
 """Name -> module and function; the functions have one signature, see `lcorpp.planning.load_solver`."""
 
 SOLVER_NAMES = tuple(SOLVERS)
+
+ONLINE = "online"
+"""The solver of robots that search at each step, from SARSOP's bounds; see `OnlinePlanner`."""

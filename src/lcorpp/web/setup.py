@@ -10,7 +10,9 @@ from typing import Any
 from lcorpp.assembly.options import ClassifierOptions
 from lcorpp.assembly.track_robot import set_up_track_robot
 from lcorpp.domains import Domain
+from lcorpp.errors import DomainError
 from lcorpp.planning import SolverOptions
+from lcorpp.planning.solver_table import ONLINE
 from lcorpp.web.robot import PlayRobot
 
 
@@ -23,6 +25,8 @@ def set_up_robot(
         classifiers: sense -> how to get its classifier, None if the page asks for its labels.
         options: of `set_up_track_robot`, which also names the errors.
     """
+    if solver.name == ONLINE:
+        raise DomainError(f"the page acts by a policy; expected another solver than {ONLINE}")
     return PlayRobot(*set_up_track_robot(domain, classifiers, solver, **options))
 
 

@@ -10,10 +10,12 @@ from lcorpp.decision import Robot, Strategy
 from lcorpp.decision.strategies import Rates
 from lcorpp.domains import Domain
 from lcorpp.errors import DecisionError, DomainError
+from lcorpp.planning.solver_table import ONLINE
 from lcorpp.trust.options import DEFAULT_OPTIONS, TrustOptions
 
 if TYPE_CHECKING:
     from lcorpp.assembly.strategies.trust_session import TrustSession
+    from lcorpp.planning import SolverOptions
 
 
 @dataclass(frozen=True)
@@ -81,14 +83,23 @@ def find_ask_budget(strategy: Strategy) -> float | None:
     return None if points == DEFAULT_OPTIONS.ask_budget else points
 
 
-def check_dialogue(domain: Domain, strategies: Iterable[Strategy]) -> None:
+def check_dialogue(
+    domain: Domain, strategies: Iterable[Strategy], solver: SolverOptions | None = None
+) -> None:
     """Check that the dialogue of a domain suits strategies that learn from earlier people, if there are some.
 
+    Args:
+        solver: of the robot; None is that of the domain.
+
     Raises:
-        DomainError: as of `DomainDialogue`; or the program relates the labels of several senses.
+        DomainError: as of `DomainDialogue`; or the program relates the labels of several senses; or the
+            solver is `ONLINE`.
     """
     if any(strategy.start is not None for strategy in strategies):
         from lcorpp.domains.dialogue import DomainDialogue  # only such strategies need it
+
+        if (solver or domain.planning.solver).name == ONLINE:
+            raise DomainError(f"{TRUST.name} acts by a policy; expected another solver than {ONLINE}")
 
         DomainDialogue(domain)
         related = domain.find_related_senses(domain.program)

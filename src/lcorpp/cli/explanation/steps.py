@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from lcorpp.decision import Robot
     from lcorpp.domains import Domain
     from lcorpp.protocols import World
-    from lcorpp.values import Episode, Label, SharedValue, Step
+    from lcorpp.values import Belief, Episode, Label, SharedValue, Step
 
 
 def decide_and_print(
@@ -81,13 +81,17 @@ def decide_and_print(
     console.print_heading(3, "planning", "the prior belief")
     states = domain.pomdp.states
     _print_bars(zip(states, prior.tolist(), strict=True), possible=True)
-    numbers = itertools.count(4)
+    numbers, current = itertools.count(4), prior
 
     def print_step(step: Step) -> None:
+        nonlocal current
+        before, current = current, step.belief
         if step.observation is None:
             console.print_heading(next(numbers), step.action, "the decision")
+            _print_search(robot, before)
             return
         console.print_heading(next(numbers), step.action, f"observes {step.observation}")
+        _print_search(robot, before)
         _print_bars(zip(states, step.belief.tolist(), strict=True), possible=True)
 
     steps, report, plan_seconds = act_until_report(robot, prior, world, listener=print_step)
@@ -99,6 +103,18 @@ def decide_and_print(
     )
     seconds["plan"] = plan_seconds
     return Episode(dict(labels), evidence, marginal, prior, steps, report, seconds)
+
+
+def _print_search(robot: Robot, belief: Belief) -> None:
+    """Print what another action may gain at most, if the robot searched at a belief."""
+    from lcorpp.planning import OnlinePlanner
+
+    if isinstance(robot.planner, OnlinePlanner):
+        found = robot.planner.search(belief)
+        gap = found.upper - found.lower
+        console.out.print(
+            f"   value in [{found.lower:.3f}, {found.upper:.3f}]: another action gains at most {gap:.2g} more"
+        )
 
 
 def _print_bars(pairs: Iterable[tuple[str, float]], *, possible: bool = False) -> None:

@@ -9,14 +9,17 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from lcorpp.cli.options.common import join_names
-from lcorpp.planning.solver_table import SOLVER_NAMES
+from lcorpp.planning.solver_table import ONLINE, SOLVER_NAMES
 
 if TYPE_CHECKING:
     from lcorpp.domains import Domain
     from lcorpp.planning import SolverOptions
 
-SOLVERS = f"{join_names(SOLVER_NAMES)}, or your own as FILE.py:NAME"
-"""The solvers, for help."""
+OFFLINE_SOLVERS = f"{join_names(SOLVER_NAMES)}, or your own as FILE.py:NAME"
+"""The solvers that make a policy, for help."""
+
+SOLVERS = f"{join_names((*SOLVER_NAMES, ONLINE))}, or your own as FILE.py:NAME"
+"""The solvers of a robot, for help."""
 
 NoCacheOption = Annotated[
     bool,
@@ -50,6 +53,13 @@ class SolverGroup:
         float | None,
         typer.Option(help="Stop solving after this many seconds; by default the domain's limit, or 60."),
     ] = None
+    step_seconds: Annotated[
+        float | None,
+        typer.Option(
+            help=f"With --solver {ONLINE}: about the seconds of the search at each step; by default those of"
+            " the domain, or 0.1."
+        ),
+    ] = None
     no_cache: NoCacheOption = False
 
     def choose_solver(self, domain: Domain) -> SolverOptions:
@@ -62,6 +72,7 @@ class SolverGroup:
             "name": self.solver,
             "precision": self.precision,
             "time_limit": self.time_limit,
+            "step_seconds": self.step_seconds,
         }
         chosen = {key: value for key, value in given.items() if value is not None}
         return replace(domain.planning.solver, **chosen)

@@ -225,10 +225,11 @@ def _read_solver(table: TomlTable, folder: Path, own: bool) -> SolverOptions:
     parts = find_function(table, "solver", folder) if "solver" in table else None
     precision = table.number("precision", MIN_LIMIT, MAX_PRECISION, default.precision)
     time_limit = table.number("time_limit", MIN_LIMIT, inf, default.time_limit)
+    step_seconds = table.number("step_seconds", MIN_LIMIT, MAX_PRECISION, default.step_seconds)
     if parts and not own:
-        return SolverOptions(precision=precision, time_limit=time_limit)
+        return SolverOptions(precision=precision, time_limit=time_limit, step_seconds=step_seconds)
     try:
-        return SolverOptions(f"{parts[0]}:{parts[1]}" if parts else name, precision, time_limit)
+        return SolverOptions(f"{parts[0]}:{parts[1]}" if parts else name, precision, time_limit, step_seconds)
     except ModelError as error:
         raise DomainError(f"{table.location('solver')}: {error}") from None
 
