@@ -77,14 +77,14 @@ def main(
     memory: dict[str, list[float]] = {}
     for model in models:
         console.print(f"{model.name} ...")
-        own = _run_lcorpp(model, seconds)
+        own = run_lcorpp(model, seconds)
         if own is None:
             console.print(f"{model.name}: lcorpp rejects it")
             continue
         sizes[model.name], found[model.name] = own["sizes"], {"lcorpp": own["history"]}
         memory[model.name] = [own["memory"]]
         if appl:
-            found[model.name]["APPL"], peak = _run_appl(appl, model, appl_seconds)
+            found[model.name]["APPL"], peak = run_appl(appl, model, appl_seconds)
             memory[model.name].append(peak)
     if not found:
         raise SystemExit("no model was measured")
@@ -94,7 +94,7 @@ def main(
     console.print(f"wrote {out} and {out.with_suffix('.png')}")
 
 
-def _run_lcorpp(model: Path, seconds: float) -> dict[str, Any] | None:
+def run_lcorpp(model: Path, seconds: float) -> dict[str, Any] | None:
     warm = Path(__file__).parents[1] / "src/lcorpp/domains/intention/authors.pomdp"
     command = [sys.executable, "-c", LCORPP_SCRIPT, str(model), str(warm), str(PRECISION), str(seconds)]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
@@ -104,7 +104,7 @@ def _run_lcorpp(model: Path, seconds: float) -> dict[str, Any] | None:
     return json.loads(done.stdout)
 
 
-def _run_appl(command: str, model: Path, seconds: float) -> tuple[History, float]:
+def run_appl(command: str, model: Path, seconds: float) -> tuple[History, float]:
     """Parse what APPL prints, empty if it rejects the model; and its peak memory in KiB."""
     options = ["--timeout", str(seconds), "--precision", str(PRECISION), "--output", os.devnull]
     running = subprocess.Popen(
@@ -118,7 +118,7 @@ def _run_appl(command: str, model: Path, seconds: float) -> tuple[History, float
     ], usage.ru_maxrss
 
 
-def _bounds_at(history: History, seconds: float) -> tuple[float, float] | None:
+def bounds_at(history: History, seconds: float) -> tuple[float, float] | None:
     """The bounds at a time, None before the first."""
     known = [(low, high) for t, low, high in history if t <= seconds]
     return known[-1] if known else None
@@ -154,7 +154,7 @@ def _table(
         ours, theirs = histories["lcorpp"], histories.get("APPL", [])
         cells = [model, ", ".join(map(str, sizes[model]))]
         for mark in MARKS:
-            cells += [_gap(_bounds_at(ours, mark)), _gap(_bounds_at(theirs, mark))]
+            cells += [_gap(bounds_at(ours, mark)), _gap(bounds_at(theirs, mark))]
         cells += [_bounds(ours), _bounds(theirs)]
         if theirs:
             gap = max(theirs[-1][2] - theirs[-1][1], PRECISION)
