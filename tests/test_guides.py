@@ -63,7 +63,7 @@ CHECKS = {
     "guides/planning/models.md": 3,
     "guides/planning/simulation.md": 2,
     "guides/planning/solve.md": 5,
-    "guides/planning/solvers.md": 6,
+    "guides/planning/solvers.md": 8,
     "guides/reasoning/answer-sets.md": 3,
     "guides/reasoning/decisions.md": 3,
     "guides/reasoning/fit.md": 2,

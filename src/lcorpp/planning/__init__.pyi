@@ -40,9 +40,11 @@ from .solvers.finite_horizon import (
 )
 from .solvers.heuristic_search import OnlinePlanner as OnlinePlanner, SearchResult as SearchResult
 from .solvers.pomcp import (
+    ObservedSimulator as ObservedSimulator,
     ParticlePlanner as ParticlePlanner,
     PomcpPlanner as PomcpPlanner,
     Simulator as Simulator,
     TableSimulator as TableSimulator,
+    Widening as Widening,
 )
 from .sparse import SparseTables as SparseTables

@@ -1,8 +1,9 @@
-"""POMCP: online planning by Monte-Carlo tree search (Silver and Veness, NIPS 2010)."""
+"""Online planning by Monte-Carlo tree search: POMCP (NIPS 2010), and POMCPOW (ICAPS 2018)."""
 
 from __future__ import annotations
 
 from lcorpp.planning.solvers.pomcp.planners import ParticlePlanner, PomcpPlanner
-from lcorpp.planning.solvers.pomcp.simulator import Simulator, TableSimulator
+from lcorpp.planning.solvers.pomcp.search import Widening
+from lcorpp.planning.solvers.pomcp.simulator import ObservedSimulator, Simulator, TableSimulator
 
-__all__ = ["ParticlePlanner", "PomcpPlanner", "Simulator", "TableSimulator"]
+__all__ = ["ObservedSimulator", "ParticlePlanner", "PomcpPlanner", "Simulator", "TableSimulator", "Widening"]

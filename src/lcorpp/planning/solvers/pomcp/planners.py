@@ -1,12 +1,13 @@
-"""Planners with POMCP: exact beliefs for problems in tables, particles for any simulator.
+"""Planners by Monte-Carlo tree search: exact beliefs for problems in tables, particles for any simulator.
 
-Source: Silver and Veness, Monte-Carlo planning in large POMDPs, NIPS 2010.
+Sources: Silver and Veness, Monte-Carlo planning in large POMDPs, NIPS 2010; Sunberg and Kochenderfer, Online
+algorithms for POMDPs with continuous state, action, and observation spaces, ICAPS 2018.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Hashable, Sequence
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
@@ -15,8 +16,14 @@ from lcorpp.planning.arguments import check_count
 from lcorpp.planning.belief import check_belief
 from lcorpp.planning.planner import ModelPlanner
 from lcorpp.planning.pomdp import Pomdp
-from lcorpp.planning.solvers.pomcp.search import EXPLORATION, ActionValues, History, TreeSearch
-from lcorpp.planning.solvers.pomcp.simulator import Simulator, TableSimulator
+from lcorpp.planning.solvers.pomcp.search import (
+    EXPLORATION,
+    ActionValues,
+    History,
+    TreeSearch,
+    Widening,
+)
+from lcorpp.planning.solvers.pomcp.simulator import ObservedSimulator, Simulator, TableSimulator
 from lcorpp.values import Belief
 
 MAX_TRIES = 100
@@ -107,8 +114,13 @@ class PomcpPlanner(ModelPlanner):
 
 
 class ParticlePlanner:
-    """POMCP as published, for any simulator: particles, states that agree with the observations, are the
-    belief.
+    """POMCP and POMCPOW as published, for any simulator: the belief is a set of particles, states of the
+    problem.
+
+    With `widening` the simulator is an `ObservedSimulator`. Observations may then be continuous: the search
+    widens over them, and particles are drawn by their likelihood. Otherwise the particles are the simulated
+    states whose simulated observation is the one that was made. Neither has bounds: the values are estimates,
+    and particles may miss states of small probability.
 
     Args:
         simulator: the problem.
@@ -117,13 +129,15 @@ class ParticlePlanner:
         seconds: largest wall-clock time of one call of `action`; unlimited when None.
         particles: the wanted number of particles, at least 1.
         exploration: c of UCB1 as a share of the range of mean returns.
+        widening: of the observations; None for few observations.
         seed: of the choice among particles, an integer of at least 0; the simulator has its own random
             numbers.
 
     Raises:
-        ModelError: a number is out of range.
+        ModelError: a number is out of range, or a simulator with widening has no likelihood.
 
-    Source: Silver and Veness, NIPS 2010.
+    Sources: Silver and Veness, NIPS 2010; Sunberg and Kochenderfer, ICAPS 2018; for the particles Gordon,
+    Salmond and Smith, 1993.
 
     Examples:
         >>> from lcorpp import load_domain
@@ -143,13 +157,20 @@ class ParticlePlanner:
         seconds: float | None = None,
         particles: int = 1_000,
         exploration: float = EXPLORATION,
+        widening: Widening | None = None,
         seed: int = 0,
     ) -> None:
         _check_options(simulations, seconds, exploration, seed)
-        self.simulator, self.simulations = simulator, simulations
+        if widening is not None and not callable(getattr(simulator, "likelihood", None)):
+            raise ModelError(
+                "widening needs a simulator with likelihood(observation, state, action, next_state)"
+            )
+        self.simulator, self.simulations, self.widening = simulator, simulations, widening
         self.seconds = np.inf if seconds is None else seconds
         self.particle_count = check_count("particles", particles, 1)
-        self._tree_search = TreeSearch(simulator, exploration=exploration, keep_particles=True)
+        self._tree_search = TreeSearch(
+            simulator, exploration=exploration, keep_particles=True, widening=widening, seed=seed
+        )
         self._root, self._rng = History(simulator.actions), np.random.default_rng(seed)
         self.particles: Sequence[Any] = [start() for _ in range(particles)]
 
@@ -168,8 +189,10 @@ class ParticlePlanner:
     def update(self, action: int, observation: Hashable) -> None:
         """Update the particles after an action and an observation.
 
-        The particles are the states of all simulations with this action and observation. If there are fewer
-        than `particle_count`, further simulations of the step add those with the observation.
+        With widening, as many steps are simulated as there are particles, and the next particles are drawn by
+        the likelihood of the observation (systematic resampling). Otherwise they are the states of all
+        simulations with this action and observation. If there are fewer than `particle_count`, further
+        simulations of the step add those with the observation.
 
         Raises:
             ModelError: the action is unknown.
@@ -179,6 +202,10 @@ class ParticlePlanner:
         if not 0 <= action < self.simulator.actions:
             raise ModelError(f"the action must be 0 to {self.simulator.actions - 1}, not {action}")
         child = self._root.children.get((action, observation)) or History(self.simulator.actions)
+        if self.widening is not None:
+            self.particles = self._resample(action, observation)
+            self._root = child
+            return
         particles, tries = list(child.particles), 0
         while len(particles) < self.particle_count and tries < MAX_TRIES * self.particle_count:
             state, simulated, _ = self.simulator.step(self._draw(), action)
@@ -191,6 +218,26 @@ class ParticlePlanner:
                 f" produced observation {observation!r}"
             )
         self._root, self.particles = child, particles
+
+    def _resample(self, action: int, observation: Hashable) -> list[Any]:
+        """Return the particles after an action, drawn by the likelihood of an observation."""
+        simulator = cast("ObservedSimulator[Any]", self.simulator)
+        states, weights = [], []
+        for _ in range(self.particle_count):
+            before = self._draw()
+            state, _, _ = simulator.step(before, action)
+            states.append(state)
+            weights.append(float(simulator.likelihood(observation, before, action, state)))
+        sums = np.cumsum(weights)
+        if not (np.isfinite(sums[-1]) and min(weights) >= 0):
+            raise ModelError(f"likelihood() of the simulator is negative or not finite for {observation!r}")
+        if sums[-1] == 0:
+            raise ObservationError(
+                f"observation {observation!r} after action {action} is impossible in all"
+                f" {self.particle_count} particles"
+            )
+        places = (np.arange(self.particle_count) + self._rng.random()) / self.particle_count * sums[-1]
+        return [states[i] for i in np.minimum(np.searchsorted(sums, places, side="right"), len(states) - 1)]
 
     def _draw(self) -> Any:
         return self.particles[int(self._rng.integers(len(self.particles)))]

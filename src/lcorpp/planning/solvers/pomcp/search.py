@@ -1,20 +1,25 @@
-"""POMCP: Monte-Carlo tree search over histories of actions and observations.
+"""Monte-Carlo tree search over histories of actions and observations: POMCP, and POMCPOW by widening.
 
-Source: Silver and Veness, Monte-Carlo planning in large POMDPs, NIPS 2010, Algorithm 1.
+Sources: Silver and Veness, Monte-Carlo planning in large POMDPs, NIPS 2010, Algorithm 1; Sunberg and
+Kochenderfer, Online algorithms for POMDPs with continuous state, action, and observation spaces, ICAPS 2018,
+Algorithm 2.
 """
 
 from __future__ import annotations
 
+from bisect import bisect_right
 from collections.abc import Callable, Hashable
 from dataclasses import dataclass
 from math import log, sqrt
+from random import Random
 from time import monotonic
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import numpy.typing as npt
 
-from lcorpp.planning.solvers.pomcp.simulator import Simulator
+from lcorpp.errors import ModelError
+from lcorpp.planning.solvers.pomcp.simulator import ObservedSimulator, Simulator
 from lcorpp.values import Array
 
 EXPLORATION = 0.2
@@ -25,6 +30,37 @@ MIN_WEIGHT = 1e-3
 
 CLOCK_INTERVAL = 64
 """Simulations between two checks of the clock."""
+
+
+@dataclass(frozen=True)
+class Widening:
+    """Limits the observations after an action to factor * n^power, for n simulations of the action.
+
+    Without a limit, continuous observations never occur twice, and the search does not look beyond them.
+
+    Raises:
+        ModelError: the factor is not positive and finite, or the power not between 0 and 1.
+
+    Source: Couetoux and others, Continuous upper confidence trees, LION 2011.
+
+    Examples:
+        >>> from lcorpp.planning import Widening
+        >>> Widening(factor=4, power=0.5).limit(100)
+        40.0
+    """
+
+    factor: float = 4.0
+    power: float = 0.25
+
+    def __post_init__(self) -> None:
+        if not 0 < self.factor < np.inf:
+            raise ModelError(f"the factor of widening is {self.factor}; expected a finite positive number")
+        if not 0 <= self.power <= 1:
+            raise ModelError(f"the power of widening is {self.power}; expected a number from 0 to 1")
+
+    def limit(self, simulations: int) -> float:
+        """Return the largest number of observations after an action."""
+        return float(self.factor * simulations**self.power)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -61,9 +97,12 @@ class History:
         visits.
     children: next histories by action and observation.
     particles: states of the simulations that reached the history, if they are stored.
+    sums: with widening, the cumulative likelihoods of the history's last observation at the particles.
+    observed, widths: with widening, the observations after each action, as often as they were simulated, and
+        how many different ones.
     """
 
-    __slots__ = ("children", "particles", "total", "values", "visits")
+    __slots__ = ("children", "observed", "particles", "sums", "total", "values", "visits", "widths")
 
     def __init__(self, actions: int) -> None:
         self.visits = [0] * actions
@@ -71,6 +110,9 @@ class History:
         self.total = 0
         self.children: dict[tuple[int, Hashable], History] = {}
         self.particles: list[Any] = []
+        self.sums: list[float] = []
+        self.observed: dict[int, list[Hashable]] = {}
+        self.widths: dict[int, int] = {}
 
 
 class TreeSearch:
@@ -83,12 +125,22 @@ class TreeSearch:
 
     Args:
         keep_particles: whether histories store the states that reach them.
+        widening: of the observations; the simulator is then an `ObservedSimulator`. States beyond an
+            observation are drawn from those that reached it, by its likelihood.
+        seed: of the choice of observations and of these states.
     """
 
     def __init__(
-        self, simulator: Simulator[Any], *, exploration: float = EXPLORATION, keep_particles: bool = False
+        self,
+        simulator: Simulator[Any],
+        *,
+        exploration: float = EXPLORATION,
+        keep_particles: bool = False,
+        widening: Widening | None = None,
+        seed: int = 0,
     ) -> None:
         self.simulator, self.exploration, self.keep_particles = simulator, exploration, keep_particles
+        self.widening, self._rng = widening, Random(seed)
         self.depth = max(1, int(log(MIN_WEIGHT) / log(simulator.discount))) if simulator.discount > 0 else 1
         self._lowest, self._highest = np.inf, -np.inf
 
@@ -119,18 +171,21 @@ class TreeSearch:
         return_ = 0.0
         while not simulator.terminal(state):
             action = self._select_action(node)
+            before = state
             state, observation, reward = simulator.step(state, action)
             path.append((node, action, reward))
+            if self.widening is not None:
+                observation = self._choose_observation(node, action, observation)
             key = (action, observation)
             child = node.children.get(key)
             if child is None:
                 child = node.children[key] = History(simulator.actions)
-                if self.keep_particles:
-                    child.particles.append(state)
+                self._keep(child, before, action, state, observation)
                 return_ = simulator.value(state)
                 break
-            if self.keep_particles:
-                child.particles.append(state)
+            self._keep(child, before, action, state, observation)
+            if self.widening is not None and child.sums[-1] > 0:
+                state = child.particles[bisect_right(child.sums, self._rng.random() * child.sums[-1])]
             node = child
             if len(path) >= self.depth:
                 return_ = simulator.value(state)
@@ -144,6 +199,31 @@ class TreeSearch:
                 self._lowest = mean
             if mean > self._highest:
                 self._highest = mean
+
+    def _keep(self, child: History, before: Any, action: int, state: Any, observation: Hashable) -> None:
+        """Store a state that reached a history, if states are stored."""
+        if self.widening is not None:
+            observed = cast("ObservedSimulator[Any]", self.simulator)
+            weight = float(observed.likelihood(observation, before, action, state))
+            if not 0 <= weight < np.inf:
+                raise ModelError(
+                    f"likelihood() of the simulator returned {weight} for observation {observation!r};"
+                    " expected a finite number of at least 0"
+                )
+            child.sums.append((child.sums[-1] if child.sums else 0.0) + weight)
+        if self.keep_particles or self.widening is not None:
+            child.particles.append(state)
+
+    def _choose_observation(self, node: History, action: int, simulated: Hashable) -> Hashable:
+        """Return the simulated observation; beyond the limit an earlier one, by their numbers."""
+        assert self.widening is not None
+        known, width = node.observed.setdefault(action, []), node.widths.get(action, 0)
+        is_known = (action, simulated) in node.children
+        if is_known or width < max(1.0, self.widening.limit(node.visits[action] + 1)):
+            node.widths[action] = width + (not is_known)
+            known.append(simulated)
+            return simulated
+        return known[self._rng.randrange(len(known))]
 
     def _select_action(self, node: History) -> int:
         """Return the first action without a visit, otherwise the best action by UCB1."""

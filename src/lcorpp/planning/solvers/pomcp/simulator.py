@@ -6,7 +6,7 @@ from bisect import bisect_right
 from collections.abc import Callable, Hashable, Iterator, Mapping
 from dataclasses import replace
 from itertools import accumulate, repeat
-from typing import Protocol, TypeVar
+from typing import Any, Protocol, TypeVar
 
 import numpy as np
 
@@ -46,6 +46,13 @@ class Simulator(Protocol[State]):
         """Return whether all later rewards are 0."""
 
 
+class ObservedSimulator(Simulator[State], Protocol[State]):
+    """A simulator with the probabilities of its observations, which may be numbers or arrays as tuples."""
+
+    def likelihood(self, observation: Any, state: State, action: int, next_state: State) -> float:
+        """Return the probability or density of an observation, up to a factor of the observation."""
+
+
 class TableSimulator:
     """A simulator of a problem in tables; states, actions and observations are indices.
 
@@ -74,6 +81,7 @@ class TableSimulator:
         self._reward: list[float] = pomdp.reward.reshape(-1).tolist()
         self._terminal: list[bool] = zero_reward_states(pomdp).tolist()
         self._values: list[float] = np.where(self._terminal, 0.0, LEAF_VALUES[leaf_values](pomdp)).tolist()
+        self._table = pomdp.observation
         self._transition, self._observation = _RowSampler(pomdp.transition), _RowSampler(pomdp.observation)
         rng = np.random.default_rng(seed)
         self._numbers = (number for _ in repeat(None) for number in rng.random(BATCH_SIZE).tolist())
@@ -87,6 +95,11 @@ class TableSimulator:
         after = self._transition.draw(row, self._numbers)
         observation = self._observation.draw(action * self._states + after, self._numbers)
         return after, observation, self._reward[row]
+
+    def likelihood(self, observation: int, state: int, action: int, next_state: int) -> float:
+        """Return the probability of an observation."""
+        columns, values = self._table.row(action, next_state)
+        return float(values[columns == observation].sum())
 
     def value(self, state: int) -> float:
         """Return an estimate of the value of a state."""

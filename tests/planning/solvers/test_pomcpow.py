@@ -1,0 +1,136 @@
+"""POMCPOW: widening over observations, and particles by the likelihood of observations."""
+
+from __future__ import annotations
+
+from math import exp
+
+import numpy as np
+import pytest
+
+from lcorpp.errors import ModelError, ObservationError
+from lcorpp.planning import parse_pomdp
+from lcorpp.planning.belief import update
+from lcorpp.planning.solvers.pomcp import ParticlePlanner, TableSimulator, Widening
+from lcorpp.planning.solvers.pomcp.search import History, TreeSearch
+from tests.planning.models import TIGER
+
+tiger = parse_pomdp(TIGER)
+LISTEN, OPEN_LEFT, OPEN_RIGHT = range(3)
+
+
+class Door:
+    """The tiger behind a door at -1 or 1, heard with Gaussian noise; opening ends."""
+
+    actions, discount = 3, 0.95
+
+    def __init__(self, seed: int, noise: float = 1.0) -> None:
+        self.rng, self.noise = np.random.default_rng(seed), noise
+
+    def start(self) -> int:
+        return int(self.rng.choice((-1, 1)))
+
+    def step(self, state, action):
+        if action == LISTEN:
+            return state, float(self.rng.normal(state, self.noise)), -1.0
+        opened = -1 if action == OPEN_LEFT else 1
+        return 0, 0.0, -100.0 if opened == state else 10.0
+
+    def likelihood(self, observation, state, action, next_state):
+        if action != LISTEN:
+            return float(observation == 0.0)
+        return exp(-0.5 * ((observation - next_state) / self.noise) ** 2)
+
+    def value(self, state):
+        return 0.0
+
+    def terminal(self, state):
+        return state == 0
+
+
+def test_particles_follow_bayes_rule_for_continuous_observations():
+    door = Door(1)
+    planner = ParticlePlanner(door, door.start, particles=40_000, widening=Widening(), seed=2)
+    odds = 1.0
+    for heard in (0.3, -0.1, 0.5):
+        planner.update(LISTEN, heard)
+        odds *= exp(2 * heard)  # ratio of two normal densities at 1 and -1
+        assert np.mean(np.array(planner.particles) == 1) == pytest.approx(odds / (1 + odds), abs=0.015)
+
+
+def test_particles_follow_the_exact_belief_of_a_table():
+    simulator = TableSimulator(tiger, seed=3)
+    draw = simulator.state_sampler(tiger.start)
+    planner = ParticlePlanner(simulator, draw, particles=40_000, widening=Widening(), seed=4)
+    belief = tiger.start
+    for observation in (0, 0, 1):
+        planner.update(LISTEN, observation)
+        belief = update(tiger, belief, LISTEN, observation)
+        assert np.mean(np.array(planner.particles) == 0) == pytest.approx(belief[0], abs=0.015)
+
+
+def test_the_robot_listens_until_it_has_heard_enough():
+    door = Door(5)
+    planner = ParticlePlanner(
+        door, door.start, simulations=3000, particles=500, exploration=0.5, widening=Widening(3, 0.2), seed=6
+    )
+    assert planner.action() == LISTEN
+    for _ in range(3):  # the odds are then exp(9) for the tiger behind the right door
+        planner.update(LISTEN, 1.5)
+    assert planner.action() == OPEN_LEFT
+
+
+def test_without_widening_each_continuous_observation_is_a_child():
+    door = Door(7)
+    for widening, width in ((Widening(factor=2, power=0), 2), (Widening(factor=1, power=1), 1000)):
+        search = TreeSearch(door, keep_particles=True, widening=widening, seed=8)
+        root = History(door.actions)
+        search.search(root, door.start, simulations=1000)
+        heard = [key for key in root.children if key[0] == LISTEN]
+        assert len(heard) == min(width, root.visits[LISTEN])
+
+
+def test_the_states_beyond_an_observation_are_weighed_by_its_likelihood():
+    door = Door(9)
+    search = TreeSearch(door, widening=Widening(factor=1, power=0), seed=10)
+    root = History(door.actions)
+    search.search(root, door.start, simulations=20_000)
+    (heard,) = [key for key in root.children if key[0] == LISTEN]
+    child = root.children[heard]
+    weights = np.diff(child.sums, prepend=0.0)
+    share = weights[np.array(child.particles) == 1].sum() / weights.sum()
+    assert share == pytest.approx(1 / (1 + exp(-2 * heard[1])), abs=0.02)
+
+
+def test_equal_seeds_have_equal_results():
+    found = []
+    for _ in range(2):
+        door = Door(11)
+        planner = ParticlePlanner(
+            door, door.start, simulations=300, particles=50, widening=Widening(), seed=12
+        )
+        planner.update(LISTEN, 0.4)
+        found.append((planner.search().values.tolist(), planner.particles))
+    assert found[0] == found[1]
+
+
+def test_bad_arguments():
+    door = Door(13)
+    for arguments, message in (
+        ({"factor": 0}, "the factor of widening is 0; expected a finite positive number"),
+        ({"power": 1.5}, "the power of widening is 1.5; expected a number from 0 to 1"),
+    ):
+        with pytest.raises(ModelError, match=message):
+            Widening(**arguments)
+    silent = type("Silent", (), {"actions": 3, "discount": 0.95})()
+    with pytest.raises(ModelError, match="widening needs a simulator with likelihood"):
+        ParticlePlanner(silent, door.start, widening=Widening())
+    planner = ParticlePlanner(door, door.start, particles=10, widening=Widening())
+    with pytest.raises(
+        ObservationError, match=r"observation 3\.0 after action 1 is impossible in all 10 particles"
+    ):
+        planner.update(OPEN_LEFT, 3.0)
+    door.likelihood = lambda *_: float("nan")
+    with pytest.raises(ModelError, match="negative or not finite"):
+        planner.update(LISTEN, 0.0)
+    with pytest.raises(ModelError, match=r"returned nan for observation .*; expected a finite number"):
+        planner.action()
