@@ -239,6 +239,7 @@ def test_where_no_search_at_each_step_is_possible(lcorpp, tmp_path, rooms):  # n
         (("run", "--strategy", "LCORPP+trust", "--trials", 5, *ONLINE), "LCORPP+trust acts by a policy"),
         (("play", *ONLINE), "the page acts by a policy; expected another solver than online"),
         (("run", "--step-seconds", 0, "--trials", 5), "the seconds of a step are 0.0; expected a finite"),
+        (("run", "--step-seconds", 1, "--trials", 5), "--step-seconds is an option of online, not of sarsop"),
     ):
         ended = lcorpp(*command)
         assert ended.code == 2

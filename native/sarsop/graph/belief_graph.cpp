@@ -1,6 +1,7 @@
 #include "graph/belief_graph.hpp"
 
 #include <algorithm>
+#include <limits>
 #include <utility>
 
 #include "graph/belief_key.hpp"

@@ -2,7 +2,6 @@
 #pragma once
 
 #include <cstdint>
-#include <limits>
 #include <unordered_map>
 #include <vector>
 
@@ -23,7 +22,6 @@ class BeliefGraph {
   public:
     BeliefGraph(Tree& tree, Renamings renamings);
 
-    std::size_t node_count() const { return nodes_.size(); }
     std::size_t memory_size() const;
     std::uint64_t work() const { return work_; }
     Renamings& renamings() { return renamings_; }

@@ -15,8 +15,6 @@ class Renamings {
     // images: for each renaming, the state whose weight each state takes (S).
     Renamings(Index states, std::vector<std::vector<Index>> images);
 
-    bool empty() const { return moved_.empty(); }
-
     // Rename a belief to its normal form.
     void normalise(Weights& belief);
 

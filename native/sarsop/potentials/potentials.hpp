@@ -1,4 +1,4 @@
-// Upper bounds on the value by potentials: functions of the belief that no action can raise in expectation.
+// Upper bounds on the value by potentials: functions of the belief that are not below their own backups.
 #pragma once
 
 #include <utility>

@@ -245,7 +245,8 @@ def describe_open_gap(solution: Solution) -> tuple[str, bool]:
     from lcorpp.planning.evaluation.gap_share import compute_gap_share
 
     gap, share = solution.upper - solution.lower, compute_gap_share(solution)
-    text = f"no policy earns more than {gap:.4g} above this one"
+    start = "" if solution.start_count == 1 else " from any start"
+    text = f"no policy earns more than {gap:.4g} above this one{start}"
     if share is None:
         return text, True
     return f"{text}, {share:.1%} of what planning gains over repeating one action", share > SMALL_SHARE

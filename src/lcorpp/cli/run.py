@@ -122,12 +122,13 @@ def _choose_comparison(
     from lcorpp.assembly.strategies.baselines import find_strategies
     from lcorpp.assembly.strategies.trust import TRUST, check_dialogue, set_ask_budget
     from lcorpp.experiments.comparison import ComparisonOptions
+    from lcorpp.planning import SolverOptions
 
     rows = find_strategies(strategies, [sense.name for sense in domain.all_senses])
     solver = given.solving.choose_solver(domain)
     if not strategies and trials is not None:
         try:
-            check_dialogue(domain, [TRUST], solver)
+            check_dialogue(domain, [TRUST], solver if given.policy is None else SolverOptions())
             rows = (*rows, TRUST)
         except DomainError as error:
             console.print_note(f"{TRUST.name} is left out: {error}")

@@ -197,7 +197,7 @@ def set_up_experiment(
     strategies = options.strategies or list_strategies([sense.name for sense in domain.all_senses])
     if options.trials is None:
         check_enumerable(domain, strategies)
-    check_dialogue(domain, strategies, options.solver)
+    check_dialogue(domain, strategies, SolverOptions() if policy is not None else options.solver)
     used = [sense for sense in domain.all_senses if any(row.uses(sense.name) for row in strategies)]
     senses = set_up_senses(
         domain, used, options.classifiers, options.evidence, progress, seed=options.seed, jobs=options.jobs

@@ -129,8 +129,37 @@ def test_bad_arguments():
         ObservationError, match=r"observation 3\.0 after action 1 is impossible in all 10 particles"
     ):
         planner.update(OPEN_LEFT, 3.0)
-    door.likelihood = lambda *_: float("nan")
-    with pytest.raises(ModelError, match="negative or not finite"):
-        planner.update(LISTEN, 0.0)
-    with pytest.raises(ModelError, match=r"returned nan for observation .*; expected a finite number"):
-        planner.action()
+    for wrong in (float("nan"), -1.0, 1e300, None, "likely"):
+        door.likelihood = lambda *_, wrong=wrong: wrong
+        with pytest.raises(ModelError, match=r"returned .* for observation 0\.0; expected a number from 0"):
+            planner.update(LISTEN, 0.0)
+        with pytest.raises(ModelError, match=r"returned .* for observation .*; expected a number from 0"):
+            planner.action()
+    with pytest.raises(ModelError, match="an observation of the simulator is a list; expected"):
+        planner.update(LISTEN, [0.0])
+    with pytest.raises(ModelError, match="the power of widening must be"):
+        Widening(3, "0.2")
+    with pytest.raises(ModelError, match="widening must be"):
+        ParticlePlanner(door, door.start, widening=4)
+
+
+def test_likelihoods_may_be_as_small_as_numbers_get():
+    door = Door(14)
+    door.likelihood = lambda *_: 5e-324
+    planner = ParticlePlanner(door, door.start, simulations=2000, particles=20, widening=Widening(1, 0))
+    assert planner.action() in range(3)
+    planner.update(LISTEN, 0.5)
+    assert len(planner.particles) == 20
+
+
+def test_particles_in_a_terminal_state_stay_there():
+    door = Door(15)
+
+    def step(state, action):
+        assert state != 0
+        return Door.step(door, state, action)
+
+    door.step, door.likelihood = step, lambda *_: 1.0
+    planner = ParticlePlanner(door, lambda: 0, simulations=10, particles=10, widening=Widening())
+    planner.update(LISTEN, 0.5)
+    assert set(planner.particles) == {0}

@@ -71,6 +71,7 @@ def explain(
     from lcorpp.cli.robot_output import print_classifiers, print_domain, print_gap, print_solution
     from lcorpp.decision.dt_control import log_decision
     from lcorpp.logs.decision_log import DecisionLog
+    from lcorpp.planning.solver_table import ONLINE
 
     _check_world(person, world, interactive=interactive)
     loaded = options.load_domain(domain, preset, world, reasoner)
@@ -103,7 +104,7 @@ def explain(
         print_solution(robot.solution)
         case = ask_case(loaded, used, known) if interactive else _draw_case(loaded, senses, known, seed)
         episode = _decide(loaded, robot, row, case, seed)
-        if row.plans and row.change is None and row.start is None:
+        if row.plans and row.change is None and row.start is None and chosen.name != ONLINE:
             print_gap(robot.solution, robot.solution.gap(episode.prior), chosen.precision, "this prior")
         log_decision(episode)
         if decisions is not None:

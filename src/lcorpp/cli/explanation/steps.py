@@ -111,10 +111,9 @@ def _print_search(robot: Robot, belief: Belief) -> None:
 
     if isinstance(robot.planner, OnlinePlanner):
         found = robot.planner.search(belief)
-        gap = found.upper - found.lower
-        console.out.print(
-            f"   value in [{found.lower:.3f}, {found.upper:.3f}]: another action gains at most {gap:.2g} more"
-        )
+        gap = max(found.upper - found.lower, 1e-3)
+        value = f"value in [{found.lower:.3f}, {found.upper:.3f}]"
+        console.out.print(f"   {value}: another action gains at most {gap:.2g} more")
 
 
 def _print_bars(pairs: Iterable[tuple[str, float]], *, possible: bool = False) -> None:

@@ -114,5 +114,6 @@ class RobotGroup:
         from lcorpp.cli.model_files import read_policy
 
         limits = {"precision": self.solving.precision, "time-limit": self.solving.time_limit}
+        limits["step-seconds"] = self.solving.step_seconds
         reject_given("nothing is solved, as --policy gives a policy", solver=self.solving.solver, **limits)
         return read_policy(self.policy, domain.pomdp)

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from lcorpp.cli.options.common import join_names
+from lcorpp.errors import DomainError
 from lcorpp.planning.solver_table import ONLINE, SOLVER_NAMES
 
 if TYPE_CHECKING:
@@ -66,7 +67,8 @@ class SolverGroup:
         """Return the domain's solver with the values of the options.
 
         Raises:
-            ModelError: the solver is unknown, or a number is not positive.
+            ModelError: the solver is unknown, or a number is not positive. DomainError: an option is for
+                another solver.
         """
         given: dict[str, Any] = {
             "name": self.solver,
@@ -75,7 +77,10 @@ class SolverGroup:
             "step_seconds": self.step_seconds,
         }
         chosen = {key: value for key, value in given.items() if value is not None}
-        return replace(domain.planning.solver, **chosen)
+        solver = replace(domain.planning.solver, **chosen)
+        if self.step_seconds is not None and solver.name != ONLINE:
+            raise DomainError(f"--step-seconds is an option of {ONLINE}, not of {solver.name}")
+        return solver
 
     def find_cache(self) -> Path | None:
         """Return the folder that keeps policies; None for none."""

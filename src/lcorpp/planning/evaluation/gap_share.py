@@ -12,13 +12,13 @@ MAX_SECONDS = 5.0
 
 
 def compute_gap_share(solution: Solution) -> float | None:
-    """Return the gap as a share of what the policy gains over the best policy that repeats one action.
+    """Return the widest gap of the starts as a share of what planning gains at the model's start belief.
 
-    Where reports end a problem, that policy reports at once. The gain is that at the model's start belief,
-    so it is the same for all other starts.
+    That is the value of the policy minus that of the best policy that repeats one action. Where reports end a
+    problem, the latter reports at once.
 
     Returns:
-        None if the policy gains nothing, or the discount is 1.
+        None if the policy gains nothing there, or the discount is 1.
     """
     from lcorpp.planning._native import blind_policies
     from lcorpp.planning.sarsop.kernel_model import build_model
@@ -26,6 +26,7 @@ def compute_gap_share(solution: Solution) -> float | None:
     pomdp, gap = solution.pomdp, solution.upper - solution.lower
     if pomdp.discount == 1:
         return None
-    repeated = blind_policies(build_model(pomdp), TOLERANCE * max(gap, TOLERANCE), MAX_SECONDS)
+    tolerance = TOLERANCE * max(gap, TOLERANCE)
+    repeated = blind_policies(build_model(pomdp), tolerance, MAX_SECONDS)
     gain = solution.policy.value(pomdp.start) - float((repeated @ pomdp.start).max())
-    return gap / gain if gain > 0 else None
+    return gap / gain if gain > tolerance else None

@@ -21,11 +21,11 @@ class HiddenBounds:
 
     @property
     def found(self) -> bool:
-        """Whether there is any; the graph of beliefs helps then, as the same beliefs recur."""
+        """Whether there is a symmetry or a potential; then the tree gets a graph of beliefs, too."""
         return bool(self.symmetries or self.potentials)
 
     def apply(self, tree: Tree) -> None:
-        """Add the bounds and a belief graph to a tree."""
+        """Add the potentials to a tree, and a graph of beliefs with the symmetries."""
         for own in self.potentials:
             numbers = own.offset, own.scale, own.power, own.entropy
             tree.add_potential(*numbers, own.pairs, own.pair_weights, own.state)

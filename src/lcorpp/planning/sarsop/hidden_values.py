@@ -13,7 +13,7 @@ from lcorpp.planning.sarsop.potentials import MAX_STATES, PairPotentials, Potent
 from lcorpp.values import Array, Belief
 
 ENTRIES_PER_SECOND = 3e5
-"""Numbers of all linear programs together, for each second of the time limit: a fifth of the time."""
+"""Work of `PairPotentials.minimise` for each second of the time limit: about a quarter of it."""
 
 VISITS_PER_SECOND = 5e6
 """Numbers of the model that the search for symmetries reads, for each second of the limit: a tenth of it."""

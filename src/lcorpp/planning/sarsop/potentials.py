@@ -36,6 +36,9 @@ TOLERANCE = 0.01
 STEP = 0.5
 """Each trial is this share of the way from the last bound to the solution of the linear program."""
 
+CHECK_COST = 0.2
+"""Cost of the maxima of actions for each number that they read, in entries of a linear program."""
+
 MAX_ROWS, KEPT_ROWS = 1000, 500
 """With more cutting planes than the first number, only the closest are kept."""
 
@@ -115,13 +118,15 @@ class PairPotentials:
         self._limits: list[float] = []
         # the condition where the state is known: no entropy and no pair counts there
         self._floor = np.max([action.reward / action.keep for action in self.actions], axis=0)
+        sizes = [action.likelihood.size + len(self.pairs) + 20 * n for action in self.actions]
+        self._check_cost = int(CHECK_COST * sum(sizes))
         self._maxima = [np.full(n, 1 / n) for _ in self.actions]
 
     def minimise(self, belief: Belief, max_entries: int) -> Potential:
         """Return a potential that is low at a belief (S,).
 
         Args:
-            max_entries: limit of the numbers in all linear programs together.
+            max_entries: limit of the work, in numbers of all linear programs together.
         """
         n, b = len(self._states), np.asarray(belief)[self._states]
         cost = np.concatenate([b, [-_entropy(b)], -self._pair_roots(b)])
@@ -146,6 +151,7 @@ class PairPotentials:
                 found = linprog(total, planes, self._limits or None, bounds=limits, method="highs")
                 if found.x is None or cost @ safe - found.fun <= TOLERANCE * span:
                     break
+                max_entries -= self._check_cost
                 tried = safe + STEP * (found.x[columns] - safe)
                 excess = self._check(tried, 0.1 * TOLERANCE * span)
                 if excess <= 0.1 * TOLERANCE * span:

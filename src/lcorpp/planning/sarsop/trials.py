@@ -59,10 +59,10 @@ class Trials:
         self._path_began, self._path_gap = 0, 0.0
 
     def sample(self, max_work: float = inf) -> None:
-        """Sample a path; after every second one, search the graph if this gains more.
+        """Sample a path; after every second one, search the graph while its gain by work is larger.
 
         Args:
-            max_work: of the tree, in the graph.
+            max_work: largest work of the search of the graph.
         """
         search, tree = self._search, self._search.bounds.tree
         if self._may_use_graph and not search.bounds.is_sharpened and tree.work >= START_WORK:

@@ -68,9 +68,8 @@ class SolverOptions:
             return Planner(policy, pomdp)
         from lcorpp.planning.solvers.heuristic_search import MAX_WORK, WORK_PER_SECOND, OnlinePlanner
 
-        return OnlinePlanner(
-            pomdp, policy=policy, work=max(1, int(min(self.step_seconds * WORK_PER_SECOND, MAX_WORK)))
-        )
+        work = max(1, int(min(self.step_seconds * WORK_PER_SECOND, MAX_WORK)))
+        return OnlinePlanner(pomdp, policy=policy, precision=self.precision, work=work)
 
 
 def load_solver(name: str) -> Callable[..., Solution]:

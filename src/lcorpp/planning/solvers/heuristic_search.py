@@ -32,8 +32,8 @@ MAX_WORK = 2.0**60
 MAX_KNOWN = 100_000
 """Largest number of results in memory of searches with a fixed amount of work."""
 
-PREPARATION = 10.0
-"""Seconds for which the work of `BoundedTree.sharpen` is limited, before searches of fixed work."""
+SHARPENING_SECONDS = 10.0
+"""Time that sets the limits of the work of `BoundedTree.sharpen`."""
 
 
 @dataclass(frozen=True)
@@ -107,7 +107,7 @@ class OnlinePlanner(ModelPlanner):
             pomdp, [pomdp.start], precision=precision, seconds=preparation / 3, previous=policy
         )
         if self.work is not None:
-            self._bounds.sharpen([pomdp.start], seconds=PREPARATION)
+            self._bounds.sharpen([pomdp.start], seconds=SHARPENING_SECONDS)
 
     def __repr__(self) -> str:
         tree = self._bounds.tree
@@ -154,7 +154,7 @@ class OnlinePlanner(ModelPlanner):
         search = BoundedSearch(
             self._bounds, [belief], precision=self.precision, began=began, time_limit=seconds
         )
-        paths = Trials(search, memory_limit=MEMORY_LIMIT, seconds=min(seconds, PREPARATION))
+        paths = Trials(search, memory_limit=MEMORY_LIMIT, seconds=min(seconds, SHARPENING_SECONDS))
         work_before = self._bounds.tree.work
 
         def step() -> str | None:

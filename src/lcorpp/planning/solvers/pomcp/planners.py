@@ -7,12 +7,12 @@ algorithms for POMDPs with continuous state, action, and observation spaces, ICA
 from __future__ import annotations
 
 from collections.abc import Callable, Hashable, Sequence
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 
 from lcorpp.errors import ModelError, ObservationError
-from lcorpp.planning.arguments import check_count
+from lcorpp.planning.arguments import check_count, check_type
 from lcorpp.planning.belief import check_belief
 from lcorpp.planning.planner import ModelPlanner
 from lcorpp.planning.pomdp import Pomdp
@@ -23,7 +23,12 @@ from lcorpp.planning.solvers.pomcp.search import (
     TreeSearch,
     Widening,
 )
-from lcorpp.planning.solvers.pomcp.simulator import ObservedSimulator, Simulator, TableSimulator
+from lcorpp.planning.solvers.pomcp.simulator import (
+    Simulator,
+    TableSimulator,
+    check_hashable,
+    compute_likelihood,
+)
 from lcorpp.values import Belief
 
 MAX_TRIES = 100
@@ -114,13 +119,13 @@ class PomcpPlanner(ModelPlanner):
 
 
 class ParticlePlanner:
-    """POMCP and POMCPOW as published, for any simulator: the belief is a set of particles, states of the
-    problem.
+    """POMCP and POMCPOW for any simulator: the belief is a set of particles, states of the problem.
 
     With `widening` the simulator is an `ObservedSimulator`. Observations may then be continuous: the search
-    widens over them, and particles are drawn by their likelihood. Otherwise the particles are the simulated
-    states whose simulated observation is the one that was made. Neither has bounds: the values are estimates,
-    and particles may miss states of small probability.
+    widens over them, and particles are resampled by their likelihood. Otherwise the particles are the
+    simulated states whose simulated observation is the one that was made. Neither has bounds: the values are
+    estimates, and particles may miss states of small probability. Other than published, rewards are those of
+    the simulated step, `value` of the simulator replaces rollouts, and actions are not widened over.
 
     Args:
         simulator: the problem.
@@ -161,6 +166,7 @@ class ParticlePlanner:
         seed: int = 0,
     ) -> None:
         _check_options(simulations, seconds, exploration, seed)
+        check_type("widening", widening, Widening, type(None))
         if widening is not None and not callable(getattr(simulator, "likelihood", None)):
             raise ModelError(
                 "widening needs a simulator with likelihood(observation, state, action, next_state)"
@@ -201,6 +207,7 @@ class ParticlePlanner:
         """
         if not 0 <= action < self.simulator.actions:
             raise ModelError(f"the action must be 0 to {self.simulator.actions - 1}, not {action}")
+        check_hashable(observation)
         child = self._root.children.get((action, observation)) or History(self.simulator.actions)
         if self.widening is not None:
             self.particles = self._resample(action, observation)
@@ -221,23 +228,22 @@ class ParticlePlanner:
 
     def _resample(self, action: int, observation: Hashable) -> list[Any]:
         """Return the particles after an action, drawn by the likelihood of an observation."""
-        simulator = cast("ObservedSimulator[Any]", self.simulator)
         states, weights = [], []
         for _ in range(self.particle_count):
-            before = self._draw()
-            state, _, _ = simulator.step(before, action)
+            before = state = self._draw()
+            if not self.simulator.terminal(before):
+                state, _, _ = self.simulator.step(before, action)
             states.append(state)
-            weights.append(float(simulator.likelihood(observation, before, action, state)))
+            weights.append(compute_likelihood(self.simulator, observation, before, action, state))
         sums = np.cumsum(weights)
-        if not (np.isfinite(sums[-1]) and min(weights) >= 0):
-            raise ModelError(f"likelihood() of the simulator is negative or not finite for {observation!r}")
         if sums[-1] == 0:
             raise ObservationError(
                 f"observation {observation!r} after action {action} is impossible in all"
                 f" {self.particle_count} particles"
             )
         places = (np.arange(self.particle_count) + self._rng.random()) / self.particle_count * sums[-1]
-        return [states[i] for i in np.minimum(np.searchsorted(sums, places, side="right"), len(states) - 1)]
+        last = int(np.flatnonzero(weights)[-1])
+        return [states[i] for i in np.minimum(np.searchsorted(sums, places, side="right"), last)]
 
     def _draw(self) -> Any:
         return self.particles[int(self._rng.integers(len(self.particles)))]

@@ -11,15 +11,17 @@ from bisect import bisect_right
 from collections.abc import Callable, Hashable
 from dataclasses import dataclass
 from math import log, sqrt
+from numbers import Real
 from random import Random
 from time import monotonic
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from lcorpp.errors import ModelError
-from lcorpp.planning.solvers.pomcp.simulator import ObservedSimulator, Simulator
+from lcorpp.planning.arguments import check_type
+from lcorpp.planning.solvers.pomcp.simulator import Simulator, check_hashable, compute_likelihood
 from lcorpp.values import Array
 
 EXPLORATION = 0.2
@@ -53,6 +55,8 @@ class Widening:
     power: float = 0.25
 
     def __post_init__(self) -> None:
+        check_type("the factor of widening", self.factor, Real)
+        check_type("the power of widening", self.power, Real)
         if not 0 < self.factor < np.inf:
             raise ModelError(f"the factor of widening is {self.factor}; expected a finite positive number")
         if not 0 <= self.power <= 1:
@@ -139,7 +143,8 @@ class TreeSearch:
         widening: Widening | None = None,
         seed: int = 0,
     ) -> None:
-        self.simulator, self.exploration, self.keep_particles = simulator, exploration, keep_particles
+        self.simulator, self.exploration = simulator, exploration
+        self.keep_particles = keep_particles or widening is not None
         self.widening, self._rng = widening, Random(seed)
         self.depth = max(1, int(log(MIN_WEIGHT) / log(simulator.discount))) if simulator.discount > 0 else 1
         self._lowest, self._highest = np.inf, -np.inf
@@ -185,7 +190,8 @@ class TreeSearch:
                 break
             self._keep(child, before, action, state, observation)
             if self.widening is not None and child.sums[-1] > 0:
-                state = child.particles[bisect_right(child.sums, self._rng.random() * child.sums[-1])]
+                place = bisect_right(child.sums, self._rng.random() * child.sums[-1])
+                state = child.particles[min(place, len(child.particles) - 1)]  # tiny sums round up
             node = child
             if len(path) >= self.depth:
                 return_ = simulator.value(state)
@@ -203,21 +209,16 @@ class TreeSearch:
     def _keep(self, child: History, before: Any, action: int, state: Any, observation: Hashable) -> None:
         """Store a state that reached a history, if states are stored."""
         if self.widening is not None:
-            observed = cast("ObservedSimulator[Any]", self.simulator)
-            weight = float(observed.likelihood(observation, before, action, state))
-            if not 0 <= weight < np.inf:
-                raise ModelError(
-                    f"likelihood() of the simulator returned {weight} for observation {observation!r};"
-                    " expected a finite number of at least 0"
-                )
+            weight = compute_likelihood(self.simulator, observation, before, action, state)
             child.sums.append((child.sums[-1] if child.sums else 0.0) + weight)
-        if self.keep_particles or self.widening is not None:
+        if self.keep_particles:
             child.particles.append(state)
 
     def _choose_observation(self, node: History, action: int, simulated: Hashable) -> Hashable:
         """Return the simulated observation; beyond the limit an earlier one, by their numbers."""
         assert self.widening is not None
         known, width = node.observed.setdefault(action, []), node.widths.get(action, 0)
+        check_hashable(simulated)
         is_known = (action, simulated) in node.children
         if is_known or width < max(1.0, self.widening.limit(node.visits[action] + 1)):
             node.widths[action] = width + (not is_known)

@@ -6,7 +6,7 @@ from bisect import bisect_right
 from collections.abc import Callable, Hashable, Iterator, Mapping
 from dataclasses import replace
 from itertools import accumulate, repeat
-from typing import Any, Protocol, TypeVar
+from typing import Any, Protocol, TypeVar, cast
 
 import numpy as np
 
@@ -51,6 +51,39 @@ class ObservedSimulator(Simulator[State], Protocol[State]):
 
     def likelihood(self, observation: Any, state: State, action: int, next_state: State) -> float:
         """Return the probability or density of an observation, up to a factor of the observation."""
+
+
+MAX_LIKELIHOOD = 1e200
+"""Largest likelihood; sums of larger ones may overflow."""
+
+
+def compute_likelihood(
+    simulator: Simulator[Any], observation: Hashable, state: Any, action: int, next_state: Any
+) -> float:
+    """Return the likelihood by an `ObservedSimulator`.
+
+    Raises:
+        ModelError: it is no number from 0 to `MAX_LIKELIHOOD`.
+    """
+    observed = cast("ObservedSimulator[Any]", simulator)
+    found = observed.likelihood(observation, state, action, next_state)
+    if not isinstance(found, int | float | np.number) or not 0 <= found <= MAX_LIKELIHOOD:
+        raise ModelError(
+            f"likelihood() of the simulator returned {found!r} for observation {observation!r}; expected a"
+            f" number from 0 to {MAX_LIKELIHOOD:g}"
+        )
+    return float(found)
+
+
+def check_hashable(observation: Any) -> None:
+    """Reject observations that cannot be compared with others."""
+    try:
+        hash(observation)
+    except TypeError:
+        raise ModelError(
+            f"an observation of the simulator is a {type(observation).__name__}; expected a key of a"
+            " dictionary, e.g. a tuple"
+        ) from None
 
 
 class TableSimulator:
