@@ -26,8 +26,7 @@ from sarsop import History, bounds_at, run_appl, run_lcorpp
 from lcorpp import load_domain
 from lcorpp.files import make_folder, write_atomically
 from lcorpp.planning import Pomdp, write_pomdp
-from lcorpp.planning._native import blind_policies
-from lcorpp.planning.sarsop.kernel_model import build_model
+from lcorpp.planning.evaluation.gap_share import compute_repeated_value
 
 MARKS = (10.0, 60.0)
 """CPU times in seconds at which the table shows bounds."""
@@ -144,7 +143,7 @@ def main(
             found = run_lcorpp(file, seconds)
             ours: History = found["history"] if found else []
             theirs = run_appl(appl, file, seconds)[0] if appl else []
-            repeated = float((blind_policies(build_model(pomdp), 1e-6, 10.0) @ pomdp.start).max())
+            repeated = compute_repeated_value(pomdp, 1e-6)
             sizes = (len(pomdp.states), len(pomdp.actions), len(pomdp.observations))
             cells = [name, ", ".join(map(str, sizes)), f"{repeated:.2f}"]
             for history in (ours, theirs):

@@ -2,7 +2,7 @@
 
     python benchmarks/online.py [--sizes 5x5x5,8x8x8] [--dialogues 300] [--seconds 60] [--step-seconds 0.1]
 
-Both talk to the same people: the request, and the random number of each answer, are equal. Returns are
+The simulated people are the same for both: the request, and the random number of each answer. Returns are
 discounted.
 """
 

@@ -238,7 +238,7 @@ def test_where_no_search_at_each_step_is_possible(lcorpp, tmp_path, rooms):  # n
         (("solve", model, "--solver", "online", "-o", tmp_path / "a.policy"), "online makes no policy"),
         (("run", "--strategy", "LCORPP+trust", "--trials", 5, *ONLINE), "LCORPP+trust acts by a policy"),
         (("play", *ONLINE), "the page acts by a policy; expected another solver than online"),
-        (("run", "--step-seconds", 0, "--trials", 5), "the seconds of a step are 0.0; expected a finite"),
+        (("run", "--step-seconds", 0, "--trials", 5), "the step time is 0.0; expected a finite"),
         (("run", "--step-seconds", 1, "--trials", 5), "--step-seconds is an option of online, not of sarsop"),
     ):
         ended = lcorpp(*command)

@@ -204,7 +204,7 @@ def test_the_command_decides_about_the_people_of_a_bag(tmp_path, lcorpp):
 @pytest.mark.parametrize(
     ("seconds", "words"),
     [
-        (1.5, "nobody is seen for 2 s"),
+        (1.5, "no track of a person lasts 2 s"),
         (3.0, "gaze has no label of ann, who was watched for 1.0 s of 2 s, and the recording ends"),
     ],
 )

@@ -11,9 +11,10 @@ namespace lcorpp {
 // For each symmetry that was found, the state whose weight each state takes (S). Where values of a variable are exchangeable, all
 // exchanges of two values are found; the search ends after `max_refinements`, so other symmetries may be missing.
 //
-// Colours of states, actions and observations are refined until those with one colour cannot be told apart by the entries they
-// occur in; then two vertices with one colour are fixed as images of each other, and so on until all colours differ, with as many
-// others as possible as their own images. Each renaming is compared with the tables before it counts.
+// States, actions and observations are vertices of a coloured graph, numbers of the tables its edges. Colour refinement splits
+// a colour until its vertices have edges of equal numbers to each colour. Then one vertex is fixed as the image of another with its
+// colour, and the refinement goes on until all colours differ; as many others as possible are their own images. Each renaming is
+// compared with the tables before it counts.
 // Source: McKay, "Practical graph isomorphism", 1981.
 std::vector<std::vector<Index>> find_symmetries(const Model& model, std::size_t max_refinements, Clock& clock);
 

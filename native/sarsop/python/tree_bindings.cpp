@@ -90,7 +90,7 @@ Args:
 
 Args:
     share, min_target: a trial aims at this share of the gap at the root, or at the smallest target.
-    max_work: the trials end after about so many numbers have been read, see `work`.
+    max_work: largest work of the trials, about, in the unit of `work`.
     seconds: of wall-clock time, after which they end early.)")
         .def_prop_ro("graph_memory", [](const Tree& tree) { return tree.graph ? tree.graph->memory_size() : 0; },
                      "Memory of the graph of beliefs in bytes.")

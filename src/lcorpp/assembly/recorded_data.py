@@ -96,7 +96,7 @@ def read_training_data(
         assign_training_folds(train, choose_folds(train), seed)  # rejects too few people before the work
         leak = format_leakage_warning(train)
     except DataError as error:
-        people = f"; of {count_people(dataset.groups)} people some are held out for the trials"
+        people = f"; the {count_people(dataset.groups)} people are split into training and test data"
         raise DataError(f"{path}: {error}{'' if is_left_out else people}") from None
     unit = dataset.unit
     split_note = (

@@ -162,7 +162,7 @@ class Tree:
 
         Args:
             share, min_target: a trial aims at this share of the gap at the root, or at the smallest target.
-            max_work: the trials end after about so many numbers have been read, see `work`.
+            max_work: largest work of the trials, about, in the unit of `work`.
             seconds: of wall-clock time, after which they end early.
         """
 

@@ -61,19 +61,17 @@ def check_beliefs(pomdp: Pomdp, value: npt.ArrayLike, name: str) -> Array:
 
 def check_limits(precision: float, time_limit: float) -> None:
     """Reject limits of a solver: a precision that is not positive and finite, a time limit not positive."""
-    check_type("precision", precision, Real)
+    check_positive("precision", precision)
     check_type("time limit", time_limit, Real)
-    if not 0 < precision < inf:
-        raise ModelError(f"the precision is {precision}; expected a finite positive number")
     if not time_limit > 0:
         raise ModelError(f"the time limit is {time_limit}; expected a positive number")
 
 
-def check_step_seconds(step_seconds: float) -> None:
-    """Reject times of a search at each step that are not positive and finite."""
-    check_type("step seconds", step_seconds, Real)
-    if not 0 < step_seconds < inf:
-        raise ModelError(f"the seconds of a step are {step_seconds}; expected a finite positive number")
+def check_positive(name: str, number: float) -> None:
+    """Reject a number that is not positive and finite."""
+    check_type(name, number, Real)
+    if not 0 < number < inf:
+        raise ModelError(f"the {name} is {number}; expected a finite positive number")
 
 
 def check_discounted(pomdp: Pomdp) -> None:

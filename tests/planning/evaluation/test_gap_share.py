@@ -12,7 +12,7 @@ from tests.planning.models import TIGER
 
 
 def test_the_gap_of_the_tiger_is_compared_with_listening_for_ever():
-    solution = solve(parse_pomdp(TIGER))  # 19.37; listening for ever costs 1 / (1 - .95) = 20, opening more
+    solution = solve(parse_pomdp(TIGER))  # the value is 19.37, that of always listening -1 / (1 - .95) = -20
     open_gap = replace(solution, upper=solution.lower + 3.937)
     assert compute_gap_share(open_gap) == pytest.approx(0.1, abs=1e-3)
 

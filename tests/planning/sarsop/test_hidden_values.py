@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from math import log
 
 import numpy as np
@@ -10,8 +11,7 @@ import pytest
 from lcorpp.planning import Pomdp, solve
 from lcorpp.planning._native import Tree, find_symmetries, maximise_gain, mdp_bound
 from lcorpp.planning.sarsop import trials
-from lcorpp.planning.sarsop.hidden_bounds import HiddenBounds
-from lcorpp.planning.sarsop.hidden_values import find_hidden_values
+from lcorpp.planning.sarsop.hidden_values import HiddenBounds, find_hidden_values
 from lcorpp.planning.sarsop.kernel_model import build_model
 from lcorpp.planning.sarsop.paced_search import PacedSearch
 from lcorpp.planning.sarsop.potentials import PairPotentials
@@ -116,7 +116,7 @@ def test_potentials_are_far_below_the_values_of_known_states(seed):
 def test_the_information_of_a_binary_question_bounds_the_value_of_many_equal_values():
     """A question answers yes or no, right with .9, for 1; a wrong report costs 20 and a right one brings 20.
 
-    Asking for ever is worth -20. With n values, U = -20 + 40 n^(1/q - 1), and q is the largest with
+    The value of always asking is -20. With n values, U = -20 + 40 n^(1/q - 1), and q is the largest with
     .95 * 2 * (.5 (.9^q + .1^q))^(1/q) <= 1, by a balanced question.
     """
     n = 8
@@ -169,16 +169,7 @@ def test_a_change_of_one_number_breaks_the_symmetries_that_need_it():
     pomdp = exchangeable_values((2, 2))
     reward = pomdp.reward.copy()
     reward[2, 0] += 1e-6  # the report of the first combination
-    changed = Pomdp(
-        pomdp.states,
-        pomdp.actions,
-        pomdp.observations,
-        pomdp.transition,
-        pomdp.observation,
-        reward,
-        0.9,
-        pomdp.start,
-    )
+    changed = replace(pomdp, reward=reward)
     found = find_symmetries(build_model(changed), 10_000, SECONDS)
     assert {image[0] for image in found} == {0}
     assert any(image[0] != 0 for image in find_symmetries(build_model(pomdp), 10_000, SECONDS))
@@ -275,16 +266,7 @@ def test_rewards_that_differ_little_but_by_much_of_the_largest_are_no_symmetry()
     pomdp = exchangeable_values((2, 2))
     reward = 1e-14 * pomdp.reward
     reward[2, 0] *= 2
-    changed = Pomdp(
-        pomdp.states,
-        pomdp.actions,
-        pomdp.observations,
-        pomdp.transition,
-        pomdp.observation,
-        reward,
-        0.9,
-        pomdp.start,
-    )
+    changed = replace(pomdp, reward=reward)
     assert {image[0] for image in find_symmetries(build_model(changed), 10_000, SECONDS)} == {0}
 
 

@@ -144,7 +144,7 @@ def test_people_of_a_learning_run_are_split(bags):
     domain = load_domain("engagement")
     sense = domain.find_sense("gaze")
     options = {"seed": 0, "features": sense.features}
-    with pytest.raises(DataError, match="of 3 people some are held out for the trials"):
+    with pytest.raises(DataError, match="the 3 people are split into training and test data"):
         read_training_data(domain, sense, bags, **options)
     for name in ("DD", "EE"):
         for label in ("eng", "dis"):

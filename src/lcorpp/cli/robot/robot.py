@@ -179,7 +179,9 @@ def _decide_about_bag(
                 kept.append(parts, strategy, decision.facts, decision.episode, person=decision.n_learnt)
     if not count:
         seconds = config.people.decide_after
-        console.print_note(f"{bag}: nobody is seen for {seconds:g} s (decide_after), so nothing is decided")
+        console.print_note(
+            f"{bag}: no track of a person lasts {seconds:g} s (decide_after), so no decision is made"
+        )
 
 
 def choose_robot_classifiers(config: RobotConfig, domain: Domain) -> dict[str, ClassifierOptions]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from lcorpp.planning.pomdp import Pomdp
 from lcorpp.planning.solution import Solution
 
 TOLERANCE = 1e-3
@@ -20,13 +21,18 @@ def compute_gap_share(solution: Solution) -> float | None:
     Returns:
         None if the policy gains nothing there, or the discount is 1.
     """
-    from lcorpp.planning._native import blind_policies
-    from lcorpp.planning.sarsop.kernel_model import build_model
-
     pomdp, gap = solution.pomdp, solution.upper - solution.lower
     if pomdp.discount == 1:
         return None
     tolerance = TOLERANCE * max(gap, TOLERANCE)
-    repeated = blind_policies(build_model(pomdp), tolerance, MAX_SECONDS)
-    gain = solution.policy.value(pomdp.start) - float((repeated @ pomdp.start).max())
+    gain = solution.policy.value(pomdp.start) - compute_repeated_value(pomdp, tolerance)
     return gap / gain if gain > tolerance else None
+
+
+def compute_repeated_value(pomdp: Pomdp, tolerance: float) -> float:
+    """Return the value, at the model's start belief, of the best policy that repeats one action."""
+    from lcorpp.planning._native import blind_policies
+    from lcorpp.planning.sarsop.kernel_model import build_model
+
+    values = blind_policies(build_model(pomdp), tolerance, MAX_SECONDS)
+    return float((values @ pomdp.start).max())

@@ -23,7 +23,7 @@ from lcorpp.planning.upper_bounds import SawtoothBound
 from lcorpp.values import Belief
 
 if TYPE_CHECKING:
-    from lcorpp.planning.sarsop.hidden_bounds import HiddenBounds
+    from lcorpp.planning.sarsop.hidden_values import HiddenBounds
 
 
 class BoundedTree:
@@ -72,14 +72,9 @@ class BoundedTree:
         return 2 * self.pomdp.memory_size + own
 
     @property
-    def is_sharpened(self) -> bool:
-        """Whether `sharpen` was called."""
-        return self._hidden is not None
-
-    @property
-    def has_graph(self) -> bool:
-        """Whether the tree has a graph of beliefs."""
-        return self._hidden is not None and self._hidden.found
+    def has_graph(self) -> bool | None:
+        """Whether the tree has a graph of beliefs; None before `sharpen`."""
+        return None if self._hidden is None else self._hidden.found
 
     def sharpen(self, starts: Sequence[Belief], *, seconds: float) -> None:
         """Add what `hidden_values` finds about the problem.

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
-from lcorpp.planning._native import Model, find_symmetries, mdp_bound, power_potentials
+from lcorpp.planning._native import Model, Tree, find_symmetries, mdp_bound, power_potentials
 from lcorpp.planning.pomdp import Pomdp
-from lcorpp.planning.sarsop.hidden_bounds import HiddenBounds
 from lcorpp.planning.sarsop.potentials import MAX_STATES, PairPotentials, Potential
 from lcorpp.values import Array, Belief
 
@@ -32,6 +32,27 @@ TOLERANCE = 1e-6
 
 MARGIN = 1e-9
 """Relative margin of the values of known states, above their rounding errors."""
+
+
+@dataclass(frozen=True)
+class HiddenBounds:
+    """symmetries: for each, the state whose weight each state takes (S). potentials: upper bounds."""
+
+    symmetries: Sequence[Sequence[int]] = ()
+    potentials: Sequence[Potential] = ()
+
+    @property
+    def found(self) -> bool:
+        """Whether there is a symmetry or a potential; then the tree gets a graph of beliefs, too."""
+        return bool(self.symmetries or self.potentials)
+
+    def apply(self, tree: Tree) -> None:
+        """Add the potentials to a tree, and a graph of beliefs with the symmetries."""
+        for own in self.potentials:
+            numbers = own.offset, own.scale, own.power, own.entropy
+            tree.add_potential(*numbers, own.pairs, own.pair_weights, own.state)
+        if self.found:
+            tree.add_graph([list(symmetry) for symmetry in self.symmetries])
 
 
 def find_hidden_values(pomdp: Pomdp, model: Model, starts: Sequence[Belief], seconds: float) -> HiddenBounds:

@@ -8,18 +8,14 @@ short ones do. So both are tried all the time, the better one more often.
 
 from __future__ import annotations
 
-from math import log
-
 from lcorpp.planning.sarsop.bounded_search import BoundedSearch, SampleFunction
+from lcorpp.planning.sarsop.work_shares import WorkShares
 
 LOOK_AHEADS = (10, 40)
 """The look-aheads, in steps."""
 
 MIN_WORK_SHARE = 0.2
 """Smallest share of the recent work of each of them."""
-
-DECAY = 0.9
-"""Factor of earlier gains and work after every two paths."""
 
 MAX_DOUBLINGS = 6
 """How often the look-ahead is doubled while two paths change nothing."""
@@ -41,7 +37,7 @@ class LookAhead:
     def __init__(self, search: BoundedSearch, function: SampleFunction | None = None) -> None:
         self._search, self._function = search, function
         self._current, self._doublings, self._nodes = 0, 0, 0
-        self._gain, self._work = [0.0] * len(LOOK_AHEADS), [0.0] * len(LOOK_AHEADS)
+        self._shares = WorkShares(len(LOOK_AHEADS), MIN_WORK_SHARE)
         self._before = self._describe()
 
     def sample(self) -> None:
@@ -60,16 +56,9 @@ class LookAhead:
             # a path under a slow discount may go in circles, where no bound changes
             stuck = now == self._before
             self._doublings = min(self._doublings + 1, MAX_DOUBLINGS) if stuck else 0
-            for numbers in (self._gain, self._work):
-                numbers[:] = [DECAY * number for number in numbers]
-            self._gain[self._current] += log(gap_before / now[0]) if 0 < now[0] < gap_before else 0.0
-            self._work[self._current] += self._nodes
+            self._shares.record(self._current, gap_before, now[0], self._nodes)
         self._before, self._nodes = now, 0
-        least = min(range(len(LOOK_AHEADS)), key=self._work.__getitem__)
-        if self._work[least] <= MIN_WORK_SHARE * sum(self._work):
-            self._current = least
-        else:
-            self._current = max(range(len(LOOK_AHEADS)), key=lambda k: self._gain[k] / self._work[k])
+        self._current = self._shares.choose()
 
     def _describe(self) -> tuple[float, int, int, int]:
         """Return the gap, and numbers that change with the search."""

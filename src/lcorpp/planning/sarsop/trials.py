@@ -7,10 +7,11 @@ order, and symmetric ones, lead to one node of the graph, and trials lower the u
 
 from __future__ import annotations
 
-from math import inf, log
+from math import inf
 
 from lcorpp.planning.sarsop.bounded_search import BoundedSearch, SampleFunction
 from lcorpp.planning.sarsop.look_ahead import LookAhead
+from lcorpp.planning.sarsop.work_shares import WorkShares
 
 START_WORK = 30_000_000
 """Work of the tree, in numbers read (some 30 ms), after which a problem is examined for hidden values."""
@@ -24,8 +25,8 @@ MAX_STARTS = 4
 MIN_WORK_SHARE = 0.1
 """Smallest share of the recent work of each kind."""
 
-DECAY = 0.9
-"""Factor of earlier gains and work after every choice."""
+PATH, GRAPH = 0, 1
+"""The kinds of trials, as numbers of `WorkShares`."""
 
 TARGET_SHARE = 0.5
 """A trial in the graph aims at this share of the gap at its root."""
@@ -55,7 +56,7 @@ class Trials:
         self._search, self._paths = search, LookAhead(search, function)
         self._memory_limit, self._seconds = GRAPH_MEMORY_SHARE * memory_limit, seconds
         self._may_use_graph = function is None
-        self._gain, self._work = {"path": 0.0, "graph": 0.0}, {"path": 0.0, "graph": 0.0}
+        self._shares = WorkShares(2, MIN_WORK_SHARE)
         self._path_began, self._path_gap = 0, 0.0
 
     def sample(self, max_work: float = inf) -> None:
@@ -65,14 +66,14 @@ class Trials:
             max_work: largest work of the search of the graph.
         """
         search, tree = self._search, self._search.bounds.tree
-        if self._may_use_graph and not search.bounds.is_sharpened and tree.work >= START_WORK:
+        if self._may_use_graph and search.bounds.has_graph is None and tree.work >= START_WORK:
             widest = sorted(search.roots, key=lambda root: tree.lower_bound(root) - tree.upper_bound(root))
             starts = [tree.belief(root) for root in widest[:MAX_STARTS]]
             search.bounds.sharpen(starts, seconds=self._seconds)
             search.refresh_record()
         if self._may_use_graph and search.bounds.has_graph and search.trials % 2 == 0:
             if self._path_began:
-                self._record("path", self._path_gap, self._path_began)
+                self._shares.record(PATH, self._path_gap, search.gap, tree.work - self._path_began)
                 self._search_graph(max_work)
             self._path_began, self._path_gap = max(1, tree.work), search.gap
         self._paths.sample()
@@ -81,26 +82,10 @@ class Trials:
         """Search the graph while this gains more than paths."""
         search, tree = self._search, self._search.bounds.tree
         expanded, limit = 1, tree.work + max_work
-        while expanded and self._prefers_graph() and tree.graph_memory <= self._memory_limit:
+        while expanded and self._shares.choose() == GRAPH and tree.graph_memory <= self._memory_limit:
             if search.gap <= search.precision or search.seconds_left <= 0 or tree.work >= limit:
                 break
             gap, began = search.gap, tree.work
-            work = min(max(self._work["path"], MIN_GRAPH_WORK), limit - began)
+            work = min(max(self._shares.work[PATH], MIN_GRAPH_WORK), limit - began)
             expanded = search.search_graph(TARGET_SHARE, work)
-            self._record("graph", gap, began)
-
-    def _prefers_graph(self) -> bool:
-        path, graph = self._work["path"], self._work["graph"]
-        least = "path" if path < graph else "graph"
-        if self._work[least] <= MIN_WORK_SHARE * (path + graph):
-            return least == "graph"
-        return self._gain["graph"] * path > self._gain["path"] * graph
-
-    def _record(self, kind: str, gap_before: float, work_before: int) -> None:
-        """Record what one kind gained since then."""
-        for numbers in (self._gain, self._work):
-            for other in numbers:
-                numbers[other] *= DECAY
-        gap = self._search.gap
-        self._gain[kind] += log(gap_before / gap) if 0 < gap < gap_before else 0.0
-        self._work[kind] += self._search.bounds.tree.work - work_before
+            self._shares.record(GRAPH, gap, search.gap, tree.work - began)

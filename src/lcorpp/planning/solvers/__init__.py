@@ -19,7 +19,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 from lcorpp.errors import ModelError, check_type, expected_one_of
-from lcorpp.planning.arguments import check_limits, check_step_seconds
+from lcorpp.planning.arguments import check_limits, check_positive
 from lcorpp.planning.planner import Planner
 from lcorpp.planning.policy import Policy
 from lcorpp.planning.pomdp import Pomdp
@@ -58,7 +58,7 @@ class SolverOptions:
     def __post_init__(self) -> None:
         check_type(self.name, str, "the solver", ModelError)
         check_limits(self.precision, self.time_limit)
-        check_step_seconds(self.step_seconds)
+        check_positive("step time", self.step_seconds)
         if self.name not in SOLVERS:
             load_solver(self.name)
 
