@@ -41,6 +41,7 @@ CHECKS = {
     "guides/domains/scores.md": 1,
     "guides/domains/senses.md": 1,
     "guides/domains/several-variables.md": 1,
+    "guides/domains/simulated.md": 2,
     "guides/domains/strategies.md": 1,
     "guides/learning/corrected-labels.md": 1,
     "guides/learning/early.md": 4,

@@ -31,7 +31,7 @@ from lcorpp.logs.watching import make_alarm, make_hypotheses
 from lcorpp.planning import Planner, Pomdp, solve
 from lcorpp.reasoning import Program, Reasoner, parse_plog
 from lcorpp.simulation.people import Population
-from lcorpp.simulation.world import SimulationModel
+from lcorpp.simulation.table_dynamics import SimulationModel
 from lcorpp.trust import Finding, Hypotheses
 from lcorpp.trust.finding import HEARING, KNOWLEDGE
 from lcorpp.values import Array, Instance, Label, Step

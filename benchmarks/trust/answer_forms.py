@@ -27,7 +27,8 @@ from lcorpp.domains import Domain
 from lcorpp.files import write_atomically
 from lcorpp.reasoning import Reasoner
 from lcorpp.simulation.people import Population
-from lcorpp.simulation.world import SimulatedWorld, SimulationModel
+from lcorpp.simulation.table_dynamics import SimulationModel
+from lcorpp.simulation.world import SimulatedWorld
 from lcorpp.values import Array, Instance
 from worlds import BASELINES, STATED_RATES, World, make_channels, make_domain, solve_precisely
 

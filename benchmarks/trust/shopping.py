@@ -23,7 +23,7 @@ from lcorpp.domains import Domain, load_domain
 from lcorpp.planning import Planner, solve
 from lcorpp.reasoning import Program, Reasoner, parse_plog
 from lcorpp.simulation.people import Population
-from lcorpp.simulation.world import SimulationModel
+from lcorpp.simulation.table_dynamics import SimulationModel
 from lcorpp.values import Instance
 
 STATED = ("P", "R+P")

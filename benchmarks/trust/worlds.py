@@ -15,7 +15,7 @@ from lcorpp.reasoning import Program, parse_plog
 from lcorpp.scoring.exact_evaluation import evaluate_exactly
 from lcorpp.simulation import NoisyChannel
 from lcorpp.simulation.people import Population
-from lcorpp.simulation.world import SimulationModel
+from lcorpp.simulation.table_dynamics import SimulationModel
 from lcorpp.trust import Trust
 from lcorpp.values import Instance
 

@@ -185,7 +185,7 @@ class Corridor:
         Raises:
             DecisionError: the domain has no such action.
         """
-        self._answers.find_action(action)
+        self._answers.check_action(action)
         if not self.can_hear(person):
             return "none"
         walker = self._walkers[person]

@@ -58,7 +58,7 @@ def test_the_shell_completes_commands_and_options(lcorpp, monkeypatch):
 
 def test_run_states_its_default_number_of_trials(lcorpp):
     out = " ".join(lcorpp("run", "-h").out.split())
-    assert "Number of simulated people; 5000 by default. [1<=x<=10000000]" in out
+    assert "Number of simulated people; by default 5000, 200 for a simulated model. [1<=x<=10000000]" in out
 
 
 def test_version(lcorpp):

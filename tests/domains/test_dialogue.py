@@ -60,7 +60,7 @@ def test_the_question_to_learn_from_is_informative_and_cheap(intention):
 
 def change(domain, **tables):
     pomdp = replace(domain.pomdp, **{name: SparseTables.of(table) for name, table in tables.items()})
-    return replace(domain, planning=replace(domain.planning, pomdp=pomdp))
+    return replace(domain, planning=replace(domain.planning, model=pomdp))
 
 
 def test_hidden_variables_of_the_planner_are_refused(intention):

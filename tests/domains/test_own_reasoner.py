@@ -9,7 +9,7 @@ import pytest
 
 from lcorpp import ConfusionMatrix, load_domain, load_robot
 from lcorpp.assembly import solve_domain
-from lcorpp.assembly.robot_parts import list_changed_files, load_logged_domain
+from lcorpp.assembly.logged_parts import list_changed_files, load_logged_domain
 from lcorpp.assembly.strategies.trust_setup import set_up_trust
 from lcorpp.audit import read_people
 from lcorpp.decision import LCORPP

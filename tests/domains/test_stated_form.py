@@ -60,7 +60,7 @@ def test_without_an_effect_of_the_memory_scores_are_those_of_independent_answers
         base,
         planning=replace(
             base.planning,
-            pomdp=replace(
+            model=replace(
                 base.pomdp,
                 observation=SparseTables.of(mix(base.pomdp.observation.dense, wanted, 0.4)),
             ),

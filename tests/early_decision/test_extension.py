@@ -128,7 +128,7 @@ def test_people_with_streams(domain):
     observed = ObservedPeople.of(domain, people, make_timeline(400, seed=1))
     own = extend_domain(domain, stream, cost=0.1)
     watching = score_policy(domain, own, Planner(solve_domain(own, any_prior=True)), stream, observed)
-    same = replace(domain, planning=replace(domain.planning, pomdp=replace(domain.pomdp, discount=0.999)))
+    same = replace(domain, planning=replace(domain.planning, model=replace(domain.pomdp, discount=0.999)))
     never = score_evidence(
         same, Planner(solve_domain(same, any_prior=True)), observed, np.ones((400, 2)), 0.0
     )

@@ -11,7 +11,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from lcorpp.assembly.robot_parts import ClassifierPart, RobotParts, find_fingerprint, make_program, read_parts
+from lcorpp.assembly.logged_parts import read_parts
+from lcorpp.assembly.robot_parts import ClassifierPart, RobotParts, find_fingerprint, make_program
 from lcorpp.assembly.solving import solve_domain
 from lcorpp.assembly.strategies.baselines import find_strategies
 from lcorpp.decision import LCORPP, STRATEGIES, strategies

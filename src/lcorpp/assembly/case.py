@@ -80,7 +80,7 @@ def draw_case(
         DomainError: no such person is possible, or a sense has no noisy channel.
     """
     # a real person is not simulated
-    from lcorpp.simulation import SimulationModel, classify_perceived, simulate_signals
+    from lcorpp.simulation import classify_perceived, make_dynamics, simulate_signals
 
     rng = np.random.default_rng([seed, 0])
     given = facts if truth is None else {**facts, **domain.reasoning.split(truth)}
@@ -99,7 +99,7 @@ def draw_case(
                 labels[sense.name] = output
     context = {name: person[name] for name in domain.observed}
     known = {name: labels[name] for name in senses if name in labels}
-    world = SimulationModel(domain).make_world(person, rng)
+    world = make_dynamics(domain).make_world(person, rng)
     return Case(context, known, world, domain.reasoning.join(person), person)
 
 

@@ -41,7 +41,7 @@ class DomainRobot:
 
     senses: sense -> the setup of its classifier.
     parts: what determines its decisions, for a log.
-    solution: of the POMDP; None if the policy was given.
+    solution: of the POMDP; None if the policy was given, or the model is generative.
 
     Examples:
         >>> from lcorpp import load_robot
@@ -60,7 +60,9 @@ class DomainRobot:
         rows = [
             *[(f"classifier of {name}", repr(setup).strip("<>")) for name, setup in self.senses.items()],
             ("knowledge", f"{Path(program.file).name}: {numbers}"),
-            ("policy", f"for {Path(policy.model).name}: {len(policy)} vectors"),
+            ("policy", f"for {Path(policy.model).name}: {len(policy)} vectors")
+            if policy is not None
+            else ("planner", repr(self.parts.make_planner()).strip("<>")),
         ]
         return html_table(("part", "contents"), rows, caption=f"Robot of the domain {self.domain.name}")
 
@@ -236,6 +238,8 @@ def compose_robot(
         classifiers[name] = replace(classifiers[name], source="given", fingerprint="", soft=soft)
     if policy is not None:
         return DomainRobot(senses, RobotParts(domain, policy, classifiers, smoothing, None, policy_file))
+    if domain.planning.search is not None:
+        return DomainRobot(senses, RobotParts(domain, None, classifiers, smoothing))
     options = solver or domain.planning.solver
     any_prior, program = have_own_rates(classifiers), find_own_program(domain, classifiers, smoothing)
     with progress("solving the POMDP") as advance:

@@ -1,24 +1,25 @@
-"""The parts that determine a robot's decisions: as JSON for a log, and set up again from it."""
+"""The parts that determine a robot's decisions, and as JSON for a log."""
 
 from __future__ import annotations
 
 import hashlib
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, dataclass, field
 from fractions import Fraction
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import lcorpp
-from lcorpp.assembly.solving import RatesSource, have_own_rates, solve_domain
+from lcorpp.assembly.solving import RatesSource, have_own_rates
 from lcorpp.decision import Robot
-from lcorpp.domains import Domain, load_domain, with_reasoner
+from lcorpp.domains import Domain
 from lcorpp.domains.loading import SHIPPED_FOLDER
 from lcorpp.errors import DecisionError, LcorppError
 from lcorpp.files import read_bytes
 from lcorpp.planning import Policy, SolverOptions
 from lcorpp.planning.upper_bounds import MixtureBound
+from lcorpp.protocols import Planner as PlannerProtocol
 from lcorpp.reasoning import Program
 from lcorpp.user_code import split_function
 from lcorpp.values import JEFFREYS, ConfusionMatrix
@@ -68,6 +69,7 @@ class RobotParts:
     """The parts that determine a robot's decisions about facts and labels.
 
     classifiers: sense -> its classifier. smoothing: of their confusion matrices.
+    policy: None for a generative model, with which the robot searches at each step.
     solver: the options that made the policy; None for a policy from elsewhere. policy_file: its file, if any.
     has_own_priors: whether the solver knew the priors by these classifiers' rates, see `find_own_program`.
 
@@ -79,7 +81,7 @@ class RobotParts:
     """
 
     domain: Domain
-    policy: Policy
+    policy: Policy | None
     classifiers: Mapping[str, ClassifierPart] = field(default_factory=dict)
     smoothing: Fraction = JEFFREYS
     solver: SolverOptions | None = None
@@ -103,9 +105,33 @@ class RobotParts:
         confusions = {name: part.confusion for name, part in parts if part.confusion is not None}
         return compute_soft_rates(self.domain, confusions, self.smoothing, soft=soft)
 
+    @property
+    def alpha_policy(self) -> Policy:
+        """The policy.
+
+        Raises:
+            DecisionError: the model is generative.
+        """
+        if self.policy is None:
+            raise DecisionError(f"{self.domain.model.file} is simulated, so that there is no policy for it")
+        return self.policy
+
     @cached_property
     def description(self) -> Json:
-        """The parts as JSON, with a fingerprint of each; `read_parts` is the inverse."""
+        """The parts as JSON, with a fingerprint of each; `logged_parts.read_parts` is the inverse."""
+        return {
+            "lcorpp": lcorpp.__version__,
+            **describe_domain(self.domain),
+            "policy": self._describe_policy(),
+            "classifiers": {name: _describe_classifier(part) for name, part in self.classifiers.items()},
+            "smoothing": str(self.smoothing),
+        }
+
+    def _describe_policy(self) -> dict[str, Any]:
+        """Return the policy, with what made it; or the work of the search at each step."""
+        if self.policy is None:
+            assert self.domain.planning.search is not None
+            return {"search": asdict(self.domain.planning.search)}
         policy: dict[str, Any] = {"fingerprint": hash_policy(self.policy)}
         if self.solver is not None:
             options, own = asdict(self.solver), asdict(self.domain.planning.solver)
@@ -115,20 +141,22 @@ class RobotParts:
             policy["own_priors"] = self.has_own_priors
         elif self.policy_file is not None:
             policy["file"] = str(self.policy_file.resolve())
-        return {
-            "lcorpp": lcorpp.__version__,
-            **_describe_domain(self.domain),
-            "policy": policy,
-            "classifiers": {name: _describe_classifier(part) for name, part in self.classifiers.items()},
-            "smoothing": str(self.smoothing),
-        }
+        return policy
 
     @cached_property
     def robot(self) -> Robot:
         """The full robot, without classifiers."""
         reasoner = self.domain.make_reasoner(self.program)
-        planner = (self.solver or SolverOptions()).make_planner(self.policy, self.domain.pomdp)
-        return Robot({}, reasoner, planner, self.domain)
+        return Robot({}, reasoner, self.make_planner(), self.domain)
+
+    def make_planner(self) -> PlannerProtocol:
+        """Return the planner that acts by the policy, or searches with a generative model."""
+        if self.policy is not None:
+            return (self.solver or SolverOptions()).make_planner(self.policy, self.domain.pomdp)
+        from lcorpp.planning import GenerativeModel, GenerativePlanner  # tables do without
+
+        assert isinstance(self.domain.model, GenerativeModel)
+        return GenerativePlanner(self.domain.model, self.domain.planning.search)
 
 
 def describe_strategy(strategy: Strategy) -> dict[str, Any]:
@@ -146,98 +174,6 @@ def describe_strategy(strategy: Strategy) -> dict[str, Any]:
         return {"name": strategy.name}
     source = f"{own.path.resolve()}:{own.name.removesuffix('.robot')}"
     return {"name": strategy.name, "source": source, "fingerprint": find_fingerprint(source) or ""}
-
-
-def list_changed_files(domain: Domain, logged: Json) -> list[str]:
-    """Return the files of a domain that differ from those of a log."""
-    now, model = _describe_domain(domain), domain.pomdp.file
-    files = {"domain": domain.folder / "domain.toml", "knowledge": domain.program.file, "model": model}
-    if "reasoner" in logged:
-        files["reasoner"] = logged["reasoner"]["source"]
-    return [
-        f"{what}: {file}"
-        for what, file in files.items()
-        if what not in now or logged[what]["fingerprint"] != now[what]["fingerprint"]
-    ]
-
-
-def list_changed_sources(sources: Mapping[str, Json]) -> list[str]:
-    """Return the files of classifiers, learners and own strategies that differ from those of a log.
-
-    Args:
-        sources: what a file is -> its description.
-    """
-    return [
-        f"{what}: {own['source']}"
-        for what, own in sources.items()
-        if "source" in own and find_fingerprint(own["source"]) not in (None, own["fingerprint"])
-    ]
-
-
-def list_changed_policy(parts: RobotParts, logged: Json) -> list[str]:
-    """Return the policy, with its file, if it differs from that of a log."""
-    if logged["policy"]["fingerprint"] == hash_policy(parts.policy):
-        return []
-    solver = "" if parts.solver is None else f" by {parts.solver.name}"
-    return [f"policy: {parts.policy_file or f'of {parts.domain.pomdp.file}{solver}'}"]
-
-
-def load_logged_domain(description: Json, folder: Path | None = None) -> Domain:
-    """Load the domain of a log, from `folder` if it is not where it was.
-
-    Raises:
-        LcorppError: a file is missing or wrong.
-        LookupError, TypeError, ValueError: `description` has another form.
-    """
-    about = description["domain"]
-    domain = load_domain(folder or Path(about["folder"]), preset=about["preset"])
-    if "reasoner" not in description:
-        return domain
-    return with_reasoner(domain, str(domain.folder / description["reasoner"]["source"]))
-
-
-def read_parts(description: Json, domain: Domain, *, cache: Path | None = None) -> RobotParts:
-    """Set up the parts that a log describes, from the files as they are now.
-
-    Args:
-        cache: a folder that keeps policies, None for none.
-
-    Raises:
-        LcorppError: a file is missing or wrong.
-        LookupError, TypeError, ValueError: `description` has another form.
-    """
-    policy = description["policy"]
-    classifiers, smoothing = _read_classifiers(description, domain)
-    if "solver" not in policy:
-        if "file" not in policy:
-            raise DecisionError("the policy has no file and no solver, so it cannot be set up again")
-        from lcorpp.planning import read_policy  # loads the file formats
-
-        file = Path(policy["file"])
-        found = read_policy(file, domain.pomdp)
-        return RobotParts(domain, found, classifiers, smoothing, policy_file=file)
-    solver = replace(domain.planning.solver, **{name: policy["solver"][name] for name in policy["given"]})
-    has_own_priors, any_prior = policy.get("own_priors", False), policy.get("any_prior", False)
-    program = find_own_program(domain, classifiers, smoothing) if has_own_priors else None
-    solution = solve_domain(domain, solver, any_prior=any_prior, program=program, cache=cache)
-    return RobotParts(domain, solution.policy, classifiers, smoothing, solver, has_own_priors=has_own_priors)
-
-
-def read_program(description: Json, domain: Domain) -> Program:
-    """Return the program with the rules of the classifiers that a log describes.
-
-    Raises:
-        LcorppError, LookupError, TypeError, ValueError: as `read_parts`.
-    """
-    return make_program(domain, *_read_classifiers(description, domain))
-
-
-def _read_classifiers(description: Json, domain: Domain) -> tuple[dict[str, ClassifierPart], Fraction]:
-    """Return sense -> classifier, and the smoothing of their confusion matrices."""
-    classifiers = {name: _read_classifier(part) for name, part in description["classifiers"].items()}
-    for name in classifiers:
-        domain.find_sense(name)
-    return classifiers, Fraction(description["smoothing"])
 
 
 def make_program(
@@ -263,7 +199,7 @@ def find_own_program(
     return make_program(domain, classifiers, smoothing)
 
 
-def _describe_domain(domain: Domain) -> dict[str, Any]:
+def describe_domain(domain: Domain) -> dict[str, Any]:
     """Return the domain, its knowledge and its model; a comment in the latter two changes no fingerprint.
 
     A reasoner of the user's own is there with its file, relative to the domain's folder if it lies there.
@@ -282,7 +218,7 @@ def _describe_domain(domain: Domain) -> dict[str, Any]:
             "fingerprint": hash_bytes(read_bytes(domain.folder / "domain.toml")),
         },
         "knowledge": {"file": domain.program.file, "fingerprint": hash_bytes(str(domain.program).encode())},
-        "model": {"file": domain.pomdp.file, "fingerprint": shorten(domain.pomdp.fingerprint)},
+        "model": {"file": domain.model.file, "fingerprint": shorten(domain.model.fingerprint)},
         **reasoner,
     }
 
@@ -292,13 +228,6 @@ def _describe_classifier(part: ClassifierPart) -> dict[str, Any]:
     if part.confusion is not None:
         content |= part.confusion.to_json()
     return content
-
-
-def _read_classifier(content: Json) -> ClassifierPart:
-    confusion = None
-    if "counts" in content:
-        confusion = ConfusionMatrix.from_json(content)
-    return ClassifierPart(content["source"], content["fingerprint"], confusion, content["soft"])
 
 
 def find_fingerprint(source: str) -> str | None:

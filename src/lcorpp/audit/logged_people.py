@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from lcorpp.assembly.robot_parts import load_logged_domain, read_program
+from lcorpp.assembly.logged_parts import load_logged_domain, read_program
 from lcorpp.domains import Domain
 from lcorpp.domains.dialogue import DomainDialogue
 from lcorpp.errors import DataError

@@ -8,7 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
-from lcorpp.assembly.robot_parts import read_parts
+from lcorpp.assembly.logged_parts import read_parts
 from lcorpp.assembly.strategies.baselines import find_strategies
 from lcorpp.audit.answer_rates import AnswerRates
 from lcorpp.audit.logged_people import AnsweredPerson, LoggedPeople

@@ -185,7 +185,7 @@ def _check_domain(folder: Path) -> None:
         name = f"{domain.name}, preset {preset}" if preset else domain.name
         console.out.print(
             f"{folder} ({name}): observes {', '.join(domain.observed) or 'nothing'};"
-            f" decides {_format_shared(domain.reasoning)}; {_format_size(domain.pomdp)}: OK"
+            f" decides {_format_shared(domain.reasoning)}; {domain.model_size}: OK"
         )
         _note_guesses(domain)
 

@@ -18,9 +18,10 @@ from lcorpp.cli.options.learning import LearningGroup
 from lcorpp.cli.options.robot import RobotGroup
 
 if TYPE_CHECKING:
+    from lcorpp.assembly.robot_parts import RobotParts
     from lcorpp.domains import Domain
     from lcorpp.experiments.result_folder import WrittenFiles
-    from lcorpp.planning import OnlinePlanner, Planner, Policy, Solution, SolverOptions
+    from lcorpp.planning import Policy, Solution, SolverOptions
     from lcorpp.runs.batches import BatchResult
     from lcorpp.runs.run_store import RunStore
     from lcorpp.runs.senses import ActiveLearningOptions, LearningSenses
@@ -37,7 +38,6 @@ def learn(given: RobotGroup, learning: LearningGroup) -> None:
     solver stops only the solver; the command continues with the best policy so far. With --store every
     decision survives any interruption, and the same command resumes the run.
     """
-    from lcorpp.assembly.robot_parts import RobotParts
     from lcorpp.assembly.solving import explain_missing_reports
     from lcorpp.cli.robot_output import note_storage_problems, print_domain
     from lcorpp.logs.decision_log import DecisionLog
@@ -63,18 +63,16 @@ def learn(given: RobotGroup, learning: LearningGroup) -> None:
         noted = given.out is not None and note_storage_problems(senses.training.values())
         outcome = _Outcome()
         with _keep_on_interrupt(outcome, store):
-            planner, outcome.solution = _make_planner(loaded, policy, solving, given.solving.find_cache())
+            parts, outcome.solution = _make_parts(loaded, policy, given, solving)
             stack.enter_context(explain_missing_reports(outcome.solution))
-            solver, used = (None, policy) if outcome.solution is None else (solving, outcome.solution.policy)
-            assert used is not None
             results = run_active_learning(
                 loaded,
                 senses,
-                planner,
+                parts.make_planner(),
                 chosen,
                 run_store=run_store,
                 log=log,
-                parts=RobotParts(loaded, used, solver=solver, policy_file=given.policy),
+                parts=parts,
                 on_alarm=partial(_print_alarm, loaded),
                 progress=console.show_progress,
             )
@@ -133,20 +131,24 @@ def _print_outcome(outcome: _Outcome, precision: float, *, noted: bool) -> None:
         print_written(outcome.written, noted=noted)
 
 
-def _make_planner(
-    domain: Domain, policy: Policy | None, solver: SolverOptions, cache: Path | None
-) -> tuple[Planner | OnlinePlanner, Solution | None]:
-    """Return the planner of a given policy, or solve the POMDP and print how well."""
+def _make_parts(
+    domain: Domain, policy: Policy | None, given: RobotGroup, solver: SolverOptions
+) -> tuple[RobotParts, Solution | None]:
+    """Return the domain with a given policy, or solve the POMDP and print how well."""
+    from lcorpp.assembly.robot_parts import RobotParts
     from lcorpp.assembly.solving import solve_domain
-    from lcorpp.cli.robot_output import print_solution
-    from lcorpp.planning import Planner
+    from lcorpp.cli.robot_output import print_search, print_solution
 
     if policy is not None:
-        return Planner(policy, domain.pomdp), None
+        return RobotParts(domain, policy, policy_file=given.policy), None
+    if domain.planning.search is not None:
+        print_search(domain)
+        return RobotParts(domain, None), None
     with console.show_progress("solving the POMDP") as advance:
+        cache = given.solving.find_cache()
         solution = solve_domain(domain, solver, any_prior=True, cache=cache, advance=advance)
     print_solution(solution)
-    return solver.make_planner(solution.policy, domain.pomdp), solution
+    return RobotParts(domain, solution.policy, solver=solver), solution
 
 
 def _print_batches(

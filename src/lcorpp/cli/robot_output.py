@@ -236,6 +236,17 @@ def print_solution(solution: Solution, gap: float | None = None, *, precision: f
         _note_wide_gap(solution, gap, precision)
 
 
+def print_search(domain: Domain) -> None:
+    """Print the work of the search at each step with a generative model."""
+    search = domain.planning.search
+    assert search is not None
+    observed = "" if search.widening is None else ", observations are widened (POMCPOW)"
+    console.out.print(
+        f"search at each step: {search.simulations} simulations, {search.particles} particles{observed};"
+        " values are estimates without bounds"
+    )
+
+
 SMALL_SHARE = 0.1
 """A gap up to this share of what planning gains needs no warning."""
 

@@ -25,8 +25,8 @@ if TYPE_CHECKING:
 MAX_MISSED = 0.01
 """Probability of the decisions that exact scores leave out, above which a note recommends trials."""
 
-TRIALS = 5000
-"""Number of simulated people without --trials."""
+TRIALS, SEARCHED_TRIALS = 5000, 200
+"""Number of simulated people without --trials; of a generative model, as the robot searches at each step."""
 
 
 @take_consent
@@ -38,7 +38,11 @@ def run(
     ] = None,
     trials: Annotated[
         int | None,
-        typer.Option(min=1, max=options.MAX_TRIALS, help=f"Number of simulated people; {TRIALS} by default."),
+        typer.Option(
+            min=1,
+            max=options.MAX_TRIALS,
+            help=f"Number of simulated people; by default {TRIALS}, {SEARCHED_TRIALS} for a simulated model.",
+        ),
     ] = None,
     exact: Annotated[
         bool, typer.Option("--exact", help="Enumerate people and answers instead of sampling (channel only).")
@@ -65,12 +69,12 @@ def run(
     from lcorpp.experiments.comparison import compare_strategies
     from lcorpp.logs.decision_log import DecisionLog
 
-    number = TRIALS if trials is None else trials
     if exact:
         _reject_sampling(given, trials)
+    loaded = given.load_domain()
+    number = trials or (TRIALS if loaded.planning.search is None else SEARCHED_TRIALS)
     if trial is not None:
         _check_trial(trial, number, given, exact=exact)
-    loaded = given.load_domain()
     chosen = _choose_comparison(
         loaded, given, strategy or [], None if exact else number, tracks, ask_budget=ask_budget
     )
@@ -155,7 +159,7 @@ def _choose_comparison(
 
 
 def _print_comparison(domain: Domain, comparison: Comparison, chosen: ComparisonOptions) -> None:
-    from lcorpp.cli.robot_output import print_classifiers, print_scores, print_solution
+    from lcorpp.cli.robot_output import print_classifiers, print_scores, print_search, print_solution
 
     print_scores(comparison.scores, domain.positive, comparison.trials)
     for name, reason in comparison.failures.items():
@@ -163,6 +167,8 @@ def _print_comparison(domain: Domain, comparison: Comparison, chosen: Comparison
     if comparison.trials is None:
         _note_bounds(comparison)
     print_classifiers(domain, comparison.senses)
+    if domain.planning.search is not None:
+        print_search(domain)
     if comparison.solution is not None:
         solver = chosen.solver or domain.planning.solver
         print_solution(comparison.solution, comparison.gap, precision=solver.precision)

@@ -8,6 +8,7 @@ from fractions import Fraction
 from functools import cached_property
 from itertools import combinations
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -35,6 +36,9 @@ from lcorpp.values import (
     SharedValue,
     format_value,
 )
+
+if TYPE_CHECKING:
+    from lcorpp.planning import GenerativeModel
 
 TERMINAL_TOLERANCE = 1e-9
 """Rounding error of the probability 1 of the terminal states."""
@@ -71,13 +75,12 @@ class Domain:
 
     def __repr__(self) -> str:
         preset = f", preset {self.preset!r}" if self.preset else ""
-        pomdp, shared = self.pomdp, self.reasoning.shared
+        shared, kind = self.reasoning.shared, "POMDP" if isinstance(self.model, Pomdp) else "simulated model"
         values = ", ".join(map(str, self.values)) if len(shared) == 1 else f"{len(self.values)} values"
         senses = f"; senses {', '.join(sense.name for sense in self.senses)}" if self.senses else ""
         return (
             f"Domain({self.name!r}{preset}: observes {', '.join(self.observed) or 'nothing'}{senses}; shares"
-            f" {', '.join(shared)} ({values}); POMDP with {len(pomdp.states)} states,"
-            f" {len(pomdp.actions)} actions, {len(pomdp.observations)} observations)"
+            f" {', '.join(shared)} ({values}); {kind} with {self.model_size})"
         )
 
     def _repr_html_(self) -> str:
@@ -86,7 +89,7 @@ class Domain:
             ("observed facts", ", ".join(self.observed)),
             *[(f"sense {sense.name}", f"classes {', '.join(sense.classes)}") for sense in self.senses],
             ("shared", f"{', '.join(self.reasoning.shared)}: {values}"),
-            *[(part, join_some(getattr(self.pomdp, part))) for part in ("states", "actions", "observations")],
+            *[(part, join_some(getattr(self.model, part))) for part in ("states", "actions", "observations")],
         ]
         return html_table(("part", "contents"), rows, caption=f"Domain {self.name}. {self.description}")
 
@@ -145,8 +148,26 @@ class Domain:
         return ()
 
     @property
-    def pomdp(self) -> Pomdp:
+    def model(self) -> Pomdp | GenerativeModel:
         """The planner's model: M."""
+        return self.planning.model
+
+    @property
+    def model_size(self) -> str:
+        """The numbers of states, actions and observations in words; a simulated model has no states."""
+        model = self.model
+        actions, observations = f"{len(model.actions)} actions", f"{len(model.observations)} observations"
+        if isinstance(model, Pomdp):
+            return f"{len(model.states)} states, {actions}, {observations}"
+        return f"{actions}, {observations if model.observations else 'numbers as observations'}"
+
+    @property
+    def pomdp(self) -> Pomdp:
+        """The planner's model with its tables.
+
+        Raises:
+            DomainError: the model is generative.
+        """
         return self.planning.pomdp
 
     @property
@@ -301,7 +322,7 @@ class Domain:
     @cached_property
     def report_indices(self) -> Indices:
         """(A,) the index of the value that each action reports; the number of values for no report."""
-        values = [self.reported_value(action) for action in self.pomdp.actions]
+        values = [self.reported_value(action) for action in self.model.actions]
         return np.array([len(self.values) if v is None else self.values.index(v) for v in values], np.intp)
 
     def report_action(self, value: SharedValue) -> str:

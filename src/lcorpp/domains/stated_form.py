@@ -46,7 +46,7 @@ def state_form(domain: Domain, answers: StatedAnswers, location: str) -> Domain:
     places = model.states[:, 0]
     lifted = replace(
         planning,
-        pomdp=pomdp,
+        model=pomdp,
         initial_states=np.array([model.place(row, shares) for row in planning.initial_states]),
         state_values=planning.state_values[places],
         terminal=tuple(np.flatnonzero(np.isin(places, planning.terminal)).tolist()),

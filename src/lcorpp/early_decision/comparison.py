@@ -149,7 +149,7 @@ def choose_best(variants: Sequence[EarlyReturns], cost: float) -> Array:
 
 def _change_discount(domain: Domain, discount: float) -> Domain:
     pomdp = replace(domain.pomdp, discount=discount)
-    return replace(domain, planning=replace(domain.planning, pomdp=pomdp))
+    return replace(domain, planning=replace(domain.planning, model=pomdp))
 
 
 def _list_triggers(timeline: PredictionTimeline) -> list[Trigger]:

@@ -121,7 +121,7 @@ def extend_domain(
         domain,
         planning=replace(
             planning,
-            pomdp=pomdp,
+            model=pomdp,
             initial_states=initial,
             state_values=planning.state_values[layout.origin],
             problem=None,

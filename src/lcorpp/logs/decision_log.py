@@ -170,7 +170,7 @@ def format_decision(
         own["seed"] = seed
     elif strategy.start is not None:
         own |= {"person": person} | ({} if person_id is None else {"person_id": person_id})
-    states = parts.domain.pomdp.states
+    states = parts.domain.model.states
     marginal = episode.marginal
     content = {
         **FORMAT.header,
@@ -249,7 +249,7 @@ class LoggedDecision:
             LookupError, TypeError, ValueError, AttributeError: the content has another form.
         """
         content, marginal = self.content, self.content["marginal"]
-        states = domain.pomdp.states
+        states = domain.model.states
         if marginal is not None:
             values, probabilities = zip(*marginal, strict=True)
             marginal = Distribution(tuple(map(read_value, values)), np.array(probabilities))

@@ -10,14 +10,14 @@ from typing import Any
 
 import numpy as np
 
-from lcorpp.assembly.robot_parts import (
-    RobotParts,
+from lcorpp.assembly.logged_parts import (
     list_changed_files,
     list_changed_policy,
     list_changed_sources,
     load_logged_domain,
     read_parts,
 )
+from lcorpp.assembly.robot_parts import RobotParts
 from lcorpp.assembly.strategies.baselines import read_strategy
 from lcorpp.decision import Robot, Strategy
 from lcorpp.decision.dt_control import act_until_report, infer_prior

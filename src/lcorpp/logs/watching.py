@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator, Mapping
 from math import exp
 from pathlib import Path
 
-from lcorpp.assembly.robot_parts import list_changed_files, load_logged_domain, read_program
+from lcorpp.assembly.logged_parts import list_changed_files, load_logged_domain, read_program
 from lcorpp.domains import Domain
 from lcorpp.domains.dialogue import DomainDialogue
 from lcorpp.errors import DataError, DecisionError, expected_one_of

@@ -23,6 +23,7 @@ from .formats.pomdpx.reader import (
     read_pomdpx as read_pomdpx,
 )
 from .formats.pomdpx.writer import format_pomdpx as format_pomdpx, write_pomdpx as write_pomdpx
+from .generative_model import GenerativeModel as GenerativeModel, Interaction as Interaction
 from .planner import Planner as Planner
 from .plots.belief_figures import draw_line as draw_line, draw_triangle as draw_triangle
 from .plots.bounds import draw_bounds as draw_bounds
@@ -40,9 +41,11 @@ from .solvers.finite_horizon import (
 )
 from .solvers.heuristic_search import OnlinePlanner as OnlinePlanner, SearchResult as SearchResult
 from .solvers.pomcp import (
+    GenerativePlanner as GenerativePlanner,
     ObservedSimulator as ObservedSimulator,
     ParticlePlanner as ParticlePlanner,
     PomcpPlanner as PomcpPlanner,
+    SearchOptions as SearchOptions,
     Simulator as Simulator,
     TableSimulator as TableSimulator,
     Widening as Widening,

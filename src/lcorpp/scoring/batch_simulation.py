@@ -19,7 +19,7 @@ from lcorpp.scoring.decision_graph import ENDED, DecisionGraph
 from lcorpp.scoring.decision_nodes import BeliefNodes
 from lcorpp.scoring.experiment import Chunk, Experiment
 from lcorpp.scoring.gaps import find_gap
-from lcorpp.simulation.world import SimulationModel
+from lcorpp.simulation.table_dynamics import SimulationModel
 from lcorpp.values import Array, Indices
 
 FIRST_DRAWS = 16
@@ -131,7 +131,9 @@ def simulate_at_once(experiment: Experiment, chunks: Sequence[Chunk]) -> dict[in
     selected = [k for k, row in enumerate(experiment.strategies) if simulates_at_once(experiment, row)]
     if not selected:
         return {}
-    world = BatchWorld(chunks[0].model)
+    model = chunks[0].model
+    assert isinstance(model, SimulationModel)
+    world = BatchWorld(model)
     draws = PeopleDraws([seed for chunk in chunks for seed in chunk.seeds])
     values = np.concatenate([chunk.index_values() for chunk in chunks])
     done = {}

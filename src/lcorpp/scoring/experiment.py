@@ -15,9 +15,10 @@ from lcorpp.decision import Robot, Strategy, dt_control
 from lcorpp.decision.strategies import Rates, Session, make_generator
 from lcorpp.domains import Domain
 from lcorpp.errors import DecisionError
+from lcorpp.simulation.dynamics import make_dynamics
 from lcorpp.simulation.people import Person, Population, SignalSource, select_signals, simulate_signals
 from lcorpp.simulation.simulated_classifier import BatchClassifier, PrecomputedLabel, classify_perceived
-from lcorpp.simulation.world import SimulatedWorld, SimulationModel
+from lcorpp.simulation.world import Dynamics, SimulatedWorld
 from lcorpp.values import Array, Episode, Indices, Instance, Label
 
 CHUNK_SIZE = 100
@@ -67,7 +68,7 @@ class Trial(NamedTuple):
     instance: what the robot perceives. seed: of the person's answers.
     """
 
-    model: SimulationModel
+    model: Dynamics
     robot: Robot
     instance: Instance
     person: Person
@@ -94,7 +95,7 @@ class Chunk:
     seconds: of the classifiers, for each person.
     """
 
-    model: SimulationModel
+    model: Dynamics
     robot: Robot
     seed: tuple[int, int]
     people: Sequence[Person]
@@ -130,7 +131,7 @@ class ChunkSource:
 
     def __init__(self, experiment: Experiment) -> None:
         self._experiment = experiment
-        self._model, self._population = SimulationModel(experiment.domain), Population(experiment.domain)
+        self._model, self._population = make_dynamics(experiment.domain), Population(experiment.domain)
 
     def draw(self, number: int, count: int) -> Chunk:
         """Draw a chunk of some people."""

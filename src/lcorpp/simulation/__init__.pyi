@@ -1,3 +1,4 @@
+from .dynamics import make_dynamics as make_dynamics
 from .people import (
     Population as Population,
     RecordedSignals as RecordedSignals,
@@ -8,4 +9,5 @@ from .people import (
 from .people_stream import DecisionResult as DecisionResult, PeopleStream as PeopleStream
 from .recordings import simulate_recording as simulate_recording
 from .simulated_classifier import NoisyChannel as NoisyChannel, classify_perceived as classify_perceived
-from .world import SimulatedWorld as SimulatedWorld, SimulationModel as SimulationModel
+from .table_dynamics import SimulationModel as SimulationModel
+from .world import Dynamics as Dynamics, SimulatedWorld as SimulatedWorld

@@ -10,8 +10,9 @@ import numpy as np
 
 from lcorpp.domains import Domain
 from lcorpp.learning.store import StoredTrack
+from lcorpp.simulation.dynamics import make_dynamics
 from lcorpp.simulation.people import Person, Population, SignalSource, select_signals, simulate_signals
-from lcorpp.simulation.world import SimulatedWorld, SimulationModel
+from lcorpp.simulation.world import SimulatedWorld
 from lcorpp.values import Array, Episode, Instance, SharedValue, read_value
 
 GROUP_SIZE = 50
@@ -71,7 +72,7 @@ class PeopleStream:
     ) -> None:
         """sources: sense -> its signals. seed: of all people. position: of the first, counted from 0."""
         self._domain, self._sources, self._seed = domain, sources, seed
-        self._population, self._model = Population(domain), SimulationModel(domain)
+        self._population, self._model = Population(domain), make_dynamics(domain)
         self._group: list[tuple[Person, dict[str, Array]]] = []
         self._position = position
         self._current: tuple[Person, SimulatedWorld] | None = None

@@ -2,63 +2,49 @@
 
 from __future__ import annotations
 
-from bisect import bisect_right
-from collections.abc import Mapping, Sequence
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
 from lcorpp.domains import Domain
-from lcorpp.errors import DecisionError, DomainError, expected_one_of
-from lcorpp.values import Array
+from lcorpp.errors import DecisionError, DomainError, ModelError, expected_one_of
+from lcorpp.planning import Pomdp
+from lcorpp.values import SharedValue
 
 
-class SimulationModel:
-    """The true dynamics of a domain as cumulative tables, shared by all simulated worlds.
+class Dynamics(ABC):
+    """The true dynamics of a domain: what simulates its people."""
 
-    Each table has one list of interval ends for each row of probabilities:
-    initial_states[v] over states, `find_successors` over next states, feedback[a][s'] over observations;
-    reward[a][s] is the expected immediate reward.
+    domain: Domain
 
-    Examples:
-        >>> import numpy as np
-        >>> from lcorpp import load_domain
-        >>> from lcorpp.simulation import SimulationModel
-        >>> model = SimulationModel(load_domain("intention"))
-        >>> world = model.make_world({"intention": "interested"}, np.random.default_rng(0))
-        >>> world.act("greet"), world.cost
-        ('pos', 2.0)
-    """
+    @abstractmethod
+    def start(self, value: SharedValue, rng: np.random.Generator) -> Any:
+        """Draw the state of a person of a shared value before the first action."""
 
-    def __init__(self, domain: Domain) -> None:
-        pomdp = domain.pomdp
-        self.domain = domain
-        self.initial_states = _cumulate(domain.planning.initial_states)
-        self._successors: dict[tuple[int, int], tuple[list[int], list[float]]] = {}
-        self.feedback = [_cumulate(rows) for rows in domain.simulation.feedback_model]
-        self.reward = pomdp.reward.tolist()
-        self.action_index = {name: a for a, name in enumerate(pomdp.actions)}
+    @abstractmethod
+    def step(
+        self, state: Any, action: str, rng: np.random.Generator, *, answers: bool
+    ) -> tuple[Any, str | None, float]:
+        """Draw the next state and the observation, and return them with the reward.
 
-    def find_successors(self, a: int, s: int) -> tuple[list[int], list[float]]:
-        """Return the possible states after an action in a state, and their interval ends."""
-        known = self._successors.get((a, s))
-        if known is None:
-            states, probabilities = self.domain.people_transition.row(a, s)
-            known = states.tolist(), _cumulate(probabilities[np.newaxis])[0]
-            self._successors[a, s] = known
-        return known
-
-    def find_action(self, action: str) -> int:
-        """Return the index of an action that a robot chose.
-
-        Raises:
-            DecisionError: the POMDP has no such action.
+        Args:
+            answers: False may leave the observation out before the end of the decision.
         """
-        index = self.action_index.get(action)
-        if index is None:
-            actions = self.domain.pomdp.actions
+
+    @abstractmethod
+    def report(self, state: Any, action: str, rng: np.random.Generator) -> float:
+        """Return the reward of a report."""
+
+    @abstractmethod
+    def is_terminal(self, state: Any) -> bool:
+        """Return whether the decision is over."""
+
+    def check_action(self, action: str) -> None:
+        """Raise DecisionError if a robot chose an action that the model does not have."""
+        if action not in (actions := self.domain.model.actions):
             raise DecisionError(f"the robot chose the action {action!r}; {expected_one_of(actions)}")
-        return index
 
     def make_world(self, person: Mapping[str, str], rng: np.random.Generator) -> SimulatedWorld:
         """Return the world of one person; `rng` draws the person's answers."""
@@ -88,10 +74,9 @@ class SimulatedWorld:
         (0.0, 80.0)
     """
 
-    def __init__(self, model: SimulationModel, person: Mapping[str, str], rng: np.random.Generator) -> None:
+    def __init__(self, model: Dynamics, person: Mapping[str, str], rng: np.random.Generator) -> None:
         self._model, self._person, self._rng = model, person, rng
-        value = model.domain.values.index(model.domain.reasoning.join(person))
-        self._state = self._draw(model.initial_states[value])
+        self._state: Any = model.start(model.domain.reasoning.join(person), rng)
         make_answers = model.domain.simulation.world
         self._answers = None if make_answers is None else make_answers(person, rng)
         self.cost = 0.0
@@ -108,45 +93,39 @@ class SimulatedWorld:
         """Pay for an action, move the hidden state and return the person's answer.
 
         Raises:
-            DecisionError: the POMDP has no such action.
-            DomainError: the domain's own world returns something else than an observation of the POMDP.
+            DecisionError: the model has no such action.
+            DomainError: the domain's own world returns something else than an observation of the model.
         """
-        model, domain = self._model, self._model.domain
-        a = model.find_action(action)
-        reward = model.reward[a][self._state]
+        model, own = self._model, self._answers
+        model.check_action(action)
+        self._state, observation, reward = model.step(self._state, action, self._rng, answers=own is None)
         self.cost -= reward
         self.return_ += reward
-        states, ends = model.find_successors(a, self._state)
-        self._state = states[self._draw(ends)]
-        if self._answers is None or self._state in domain.planning.terminal:
-            return domain.pomdp.observations[self._draw(model.feedback[a][self._state])]
-        answer = self._answers.act(action)
-        if not isinstance(answer, str) or answer not in domain.pomdp.observations:
-            expected = expected_one_of(domain.pomdp.observations)
-            raise DomainError(f"{self.source}() answered {answer!r} to {action!r}; {expected}")
-        return answer
+        if own is None or model.is_terminal(self._state):
+            assert observation is not None
+            return observation
+        return self._check_answer(action, own.act(action))
+
+    def _check_answer(self, action: str, answer: Any) -> str:
+        """Return an answer of the domain's own world, an observation of the model."""
+        model = self._model.domain.model
+        if isinstance(model, Pomdp):
+            if isinstance(answer, str) and answer in model.observations:
+                return answer
+            expected = expected_one_of(model.observations)
+        else:
+            try:
+                return model.format_observation(answer)
+            except ModelError as error:
+                expected = str(error)
+        raise DomainError(f"{self.source}() answered {answer!r} to {action!r}; {expected}")
 
     def report(self, action: str) -> None:
         """Add the reward of the report."""
-        self.return_ += self._model.reward[self._model.action_index[action]][self._state]
+        self.return_ += self._model.report(self._state, action, self._rng)
         if self._answers is not None:
             self._answers.report(action)
 
     def describe_truth(self) -> dict[str, Any]:
         """Return what the robot cannot know, as JSON for a log: the person, cost and return."""
         return {"truth": dict(self._person), "cost": self.cost, "return": self.return_}
-
-    def _draw(self, bounds: Sequence[float]) -> int:
-        return bisect_right(bounds, self._rng.random())
-
-
-def _cumulate(rows: Array) -> list[list[float]]:
-    """Return the cumulative sums of rows of probabilities (n, k), for sampling by bisection.
-
-    From the last possible entry on the sums are exactly 1, so that rounding never draws an impossible one.
-    """
-    ends = np.cumsum(rows, axis=1)
-    last = rows.shape[1] - 1 - np.argmax(rows[:, ::-1] > 0, axis=1)
-    ends[np.arange(rows.shape[1]) >= last[:, None]] = 1.0
-    bounds: list[list[float]] = ends.tolist()
-    return bounds

@@ -52,7 +52,7 @@ def make_model(robot: PlayRobot, *, learns: bool) -> dict[str, Any]:
         learns: whether the classifier is trained again.
     """
     classifiers = {name: own for name, own in robot.classifiers.items() if find_steps(own.estimator)}
-    return _describe(robot, robot.parts.policy, classifiers, learns=learns)
+    return _describe(robot, robot.parts.alpha_policy, classifiers, learns=learns)
 
 
 def make_exported_model(robot: PlayRobot) -> dict[str, Any]:
@@ -62,7 +62,7 @@ def make_exported_model(robot: PlayRobot) -> dict[str, Any]:
         TooLargeError: the evidence has more than `MAX_EVIDENCES` combinations.
         DataError: a classifier is not an LSTM of the motion.
     """
-    domain, policy = robot.domain, robot.parts.policy
+    domain, policy = robot.domain, robot.parts.alpha_policy
     check_evidence(domain)
     for trained in robot.classifiers.values():
         require_steps(trained.estimator)

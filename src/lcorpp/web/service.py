@@ -173,7 +173,9 @@ class Service:
         robot = replace(
             parts.robot,
             classifiers={name: PrecomputedLabel(label) for name, label in labels.items()},
-            planner=PagePlanner(Planner(parts.policy, parts.domain.pomdp), [action for action, _ in steps]),
+            planner=PagePlanner(
+                Planner(parts.alpha_policy, parts.domain.pomdp), [action for action, _ in steps]
+            ),
         )
         try:
             parts.domain.evidence(facts, labels)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
-from lcorpp.errors import DecisionError, expected_one_of
+from lcorpp.errors import DecisionError, LcorppError, expected_one_of
 from lcorpp.notebook import join_some
 
 
@@ -12,7 +12,8 @@ class ConsoleWorld:
     """Show the robot's actions and read the person's answers.
 
     Args:
-        observations: the possible answers.
+        observations: the possible answers; none for answers that are no names, e.g. numbers.
+        check: raises a typed error for a wrong answer, after which the question is asked again.
         ask: shows a question and returns the typed line, as `input` does.
         show: shows a line, as `print` does.
 
@@ -30,8 +31,10 @@ class ConsoleWorld:
         *,
         ask: Callable[[str], str] = input,
         show: Callable[[str], None] = print,
+        check: Callable[[str], object] = lambda _answer: None,
     ) -> None:
         self._observations, self._ask, self._show = tuple(observations), ask, show
+        self._check = check
 
     def __repr__(self) -> str:
         return f"ConsoleWorld(observations: {join_some(self._observations)})"
@@ -39,7 +42,19 @@ class ConsoleWorld:
     def act(self, action: str) -> str:
         """Show the action and read the observation; any unambiguous prefix is accepted."""
         self._show(f"The robot does: {action}")
-        return choose(self._observations, "What does it observe?", ask=self._ask, show=self._show)
+        question = "What does it observe?"
+        if self._observations:
+            return choose(self._observations, question, ask=self._ask, show=self._show)
+        while True:
+            try:
+                typed = self._ask(f"{question} ").strip()
+                self._check(typed)
+            except EOFError:
+                raise DecisionError(f"the input ended at the question {question!r}") from None
+            except LcorppError as error:
+                self._show(str(error))
+            else:
+                return typed
 
     def report(self, action: str) -> None:
         """Show the report."""

@@ -50,7 +50,7 @@ def hide_turn(domain):
     turn = domain.pomdp.action_index("turn")
     observation[turn, :2] = observation[turn, 2:4]
     pomdp = replace(domain.pomdp, observation=SparseTables.of(observation))
-    return replace(domain, planning=replace(domain.planning, pomdp=pomdp))
+    return replace(domain, planning=replace(domain.planning, model=pomdp))
 
 
 def test_names_are_found_and_stay_out_of_the_table():

@@ -10,7 +10,7 @@ from lcorpp.planning import Planner, solve
 from lcorpp.reasoning import Reasoner
 from lcorpp.simulation import NoisyChannel
 from lcorpp.simulation.people import Population
-from lcorpp.simulation.world import SimulationModel
+from lcorpp.simulation.table_dynamics import SimulationModel
 from lcorpp.values import Instance
 
 

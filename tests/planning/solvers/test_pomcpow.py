@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from lcorpp.errors import ModelError, ObservationError
-from lcorpp.planning import parse_pomdp
+from lcorpp.planning import load_solver, parse_pomdp
 from lcorpp.planning.belief import update
 from lcorpp.planning.solvers.pomcp import ParticlePlanner, TableSimulator, Widening
 from lcorpp.planning.solvers.pomcp.search import History, TreeSearch
@@ -163,3 +163,74 @@ def test_particles_in_a_terminal_state_stay_there():
     planner = ParticlePlanner(door, lambda: 0, simulations=10, particles=10, widening=Widening())
     planner.update(LISTEN, 0.5)
     assert set(planner.particles) == {0}
+
+
+def test_backups_by_the_best_action_find_the_value_of_asking_twice():
+    """At 0.8 a further question is worth 5.65, and opening 4: by hand, as the exact solver says."""
+    model = parse_pomdp(
+        """discount: 0.95
+        values: reward
+        states: left right over
+        actions: listen open_left open_right
+        observations: l r
+        T: listen
+        identity
+        T: open_left : * : over 1
+        T: open_right : * : over 1
+        O: listen
+        0.8 0.2
+        0.2 0.8
+        1 0
+        O: open_left : * : l 1
+        O: open_right : * : l 1
+        R: listen : * : * : * -1
+        R: open_left : left : * : * 10
+        R: open_left : right : * : * -20
+        R: open_right : right : * : * 10
+        R: open_right : left : * : * -20
+        R: * : over : * : * 0
+        """
+    )
+    belief = np.array([0.8, 0.2, 0.0])
+    exact = load_solver("exact")(model, belief).policy.value(belief)
+    found = []
+    for seed in range(5):
+        simulator = TableSimulator(model, leaf_values="random", seed=seed)
+        search = TreeSearch(simulator, exploration=0.5, backup="max")
+        result = search.search(History(3), simulator.state_sampler(belief), simulations=5000)
+        assert result.action == LISTEN
+        found.append(result.values[LISTEN])
+        assert result.values[OPEN_LEFT] == pytest.approx(0.8 * 10 - 0.2 * 20, abs=1.5)
+    assert np.mean(found) == pytest.approx(exact, abs=0.3)
+
+
+def test_both_backups_agree_where_nothing_is_chosen():
+    """With one action there is no best one, so that the mean return and the sum of the parts are the same."""
+    model = parse_pomdp(
+        """discount: 0.9
+        values: reward
+        states: a b
+        actions: wait
+        observations: x y
+        T: wait
+        0.5 0.5
+        0.3 0.7
+        O: wait
+        0.9 0.1
+        0.4 0.6
+        R: wait : a : * : * 1
+        R: wait : b : * : * -2
+        """
+    )
+    values = []
+    for backup in ("mean", "max"):
+        simulator = TableSimulator(model, seed=1)
+        search = TreeSearch(simulator, backup=backup, seed=2)
+        result = search.search(History(1), simulator.state_sampler(model.start), simulations=3000)
+        values.append(result.values[0])
+    assert values[0] == pytest.approx(values[1], abs=1e-9)
+
+
+def test_unknown_backups_are_refused():
+    with pytest.raises(ModelError, match="unknown backup 'worst'; expected one of mean, max"):
+        TreeSearch(TableSimulator(tiger), backup="worst")

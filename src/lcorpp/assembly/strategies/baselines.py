@@ -99,7 +99,7 @@ def act_at_random(robot: Robot, rng: np.random.Generator) -> Robot:
     """
     check_type(robot.domain, Domain, "the domain of the strategy 'random'", DecisionError)
     assert isinstance(robot.domain, Domain)
-    return replace(robot, planner=_RandomPlanner(robot.planner, robot.domain.pomdp.actions, rng))
+    return replace(robot, planner=_RandomPlanner(robot.planner, robot.domain.model.actions, rng))
 
 
 @dataclass(eq=False)

@@ -31,13 +31,10 @@ def ask_case(domain: Domain, senses: Sequence[Sense], person: Person) -> Case:
             labels[sense.name] = class_of[
                 choose(tuple(class_of), question, ask=console.ask, show=console.out.print)
             ]
-    return Case(
-        complete,
-        labels,
-        ConsoleWorld(domain.pomdp.observations, ask=console.ask, show=console.out.print),
-        None,
-        None,
-    )
+    model = domain.model
+    check = getattr(model, "read_observation", lambda _answer: None)  # of generative models
+    world = ConsoleWorld(model.observations, ask=console.ask, show=console.out.print, check=check)
+    return Case(complete, labels, world, None, None)
 
 
 def print_person(domain: Domain, person: Mapping[str, str]) -> None:

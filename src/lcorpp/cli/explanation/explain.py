@@ -68,7 +68,13 @@ def explain(
     """
     from lcorpp.assembly.options import EvidenceOptions
     from lcorpp.assembly.robot import compose_robot, set_up_senses
-    from lcorpp.cli.robot_output import print_classifiers, print_domain, print_gap, print_solution
+    from lcorpp.cli.robot_output import (
+        print_classifiers,
+        print_domain,
+        print_gap,
+        print_search,
+        print_solution,
+    )
     from lcorpp.decision.dt_control import log_decision
     from lcorpp.logs.decision_log import DecisionLog
     from lcorpp.planning.solver_table import ONLINE
@@ -100,11 +106,15 @@ def explain(
         robot = compose_robot(
             loaded, senses, chosen, given=given, cache=cache, progress=console.show_progress
         )
-        assert robot.solution is not None
-        print_solution(robot.solution)
+        if robot.solution is None:
+            print_search(loaded)
+        else:
+            print_solution(robot.solution)
         case = ask_case(loaded, used, known) if interactive else _draw_case(loaded, senses, known, seed)
         episode = _decide(loaded, robot, row, case, seed)
-        if row.plans and row.change is None and row.start is None and chosen.name != ONLINE:
+        by_policy = robot.solution is not None and chosen.name != ONLINE
+        if row.plans and row.change is None and row.start is None and by_policy:
+            assert robot.solution is not None
             print_gap(robot.solution, robot.solution.gap(episode.prior), chosen.precision, "this prior")
         log_decision(episode)
         if decisions is not None:

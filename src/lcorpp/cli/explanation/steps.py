@@ -79,7 +79,7 @@ def decide_and_print(
             console.out.print(f"   {title}")
             _print_bars([(format_value(value), p) for value, p in answer], possible=answer is marginal)
     console.print_heading(3, "planning", "the prior belief")
-    states = domain.pomdp.states
+    states = domain.model.states
     _print_bars(zip(states, prior.tolist(), strict=True), possible=True)
     numbers, current = itertools.count(4), prior
 
@@ -106,14 +106,10 @@ def decide_and_print(
 
 
 def _print_search(robot: Robot, belief: Belief) -> None:
-    """Print what another action may gain at most, if the robot searched at a belief."""
-    from lcorpp.planning import OnlinePlanner
-
-    if isinstance(robot.planner, OnlinePlanner):
-        found = robot.planner.search(belief)
-        gap = max(found.upper - found.lower, 1e-3)
-        value = f"value in [{found.lower:.3f}, {found.upper:.3f}]"
-        console.out.print(f"   {value}: another action gains at most {gap:.2g} more")
+    """Print what another action may gain at most, or an estimate, if the robot searched at a belief."""
+    describe = getattr(robot.planner, "describe_search", None)  # of planners that search
+    if describe is not None:
+        console.out.print(f"   {describe(belief)}")
 
 
 def _print_bars(pairs: Iterable[tuple[str, float]], *, possible: bool = False) -> None:

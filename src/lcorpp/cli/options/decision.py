@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from lcorpp.errors import DomainError, expected_one_of
+from lcorpp.errors import DomainError, ObservationError, expected_one_of
 
 if TYPE_CHECKING:
     from lcorpp.domains import Domain
@@ -87,11 +87,19 @@ class PersonGroup:
 
 
 def parse_answers(domain: Domain, text: str) -> list[str]:
-    """Return the answers in a text such as "pos,neg"; each is an observation of the POMDP."""
-    answers = [part.strip() for part in text.split(",")]
+    """Return the answers in a text such as "pos,neg"; each is an observation of the model."""
+    from lcorpp.planning import Pomdp
+
+    model, answers = domain.model, [part.strip() for part in text.split(",")]
     for answer in answers:
-        if answer not in domain.pomdp.observations:
-            raise DomainError(f"--answers {answer!r}: {expected_one_of(domain.pomdp.observations)}")
+        if isinstance(model, Pomdp):
+            if answer not in model.observations:
+                raise DomainError(f"--answers {answer!r}: {expected_one_of(model.observations)}")
+            continue
+        try:
+            model.read_observation(answer)
+        except ObservationError as error:
+            raise DomainError(f"--answers {answer!r}: {error}") from None
     return answers
 
 

@@ -77,6 +77,12 @@ class SolverGroup:
             "step_seconds": self.step_seconds,
         }
         chosen = {key: value for key, value in given.items() if value is not None}
+        if chosen and domain.planning.search is not None:
+            option = "solver" if "name" in chosen else next(iter(chosen)).replace("_", "-")
+            raise DomainError(
+                f"--{option}: {domain.model.file} is simulated, so that no policy is solved; the work of the"
+                f" search at each step is `simulations` of {domain.folder / 'domain.toml'}"
+            )
         solver = replace(domain.planning.solver, **chosen)
         if self.step_seconds is not None and solver.name != ONLINE:
             raise DomainError(f"--step-seconds is an option of {ONLINE}, not of {solver.name}")

@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 from lcorpp.errors import DomainError, NoValueError, TooLargeError, expected_one_of
 from lcorpp.files import open_text
 from lcorpp.planning import Pomdp
 from lcorpp.reasoning import Program
 from lcorpp.reasoning.language.signature import Attribute
+
+if TYPE_CHECKING:
+    from lcorpp.planning import GenerativeModel
 
 BOOLEANS = ("true", "false")
 """The values of a Boolean attribute."""
@@ -105,7 +108,7 @@ def check_same_names(location: str, names: tuple[str, ...], known: tuple[str, ..
             raise DomainError(f"{location}: {name!r} is missing; expected {what}: {', '.join(known)}")
 
 
-def locate_declaration(pomdp: Pomdp, kind: Kind) -> str:
+def locate_declaration(pomdp: Pomdp | GenerativeModel, kind: Kind) -> str:
     """Return ``file:line`` of the declaration of the states, actions or observations in a POMDP file."""
     return _locate_line(pomdp.file, rf"\s*{kind}\s*:")
 
@@ -125,8 +128,8 @@ def _locate_line(file: str, pattern: str) -> str:
     return file
 
 
-def check_declared(location: str, name: str, pomdp: Pomdp, kind: Kind) -> None:
-    """Check that a POMDP has a state, action or observation of this name.
+def check_declared(location: str, name: str, pomdp: Pomdp | GenerativeModel, kind: Kind) -> None:
+    """Check that a model has a state, action or observation of this name.
 
     Raises:
         DomainError: it has none.

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import inspect
-import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from math import inf
@@ -15,7 +14,7 @@ from lcorpp.domains.sections.names import check_declared
 from lcorpp.domains.sections.reasoning import ReasoningSection
 from lcorpp.domains.sections.states import check_template, read_states
 from lcorpp.domains.toml import TomlTable
-from lcorpp.errors import DomainError, FileError, ModelError, expected_one_of
+from lcorpp.errors import DomainError, ModelError, expected_one_of
 from lcorpp.planning import Pomdp, SolverOptions
 from lcorpp.planning.formats.model_file import read_model
 from lcorpp.user_code import UserFunction
@@ -23,16 +22,16 @@ from lcorpp.values import Array, SharedValue, format_value
 
 if TYPE_CHECKING:
     from lcorpp.domains.sections.answers import StatedAnswers
-    from lcorpp.planning import Factored
+    from lcorpp.planning import Factored, GenerativeModel, SearchOptions
 
 
 def read_planner_model(
     table: TomlTable, folder: Path, reasoning: ReasoningSection
-) -> tuple[Pomdp, Factored | None]:
+) -> tuple[Pomdp | GenerativeModel, Factored | None]:
     """Read the key `model`: a .pomdp or .pomdpx file, or ``FILE.py:NAME``.
 
-    The function NAME returns a `Pomdp` or a `Factored`. If it has a parameter, it is called with the values
-    of the shared variables: ``{"item": ("cup", "pen"), ...}``.
+    The function or class NAME returns a `Pomdp`, a `Factored` or an `Interaction`. If it has a parameter, it
+    is called with the values of the shared variables: ``{"item": ("cup", "pen"), ...}``.
 
     Returns:
         The flat model, and its variables if it has them.
@@ -50,7 +49,9 @@ def read_planner_model(
     return pomdp, problem
 
 
-def _read_model(table: TomlTable, folder: Path, reasoning: ReasoningSection) -> tuple[Pomdp, Factored | None]:
+def _read_model(
+    table: TomlTable, folder: Path, reasoning: ReasoningSection
+) -> tuple[Pomdp | GenerativeModel, Factored | None]:
     name = table.text("model")
     parts = find_function(table, "model", folder)
     if parts is None and name.endswith(".py"):
@@ -61,13 +62,18 @@ def _read_model(table: TomlTable, folder: Path, reasoning: ReasoningSection) -> 
 
     function = UserFunction(*parts, DomainError)
     values = {shared: reasoning.program.attributes[shared].values for shared in reasoning.shared}
-    model = function(values) if _has_parameter(function) else function()
+    arguments = (values,) if _has_parameter(function) else ()
+    model = function(*arguments)
     if isinstance(model, Pomdp):
         return replace(model, file=function.location), None
     if not isinstance(model, Factored):
+        if callable(getattr(model, "step", None)):
+            from lcorpp.planning import GenerativeModel  # tables do without
+
+            return GenerativeModel(model, reasoning.values, (function, arguments)), None
         raise DomainError(
             f"{table.location('model')}: {function.location}: {function.name}() returned"
-            f" {type(model).__name__}; expected a Pomdp or a Factored"
+            f" {type(model).__name__}; expected a Pomdp, a Factored, or an object with a method step"
         )
     problem = replace(model, file=function.location)
     try:
@@ -84,21 +90,21 @@ def _has_parameter(function: UserFunction) -> bool:
         return False
 
 
+SEARCH_KEYS = ("simulations", "particles", "widening")
+"""Keys of a generative model, see `lcorpp.domains.sections.generative`."""
+
 MIN_LIMIT = 1e-9
 """Minimum of a solver's precision and time limit."""
 
 MAX_PRECISION = 1e300
 """Maximum of a solver's precision; every finite gap is smaller."""
 
-SENTENCE = re.compile(r"[A-Za-z']+( [A-Za-z']+)*")
-"""Words with one space between them."""
-
 
 @dataclass(frozen=True, eq=False, repr=False)
 class PlanningSection:
     """What the robot plans with: M of the paper. A POMDP state is a shared value with local variables.
 
-    pomdp: the model, S states.
+    model: a POMDP with S states, or a generative model, whose states are the V shared values and the end.
     reports: report action -> shared value.
     initial_states: (V, S) the probability of each state, given shared value v, before the first action.
     state_values: (S, V) 1 if a state has shared value v; zeros for terminal states.
@@ -109,6 +115,7 @@ class PlanningSection:
     utterances: observation -> the sentences by which people give it, for a recogniser, in lower case.
     recogniser: the file of what `lcorpp observe` learnt of the recogniser, for this model; None without.
     answers: the stated form of answers, whose memory is in the states; None if answers are independent.
+    search: the work of the search at each step with a generative model; None for a POMDP.
 
     Examples:
         >>> from lcorpp import load_domain
@@ -116,7 +123,7 @@ class PlanningSection:
         {'report_interested': 'interested', 'report_not_interested': 'not_interested'}
     """
 
-    pomdp: Pomdp
+    model: Pomdp | GenerativeModel
     reports: Mapping[str, SharedValue]
     initial_states: Array
     state_values: Array
@@ -127,9 +134,24 @@ class PlanningSection:
     utterances: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     recogniser: Path | None = None
     answers: StatedAnswers | None = None
+    search: SearchOptions | None = None
 
     def __repr__(self) -> str:
-        return f"PlanningSection({self.pomdp!r}, reports: {', '.join(self.reports)})"
+        return f"PlanningSection({self.model!r}, reports: {', '.join(self.reports)})"
+
+    @property
+    def pomdp(self) -> Pomdp:
+        """The model with its tables.
+
+        Raises:
+            DomainError: the model is generative.
+        """
+        if not isinstance(self.model, Pomdp):
+            raise DomainError(
+                f"{self.model.file}: the model is simulated, without the tables that are needed here;"
+                " expected a .pomdp file, or a function that returns a Pomdp or a Factored"
+            )
+        return self.model
 
 
 def read_planning(
@@ -144,20 +166,38 @@ def read_planning(
         DomainError: the states do not match the shared variables, a name is unknown, or the user's function
             that makes the model fails.
     """
-    pomdp, problem = read_planner_model(table, folder, reasoning)
-    states = read_states(table, pomdp, problem, reasoning)
-    reports = _read_reports(table, pomdp, reasoning)
+    model, problem = read_planner_model(table, folder, reasoning)
+    search = None
+    if problem is not None and isinstance(model, Pomdp) and "states" not in table:
+        from lcorpp.domains.sections.state_variables import match_variables  # patterns do without
+
+        states = match_variables(table, model, problem, reasoning)
+    elif isinstance(model, Pomdp):
+        states = read_states(table, model, reasoning)
+    else:
+        from lcorpp.domains.sections.generative import map_values, read_search
+
+        states, search = map_values(model), read_search(table, model)
+    for key in SEARCH_KEYS:
+        if search is None and key in table:
+            raise DomainError(
+                f"{table.location(key)}: {model.file} has tables, which a solver takes; expected no {key!r},"
+                " or a model that is simulated"
+            )
+    reports = _read_reports(table, model, reasoning)
     solver = _read_solver(table, folder, own_solver)
-    phrases, utterances = _read_phrases(table, pomdp), _read_utterances(table, pomdp)
-    recogniser = _read_recogniser(table, folder)
-    answers = None
+    phrases, utterances, recogniser, answers = _read_phrases(table, model), {}, None, None
+    if "utterances" in table or "recogniser" in table:
+        from lcorpp.domains.sections.speech import read_recogniser, read_utterances  # few domains have them
+
+        utterances, recogniser = read_utterances(table, model), read_recogniser(table, folder)
     if "answers" in table:
         from lcorpp.domains.sections.answers import read_answers  # few domains state a form
 
-        answers = read_answers(table.section("answers"), len(pomdp.observations))
+        answers = read_answers(table.section("answers"), len(model.observations))
     table.reject_unknown_keys()
     return PlanningSection(
-        pomdp=pomdp,
+        model=model,
         reports=reports,
         initial_states=states.initial_states,
         state_values=states.state_values,
@@ -168,54 +208,20 @@ def read_planning(
         utterances=utterances,
         recogniser=recogniser,
         answers=answers,
+        search=search,
     )
 
 
-def _read_phrases(table: TomlTable, pomdp: Pomdp) -> dict[str, str]:
+def _read_phrases(table: TomlTable, model: Pomdp | GenerativeModel) -> dict[str, str]:
     """Read `phrases`: action or observation -> its text for people."""
-    section, known = table.section("phrases"), (*pomdp.actions, *pomdp.observations)
+    section, known = table.section("phrases"), (*model.actions, *model.observations)
     for name in section:
         if name not in known:
             raise DomainError(
-                f"{section.location(name)}: {pomdp.file} has no action or observation {name!r};"
+                f"{section.location(name)}: {model.file} has no action or observation {name!r};"
                 f" {expected_one_of(known)}"
             )
     return {name: section.text(name) for name in section}
-
-
-def _read_utterances(table: TomlTable, pomdp: Pomdp) -> dict[str, tuple[str, ...]]:
-    """Read `utterances`: observation -> sentences, each with its words in lower case."""
-    section = table.section("utterances")
-    utterances: dict[str, tuple[str, ...]] = {}
-    observation_of: dict[str, str] = {}
-    for observation in section:
-        location = section.location(observation)
-        check_declared(location, observation, pomdp, "observations")
-        sentences = tuple(sentence.lower() for sentence in section.names(observation))
-        for sentence in sentences:
-            if not SENTENCE.fullmatch(sentence):
-                raise DomainError(
-                    f"{location}: {sentence!r} is not a sentence; expected words of letters and apostrophes"
-                    " with one space between them"
-                )
-            if sentence in observation_of:
-                raise DomainError(
-                    f"{location}: {sentence!r} is already a sentence of {observation_of[sentence]!r};"
-                    " expected each sentence once"
-                )
-            observation_of[sentence] = observation
-        utterances[observation] = sentences
-    return utterances
-
-
-def _read_recogniser(table: TomlTable, folder: Path) -> Path | None:
-    """Read `recogniser`, a file in the folder."""
-    if "recogniser" not in table:
-        return None
-    path = find_file(table, "recogniser", folder)
-    if not path.is_file():
-        raise FileError(f"{table.location('recogniser')}: there is no file {path}")
-    return path
 
 
 def _read_solver(table: TomlTable, folder: Path, own: bool) -> SolverOptions:
@@ -234,7 +240,9 @@ def _read_solver(table: TomlTable, folder: Path, own: bool) -> SolverOptions:
         raise DomainError(f"{table.location('solver')}: {error}") from None
 
 
-def _read_reports(table: TomlTable, pomdp: Pomdp, reasoning: ReasoningSection) -> dict[str, SharedValue]:
+def _read_reports(
+    table: TomlTable, model: Pomdp | GenerativeModel, reasoning: ReasoningSection
+) -> dict[str, SharedValue]:
     """Read `reports`: a template of the report actions, or a table action -> value (of several: a list)."""
     reports: dict[str, SharedValue] = {}
     if table.is_text("reports"):
@@ -242,7 +250,7 @@ def _read_reports(table: TomlTable, pomdp: Pomdp, reasoning: ReasoningSection) -
         check_template(table, "reports", template, set(reasoning.shared))
         for value in reasoning.values:
             action = template.format_map(reasoning.split(value))
-            check_declared(location, action, pomdp, "actions")
+            check_declared(location, action, model, "actions")
             if action in reports:
                 raise DomainError(f"{location}: {template!r} makes {action!r} twice")
             reports[action] = value
@@ -250,7 +258,7 @@ def _read_reports(table: TomlTable, pomdp: Pomdp, reasoning: ReasoningSection) -
     section = table.section("reports", required=True)
     for action in section:
         location = section.location(action)
-        check_declared(location, action, pomdp, "actions")
+        check_declared(location, action, model, "actions")
         one = len(reasoning.shared) == 1
         names = (section.text(action),) if one else section.names(action, distinct=False)
         if len(names) != len(reasoning.shared):

@@ -40,8 +40,9 @@ class SimulationSection:
     """Models of simulated people; the robot's own program and POMDP may differ from them.
 
     true_program: the P-log program from which people are drawn.
-    feedback_model: (A, S, O) P(o | a, s') of people's answers.
-    hearing: (A, O, O) P(heard | said) of the answers, by `noise`; the identity without `feedback`.
+    feedback_model: (A, S, O) P(o | a, s') of people's answers; empty for a generative model.
+    hearing: (A, O, O) P(heard | said) of the answers, by `noise`; the identity without `feedback`. Empty as
+        above.
     transition: P(s' | s, a) if it depends on people's answers, which the planner expects to be others; None
         as the planner expects.
     noisy_channels: sense -> class -> label -> probability: the error rates of a simulated classifier; a sense
@@ -102,7 +103,13 @@ def read_simulation(
     plugin = None
     if "people" in table:
         plugin = SimulationPlugin(find_file(table, "people", folder), [sense.name for sense in senses])
-    feedback_model, hearing = _make_feedback_model(table, reasoning, planning)
+    if isinstance(planning.model, Pomdp):
+        feedback_model, hearing = _make_feedback_model(table, reasoning, planning)
+    else:
+        from lcorpp.domains.sections.generative import reject_feedback
+
+        reject_feedback(table, planning.model)
+        feedback_model = hearing = np.zeros((0, 0, 0))
     channels, joint = make_noisy_channels(table, program, senses)
     section = SimulationSection(
         true_program=program,

@@ -25,7 +25,7 @@ def with_discount(domain: Domain, discount: float) -> Domain:
     """Return the domain with another discount of the POMDP, below 1."""
     if discount == 1:
         raise DomainError("expected a discount below 1: a dialogue may go on forever")
-    return replace(domain, planning=replace(domain.planning, pomdp=replace(domain.pomdp, discount=discount)))
+    return replace(domain, planning=replace(domain.planning, model=replace(domain.pomdp, discount=discount)))
 
 
 def with_cost(domain: Domain, action: str, cost: float) -> Domain:
@@ -53,7 +53,7 @@ def with_report_reward(domain: Domain, value: str | None, reward: float, *, righ
 def _with_reward(domain: Domain, action: int, states: npt.NDArray[np.bool_], number: float) -> Domain:
     reward = domain.pomdp.reward.copy()
     reward[action, states] = number
-    return replace(domain, planning=replace(domain.planning, pomdp=replace(domain.pomdp, reward=reward)))
+    return replace(domain, planning=replace(domain.planning, model=replace(domain.pomdp, reward=reward)))
 
 
 def with_rate(domain: Domain, sense: Sense, value: str, rate: float, *, known: bool, true: bool) -> Domain:

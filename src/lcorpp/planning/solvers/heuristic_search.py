@@ -144,6 +144,13 @@ class OnlinePlanner(ModelPlanner):
             self._known[key] = found
         return self._known[key]
 
+    def describe_search(self, belief: Belief) -> str:
+        """Return the bounds at a belief (S,), and what another action may gain at most."""
+        found = self.search(belief)
+        gap = max(found.upper - found.lower, 1e-3)
+        value = f"value in [{found.lower:.3f}, {found.upper:.3f}]"
+        return f"{value}: another action gains at most {gap:.2g} more"
+
     def _search(self, belief: Belief) -> tuple[SearchResult, bool]:
         """Search; return the result, and whether it was not interrupted."""
         began = monotonic()

@@ -16,6 +16,7 @@ from lcorpp.planning.arguments import check_count, check_type
 from lcorpp.planning.belief import check_belief
 from lcorpp.planning.planner import ModelPlanner
 from lcorpp.planning.pomdp import Pomdp
+from lcorpp.planning.solvers.pomcp.particles import Particles, filter_particles
 from lcorpp.planning.solvers.pomcp.search import (
     EXPLORATION,
     ActionValues,
@@ -23,12 +24,7 @@ from lcorpp.planning.solvers.pomcp.search import (
     TreeSearch,
     Widening,
 )
-from lcorpp.planning.solvers.pomcp.simulator import (
-    Simulator,
-    TableSimulator,
-    check_hashable,
-    compute_likelihood,
-)
+from lcorpp.planning.solvers.pomcp.simulator import Simulator, TableSimulator, check_hashable
 from lcorpp.values import Belief
 
 MAX_TRIES = 100
@@ -135,11 +131,13 @@ class ParticlePlanner:
         particles: the wanted number of particles, at least 1.
         exploration: c of UCB1 as a share of the range of mean returns.
         widening: of the observations; None for few observations.
+        backup: of the values, "mean" or "max", see `search.BACKUPS`.
         seed: of the choice among particles, an integer of at least 0; the simulator has its own random
             numbers.
 
     Raises:
-        ModelError: a number is out of range, or a simulator with widening has no likelihood.
+        ModelError: a number is out of range, the backup is unknown, or a simulator with widening has no
+            likelihood.
 
     Sources: Silver and Veness, NIPS 2010; Sunberg and Kochenderfer, ICAPS 2018; for the particles Gordon,
     Salmond and Smith, 1993.
@@ -163,6 +161,7 @@ class ParticlePlanner:
         particles: int = 1_000,
         exploration: float = EXPLORATION,
         widening: Widening | None = None,
+        backup: str = "mean",
         seed: int = 0,
     ) -> None:
         _check_options(simulations, seconds, exploration, seed)
@@ -175,7 +174,12 @@ class ParticlePlanner:
         self.seconds = np.inf if seconds is None else seconds
         self.particle_count = check_count("particles", particles, 1)
         self._tree_search = TreeSearch(
-            simulator, exploration=exploration, keep_particles=True, widening=widening, seed=seed
+            simulator,
+            exploration=exploration,
+            keep_particles=True,
+            widening=widening,
+            backup=backup,
+            seed=seed,
         )
         self._root, self._rng = History(simulator.actions), np.random.default_rng(seed)
         self.particles: Sequence[Any] = [start() for _ in range(particles)]
@@ -226,24 +230,12 @@ class ParticlePlanner:
             )
         self._root, self.particles = child, particles
 
-    def _resample(self, action: int, observation: Hashable) -> list[Any]:
+    def _resample(self, action: int, observation: Hashable) -> Sequence[Any]:
         """Return the particles after an action, drawn by the likelihood of an observation."""
-        states, weights = [], []
-        for _ in range(self.particle_count):
-            before = state = self._draw()
-            if not self.simulator.terminal(before):
-                state, _, _ = self.simulator.step(before, action)
-            states.append(state)
-            weights.append(compute_likelihood(self.simulator, observation, before, action, state))
-        sums = np.cumsum(weights)
-        if sums[-1] == 0:
-            raise ObservationError(
-                f"observation {observation!r} after action {action} is impossible in all"
-                f" {self.particle_count} particles"
-            )
-        places = (np.arange(self.particle_count) + self._rng.random()) / self.particle_count * sums[-1]
-        last = int(np.flatnonzero(weights)[-1])
-        return [states[i] for i in np.minimum(np.searchsorted(sums, places, side="right"), last)]
+        n = len(self.particles)
+        before = Particles(self.particles, np.full(n, 1 / n))
+        count, rng = self.particle_count, self._rng
+        return filter_particles(self.simulator, before, action, observation, count=count, rng=rng).states
 
     def _draw(self) -> Any:
         return self.particles[int(self._rng.integers(len(self.particles)))]

@@ -1,0 +1,70 @@
+"""The keys of a domain with a generative model: the work of the search, and those that need tables."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from lcorpp.domains.sections.states import StateMap
+from lcorpp.domains.toml import TomlTable
+from lcorpp.errors import DomainError, ModelError
+from lcorpp.planning import GenerativeModel, SearchOptions, Widening
+
+TABLE_KEYS = (
+    "states",
+    "terminal",
+    "local",
+    "solver",
+    "precision",
+    "time_limit",
+    "step_seconds",
+    "answers",
+    "recogniser",
+)
+"""Keys that need a model with tables."""
+
+
+def map_values(model: GenerativeModel) -> StateMap:
+    """Return the shared values of the named states: one state each, then the terminal one."""
+    n = len(model.values)
+    return StateMap(np.eye(n, n + 1), np.eye(n + 1, n), (n,))
+
+
+def read_search(table: TomlTable, model: GenerativeModel) -> SearchOptions:
+    """Read `simulations`, `particles` and `widening`.
+
+    Raises:
+        DomainError: a number is out of range, or a key needs a model with tables.
+    """
+    for key in TABLE_KEYS:
+        if key in table:
+            raise DomainError(
+                f"{table.location(key)}: {model.file} is simulated, it has no tables; expected no {key!r}"
+            )
+    default = SearchOptions()
+    widening = None if model.observations else Widening()
+    if "widening" in table:
+        widening = _read_widening(table)
+    return SearchOptions(
+        simulations=table.count("simulations", 1, default.simulations),
+        particles=table.count("particles", 1, default.particles),
+        widening=widening,
+    )
+
+
+def reject_feedback(table: TomlTable, model: GenerativeModel) -> None:
+    """Reject the keys of `[simulation]` about answers, which the model simulates."""
+    for key in ("feedback", "noise"):
+        if key in table:
+            raise DomainError(
+                f"{table.location(key)}: {model.file} simulates the answers; expected no {key!r}"
+            )
+
+
+def _read_widening(table: TomlTable) -> Widening:
+    value, location = table.value("widening"), table.location("widening")
+    if not isinstance(value, list) or len(value) != 2:
+        raise DomainError(f"{location}: {value!r}; expected [FACTOR, POWER], e.g. [4, 0.05]")
+    try:
+        return Widening(*value)
+    except ModelError as error:
+        raise DomainError(f"{location}: {error}") from None
