@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import pickle
+import shutil
 from math import exp
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -178,7 +180,48 @@ def test_a_logged_decision_repeats(lcorpp, door):
     assert "changed since the log: domain: " in lcorpp("replay", log).out
 
 
-def test_algorithm_1_and_runs_in_two_processes_accept_the_model(lcorpp, door):
+GUIDE = """class Guide:
+    actions, discount = ("point", "to_lab", "to_office", "to_store"), 0.9
+    observations = ("yes", "no", "shrug", "silence")
+    right = {"lab": "yes", "office": "no", "store": "shrug"}
+
+    def start(self, value, rng):
+        return value
+
+    def shared(self, state):
+        return state
+
+    def step(self, state, action, rng):
+        if action != "point":
+            return None, "silence", 10.0 if action == "to_" + state else -10.0
+        others = [answer for answer in ("yes", "no", "shrug") if answer != self.right[state]]
+        return state, self.right[state] if rng.random() < 0.8 else others[int(rng.integers(2))], -1.0
+
+    def likelihood(self, observation, state, action, next_state):
+        if action != "point":
+            return float(observation == "silence")
+        return 0.8 if observation == self.right[next_state] else 0.1
+"""
+
+
+def test_algorithm_1_decides_with_the_model_and_its_log_repeats(lcorpp, tmp_path):
+    folder = tmp_path / "rooms"
+    shutil.copytree(Path(__file__).parent / "rooms", folder)
+    (folder / "guide.py").write_text(GUIDE)
+    text = (folder / "domain.toml").read_text().partition("[presets.calm]")[0]
+    for line in ('states = "wants_{goal}"', 'terminal = "gone"', "noise = 0.2"):
+        text = text.replace(f"{line}\n", "")
+    text = "\n".join(line for line in text.splitlines() if not line.startswith("feedback"))
+    (folder / "domain.toml").write_text(text.replace('"guide.pomdp"', '"guide.py:Guide"\nsimulations = 300'))
+    log = tmp_path / "log.jsonl"
+    options = ("--learner", "summaries", "--tracks", 30, "--batch-size", 10, "--max-batches", 1, "--jobs", 1)
+    ended = lcorpp("learn", folder, *options, "--log", log)
+    assert ended.code == 0, ended.err
+    assert "batch 1: 40 tracks" in ended.out
+    assert "10 decisions, 0 differences" in lcorpp("replay", log).out
+
+
+def test_runs_in_two_processes_are_those_of_one(lcorpp, door):
     ended = lcorpp("run", door, "--preset", "simulated", "--trials", 300, "--jobs", 2, "--seed", 1)
     assert ended.code == 0, ended.err
     assert "300 trials" in ended.out
