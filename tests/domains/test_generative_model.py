@@ -15,35 +15,13 @@ from lcorpp.decision import strategies
 from lcorpp.errors import DomainError, ModelError, ObservationError
 from lcorpp.experiments import ComparisonOptions, compare_strategies
 from lcorpp.planning import GenerativeModel, GenerativePlanner, SearchOptions, Widening
+from tests.planning.models import DOOR
 
 KNOWLEDGE = """
 sides = {left, right}.  times = {early, late}.
 side : sides.  time : times.
 random(side).  random(time).
 pr(side=left | time=early) = 0.7.
-"""
-POMDP = """discount: 0.95
-values: reward
-states: left right over
-actions: listen open_left open_right
-observations: l r
-start: 0.5 0.5 0
-T: listen
-identity
-T: open_left : * : over 1
-T: open_right : * : over 1
-O: listen
-0.8 0.2
-0.2 0.8
-1 0
-O: open_left : * : l 1
-O: open_right : * : l 1
-R: listen : * : * : * -1
-R: open_left : left : * : * 10
-R: open_left : right : * : * -20
-R: open_right : right : * : * 10
-R: open_right : left : * : * -20
-R: * : over : * : * 0
 """
 TOML = """name = "door"
 [reasoning]
@@ -106,7 +84,7 @@ class Numbers(Door):
 def door(tmp_path):
     for name, text in (
         ("knowledge.plog", KNOWLEDGE),
-        ("door.pomdp", POMDP),
+        ("door.pomdp", DOOR),
         ("domain.toml", TOML),
         ("door.py", CODE),
     ):

@@ -119,3 +119,29 @@ def pomdps(draw: st.DrawFn, discounts: tuple[float, ...] = (0.5, 0.8, 0.95)) -> 
         draw(st.sampled_from(discounts)),
         np.array(draw(_row(S))),
     )
+
+
+DOOR = """discount: 0.95
+values: reward
+states: left right over
+actions: listen open_left open_right
+observations: l r
+start: 0.5 0.5 0
+T: listen
+identity
+T: open_left : * : over 1
+T: open_right : * : over 1
+O: listen
+0.8 0.2
+0.2 0.8
+1 0
+O: open_left : * : l 1
+O: open_right : * : l 1
+R: listen : * : * : * -1
+R: open_left : left : * : * 10
+R: open_left : right : * : * -20
+R: open_right : right : * : * 10
+R: open_right : left : * : * -20
+R: * : over : * : * 0
+"""
+"""A person behind one of two doors; a report ends the decision."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -126,6 +126,12 @@ class TomlTable:
             return (TomlTable(value, self._lines, (*self._path, key)),)
         paths = [(*self._path, f"{key}[{number}]") for number in range(1, len(value) + 1)]
         return tuple(TomlTable(part, self._lines, path) for part, path in zip(value, paths, strict=True))
+
+    def reject_keys(self, keys: Iterable[str], reason: str) -> None:
+        """Raise an error with a reason if one of some keys is in the table."""
+        for key in keys:
+            if key in self:
+                raise DomainError(f"{self.location(key)}: {reason}; expected no {key!r}")
 
     def reject_unknown_keys(self) -> None:
         """Raise `DomainError` if the table has a key that was never accessed."""

@@ -45,9 +45,11 @@ class Interaction(Protocol):
         """Return the shared value of a state; None if the decision is over."""
 
 
+MAX_CHECKED = 1000
+"""Maximum number of steps that are simulated when a model is made."""
+
 METHODS = ("start", "step", "likelihood", "shared")
 """The methods that an `Interaction` needs."""
-
 
 Origin = tuple[UserFunction, tuple[Any, ...]]
 """The function or class of a file that made an `Interaction`, and its arguments."""
@@ -231,7 +233,7 @@ class GenerativeModel:
         rng = np.random.default_rng(0)
         for value in self.values[: max(1, MAX_CHECKED // len(self.actions))]:
             state = self.interaction.start(value, rng)
-            if self.states[self.find_value(state)] != self.states[self._indices[value]]:
+            if self.find_value(state) != self._indices[value]:
                 shown = self.interaction.shared(state)
                 raise self.make_error(f"start({value!r}) has the shared value {shown!r}; expected the same")
             for action in self.actions:
@@ -254,10 +256,6 @@ class GenerativeModel:
                 f"likelihood() returned {likelihood!r} for the observation {observation!r} that step()"
                 f" returned for {action!r}; expected a number above 0"
             )
-
-
-MAX_CHECKED = 1000
-"""Maximum number of steps that are simulated when a model is made."""
 
 
 class GenerativeSimulator:
@@ -289,11 +287,11 @@ def _make_again(values: tuple[SharedValue, ...], origin: Origin) -> GenerativeMo
     return GenerativeModel(function(*arguments), values, origin)
 
 
-def _is_finite(observation: Any) -> bool:
-    """Whether an observation is a finite number, or a tuple of such."""
-    if isinstance(observation, tuple):
-        return all(map(_is_finite, observation))
-    return isinstance(observation, Real) and not isinstance(observation, bool) and isfinite(observation)
+def _is_finite(value: Any) -> bool:
+    """Whether a value is a finite number, or a tuple of such."""
+    if isinstance(value, tuple):
+        return all(map(_is_finite, value))
+    return isinstance(value, Real) and not isinstance(value, bool) and isfinite(value)
 
 
 def _as_tuples(value: Any) -> Any:

@@ -12,7 +12,7 @@ from lcorpp.planning import load_solver, parse_pomdp
 from lcorpp.planning.belief import update
 from lcorpp.planning.solvers.pomcp import ParticlePlanner, TableSimulator, Widening
 from lcorpp.planning.solvers.pomcp.search import History, TreeSearch
-from tests.planning.models import TIGER
+from tests.planning.models import DOOR, TIGER
 
 tiger = parse_pomdp(TIGER)
 LISTEN, OPEN_LEFT, OPEN_RIGHT = range(3)
@@ -167,30 +167,7 @@ def test_particles_in_a_terminal_state_stay_there():
 
 def test_backups_by_the_best_action_find_the_value_of_asking_twice():
     """At 0.8 a further question is worth 5.65, and opening 4: by hand, as the exact solver says."""
-    model = parse_pomdp(
-        """discount: 0.95
-        values: reward
-        states: left right over
-        actions: listen open_left open_right
-        observations: l r
-        T: listen
-        identity
-        T: open_left : * : over 1
-        T: open_right : * : over 1
-        O: listen
-        0.8 0.2
-        0.2 0.8
-        1 0
-        O: open_left : * : l 1
-        O: open_right : * : l 1
-        R: listen : * : * : * -1
-        R: open_left : left : * : * 10
-        R: open_left : right : * : * -20
-        R: open_right : right : * : * 10
-        R: open_right : left : * : * -20
-        R: * : over : * : * 0
-        """
-    )
+    model = parse_pomdp(DOOR)
     belief = np.array([0.8, 0.2, 0.0])
     exact = load_solver("exact")(model, belief).policy.value(belief)
     found = []

@@ -35,29 +35,13 @@ def read_search(table: TomlTable, model: GenerativeModel) -> SearchOptions:
     Raises:
         DomainError: a number is out of range, or a key needs a model with tables.
     """
-    for key in TABLE_KEYS:
-        if key in table:
-            raise DomainError(
-                f"{table.location(key)}: {model.file} is simulated, it has no tables; expected no {key!r}"
-            )
-    default = SearchOptions()
-    widening = None if model.observations else Widening()
-    if "widening" in table:
-        widening = _read_widening(table)
+    table.reject_keys(TABLE_KEYS, f"{model.file} is simulated, it has no tables")
+    default = SearchOptions.for_model(model)
     return SearchOptions(
         simulations=table.count("simulations", 1, default.simulations),
         particles=table.count("particles", 1, default.particles),
-        widening=widening,
+        widening=_read_widening(table) if "widening" in table else default.widening,
     )
-
-
-def reject_feedback(table: TomlTable, model: GenerativeModel) -> None:
-    """Reject the keys of `[simulation]` about answers, which the model simulates."""
-    for key in ("feedback", "noise"):
-        if key in table:
-            raise DomainError(
-                f"{table.location(key)}: {model.file} simulates the answers; expected no {key!r}"
-            )
 
 
 def _read_widening(table: TomlTable) -> Widening:

@@ -168,6 +168,8 @@ def read_planning(
     """
     model, problem = read_planner_model(table, folder, reasoning)
     search = None
+    if isinstance(model, Pomdp):
+        table.reject_keys(SEARCH_KEYS, f"{model.file} has tables, which a solver takes")
     if problem is not None and isinstance(model, Pomdp) and "states" not in table:
         from lcorpp.domains.sections.state_variables import match_variables  # patterns do without
 
@@ -178,12 +180,6 @@ def read_planning(
         from lcorpp.domains.sections.generative import map_values, read_search
 
         states, search = map_values(model), read_search(table, model)
-    for key in SEARCH_KEYS:
-        if search is None and key in table:
-            raise DomainError(
-                f"{table.location(key)}: {model.file} has tables, which a solver takes; expected no {key!r},"
-                " or a model that is simulated"
-            )
     reports = _read_reports(table, model, reasoning)
     solver = _read_solver(table, folder, own_solver)
     phrases, utterances, recogniser, answers = _read_phrases(table, model), {}, None, None

@@ -106,9 +106,7 @@ def read_simulation(
     if isinstance(planning.model, Pomdp):
         feedback_model, hearing = _make_feedback_model(table, reasoning, planning)
     else:
-        from lcorpp.domains.sections.generative import reject_feedback
-
-        reject_feedback(table, planning.model)
+        table.reject_keys(("feedback", "noise"), f"{planning.model.file} simulates the answers")
         feedback_model = hearing = np.zeros((0, 0, 0))
     channels, joint = make_noisy_channels(table, program, senses)
     section = SimulationSection(

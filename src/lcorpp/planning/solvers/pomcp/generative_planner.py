@@ -47,6 +47,11 @@ class SearchOptions:
     particles: int = 1000
     widening: Widening | None = None
 
+    @classmethod
+    def for_model(cls, model: GenerativeModel) -> SearchOptions:
+        """Return the options by default: observations that are numbers are widened."""
+        return cls(widening=None if model.observations else Widening())
+
     def __post_init__(self) -> None:
         check_count("simulations", self.simulations, 1)
         check_count("particles", self.particles, 1)
@@ -84,7 +89,7 @@ class GenerativePlanner:
 
     Args:
         model: the model.
-        options: of the search; by default widening where observations are numbers.
+        options: of the search; None for `SearchOptions.for_model`.
 
     Examples:
         >>> from lcorpp.planning import GenerativeModel, GenerativePlanner
@@ -106,8 +111,7 @@ class GenerativePlanner:
 
     def __init__(self, model: GenerativeModel, options: SearchOptions | None = None) -> None:
         self.model = model
-        widening = None if model.observations else Widening()
-        self.options = SearchOptions(widening=widening) if options is None else options
+        self.options = SearchOptions.for_model(model) if options is None else options
         self._known = dict[bytes, ActionValues]()
 
     def __repr__(self) -> str:
