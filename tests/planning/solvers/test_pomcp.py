@@ -162,8 +162,8 @@ def test_a_simulator_without_tables(goal):
         taken += 1
         if not world.terminal(state):
             planner.update(action, observation)
-            assert len(planner.particles) >= 100
-            assert state in planner.particles
+            assert len(planner.particles.states) >= 100
+            assert state in planner.particles.states
     # the first step may go in either direction
     assert taken in (3, 5)
     assert earned == 100 - (taken - 1)
@@ -177,7 +177,7 @@ def test_particles_follow_bayes_rule():
     planner.search()
     planner.update(0, 0)
     # the standard error of a share of .85 in 4000 is .006
-    assert np.mean(np.array(planner.particles) == 0) == pytest.approx(0.85, abs=0.03)
+    assert np.mean(np.array(planner.particles.states) == 0) == pytest.approx(0.85, abs=0.03)
 
 
 def test_an_observation_that_no_particle_produces():

@@ -11,6 +11,7 @@ from lcorpp.errors import ModelError, ObservationError
 from lcorpp.planning import load_solver, parse_pomdp
 from lcorpp.planning.belief import update
 from lcorpp.planning.solvers.pomcp import ParticlePlanner, TableSimulator, Widening
+from lcorpp.planning.solvers.pomcp.particles import Particles, filter_particles
 from lcorpp.planning.solvers.pomcp.search import History, TreeSearch
 from tests.planning.models import DOOR, TIGER
 
@@ -54,7 +55,8 @@ def test_particles_follow_bayes_rule_for_continuous_observations():
     for heard in (0.3, -0.1, 0.5):
         planner.update(LISTEN, heard)
         odds *= exp(2 * heard)  # ratio of two normal densities at 1 and -1
-        assert np.mean(np.array(planner.particles) == 1) == pytest.approx(odds / (1 + odds), abs=0.015)
+        right = np.array(planner.particles.states) == 1
+        assert planner.particles.weights[right].sum() == pytest.approx(odds / (1 + odds), abs=0.015)
 
 
 def test_particles_follow_the_exact_belief_of_a_table():
@@ -65,7 +67,8 @@ def test_particles_follow_the_exact_belief_of_a_table():
     for observation in (0, 0, 1):
         planner.update(LISTEN, observation)
         belief = update(tiger, belief, LISTEN, observation)
-        assert np.mean(np.array(planner.particles) == 0) == pytest.approx(belief[0], abs=0.015)
+        first = np.array(planner.particles.states) == 0
+        assert planner.particles.weights[first].sum() == pytest.approx(belief[0], abs=0.015)
 
 
 def test_the_robot_listens_until_it_has_heard_enough():
@@ -109,7 +112,8 @@ def test_equal_seeds_have_equal_results():
             door, door.start, simulations=300, particles=50, widening=Widening(), seed=12
         )
         planner.update(LISTEN, 0.4)
-        found.append((planner.search().values.tolist(), planner.particles))
+        particles = planner.particles
+        found.append((planner.search().values.tolist(), particles.states, particles.weights.tolist()))
     assert found[0] == found[1]
 
 
@@ -149,7 +153,7 @@ def test_likelihoods_may_be_as_small_as_numbers_get():
     planner = ParticlePlanner(door, door.start, simulations=2000, particles=20, widening=Widening(1, 0))
     assert planner.action() in range(3)
     planner.update(LISTEN, 0.5)
-    assert len(planner.particles) == 20
+    assert len(planner.particles.states) == 20
 
 
 def test_particles_in_a_terminal_state_stay_there():
@@ -162,7 +166,7 @@ def test_particles_in_a_terminal_state_stay_there():
     door.step, door.likelihood = step, lambda *_: 1.0
     planner = ParticlePlanner(door, lambda: 0, simulations=10, particles=10, widening=Widening())
     planner.update(LISTEN, 0.5)
-    assert set(planner.particles) == {0}
+    assert set(planner.particles.states) == {0}
 
 
 def test_backups_by_the_best_action_find_the_value_of_asking_twice():
@@ -173,7 +177,7 @@ def test_backups_by_the_best_action_find_the_value_of_asking_twice():
     found = []
     for seed in range(5):
         simulator = TableSimulator(model, leaf_values="random", seed=seed)
-        search = TreeSearch(simulator, exploration=0.5, backup="max")
+        search = TreeSearch(simulator, exploration=1, backup="max")
         result = search.search(History(3), simulator.state_sampler(belief), simulations=5000)
         assert result.action == LISTEN
         found.append(result.values[LISTEN])
@@ -211,3 +215,28 @@ def test_both_backups_agree_where_nothing_is_chosen():
 def test_unknown_backups_are_refused():
     with pytest.raises(ModelError, match="unknown backup 'worst'; expected one of mean, max"):
         TreeSearch(TableSimulator(tiger), backup="worst")
+
+
+def test_few_different_states_are_updated_by_bayes_rule_and_never_lost():
+    door = Door(1)
+    door.likelihood = lambda observation, state, action, after: 0.999 if state == observation else 0.001
+    start = Particles([-1, *[1] * 9], np.full(10, 0.1))
+    particles, odds = start, 1 / 9
+    for observation in (1, 1, 1, -1, -1, -1, -1, -1):  # for a while, the first state has 1e-10
+        particles = filter_particles(
+            door, particles, LISTEN, observation, count=10, rng=np.random.default_rng(0)
+        )
+        odds *= 999.0**-observation
+        share = particles.weights[np.array(particles.states) == -1].sum()
+        assert share == pytest.approx(odds / (1 + odds), rel=1e-9)
+
+
+def test_states_that_cannot_be_compared_are_resampled():
+    door = Door(1)
+    door.step = lambda state, action: (state, 0.0, 0.0)
+    door.terminal = lambda state: False
+    door.likelihood = lambda observation, state, action, after: 0.75 if state[0] else 0.25
+    start = Particles.of([[int(i < 500)] for i in range(1000)])
+    after = filter_particles(door, start, LISTEN, 0, count=1000, rng=np.random.default_rng(0))
+    assert np.mean([state[0] for state in after.states]) == pytest.approx(0.75, abs=0.002)
+    assert np.ptp(after.weights) == 0

@@ -20,8 +20,8 @@ from lcorpp.planning.solvers.pomcp.particles import Particles, filter_particles,
 from lcorpp.planning.solvers.pomcp.search import ActionValues, History, TreeSearch, Widening
 from lcorpp.values import Array, Belief
 
-EXPLORATION = 0.5
-"""c of UCB1 as a share of the range of values, which are those of backups by the best action."""
+EXPLORATION = 1.0
+"""c of UCB1 as a share of the range of values, which are those of the best actions of histories."""
 
 MAX_KNOWN = 10_000
 """Maximum number of beliefs whose search results are kept."""

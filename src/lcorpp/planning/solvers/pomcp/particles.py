@@ -31,6 +31,11 @@ class Particles:
     states: Sequence[Any]
     weights: Array
 
+    @classmethod
+    def of(cls, states: Sequence[Any]) -> Particles:
+        """Return states of equal weight."""
+        return cls(states, np.full(len(states), 1 / len(states)))
+
     def sampler(self, rng: Random) -> Callable[[], Any]:
         """Return a function that draws a state by the weights."""
         sums, states = np.cumsum(self.weights).tolist(), self.states
@@ -59,7 +64,8 @@ def filter_particles(
     """Return the particles after an action and an observation: a step each, weighed, and resampled.
 
     Groups of states, e.g. of each shared value, are resampled apart (systematically), so that an improbable
-    group keeps its probability and particles.
+    group keeps its probability and particles. If no more than `count` states differ, each is a group: without
+    chance in the steps, the filter is then Bayes' rule.
 
     Args:
         simulator: has a likelihood. count: about how many particles to return. group_of: a state's group.
@@ -75,9 +81,14 @@ def filter_particles(
         after.append(state)
         likelihoods.append(compute_likelihood(simulator, observation, before, action, state))
     highest = max(likelihoods)
+    keys: list[Hashable] = [group_of(state) for state in after]
+    if _differ_at_most(after, count):
+        keys = list(zip(keys, after, strict=True))
     groups: dict[Hashable, tuple[list[Any], list[float]]] = {}
-    for state, weight, likelihood in zip(after, particles.weights.tolist(), likelihoods, strict=True):
-        states, weights = groups.setdefault(group_of(state), ([], []))
+    for key, state, weight, likelihood in zip(
+        keys, after, particles.weights.tolist(), likelihoods, strict=True
+    ):
+        states, weights = groups.setdefault(key, ([], []))
         states.append(state)
         weights.append(weight * (likelihood / highest) if highest > 0 else 0.0)  # likelihoods may be tiny
     totals = {group: sum(weights) for group, (_, weights) in groups.items()}
@@ -98,3 +109,11 @@ def filter_particles(
         shares += [kept[group] / n] * n
     normalised = np.array(shares)
     return Particles(resampled, normalised / normalised.sum())
+
+
+def _differ_at_most(states: Sequence[Any], count: int) -> bool:
+    """Whether states can be compared, and at most some number of them differ."""
+    try:
+        return len(set(states)) <= count
+    except TypeError:  # not hashable, e.g. lists
+        return False

@@ -6,7 +6,8 @@ algorithms for POMDPs with continuous state, action, and observation spaces, ICA
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable, Sequence
+from collections.abc import Callable, Hashable
+from random import Random
 from typing import Any
 
 import numpy as np
@@ -181,11 +182,13 @@ class ParticlePlanner:
             backup=backup,
             seed=seed,
         )
-        self._root, self._rng = History(simulator.actions), np.random.default_rng(seed)
-        self.particles: Sequence[Any] = [start() for _ in range(particles)]
+        self._root = History(simulator.actions)
+        self._rng, self._random = np.random.default_rng(seed), Random(seed)
+        self._set_particles(Particles.of([start() for _ in range(particles)]))
 
     def __repr__(self) -> str:
-        return f"<ParticlePlanner: {len(self.particles)} particles, {self.simulations} simulations per step>"
+        particles = len(self.particles.states)
+        return f"<ParticlePlanner: {particles} particles, {self.simulations} simulations per step>"
 
     def action(self) -> int:
         """Search, and return the best action."""
@@ -200,7 +203,7 @@ class ParticlePlanner:
         """Update the particles after an action and an observation.
 
         With widening, as many steps are simulated as there are particles, and the next particles are drawn by
-        the likelihood of the observation (systematic resampling). Otherwise they are the states of all
+        the likelihood of the observation, see `filter_particles`. Otherwise they are the states of all
         simulations with this action and observation. If there are fewer than `particle_count`, further
         simulations of the step add those with the observation.
 
@@ -214,7 +217,15 @@ class ParticlePlanner:
         check_hashable(observation)
         child = self._root.children.get((action, observation)) or History(self.simulator.actions)
         if self.widening is not None:
-            self.particles = self._resample(action, observation)
+            resampled = filter_particles(
+                self.simulator,
+                self.particles,
+                action,
+                observation,
+                count=self.particle_count,
+                rng=self._rng,
+            )
+            self._set_particles(resampled)
             self._root = child
             return
         particles, tries = list(child.particles), 0
@@ -225,20 +236,15 @@ class ParticlePlanner:
                 particles.append(state)
         if not particles:
             raise ObservationError(
-                f"none of {tries} simulations of action {action} from {len(self.particles)} particles"
+                f"none of {tries} simulations of action {action} from {len(self.particles.states)} particles"
                 f" produced observation {observation!r}"
             )
-        self._root, self.particles = child, particles
+        self._set_particles(Particles.of(particles))
+        self._root = child
 
-    def _resample(self, action: int, observation: Hashable) -> Sequence[Any]:
-        """Return the particles after an action, drawn by the likelihood of an observation."""
-        n = len(self.particles)
-        before = Particles(self.particles, np.full(n, 1 / n))
-        count, rng = self.particle_count, self._rng
-        return filter_particles(self.simulator, before, action, observation, count=count, rng=rng).states
-
-    def _draw(self) -> Any:
-        return self.particles[int(self._rng.integers(len(self.particles)))]
+    def _set_particles(self, particles: Particles) -> None:
+        self.particles = particles
+        self._draw = particles.sampler(self._random)
 
 
 def _check_options(simulations: int, seconds: float | None, exploration: float, seed: int) -> None:

@@ -147,9 +147,10 @@ class TreeSearch:
     """POMCP from a history.
 
     A history first tries each action once, then the action with the largest mean + c sqrt(log N / n) (UCB1).
-    c is `exploration` times the range of all mean returns in the tree so far, so it needs no adjustment to
-    the size of the rewards. Instead of a rollout from a new history, the simulator estimates the value of the
-    state: for problems in tables, the expectation of such rollouts.
+    c is `exploration` times the range of values in the tree so far, so it needs no adjustment to the size of
+    the rewards: with the backup "mean" of all actions, with "max" of the best actions of histories, since one
+    costly mistake would otherwise hide in what good actions differ. Instead of a rollout from a new history,
+    the simulator estimates the value of the state: for problems in tables, the expectation of such rollouts.
 
     Args:
         keep_particles: whether histories store the states that reach them.
@@ -256,9 +257,10 @@ class TreeSearch:
             node.rewards[action] += reward
             node.total += 1
             n = node.visits[action] = node.visits[action] + 1
-            value = node.values[action] = (node.rewards[action] + gamma * node.later[action]) / n
-            self._widen_range(value)
+            node.values[action] = (node.rewards[action] + gamma * node.later[action]) / n
             best = max(v for v, visits in zip(node.values, node.visits, strict=True) if visits)
+            if node.total >= len(node.visits):
+                self._widen_range(best)
 
     def _widen_range(self, value: float) -> None:
         """Keep the smallest and largest value of an action."""
