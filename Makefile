@@ -105,6 +105,7 @@ stubs: $(VENV)/.dev
 	$(BIN)/python -m nanobind.stubgen -q -m lcorpp.planning.formats.pomdp._scanner -o src/lcorpp/planning/formats/pomdp/_scanner.pyi
 	$(BIN)/python -m nanobind.stubgen -q -m lcorpp.reasoning._diagram -o src/lcorpp/reasoning/_diagram.pyi
 	$(BIN)/python -m nanobind.stubgen -q -m lcorpp.reasoning.factors._tables -o src/lcorpp/reasoning/factors/_tables.pyi
+	$(BIN)/python -m nanobind.stubgen -q -m lcorpp.model_learning._episodes -o src/lcorpp/model_learning/_episodes.pyi
 	$(BIN)/python -m nanobind.stubgen -q -m lcorpp.learning.lstm._kernels -o src/lcorpp/learning/lstm/_kernels.pyi
 
 # Warnings are errors. Once the packages are installed, the build needs no network.

@@ -16,6 +16,7 @@ SOURCE = Path(__file__).parents[1] / "src"
         "lcorpp.reasoning._diagram",
         "lcorpp.reasoning.factors._tables",
         "lcorpp.learning.lstm._kernels",
+        "lcorpp.model_learning._episodes",
     ],
 )
 def test_stubs_are_current(name):

@@ -22,6 +22,7 @@ COMMANDS: Mapping[str, str] = {
     "simulate": "simulate:simulate",
     "show": "show:show",
     "learn": "learn:learn",
+    "model": "model:model",
     "play": "page.play:play",
     "export": "page.export:export",
     "robot": "robot.robot:robot",

@@ -7,6 +7,7 @@ import os
 import re
 import shutil
 import tempfile
+from collections.abc import Mapping
 from pathlib import Path
 
 from lcorpp.domains.domain import Domain
@@ -45,28 +46,37 @@ def write_new_domain(folder: Path, new: NewDomain, *, tables: bool = False) -> D
         raise DomainError("no shared variable is given; expected at least one")
     if not new.questions:
         raise DomainError("no question is given; expected at least one")
+    knowledge = format_knowledge(new)
+    own = {"knowledge.csv": format_tables(knowledge)} if tables else {"knowledge.plog": knowledge}
+    write_folder(
+        folder, {"domain.toml": format_toml(new, tables), **own, "interaction.py": format_model(new)}
+    )
+    return load_domain(folder)
+
+
+def write_folder(folder: Path, texts: Mapping[str, str]) -> None:
+    """Write the files of a folder, all or none; with a domain.toml, the domain is loaded before.
+
+    Raises:
+        DomainError: the folder is not empty, or the domain has an error.
+        FileError: the folder cannot be written.
+    """
+    check_new_folder(folder)
     parent = make_folder(folder.absolute().parent)
     try:
         with tempfile.TemporaryDirectory(prefix=".lcorpp-", dir=parent, ignore_cleanup_errors=True) as name:
             complete = Path(name) / "domain"
             complete.mkdir()
-            knowledge = format_knowledge(new)
-            own = {"knowledge.csv": format_tables(knowledge)} if tables else {"knowledge.plog": knowledge}
-            texts = {
-                "domain.toml": format_toml(new, tables),
-                **own,
-                "interaction.py": format_model(new),
-            }
             for file, text in texts.items():
                 (complete / file).write_text(text, encoding="utf-8")
-            load_domain(complete)
+            if "domain.toml" in texts:
+                load_domain(complete)
             shutil.rmtree(complete / "__pycache__", ignore_errors=True)
             if folder.exists():
                 folder.rmdir()  # empty; a rename replaces empty folders on some systems only
             os.rename(complete, folder)
     except OSError as error:
         raise FileError(f"{folder}: cannot be written: {error.strerror or error}") from None
-    return load_domain(folder)
 
 
 def format_tables(knowledge: str) -> str:

@@ -44,20 +44,30 @@ class BatchRollout:
     """Trials of a policy in blocks.
 
     roots: k beliefs, one of which is the start of each trial. weights: (k,) of each, up to a factor.
+    world: what happens; the model of the policy when None. Its hidden states start by its own start belief.
     beliefs: how many beliefs were computed.
     """
 
-    def __init__(self, pomdp: Pomdp, policy: Policy, roots: SparseBeliefs, weights: Array, seed: int) -> None:
-        self.pomdp, self.beliefs = pomdp, 0
-        self._roots, self._rng, self._zero_reward = roots, CounterRng(seed), zero_reward_states(pomdp)
+    def __init__(
+        self,
+        pomdp: Pomdp,
+        policy: Policy,
+        roots: SparseBeliefs,
+        weights: Array,
+        seed: int,
+        world: Pomdp | None = None,
+    ) -> None:
+        self.pomdp, self.beliefs = pomdp if world is None else world, 0
+        self._roots, self._rng, self._zero_reward = roots, CounterRng(seed), zero_reward_states(self.pomdp)
         count = np.array([0, len(weights)])
         self._root = InverseCdfSampler(count, np.arange(len(weights), dtype=np.int32), weights)
-        self._state = InverseCdfSampler(roots.begins, roots.states, roots.weights)
+        states = roots if world is None else SparseBeliefs.of(world.start[None])
+        self._state = InverseCdfSampler(states.begins, states.states, states.weights)
         self._transition, self._observation = (
             InverseCdfSampler(table.begins, table.columns, table.values)
-            for table in (pomdp.transition, pomdp.observation)
+            for table in (self.pomdp.transition, self.pomdp.observation)
         )
-        self._graph = BeliefGraph(pomdp, policy)
+        self._graph, self._has_world = BeliefGraph(pomdp, policy), world is not None
         block = MAX_GRAPH_SIZE // (8 * (len(pomdp.states) + len(pomdp.observations)))
         self._block = min(max(block, 256), MAX_BLOCK_TRIALS)
 
@@ -78,7 +88,7 @@ class BatchRollout:
         trials = np.arange(len(keys))
         roots, states = self.start_states(block)
         nodes = self._add_roots(roots)
-        ended = self._zero_reward.take(states) | self._graph.absorbing.take(nodes)
+        ended = self._find_ended(states, nodes)
         for number in range(limit):
             if ended.any():
                 running = np.flatnonzero(~ended)
@@ -91,14 +101,20 @@ class BatchRollout:
             bases += states
             observations = self._observation.draw(bases, self._rng.uniforms(keys, 2 * number + 3))
             nodes = self._follow(nodes, observations)
-            ended = self._zero_reward.take(states) | self._graph.absorbing.take(nodes)
+            ended = self._find_ended(states, nodes)
             yield RolloutStep(number, trials, rows, states, observations, ended)
 
     def start_states(self, block: slice) -> tuple[Indices, Indices]:
         """Return (n,) the root and (n,) the initial hidden state of each trial of a block."""
         keys = self._rng.trial_keys(block.start, block.stop - block.start)
         roots = self._root.draw(np.zeros(len(keys), dtype=np.intp), self._rng.uniforms(keys, 0))
-        return roots, self._state.draw(roots, self._rng.uniforms(keys, 1))
+        places = np.zeros_like(roots) if self._has_world else roots
+        return roots, self._state.draw(places, self._rng.uniforms(keys, 1))
+
+    def _find_ended(self, states: Indices, nodes: Indices) -> npt.NDArray[np.bool_]:
+        """Return (n,) whether all further rewards are zero; in another world a belief may be wrong there."""
+        ended: npt.NDArray[np.bool_] = self._zero_reward.take(states)
+        return ended if self._has_world else ended | self._graph.absorbing.take(nodes)
 
     def _add_roots(self, roots: Indices) -> Indices:
         before = len(self._graph)

@@ -149,6 +149,7 @@ def simulate(
     seed: int,
     start: npt.ArrayLike | None = None,
     traces: int = 0,
+    world: Pomdp | None = None,
 ) -> SimulationResult:
     """Simulate a policy, many trials at once.
 
@@ -166,10 +167,12 @@ def simulate(
         seed: an integer from 0.
         start: (S,) the start belief; the model's own when None.
         traces: how many trials are returned step by step.
+        world: what happens, if it is not as the model states; the policy's beliefs are still those of the
+            model. Its actions and observations are those of the model, its states and rewards its own.
 
     Raises:
         ModelError: `start` is not a distribution over the states, or an argument is out of range; or the
-            discount is 1 and some policy may never end.
+            discount is 1 and some policy may never end; or the world has other actions or observations.
         PolicyError: the policy is for another model.
         ObservationError: rounding has removed the hidden state from a belief; the message names it.
 
@@ -187,7 +190,10 @@ def simulate(
             raise ModelError(f"{name} is a whole number from {minimum}, not {number!r}")
     belief = check_belief(pomdp, pomdp.start if start is None else start)
     began = monotonic()
-    rollout = BatchRollout(pomdp, policy, SparseBeliefs.of(belief[None]), np.ones(1), seed)
+    if world is not None and (world.actions, world.observations) != (pomdp.actions, pomdp.observations):
+        raise ModelError("the world has other actions or observations than the model; expected the same")
+    rollout = BatchRollout(pomdp, policy, SparseBeliefs.of(belief[None]), np.ones(1), seed, world)
+    pomdp = rollout.pomdp
     returns, lengths = np.zeros(trials), np.zeros(trials, dtype=np.intp)
     rewards = np.zeros(steps)
     reward_of_row = pomdp.reward.reshape(-1)

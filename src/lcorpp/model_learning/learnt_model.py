@@ -1,0 +1,145 @@
+"""The model that episodes determine: a POMDP with named states, and an interval of each number."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from lcorpp.errors import ModelError
+from lcorpp.model_learning.baum_welch import Parameters, expect
+from lcorpp.model_learning.draws import draw_models
+from lcorpp.model_learning.episodes import Episodes
+from lcorpp.model_learning.spaces import Space
+from lcorpp.model_learning.states import learn
+from lcorpp.model_learning.structure import Model
+from lcorpp.planning import Pomdp, SparseTables
+
+OVER = "over"
+"""Name of the state after the end of a decision."""
+
+MORE_STATES = 11
+"""By default this many states may be added to one of each shared value."""
+
+
+@dataclass(frozen=True, eq=False)
+class LearntModel:
+    """A model with what it was learnt from.
+
+    states: (K,) names. pomdp: the states and `over`. draws: (D,) parameters from the posterior.
+    """
+
+    episodes: Episodes
+    space: Space
+    model: Model
+    states: tuple[str, ...]
+    discount: float
+    draws: tuple[Parameters, ...]
+
+    def __repr__(self) -> str:
+        return f"<LearntModel: {len(self.states)} states from {len(self.episodes)} episodes>"
+
+    @cached_property
+    def pomdp(self) -> Pomdp:
+        """The estimate as a POMDP."""
+        own, K = self.model.parameters, len(self.states)
+        A = len(self.episodes.action_names)
+        transition, reward = np.zeros((A, K + 1, K + 1)), np.zeros((A, K + 1))
+        transition[:, :K], transition[:, K, K] = own.transition, 1.0
+        reward[:, :K] = own.reward @ self.episodes.reward_values
+        return Pomdp(
+            (*self.states, OVER),
+            self.episodes.action_names,
+            self.episodes.observation_names,
+            SparseTables.of(transition),
+            SparseTables.of(own.observation),
+            reward,
+            self.discount,
+            np.append(own.start, 0.0),
+        )
+
+    @cached_property
+    def steps(self) -> Parameters:
+        """Expected counts of steps from which each number was estimated."""
+        return expect(self.episodes, self.model.parameters).counts
+
+    def find_interval(self, number: Callable[[Parameters], float]) -> tuple[float, float]:
+        """Return the 95 % interval of a number of the parameters, from its draws."""
+        low, high = np.quantile([number(own) for own in self.draws], [0.025, 0.975])
+        return float(low), float(high)
+
+    def find_reward(self, parameters: Parameters, action: int, state: int) -> float:
+        """Return the expected reward of an action in a state."""
+        return float(parameters.reward[action, state] @ self.episodes.reward_values)
+
+
+def learn_model(
+    episodes: Episodes,
+    *,
+    reports: str | None = None,
+    discount: float = 0.95,
+    max_states: int | None = None,
+    draws: int = 100,
+    seed: int = 0,
+    progress: Callable[[float, int], None] = lambda _share, _states: None,
+) -> LearntModel:
+    """Learn a POMDP from episodes in which the states are hidden.
+
+    The number of states, what each action does to the state, and which states look alike are chosen by the
+    Bayesian information criterion; the numbers maximise the posterior density.
+
+    Args:
+        episodes: the data.
+        reports: pattern of the reports, ``report_{intention}``: the states are then the values of these
+            variables, which do not change, and further ones that follow from actions. Without it, states
+            have no names.
+        discount: of the model, from 0 to below 1.
+        max_states: by default eleven more than there are shared values.
+        draws: from the posterior, for intervals; at least 1.
+        seed: of all random numbers.
+        progress: takes the completed share of the work, at most, and the number of states of the model that
+            was scored.
+
+    Raises:
+        DataError: the pattern does not fit to the actions.
+        ModelError: an argument is out of range.
+
+    Examples:
+        >>> from lcorpp.model_learning import Episodes, Step, learn_model
+        >>> heads, tails = Step("look", "h", -1), Step("look", "t", -1)
+        >>> def end(action, reward): return Step(action, "none", reward)
+        >>> people = [[heads, end("say_heads", 5)], [tails, end("say_heads", -5)],
+        ...           [tails, end("say_tails", 5)], [heads, end("say_tails", -5)]] * 20
+        >>> learnt = learn_model(Episodes.of(people, [True] * 80), reports="say_{side}")
+        >>> learnt.states
+        ('heads', 'tails')
+        >>> look, h = learnt.pomdp.action_index("look"), learnt.pomdp.observations.index("h")
+        >>> round(float(learnt.pomdp.observation[look][0, h]), 1)
+        1.0
+    """
+    space = Space.unknown(episodes) if reports is None else Space.of_reports(episodes, reports)
+    limit = len(space) + MORE_STATES if max_states is None else max_states
+    if not 0 <= discount < 1:
+        raise ModelError(f"the discount is {discount}; expected a number from 0 to below 1")
+    if limit < len(space):
+        raise ModelError(f"max_states is {limit}; expected at least {len(space)}, one of each shared value")
+    if draws < 1:
+        raise ModelError(f"draws is {draws}; expected at least 1")
+    rng = np.random.default_rng(seed)
+    model = learn(episodes, space, limit, rng, progress)
+    drawn = tuple(draw_models(episodes, space, model, draws, rng))
+    return LearntModel(episodes, space, model, _name_states(space, model), discount, drawn)
+
+
+def _name_states(space: Space, model: Model) -> tuple[str, ...]:
+    """Return names by the shared values, with the number of the state if a value has several."""
+    values = model.structure.values
+    if not space.variables:
+        return tuple(f"s{k + 1}" for k in range(len(values)))
+    names = ["_".join(space.values[v]) for v in values]
+    if len(values) == len(space):
+        return tuple(names)
+    numbers = [int((values[:k] == values[k]).sum()) + 1 for k in range(len(values))]
+    return tuple(f"{name}_{number}" for name, number in zip(names, numbers, strict=True))

@@ -1,0 +1,237 @@
+"""What an action does, with few numbers: whether it leaves the state as it is, and which states look alike.
+
+An action with few data has few parameters: states whose observations or rewards the data do not tell apart
+share them. Which do is chosen by the Bayesian information criterion (structural expectation-maximisation).
+
+Sources: Friedman, The Bayesian structural EM algorithm, UAI 1998; Schwarz, Annals of Statistics 6, 1978.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from math import log
+
+import numpy as np
+
+from lcorpp.model_learning.baum_welch import Parameters, expect, normalise
+from lcorpp.model_learning.episodes import Episodes
+from lcorpp.model_learning.spaces import Space
+from lcorpp.values import Array, Indices
+
+STAYS, RESTARTS, MOVES = range(3)
+"""Effects of an action: the state stays, is drawn from the start again, or has a distribution of its own."""
+
+MIN_SHARE = 0.01
+"""Transitions below this probability are no parameters."""
+
+TOLERANCE = 1e-5
+"""Iterations end when the log-likelihood increases by less than this share of its size."""
+
+MAX_ITERATIONS = 500
+"""Maximum number of iterations."""
+
+TRIED_ITERATIONS = 20
+"""Iterations after which an effect is judged."""
+
+MAX_ROUNDS = 10
+"""Maximum number of times that groups are chosen."""
+
+
+@dataclass(frozen=True, eq=False)
+class Structure:
+    """Which numbers of `Parameters` are the same.
+
+    values: (K,) the shared value of each state; a state never changes to one of another value, except where
+    it is drawn again. effects: (A,) of each action.
+    observation, reward: (A, K) groups; all states and actions of a group have the same row.
+    """
+
+    values: Indices
+    effects: Indices
+    observation: Indices
+    reward: Indices
+
+    @classmethod
+    def free(cls, space: Space, values: Indices, effects: Indices) -> Structure:
+        """Return the structure with groups only of reports: their rewards depend on what is right."""
+        own = np.arange(len(effects) * len(values)).reshape(len(effects), len(values))
+        reports = space.reports[:, values]
+        return cls(values, effects, own, np.where(reports >= 0, own.size + reports, own))
+
+
+@dataclass(frozen=True, eq=False)
+class Model:
+    """Parameters with their structure, and the log-likelihood of each episode (N,)."""
+
+    parameters: Parameters
+    structure: Structure
+    log_likelihoods: Array
+
+    @property
+    def likelihood(self) -> float:
+        """Log-likelihood of all episodes."""
+        return float(self.log_likelihoods.sum())
+
+    def score(self, episodes: Episodes) -> float:
+        """Return the Bayesian information criterion as a log-likelihood; larger is better."""
+        return self.likelihood - _penalty(episodes) * count_parameters(self, episodes)
+
+
+Rows = Callable[[Array], Array]
+"""Makes distributions of rows of counts: their shares, or draws from Dirichlet distributions."""
+
+
+def maximise(counts: Parameters, prior: Parameters, structure: Structure) -> Parameters:
+    """Return the parameters of largest posterior density under a structure, given counts."""
+    return _estimate(counts, prior, structure, normalise)
+
+
+def draw_parameters(
+    counts: Parameters, prior: Parameters, structure: Structure, rng: np.random.Generator
+) -> Parameters:
+    """Draw the parameters from their posterior under a structure, given counts."""
+    return _estimate(counts, prior, structure, lambda rows: normalise(rng.standard_gamma(rows)))
+
+
+def _estimate(counts: Parameters, prior: Parameters, structure: Structure, rows: Rows) -> Parameters:
+    K, total = counts.count, counts.transition + prior.transition
+    restarts, tied = structure.effects == RESTARTS, structure.effects != MOVES
+    start = rows(counts.start + prior.start + counts.transition[restarts][:, :, :K].sum(axis=(0, 1)))
+    transition = rows(total)
+    goes_on = rows(np.stack([total[:, :, :K].sum(axis=(1, 2)), total[:, :, K].sum(axis=1)], axis=1))
+    transition[tied] = 0.0
+    for action in np.flatnonzero(tied):
+        kept = start if restarts[action] else np.eye(K)
+        transition[action, :, :K], transition[action, :, K] = goes_on[action, 0] * kept, goes_on[action, 1]
+    observation = rows(counts.observation + prior.observation)
+    observation[:, :K] = _tie(
+        counts.observation[:, :K], prior.observation[:, :K], structure.observation, rows
+    )
+    return Parameters(
+        start, transition, observation, _tie(counts.reward, prior.reward, structure.reward, rows)
+    )
+
+
+def _tie(counts: Array, prior: Array, groups: Indices, rows: Rows) -> Array:
+    """Return rows (A, K, n) of counts, one for each group; its prior is the mean of the states' priors."""
+    sums, priors = (np.zeros((groups.max() + 1, counts.shape[2])) for _ in range(2))
+    np.add.at(sums, groups, counts)
+    np.add.at(priors, groups, prior)
+    sizes = np.bincount(groups.ravel(), minlength=len(sums))
+    return rows(sums + priors / np.maximum(sizes, 1)[:, None])[groups]
+
+
+def fit(
+    episodes: Episodes,
+    parameters: Parameters,
+    structure: Structure,
+    pseudo: Parameters,
+    iterations: int = MAX_ITERATIONS,
+) -> Model:
+    """Iterate expectation and maximisation from some parameters, under a structure.
+
+    pseudo: pseudo-counts, see `Prior`.
+    """
+    last = -np.inf
+    for _ in range(iterations):
+        found = expect(episodes, parameters)
+        likelihood = float(found.log_likelihoods.sum())
+        parameters = maximise(found.counts, pseudo, structure)
+        if likelihood - last < TOLERANCE * abs(likelihood):
+            break
+        last = likelihood
+    return Model(parameters, structure, expect(episodes, parameters).log_likelihoods)
+
+
+def choose_structure(episodes: Episodes, model: Model, pseudo: Parameters, space: Space) -> Model:
+    """Return the model with the effects and groups of the best score, found one after the other."""
+    best, score = model, model.score(episodes)
+    for action in np.argsort(-np.bincount(episodes.actions)):
+        for effect in (STAYS, RESTARTS):
+            if best.structure.effects[action] != MOVES:
+                continue
+            effects = best.structure.effects.copy()
+            effects[action] = effect
+            tried = fit(
+                episodes, best.parameters, replace(best.structure, effects=effects), pseudo, TRIED_ITERATIONS
+            )
+            if (own := tried.score(episodes)) > score:
+                best, score = tried, own
+    for _ in range(MAX_ROUNDS):
+        counts = expect(episodes, best.parameters).counts
+        tried = fit(
+            episodes, best.parameters, _choose_groups(episodes, counts, best.structure, space), pseudo
+        )
+        if (own := tried.score(episodes)) <= score + 1e-6:
+            break
+        best, score = tried, own
+    return best
+
+
+def _choose_groups(episodes: Episodes, counts: Parameters, structure: Structure, space: Space) -> Structure:
+    K, penalty = counts.count, _penalty(episodes)
+    offsets = np.arange(len(counts.reward))[:, None] * K
+    observation, reward = (
+        offsets + np.array([tie_rows(own[:K], penalty) for own in table])
+        for table in (counts.observation, counts.reward)
+    )
+    return replace(
+        structure,
+        observation=observation,
+        reward=np.where(space.is_report[:, None], structure.reward, reward),
+    )
+
+
+def tie_rows(counts: Array, penalty: float) -> Indices:
+    """Return the group of each row of counts (K, O): rows are merged that cost less than their parameters.
+
+    penalty: of a parameter.
+    """
+    rows, groups = list(counts), [[k] for k in range(len(counts))]
+    size = max(int((counts.sum(axis=0) > 0.5).sum()) - 1, 0)
+    while len(rows) > 1:
+        cost, i, j = min(
+            (_information(rows[i]) + _information(rows[j]) - _information(rows[i] + rows[j]), i, j)
+            for i in range(len(rows))
+            for j in range(i + 1, len(rows))
+        )
+        if cost > penalty * size + 1e-9:
+            break
+        rows[i], groups[i] = rows[i] + rows[j], groups[i] + groups[j]
+        del rows[j], groups[j]
+    found = np.zeros(len(counts), dtype=np.intp)
+    for g, own in enumerate(groups):
+        found[own] = g
+    return found
+
+
+def count_parameters(model: Model, episodes: Episodes) -> int:
+    """Return the number of free parameters."""
+    parameters, structure = model.parameters, model.structure
+    K, total = parameters.count, parameters.count - 1
+    for rows, effect in zip(parameters.transition, structure.effects, strict=True):
+        if effect == MOVES:
+            total += int((np.maximum((rows > MIN_SHARE).sum(axis=1), 1) - 1).sum())
+        else:
+            total += int(MIN_SHARE < rows[:, K].max() < 1 - MIN_SHARE)
+    for groups, cells in (
+        (structure.observation, episodes.observations),
+        (structure.reward, episodes.rewards),
+    ):
+        seen = np.zeros((len(groups), cells.max() + 1), dtype=bool)
+        seen[episodes.actions, cells] = True
+        for group in np.unique(groups):
+            of_group = (groups == group).any(axis=1)
+            total += max(int(seen[of_group].any(axis=0).sum()) - 1, 0)
+    return total
+
+
+def _penalty(episodes: Episodes) -> float:
+    return 0.5 * log(len(episodes.actions) + 1)
+
+
+def _information(row: Array) -> float:
+    """Return the maximum of sum n log p."""
+    total, positive = row.sum(), row[row > 0]
+    return float((positive * np.log(positive / total)).sum()) if total > 0 else 0.0
