@@ -92,6 +92,7 @@ bench: $(VENV)-bench/.peers
 	$(VENV)-bench/bin/python benchmarks/dialogues.py
 	$(VENV)-bench/bin/python benchmarks/online.py
 	$(VENV)-bench/bin/python benchmarks/generative.py --episodes 60,30,20
+	$(VENV)-bench/bin/python benchmarks/model_learning.py --seeds 3 --counts 200
 	$(VENV)-bench/bin/python benchmarks/large_models.py
 	$(VENV)-bench/bin/python benchmarks/learner.py
 

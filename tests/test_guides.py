@@ -37,6 +37,7 @@ CHECKS = {
     "guides/data/simulated.md": 2,
     "guides/data/store.md": 6,
     "guides/domains/folder.md": 2,
+    "guides/domains/learnt.md": 2,
     "guides/domains/models.md": 5,
     "guides/domains/scores.md": 1,
     "guides/domains/senses.md": 1,

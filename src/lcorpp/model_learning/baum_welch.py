@@ -14,8 +14,9 @@ from lcorpp.model_learning import _episodes
 from lcorpp.model_learning.episodes import Episodes
 from lcorpp.values import Array
 
-PRIOR_STEPS = 0.5
-"""Weight of the prior, in steps, of each row of a table."""
+PRIOR_STEPS = (0.5, 2.0, 0.05)
+"""Weights of the prior, in steps, of a row of transitions, observations and rewards: answers of few people
+are overrated by a policy, and rewards hardly vary."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,10 +77,10 @@ class Prior:
     transition_end: Array
     observation: Array
     reward: Array
-    steps: float = PRIOR_STEPS
+    steps: tuple[float, float, float] = PRIOR_STEPS
 
     @classmethod
-    def of(cls, episodes: Episodes, steps: float = PRIOR_STEPS) -> Prior:
+    def of(cls, episodes: Episodes, steps: tuple[float, float, float] = PRIOR_STEPS) -> Prior:
         """Return the prior of some episodes."""
         A = len(episodes.action_names)
         steps_of = np.bincount(episodes.actions, minlength=A)
@@ -108,7 +109,7 @@ class Prior:
         reward = np.repeat(self.reward[:, None], count, axis=1)
         return Parameters(
             np.where(np.arange(count) < starts, 1 / starts, 0.0),
-            *(self.steps * own for own in (transition, observation, reward)),
+            *(steps * own for steps, own in zip(self.steps, (transition, observation, reward), strict=True)),
         )
 
 

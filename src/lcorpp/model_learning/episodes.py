@@ -28,7 +28,13 @@ YES, NO = ("1", "true", "yes"), ("0", "false", "no")
 
 @dataclass(frozen=True)
 class Step:
-    """What a robot knows of a step: names of the action and the observation, and the reward."""
+    """What a robot knows of a step: names of the action and the observation, and the reward.
+
+    Examples:
+        >>> from lcorpp.model_learning import Step
+        >>> Step("ask", "hear_tea", -1.0).reward
+        -1.0
+    """
 
     action: str
     observation: str

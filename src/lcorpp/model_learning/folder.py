@@ -28,6 +28,17 @@ def write_model(folder: Path, learnt: LearntModel, *, reports: str | None = None
     Raises:
         DomainError: the folder is not empty.
         FileError: it cannot be written.
+
+    Examples:
+        >>> from lcorpp.model_learning import Episodes, Step, learn_model, write_model
+        >>> heads, tails = Step("look", "h", -1), Step("look", "t", -1)
+        >>> people = [[heads, Step("say_heads", "none", 5)], [tails, Step("say_heads", "none", -5)],
+        ...           [tails, Step("say_tails", "none", 5)], [heads, Step("say_tails", "none", -5)]] * 20
+        >>> learnt = learn_model(Episodes.of(people, [True] * 80), reports="say_{side}")
+        >>> from pathlib import Path
+        >>> write_model(Path("coins"), learnt, reports="say_{side}")
+        >>> sorted(path.name for path in Path("coins").iterdir())
+        ['domain.toml', 'interaction.pomdp', 'knowledge.plog', 'report.md']
     """
     texts = {"report.md": format_report(learnt)}
     if reports is None:

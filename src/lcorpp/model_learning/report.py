@@ -25,7 +25,20 @@ NOT_IDENTIFIABLE = "not identifiable from these data"
 
 
 def format_report(learnt: LearntModel) -> str:
-    """Return the report as Markdown."""
+    """Return the report as Markdown.
+
+    Examples:
+        >>> from lcorpp.model_learning import Episodes, Step, format_report, learn_model
+        >>> heads, tails = Step("look", "h", -1), Step("look", "t", -1)
+        >>> people = [[heads, Step("say_heads", "none", 5)], [tails, Step("say_heads", "none", -5)],
+        ...           [tails, Step("say_tails", "none", 5)], [heads, Step("say_tails", "none", -5)]] * 20
+        >>> learnt = learn_model(Episodes.of(people, [True] * 80), reports="say_{side}")
+        >>> print(format_report(learnt))
+        # Learnt model
+        ...
+        - observations in heads: h 0.98 [...], t 0.02 [...]
+        ...
+    """
     episodes = learnt.episodes
     lines = [
         "# Learnt model",
@@ -70,37 +83,33 @@ def _describe_action(learnt: LearntModel, action: int) -> Iterator[str]:
             parts = [f"{names[n]} {rows[n]:.2f}" for n in np.argsort(-rows) if rows[n] >= MIN_PROBABILITY]
             yield f"- from {learnt.states[k]} to {', '.join(parts)}"
     yield ""
-    for states in _group(learnt.model.structure.reward[action]):
-        yield f"- reward {_name(learnt, states)}: {_describe_reward(learnt, action, states)}"
+    tables = [("reward", learnt.model.structure.reward, learnt.steps.reward, _describe_reward)]
     if not always:
-        for states in _group(learnt.model.structure.observation[action]):
-            yield f"- observations {_name(learnt, states)}: {_describe_observations(learnt, action, states)}"
+        seen = learnt.steps.observation[:, :K]
+        tables.append(("observations", learnt.model.structure.observation, seen, _describe_observations))
+    for what, groups, steps, describe in tables:
+        counts = steps[action].sum(axis=1)
+        for group in dict.fromkeys(groups[action].tolist()):
+            states = np.flatnonzero((groups[action] == group) & (counts >= MIN_STEPS)).tolist()
+            if states:
+                yield f"- {what} {_name(learnt, states)}: {describe(learnt, action, states[0])}"
+        if unseen := np.flatnonzero(counts < MIN_STEPS).tolist():
+            yield f"- {what} {_name(learnt, unseen)}: {NOT_IDENTIFIABLE}"
 
 
-def _describe_reward(learnt: LearntModel, action: int, states: list[int]) -> str:
-    if learnt.steps.reward[action, states].sum() < MIN_STEPS:
-        return NOT_IDENTIFIABLE
-    k = states[0]
-    mean = learnt.find_reward(learnt.model.parameters, action, k)
-    low, high = learnt.find_interval(lambda own: learnt.find_reward(own, action, k))
+def _describe_reward(learnt: LearntModel, action: int, state: int) -> str:
+    mean = learnt.find_reward(learnt.model.parameters, action, state)
+    low, high = learnt.find_interval(lambda own: learnt.find_reward(own, action, state))
     return f"{mean:.4g} [{low:.4g}, {high:.4g}]"
 
 
-def _describe_observations(learnt: LearntModel, action: int, states: list[int]) -> str:
-    if learnt.steps.observation[action, states].sum() < MIN_STEPS:
-        return NOT_IDENTIFIABLE
-    k, parts = states[0], list[str]()
-    row = learnt.model.parameters.observation[action, k]
+def _describe_observations(learnt: LearntModel, action: int, state: int) -> str:
+    parts, row = list[str](), learnt.model.parameters.observation[action, state]
     for o in np.argsort(-row, kind="stable"):
         if row[o] >= MIN_PROBABILITY:
-            low, high = learnt.find_interval(lambda own, o=o: own.observation[action, k, o])  # type: ignore[misc]
+            low, high = learnt.find_interval(lambda own, o=o: own.observation[action, state, o])  # type: ignore[misc]
             parts.append(f"{learnt.episodes.observation_names[o]} {row[o]:.2f} [{low:.2f}, {high:.2f}]")
     return ", ".join(parts)
-
-
-def _group(groups: np.ndarray[tuple[int], np.dtype[np.intp]]) -> list[list[int]]:
-    """Return the states of each group."""
-    return [np.flatnonzero(groups == group).tolist() for group in dict.fromkeys(groups.tolist())]
 
 
 def _name(learnt: LearntModel, states: list[int]) -> str:

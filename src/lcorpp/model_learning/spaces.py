@@ -35,8 +35,8 @@ class Space:
         """Return the space of the reports of a pattern, e.g. ``deliver_{item}_{room}``.
 
         Raises:
-            DataError: the pattern has no variable or one twice, fewer than two actions fit to it, or a
-                combination of values has no report.
+            DataError: the pattern has no variable or one twice, fewer than two actions fit to it, all reports
+                earned the same, or a combination of values has no report.
         """
         names, expression = _compile(pattern)
         fits = {
@@ -48,6 +48,12 @@ class Space:
             raise DataError(
                 f"{len(fits)} actions fit to the pattern of reports {pattern!r}; expected at least two."
                 f" Actions: {', '.join(episodes.action_names)}"
+            )
+        places = np.isin(episodes.actions, [episodes.action_names.index(action) for action in fits])
+        if len(earned := np.unique(episodes.rewards[places])) < 2:
+            raise DataError(
+                f"all reports earned {episodes.reward_values[earned[0]]:g}, so that nothing relates them to"
+                " the states; expected right and wrong reports with different rewards"
             )
         own = [sorted({values[i] for values in fits.values()}) for i in range(len(names))]
         values = tuple(product(*own))

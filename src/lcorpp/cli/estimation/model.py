@@ -37,7 +37,7 @@ def model(
     ] = None,
     seed: options.SeedOption = 0,
 ) -> None:
-    """Learn a planner's model from episodes in which the states are hidden.
+    """Learn a planner's model from episodes with hidden states.
 
     Writes interaction.pomdp and report.md, which has the interval of each number; with --reports also a
     domain.toml and the rates of the shared values, so that `lcorpp run FOLDER` decides with it.

@@ -1,0 +1,1 @@
+"""Commands that estimate: numbers of a program, and models."""
