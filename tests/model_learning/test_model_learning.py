@@ -288,3 +288,20 @@ def test_the_command(lcorpp, tmp_path):
     again = lcorpp(*arguments)
     assert again.code == 2
     assert "expected a new or an empty folder" in again.err
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("bring_tea", "bring_Tea", "the value of wish 'Tea': expected a lower-case letter"),
+        ("ask,", "ask them,", "the name 'ask them' cannot be written into a .pomdp file"),
+    ],
+)
+def test_names_are_checked_before_learning(lcorpp, tmp_path, monkeypatch, old, new, message):
+    monkeypatch.setattr("lcorpp.model_learning.learnt_model.learn", None)  # learning would fail
+    rows = "1,ask,hear_tea,-1\n1,bring_tea,none,10\n2,ask,hear_tea,-1\n2,bring_milk,none,-10\n"
+    (tmp_path / "steps.csv").write_text(HEADER + rows.replace(old, new))
+    ended = lcorpp("model", tmp_path / "steps.csv", "-o", tmp_path / "out", "--reports", "bring_{wish}")
+    assert ended.code == 2
+    assert message in ended.err
+    assert not (tmp_path / "out").exists()

@@ -89,7 +89,7 @@ class NewDomain:
         _check_distinct("attribute", attributes)
         of_senses = {variable.name: variable for variable in self.shared}
         for sense in self.senses:
-            _check_name("sense", sense.name)
+            check_name("sense", sense.name)
             _check_of("sense", sense.name, sense.of, of_senses)
             _check_number(f"the reliability of the sense {sense.name!r}", sense.reliability, 0, 1)
         values = {value for variable in self.variables for value in variable.values}
@@ -105,7 +105,7 @@ class NewDomain:
         states = ["_".join(combination) for combination in product(*[v.values for v in self.shared])]
         _check_distinct("state of the model", [*states, TERMINAL])
         for question in self.questions:
-            _check_name("question", question.name)
+            check_name("question", question.name)
             _check_of("question", question.name, question.of, of_senses)
             _check_number(f"the cost of the question {question.name!r}", question.cost, 0, 1e6)
             _check_number(f"the reliability of the question {question.name!r}", question.reliability, 0, 1)
@@ -172,9 +172,9 @@ def _is_number(text: str) -> bool:
 
 
 def _check_variable(variable: NewVariable) -> None:
-    _check_name("variable", variable.name)
+    check_name("variable", variable.name)
     for value in variable.values:
-        _check_name(f"value of {variable.name}", value)
+        check_name(f"value of {variable.name}", value)
     _check_distinct(f"value of {variable.name}", variable.values)
     if len(variable.values) < 2:
         raise DomainError(f"{variable.name!r} has {len(variable.values)} value; expected two or more")
@@ -185,7 +185,12 @@ def _check_variable(variable: NewVariable) -> None:
         raise DomainError(f"the probabilities of {variable.name} sum to {float(total):g}, not 1")
 
 
-def _check_name(what: str, name: str) -> None:
+def check_name(what: str, name: str) -> None:
+    """Check the name of a part of a domain.
+
+    Raises:
+        DomainError: P-log does not allow it, or it has a meaning there.
+    """
     if name in RESERVED:
         raise DomainError(
             f"the {what} {name!r}: expected no word of P-log or of the model: {', '.join(sorted(RESERVED))}"

@@ -8,9 +8,12 @@ from pathlib import Path
 
 import numpy as np
 
+from lcorpp.domains.new_domain import check_name
 from lcorpp.domains.new_folder import write_folder
+from lcorpp.model_learning.episodes import Episodes
 from lcorpp.model_learning.learnt_model import OVER, LearntModel
 from lcorpp.model_learning.report import format_report
+from lcorpp.model_learning.spaces import Space
 from lcorpp.planning import Pomdp, SparseTables, format_pomdp
 from lcorpp.values import Array
 
@@ -49,6 +52,27 @@ def write_model(folder: Path, learnt: LearntModel, *, reports: str | None = None
         texts["domain.toml"] = _format_toml(folder.absolute().name, learnt, reports, max(numbers))
         texts["knowledge.plog"] = _format_knowledge(learnt)
     write_folder(folder, texts)
+
+
+def check_names(episodes: Episodes, reports: str | None) -> None:
+    """Check that the names of episodes can be written, before a model is learnt.
+
+    Raises:
+        ModelError: the name of an action or observation has a space or another character with a meaning.
+        DataError: the pattern of the reports does not fit to the actions.
+        DomainError: a variable or value of the reports is no name in P-log.
+    """
+    A, names = len(episodes.action_names), (episodes.action_names, episodes.observation_names)
+    observation = np.zeros((A, 1, len(episodes.observation_names)))
+    observation[:, :, 0] = 1.0
+    tables = SparseTables.of(np.ones((A, 1, 1))), SparseTables.of(observation)
+    format_pomdp(Pomdp((OVER,), *names, *tables, np.zeros((A, 1)), 0.0, np.ones(1)))
+    if reports is not None:
+        space = Space.of_reports(episodes, reports)
+        for i, variable in enumerate(space.variables):
+            check_name("variable", variable)
+            for value in dict.fromkeys(own[i] for own in space.values):
+                check_name(f"value of {variable}", value)
 
 
 def _number_states(learnt: LearntModel) -> list[int]:

@@ -45,9 +45,11 @@ def model(
     from lcorpp.cli.console import show_delayed_progress
     from lcorpp.domains.new_folder import check_new_folder
     from lcorpp.model_learning import learn_model, read_episodes, write_model
+    from lcorpp.model_learning.folder import check_names
 
     check_new_folder(output)
     data = read_episodes(episodes)
+    check_names(data, reports)
     try:
         with show_delayed_progress("learning") as advance:
             learnt = learn_model(
