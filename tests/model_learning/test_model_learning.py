@@ -171,7 +171,8 @@ def test_numbers_of_a_report_cover_the_truth():
     """An interval of 95 %, 40 times; 33 or fewer would have a probability below .001 (binomial)."""
     covered = 0
     for seed in range(40):
-        learnt = learn_model(make_people(150, seed=100 + seed), reports="bring_{wish}", seed=seed)
+        people = make_people(150, seed=100 + seed)
+        learnt = learn_model(people, reports="bring_{wish}", max_states=3, seed=seed)
         ask, tea = learnt.pomdp.action_index("ask"), learnt.pomdp.observations.index("hear_tea")
         low, high = learnt.find_interval(lambda own, ask=ask, tea=tea: own.observation[ask, 1, tea])
         covered += low <= 0.85 <= high
