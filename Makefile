@@ -28,7 +28,7 @@ help:
 	@echo "make check       lint, types, import rules and tests"
 	@echo "make check-slow  the checks that take minutes"
 	@echo "make docs        build the documentation's site into build/site"
-	@echo "make bench       compare with plingo, ProbLog, plog 2.0, pyAgrum, APPL and Keras, those that are there (some 40 minutes)"
+	@echo "make bench       compare with plingo, ProbLog, plog 2.0, pyAgrum, APPL and Keras, those that are there (some 50 minutes)"
 	@echo "make wheel       build wheels for Linux into dist/, which make demo then installs instead of compiling"
 	@echo "make coverage    run the tests and print which share of the lines they run"
 	@echo "make format      format the code"
@@ -91,7 +91,7 @@ bench: $(VENV)-bench/.peers
 	$(VENV)-bench/bin/python benchmarks/sarsop.py $(MODELS)
 	$(VENV)-bench/bin/python benchmarks/dialogues.py
 	$(VENV)-bench/bin/python benchmarks/online.py
-	$(VENV)-bench/bin/python benchmarks/generative.py --episodes 60,30,20
+	$(VENV)-bench/bin/python benchmarks/generative.py --episodes 20,10,10
 	$(VENV)-bench/bin/python benchmarks/model_learning.py --seeds 3 --counts 200
 	$(VENV)-bench/bin/python benchmarks/large_models.py
 	$(VENV)-bench/bin/python benchmarks/learner.py

@@ -171,8 +171,8 @@ def learn_plainly(episodes: Episodes, case: Case, seed: int) -> LearntModel:
     """Return the best of five runs of Baum-Welch from random numbers."""
     rng = np.random.default_rng(seed)
     A, K = len(episodes.action_names), int((~zero_reward_states(case.pomdp)).sum())
-    pseudo = Prior.of(episodes, steps=(0.01, 0.01, 0.01)).pseudo_counts(K, K)
     space = Space.unknown(episodes)
+    pseudo = Prior.of(episodes, steps=(0.01, 0.01, 0.01)).pseudo_counts(K, space)
     structure = Structure.free(space, np.zeros(K, dtype=np.intp), np.full(A, MOVES))
 
     def start() -> Model:
@@ -180,7 +180,7 @@ def learn_plainly(episodes: Episodes, case: Case, seed: int) -> LearntModel:
         drawn = [rng.dirichlet(np.ones(table.shape[-1]), size=table.shape[:-1]) for table in tables]
         return fit(episodes, Parameters(*drawn), structure, pseudo)
 
-    best = max((start() for _ in range(5)), key=lambda own: own.likelihood)
+    best = max((start() for _ in range(5)), key=lambda own: own.log_likelihood)
     return LearntModel(
         episodes, space, best, tuple(f"s{k}" for k in range(K)), case.pomdp.discount, (best.parameters,)
     )

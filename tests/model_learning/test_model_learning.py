@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import product
 
 import numpy as np
@@ -12,7 +13,7 @@ from lcorpp.errors import DataError, DomainError, ModelError
 from lcorpp.model_learning import Episodes, Step, format_report, learn_model, read_episodes, write_model
 from lcorpp.model_learning.baum_welch import Parameters, expect
 from lcorpp.model_learning.spaces import Space
-from lcorpp.model_learning.structure import STAYS, tie_rows
+from lcorpp.model_learning.structure import MOVES, RESTARTS, STAYS, Structure, tie_rows
 from lcorpp.planning import read_pomdp, simulate, solve
 
 
@@ -181,7 +182,7 @@ def test_numbers_of_a_report_cover_the_truth():
 
 def test_a_folder_is_a_domain_that_runs(tmp_path):
     learnt = learn_model(make_people(200, seed=2), reports="bring_{wish}")
-    write_model(tmp_path / "drinks", learnt, reports="bring_{wish}")
+    write_model(tmp_path / "drinks", learnt)
     domain = load_domain(tmp_path / "drinks")
     assert domain.values == ("milk", "tea")
     assert domain.pomdp.states == learnt.pomdp.states
@@ -196,6 +197,52 @@ def test_a_folder_without_reports_has_the_model(tmp_path):
     write_model(tmp_path / "model", learnt)
     assert sorted(path.name for path in (tmp_path / "model").iterdir()) == ["interaction.pomdp", "report.md"]
     assert read_pomdp(tmp_path / "model" / "interaction.pomdp").reward == pytest.approx(learnt.pomdp.reward)
+
+
+def test_states_that_a_value_lacks_are_copies_that_nothing_reaches(tmp_path):
+    """Tea has a second state after "warm", milk has none."""
+    learnt = learn_model(make_people(200, seed=2), reports="bring_{wish}", max_states=2, draws=2)
+    own, states = learnt.model.parameters, [0, 1, 1]
+    transition = own.transition[:, states][:, :, [0, 1, 1, 2]].copy()
+    transition[:, :, 2] = 0.0
+    ask = learnt.episodes.action_names.index("ask")
+    transition[ask] = [[1, 0, 0, 0], [0, 0.4, 0.6, 0], [0, 0, 1, 0]]
+    observation = own.observation[:, [*states, 2]].copy()
+    observation[ask, 2] = [1, 0, 0]  # the second state of tea sounds like milk
+    parameters = Parameters(np.append(own.start, 0.0), transition, observation, own.reward[:, states].copy())
+    structure = Structure.free(learnt.space, np.array(states), np.full(3, MOVES))
+    model = replace(learnt.model, parameters=parameters, structure=structure)
+    grown = replace(learnt, model=model, states=("milk_1", "tea_1", "tea_2"), draws=(parameters,))
+    write_model(tmp_path / "drinks", grown)
+    domain = load_domain(tmp_path / "drinks")
+    assert domain.pomdp.states == ("milk_1", "milk_2", "tea_1", "tea_2", "over")
+    assert domain.pomdp.start.tolist() == pytest.approx([own.start[0], 0, own.start[1], 0, 0])
+    for table in domain.pomdp.transition:
+        assert table[[0, 2, 3, 4], 1].max() == 0
+    assert solve(domain.pomdp).lower == pytest.approx(solve(grown.pomdp).lower, abs=0.01)
+    report = (tmp_path / "drinks" / "report.md").read_text()
+    assert "- from tea_1 to tea_2 0.60 [0.60, 0.60], tea_1 0.40 [0.40, 0.40]" in report
+
+
+def test_values_of_reports_do_not_change():
+    """People whose wish is drawn again after each question: without reports so, with them not."""
+    rng, episodes = np.random.default_rng(0), []
+    for _ in range(300):
+        steps = []
+        for _ in range(3):
+            wish = rng.choice(["tea", "milk"])
+            steps.append(Step("ask", f"hear_{wish}", 1.0 if wish == "tea" else -1.0))
+        report = rng.choice(["tea", "milk"])
+        steps.append(Step(f"bring_{report}", "none", 10.0 if report == wish else -10.0))
+        episodes.append(steps)
+    data = Episodes.of(episodes, [True] * 300)
+    ask = data.action_names.index("ask")
+    assert learn_model(data, draws=1).model.structure.effects[ask] != STAYS
+    learnt = learn_model(data, reports="bring_{wish}", draws=1).model
+    assert RESTARTS not in learnt.structure.effects
+    for a, k in np.ndindex(learnt.parameters.transition.shape[:2]):
+        other = learnt.structure.values != learnt.structure.values[k]
+        assert learnt.parameters.transition[a, k, :-1][other].sum() == 0
 
 
 HEADER = "episode,action,observation,reward\n"

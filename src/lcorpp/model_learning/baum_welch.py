@@ -1,4 +1,4 @@
-"""Expectation and maximisation of the parameters of a POMDP from episodes without hidden states.
+"""Expected counts of the parameters of a POMDP, given episodes whose states are hidden; and their prior.
 
 Sources: Baum, Petrie, Soules and Weiss, Annals of Mathematical Statistics 41, 1970; with actions, Chrisman,
 Reinforcement learning with perceptual aliasing, AAAI 1992.
@@ -10,8 +10,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from lcorpp.latent_classes import normalise
 from lcorpp.model_learning import _episodes
 from lcorpp.model_learning.episodes import Episodes
+from lcorpp.model_learning.spaces import Space
 from lcorpp.values import Array
 
 PRIOR_STEPS = (0.5, 2.0, 0.05)
@@ -93,14 +95,14 @@ class Prior:
         observed += 1e-3 * (total + 1 / total.shape[1])[None]
         return cls(
             ends / np.maximum(steps_of, 1),
-            observed / observed.sum(axis=2, keepdims=True),
+            normalise(observed),
             normalise(rewards + 1e-9),
             steps,
         )
 
-    def pseudo_counts(self, count: int, starts: int) -> Parameters:
-        """Return the pseudo-counts for K states, of which an episode may start in the first ones."""
-        A = len(self.transition_end)
+    def pseudo_counts(self, count: int, space: Space) -> Parameters:
+        """Return the pseudo-counts for K states."""
+        A, starts = len(self.transition_end), space.count_starts(count)
         transition = np.zeros((A, count, count + 1))
         transition[:, np.arange(count), np.arange(count)] = (1 - self.transition_end)[:, None]
         transition[:, :, count] = self.transition_end[:, None]
@@ -111,9 +113,3 @@ class Prior:
             np.where(np.arange(count) < starts, 1 / starts, 0.0),
             *(steps * own for steps, own in zip(self.steps, (transition, observation, reward), strict=True)),
         )
-
-
-def normalise(counts: Array) -> Array:
-    """Return rows that sum to 1; rows of zeros are uniform."""
-    sums = counts.sum(axis=-1, keepdims=True)
-    return np.where(sums > 0, counts / np.where(sums > 0, sums, 1), 1 / counts.shape[-1])

@@ -23,8 +23,8 @@ def draw_models(
     episodes: Episodes, space: Space, model: Model, count: int, rng: np.random.Generator
 ) -> Iterator[Parameters]:
     """Yield `count` draws of the parameters, with the structure of the model, from its estimate on."""
-    states, parameters = model.parameters.count, model.parameters
-    pseudo = Prior.of(episodes).pseudo_counts(states, space.count_starts(states))
+    parameters = model.parameters
+    pseudo = Prior.of(episodes).pseudo_counts(parameters.count, space)
     for _ in range(count):
         for _ in range(SWEEPS):
             counts = expect(episodes, parameters, rng).counts

@@ -100,20 +100,6 @@ class Episodes:
             f" {len(self.observation_names)} observations>"
         )
 
-    def take(self, places: Indices) -> Episodes:
-        """Return some of the episodes, with the same names."""
-        steps = np.concatenate([np.arange(self.begins[i], self.begins[i + 1]) for i in places])
-        return Episodes(
-            self.action_names,
-            self.observation_names,
-            self.reward_values,
-            self.actions[steps],
-            self.observations[steps],
-            self.rewards[steps],
-            np.append(0, np.cumsum(np.diff(self.begins)[places])),
-            self.ended[places],
-        )
-
     @cached_property
     def is_end(self) -> npt.NDArray[np.bool_]:
         """(M,) whether the decision was over after a step."""

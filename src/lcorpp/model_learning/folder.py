@@ -10,8 +10,9 @@ import numpy as np
 
 from lcorpp.domains.new_domain import check_name
 from lcorpp.domains.new_folder import write_folder
+from lcorpp.model_learning.baum_welch import Parameters
 from lcorpp.model_learning.episodes import Episodes
-from lcorpp.model_learning.learnt_model import OVER, LearntModel
+from lcorpp.model_learning.learnt_model import OVER, LearntModel, make_pomdp
 from lcorpp.model_learning.report import format_report
 from lcorpp.model_learning.spaces import Space
 from lcorpp.planning import Pomdp, SparseTables, format_pomdp
@@ -21,11 +22,11 @@ DIGITS = 6
 """Decimals of the numbers of the knowledge."""
 
 
-def write_model(folder: Path, learnt: LearntModel, *, reports: str | None = None) -> None:
+def write_model(folder: Path, learnt: LearntModel) -> None:
     """Write a learnt model completely or not at all.
 
-    interaction.pomdp and report.md; with the pattern of the reports also domain.toml and knowledge.plog, with
-    the rates of the shared values. A domain has as many states of each shared value: those that are missing
+    interaction.pomdp and report.md; of a model with reports also domain.toml and knowledge.plog, with the
+    rates of the shared values. A domain has as many states of each shared value: those that are missing
     are copies that nothing reaches.
 
     Raises:
@@ -39,18 +40,17 @@ def write_model(folder: Path, learnt: LearntModel, *, reports: str | None = None
         ...           [tails, Step("say_tails", "none", 5)], [heads, Step("say_tails", "none", -5)]] * 20
         >>> learnt = learn_model(Episodes.of(people, [True] * 80), reports="say_{side}")
         >>> from pathlib import Path
-        >>> write_model(Path("coins"), learnt, reports="say_{side}")
+        >>> write_model(Path("coins"), learnt)
         >>> sorted(path.name for path in Path("coins").iterdir())
         ['domain.toml', 'interaction.pomdp', 'knowledge.plog', 'report.md']
     """
     texts = {"report.md": format_report(learnt)}
-    if reports is None:
-        texts["interaction.pomdp"] = format_pomdp(learnt.pomdp)
-    else:
-        numbers = _number_states(learnt)
-        texts["interaction.pomdp"] = _format_filled(learnt, numbers)
-        texts["domain.toml"] = _format_toml(folder.absolute().name, learnt, reports, max(numbers))
+    if learnt.space.variables:
+        texts["interaction.pomdp"] = _format_filled(learnt)
+        texts["domain.toml"] = _format_toml(folder.absolute().name, learnt)
         texts["knowledge.plog"] = _format_knowledge(learnt)
+    else:
+        texts["interaction.pomdp"] = format_pomdp(learnt.pomdp)
     write_folder(folder, texts)
 
 
@@ -75,43 +75,29 @@ def check_names(episodes: Episodes, reports: str | None) -> None:
                 check_name(f"value of {variable}", value)
 
 
-def _number_states(learnt: LearntModel) -> list[int]:
-    """Return the number of each state among those of its shared value, from 1."""
-    values = learnt.model.structure.values
-    return [int((values[:k] == values[k]).sum()) + 1 for k in range(len(values))]
-
-
-def _format_filled(learnt: LearntModel, numbers: list[int]) -> str:
-    """Return the model, with as many states of each value, in the order of the values."""
-    values, most = learnt.model.structure.values.tolist(), max(numbers)
-    place = {(v, n): k for k, (v, n) in enumerate(zip(values, numbers, strict=True))}
-    wanted = [(v, n) for v in range(len(learnt.space)) for n in range(1, most + 1)]
-    sources = [place.get(own, place[own[0], 1]) for own in wanted]
-    columns = [place.get(own, -1) for own in wanted]  # nothing leads to a copy
-    own, K = learnt.model.parameters, len(learnt.states)
-    is_copy = np.array(columns) < 0
-    moved = np.where(is_copy, 0.0, own.transition[:, sources][:, :, columns])
-    transition = np.zeros((len(moved), len(wanted) + 1, len(wanted) + 1))
-    transition[:, :-1, :-1], transition[:, :-1, -1] = moved, own.transition[:, sources, K]
-    transition[:, -1, -1] = 1.0
-    names = ["_".join((*learnt.space.values[v], *([str(n)] if most > 1 else []))) for v, n in wanted]
-    pomdp, rows = learnt.pomdp, np.append(sources, K)
-    filled = Pomdp(
-        (*names, OVER),
-        pomdp.actions,
-        pomdp.observations,
-        SparseTables.of(transition),
-        SparseTables.of(own.observation[:, rows]),
-        pomdp.reward[:, rows],
-        pomdp.discount,
-        np.append(np.where(is_copy, 0.0, own.start[sources]), 0.0),
+def _format_filled(learnt: LearntModel) -> str:
+    """Return the model with equally many states of each value, in the order of the values."""
+    structure, own = learnt.model.structure, learnt.model.parameters
+    numbers, count = structure.numbers, own.count
+    place = {(v, n): k for k, (v, n) in enumerate(zip(structure.values.tolist(), numbers, strict=True))}
+    wanted = [(v, n) for v in range(len(learnt.space)) for n in range(1, max(numbers) + 1)]
+    sources = [place.get(state, place[state[0], 1]) for state in wanted]
+    is_copy, rows = np.array([state not in place for state in wanted]), [*sources, count]
+    transition = own.transition[:, sources][:, :, rows]
+    transition[:, :, :-1][:, :, is_copy] = 0.0  # nothing leads to a copy
+    filled = Parameters(
+        np.where(is_copy, 0.0, own.start[sources]),
+        transition,
+        own.observation[:, rows],
+        own.reward[:, sources],
     )
-    return format_pomdp(filled)
+    shown = ["_".join((*learnt.space.values[v], *([str(n)] if max(numbers) > 1 else []))) for v, n in wanted]
+    return format_pomdp(make_pomdp(learnt.episodes, shown, filled, learnt.discount))
 
 
-def _format_toml(name: str, learnt: LearntModel, reports: str, most: int) -> str:
-    variables = learnt.space.variables
-    states = "_".join(f"{{{variable}}}" for variable in (*variables, *(["phase"] if most > 1 else [])))
+def _format_toml(name: str, learnt: LearntModel) -> str:
+    variables, phases = learnt.space.variables, max(learnt.model.structure.numbers)
+    states = "_".join(f"{{{variable}}}" for variable in (*variables, *(["phase"] if phases > 1 else [])))
     lines = [
         "# Learnt by `lcorpp model`; report.md has the interval of each number.",
         f"name = {json.dumps(name)}",
@@ -126,11 +112,11 @@ def _format_toml(name: str, learnt: LearntModel, reports: str, most: int) -> str
         'model = "interaction.pomdp"',
         f"states = {json.dumps(states)}",
         f"terminal = {json.dumps(OVER)}",
-        f"reports = {json.dumps(reports)}",
+        f"reports = {json.dumps(learnt.space.pattern)}",
     ]
-    if most > 1:
-        phases = json.dumps([str(n) for n in range(1, most + 1)])
-        lines += ["", "[planning.local.phase]            # what follows from actions", f"values = {phases}"]
+    if phases > 1:
+        values = json.dumps([str(n) for n in range(1, phases + 1)])
+        lines += ["", "[planning.local.phase]            # what follows from actions", f"values = {values}"]
     return "\n".join(lines) + "\n"
 
 

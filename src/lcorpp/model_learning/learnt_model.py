@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -16,6 +16,7 @@ from lcorpp.model_learning.spaces import Space
 from lcorpp.model_learning.states import learn
 from lcorpp.model_learning.structure import Model
 from lcorpp.planning import Pomdp, SparseTables
+from lcorpp.values import Array
 
 OVER = "over"
 """Name of the state after the end of a decision."""
@@ -44,31 +45,17 @@ class LearntModel:
     @cached_property
     def pomdp(self) -> Pomdp:
         """The estimate as a POMDP."""
-        own, K = self.model.parameters, len(self.states)
-        A = len(self.episodes.action_names)
-        transition, reward = np.zeros((A, K + 1, K + 1)), np.zeros((A, K + 1))
-        transition[:, :K], transition[:, K, K] = own.transition, 1.0
-        reward[:, :K] = own.reward @ self.episodes.reward_values
-        return Pomdp(
-            (*self.states, OVER),
-            self.episodes.action_names,
-            self.episodes.observation_names,
-            SparseTables.of(transition),
-            SparseTables.of(own.observation),
-            reward,
-            self.discount,
-            np.append(own.start, 0.0),
-        )
+        return make_pomdp(self.episodes, self.states, self.model.parameters, self.discount)
 
     @cached_property
     def steps(self) -> Parameters:
         """Expected counts of steps from which each number was estimated."""
         return expect(self.episodes, self.model.parameters).counts
 
-    def find_interval(self, number: Callable[[Parameters], float]) -> tuple[float, float]:
-        """Return the 95 % interval of a number of the parameters, from its draws."""
-        low, high = np.quantile([number(own) for own in self.draws], [0.025, 0.975])
-        return float(low), float(high)
+    def find_interval(self, numbers: Callable[[Parameters], Array | float]) -> tuple[Array, Array]:
+        """Return the ends of the 95 % intervals of some numbers of the parameters, from draws."""
+        low, high = np.quantile([numbers(own) for own in self.draws], [0.025, 0.975], axis=0)
+        return low, high
 
     def find_reward(self, parameters: Parameters, action: int, state: int) -> float:
         """Return the expected reward of an action in a state."""
@@ -133,13 +120,30 @@ def learn_model(
     return LearntModel(episodes, space, model, _name_states(space, model), discount, drawn)
 
 
+def make_pomdp(episodes: Episodes, states: Sequence[str], parameters: Parameters, discount: float) -> Pomdp:
+    """Return a POMDP of K named states and `over`."""
+    A, K = len(episodes.action_names), len(states)
+    transition, reward = np.zeros((A, K + 1, K + 1)), np.zeros((A, K + 1))
+    transition[:, :K], transition[:, K, K] = parameters.transition, 1.0
+    reward[:, :K] = parameters.reward @ episodes.reward_values
+    return Pomdp(
+        (*states, OVER),
+        episodes.action_names,
+        episodes.observation_names,
+        SparseTables.of(transition),
+        SparseTables.of(parameters.observation),
+        reward,
+        discount,
+        np.append(parameters.start, 0.0),
+    )
+
+
 def _name_states(space: Space, model: Model) -> tuple[str, ...]:
     """Return names by the shared values, with the number of the state if a value has several."""
-    values = model.structure.values
+    values, numbers = model.structure.values, model.structure.numbers
     if not space.variables:
         return tuple(f"s{k + 1}" for k in range(len(values)))
     names = ["_".join(space.values[v]) for v in values]
-    if len(values) == len(space):
+    if max(numbers) == 1:
         return tuple(names)
-    numbers = [int((values[:k] == values[k]).sum()) + 1 for k in range(len(values))]
     return tuple(f"{name}_{number}" for name, number in zip(names, numbers, strict=True))

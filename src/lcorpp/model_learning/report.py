@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 
 import numpy as np
 
+from lcorpp.model_learning.baum_welch import Parameters
 from lcorpp.model_learning.learnt_model import LearntModel
 from lcorpp.model_learning.structure import MOVES, RESTARTS, STAYS
+from lcorpp.values import Array
 
 EFFECTS = {
     STAYS: "leaves the state as it is",
@@ -58,30 +61,28 @@ def format_report(learnt: LearntModel) -> str:
 
 
 def _list_start(learnt: LearntModel) -> Iterator[str]:
-    start = learnt.model.parameters.start
-    for k in np.flatnonzero(start >= MIN_PROBABILITY):
-        low, high = learnt.find_interval(lambda own, k=k: own.start[k])  # type: ignore[misc]
-        yield f"- {learnt.states[k]}: {start[k]:.2f} [{low:.2f}, {high:.2f}]"
+    for part in _format_row(learnt, lambda own: own.start, learnt.states):
+        yield f"- {part}"
 
 
 def _describe_action(learnt: LearntModel, action: int) -> Iterator[str]:
-    parameters, effect = learnt.model.parameters, int(learnt.model.structure.effects[action])
-    count, K = int(np.count_nonzero(learnt.episodes.actions == action)), len(learnt.states)
-    ends = learnt.steps.transition[action, :, K].sum() / max(learnt.steps.transition[action].sum(), 1e-9)
+    effect, K = int(learnt.model.structure.effects[action]), len(learnt.states)
+    steps = learnt.steps.transition[action]
+    count, ends = int(np.count_nonzero(learnt.episodes.actions == action)), steps[:, K].sum() / steps.sum()
     always = ends > 1 - MIN_PROBABILITY
     does = "ends the decision" if always else EFFECTS[effect]
     if MIN_PROBABILITY < ends <= 1 - MIN_PROBABILITY:
-        does += f", or ends the decision ({ends:.2f})"
+        does += ", or ends the decision"
+        if effect != MOVES:  # with the same probability in each state
+            row = _format_row(learnt, lambda own: own.transition[action, 0, K:], ["probability"])
+            does += f", {row[0]}"
     yield f"{count} steps. It {does}."
     if effect == MOVES and not always:
         yield ""
-        for k, rows in enumerate(parameters.transition[action]):
-            if learnt.steps.transition[action, k].sum() < MIN_STEPS:
-                yield f"- from {learnt.states[k]}: {NOT_IDENTIFIABLE}"
-                continue
-            names = (*learnt.states, "the end")
-            parts = [f"{names[n]} {rows[n]:.2f}" for n in np.argsort(-rows) if rows[n] >= MIN_PROBABILITY]
-            yield f"- from {learnt.states[k]} to {', '.join(parts)}"
+        for k in range(K):
+            row = _format_row(learnt, partial(_get_transitions, action, k), (*learnt.states, "the end"))
+            found = ", ".join(row) if steps[k].sum() >= MIN_STEPS else NOT_IDENTIFIABLE
+            yield f"- from {learnt.states[k]} to {found}"
     yield ""
     tables = [("reward", learnt.model.structure.reward, learnt.steps.reward, _describe_reward)]
     if not always:
@@ -104,12 +105,23 @@ def _describe_reward(learnt: LearntModel, action: int, state: int) -> str:
 
 
 def _describe_observations(learnt: LearntModel, action: int, state: int) -> str:
-    parts, row = list[str](), learnt.model.parameters.observation[action, state]
-    for o in np.argsort(-row, kind="stable"):
-        if row[o] >= MIN_PROBABILITY:
-            low, high = learnt.find_interval(lambda own, o=o: own.observation[action, state, o])  # type: ignore[misc]
-            parts.append(f"{learnt.episodes.observation_names[o]} {row[o]:.2f} [{low:.2f}, {high:.2f}]")
-    return ", ".join(parts)
+    names = learnt.episodes.observation_names
+    return ", ".join(_format_row(learnt, lambda own: own.observation[action, state], names))
+
+
+def _get_transitions(action: int, state: int, parameters: Parameters) -> Array:
+    rows: Array = parameters.transition[action, state]
+    return rows
+
+
+def _format_row(learnt: LearntModel, row: Callable[[Parameters], Array], names: Sequence[str]) -> list[str]:
+    """Return the probabilities of a row of a table with their intervals, the largest ones first."""
+    estimate, (low, high) = row(learnt.model.parameters), learnt.find_interval(row)
+    return [
+        f"{names[i]} {estimate[i]:.2f} [{low[i]:.2f}, {high[i]:.2f}]"
+        for i in np.argsort(-estimate, kind="stable")
+        if estimate[i] >= MIN_PROBABILITY
+    ]
 
 
 def _name(learnt: LearntModel, states: list[int]) -> str:

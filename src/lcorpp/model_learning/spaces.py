@@ -17,10 +17,12 @@ from lcorpp.values import Indices
 class Space:
     """V shared values, which do not change within an episode, and the reports that name them.
 
+    pattern: of the reports; "" without any.
     variables: names. values: (V,) of each shared value, a value of each variable.
     reports: (A, V) which variables of a report are right, as bits; -1 for actions that are no reports.
     """
 
+    pattern: str
     variables: tuple[str, ...]
     values: tuple[tuple[str, ...], ...]
     reports: Indices
@@ -28,7 +30,7 @@ class Space:
     @classmethod
     def unknown(cls, episodes: Episodes) -> Space:
         """Return the space of one value, without reports."""
-        return cls((), ((),), np.full((len(episodes.action_names), 1), -1))
+        return cls("", (), ((),), np.full((len(episodes.action_names), 1), -1))
 
     @classmethod
     def of_reports(cls, episodes: Episodes, pattern: str) -> Space:
@@ -66,7 +68,7 @@ class Space:
         for action, reported in fits.items():
             right = [sum(1 << i for i, x in enumerate(reported) if x == value[i]) for value in values]
             reports[episodes.action_names.index(action)] = right
-        return cls(names, values, reports)
+        return cls(pattern, names, values, reports)
 
     def __len__(self) -> int:
         return len(self.values)

@@ -9,7 +9,8 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 
-from lcorpp.model_learning.baum_welch import Parameters, Prior, normalise
+from lcorpp.latent_classes import normalise
+from lcorpp.model_learning.baum_welch import Parameters, Prior
 from lcorpp.model_learning.episodes import Episodes
 from lcorpp.model_learning.spaces import Space
 from lcorpp.model_learning.structure import MOVES, STAYS, Model, Structure, choose_structure, fit
@@ -43,12 +44,14 @@ def learn(
         since = 0
         for model in grow(episodes, space, effect, max_states, prior, rng):
             grown = [model]
-            if effect == MOVES and len(space) == 1 and 2 * model.parameters.count <= max_states:
+            if effect == MOVES and not space.variables and 2 * model.parameters.count <= max_states:
                 doubled = [_fit_doubled(episodes, space, model, prior, rng) for _ in range(TRIES)]
-                grown.append(max(doubled, key=lambda own: own.likelihood))
+                grown.append(max(doubled, key=lambda own: own.log_likelihood))
             since += 1
             for own in grown:
-                chosen = choose_structure(episodes, own, _make_pseudo_counts(prior, own, space), space)
+                chosen = choose_structure(
+                    episodes, own, prior.pseudo_counts(own.parameters.count, space), space
+                )
                 share = (own.parameters.count - len(space) + 1) / (max_states - len(space) + 1)
                 progress(0.5 * (min(share, 1) + (effect == MOVES)), own.parameters.count)
                 if chosen.score(episodes) > score:
@@ -59,37 +62,36 @@ def learn(
     return best
 
 
-def _make_pseudo_counts(prior: Prior, model: Model, space: Space) -> Parameters:
-    count = model.parameters.count
-    return prior.pseudo_counts(count, space.count_starts(count))
-
-
 def grow(
     episodes: Episodes, space: Space, effect: int, max_states: int, prior: Prior, rng: np.random.Generator
 ) -> Iterator[Model]:
-    """Yield models of more and more states; each time the split of the best likelihood."""
+    """Yield models of more and more states; each time the split of the best likelihood.
+
+    With reports, the further states of a value are reached by actions that change the state, or not at all.
+    """
     effects = np.full(len(episodes.action_names), effect)
     parameters, values = begin(space, prior), np.arange(len(space))
-    pseudo = prior.pseudo_counts(len(space), len(space))
+    pseudo = prior.pseudo_counts(len(space), space)
     model = fit(episodes, parameters, Structure.free(space, values, effects), pseudo)
     yield model
+    if space.variables and effect == STAYS:
+        return
     while (count := model.parameters.count) < max_states:
-        starts = space.count_starts(count + 1)
-        pseudo, tried = prior.pseudo_counts(count + 1, starts), list[Model]()
+        pseudo, tried = prior.pseudo_counts(count + 1, space), list[Model]()
         for state in range(count):
             values = np.append(model.structure.values, model.structure.values[state])
             structure = Structure.free(space, values, effects)
             for _ in range(TRIES):
-                split = split_state(model.parameters, state, rng, may_start=starts > count)
+                split = split_state(model.parameters, state, rng, may_start=not space.variables)
                 tried.append(fit(episodes, split, structure, pseudo, SPLIT_ITERATIONS))
-        chosen = max(tried, key=lambda own: own.likelihood)
+        chosen = max(tried, key=lambda own: own.log_likelihood)
         model = fit(episodes, chosen.parameters, chosen.structure, pseudo)
         yield model
 
 
 def begin(space: Space, prior: Prior) -> Parameters:
     """Return parameters of the shared values: all alike, but reports that are right earn more."""
-    pseudo = prior.pseudo_counts(len(space), len(space))
+    pseudo = prior.pseudo_counts(len(space), space)
     reward = pseudo.reward.copy()
     ranks = np.linspace(-1, 1, reward.shape[2]) if reward.shape[2] > 1 else np.zeros(1)
     right = np.array([[bin(max(bits, 0)).count("1") for bits in row] for row in space.reports])
@@ -129,7 +131,7 @@ def _fit_doubled(
 ) -> Model:
     values = np.tile(model.structure.values, 2)
     structure = Structure.free(space, values, model.structure.effects)
-    pseudo = prior.pseudo_counts(len(values), len(values))
+    pseudo = prior.pseudo_counts(len(values), space)
     return fit(episodes, double(model.parameters, rng), structure, pseudo)
 
 

@@ -14,7 +14,8 @@ from math import log
 
 import numpy as np
 
-from lcorpp.model_learning.baum_welch import Parameters, expect, normalise
+from lcorpp.latent_classes import normalise
+from lcorpp.model_learning.baum_welch import Parameters, expect
 from lcorpp.model_learning.episodes import Episodes
 from lcorpp.model_learning.spaces import Space
 from lcorpp.values import Array, Indices
@@ -42,8 +43,8 @@ MAX_ROUNDS = 10
 class Structure:
     """Which numbers of `Parameters` are the same.
 
-    values: (K,) the shared value of each state; a state never changes to one of another value, except where
-    it is drawn again. effects: (A,) of each action.
+    values: (K,) the shared value of each state; no state changes to one of another value.
+    effects: (A,) of each action.
     observation, reward: (A, K) groups; all states and actions of a group have the same row.
     """
 
@@ -59,23 +60,23 @@ class Structure:
         reports = space.reports[:, values]
         return cls(values, effects, own, np.where(reports >= 0, own.size + reports, own))
 
+    @property
+    def numbers(self) -> list[int]:
+        """(K,) number of each state among those of its value, from 1."""
+        return [int((self.values[:k] == value).sum()) + 1 for k, value in enumerate(self.values)]
+
 
 @dataclass(frozen=True, eq=False)
 class Model:
-    """Parameters with their structure, and the log-likelihood of each episode (N,)."""
+    """Parameters with their structure, and the log-likelihood of all episodes."""
 
     parameters: Parameters
     structure: Structure
-    log_likelihoods: Array
-
-    @property
-    def likelihood(self) -> float:
-        """Log-likelihood of all episodes."""
-        return float(self.log_likelihoods.sum())
+    log_likelihood: float
 
     def score(self, episodes: Episodes) -> float:
         """Return the Bayesian information criterion as a log-likelihood; larger is better."""
-        return self.likelihood - _penalty(episodes) * count_parameters(self, episodes)
+        return self.log_likelihood - _penalty(episodes) * count_parameters(self, episodes)
 
 
 Rows = Callable[[Array], Array]
@@ -115,11 +116,12 @@ def _estimate(counts: Parameters, prior: Parameters, structure: Structure, rows:
 
 def _tie(counts: Array, prior: Array, groups: Indices, rows: Rows) -> Array:
     """Return rows (A, K, n) of counts, one for each group; its prior is the mean of the states' priors."""
-    sums, priors = (np.zeros((groups.max() + 1, counts.shape[2])) for _ in range(2))
-    np.add.at(sums, groups, counts)
-    np.add.at(priors, groups, prior)
-    sizes = np.bincount(groups.ravel(), minlength=len(sums))
-    return rows(sums + priors / np.maximum(sizes, 1)[:, None])[groups]
+    used, places = np.unique(groups, return_inverse=True)
+    sums, priors = (np.zeros((len(used), counts.shape[2])) for _ in range(2))
+    places = places.reshape(groups.shape)
+    np.add.at(sums, places, counts)
+    np.add.at(priors, places, prior)
+    return rows(sums + priors / np.bincount(places.ravel())[:, None])[places]
 
 
 def fit(
@@ -141,14 +143,18 @@ def fit(
         if likelihood - last < TOLERANCE * abs(likelihood):
             break
         last = likelihood
-    return Model(parameters, structure, expect(episodes, parameters).log_likelihoods)
+    return Model(parameters, structure, float(expect(episodes, parameters).log_likelihoods.sum()))
 
 
 def choose_structure(episodes: Episodes, model: Model, pseudo: Parameters, space: Space) -> Model:
-    """Return the model with the effects and groups of the best score, found one after the other."""
+    """Return the model with the effects and groups of the best score, found one after the other.
+
+    Shared values do not change, so that with reports no action draws the state again.
+    """
     best, score = model, model.score(episodes)
+    effects_tried = (STAYS,) if space.variables else (STAYS, RESTARTS)
     for action in np.argsort(-np.bincount(episodes.actions)):
-        for effect in (STAYS, RESTARTS):
+        for effect in effects_tried:
             if best.structure.effects[action] != MOVES:
                 continue
             effects = best.structure.effects.copy()

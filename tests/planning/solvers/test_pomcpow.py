@@ -217,7 +217,7 @@ def test_unknown_backups_are_refused():
         TreeSearch(TableSimulator(tiger), backup="worst")
 
 
-def test_few_different_states_are_updated_by_bayes_rule_and_never_lost():
+def test_few_different_states_are_updated_by_bayes_rule():
     door = Door(1)
     door.likelihood = lambda observation, state, action, after: 0.999 if state == observation else 0.001
     start = Particles([-1, *[1] * 9], np.full(10, 0.1))

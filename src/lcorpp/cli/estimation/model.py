@@ -62,7 +62,7 @@ def model(
             )
     except KeyboardInterrupt:
         raise KeyboardInterrupt("interrupted while learning; nothing is written") from None
-    write_model(output, learnt, reports=reports)
+    write_model(output, learnt)
     names = ", ".join(learnt.states)
     print_text(f"{len(data)} episodes, {len(data.actions)} steps; {len(learnt.states)} states: {names}")
     written = " and ".join(["interaction.pomdp", *(["domain.toml"] if reports else [])])

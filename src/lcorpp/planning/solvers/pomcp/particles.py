@@ -65,7 +65,7 @@ def filter_particles(
 
     Groups of states, e.g. of each shared value, are resampled apart (systematically), so that an improbable
     group keeps its probability and particles. If no more than `count` states differ, each is a group: without
-    chance in the steps, the filter is then Bayes' rule.
+    chance in the steps, the filter is then Bayes' rule, up to states below `MIN_PROBABILITY`.
 
     Args:
         simulator: has a likelihood. count: about how many particles to return. group_of: a state's group.
