@@ -18,7 +18,7 @@ double ForwardBackward::filter(const Steps& steps) {
     const auto [K, A, O, V, start, transition, observation, reward] = tables_;
     forward_.assign((steps.count + 1) * (K + 1), 0.0);
     scales_.resize(steps.count);
-    std::copy(start, start + K, forward_.begin());
+    for (std::size_t s = 0; s < K; ++s) forward_[s] = start[s] * (steps.evidence ? steps.evidence[s] : 1.0);
     double log_likelihood = 0.0;
     for (std::size_t t = 0; t < steps.count; ++t) {
         const double* before = &forward_[t * (K + 1)];

@@ -17,12 +17,14 @@ struct EpisodeTables {
 };
 
 // The steps of an episode, and whether the decision was over after the last one.
+// evidence: likelihood of what else is known, given each of the K states at the start; null without.
 struct Steps {
     std::size_t count;
     const std::int64_t* actions;
     const std::int64_t* observations;
     const std::int64_t* rewards;
     bool ended;
+    const double* evidence;
 };
 
 // Sums of expected counts, in the shapes of the tables.

@@ -18,6 +18,7 @@ using namespace nb::literals;
 namespace {
 
 using Vector = nb::ndarray<const double, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
+using Matrix = nb::ndarray<const double, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
 using Tables = nb::ndarray<const double, nb::ndim<3>, nb::c_contig, nb::device::cpu>;
 using Places = nb::ndarray<const std::int64_t, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
 using Flags = nb::ndarray<const bool, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
@@ -29,7 +30,7 @@ void check_places(const Places& places, std::size_t end) {
 }
 
 auto expect(Vector start, Tables transition, Tables observation, Tables reward, Places actions, Places observations,
-            Places rewards, Places begins, Flags ended, std::optional<Vector> random) {
+            Places rewards, Places begins, Flags ended, std::optional<Matrix> evidence, std::optional<Vector> random) {
     const std::size_t K = start.shape(0), A = transition.shape(0), O = observation.shape(2), V = reward.shape(2);
     if (transition.shape(1) != K || transition.shape(2) != K + 1 || observation.shape(0) != A ||
         observation.shape(1) != K + 1 || reward.shape(0) != A || reward.shape(1) != K) {
@@ -47,6 +48,9 @@ auto expect(Vector start, Tables transition, Tables observation, Tables reward, 
         if (begins(i) >= begins(i + 1)) throw std::invalid_argument("an episode without steps");
     }
     if (random && random->shape(0) != steps + episodes) throw std::invalid_argument("expected a random number for each state");
+    if (evidence && (evidence->shape(0) != episodes || evidence->shape(1) != K)) {
+        throw std::invalid_argument("expected evidence about each episode and state");
+    }
     Counts counts(K, A, O, V);
     std::vector<double> logs(episodes);
     {
@@ -54,7 +58,8 @@ auto expect(Vector start, Tables transition, Tables observation, Tables reward, 
         ForwardBackward pass({K, A, O, V, start.data(), transition.data(), observation.data(), reward.data()});
         for (std::size_t i = 0; i < episodes; ++i) {
             const std::size_t first = begins(i), count = begins(i + 1) - begins(i);
-            const Steps own{count, actions.data() + first, observations.data() + first, rewards.data() + first, ended(i)};
+            const Steps own{count,    actions.data() + first, observations.data() + first, rewards.data() + first,
+                            ended(i), evidence ? evidence->data() + i * K : nullptr};
             logs[i] = random ? pass.sample(own, random->data() + first + i, counts) : pass.add(own, counts);
         }
     }
@@ -68,8 +73,9 @@ auto expect(Vector start, Tables transition, Tables observation, Tables reward, 
 NB_MODULE(_episodes, m) {
     m.doc() = "Expected counts of episodes, for `baum_welch.py`. `make stubs` generates the stub.";
     m.def("expect", &expect, "start"_a, "transition"_a, "observation"_a, "reward"_a, "actions"_a, "observations"_a,
-          "rewards"_a, "begins"_a, "ended"_a, "random"_a = nb::none(),
+          "rewards"_a, "begins"_a, "ended"_a, "evidence"_a = nb::none(), "random"_a = nb::none(),
           "Return the expected counts of start, transitions, observations and rewards, and the log-likelihood of each\n"
-          "episode. The shapes are those of `Parameters` and `Episodes`. With a uniform random number for each state\n"
+          "episode. The shapes are those of `Parameters` and `Episodes`; evidence is (N, K), the likelihood of what\n"
+          "else is known of an episode, given its first state. With a uniform random number for each state\n"
           "(M + N,) the counts are those of paths that are drawn given the episodes.");
 }

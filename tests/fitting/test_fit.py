@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from lcorpp.errors import DataError, ProgramError, UndefinedError
-from lcorpp.fitting import fit, read_records
+from lcorpp.fitting import SoftRecord, fit, read_records
 from lcorpp.fitting.expectation import Expectation
 from lcorpp.fitting.maximisation import draw_start
 from lcorpp.fitting.number_model import NumberModel, build_number_model, list_free_numbers
@@ -478,3 +478,47 @@ def test_intervals_cover_the_numbers_of_the_paper() -> None:
                     inside[name].append(low <= float(number.old) <= high)
     assert [len(own) for own in inside.values()] == [200, 800, 1400]
     assert {name: 0.93 <= np.mean(own) <= 0.97 for name, own in inside.items()} == dict.fromkeys(inside, True)
+
+
+def test_likelihoods_of_values_are_mixtures_of_records():
+    """With likelihoods 1 and 0 a value is observed; with equal ones it is not."""
+    program = parse_plog(
+        "a: {x, y}. b: {u, v}. random(a). random(b). pr(a=x) = 0.3. pr(b=u | a=x) = 0.6. pr(b=u | a=y) = 0.2."
+    )
+    hard = (
+        [{"a": "x", "b": "u"}] * 6
+        + [{"a": "y", "b": "u"}] * 2
+        + [{"a": "y", "b": "v"}] * 5
+        + [{"b": "u"}] * 4
+    )
+    soft = [
+        SoftRecord(
+            {"b": own["b"]}, (({"a": "x"}, float(own["a"] == "x")), ({"a": "y"}, float(own["a"] == "y")))
+        )
+        for own in hard[:13]
+    ]
+    soft += [SoftRecord({"b": "u"}, (({"a": "x"}, 0.5), ({"a": "y"}, 0.5)))] * 4
+    one, other = fit(program, hard), fit(program, soft)
+    assert [own.value for own in one.numbers] == [own.value for own in other.numbers]
+    assert [own.interval for own in one.numbers] == [
+        pytest.approx(own.interval, abs=1e-4) for own in other.numbers
+    ]
+    with pytest.raises(
+        DataError, match=r"a record has the likelihoods \[-1.0, 2.0\]; expected numbers from 0"
+    ):
+        SoftRecord({}, (({"a": "x"}, -1.0), ({"a": "y"}, 2.0)))
+
+
+def test_a_search_begins_at_other_numbers():
+    """A hidden cause has two maxima, and the search finds that of its beginning."""
+    text = "h: {{l, r}}. b: {{u, v}}. random(h). random(b). pr(h=l) = 1/2. "
+    text += "pr(b=u | h=l) = {}. pr(b=u | h=r) = {}."
+    program = parse_plog(text.format(0.5, 0.5))
+    records = [{"b": "u"}] * 5 + [{"b": "v"}] * 5
+    for first, second in ((0.9, 0.2), (0.2, 0.9)):
+        begin = parse_plog(text.format(first, second))
+        numbers = [float(own.value) for own in fit(program, records, begin=begin).numbers]
+        assert (numbers[1] > numbers[2]) == (first > second)
+    other = parse_plog("h: {l, r}. random(h). pr(h=l) = 1/2.")
+    with pytest.raises(ProgramError, match="has None where"):
+        fit(program, records, begin=other)

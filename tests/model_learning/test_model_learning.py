@@ -353,3 +353,118 @@ def test_names_are_checked_before_learning(lcorpp, tmp_path, monkeypatch, old, n
     assert ended.code == 2
     assert message in ended.err
     assert not (tmp_path / "out").exists()
+
+
+FACTS = """episode,wish,time,action,observation,reward
+1,tea,day,ask,hear_tea,-1
+1,,day,bring_tea,none,10
+2,,,ask,hear_tea,-1
+2,,night,bring_milk,none,-10
+"""
+
+
+def test_facts_of_episodes_are_read(tmp_path):
+    (tmp_path / "steps.csv").write_text(FACTS)
+    episodes = read_episodes(tmp_path / "steps.csv", ["wish", "time"])
+    assert episodes.facts == ({"wish": "tea", "time": "day"}, {"time": "night"})
+    assert not any(read_episodes(tmp_path / "steps.csv").facts)
+
+
+@pytest.mark.parametrize(
+    ("facts", "change", "message"),
+    [
+        (
+            ["time"],
+            ("1,,day,", "1,,night,"),
+            ":3: time is night, and day before in episode 1; expected one value",
+        ),
+        (["place"], ("", ""), "no cell of the column place; expected it, as it is one of the facts"),
+        (["wish"], ("1,tea", "1,wine"), ":2: wish is wine; expected one of milk, tea, as in the reports"),
+    ],
+)
+def test_wrong_facts_are_refused(tmp_path, facts, change, message):
+    (tmp_path / "steps.csv").write_text(FACTS.replace(*change))
+    with pytest.raises(DataError, match=message):
+        learn_model(read_episodes(tmp_path / "steps.csv", facts), reports="bring_{wish}")
+
+
+def test_facts_need_reports(tmp_path):
+    (tmp_path / "steps.csv").write_text(FACTS)
+    with pytest.raises(DataError, match="facts, hidden attributes and an order need reports"):
+        learn_model(read_episodes(tmp_path / "steps.csv", ["time"]))
+
+
+def test_evidence_is_part_of_the_start():
+    """Counts are those of each episode alone, whose start is weighed by its evidence."""
+    rng, people = np.random.default_rng(3), make_people(6, seed=5)
+    sizes = len(people.action_names), len(people.observation_names), len(people.reward_values)
+    own, values = draw_parameters(rng, 3, *sizes), np.array([0, 1, 1])  # two states of the second value
+    evidence = rng.uniform(size=(6, 2))
+    evidence[2] = [0, 1]  # a true value
+    found = expect(replace(people, evidence=evidence), own, values)
+    total = np.zeros(3)
+    for n in range(6):
+        start = own.start * evidence[n, values]
+        alone = expect(people.select(np.array([n])), replace(own, start=start / start.sum()))
+        total += alone.counts.start
+        expected = alone.log_likelihoods[0] + np.log(start.sum())
+        assert found.log_likelihoods[n] == pytest.approx(expected)
+        assert n != 2 or alone.counts.start[0] == 0
+    assert found.counts.start == pytest.approx(total)
+
+
+def test_facts_are_in_the_domain(tmp_path):
+    """The knowledge relates a fact to the wish: tea by day, milk at night."""
+    rng, episodes, facts = np.random.default_rng(1), [], []
+    for _ in range(300):
+        wish = rng.choice(["tea", "milk"])
+        usual = {"tea": "day", "milk": "night"}[wish]
+        facts.append({"time": usual if rng.random() < 0.8 else {"day": "night", "night": "day"}[usual]})
+        report = rng.choice(["tea", "milk"])
+        heard = wish if rng.random() < 0.8 else {"tea": "milk", "milk": "tea"}[wish]
+        steps = [
+            Step("ask", f"hear_{heard}", -1.0),
+            Step(f"bring_{report}", "none", 9.0 if report == wish else -9.0),
+        ]
+        episodes.append(steps)
+    learnt = learn_model(Episodes.of(episodes, [True] * 300, facts), reports="bring_{wish}")
+    write_model(tmp_path / "own", learnt)
+    domain = load_domain(tmp_path / "own")
+    assert domain.observed == ("time",)
+    rates = {
+        str(own.statement).partition(" = ")[0]: float(own.value) for own in learnt.knowledge.fitted.numbers
+    }
+    assert rates["pr(time=day | wish=tea)"] == pytest.approx(0.8, abs=0.08)
+    assert rates["pr(time=day | wish=milk)"] == pytest.approx(0.2, abs=0.08)
+
+
+def test_selected_episodes_are_those_episodes():
+    people = make_people(20, seed=4)
+    places = np.array([3, 3, 0, 19])
+    chosen = people.select(places)
+    assert len(chosen) == 4
+    rng = np.random.default_rng(2)
+    parameters = draw_parameters(
+        rng, 2, len(people.action_names), len(people.observation_names), len(people.reward_values)
+    )
+    logs = expect(people, parameters).log_likelihoods
+    assert expect(chosen, parameters).log_likelihoods == pytest.approx(logs[places])
+
+
+def test_records_and_their_options(lcorpp, tmp_path):
+    (tmp_path / "own.csv").write_text("a,b,c\n" + 30 * "x,u,1\n" + 30 * "y,v,2\n")
+    ended = lcorpp(
+        "model", tmp_path / "own.csv", "-o", tmp_path / "own", "--facts", "a,b", "--order", "b < a"
+    )
+    assert ended.code == 0, ended.err
+    assert "a depends on b" in ended.out
+    assert "c" not in (tmp_path / "own/knowledge.plog").read_text().partition("\n\n")[2].split()
+    for arguments, message in (
+        (("--facts", "d"), "no column d; expected one of a, b, c"),
+        (("--discount", "0.9"), "has records; expected no --discount, which is for others"),
+        (("--order", "a < d"), "the order 'a < d' has 'd'; expected one of a, b, c"),
+    ):
+        wrong = lcorpp("model", tmp_path / "own.csv", "-o", tmp_path / "other", *arguments)
+        assert wrong.code == 2
+        assert message in wrong.err
+    assert not (tmp_path / "other").exists()

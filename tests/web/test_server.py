@@ -100,12 +100,14 @@ def test_refused_messages_keep_the_trial(server):
 
 
 def test_a_message_beyond_all_bounds_ends_its_connection_alone(server):
+    def exchange(session):
+        session.send("x" * (MAX_MESSAGE + 1))
+        return session.recv()
+
     with open_page(server[0]) as other:
-        with open_page(server[0]) as session:
-            # The connection ends while the message is sent or afterwards, whichever is first.
-            with pytest.raises(ConnectionClosed):
-                session.send("x" * (MAX_MESSAGE + 1))
-                session.recv()
+        # The connection ends while the message is sent or afterwards, whichever is first.
+        with open_page(server[0]) as session, pytest.raises(ConnectionClosed):
+            exchange(session)
         assert ask(other, type="start")["type"] == "started"
 
 

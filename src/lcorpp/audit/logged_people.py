@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,7 +13,8 @@ from lcorpp.assembly.logged_parts import load_logged_domain, read_program
 from lcorpp.domains import Domain
 from lcorpp.domains.dialogue import DomainDialogue
 from lcorpp.errors import DataError
-from lcorpp.logs.decision_log import DAMAGE, LoggedDecision, describe_damage, read_log
+from lcorpp.logs.decision_log import DAMAGE, LoggedDecision, describe_damage
+from lcorpp.logs.strategy_decisions import StrategyDecisions, read_decisions
 from lcorpp.reasoning import Program, Reasoner
 from lcorpp.trust.cases import NO_LABEL, Cases
 from lcorpp.trust.sources import StatedSources
@@ -82,39 +82,23 @@ def read_people(path: Path, *, folder: Path | None = None, strategy: str | None 
         >>> people.strategy, people.cases.weights.tolist()  # of two distinct people
         ('LCORPP', [2.0, 1.0])
     """
-    skipped, decisions = Counter[str](), list[LoggedDecision]()
-    for line in read_log(path):
-        if isinstance(line, DataError):
-            skipped[str(line).partition(": ")[2]] += 1
-        else:
-            decisions.append(line)
+    found = read_decisions(path, strategy)
     try:
-        counts = Counter([str(line.strategy["name"]) for line in decisions])
-        chosen = strategy or max(counts, key=lambda name: counts[name], default="")
-        largest = [name for name in counts if counts[name] == counts.get(chosen)]
-        chosen = strategy or (largest[-1] if largest else "")
-        own = [line for line in decisions if line.strategy["name"] == chosen]
-        if not own:
-            found = ", ".join(counts) or "none"
-            raise DataError(
-                f"{path}: no decision{f' of {strategy}' if strategy else ''}; strategies in it: {found}"
-            )
-        parts = own[-1].content["parts"]
-        domain = load_logged_domain(parts, folder)
-        program = read_program(parts, domain)
+        domain = load_logged_domain(found.parts, folder)
+        program = read_program(found.parts, domain)
     except DataError:
         raise
     except DAMAGE as error:
         raise DataError(f"{path}: cannot be read: {describe_damage(error)}") from error
     domain.check_program_decides("an audit")
-    return _Reader(domain, program, parts).read(own, chosen, len(decisions) - len(own), skipped, path)
+    return _Reader(domain, program, found).read(path)
 
 
 class _Reader:
     """Reads decisions as cases."""
 
-    def __init__(self, domain: Domain, program: Program, parts: Mapping[str, Any]) -> None:
-        self._domain, self._program, self._parts = domain, program, parts
+    def __init__(self, domain: Domain, program: Program, found: StrategyDecisions) -> None:
+        self._domain, self._program, self._found, self._parts = domain, program, found, found.parts
         self._dialogue = DomainDialogue(domain)
         self._senses = [sense.name for sense in domain.senses]
         self._labels: list[list[str]] = []
@@ -122,7 +106,7 @@ class _Reader:
         self._contexts: dict[frozenset[tuple[str, str]], int] = {}
         start = domain.marginal(domain.pomdp.start)
         stated = StatedSources(Reasoner(program), domain, start)
-        descriptions = parts["classifiers"]
+        descriptions = self._parts["classifiers"]
         assert isinstance(descriptions, Mapping)
         for sense in domain.senses:
             if descriptions.get(sense.name, {}).get("soft"):
@@ -133,17 +117,11 @@ class _Reader:
                 self._labels.append(list(labels))
                 self._rates.append(rates)
 
-    def read(
-        self,
-        decisions: Sequence[LoggedDecision],
-        strategy: str,
-        n_others: int,
-        skipped: Counter[str],
-        path: Path,
-    ) -> LoggedPeople:
+    def read(self, path: Path) -> LoggedPeople:
+        skipped = self._found.skipped
         n_answers = self._dialogue.tables.shape[0] * self._dialogue.tables.shape[2]
         cases, answered = Cases(len(self._senses), n_answers), list[AnsweredPerson]()
-        for line in decisions:
+        for line in self._found.decisions:
             try:
                 person = self._read(line)
                 cases.add(*person)
@@ -169,8 +147,8 @@ class _Reader:
             self._labels,
             self._rates,
             cases,
-            strategy,
-            n_others,
+            self._found.strategy,
+            self._found.n_others,
             skipped,
             self._parts,
             answered,

@@ -55,6 +55,13 @@ def run(
             help="Instead of scores, print this trial of the same command step by step; the first is 0.",
         ),
     ] = None,
+    truth: Annotated[
+        str | None,
+        typer.Option(
+            metavar="DOMAIN",
+            help="Simulate the people of this domain, its answers and rewards, e.g. to score a learnt one.",
+        ),
+    ] = None,
     tracks: TracksOption = None,
     ask_budget: options.AskBudgetOption = None,
 ) -> None:
@@ -71,12 +78,14 @@ def run(
 
     if exact:
         _reject_sampling(given, trials)
+        reject_given("people of another domain are sampled, not enumerated with --exact", truth=truth)
     loaded = given.load_domain()
+    people = None if truth is None else options.load_domain(truth, None, None, None)
     number = trials or (TRIALS if loaded.planning.search is None else SEARCHED_TRIALS)
     if trial is not None:
         _check_trial(trial, number, given, exact=exact)
     chosen = _choose_comparison(
-        loaded, given, strategy or [], None if exact else number, tracks, ask_budget=ask_budget
+        loaded, given, strategy or [], None if exact else number, tracks, people, ask_budget=ask_budget
     )
     policy = given.read_policy(loaded)
     with output_files.lock_results(given.out, given.formats):
@@ -119,6 +128,7 @@ def _choose_comparison(
     strategies: list[str],
     trials: int | None,
     tracks: int | None,
+    people: Domain | None,
     *,
     ask_budget: float | None,
 ) -> ComparisonOptions:
@@ -139,7 +149,7 @@ def _choose_comparison(
     if ask_budget is not None:
         rows = set_ask_budget(rows, ask_budget)
     used = [sense for sense in domain.all_senses if any(row.uses(sense.name) for row in rows)]
-    sources = given.choose_classifiers(domain, used, tracks, by_channel=trials is None)
+    sources = given.choose_classifiers(domain, used, tracks, by_channel=trials is None or people is not None)
     if trials is None and any(sources.values()):
         raise DomainError(
             "--exact needs --classifier channel: the error rates of a trained classifier are known from"
@@ -155,6 +165,7 @@ def _choose_comparison(
         solver=solver,
         cache=given.solving.find_cache(),
         log=given.log,
+        people=people,
     )
 
 

@@ -27,8 +27,11 @@ from lcorpp.planning import Policy, Solution, SolverOptions
 from lcorpp.scoring.exact_evaluation import check_enumerable, evaluate_exactly
 from lcorpp.scoring.experiment import Experiment
 from lcorpp.scoring.metrics import Scores, scores_to_html
+from lcorpp.scoring.other_people import check_people, make_channel
 from lcorpp.scoring.trials import check_numbers, run_trials
 from lcorpp.simulation import NoisyChannel
+from lcorpp.simulation.people import SignalSource
+from lcorpp.simulation.simulated_classifier import BatchClassifier
 
 
 @dataclass(frozen=True)
@@ -43,6 +46,8 @@ class ComparisonOptions:
     seed: of all random numbers. jobs: processes; the results are the same for any number.
     solver: of the POMDP; None takes the domain's. cache: a folder that keeps policies, None for none.
     log: a file to which the decisions of the trials are appended.
+    people: a domain whose people are simulated, with its answers and rewards, see `check_people`; None takes
+        the robot's. The senses are then its noisy channels.
 
     Raises:
         DataError: an option has another type.
@@ -68,6 +73,7 @@ class ComparisonOptions:
     solver: SolverOptions | None = None
     cache: Path | None = None
     log: Path | None = None
+    people: Domain | None = None
 
     def __post_init__(self) -> None:
         check_fields(self)
@@ -81,6 +87,8 @@ class ComparisonOptions:
             raise DomainError(
                 f"{self.log}: exact scores are computed without decisions that a log could list"
             )
+        if self.people is not None and (self.trials is None or any(self.classifiers.values())):
+            raise DomainError("people of another domain are simulated, and their senses are noisy channels")
 
 
 @dataclass(frozen=True, eq=False)
@@ -194,6 +202,8 @@ def set_up_experiment(
         The experiment, the setup of each sense that a strategy uses, and the solution of the POMDP, None if a
         policy was given.
     """
+    if options.people is not None:
+        check_people(domain, options.people)
     strategies = options.strategies or list_strategies([sense.name for sense in domain.all_senses])
     if options.trials is None:
         check_enumerable(domain, strategies)
@@ -212,10 +222,13 @@ def set_up_experiment(
         cache=options.cache,
         progress=progress,
     )
-    classifiers = {name: setup.classifier for name, setup in senses.items()}
-    signals = {name: setup.signals for name, setup in senses.items()}
-    parts = robot.parts
+    classifiers: dict[str, BatchClassifier] = {name: setup.classifier for name, setup in senses.items()}
+    signals: dict[str, SignalSource] = {name: setup.signals for name, setup in senses.items()}
+    if options.people is not None:
+        channels = {name: make_channel(options.people, name) for name in senses}
+        classifiers, signals = {**channels}, {**channels}
+    parts, seed = robot.parts, options.seed
     experiment = Experiment(
-        domain, robot.robot, classifiers, signals, strategies, options.seed, parts, parts.rates
+        domain, robot.robot, classifiers, signals, strategies, seed, parts, parts.rates, options.people
     )
     return experiment, senses, robot.solution

@@ -50,6 +50,7 @@ def describe_run(
         "gap_at_priors": comparison.gap,
         "trials": "exact" if comparison.trials is None else comparison.trials,
         "seed": options.seed,
+        "people": None if options.people is None else str(options.people.folder),
         "world": repr(world) if isinstance(world := domain.simulation.world, OwnWorlds) else None,
     }
 

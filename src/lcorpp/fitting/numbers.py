@@ -17,8 +17,9 @@ from lcorpp.errors import DataError, ProgramError, UndefinedError, check_type
 from lcorpp.fitting.expectation import Expectation
 from lcorpp.fitting.maximisation import Objective, Progress, climb, count_cases, draw_start
 from lcorpp.fitting.number_model import NumberModel, build_number_model, list_free_numbers
-from lcorpp.fitting.records import group_records
+from lcorpp.fitting.records import SoftRecord, group_records
 from lcorpp.fitting.rewriting import replace_numbers
+from lcorpp.fitting.soft_records import SoftExpectation
 from lcorpp.fitting.uncertainty import compute_uncertainty
 from lcorpp.reasoning.language.program import Program
 from lcorpp.reasoning.language.syntax import Number, Probability
@@ -146,11 +147,12 @@ class Fit:
 
 def fit(
     program: Program,
-    records: Iterable[Mapping[str, str]],
+    records: Iterable[Mapping[str, str] | SoftRecord],
     *,
     fixed: Collection[str | int] = (),
     prior: float = 0.0,
     starts: int = 1,
+    begin: Program | None = None,
     seed: int = 0,
     progress: Progress | None = None,
 ) -> Fit:
@@ -160,12 +162,14 @@ def fit(
     are fixed.
 
     Args:
-        records: the observed terms of each record, term -> value; others are hidden.
+        records: the observed terms of each record, term -> value; others are hidden. A `SoftRecord` has
+            likelihoods of some.
         fixed: attributes and lines of the program whose pr-atoms keep their numbers.
         prior: the pseudo-counts of each case: the program's numbers count as this many records in which the
             pr-atoms apply.
         starts: the number of searches: one from the numbers of the program, others from random ones. The most
             likely result is kept, of equal ones the first.
+        begin: the program with the numbers of the first search; its own by default.
         seed: of the random numbers.
         progress: is called with the number of steps of a search so far, and the largest change of a number
             in the last.
@@ -193,13 +197,18 @@ def fit(
     check_at_least(starts, 1, "starts")
     check_at_least(seed, 0, "seed")
     free = list_free_numbers(program, fixed)
-    distinct, places, repeats = group_records(program, records)
-    model = build_number_model(program, free, {name for record in distinct for name in record})
-    expectation = Expectation(model, distinct, repeats)
+    grouped = group_records(program, records)
+    model = build_number_model(program, free, {name for record in grouped.stated for name in record})
+    expectation: Expectation | SoftExpectation
+    if grouped.parts.shape[1] == 1:
+        expectation = Expectation(model, grouped.stated, grouped.repeats)
+    else:
+        stated = Expectation(model, grouped.stated, np.ones(len(grouped.stated)))
+        expectation = SoftExpectation(stated, grouped.parts, grouped.likelihoods, grouped.repeats)
     objective = Objective(model, expectation, prior)
-    check_possible(program, expectation.compute(model.evaluate(model.start)).log_p, places)
+    check_possible(program, expectation.compute(model.evaluate(model.start)).log_p, grouped.places)
     rng = np.random.default_rng(seed)
-    best = climb(objective, model.start, progress)
+    best = climb(objective, model.start if begin is None else _read_start(model, program, begin), progress)
     for _ in range(starts - 1):
         other = climb(objective, draw_start(model, rng), progress)
         best = other if other.objective > best.objective + MIN_GAIN else best
@@ -219,7 +228,7 @@ def fit(
     return Fit(
         program.with_statements(tuple(statements)),
         tuple(numbers),
-        int(repeats.sum()),
+        int(grouped.repeats.sum()),
         expected.log_likelihood,
         n_undetermined,
         best.n_steps,
@@ -250,6 +259,19 @@ def check_possible(program: Program, log_p: Array, places: Sequence[str]) -> Non
         raise UndefinedError(
             f"{program.file}: {places[impossible[0]]} is in no possible world of positive measure"
         )
+
+
+def _read_start(model: NumberModel, program: Program, begin: Program) -> Array:
+    """Return the numbers of a program that differs in nothing else."""
+    start, others = model.start.copy(), begin.statements
+    for i, index in enumerate(model.statements):
+        own, other = program.statements[index], others[index] if index < len(others) else None
+        assert isinstance(own, Probability)
+        if not isinstance(other, Probability) or other.left_side != own.left_side:
+            raise ProgramError(f"{begin.file}: has {other} where {program.file} has {own}")
+        assert isinstance(other.number, Number)
+        start[i] = float(other.number.value)
+    return start
 
 
 def _round(model: NumberModel, parameters: Array) -> list[Fraction]:

@@ -5,7 +5,9 @@ from __future__ import annotations
 import csv
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
 from functools import cache
+from math import isfinite
 from pathlib import Path
 from typing import Any
 
@@ -15,16 +17,45 @@ from lcorpp.errors import DataError, ProgramError, check_type
 from lcorpp.files import open_text
 from lcorpp.reasoning.language.program import Program
 from lcorpp.reasoning.resolve import name_value, resolve_evidence
-from lcorpp.values import Array
+from lcorpp.values import Array, Indices
 
 MISSING = ("", "?")
 """Cells that are not observed."""
+
+
+_Mixture = tuple[tuple[frozenset[tuple[str, str]], float], ...]
 
 
 class Record(dict[str, str]):
     """A record of a file, term -> value; `place` is its file and line."""
 
     place: str
+
+
+@dataclass(frozen=True)
+class SoftRecord:
+    """A record of which some terms are known by a likelihood only.
+
+    facts: the observed terms, term -> value.
+    alternatives: possible values of further terms, the same ones in each, with P(what was observed | values)
+        up to a factor of the record.
+
+    Examples:
+        >>> from lcorpp import parse_plog
+        >>> from lcorpp.fitting import SoftRecord, fit
+        >>> program = parse_plog("toss: {heads, tails}. random(toss). pr(toss = heads) = 0.4.")
+        >>> seen = SoftRecord({}, (({"toss": "heads"}, 0.9), ({"toss": "tails"}, 0.1)))
+        >>> float(fit(program, [seen, {"toss": "tails"}]).numbers[0].value)
+        0.4375
+    """
+
+    facts: Mapping[str, str]
+    alternatives: tuple[tuple[Mapping[str, str], float], ...]
+
+    def __post_init__(self) -> None:
+        weights = [weight for _, weight in self.alternatives]
+        if not all(isfinite(weight) and weight >= 0 for weight in weights) or not sum(weights) > 0:
+            raise DataError(f"a record has the likelihoods {weights}; expected numbers from 0, not all 0")
 
 
 def read_records(path: str | Path) -> Iterator[Record]:
@@ -47,11 +78,7 @@ def read_records(path: str | Path) -> Iterator[Record]:
     with open_text(path) as file:
         reader = csv.reader(file, strict=True, skipinitialspace=True)
         try:
-            names = [name.strip() for name in next(reader, [])]
-            if not names or not all(names):
-                raise DataError(f"{path}:1: expected a header with the name of a term for each column")
-            if repeated := [name for name, count in Counter(names).items() if count > 1]:
-                raise DataError(f"{path}:1: two columns are named {repeated[0]}")
+            names = _read_header(reader, path)
             for row in reader:
                 if not row and len(names) > 1:
                     continue  # an empty line
@@ -67,30 +94,63 @@ def read_records(path: str | Path) -> Iterator[Record]:
             raise DataError(f"{path}:{reader.line_num + 1}: not UTF-8 text") from None
 
 
-def group_records(
-    program: Program, records: Iterable[Mapping[str, str]]
-) -> tuple[list[dict[str, str]], list[str], Array]:
-    """Group equal records.
+def read_header(path: str | Path) -> list[str]:
+    """Return the names of the columns of records.
 
-    Returns:
-        (distinct, places, repeats): the distinct records with canonical names, the place of the first of
-        each, such as ``record 1`` or its file and line, and how often each occurs.
+    Raises:
+        FileError, DataError: as `read_records`.
+    """
+    with open_text(path) as file:
+        try:
+            return _read_header(csv.reader(file, strict=True, skipinitialspace=True), path)
+        except csv.Error as error:
+            raise DataError(f"{path}:1: not CSV: {error}") from None
+        except UnicodeDecodeError:
+            raise DataError(f"{path}:1: not UTF-8 text") from None
+
+
+def _read_header(reader: Iterator[list[str]], path: str | Path) -> list[str]:
+    names = [name.strip() for name in next(reader, [])]
+    if not names or not all(names):
+        raise DataError(f"{path}:1: expected a header with the name of a term for each column")
+    if repeated := [name for name, count in Counter(names).items() if count > 1]:
+        raise DataError(f"{path}:1: two columns are named {repeated[0]}")
+    return names
+
+
+@dataclass(frozen=True, eq=False)
+class GroupedRecords:
+    """Distinct records with canonical names; each is a mixture of records that state all its values.
+
+    places: (n,) of the first of each, such as ``record 1`` or its file and line.
+    repeats: (n,) how often each occurs.
+    stated: the records of the mixtures, term -> value.
+    parts: (n, V) the stated records of each. likelihoods: (n, V) their weights.
+    """
+
+    places: list[str]
+    repeats: Array
+    stated: list[dict[str, str]]
+    parts: Indices
+    likelihoods: Array
+
+
+def group_records(program: Program, records: Iterable[Mapping[str, str] | SoftRecord]) -> GroupedRecords:
+    """Group equal records.
 
     Raises:
         DataError: there are no records.
         ProgramError: a term or value is unknown, or a term has two values.
     """
-    places: dict[frozenset[tuple[str, str]], str] = {}
-    repeats: Counter[frozenset[tuple[str, str]]] = Counter()
+    places: dict[_Mixture, str] = {}
+    repeats: Counter[_Mixture] = Counter()
 
     @cache
     def resolve(name: str, value: Any) -> tuple[str, str]:
         (fact,) = resolve_evidence(program, {name: value}).items()
         return fact
 
-    check_type(records, Iterable, "records", ProgramError)
-    for row, record in enumerate(records, start=1):
-        place = record.place if isinstance(record, Record) else f"record {row}"
+    def find_facts(record: Mapping[str, str], place: str) -> frozenset[tuple[str, str]]:
         check_type(record, Mapping, place, ProgramError)
         try:
             facts = frozenset([resolve(name, name_value(value)) for name, value in record.items()])
@@ -100,8 +160,33 @@ def group_records(
             raise ProgramError(f"{place}: expected a mapping from terms to values, not {record!r}") from None
         except ProgramError as error:
             raise ProgramError(f"{place}: {error}") from None
-        places.setdefault(facts, place)
-        repeats[facts] += 1
+        return facts
+
+    check_type(records, Iterable, "records", ProgramError)
+    for row, record in enumerate(records, start=1):
+        place = record.place if isinstance(record, Record) else f"record {row}"
+        if isinstance(record, SoftRecord):
+            mixture = tuple(
+                (find_facts({**record.facts, **values}, place), weight)
+                for values, weight in record.alternatives
+                if weight
+            )
+        else:
+            mixture = ((find_facts(record, place), 1.0),)
+        places.setdefault(mixture, place)
+        repeats[mixture] += 1
     if not places:
         raise DataError("there are no records")
-    return list(map(dict, places)), list(places.values()), np.array([float(repeats[f]) for f in places])
+    numbers: dict[frozenset[tuple[str, str]], int] = {}
+    size = max(map(len, places))
+    parts, likelihoods = np.zeros((len(places), size), dtype=np.intp), np.zeros((len(places), size))
+    for i, mixture in enumerate(places):
+        for v, (facts, weight) in enumerate(mixture):
+            parts[i, v], likelihoods[i, v] = numbers.setdefault(facts, len(numbers)), weight
+    return GroupedRecords(
+        list(places.values()),
+        np.array([float(repeats[mixture]) for mixture in places]),
+        list(map(dict, numbers)),
+        parts,
+        likelihoods,
+    )

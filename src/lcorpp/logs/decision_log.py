@@ -136,6 +136,15 @@ def _check_kind(path: Path) -> None:
         raise DataError(f"{path}: exists and is not a log of decisions; expected such a log or a new file")
 
 
+def is_log(path: Path) -> bool:
+    """Whether a file begins as a decision does; a file that cannot be read does not."""
+    try:
+        with open(path, "rb") as file:
+            return file.read(len(START)) == START
+    except OSError:
+        return False
+
+
 def _ends_within_line(path: Path) -> bool:
     """Whether the last line of a file has no end."""
     with open(path, "rb") as file:

@@ -14,7 +14,7 @@ from lcorpp.latent_classes import normalise
 from lcorpp.model_learning import _episodes
 from lcorpp.model_learning.episodes import Episodes
 from lcorpp.model_learning.spaces import Space
-from lcorpp.values import Array
+from lcorpp.values import Array, Indices
 
 PRIOR_STEPS = (0.5, 2.0, 0.05)
 """Weights of the prior, in steps, of a row of transitions, observations and rewards: answers of few people
@@ -48,11 +48,18 @@ class Expectation:
     log_likelihoods: Array
 
 
-def expect(episodes: Episodes, parameters: Parameters, rng: np.random.Generator | None = None) -> Expectation:
+def expect(
+    episodes: Episodes,
+    parameters: Parameters,
+    values: Indices | None = None,
+    rng: np.random.Generator | None = None,
+) -> Expectation:
     """Return the expected counts of all steps, given the episodes (forward-backward algorithm).
 
+    values: (K,) the shared value of each state, to which the evidence of episodes refers; None ignores it.
     rng: with it, the counts are those of paths of states that are drawn given the episodes.
     """
+    evidence = None if values is None or episodes.evidence is None else episodes.evidence[:, values]
     *counts, logs = _episodes.expect(
         parameters.start,
         parameters.transition,
@@ -63,6 +70,7 @@ def expect(episodes: Episodes, parameters: Parameters, rng: np.random.Generator 
         episodes.rewards,
         episodes.begins,
         episodes.ended,
+        evidence if evidence is None else np.ascontiguousarray(evidence),
         None if rng is None else rng.random(len(episodes.actions) + len(episodes)),
     )
     return Expectation(Parameters(*counts), logs)

@@ -1,7 +1,11 @@
-"""Draws of models from their posterior: paths of states and parameters are drawn in turn (Gibbs sampling).
+"""Draws of models: from the posterior, or by estimating them from resampled episodes.
+
+Draws from the posterior draw paths of states and parameters in turn (Gibbs sampling). Where a model has free
+probabilities for each of many contexts, their prior moves the posterior of all other numbers, and resampling
+covers better (bootstrap).
 
 Source: Scott, Bayesian methods for hidden Markov models, Journal of the American Statistical Association 97,
-2002.
+2002; Efron and Tibshirani, An introduction to the bootstrap, 1993.
 """
 
 from __future__ import annotations
@@ -10,23 +14,37 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from lcorpp.model_learning.baum_welch import Parameters, Prior, expect
+from lcorpp.model_learning.baum_welch import Parameters, expect
 from lcorpp.model_learning.episodes import Episodes
-from lcorpp.model_learning.spaces import Space
-from lcorpp.model_learning.structure import Model, draw_parameters
+from lcorpp.model_learning.structure import Model, draw_parameters, fit
 
 SWEEPS = 10
 """Draws of paths and parameters between two models that are returned."""
 
 
+RESAMPLED_TOLERANCE = 1e-7
+"""Tolerance of `fit` with resampled episodes, which begins at the estimate of all."""
+
+
 def draw_models(
-    episodes: Episodes, space: Space, model: Model, count: int, rng: np.random.Generator
+    episodes: Episodes, model: Model, pseudo: Parameters, count: int, rng: np.random.Generator
 ) -> Iterator[Parameters]:
-    """Yield `count` draws of the parameters, with the structure of the model, from its estimate on."""
+    """Yield `count` draws of the parameters, with the structure of the model, from its estimate on.
+
+    pseudo: the pseudo-counts of the prior.
+    """
     parameters = model.parameters
-    pseudo = Prior.of(episodes).pseudo_counts(parameters.count, space)
     for _ in range(count):
         for _ in range(SWEEPS):
-            counts = expect(episodes, parameters, rng).counts
+            counts = expect(episodes, parameters, model.structure.values, rng).counts
             parameters = draw_parameters(counts, pseudo, model.structure, rng)
         yield parameters
+
+
+def resample_models(
+    episodes: Episodes, model: Model, pseudo: Parameters, count: int, rng: np.random.Generator
+) -> Iterator[Parameters]:
+    """Yield `count` estimates, each from as many episodes that are drawn from these with replacement."""
+    for _ in range(count):
+        drawn = episodes.select(rng.integers(len(episodes), size=len(episodes)))
+        yield fit(drawn, model.parameters, model.structure, pseudo, tolerance=RESAMPLED_TOLERANCE).parameters

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from math import isfinite
 from pathlib import Path
@@ -11,9 +11,9 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from lcorpp.errors import DataError
+from lcorpp.errors import DataError, expected_one_of
 from lcorpp.fitting import read_records
-from lcorpp.fitting.records import Record
+from lcorpp.fitting.records import Record, read_header
 from lcorpp.values import Array, Indices
 
 COLUMNS = ("episode", "action", "observation", "reward")
@@ -49,6 +49,8 @@ class Episodes:
     actions, observations, rewards: (M,) indices of these.
     begins: (N + 1,) the first step of each episode, and M. ended: (N,) whether the decision was over after
     the last step.
+    facts: (N,) what is known of each episode, attribute -> value.
+    evidence: (N, V) the likelihood of what is known, given each of V shared values; None without.
     """
 
     action_names: tuple[str, ...]
@@ -59,10 +61,17 @@ class Episodes:
     rewards: Indices
     begins: Indices
     ended: npt.NDArray[np.bool_]
+    facts: tuple[Mapping[str, str], ...]
+    evidence: Array | None = None
 
     @classmethod
-    def of(cls, episodes: Sequence[Sequence[Step]], ended: Sequence[bool]) -> Episodes:
-        """Return episodes of steps.
+    def of(
+        cls,
+        episodes: Sequence[Sequence[Step]],
+        ended: Sequence[bool],
+        facts: Sequence[Mapping[str, str]] | None = None,
+    ) -> Episodes:
+        """Return episodes of steps. facts: what is known of each.
 
         Raises:
             DataError: there are none, one has no steps, a reward is not finite, or too many rewards differ.
@@ -89,6 +98,7 @@ class Episodes:
             np.searchsorted(values, [step.reward for step in steps]),
             np.cumsum([0, *map(len, episodes)]),
             np.array(ended, dtype=bool),
+            ({},) * len(episodes) if facts is None else tuple(facts),
         )
 
     def __len__(self) -> int:
@@ -100,6 +110,23 @@ class Episodes:
             f" {len(self.observation_names)} observations>"
         )
 
+    def select(self, places: Indices) -> Episodes:
+        """Return some of these episodes, each as often as its index occurs."""
+        begins = self.begins[:-1][places]
+        sizes = np.diff(self.begins)[places]
+        ends = np.cumsum(sizes)
+        steps = np.repeat(begins - ends + sizes, sizes) + np.arange(ends[-1])
+        return replace(
+            self,
+            actions=self.actions[steps],
+            observations=self.observations[steps],
+            rewards=self.rewards[steps],
+            begins=np.append(0, ends),
+            ended=self.ended[places],
+            facts=tuple(self.facts[i] for i in places),
+            evidence=None if self.evidence is None else self.evidence[places],
+        )
+
     @cached_property
     def is_end(self) -> npt.NDArray[np.bool_]:
         """(M,) whether the decision was over after a step."""
@@ -108,12 +135,16 @@ class Episodes:
         return found
 
 
-def read_episodes(path: str | Path) -> Episodes:
+def read_episodes(path: str | Path, facts: Sequence[str] = ()) -> Episodes:
     r"""Read a table of episodes, CSV: a row for each step, in their order.
 
     Columns: `episode` identifies it, `action`, `observation`, `reward` of the step; `end`, optional, is 1 in
     the last row of an episode after which the decision is over. Without it, an action after which no episode
     goes on ends the decision. Other columns are ignored.
+
+    Args:
+        facts: further columns with what is known of an episode, e.g. ``time``; one value in all rows of an
+            episode, or none.
 
     Raises:
         FileError: the file cannot be read.
@@ -129,6 +160,7 @@ def read_episodes(path: str | Path) -> Episodes:
         (2, ('leave', 'look'), [True, True])
     """
     rows: dict[str, list[tuple[Step, bool | None]]] = {}
+    known: dict[str, Record] = {}
     last = ""
     for record in read_records(path):
         episode = _read_cell(record, "episode")
@@ -141,6 +173,7 @@ def read_episodes(path: str | Path) -> Episodes:
         if own and own[-1][1]:
             raise DataError(f"{record.place}: episode {episode} goes on after its end")
         own.append((_read_step(record), _read_end(record)))
+        _add_facts(known, episode, record, facts)
     if not rows:
         raise DataError(f"{path}: there are no episodes")
     steps = [[step for step, _ in own] for own in rows.values()]
@@ -150,15 +183,59 @@ def read_episodes(path: str | Path) -> Episodes:
         own[-1].action not in going_on if end is None else end for own, end in zip(steps, stated, strict=True)
     ]
     try:
-        return Episodes.of(steps, ended)
+        episodes = Episodes.of(steps, ended, list(known.values()))
     except DataError as error:
         raise DataError(f"{path}: {error}") from None
+    for name in facts:
+        if not any(name in own for own in known.values()):
+            raise DataError(f"{path}: no cell of the column {name}; expected it, as it is one of the facts")
+    return episodes
 
 
 def _read_cell(record: Record, column: str) -> str:
     if column not in record:
         raise DataError(f"{record.place}: no {column}; expected the columns {', '.join(COLUMNS)}")
     return record[column]
+
+
+def is_table_of_episodes(path: str | Path) -> bool:
+    """Whether a table has two or more of the columns of episodes; others have records.
+
+    Raises:
+        FileError, DataError: as `read_records`.
+    """
+    return len(set(COLUMNS).intersection(read_header(path))) > 1
+
+
+def read_facts(path: str | Path, names: Sequence[str] = ()) -> list[Record]:
+    """Read records, of some attributes only if names are given.
+
+    Raises:
+        FileError, DataError: as `read_records`; a name is no column.
+    """
+    header = read_header(path)
+    for name in names:
+        if name not in header:
+            raise DataError(f"{path}: no column {name}; {expected_one_of(header)}")
+    records = list(read_records(path))
+    for record in records if names else ():
+        for name in set(record).difference(names):
+            del record[name]
+    return records
+
+
+def _add_facts(known: dict[str, Record], episode: str, record: Record, facts: Sequence[str]) -> None:
+    """Add the facts of a row to those of its episode."""
+    if episode not in known:
+        known[episode] = Record()
+        known[episode].place = record.place
+    for name in facts:
+        own = known[episode]
+        if name in record and own.setdefault(name, record[name]) != record[name]:
+            raise DataError(
+                f"{record.place}: {name} is {record[name]}, and {own[name]} before in episode {episode};"
+                " expected one value in an episode"
+            )
 
 
 def _read_step(record: Record) -> Step:

@@ -3,31 +3,29 @@
 from __future__ import annotations
 
 import json
-from itertools import pairwise
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 
 from lcorpp.domains.new_domain import check_name
 from lcorpp.domains.new_folder import write_folder
+from lcorpp.domains.sections.learning import Sense
 from lcorpp.model_learning.baum_welch import Parameters
 from lcorpp.model_learning.episodes import Episodes
+from lcorpp.model_learning.knowledge.knowledge import FILE, Knowledge
+from lcorpp.model_learning.knowledge.writing import describe_knowledge, format_program
 from lcorpp.model_learning.learnt_model import OVER, LearntModel, make_pomdp
 from lcorpp.model_learning.report import format_report
 from lcorpp.model_learning.spaces import Space
 from lcorpp.planning import Pomdp, SparseTables, format_pomdp
-from lcorpp.values import Array
-
-DIGITS = 6
-"""Decimals of the numbers of the knowledge."""
 
 
 def write_model(folder: Path, learnt: LearntModel) -> None:
     """Write a learnt model completely or not at all.
 
-    interaction.pomdp and report.md; of a model with reports also domain.toml and knowledge.plog, with the
-    rates of the shared values. A domain has as many states of each shared value: those that are missing
-    are copies that nothing reaches.
+    interaction.pomdp and report.md; of a model with reports also domain.toml and knowledge.plog. A domain has
+    as many states of each shared value: those that are missing are copies that nothing reaches.
 
     Raises:
         DomainError: the folder is not empty.
@@ -45,13 +43,32 @@ def write_model(folder: Path, learnt: LearntModel) -> None:
         ['domain.toml', 'interaction.pomdp', 'knowledge.plog', 'report.md']
     """
     texts = {"report.md": format_report(learnt)}
-    if learnt.space.variables:
+    if learnt.knowledge is not None:
         texts["interaction.pomdp"] = _format_filled(learnt)
-        texts["domain.toml"] = _format_toml(folder.absolute().name, learnt)
-        texts["knowledge.plog"] = _format_knowledge(learnt)
+        texts["domain.toml"] = _format_toml(folder.absolute().name, learnt, learnt.knowledge)
+        texts[FILE] = format_program(learnt.knowledge)
     else:
         texts["interaction.pomdp"] = format_pomdp(learnt.pomdp)
     write_folder(folder, texts)
+
+
+def write_knowledge(folder: Path, knowledge: Knowledge) -> None:
+    """Write learnt knowledge completely or not at all: knowledge.plog and report.md.
+
+    Raises:
+        DomainError: the folder is not empty.
+        FileError: it cannot be written.
+
+    Examples:
+        >>> from pathlib import Path
+        >>> from lcorpp.model_learning import learn_knowledge, write_knowledge
+        >>> sun, rain = {"weather": "sun", "umbrella": "no"}, {"weather": "rain", "umbrella": "yes"}
+        >>> write_knowledge(Path("weather"), learn_knowledge(30 * [sun] + 10 * [rain]))
+        >>> "pr(umbrella=no | weather=rain) = " in Path("weather/knowledge.plog").read_text()
+        True
+    """
+    report = ["# Learnt knowledge", "", *describe_knowledge(knowledge)]
+    write_folder(folder, {FILE: format_program(knowledge), "report.md": "\n".join(report) + "\n"})
 
 
 def check_names(episodes: Episodes, reports: str | None) -> None:
@@ -92,27 +109,45 @@ def _format_filled(learnt: LearntModel) -> str:
         own.reward[:, sources],
     )
     shown = ["_".join((*learnt.space.values[v], *([str(n)] if max(numbers) > 1 else []))) for v, n in wanted]
-    return format_pomdp(make_pomdp(learnt.episodes, shown, filled, learnt.discount))
+    reward = learnt.find_rewards(own)[:, sources]
+    return format_pomdp(make_pomdp(learnt.episodes, shown, filled, reward, learnt.discount))
 
 
-def _format_toml(name: str, learnt: LearntModel) -> str:
-    variables, phases = learnt.space.variables, max(learnt.model.structure.numbers)
+def _format_toml(name: str, learnt: LearntModel, knowledge: Knowledge) -> str:
+    variables, phases, stated = learnt.space.variables, max(learnt.model.structure.numbers), learnt.stated
+    attributes = [*knowledge.cases.names, *knowledge.cases.constants]
+    senses = [own for own in (stated.senses if stated else ()) if {own.attribute, own.of} <= set(attributes)]
+    others = {*variables, *knowledge.cases.hidden, *(sense.attribute for sense in senses)}
+    observed = [own for own in attributes if own not in others]
     states = "_".join(f"{{{variable}}}" for variable in (*variables, *(["phase"] if phases > 1 else [])))
+    what = f"{len(learnt.episodes)} episodes" if stated is None else f"decisions in the domain {stated.name}"
     lines = [
         "# Learnt by `lcorpp model`; report.md has the interval of each number.",
         f"name = {json.dumps(name)}",
-        f"description = {json.dumps(f'Learnt from {len(learnt.episodes)} episodes.')}",
+        f"description = {json.dumps(f'Learnt from {what}.')}",
         "",
         "[reasoning]",
-        'program = "knowledge.plog"',
-        "observed = []                     # no facts: the knowledge has rates only",
+        f"program = {json.dumps(FILE)}",
+        f"observed = {json.dumps(observed)}",
         f"shared = {json.dumps(list(variables))}",
+    ]
+    for sense in senses:
+        labels = ", ".join(f"{json.dumps(own)} = {json.dumps(label)}" for own, label in _list_labels(sense))
+        lines += [
+            "",
+            "[[learning]]",
+            f"name = {json.dumps(sense.name)}",
+            f"attribute = {json.dumps(sense.attribute)}",
+            f"labels = {{ {labels} }}",
+            'classifier = "channel"            # simulated, with the rates of the knowledge',
+        ]
+    lines += [
         "",
         "[planning]",
         'model = "interaction.pomdp"',
         f"states = {json.dumps(states)}",
         f"terminal = {json.dumps(OVER)}",
-        f"reports = {json.dumps(learnt.space.pattern)}",
+        *_list_reports(learnt),
     ]
     if phases > 1:
         values = json.dumps([str(n) for n in range(1, phases + 1)])
@@ -120,27 +155,19 @@ def _format_toml(name: str, learnt: LearntModel) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _format_knowledge(learnt: LearntModel) -> str:
-    """Return a program in which each shared variable depends on those before it."""
-    variables, values = learnt.space.variables, learnt.space.values
-    names = [list(dict.fromkeys(value[i] for value in values)) for i in range(len(variables))]
-    start = learnt.model.parameters.start[: len(values)].reshape([len(own) for own in names])
-    lines = [f"% Rates of the shared values in {len(learnt.episodes)} episodes."]
-    for variable, own in zip(variables, names, strict=True):
-        lines.append(f"{variable}_values = {{{', '.join(own)}}}.")
-        lines.append(f"{variable} : {variable}_values.   random({variable}).")
-    for i, variable in enumerate(variables):
-        joint = start.sum(axis=tuple(range(i + 1, len(variables))))
-        for before in np.ndindex(joint.shape[:-1]):
-            body = ", ".join(
-                f"{v}={names[j][b]}" for j, (v, b) in enumerate(zip(variables, before, strict=False))
-            )
-            for value, probability in zip(names[i], _round(joint[before]), strict=True):
-                lines.append(f"pr({variable}={value}{f' | {body}' if body else ''}) = {probability}.")
-    return "\n".join(lines) + "\n"
+def _list_labels(sense: Sense) -> list[tuple[str, str]]:
+    return [(label, own) for own, label in sense.label_of.items()]
 
 
-def _round(weights: Array) -> list[str]:
-    """Return probabilities with a fixed number of decimals that sum to 1."""
-    sums = np.round(np.append(0.0, np.cumsum(weights / weights.sum())), DIGITS)
-    return [f"{after - before:.{DIGITS}f}" for before, after in pairwise(sums.tolist())]
+def _list_reports(learnt: LearntModel) -> Iterator[str]:
+    """Yield the pattern of the reports, or the value that each report names."""
+    space = learnt.space
+    if space.pattern:
+        yield f"reports = {json.dumps(space.pattern)}"
+        return
+    yield from ("", "[planning.reports]")
+    all_right = (1 << len(space.variables)) - 1
+    for action, rights in zip(learnt.episodes.action_names, space.reports.tolist(), strict=True):
+        if all_right in rights:
+            value = space.values[rights.index(all_right)]
+            yield f"{json.dumps(action)} = {json.dumps(value[0] if len(value) == 1 else list(value))}"

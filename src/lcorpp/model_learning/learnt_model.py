@@ -2,19 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
-from lcorpp.errors import ModelError
-from lcorpp.model_learning.baum_welch import Parameters, expect
+from lcorpp.domains.sections.learning import Sense
+from lcorpp.errors import DataError, ModelError
+from lcorpp.model_learning.baum_welch import Parameters, Prior, expect
 from lcorpp.model_learning.draws import draw_models
+from lcorpp.model_learning.episode_records import add_evidence, make_records
 from lcorpp.model_learning.episodes import Episodes
+from lcorpp.model_learning.knowledge.knowledge import Knowledge, learn_knowledge
 from lcorpp.model_learning.spaces import Space
 from lcorpp.model_learning.states import learn
-from lcorpp.model_learning.structure import Model
+from lcorpp.model_learning.structure import Model, Structure
 from lcorpp.planning import Pomdp, SparseTables
 from lcorpp.values import Array
 
@@ -26,10 +29,27 @@ MORE_STATES = 11
 
 
 @dataclass(frozen=True, eq=False)
+class StatedDomain:
+    """What a domain states of a model that is learnt from its log.
+
+    name: of the domain. reward: (A, K) of actions and states. senses: of the robot.
+    strategy: whose decisions were read. skipped: why others were not -> how many.
+    """
+
+    name: str
+    reward: Array
+    senses: tuple[Sense, ...]
+    strategy: str
+    skipped: Mapping[str, int]
+
+
+@dataclass(frozen=True, eq=False)
 class LearntModel:
     """A model with what it was learnt from.
 
     states: (K,) names. pomdp: the states and `over`. draws: (D,) parameters from the posterior.
+    knowledge: of the shared variables, facts and hidden attributes; None without shared variables.
+    stated: the domain that states rewards and states; None if they are learnt.
     """
 
     episodes: Episodes
@@ -38,6 +58,8 @@ class LearntModel:
     states: tuple[str, ...]
     discount: float
     draws: tuple[Parameters, ...]
+    knowledge: Knowledge | None
+    stated: StatedDomain | None = None
 
     def __repr__(self) -> str:
         return f"<LearntModel: {len(self.states)} states from {len(self.episodes)} episodes>"
@@ -45,27 +67,33 @@ class LearntModel:
     @cached_property
     def pomdp(self) -> Pomdp:
         """The estimate as a POMDP."""
-        return make_pomdp(self.episodes, self.states, self.model.parameters, self.discount)
+        reward = self.find_rewards(self.model.parameters)
+        return make_pomdp(self.episodes, self.states, self.model.parameters, reward, self.discount)
 
     @cached_property
     def steps(self) -> Parameters:
         """Expected counts of steps from which each number was estimated."""
-        return expect(self.episodes, self.model.parameters).counts
+        return expect(self.episodes, self.model.parameters, self.model.structure.values).counts
 
     def find_interval(self, numbers: Callable[[Parameters], Array | float]) -> tuple[Array, Array]:
         """Return the ends of the 95 % intervals of some numbers of the parameters, from draws."""
-        low, high = np.quantile([numbers(own) for own in self.draws], [0.025, 0.975], axis=0)
+        drawn = np.array([numbers(own) for own in self.draws], dtype=np.float64)
+        # "weibull": between these quantiles of n draws are 95 % of further ones, whatever n is
+        low, high = np.quantile(drawn, [0.025, 0.975], axis=0, method="weibull")
         return low, high
 
-    def find_reward(self, parameters: Parameters, action: int, state: int) -> float:
-        """Return the expected reward of an action in a state."""
-        return float(parameters.reward[action, state] @ self.episodes.reward_values)
+    def find_rewards(self, parameters: Parameters) -> Array:
+        """Return (A, K) the expected reward of each action in each state."""
+        rewards: Array = parameters.reward @ self.episodes.reward_values
+        return rewards if self.stated is None else self.stated.reward
 
 
 def learn_model(
     episodes: Episodes,
     *,
     reports: str | None = None,
+    hidden: Mapping[str, Sequence[str]] | None = None,
+    order: Sequence[str] = (),
     discount: float = 0.95,
     max_states: int | None = None,
     draws: int = 100,
@@ -81,7 +109,9 @@ def learn_model(
         episodes: the data.
         reports: pattern of the reports, ``report_{intention}``: the states are then the values of these
             variables, which do not change, and further ones that follow from actions. Without it, states
-            have no names.
+            have no names. A fact of the episodes that is one of these variables is its true value.
+        hidden, order: of `learn_knowledge`, which learns how the shared variables and the facts depend on
+            each other; only with reports.
         discount: of the model, from 0 to below 1.
         max_states: by default eleven more than there are shared values.
         draws: from the posterior, for intervals; at least 1.
@@ -90,7 +120,8 @@ def learn_model(
             was scored.
 
     Raises:
-        DataError: the pattern does not fit to the actions.
+        DataError: the pattern does not fit to the actions, or facts, hidden attributes or the order do not
+            fit to each other; there are some without reports.
         ModelError: an argument is out of range.
 
     Examples:
@@ -107,6 +138,11 @@ def learn_model(
         1.0
     """
     space = Space.unknown(episodes) if reports is None else Space.of_reports(episodes, reports)
+    if reports is None and (hidden or order or any(episodes.facts)):
+        raise DataError(
+            "facts, hidden attributes and an order need reports: they relate to the shared values"
+        )
+    episodes = add_evidence(episodes, space)
     limit = len(space) + MORE_STATES if max_states is None else max_states
     if not 0 <= discount < 1:
         raise ModelError(f"the discount is {discount}; expected a number from 0 to below 1")
@@ -116,31 +152,46 @@ def learn_model(
         raise ModelError(f"draws is {draws}; expected at least 1")
     rng = np.random.default_rng(seed)
     model = learn(episodes, space, limit, rng, progress)
-    drawn = tuple(draw_models(episodes, space, model, draws, rng))
-    return LearntModel(episodes, space, model, _name_states(space, model), discount, drawn)
+    pseudo = Prior.of(episodes).pseudo_counts(model.parameters.count, space)
+    drawn = tuple(draw_models(episodes, model, pseudo, draws, rng))
+    knowledge = None
+    if space.variables:
+        names = [list(dict.fromkeys(own)) for own in zip(*space.values, strict=True)]
+        knowledge = learn_knowledge(
+            make_records(episodes, space, model),
+            hidden=hidden,
+            order=order,
+            values=dict(zip(space.variables, names, strict=True)),
+            seed=seed,
+        )
+    return LearntModel(
+        episodes, space, model, name_states(space, model.structure), discount, drawn, knowledge
+    )
 
 
-def make_pomdp(episodes: Episodes, states: Sequence[str], parameters: Parameters, discount: float) -> Pomdp:
-    """Return a POMDP of K named states and `over`."""
+def make_pomdp(
+    episodes: Episodes, states: Sequence[str], parameters: Parameters, reward: Array, discount: float
+) -> Pomdp:
+    """Return a POMDP of K named states and `over`. reward: (A, K)."""
     A, K = len(episodes.action_names), len(states)
-    transition, reward = np.zeros((A, K + 1, K + 1)), np.zeros((A, K + 1))
+    transition, rewards = np.zeros((A, K + 1, K + 1)), np.zeros((A, K + 1))
     transition[:, :K], transition[:, K, K] = parameters.transition, 1.0
-    reward[:, :K] = parameters.reward @ episodes.reward_values
+    rewards[:, :K] = reward
     return Pomdp(
         (*states, OVER),
         episodes.action_names,
         episodes.observation_names,
         SparseTables.of(transition),
         SparseTables.of(parameters.observation),
-        reward,
+        rewards,
         discount,
         np.append(parameters.start, 0.0),
     )
 
 
-def _name_states(space: Space, model: Model) -> tuple[str, ...]:
+def name_states(space: Space, structure: Structure) -> tuple[str, ...]:
     """Return names by the shared values, with the number of the state if a value has several."""
-    values, numbers = model.structure.values, model.structure.numbers
+    values, numbers = structure.values, structure.numbers
     if not space.variables:
         return tuple(f"s{k + 1}" for k in range(len(values)))
     names = ["_".join(space.values[v]) for v in values]

@@ -8,6 +8,7 @@ from functools import partial
 import numpy as np
 
 from lcorpp.model_learning.baum_welch import Parameters
+from lcorpp.model_learning.knowledge.writing import NOT_IDENTIFIABLE, describe_knowledge
 from lcorpp.model_learning.learnt_model import LearntModel
 from lcorpp.model_learning.structure import MOVES, RESTARTS, STAYS
 from lcorpp.values import Array
@@ -23,8 +24,6 @@ MIN_STEPS = 1.0
 
 MIN_PROBABILITY = 0.005
 """Smaller probabilities are left out of the report, in which they are 0.00."""
-
-NOT_IDENTIFIABLE = "not identifiable from these data"
 
 
 def format_report(learnt: LearntModel) -> str:
@@ -46,10 +45,7 @@ def format_report(learnt: LearntModel) -> str:
     lines = [
         "# Learnt model",
         "",
-        f"{len(episodes)} episodes, {len(episodes.actions)} steps; {len(learnt.states)} states, chosen by the"
-        " Bayesian information criterion. Numbers are estimates with 95 % intervals, given this choice of"
-        f" states. A number of fewer than {MIN_STEPS:g} expected steps is {NOT_IDENTIFIABLE}; the model has"
-        " there what the action does on average.",
+        *_describe_data(learnt),
         "",
         "## Start",
         "",
@@ -57,7 +53,30 @@ def format_report(learnt: LearntModel) -> str:
     ]
     for action, name in enumerate(episodes.action_names):
         lines += ["", f"## {name}", "", *_describe_action(learnt, action)]
+    if learnt.knowledge is not None:
+        lines += ["", "## Knowledge", "", *describe_knowledge(learnt.knowledge)]
     return "\n".join(lines) + "\n"
+
+
+def _describe_data(learnt: LearntModel) -> Iterator[str]:
+    episodes, stated, K = learnt.episodes, learnt.stated, len(learnt.states)
+    numbers = "Numbers are estimates with 95 % intervals, given this choice of states."
+    if stated is None:
+        yield (
+            f"{len(episodes)} episodes, {len(episodes.actions)} steps; {K} states, chosen by the Bayesian"
+            f" information criterion. {numbers} A number of fewer than {MIN_STEPS:g} expected steps is"
+            f" {NOT_IDENTIFIABLE}; the model has there what the action does on average."
+        )
+        return
+    yield (
+        f"{len(episodes)} decisions of {stated.strategy} with {len(episodes.actions)} answers; {K} states and"
+        f" all rewards as the domain {stated.name} states them. {numbers} A number of fewer than"
+        f" {MIN_STEPS:g} expected steps is {NOT_IDENTIFIABLE}; the model has there what the domain states."
+    )
+    if stated.skipped:
+        yield ""
+    for reason, count in stated.skipped.items():
+        yield f"- {count} decisions are left out: {reason}"
 
 
 def _list_start(learnt: LearntModel) -> Iterator[str]:
@@ -68,6 +87,9 @@ def _list_start(learnt: LearntModel) -> Iterator[str]:
 def _describe_action(learnt: LearntModel, action: int) -> Iterator[str]:
     effect, K = int(learnt.model.structure.effects[action]), len(learnt.states)
     steps = learnt.steps.transition[action]
+    if not steps.any():
+        yield f"0 steps: as the domain states it, and {NOT_IDENTIFIABLE}."
+        return
     count, ends = int(np.count_nonzero(learnt.episodes.actions == action)), steps[:, K].sum() / steps.sum()
     always = ends > 1 - MIN_PROBABILITY
     does = "ends the decision" if always else EFFECTS[effect]
@@ -84,7 +106,9 @@ def _describe_action(learnt: LearntModel, action: int) -> Iterator[str]:
             found = ", ".join(row) if steps[k].sum() >= MIN_STEPS else NOT_IDENTIFIABLE
             yield f"- from {learnt.states[k]} to {found}"
     yield ""
-    tables = [("reward", learnt.model.structure.reward, learnt.steps.reward, _describe_reward)]
+    tables = []
+    if learnt.stated is None:
+        tables.append(("reward", learnt.model.structure.reward, learnt.steps.reward, _describe_reward))
     if not always:
         seen = learnt.steps.observation[:, :K]
         tables.append(("observations", learnt.model.structure.observation, seen, _describe_observations))
@@ -99,8 +123,8 @@ def _describe_action(learnt: LearntModel, action: int) -> Iterator[str]:
 
 
 def _describe_reward(learnt: LearntModel, action: int, state: int) -> str:
-    mean = learnt.find_reward(learnt.model.parameters, action, state)
-    low, high = learnt.find_interval(lambda own: learnt.find_reward(own, action, state))
+    mean = learnt.find_rewards(learnt.model.parameters)[action, state]
+    low, high = learnt.find_interval(lambda own: learnt.find_rewards(own)[action, state])
     return f"{mean:.4g} [{low:.4g}, {high:.4g}]"
 
 

@@ -130,20 +130,23 @@ def fit(
     structure: Structure,
     pseudo: Parameters,
     iterations: int = MAX_ITERATIONS,
+    tolerance: float = TOLERANCE,
 ) -> Model:
     """Iterate expectation and maximisation from some parameters, under a structure.
 
-    pseudo: pseudo-counts, see `Prior`.
+    pseudo: pseudo-counts, see `Prior`. tolerance: see `TOLERANCE`.
     """
     last = -np.inf
     for _ in range(iterations):
-        found = expect(episodes, parameters)
+        found = expect(episodes, parameters, structure.values)
         likelihood = float(found.log_likelihoods.sum())
         parameters = maximise(found.counts, pseudo, structure)
-        if likelihood - last < TOLERANCE * abs(likelihood):
+        if likelihood - last < tolerance * abs(likelihood):
             break
         last = likelihood
-    return Model(parameters, structure, float(expect(episodes, parameters).log_likelihoods.sum()))
+    return Model(
+        parameters, structure, float(expect(episodes, parameters, structure.values).log_likelihoods.sum())
+    )
 
 
 def choose_structure(episodes: Episodes, model: Model, pseudo: Parameters, space: Space) -> Model:
@@ -165,7 +168,7 @@ def choose_structure(episodes: Episodes, model: Model, pseudo: Parameters, space
             if (own := tried.score(episodes)) > score:
                 best, score = tried, own
     for _ in range(MAX_ROUNDS):
-        counts = expect(episodes, best.parameters).counts
+        counts = expect(episodes, best.parameters, best.structure.values).counts
         tried = fit(
             episodes, best.parameters, _choose_groups(episodes, counts, best.structure, space), pseudo
         )

@@ -114,10 +114,10 @@ class BatchWorld:
 def simulates_at_once(experiment: Experiment, strategy: Strategy) -> bool:
     """Whether a strategy's decisions are simulated for many people at once.
 
-    They are if its actions depend on the belief alone and people answer by the feedback model.
+    They are if its actions depend on the belief alone and people answer by the feedback model of the domain.
     """
     planner = experiment.robot.planner
-    alone = strategy.change is None and strategy.start is None
+    alone = strategy.change is None and strategy.start is None and experiment.people is None
     return alone and isinstance(planner, Planner) and experiment.domain.simulation.world is None
 
 

@@ -34,6 +34,7 @@ class Experiment:
         that differences between strategies are not differences between samples.
     parts: what determines the robot's decisions, for a log.
     rates: of senses with soft evidence, for strategies that learn from earlier people.
+    people: the domain of the people, see `check_people`; None for the robot's.
 
     Examples:
         >>> from lcorpp import load_robot
@@ -56,6 +57,7 @@ class Experiment:
     seed: int
     parts: RobotParts | None = None
     rates: Rates = field(default_factory=dict)
+    people: Domain | None = None
 
     def __post_init__(self) -> None:
         check_fields(self)
@@ -89,12 +91,13 @@ class Trial(NamedTuple):
 class Chunk:
     """The n people of a chunk of trials.
 
-    robot: the full one. seed: of the experiment and the chunk.
+    domain: the robot's. robot: the full one. seed: of the experiment and the chunk.
     signals: sense -> (n, ...), as of `simulate_signals`.
     labels: sense -> output of the classifier about each person, None without a signal.
     seconds: of the classifiers, for each person.
     """
 
+    domain: Domain
     model: Dynamics
     robot: Robot
     seed: tuple[int, int]
@@ -105,7 +108,7 @@ class Chunk:
 
     def index_values(self) -> Indices:
         """Return the index of each person's shared value, (n,)."""
-        domain = self.model.domain
+        domain = self.domain
         return np.array([domain.values.index(domain.reasoning.join(p)) for p in self.people], np.intp)
 
     @property
@@ -119,7 +122,7 @@ class Chunk:
 
     def find_trial(self, i: int) -> Trial:
         """Return the trial of person i."""
-        person, observed = self.people[i], self.model.domain.observed
+        person, observed = self.people[i], self.domain.observed
         classifiers = {sense: PrecomputedLabel(labels[i]) for sense, labels in self.labels.items()}
         instance = Instance(select_signals(self.signals, i), {name: person[name] for name in observed})
         robot = replace(self.robot, classifiers=classifiers)
@@ -131,7 +134,8 @@ class ChunkSource:
 
     def __init__(self, experiment: Experiment) -> None:
         self._experiment = experiment
-        self._model, self._population = make_dynamics(experiment.domain), Population(experiment.domain)
+        self._people = experiment.people or experiment.domain
+        self._model, self._population = make_dynamics(self._people), Population(self._people)
 
     def draw(self, number: int, count: int) -> Chunk:
         """Draw a chunk of some people."""
@@ -143,14 +147,14 @@ class ChunkSource:
             if sense.name in experiment.signals:  # the same, whatever other senses the strategies use
                 own = rng if place == 0 else np.random.default_rng([*seed, place, 2])
                 source = experiment.signals[sense.name]
-                signals[sense.name] = simulate_signals(experiment.domain, sense.name, source, people, own)
+                signals[sense.name] = simulate_signals(self._people, sense.name, source, people, own)
         began = perf_counter()
         labels = {
             sense: classify_perceived(classifier, signals[sense])
             for sense, classifier in experiment.classifiers.items()
         }
         seconds = (perf_counter() - began) / count
-        return Chunk(self._model, experiment.robot, seed, people, signals, labels, seconds)
+        return Chunk(experiment.domain, self._model, experiment.robot, seed, people, signals, labels, seconds)
 
 
 def draw_trial(experiment: Experiment, trial: int, *, trials: int) -> Trial:

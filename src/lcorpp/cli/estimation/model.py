@@ -1,22 +1,42 @@
-"""`lcorpp model`: learn a model from episodes, and write it as a folder."""
+"""`lcorpp model`: learn a model from episodes or records, and write it as a folder."""
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from lcorpp.cli.console import print_text
 from lcorpp.cli.options import common as options
+from lcorpp.errors import DataError
+
+if TYPE_CHECKING:
+    from lcorpp.model_learning import Knowledge, LearntModel
+
+EPISODES, RECORDS, LOG = "episodes", "records", "decisions"
+"""Kinds of data."""
+
+KINDS = {
+    EPISODES: ("--reports", "--facts", "--discount", "--max-states"),
+    RECORDS: ("--facts",),
+    LOG: ("--domain", "--strategy"),
+}
+"""The options that each kind of data has, beside those of all."""
+
+Advance = Callable[[float, str], None]
+"""Shows the completed share of the work."""
 
 
 def model(
-    episodes: Annotated[
+    data: Annotated[
         Path,
         typer.Argument(
-            metavar="EPISODES.csv",
-            help="The episodes: a row for each step, columns episode, action, observation, reward.",
+            metavar="DATA",
+            help="Episodes, a CSV with a row for each step and columns episode, action, observation, reward;"
+            " records, a CSV with a column for each attribute, empty where it is unknown; or a log of"
+            " decisions, written with --log.",
         ),
     ],
     output: Annotated[
@@ -30,40 +50,156 @@ def model(
             " folder is a domain.",
         ),
     ] = None,
-    discount: Annotated[float, typer.Option(help="Discount of the model, from 0 to below 1.")] = 0.95,
+    facts: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAMES",
+            help="Columns of episodes with what is known of them, e.g. time,location; of records, the columns"
+            " to read. A shared variable among them has true values.",
+        ),
+    ] = None,
+    hidden: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="NAME=VALUES",
+            help="A hidden attribute and its values, identity=student,visitor, or their number; repeatable.",
+        ),
+    ] = None,
+    order: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="ORDER",
+            help="No attribute depends on a later one: 'identity < time, location'; repeatable.",
+        ),
+    ] = None,
+    discount: Annotated[
+        float | None, typer.Option(help="Discount of the model, from 0 to below 1.  [default: 0.95]")
+    ] = None,
     max_states: Annotated[
         int | None,
         typer.Option(min=1, help="Maximum number of states; by default eleven more than shared values."),
     ] = None,
+    domain: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FOLDER",
+            help="The domain of a log, if it is no longer where it was; by default the log's.",
+        ),
+    ] = None,
+    strategy: Annotated[
+        str | None, typer.Option(metavar="NAME", help="Read only the decisions of this strategy of a log.")
+    ] = None,
     seed: options.SeedOption = 0,
 ) -> None:
-    """Learn a planner's model from episodes with hidden states.
+    """Learn a model from episodes, records or a log.
 
-    Writes interaction.pomdp and report.md, which has the interval of each number; with --reports also a
-    domain.toml and the rates of the shared values, so that `lcorpp run FOLDER` decides with it.
+    From episodes with hidden states: interaction.pomdp and report.md, which has the interval of each number;
+    with --reports also a domain.toml and knowledge.plog, so that `lcorpp run FOLDER` decides with it. From
+    records: knowledge.plog and report.md, with the probability of each edge. From a log of decisions: all of
+    these; states and rewards are those of its domain.
     """
     from lcorpp.cli.console import show_delayed_progress
     from lcorpp.domains.new_folder import check_new_folder
-    from lcorpp.model_learning import learn_model, read_episodes, write_model
-    from lcorpp.model_learning.folder import check_names
+    from lcorpp.model_learning import write_knowledge, write_model
 
     check_new_folder(output)
-    data = read_episodes(episodes)
-    check_names(data, reports)
+    kind = _find_kind(data)
+    given = {
+        "--reports": reports,
+        "--facts": facts,
+        "--discount": discount,
+        "--max-states": max_states,
+        "--domain": domain,
+        "--strategy": strategy,
+    }
+    if wrong := [name for name, own in given.items() if own is not None and name not in KINDS[kind]]:
+        raise DataError(f"{data}: has {kind}; expected no {wrong[0]}, which is for others")
+    names = [name.strip() for name in (facts or "").split(",") if name.strip()]
+    about = {"hidden": dict(map(_read_hidden, hidden or ())), "order": order or (), "seed": seed}
     try:
         with show_delayed_progress("learning") as advance:
-            learnt = learn_model(
-                data,
-                reports=reports,
-                discount=discount,
-                max_states=max_states,
-                seed=seed,
-                progress=lambda share, states: advance(share, f"{states} states"),
-            )
+            if kind == RECORDS:
+                knowledge = _learn_knowledge(data, names, about, advance)
+            elif kind == LOG:
+                learnt = _learn_from_log(data, domain, strategy, about, advance)
+            else:
+                own = {"discount": 0.95 if discount is None else discount, "max_states": max_states}
+                learnt = _learn_model(data, names, reports, about | own, advance)
     except KeyboardInterrupt:
         raise KeyboardInterrupt("interrupted while learning; nothing is written") from None
+    if kind == RECORDS:
+        write_knowledge(output, knowledge)
+        _print_knowledge(knowledge)
+        print_text(f"wrote {output}: knowledge.plog; the edges with their probabilities are in report.md")
+        return
     write_model(output, learnt)
-    names = ", ".join(learnt.states)
-    print_text(f"{len(data)} episodes, {len(data.actions)} steps; {len(learnt.states)} states: {names}")
-    written = " and ".join(["interaction.pomdp", *(["domain.toml"] if reports else [])])
+    n, steps, states = len(learnt.episodes), len(learnt.episodes.actions), len(learnt.states)
+    print_text(f"{n} episodes, {steps} steps; {states} states: {', '.join(learnt.states)}")
+    if learnt.knowledge is not None:
+        _print_knowledge(learnt.knowledge)
+    written = " and ".join(["interaction.pomdp", *(["domain.toml"] if learnt.knowledge else [])])
     print_text(f"wrote {output}: {written}; the numbers with their intervals are in report.md")
+
+
+def _find_kind(data: Path) -> str:
+    from lcorpp.logs.decision_log import is_log
+    from lcorpp.model_learning.episodes import is_table_of_episodes
+
+    if is_log(data):
+        return LOG
+    return EPISODES if is_table_of_episodes(data) else RECORDS
+
+
+def _learn_knowledge(
+    data: Path, names: Sequence[str], about: Mapping[str, Any], advance: Advance
+) -> Knowledge:
+    from lcorpp.model_learning import learn_knowledge
+    from lcorpp.model_learning.episodes import read_facts
+
+    return learn_knowledge(
+        read_facts(data, names), **about, progress=lambda share: advance(share, "structures")
+    )
+
+
+def _learn_from_log(
+    data: Path, domain: Path | None, strategy: str | None, about: Mapping[str, Any], advance: Advance
+) -> LearntModel:
+    from lcorpp.model_learning import learn_from_log
+
+    return learn_from_log(
+        data, folder=domain, strategy=strategy, **about, progress=lambda share: advance(share, "rounds")
+    )
+
+
+def _learn_model(
+    data: Path, names: Sequence[str], reports: str | None, about: Mapping[str, Any], advance: Advance
+) -> LearntModel:
+    from lcorpp.model_learning import learn_model, read_episodes
+    from lcorpp.model_learning.folder import check_names
+
+    episodes = read_episodes(data, names)
+    check_names(episodes, reports)
+    return learn_model(
+        episodes,
+        reports=reports,
+        **about,
+        progress=lambda share, states: advance(share, f"{states} states"),
+    )
+
+
+def _read_hidden(text: str) -> tuple[str, tuple[str, ...]]:
+    """Return a hidden attribute and its values; of a number of values, NAME_1 and so on."""
+    name, _, values = (part.strip() for part in text.partition("="))
+    names = tuple(value.strip() for value in values.split(","))
+    if values.isdecimal() and name:
+        names = tuple(f"{name}_{i + 1}" for i in range(min(int(values), 1000)))
+    if not name or len(set(names)) < max(len(names), 2) or not all(names):
+        raise DataError(f"--hidden is {text!r}; expected NAME=VALUES with two or more, or NAME=2")
+    return name, names
+
+
+def _print_knowledge(knowledge: Knowledge) -> None:
+    """Print what each attribute depends on."""
+    for name, parents in knowledge.structure.items():
+        if parents:
+            print_text(f"{name} depends on {' and '.join(parents)}")
