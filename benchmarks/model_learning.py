@@ -34,6 +34,12 @@ from lcorpp.planning import Policy, Pomdp, SparseTables, parse_pomdp, simulate, 
 from lcorpp.planning.belief import update
 from lcorpp.planning.evaluation.mdp import zero_reward_states
 
+REPORTS = {
+    "intention": "report_{intention}",
+    "museum": "wish: give_tour=tour, give_directions=directions, stay_away=nothing",
+}
+"""Reports of domains, as of `lcorpp model --reports`."""
+
 MAX_STEPS = 20
 """Steps of an episode that does not end before."""
 
@@ -115,7 +121,7 @@ def make_case(name: str) -> Case:
         values = {variable: [f"{variable}{i}" for i in range(2)] for variable in ("item", "person", "room")}
         pomdp, reports = make_model(values), "deliver_{item}_{person}_{room}"
     else:
-        pomdp, reports = load_domain(name).pomdp, "report_{intention}" if name == "intention" else None
+        pomdp, reports = load_domain(name).pomdp, REPORTS[name]
     solution = solve(pomdp, time_limit=10, precision=0.01)
     at_once = (pomdp.reward @ pomdp.start)[pomdp.reward.min(axis=1) < pomdp.reward.min(axis=1).max()]
     floor = 0.0 if name == "light maze" else float(at_once.max())
@@ -173,7 +179,9 @@ def learn_plainly(episodes: Episodes, case: Case, seed: int) -> LearntModel:
     A, K = len(episodes.action_names), int((~zero_reward_states(case.pomdp)).sum())
     space = Space.unknown(episodes)
     pseudo = Prior.of(episodes, steps=(0.01, 0.01, 0.01)).pseudo_counts(K, space)
-    structure = Structure.free(space, np.zeros(K, dtype=np.intp), np.full(A, MOVES))
+    structure = Structure.free(
+        space, np.zeros(K, dtype=np.intp), np.full(A, MOVES), len(episodes.observation_names)
+    )
 
     def start() -> Model:
         tables = (pseudo.start, pseudo.transition, pseudo.observation, pseudo.reward)
@@ -182,7 +190,7 @@ def learn_plainly(episodes: Episodes, case: Case, seed: int) -> LearntModel:
 
     best = max((start() for _ in range(5)), key=lambda own: own.log_likelihood)
     return LearntModel(
-        episodes, space, best, tuple(f"s{k}" for k in range(K)), case.pomdp.discount, (best.parameters,)
+        episodes, space, best, tuple(f"s{k}" for k in range(K)), case.pomdp.discount, (best.parameters,), None
     )
 
 

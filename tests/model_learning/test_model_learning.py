@@ -210,7 +210,7 @@ def test_states_that_a_value_lacks_are_copies_that_nothing_reaches(tmp_path):
     observation = own.observation[:, [*states, 2]].copy()
     observation[ask, 2] = [1, 0, 0]  # the second state of tea sounds like milk
     parameters = Parameters(np.append(own.start, 0.0), transition, observation, own.reward[:, states].copy())
-    structure = Structure.free(learnt.space, np.array(states), np.full(3, MOVES))
+    structure = Structure.free(learnt.space, np.array(states), np.full(3, MOVES), 3)
     model = replace(learnt.model, parameters=parameters, structure=structure)
     grown = replace(learnt, model=model, states=("milk_1", "tea_1", "tea_2"), draws=(parameters,))
     write_model(tmp_path / "drinks", grown)
@@ -291,7 +291,7 @@ def test_ends_are_stated_or_follow_from_the_actions(tmp_path):
     [
         ("report", r"expected variables in braces, each once, as in report_\{intention\}"),
         ("bring_{a}_{a}", r"each once"),
-        ("take_{wish}", r"0 actions fit to the pattern of reports 'take_\{wish\}'; expected at least two"),
+        ("take_{wish}", r"0 actions fit to the reports 'take_\{wish\}'; expected at least two"),
     ],
 )
 def test_wrong_patterns_are_refused(pattern, message):
@@ -302,7 +302,7 @@ def test_wrong_patterns_are_refused(pattern, message):
 def test_each_combination_needs_a_report():
     names = ("bring_tea_lab", "bring_milk_hall", "bring_tea_hall")
     episodes = Episodes.of([[Step(name, "none", float(i))] for i, name in enumerate(names)], [True] * 3)
-    with pytest.raises(DataError, match="no report bring_milk_lab; expected one for each combination"):
+    with pytest.raises(DataError, match="no report of milk, lab; expected one for each combination"):
         Space.of_reports(episodes, "bring_{item}_{room}")
 
 

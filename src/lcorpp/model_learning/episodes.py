@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from math import isfinite
@@ -109,6 +109,12 @@ class Episodes:
             f"<Episodes: {len(self)} with {len(self.actions)} steps, {len(self.action_names)} actions,"
             f" {len(self.observation_names)} observations>"
         )
+
+    def add_observations(self, names: Iterable[str]) -> Episodes:
+        """Return the episodes with names of observations that may occur, too."""
+        every = tuple(sorted({*self.observation_names, *names}))
+        places = np.array([every.index(name) for name in self.observation_names])
+        return replace(self, observation_names=every, observations=places[self.observations])
 
     def select(self, places: Indices) -> Episodes:
         """Return some of these episodes, each as often as its index occurs."""

@@ -15,6 +15,7 @@ from lcorpp.model_learning.draws import draw_models
 from lcorpp.model_learning.episode_records import add_evidence, make_records
 from lcorpp.model_learning.episodes import Episodes
 from lcorpp.model_learning.knowledge.knowledge import Knowledge, learn_knowledge
+from lcorpp.model_learning.relations import list_answers
 from lcorpp.model_learning.spaces import Space
 from lcorpp.model_learning.states import learn
 from lcorpp.model_learning.structure import Model, Structure
@@ -107,7 +108,7 @@ def learn_model(
 
     Args:
         episodes: the data.
-        reports: pattern of the reports, ``report_{intention}``: the states are then the values of these
+        reports: of `Space.of_reports`, e.g. ``report_{intention}``: the states are then the values of these
             variables, which do not change, and further ones that follow from actions. Without it, states
             have no names. A fact of the episodes that is one of these variables is its true value.
         hidden, order: of `learn_knowledge`, which learns how the shared variables and the facts depend on
@@ -137,7 +138,12 @@ def learn_model(
         >>> round(float(learnt.pomdp.observation[look][0, h]), 1)
         1.0
     """
-    space = Space.unknown(episodes) if reports is None else Space.of_reports(episodes, reports)
+    space = Space.unknown(episodes)
+    if reports is not None:
+        space = Space.of_reports(episodes, reports)
+        answers = list_answers(space.variables, space.values, episodes.observation_names)
+        episodes = episodes.add_observations(answers)
+        space = Space.of_reports(episodes, reports)
     if reports is None and (hidden or order or any(episodes.facts)):
         raise DataError(
             "facts, hidden attributes and an order need reports: they relate to the shared values"

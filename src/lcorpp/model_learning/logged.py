@@ -27,7 +27,7 @@ from lcorpp.model_learning.episodes import Episodes
 from lcorpp.model_learning.knowledge.knowledge import learn_knowledge
 from lcorpp.model_learning.learnt_model import LearntModel, StatedDomain, name_states
 from lcorpp.model_learning.spaces import Space
-from lcorpp.model_learning.structure import MOVES, STAYS, Model, Structure, fit
+from lcorpp.model_learning.structure import MOVES, STAYS, Model, Structure, fit, list_cells
 from lcorpp.values import Array, Indices
 
 TOLERANCE = 1e-8
@@ -199,7 +199,8 @@ def _find_structure(stated: Parameters, values: Indices) -> Structure:
     for action in range(A):
         _, places = np.unique(stated.observation[action, :K].round(12), axis=0, return_inverse=True)
         groups[action] = action * K + places.reshape(-1)
-    return Structure(values, effects, groups, np.arange(A * K).reshape(A, K))
+    cells = list_cells(groups, stated.observation.shape[2])
+    return Structure(values, effects, groups, np.arange(A * K).reshape(A, K), cells)
 
 
 def _read_people(domain: Domain, decisions: Sequence[LoggedDecision], skipped: Counter[str]) -> list[_Person]:
@@ -292,12 +293,13 @@ class _Contexts:
     def extend_structure(self, structure: Structure) -> Structure:
         """Return the structure with the further action: states of a value have the same contexts."""
         A, K = structure.observation.shape
-        rows = A * K + structure.values
+        observation = np.vstack([structure.observation, A * K + structure.values])
         return Structure(
             structure.values,
             np.append(structure.effects, STAYS),
-            np.vstack([structure.observation, rows]),
+            observation,
             np.arange((A + 1) * K).reshape(A + 1, K),
+            list_cells(observation, structure.cells.shape[2] + len(self.stated)),
         )
 
     def restrict(self, parameters: Parameters) -> Parameters:

@@ -111,7 +111,7 @@ def _describe_action(learnt: LearntModel, action: int) -> Iterator[str]:
         tables.append(("reward", learnt.model.structure.reward, learnt.steps.reward, _describe_reward))
     if not always:
         seen = learnt.steps.observation[:, :K]
-        tables.append(("observations", learnt.model.structure.observation, seen, _describe_observations))
+        tables.append(("observations", learnt.model.structure.rows, seen, _describe_observations))
     for what, groups, steps, describe in tables:
         counts = steps[action].sum(axis=1)
         for group in dict.fromkeys(groups[action].tolist()):

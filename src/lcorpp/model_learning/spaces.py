@@ -8,8 +8,9 @@ from itertools import product
 
 import numpy as np
 
-from lcorpp.errors import DataError
+from lcorpp.errors import DataError, expected_one_of
 from lcorpp.model_learning.episodes import Episodes
+from lcorpp.model_learning.relations import Relation, find_relations
 from lcorpp.values import Indices
 
 
@@ -17,15 +18,17 @@ from lcorpp.values import Indices
 class Space:
     """V shared values, which do not change within an episode, and the reports that name them.
 
-    pattern: of the reports; "" without any.
+    pattern: of the reports; "" without a pattern.
     variables: names. values: (V,) of each shared value, a value of each variable.
     reports: (A, V) which variables of a report are right, as bits; -1 for actions that are no reports.
+    relations: of the questions whose names, or those of their answers, have shared values.
     """
 
     pattern: str
     variables: tuple[str, ...]
     values: tuple[tuple[str, ...], ...]
     reports: Indices
+    relations: tuple[Relation, ...] = ()
 
     @classmethod
     def unknown(cls, episodes: Episodes) -> Space:
@@ -33,42 +36,45 @@ class Space:
         return cls("", (), ((),), np.full((len(episodes.action_names), 1), -1))
 
     @classmethod
-    def of_reports(cls, episodes: Episodes, pattern: str) -> Space:
-        """Return the space of the reports of a pattern, e.g. ``deliver_{item}_{room}``.
+    def of_reports(cls, episodes: Episodes, text: str) -> Space:
+        """Return the space of some reports.
+
+        Args:
+            text: a pattern of the actions that report, e.g. ``deliver_{item}_{room}``, or a variable and the
+                value that each report names: ``wish: give_tour=tour, stay_away=nothing``.
 
         Raises:
-            DataError: the pattern has no variable or one twice, fewer than two actions fit to it, all reports
-                earned the same, or a combination of values has no report.
+            DataError: the text is neither, it has a variable twice, fewer than two actions are reports, one
+                of them is no action, all earned the same, or a combination of values has no report.
         """
-        names, expression = _compile(pattern)
-        fits = {
-            action: match.groups()
-            for action in episodes.action_names
-            if (match := expression.fullmatch(action))
-        }
-        if len(fits) < 2:
+        names, reported = _read_values(text, episodes) if ":" in text else _match_pattern(text, episodes)
+        if len(reported) < 2:
             raise DataError(
-                f"{len(fits)} actions fit to the pattern of reports {pattern!r}; expected at least two."
+                f"{len(reported)} actions fit to the reports {text!r}; expected at least two."
                 f" Actions: {', '.join(episodes.action_names)}"
             )
-        places = np.isin(episodes.actions, [episodes.action_names.index(action) for action in fits])
+        places = np.isin(episodes.actions, [episodes.action_names.index(action) for action in reported])
         if len(earned := np.unique(episodes.rewards[places])) < 2:
             raise DataError(
                 f"all reports earned {episodes.reward_values[earned[0]]:g}, so that nothing relates them to"
                 " the states; expected right and wrong reports with different rewards"
             )
-        own = [sorted({values[i] for values in fits.values()}) for i in range(len(names))]
+        own = [sorted({values[i] for values in reported.values()}) for i in range(len(names))]
         values = tuple(product(*own))
-        if missing := sorted(set(values) - set(fits.values())):
+        if missing := sorted(set(values) - set(reported.values())):
             raise DataError(
-                f"the episodes have no report {_fill(pattern, names, missing[0])}; expected one for each"
-                f" combination of values, as {next(iter(fits))}: add an episode with it"
+                f"the episodes have no report of {', '.join(missing[0])}; expected one for each combination"
+                f" of values, as {next(iter(reported))}: add an episode with it"
             )
         reports = np.full((len(episodes.action_names), len(values)), -1)
-        for action, reported in fits.items():
-            right = [sum(1 << i for i, x in enumerate(reported) if x == value[i]) for value in values]
+        for action, named in reported.items():
+            right = [sum(1 << i for i, x in enumerate(named) if x == value[i]) for value in values]
             reports[episodes.action_names.index(action)] = right
-        return cls(pattern, names, values, reports)
+        questions = np.flatnonzero(reports[:, 0] < 0)
+        relations = find_relations(
+            names, values, episodes.action_names, episodes.observation_names, questions
+        )
+        return cls("" if ":" in text else text, names, values, reports, relations)
 
     def __len__(self) -> int:
         return len(self.values)
@@ -87,19 +93,33 @@ class Space:
         return found
 
 
-def _compile(pattern: str) -> tuple[tuple[str, ...], re.Pattern[str]]:
+_Reported = dict[str, tuple[str, ...]]
+"""Action -> the value of each variable that it reports."""
+
+
+def _match_pattern(pattern: str, episodes: Episodes) -> tuple[tuple[str, ...], _Reported]:
     parts = re.split(r"\{(\w+)\}", pattern)
     names = tuple(parts[1::2])
     if not names or len(set(names)) < len(names):
         raise DataError(
-            f"the pattern of reports is {pattern!r}; expected variables in braces, each once, as in"
-            " report_{intention}"
+            f"the reports are {pattern!r}; expected variables in braces, each once, as in"
+            " report_{intention}, or a variable and its values, as in 'wish: give_tour=tour,"
+            " stay_away=nothing'"
         )
     texts = [re.escape(part) if i % 2 == 0 else "(.+?)" for i, part in enumerate(parts)]
-    return names, re.compile("".join(texts))
+    expression = re.compile("".join(texts))
+    matches = ((action, expression.fullmatch(action)) for action in episodes.action_names)
+    return names, {action: match.groups() for action, match in matches if match}
 
 
-def _fill(pattern: str, names: tuple[str, ...], values: tuple[str, ...]) -> str:
-    for name, value in zip(names, values, strict=True):
-        pattern = pattern.replace(f"{{{name}}}", value)
-    return pattern
+def _read_values(text: str, episodes: Episodes) -> tuple[tuple[str, ...], _Reported]:
+    variable, _, pairs = text.partition(":")
+    reported: _Reported = {}
+    for pair in pairs.split(","):
+        action, _, value = (part.strip() for part in pair.partition("="))
+        if not action or not value or action in reported:
+            raise DataError(f"the reports are {text!r}; expected VARIABLE: ACTION=VALUE, ACTION=VALUE")
+        if action not in episodes.action_names:
+            raise DataError(f"the report {action} is no action; {expected_one_of(episodes.action_names)}")
+        reported[action] = (value,)
+    return (variable.strip(),), reported

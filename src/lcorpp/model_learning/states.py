@@ -69,10 +69,10 @@ def grow(
 
     With reports, the further states of a value are reached by actions that change the state, or not at all.
     """
-    effects = np.full(len(episodes.action_names), effect)
+    effects, n_observations = np.full(len(episodes.action_names), effect), len(episodes.observation_names)
     parameters, values = begin(space, prior), np.arange(len(space))
     pseudo = prior.pseudo_counts(len(space), space)
-    model = fit(episodes, parameters, Structure.free(space, values, effects), pseudo)
+    model = fit(episodes, parameters, Structure.free(space, values, effects, n_observations), pseudo)
     yield model
     if space.variables and effect == STAYS:
         return
@@ -80,7 +80,7 @@ def grow(
         pseudo, tried = prior.pseudo_counts(count + 1, space), list[Model]()
         for state in range(count):
             values = np.append(model.structure.values, model.structure.values[state])
-            structure = Structure.free(space, values, effects)
+            structure = Structure.free(space, values, effects, n_observations)
             for _ in range(TRIES):
                 split = split_state(model.parameters, state, rng, may_start=not space.variables)
                 tried.append(fit(episodes, split, structure, pseudo, SPLIT_ITERATIONS))
@@ -129,8 +129,8 @@ def split_state(
 def _fit_doubled(
     episodes: Episodes, space: Space, model: Model, prior: Prior, rng: np.random.Generator
 ) -> Model:
-    values = np.tile(model.structure.values, 2)
-    structure = Structure.free(space, values, model.structure.effects)
+    values, n_observations = np.tile(model.structure.values, 2), len(episodes.observation_names)
+    structure = Structure.free(space, values, model.structure.effects, n_observations)
     pseudo = prior.pseudo_counts(len(values), space)
     return fit(episodes, double(model.parameters, rng), structure, pseudo)
 

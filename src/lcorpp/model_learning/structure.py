@@ -8,7 +8,7 @@ Sources: Friedman, The Bayesian structural EM algorithm, UAI 1998; Schwarz, Anna
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from math import log
 
@@ -17,6 +17,7 @@ import numpy as np
 from lcorpp.latent_classes import normalise
 from lcorpp.model_learning.baum_welch import Parameters, expect
 from lcorpp.model_learning.episodes import Episodes
+from lcorpp.model_learning.relations import Relation
 from lcorpp.model_learning.spaces import Space
 from lcorpp.values import Array, Indices
 
@@ -46,24 +47,50 @@ class Structure:
     values: (K,) the shared value of each state; no state changes to one of another value.
     effects: (A,) of each action.
     observation, reward: (A, K) groups; all states and actions of a group have the same row.
+    cells: (A, K, O) number of each observation's probability in the row of its group; observations that share
+        one are equally probable. Without relations, all are different.
     """
 
     values: Indices
     effects: Indices
     observation: Indices
     reward: Indices
+    cells: Indices
 
     @classmethod
-    def free(cls, space: Space, values: Indices, effects: Indices) -> Structure:
-        """Return the structure with groups only of reports: their rewards depend on what is right."""
+    def free(cls, space: Space, values: Indices, effects: Indices, n_observations: int) -> Structure:
+        """Return the structure with relations, and groups only of the rewards of reports."""
         own = np.arange(len(effects) * len(values)).reshape(len(effects), len(values))
         reports = space.reports[:, values]
-        return cls(values, effects, own, np.where(reports >= 0, own.size + reports, own))
+        reward = np.where(reports >= 0, own.size + reports, own)
+        return cls(values, effects, own, reward, list_cells(own, n_observations)).relate(space.relations)
+
+    def relate(self, relations: Sequence[Relation]) -> Structure:
+        """Return the structure with relations."""
+        observation, cells = self.observation.copy(), self.cells.copy()
+        for relation in relations:
+            first = observation.max() + 1
+            observation[relation.actions] = first + relation.groups[:, self.values]
+            cells[relation.actions] = relation.cells[:, self.values]
+        return replace(self, observation=observation, cells=cells)
+
+    @property
+    def rows(self) -> Indices:
+        """(A, K) numbers of different rows of observations: rows of a group differ if its cells do."""
+        A, K, n = self.cells.shape
+        keys = np.concatenate([self.observation[:, :, None], self.cells], axis=2).reshape(A * K, n + 1)
+        found: Indices = np.unique(keys, axis=0, return_inverse=True)[1].reshape(A, K)
+        return found
 
     @property
     def numbers(self) -> list[int]:
         """(K,) number of each state among those of its value, from 1."""
         return [int((self.values[:k] == value).sum()) + 1 for k, value in enumerate(self.values)]
+
+
+def list_cells(groups: Indices, n_observations: int) -> Indices:
+    """Return (A, K, O) cells that are all different."""
+    return np.broadcast_to(np.arange(n_observations), (*groups.shape, n_observations))
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,21 +134,34 @@ def _estimate(counts: Parameters, prior: Parameters, structure: Structure, rows:
         transition[action, :, :K], transition[action, :, K] = goes_on[action, 0] * kept, goes_on[action, 1]
     observation = rows(counts.observation + prior.observation)
     observation[:, :K] = _tie(
-        counts.observation[:, :K], prior.observation[:, :K], structure.observation, rows
+        counts.observation[:, :K], prior.observation[:, :K], structure.observation, structure.cells, rows
     )
-    return Parameters(
-        start, transition, observation, _tie(counts.reward, prior.reward, structure.reward, rows)
-    )
+    cells = list_cells(structure.reward, counts.reward.shape[2])
+    reward = _tie(counts.reward, prior.reward, structure.reward, cells, rows)
+    return Parameters(start, transition, observation, reward)
 
 
-def _tie(counts: Array, prior: Array, groups: Indices, rows: Rows) -> Array:
-    """Return rows (A, K, n) of counts, one for each group; its prior is the mean of the states' priors."""
+def _tie(counts: Array, prior: Array, groups: Indices, cells: Indices, rows: Rows) -> Array:
+    """Return rows (A, K, n) of counts, one for each group; its prior is the mean of the states' priors.
+
+    cells: of `Structure`.
+    """
+    sums, places = _sum_cells(counts, groups, cells)
+    priors, _ = _sum_cells(prior, groups, cells)
+    sizes = np.zeros(sums.shape)
+    np.add.at(sizes, (places[:, :, None], cells), 1.0)
+    members = np.bincount(places.ravel())[:, None]
+    shares = rows(sums + priors / members) * members / np.maximum(sizes, 1.0)
+    return shares[places[:, :, None], cells]
+
+
+def _sum_cells(counts: Array, groups: Indices, cells: Indices) -> tuple[Array, Indices]:
+    """Return (G, n) the sums of counts (A, K, n) by group and cell, and the place (A, K) of each group."""
     used, places = np.unique(groups, return_inverse=True)
-    sums, priors = (np.zeros((len(used), counts.shape[2])) for _ in range(2))
     places = places.reshape(groups.shape)
-    np.add.at(sums, places, counts)
-    np.add.at(priors, places, prior)
-    return rows(sums + priors / np.bincount(places.ravel())[:, None])[places]
+    sums = np.zeros((len(used), int(cells.max()) + 1))
+    np.add.at(sums, (places[:, :, None], cells), counts)
+    return sums, places
 
 
 def fit(
@@ -185,11 +225,54 @@ def _choose_groups(episodes: Episodes, counts: Parameters, structure: Structure,
         offsets + np.array([tie_rows(own[:K], penalty) for own in table])
         for table in (counts.observation, counts.reward)
     )
-    return replace(
+    if space.variables:
+        reports = space.reports[:, structure.values]
+        tied = reward.size + _tie_reports(counts.reward, reports, penalty)
+        reward = np.where(space.is_report[:, None], tied, reward)
+    plain = replace(
         structure,
         observation=observation,
-        reward=np.where(space.is_report[:, None], structure.reward, reward),
+        reward=reward,
+        cells=list_cells(observation, counts.observation.shape[2]),
     )
+    kept = [own for own in space.relations if _is_better(counts.observation[:, :K], plain, own, penalty)]
+    return plain.relate(kept)
+
+
+def _is_better(counts: Array, plain: Structure, relation: Relation, penalty: float) -> bool:
+    """Whether a relation describes counts (A, K, O) of its actions better than the groups of a structure."""
+    scores = []
+    for own in (plain, plain.relate([relation])):
+        groups, cells = own.observation[relation.actions], own.cells[relation.actions]
+        sums, places = _sum_cells(counts[relation.actions], groups, cells)
+        sizes, _ = _sum_cells(np.ones(cells.shape), groups, cells)
+        shared = sizes / np.bincount(places.ravel())[:, None]  # observations of a cell
+        score = sum(_information(row) for row in sums) - float((sums * np.log(np.maximum(shared, 1))).sum())
+        scores.append(score - penalty * sum(_count_free(row) for row in sums))
+    return scores[1] > scores[0]
+
+
+def _tie_reports(counts: Array, reports: Indices, penalty: float) -> Indices:
+    """Return (A, K) groups of the rewards of reports, counts (A, K, V).
+
+    They depend on which variables are right, `reports` (A, K); and on the report, if the data tell it apart.
+    """
+    groups, actions = reports.copy(), np.flatnonzero(reports[:, 0] >= 0)
+    size = int(reports.max()) + 1
+    for bits in range(size):
+        rows = np.array([counts[action][reports[action] == bits].sum(axis=0) for action in actions])
+        total = rows.sum(axis=0)
+        gain = sum(_information(row) for row in rows) - _information(total)
+        further = sum(_count_free(row) for row in rows) - _count_free(total)
+        if gain > penalty * further + 1e-9:
+            alone = np.arange(1, len(reports) + 1)[:, None] * size + bits
+            groups = np.where(reports == bits, alone, groups)
+    return groups
+
+
+def _count_free(row: Array) -> int:
+    """Return the number of free parameters of a row of counts."""
+    return max(int((row > 0.5).sum()) - 1, 0)
 
 
 def tie_rows(counts: Array, penalty: float) -> Indices:
@@ -198,7 +281,7 @@ def tie_rows(counts: Array, penalty: float) -> Indices:
     penalty: of a parameter.
     """
     rows, groups = list(counts), [[k] for k in range(len(counts))]
-    size = max(int((counts.sum(axis=0) > 0.5).sum()) - 1, 0)
+    size = _count_free(counts.sum(axis=0))
     while len(rows) > 1:
         cost, i, j = min(
             (_information(rows[i]) + _information(rows[j]) - _information(rows[i] + rows[j]), i, j)
@@ -224,15 +307,15 @@ def count_parameters(model: Model, episodes: Episodes) -> int:
             total += int((np.maximum((rows > MIN_SHARE).sum(axis=1), 1) - 1).sum())
         else:
             total += int(MIN_SHARE < rows[:, K].max() < 1 - MIN_SHARE)
-    for groups, cells in (
-        (structure.observation, episodes.observations),
-        (structure.reward, episodes.rewards),
+    n_rewards = len(episodes.reward_values)
+    for groups, cells, found in (
+        (structure.observation, structure.cells, episodes.observations),
+        (structure.reward, list_cells(structure.reward, n_rewards), episodes.rewards),
     ):
-        seen = np.zeros((len(groups), cells.max() + 1), dtype=bool)
-        seen[episodes.actions, cells] = True
-        for group in np.unique(groups):
-            of_group = (groups == group).any(axis=1)
-            total += max(int(seen[of_group].any(axis=0).sum()) - 1, 0)
+        seen = np.zeros((len(groups), cells.shape[2]))
+        seen[episodes.actions, found] = 1
+        sums, _ = _sum_cells(np.repeat(seen[:, None], K, axis=1), groups, cells)
+        total += sum(_count_free(row) for row in sums)
     return total
 
 

@@ -45,9 +45,9 @@ def model(
     reports: Annotated[
         str | None,
         typer.Option(
-            metavar="PATTERN",
-            help="The reports, report_{intention}: the states are then the values of these variables, and the"
-            " folder is a domain.",
+            metavar="REPORTS",
+            help="The reports, report_{intention} or 'wish: give_tour=tour, stay_away=nothing': the states"
+            " are then the values of these variables, and the folder is a domain.",
         ),
     ] = None,
     facts: Annotated[
