@@ -4,3 +4,8 @@ from .knowledge.knowledge import Knowledge as Knowledge, learn_knowledge as lear
 from .learnt_model import LearntModel as LearntModel, learn_model as learn_model
 from .logged import learn_from_log as learn_from_log
 from .report import format_report as format_report
+from .returns import (
+    LearntReturn as LearntReturn,
+    estimate_return as estimate_return,
+    plan_robustly as plan_robustly,
+)

@@ -17,12 +17,13 @@ from lcorpp.model_learning.knowledge.knowledge import FILE, Knowledge
 from lcorpp.model_learning.knowledge.writing import describe_knowledge, format_program
 from lcorpp.model_learning.learnt_model import OVER, LearntModel, make_pomdp
 from lcorpp.model_learning.report import format_report
+from lcorpp.model_learning.returns import LearntReturn
 from lcorpp.model_learning.spaces import Space
 from lcorpp.planning import Pomdp, SparseTables, format_pomdp
 
 
-def write_model(folder: Path, learnt: LearntModel) -> None:
-    """Write a learnt model completely or not at all.
+def write_model(folder: Path, learnt: LearntModel, expected: LearntReturn | None = None) -> None:
+    """Write a learnt model completely or not at all. expected: its return, for the report.
 
     interaction.pomdp and report.md; of a model with reports also domain.toml and knowledge.plog. A domain has
     as many states of each shared value: those that are missing are copies that nothing reaches.
@@ -42,7 +43,7 @@ def write_model(folder: Path, learnt: LearntModel) -> None:
         >>> sorted(path.name for path in Path("coins").iterdir())
         ['domain.toml', 'interaction.pomdp', 'knowledge.plog', 'report.md']
     """
-    texts = {"report.md": format_report(learnt)}
+    texts = {"report.md": format_report(learnt, expected)}
     if learnt.knowledge is not None:
         texts["interaction.pomdp"] = _format_filled(learnt)
         texts["domain.toml"] = _format_toml(folder.absolute().name, learnt, learnt.knowledge)
@@ -94,7 +95,8 @@ def check_names(episodes: Episodes, reports: str | None) -> None:
 
 def _format_filled(learnt: LearntModel) -> str:
     """Return the model with equally many states of each value, in the order of the values."""
-    structure, own = learnt.model.structure, learnt.model.parameters
+    structure = learnt.model.structure
+    own = learnt.model.parameters if learnt.planned is None else learnt.planned
     numbers, count = structure.numbers, own.count
     place = {(v, n): k for k, (v, n) in enumerate(zip(structure.values.tolist(), numbers, strict=True))}
     wanted = [(v, n) for v in range(len(learnt.space)) for n in range(1, max(numbers) + 1)]

@@ -51,6 +51,7 @@ class LearntModel:
     states: (K,) names. pomdp: the states and `over`. draws: (D,) parameters from the posterior.
     knowledge: of the shared variables, facts and hidden attributes; None without shared variables.
     stated: the domain that states rewards and states; None if they are learnt.
+    planned: the parameters by which it plans, if they are not the estimate.
     """
 
     episodes: Episodes
@@ -61,15 +62,16 @@ class LearntModel:
     draws: tuple[Parameters, ...]
     knowledge: Knowledge | None
     stated: StatedDomain | None = None
+    planned: Parameters | None = None
 
     def __repr__(self) -> str:
         return f"<LearntModel: {len(self.states)} states from {len(self.episodes)} episodes>"
 
     @cached_property
     def pomdp(self) -> Pomdp:
-        """The estimate as a POMDP."""
-        reward = self.find_rewards(self.model.parameters)
-        return make_pomdp(self.episodes, self.states, self.model.parameters, reward, self.discount)
+        """The POMDP by which it plans."""
+        own = self.model.parameters if self.planned is None else self.planned
+        return make_pomdp(self.episodes, self.states, own, self.find_rewards(own), self.discount)
 
     @cached_property
     def steps(self) -> Parameters:

@@ -10,6 +10,7 @@ import numpy as np
 from lcorpp.model_learning.baum_welch import Parameters
 from lcorpp.model_learning.knowledge.writing import NOT_IDENTIFIABLE, describe_knowledge
 from lcorpp.model_learning.learnt_model import LearntModel
+from lcorpp.model_learning.returns import LearntReturn, find_causes
 from lcorpp.model_learning.structure import MOVES, RESTARTS, STAYS
 from lcorpp.values import Array
 
@@ -26,8 +27,8 @@ MIN_PROBABILITY = 0.005
 """Smaller probabilities are left out of the report, in which they are 0.00."""
 
 
-def format_report(learnt: LearntModel) -> str:
-    """Return the report as Markdown.
+def format_report(learnt: LearntModel, expected: LearntReturn | None = None) -> str:
+    """Return the report as Markdown. expected: the return of the model's policy.
 
     Examples:
         >>> from lcorpp.model_learning import Episodes, Step, format_report, learn_model
@@ -46,6 +47,7 @@ def format_report(learnt: LearntModel) -> str:
         "# Learnt model",
         "",
         *_describe_data(learnt),
+        *(["", "## Return", "", *_describe_return(learnt, expected)] if expected else []),
         "",
         "## Start",
         "",
@@ -53,7 +55,7 @@ def format_report(learnt: LearntModel) -> str:
     ]
     for action, name in enumerate(episodes.action_names):
         lines += ["", f"## {name}", "", *_describe_action(learnt, action)]
-    if learnt.knowledge is not None:
+    if learnt.knowledge is not None and len(learnt.knowledge.cases.names) > 1:
         lines += ["", "## Knowledge", "", *describe_knowledge(learnt.knowledge)]
     return "\n".join(lines) + "\n"
 
@@ -77,6 +79,24 @@ def _describe_data(learnt: LearntModel) -> Iterator[str]:
         yield ""
     for reason, count in stated.skipped.items():
         yield f"- {count} decisions are left out: {reason}"
+
+
+def _describe_return(learnt: LearntModel, expected: LearntReturn) -> Iterator[str]:
+    plans = "the estimate"
+    if learnt.planned is not None:
+        plans = "a draw of the numbers, whose policy has the best quantile of returns"
+    yield (
+        f"The policy is expected to return {expected} from the start (discount {learnt.discount:g}), by the"
+        f" estimate and {len(expected.drawn)} draws of the numbers. It plans by {plans}. The interval is"
+        f" given the states and what actions can do; at most {expected.unfollowed:.2g} of the return is not"
+        " followed."
+    )
+    if causes := find_causes(learnt, expected.drawn):
+        yield ""
+        yield "The spread of the returns depends on these numbers; record more steps that show them:"
+        yield ""
+    for what, share in causes:
+        yield f"- {what}: {share:.0%} of the variance"
 
 
 def _list_start(learnt: LearntModel) -> Iterator[str]:
@@ -106,20 +126,16 @@ def _describe_action(learnt: LearntModel, action: int) -> Iterator[str]:
             found = ", ".join(row) if steps[k].sum() >= MIN_STEPS else NOT_IDENTIFIABLE
             yield f"- from {learnt.states[k]} to {found}"
     yield ""
-    tables = []
-    if learnt.stated is None:
-        tables.append(("reward", learnt.model.structure.reward, learnt.steps.reward, _describe_reward))
+    tables = [] if learnt.stated is not None else [("reward", learnt.steps.reward, _describe_reward)]
     if not always:
-        seen = learnt.steps.observation[:, :K]
-        tables.append(("observations", learnt.model.structure.rows, seen, _describe_observations))
-    for what, groups, steps, describe in tables:
-        counts = steps[action].sum(axis=1)
-        for group in dict.fromkeys(groups[action].tolist()):
-            states = np.flatnonzero((groups[action] == group) & (counts >= MIN_STEPS)).tolist()
-            if states:
-                yield f"- {what} {_name(learnt, states)}: {describe(learnt, action, states[0])}"
-        if unseen := np.flatnonzero(counts < MIN_STEPS).tolist():
-            yield f"- {what} {_name(learnt, unseen)}: {NOT_IDENTIFIABLE}"
+        tables.append(("observations", learnt.steps.observation[:, :K], _describe_observations))
+    for what, steps, describe in tables:
+        texts: dict[str, list[int]] = {}
+        for k, count in enumerate(steps[action].sum(axis=1)):
+            text = describe(learnt, action, k) if count >= MIN_STEPS else NOT_IDENTIFIABLE
+            texts.setdefault(text, []).append(k)
+        for text, states in texts.items():
+            yield f"- {what} {_name(learnt, states)}: {text}"
 
 
 def _describe_reward(learnt: LearntModel, action: int, state: int) -> str:

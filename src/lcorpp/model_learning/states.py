@@ -19,6 +19,9 @@ from lcorpp.values import Array
 SPLIT_ITERATIONS = 12
 """Iterations of each split that is tried."""
 
+LAST_ITERATIONS, LAST_TOLERANCE = 2000, 1e-8
+"""Limits of `fit` for the chosen model: probabilities near 0 converge slowly."""
+
 TRIES = 3
 """Random directions in which each state is split."""
 
@@ -59,7 +62,8 @@ def learn(
             if since > PATIENCE:
                 break
     assert best is not None
-    return best
+    pseudo = prior.pseudo_counts(best.parameters.count, space)
+    return fit(episodes, best.parameters, best.structure, pseudo, LAST_ITERATIONS, LAST_TOLERANCE)
 
 
 def grow(

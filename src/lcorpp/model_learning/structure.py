@@ -75,14 +75,6 @@ class Structure:
         return replace(self, observation=observation, cells=cells)
 
     @property
-    def rows(self) -> Indices:
-        """(A, K) numbers of different rows of observations: rows of a group differ if its cells do."""
-        A, K, n = self.cells.shape
-        keys = np.concatenate([self.observation[:, :, None], self.cells], axis=2).reshape(A * K, n + 1)
-        found: Indices = np.unique(keys, axis=0, return_inverse=True)[1].reshape(A, K)
-        return found
-
-    @property
     def numbers(self) -> list[int]:
         """(K,) number of each state among those of its value, from 1."""
         return [int((self.values[:k] == value).sum()) + 1 for k, value in enumerate(self.values)]

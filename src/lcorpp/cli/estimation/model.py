@@ -19,9 +19,9 @@ EPISODES, RECORDS, LOG = "episodes", "records", "decisions"
 """Kinds of data."""
 
 KINDS = {
-    EPISODES: ("--reports", "--facts", "--discount", "--max-states"),
+    EPISODES: ("--reports", "--facts", "--discount", "--max-states", "--robust"),
     RECORDS: ("--facts",),
-    LOG: ("--domain", "--strategy"),
+    LOG: ("--domain", "--strategy", "--robust"),
 }
 """The options that each kind of data has, beside those of all."""
 
@@ -79,6 +79,14 @@ def model(
         int | None,
         typer.Option(min=1, help="Maximum number of states; by default eleven more than shared values."),
     ] = None,
+    robust: Annotated[
+        float | None,
+        typer.Option(
+            metavar="Q",
+            help="Plan by the numbers, among the estimate and some draws, whose policy has the largest"
+            " Q-quantile of returns in all draws, e.g. 0.1.",
+        ),
+    ] = None,
     domain: Annotated[
         Path | None,
         typer.Option(
@@ -100,15 +108,18 @@ def model(
     """
     from lcorpp.cli.console import show_delayed_progress
     from lcorpp.domains.new_folder import check_new_folder
-    from lcorpp.model_learning import write_knowledge, write_model
+    from lcorpp.model_learning import estimate_return, plan_robustly, write_knowledge, write_model
 
     check_new_folder(output)
+    if robust is not None and not 0 < robust < 1:
+        raise DataError(f"--robust is {robust}; expected a number between 0 and 1")
     kind = _find_kind(data)
     given = {
         "--reports": reports,
         "--facts": facts,
         "--discount": discount,
         "--max-states": max_states,
+        "--robust": robust,
         "--domain": domain,
         "--strategy": strategy,
     }
@@ -125,6 +136,9 @@ def model(
             else:
                 own = {"discount": 0.95 if discount is None else discount, "max_states": max_states}
                 learnt = _learn_model(data, names, reports, about | own, advance)
+        if kind != RECORDS:
+            learnt = learnt if robust is None else plan_robustly(learnt, robust)
+            expected = estimate_return(learnt)
     except KeyboardInterrupt:
         raise KeyboardInterrupt("interrupted while learning; nothing is written") from None
     if kind == RECORDS:
@@ -132,12 +146,13 @@ def model(
         _print_knowledge(knowledge)
         print_text(f"wrote {output}: knowledge.plog; the edges with their probabilities are in report.md")
         return
-    write_model(output, learnt)
+    write_model(output, learnt, expected)
     n, steps, states = len(learnt.episodes), len(learnt.episodes.actions), len(learnt.states)
     print_text(f"{n} episodes, {steps} steps; {states} states: {', '.join(learnt.states)}")
     if learnt.knowledge is not None:
         _print_knowledge(learnt.knowledge)
     written = " and ".join(["interaction.pomdp", *(["domain.toml"] if learnt.knowledge else [])])
+    print_text(f"return of the policy: {expected}")
     print_text(f"wrote {output}: {written}; the numbers with their intervals are in report.md")
 
 
