@@ -13,7 +13,7 @@ from lcorpp.errors import DataError, DomainError, ModelError
 from lcorpp.model_learning import Episodes, Step, format_report, learn_model, read_episodes, write_model
 from lcorpp.model_learning.baum_welch import Parameters, expect
 from lcorpp.model_learning.spaces import Space
-from lcorpp.model_learning.structure import MOVES, RESTARTS, STAYS, Structure, tie_rows
+from lcorpp.model_learning.structure import MOVES, RESTARTS, STAYS, Structure, _draw_rows, tie_rows
 from lcorpp.planning import read_pomdp, simulate, solve
 
 
@@ -468,3 +468,12 @@ def test_records_and_their_options(lcorpp, tmp_path):
         assert wrong.code == 2
         assert message in wrong.err
     assert not (tmp_path / "other").exists()
+
+
+def test_rows_of_tiny_weights_are_drawn():
+    """Gamma variables of tiny shapes are 0, and a Dirichlet distribution is then one of its corners."""
+    rng, weights = np.random.default_rng(0), np.array([[3e-4, 1e-4, 0.0]] * 400)
+    rows = _draw_rows(weights, rng)
+    assert rows.sum(axis=1) == pytest.approx(np.ones(400))
+    assert not rows[:, 2].any()
+    assert rows[:, 0].mean() == pytest.approx(0.75, abs=0.08)

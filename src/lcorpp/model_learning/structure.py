@@ -111,7 +111,16 @@ def draw_parameters(
     counts: Parameters, prior: Parameters, structure: Structure, rng: np.random.Generator
 ) -> Parameters:
     """Draw the parameters from their posterior under a structure, given counts."""
-    return _estimate(counts, prior, structure, lambda rows: normalise(rng.standard_gamma(rows)))
+    return _estimate(counts, prior, structure, lambda rows: _draw_rows(rows, rng))
+
+
+def _draw_rows(weights: Array, rng: np.random.Generator) -> Array:
+    """Draw rows from Dirichlet distributions; gamma variables of tiny shapes are 0, and then one is 1."""
+    rows = weights.reshape(-1, weights.shape[-1])
+    drawn = rng.standard_gamma(rows)
+    for i in np.flatnonzero(drawn.sum(axis=1) == 0):
+        drawn[i, rng.choice(rows.shape[1], p=normalise(rows[i]))] = 1.0
+    return normalise(drawn).reshape(weights.shape)
 
 
 def _estimate(counts: Parameters, prior: Parameters, structure: Structure, rows: Rows) -> Parameters:
