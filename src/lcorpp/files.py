@@ -28,6 +28,9 @@ if TYPE_CHECKING:
     import mmap
     from pathlib import Path
 
+PARQUET_SUFFIXES = (".parquet", ".pq")
+"""Names of Parquet files."""
+
 FIGURE_SUFFIXES = (".png", ".svg", ".pdf")
 """Supported formats of figures."""
 

@@ -522,3 +522,16 @@ def test_a_search_begins_at_other_numbers():
     other = parse_plog("h: {l, r}. random(h). pr(h=l) = 1/2.")
     with pytest.raises(ProgramError, match="has None where"):
         fit(program, records, begin=other)
+
+
+def test_records_of_parquet_are_those_of_csv(tmp_path):
+    arrow = pytest.importorskip("pyarrow")
+    parquet = pytest.importorskip("pyarrow.parquet")
+    columns = {"a": ["x", None, "y"], "n": [1, 2, None], "is_open": [True, False, None]}
+    parquet.write_table(arrow.table(columns), tmp_path / "own.parquet")
+    records = list(read_records(tmp_path / "own.parquet"))
+    assert records == [{"a": "x", "n": "1", "is_open": "true"}, {"n": "2", "is_open": "false"}, {"a": "y"}]
+    assert records[1].place == f"{tmp_path / 'own.parquet'}: row 2"
+    (tmp_path / "bad.parquet").write_bytes(b"a,b\n1,2\n")
+    with pytest.raises(DataError, match=r"bad\.parquet: not a Parquet file, or a damaged one"):
+        list(read_records(tmp_path / "bad.parquet"))

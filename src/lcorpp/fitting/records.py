@@ -1,4 +1,4 @@
-"""Records: read from a CSV file with a column for each observed term, and grouped."""
+"""Records: read from a table with a column for each observed term, and grouped."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ import numpy as np
 
 from lcorpp.errors import DataError, ProgramError, check_type
 from lcorpp.files import open_text
+from lcorpp.fitting.parquet_records import is_parquet, read_columns, read_rows
 from lcorpp.reasoning.language.program import Program
 from lcorpp.reasoning.resolve import name_value, resolve_evidence
 from lcorpp.values import Array, Indices
@@ -59,7 +60,7 @@ class SoftRecord:
 
 
 def read_records(path: str | Path) -> Iterator[Record]:
-    r"""Read records from a CSV file, one at a time.
+    r"""Read records from a CSV or Parquet file, one at a time.
 
     The header names terms, such as ``time`` or ``"roll(d1)"``. A cell is a value; an empty cell and ``?`` are
     not observed.
@@ -75,23 +76,33 @@ def read_records(path: str | Path) -> Iterator[Record]:
         >>> list(read_records("tosses.csv"))
         [{'day': 'monday', 'toss': 'heads'}, {'day': 'tuesday'}]
     """
+    if is_parquet(path):
+        names = _check_header(read_columns(path), str(path))
+        for number, cells in enumerate(read_rows(path), start=1):
+            yield _make_record(names, cells, f"{path}: row {number}")
+        return
     with open_text(path) as file:
         reader = csv.reader(file, strict=True, skipinitialspace=True)
         try:
-            names = _read_header(reader, path)
+            names = _check_header(next(reader, []), f"{path}:1")
             for row in reader:
                 if not row and len(names) > 1:
                     continue  # an empty line
-                cells, place = [cell.strip() for cell in row or [""]], f"{path}:{reader.line_num}"
+                place = f"{path}:{reader.line_num}"
+                cells = [cell.strip() for cell in row or [""]]
                 if len(cells) != len(names):
                     raise DataError(f"{place}: {len(cells)} cells; expected {len(names)}")
-                record = Record(pair for pair in zip(names, cells, strict=True) if pair[1] not in MISSING)
-                record.place = place
-                yield record
+                yield _make_record(names, cells, place)
         except csv.Error as error:
             raise DataError(f"{path}:{reader.line_num}: not CSV: {error}") from None
         except UnicodeDecodeError:
             raise DataError(f"{path}:{reader.line_num + 1}: not UTF-8 text") from None
+
+
+def _make_record(names: list[str], cells: list[str], place: str) -> Record:
+    record = Record(pair for pair in zip(names, cells, strict=True) if pair[1] not in MISSING)
+    record.place = place
+    return record
 
 
 def read_header(path: str | Path) -> list[str]:
@@ -100,21 +111,24 @@ def read_header(path: str | Path) -> list[str]:
     Raises:
         FileError, DataError: as `read_records`.
     """
+    if is_parquet(path):
+        return _check_header(read_columns(path), str(path))
     with open_text(path) as file:
         try:
-            return _read_header(csv.reader(file, strict=True, skipinitialspace=True), path)
+            reader = csv.reader(file, strict=True, skipinitialspace=True)
+            return _check_header(next(reader, []), f"{path}:1")
         except csv.Error as error:
             raise DataError(f"{path}:1: not CSV: {error}") from None
         except UnicodeDecodeError:
             raise DataError(f"{path}:1: not UTF-8 text") from None
 
 
-def _read_header(reader: Iterator[list[str]], path: str | Path) -> list[str]:
-    names = [name.strip() for name in next(reader, [])]
+def _check_header(header: list[str], place: str) -> list[str]:
+    names = [name.strip() for name in header]
     if not names or not all(names):
-        raise DataError(f"{path}:1: expected a header with the name of a term for each column")
+        raise DataError(f"{place}: expected a header with the name of a term for each column")
     if repeated := [name for name, count in Counter(names).items() if count > 1]:
-        raise DataError(f"{path}:1: two columns are named {repeated[0]}")
+        raise DataError(f"{place}: two columns are named {repeated[0]}")
     return names
 
 

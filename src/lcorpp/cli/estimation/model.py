@@ -34,9 +34,9 @@ def model(
         Path,
         typer.Argument(
             metavar="DATA",
-            help="Episodes, a CSV with a row for each step and columns episode, action, observation, reward;"
-            " records, a CSV with a column for each attribute, empty where it is unknown; or a log of"
-            " decisions, written with --log.",
+            help="Episodes, a row for each step and columns episode, action, observation, reward;"
+            " records, a column for each attribute, empty where it is unknown (.csv or .parquet);"
+            " or a log of decisions, written with --log.",
         ),
     ],
     output: Annotated[

@@ -10,9 +10,9 @@ import numpy as np
 from lcorpp.arguments import check_arguments
 from lcorpp.csv_text import format_csv
 from lcorpp.errors import DataError, FileError, expected_one_of
-from lcorpp.files import open_atomically
+from lcorpp.files import PARQUET_SUFFIXES, open_atomically
 from lcorpp.learning.data.formats.columns import LONG_COLUMNS
-from lcorpp.learning.data.formats.parquet import SUFFIXES, import_pyarrow
+from lcorpp.learning.data.formats.parquet import import_pyarrow
 from lcorpp.learning.data.tracks import COLUMNS, Recording, Track
 from lcorpp.values import Array
 
@@ -54,11 +54,11 @@ def write_recording(recording: Recording, path: str | Path) -> None:
     suffix = Path(path).suffix.lower()
     if suffix == ".csv":
         _write_csv(recording, path)
-    elif suffix in SUFFIXES:
+    elif suffix in PARQUET_SUFFIXES:
         _write_parquet(recording, path)
     else:
         raise FileError(
-            f"{path}: not the name of a recording; {expected_one_of(('.csv', *SUFFIXES))} at its end"
+            f"{path}: not the name of a recording; {expected_one_of(('.csv', *PARQUET_SUFFIXES))} at its end"
         )
 
 

@@ -10,8 +10,8 @@ import numpy as np
 from lcorpp.arguments import check_arguments
 from lcorpp.csv_text import format_csv
 from lcorpp.errors import FileError, expected_one_of
-from lcorpp.files import write_atomically
-from lcorpp.learning.data.formats.parquet import SUFFIXES, import_pyarrow
+from lcorpp.files import PARQUET_SUFFIXES, write_atomically
+from lcorpp.learning.data.formats.parquet import import_pyarrow
 from lcorpp.learning.streaming.timeline import PredictionTimeline
 from lcorpp.learning.streaming.trigger import list_ages
 
@@ -44,11 +44,13 @@ def write_timeline(timeline: PredictionTimeline, path: str | Path) -> None:
     if suffix == ".csv":
         rows = zip(*(values.tolist() for values in columns.values()), strict=True)
         content.write(format_csv([columns, *rows]).encode())
-    elif suffix in SUFFIXES:
+    elif suffix in PARQUET_SUFFIXES:
         arrow = import_pyarrow()
         arrow.parquet.write_table(arrow.table(columns), content)
     else:
-        raise FileError(f"{path}: not the name of a table; {expected_one_of(('.csv', *SUFFIXES))} at its end")
+        raise FileError(
+            f"{path}: not the name of a table; {expected_one_of(('.csv', *PARQUET_SUFFIXES))} at its end"
+        )
     write_atomically(path, content.getvalue())
 
 

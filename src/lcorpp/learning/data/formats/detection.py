@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Literal
 
 from lcorpp.errors import DataError, FileError, ParseError
-from lcorpp.files import locate_bad_byte, open_text
+from lcorpp.files import PARQUET_SUFFIXES, locate_bad_byte, open_text
 from lcorpp.learning.data.csv_reader import is_number, parse_line
 from lcorpp.learning.data.dates import parse_date
 from lcorpp.learning.data.formats.columns import (
@@ -26,7 +26,7 @@ from lcorpp.learning.data.formats.columns import (
 from lcorpp.learning.data.formats.json_tracks import starts_json
 from lcorpp.learning.data.formats.layouts import LONG, Layout, recognise_heading, recognise_rows
 from lcorpp.learning.data.formats.marker_table import starts_marker_table
-from lcorpp.learning.data.formats.parquet import SUFFIXES, ParquetFile
+from lcorpp.learning.data.formats.parquet import ParquetFile
 from lcorpp.learning.data.formats.rows import RowFile
 from lcorpp.learning.data.formats.sample import Sample, read_sample
 from lcorpp.learning.data.formats.table import has_table_columns
@@ -79,7 +79,7 @@ def detect_format(
         return FileFormat("npz")
     if is_store(file):
         return FileFormat("store")
-    if suffix in SUFFIXES:
+    if suffix in PARQUET_SUFFIXES:
         names = ParquetFile(file, RepairLog(), columns).names
         return FileFormat("table" if has_table_columns(names) else "parquet")
     start = _read_start(file)

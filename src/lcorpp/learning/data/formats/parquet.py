@@ -26,8 +26,6 @@ from lcorpp.learning.data.repairs import RepairLog, RowSource
 from lcorpp.learning.data.tracks import Track
 from lcorpp.notebook import join_some
 
-SUFFIXES = (".parquet", ".pq")
-
 
 def import_pyarrow() -> Any:
     """Import pyarrow with the modules for Parquet files, or raise a DataError."""

@@ -9,9 +9,10 @@ from pathlib import Path
 import numpy as np
 
 from lcorpp.errors import DataError
+from lcorpp.files import PARQUET_SUFFIXES
 from lcorpp.learning.data.csv_reader import CsvFile, Progress, RowBatch
 from lcorpp.learning.data.formats.columns import read_header
-from lcorpp.learning.data.formats.parquet import SUFFIXES, ParquetFile
+from lcorpp.learning.data.formats.parquet import ParquetFile
 from lcorpp.learning.data.labels import class_of_label, describe_unknown_label
 from lcorpp.learning.data.repairs import RepairLog, RowSource
 from lcorpp.values import Array, Dataset, find_perceived
@@ -48,7 +49,7 @@ def read_table(
             was not requested; a column has no name; or there are no features or no rows.
         DataError: likewise, in Parquet.
     """
-    if path.suffix.lower() in SUFFIXES:
+    if path.suffix.lower() in PARQUET_SUFFIXES:
         parquet = ParquetFile(path, repair_log)
         features, words = _find_columns(parquet, parquet.names)
         batches = parquet.batches(features, words, progress)
