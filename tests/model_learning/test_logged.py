@@ -9,7 +9,7 @@ from lcorpp import load_domain
 from lcorpp.decision import strategies
 from lcorpp.errors import DataError
 from lcorpp.experiments import ComparisonOptions, compare_strategies
-from lcorpp.model_learning import format_report, learn_from_log, write_model
+from lcorpp.model_learning import estimate_return, format_report, learn_from_log, write_model
 
 ORDER = ["identity < time, location, intention < classifier"]
 
@@ -78,6 +78,15 @@ def test_the_folder_of_a_log_is_a_domain_with_its_senses(log, tmp_path):
     chosen = ComparisonOptions(strategies(["LCORPP"]), trials=None)
     (scores,) = compare_strategies(domain, chosen).scores
     assert scores.accuracy.low > 0.8
+
+
+def test_the_return_names_actions_without_a_step(log):
+    """The learnt policy turns to people, which the robot of the log never did."""
+    found = estimate_return(learn_from_log(log, draws=10))
+    assert found.unseen == ("turn",)
+    assert str(found).endswith(", if turn is as stated")
+    assert found.unfollowed < 0.5
+    assert found.solution.lower - 1e-3 <= found.estimate <= found.solution.upper + 1e-6
 
 
 def test_what_a_log_does_not_show_is_as_stated(log):

@@ -46,6 +46,7 @@ class LearntReturn:
     solution: of the learnt model. estimate: in the learnt model.
     drawn: (D,) in each draw. low, high: the 95 % interval, with what is not followed.
     unfollowed: bound of the return that is not followed, in the draw where it is largest.
+    unseen: actions of the policy without a step in the data, which are taken for certain as stated.
     """
 
     solution: Solution
@@ -54,9 +55,11 @@ class LearntReturn:
     low: float
     high: float
     unfollowed: float
+    unseen: tuple[str, ...] = ()
 
     def __str__(self) -> str:
-        return f"{self.estimate:.4g} [{self.low:.4g}, {self.high:.4g}]"
+        stated = f", if {' and '.join(self.unseen)} is as stated" if self.unseen else ""
+        return f"{self.estimate:.4g} [{self.low:.4g}, {self.high:.4g}]{stated}"
 
     def __repr__(self) -> str:
         return f"<LearntReturn: {self}>"
@@ -65,8 +68,8 @@ class LearntReturn:
 def estimate_return(learnt: LearntModel, *, seconds: float = SECONDS) -> LearntReturn:
     """Solve a learnt model and evaluate its policy in the draws.
 
-    The interval has the return by the numbers without prior, too: where all is determined, as in a maze, each
-    draw is worse than the estimate.
+    The interval of a model from episodes has the return by the numbers without prior, too: where all is
+    determined, as in a maze, each draw is worse than the estimate.
 
     Args:
         seconds: time limit of the solver.
@@ -84,14 +87,18 @@ def estimate_return(learnt: LearntModel, *, seconds: float = SECONDS) -> LearntR
         True
     """
     solution = solve(learnt.pomdp, time_limit=seconds)
-    models = _Models.of(learnt, [learnt.model.parameters, *learnt.draws, _drop_prior(learnt)])
-    values, unfollowed = evaluate(_follow(learnt, solution), models)
-    drawn, without = values[1:-1], values[-1]
+    further = [_drop_prior(learnt)] if learnt.stated is None else []
+    models = _Models.of(learnt, [learnt.model.parameters, *learnt.draws, *further])
+    graph = _follow(learnt, solution)
+    values, unfollowed = evaluate(graph, models)
+    drawn, without = values[1 : 1 + len(learnt.draws)], values[1 + len(learnt.draws) :]
     low, high = np.quantile(drawn, [0.025, 0.975], method="weibull")
     most = float(unfollowed.max())
-    return LearntReturn(
-        solution, float(values[0]), drawn, min(low, without) - most, max(high, without) + most, most
-    )
+    low, high = float(min([low, *without])), float(max([high, *without]))
+    taken = set(graph.actions.tolist()) - set(learnt.episodes.actions.tolist())
+    is_report = learnt.space.is_report
+    unseen = tuple(learnt.episodes.action_names[a] for a in sorted(taken) if not is_report[a])
+    return LearntReturn(solution, float(values[0]), drawn, low - most, high + most, most, unseen)
 
 
 def _follow(learnt: LearntModel, solution: Solution) -> PolicyGraph:
