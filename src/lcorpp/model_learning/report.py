@@ -87,8 +87,8 @@ def _describe_return(learnt: LearntModel, expected: LearntReturn) -> Iterator[st
         plans = "a draw of the numbers, whose policy has the best quantile of returns"
     yield (
         f"Expected return of the policy from the start, discount {learnt.discount:g}: {expected}. The policy"
-        f" plans by {plans}, and is evaluated by the estimate and {len(expected.drawn)} draws of the numbers. The"
-        " interval is given the states and what actions can do; at most"
+        f" plans by {plans}, and is evaluated by the estimate and {len(expected.drawn)} draws of the numbers."
+        " The interval is given the states and what actions can do; at most"
         f" {expected.unfollowed:.2g} of the return is not followed."
     )
     if causes := find_causes(learnt, expected.drawn):
