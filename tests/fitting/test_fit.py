@@ -520,8 +520,10 @@ def test_a_search_begins_at_other_numbers():
         numbers = [float(own.value) for own in fit(program, records, begin=begin).numbers]
         assert (numbers[1] > numbers[2]) == (first > second)
     other = parse_plog("h: {l, r}. random(h). pr(h=l) = 1/2.")
-    with pytest.raises(ProgramError, match="has None where"):
+    with pytest.raises(ProgramError, match=r"has random\(h\)\. where"):
         fit(program, records, begin=other)
+    with pytest.raises(ProgramError, match="a number to begin with is 0 or 1"):
+        fit(program, records, begin=parse_plog(text.format(0, 0.5)))
 
 
 def test_records_of_parquet_are_those_of_csv(tmp_path):

@@ -1,6 +1,7 @@
 """Models from logs of decisions: what people answered determines rates and knowledge, without true values."""
 
 import json
+import shutil
 
 import numpy as np
 import pytest
@@ -132,6 +133,23 @@ def test_damaged_lines_are_left_out_and_named(log, tmp_path):
     own.write_text("\n".join([lines[0][:50], *lines[:7], json.dumps(broken), *lines[8:]]) + "\n")
     report = format_report(learn_from_log(own, draws=2))
     assert "- 1 decisions are left out: " in report
+
+
+def test_answers_that_the_domain_excludes_are_left_out(log, tmp_path):
+    """A domain in which interested people always answer well, and others never do."""
+    folder = tmp_path / "strict"
+    shutil.copytree(load_domain("intention").folder, folder, ignore=shutil.ignore_patterns("__pycache__"))
+    model = folder / "interaction.pomdp"
+    lines = model.read_text().splitlines()
+    start = next(i for i, line in enumerate(lines) if line.startswith("O: move_forward"))
+    states = load_domain("intention").pomdp.states
+    rows = ["1 0 0" if state.startswith("interested") else "0 1 0" for state in states[:-1]] + ["0 0 1"]
+    lines[start + 1 : start + 1 + len(rows)] = rows
+    model.write_text("\n".join(lines) + "\n")
+    learnt = learn_from_log(log, folder=folder, draws=1)
+    (reason,) = learnt.stated.skipped
+    assert reason == "the domain excludes its answers"
+    assert 100 < learnt.stated.skipped[reason] < 1000
 
 
 def test_the_command_and_its_options(log, lcorpp, tmp_path):

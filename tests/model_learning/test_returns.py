@@ -14,6 +14,7 @@ from lcorpp.model_learning import (
     learn_model,
     plan_robustly,
 )
+from lcorpp.model_learning.returns import find_causes
 from lcorpp.planning import simulate
 
 from .test_model_learning import make_people
@@ -98,3 +99,22 @@ def test_what_the_spread_depends_on_is_named():
     report = format_report(learnt, estimate_return(learnt))
     assert "## Return" in report
     assert report.partition("record more steps that show them:\n\n- ")[2].startswith("observations of ask: ")
+
+
+def test_numbers_without_effect_do_not_hide_the_cause():
+    """The return follows one rate; four others that nothing determines vary more."""
+    learnt = learn_model(make_people(60, seed=5), reports="bring_{wish}", draws=1)
+    rng, own = np.random.default_rng(0), learnt.model.parameters
+    ask, tea = learnt.episodes.action_names.index("ask"), learnt.states.index("tea")
+    draws, returns = [], []
+    for _ in range(100):
+        start, observation = own.start.copy(), own.observation.copy()
+        start[:] = rng.dirichlet(np.ones(len(start)))
+        observation[:, 1 - tea] = rng.dirichlet(np.ones(observation.shape[2]), size=len(observation))
+        rate = rng.normal(0.8, 0.02)
+        observation[ask, tea] = [rate, 1 - rate, 0]
+        draws.append(replace(own, start=start, observation=observation))
+        returns.append(10 * rate)
+    causes = find_causes(replace(learnt, draws=tuple(draws)), np.array(returns))
+    assert [name for name, _ in causes] == ["observations of ask"]
+    assert causes[0][1] > 0.7

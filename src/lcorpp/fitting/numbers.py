@@ -10,6 +10,7 @@ import logging
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
+from itertools import zip_longest
 
 import numpy as np
 
@@ -262,15 +263,22 @@ def check_possible(program: Program, log_p: Array, places: Sequence[str]) -> Non
 
 
 def _read_start(model: NumberModel, program: Program, begin: Program) -> Array:
-    """Return the numbers of a program that differs in nothing else."""
-    start, others = model.start.copy(), begin.statements
-    for i, index in enumerate(model.statements):
-        own, other = program.statements[index], others[index] if index < len(others) else None
-        assert isinstance(own, Probability)
-        if not isinstance(other, Probability) or other.left_side != own.left_side:
+    """Return the numbers of a program that differs in nothing else.
+
+    Raises:
+        ProgramError: it differs in something else, or a number is 0 or 1.
+    """
+    start, free = model.start.copy(), dict(zip(model.statements, range(len(model.statements)), strict=True))
+    for index, (own, other) in enumerate(zip_longest(program.statements, begin.statements)):
+        if index in free and isinstance(other, Probability) and isinstance(other.number, Number):
+            assert isinstance(own, Probability)
+            is_same, start[free[index]] = own.left_side == other.left_side, float(other.number.value)
+        else:
+            is_same = str(own) == str(other)
+        if not is_same:
             raise ProgramError(f"{begin.file}: has {other} where {program.file} has {own}")
-        assert isinstance(other.number, Number)
-        start[i] = float(other.number.value)
+    if not ((start > 0) & (start < 1)).all():
+        raise ProgramError(f"{begin.file}: a number to begin with is 0 or 1; expected one between them")
     return start
 
 

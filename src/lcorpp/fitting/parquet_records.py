@@ -28,7 +28,7 @@ def read_columns(path: str | Path) -> list[str]:
 
 
 def read_rows(path: str | Path) -> Iterator[list[str]]:
-    """Yield the cells of each row as text; null is empty, and truth values are true and false.
+    """Yield the cells of each row as text; null and NaN are empty, truth values are true and false.
 
     Raises:
         FileError, DataError: as `read_columns`; the file is damaged.
@@ -54,6 +54,8 @@ def _open(path: str | Path, file: Any) -> Any:
 
 
 def _format(cell: object) -> str:
-    if cell is None:
+    if cell is None or cell != cell:  # nothing, or not a number
         return ""
+    if isinstance(cell, float) and cell.is_integer():  # as a column of whole numbers with gaps is stored
+        return str(int(cell))
     return str(cell).lower() if isinstance(cell, bool) else str(cell).strip()

@@ -81,7 +81,8 @@ class LearntModel:
     def find_interval(self, numbers: Callable[[Parameters], Array | float]) -> tuple[Array, Array]:
         """Return the ends of the 95 % intervals of some numbers of the parameters, from draws."""
         drawn = np.array([numbers(own) for own in self.draws], dtype=np.float64)
-        # "weibull": between these quantiles of n draws are 95 % of further ones, whatever n is
+        # "weibull": between these quantiles of 39 or more draws are 95 % of further ones; of fewer draws they
+        # are the extremes, between which are less
         low, high = np.quantile(drawn, [0.025, 0.975], axis=0, method="weibull")
         return low, high
 

@@ -16,11 +16,11 @@ import numpy as np
 
 from lcorpp.assembly.logged_parts import load_logged_domain, read_program
 from lcorpp.domains import Domain
-from lcorpp.errors import DataError, expected_one_of
+from lcorpp.errors import DataError, ModelError, expected_one_of
 from lcorpp.latent_classes import normalise
 from lcorpp.logs.decision_log import DAMAGE, LoggedDecision, describe_damage
 from lcorpp.logs.strategy_decisions import read_decisions
-from lcorpp.model_learning.baum_welch import PRIOR_STEPS, Parameters
+from lcorpp.model_learning.baum_welch import PRIOR_STEPS, Parameters, expect
 from lcorpp.model_learning.draws import resample_models
 from lcorpp.model_learning.episode_records import compute_posteriors, make_records
 from lcorpp.model_learning.episodes import Episodes
@@ -34,7 +34,7 @@ TOLERANCE = 1e-8
 """The estimation ends when the log likelihood increases by less than this share: its maximum is flat."""
 
 CONTEXT_PEOPLE = 1.0
-"""People with the stated probabilities that are added to those of each context."""
+"""Weight of the prior of P(context | shared value): for each context as many people, divided as stated."""
 
 MIN_STATED = 0.01
 """Share of equal probabilities of the shared values in those that are stated, which may be wrong."""
@@ -66,6 +66,7 @@ def learn_from_log(
     Raises:
         FileError: the log cannot be read.
         DataError: it has no decision that can be read, or hidden attributes or the order do not fit.
+        ModelError: `draws` is less than 1.
         LcorppError: the domain cannot be loaded, or has no tables.
 
     Examples:
@@ -80,6 +81,8 @@ def learn_from_log(
         >>> learnt.states[:2], sorted(learnt.knowledge.structure)
         (('interested_1', 'interested_2'), ['classifier', 'intention', 'location', 'time'])
     """
+    if draws < 1:
+        raise ModelError(f"draws is {draws}; expected at least 1")
     found = read_decisions(Path(path), strategy)
     try:
         domain = load_logged_domain(found.parts, folder)
@@ -99,7 +102,7 @@ def learn_from_log(
         observation=of_observation * stated.observation,
     )
     skipped = found.skipped
-    people = _read_people(domain, found.decisions, skipped)
+    people = _drop_impossible(domain, _read_people(domain, found.decisions, skipped), stated, skipped)
     answered = [bool(steps) for _, steps in people]
     if not any(answered):
         reason = f": {next(iter(skipped))}" if skipped and not people else ""
@@ -229,6 +232,20 @@ def _read_people(domain: Domain, decisions: Sequence[LoggedDecision], skipped: C
     return people
 
 
+def _drop_impossible(
+    domain: Domain, people: Sequence[_Person], stated: Parameters, skipped: Counter[str]
+) -> list[_Person]:
+    """Return the people whose answers the domain does not exclude."""
+    answered = [own for own in people if own[1]]
+    if not answered:
+        return list(people)
+    logs = iter(expect(_make_episodes(domain, answered), stated).log_likelihoods.tolist())
+    kept = [own for own in people if not own[1] or np.isfinite(next(logs))]
+    if len(kept) < len(people):
+        skipped["the domain excludes its answers"] += len(people) - len(kept)
+    return kept
+
+
 def _make_episodes(domain: Domain, people: Sequence[_Person]) -> Episodes:
     """Return the answers of people as episodes that end before the report."""
     steps = np.array([step for _, own in people for step in own])
@@ -250,19 +267,17 @@ class _Contexts:
     """The combinations of facts and labels as observations of a first action, which changes nothing.
 
     places: (n,) the context of each person. stated: (X, V) the stated probabilities of the shared values.
-    counts: (X,) number of people.
     """
 
     places: Indices
     stated: Array
-    counts: Array
 
     @classmethod
     def of(cls, facts: Sequence[Mapping[str, str]], stated: Array) -> _Contexts:
         _, first, places = np.unique(
             [str(sorted(own.items())) for own in facts], return_index=True, return_inverse=True
         )
-        return cls(places, stated[first], np.bincount(places).astype(np.float64))
+        return cls(places, stated[first])
 
     def make_episodes(self, domain: Domain, people: Sequence[_Person]) -> Episodes:
         """Return the episodes of all people, with their contexts."""

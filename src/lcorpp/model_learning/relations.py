@@ -42,8 +42,6 @@ def find_relations(
     """
     known = _index_values(variables, values)
     named = [_find_named(name, known) for name in observation_names]
-    if not any(found for _, found in named):
-        named = [(name, {}) for name in observation_names]
     kinds: dict[str, list[tuple[int, dict[int, str]]]] = {}
     for action in questions.tolist():
         template, found = _find_named(action_names[action], known)

@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+import numpy.typing as npt
 
 from lcorpp.errors import ModelError
 from lcorpp.model_learning.baum_welch import Parameters, Prior
@@ -32,8 +33,11 @@ CANDIDATES = 15
 NO_PRIOR = 1e-6
 """Factor of the prior for the numbers without it."""
 
-MAX_COMPONENTS, MIN_SHARE = 3, 0.1
-"""Principal components of a group of numbers, and the smallest share of the variance that is listed."""
+MIN_SHARE = 0.1
+"""The smallest share of the variance that is listed."""
+
+MIN_CORRELATION, MIN_DEVIATION = 2.5, 1e-12
+"""Correlations below this, in standard errors, are taken as 0, and standard deviations below that, too."""
 
 SECONDS = 10.0
 """Time limit of the solver."""
@@ -44,7 +48,7 @@ class LearntReturn:
     """The expected discounted return of the policy of a learnt model, from its start.
 
     solution: of the learnt model. estimate: in the learnt model.
-    drawn: (D,) in each draw. low, high: the 95 % interval, with what is not followed.
+    drawn: (D,) in each draw. low, high: the 95 % interval, widened by what is not followed.
     unfollowed: bound of the return that is not followed, in the draw where it is largest.
     unseen: actions of the policy without a step in the data, which are taken for certain as stated.
     """
@@ -69,7 +73,7 @@ def estimate_return(learnt: LearntModel, *, seconds: float = SECONDS) -> LearntR
     """Solve a learnt model and evaluate its policy in the draws.
 
     The interval of a model from episodes has the return by the numbers without prior, too: where all is
-    determined, as in a maze, each draw is worse than the estimate.
+    determined, as in a maze, the prior adds errors to each draw.
 
     Args:
         seconds: time limit of the solver.
@@ -90,12 +94,12 @@ def estimate_return(learnt: LearntModel, *, seconds: float = SECONDS) -> LearntR
     further = [_drop_prior(learnt)] if learnt.stated is None else []
     models = _Models.of(learnt, [learnt.model.parameters, *learnt.draws, *further])
     graph = _follow(learnt, solution)
-    values, unfollowed = evaluate(graph, models)
+    values, unfollowed, visits = evaluate(graph, models)
     drawn, without = values[1 : 1 + len(learnt.draws)], values[1 + len(learnt.draws) :]
     low, high = np.quantile(drawn, [0.025, 0.975], method="weibull")
     most = float(unfollowed.max())
     low, high = float(min([low, *without])), float(max([high, *without]))
-    taken = set(graph.actions.tolist()) - set(learnt.episodes.actions.tolist())
+    taken = set(graph.actions[visits > 0].tolist()) - set(learnt.episodes.actions.tolist())
     is_report = learnt.space.is_report
     unseen = tuple(learnt.episodes.action_names[a] for a in sorted(taken) if not is_report[a])
     return LearntReturn(solution, float(values[0]), drawn, low - most, high + most, most, unseen)
@@ -150,8 +154,11 @@ class _Models:
         return float(np.abs(self.reward).max()) / (1 - self.discount)
 
 
-def evaluate(graph: PolicyGraph, models: _Models) -> tuple[Array, Array]:
-    """Return (D,) the return of a controller in each model, and a bound of what it does not follow."""
+def evaluate(graph: PolicyGraph, models: _Models) -> tuple[Array, Array, Array]:
+    """Return (D,) the return of a controller in each model, and a bound of what it does not follow.
+
+    Also (n,) the discounted visits of the nodes before the decision is over, in all models.
+    """
     order = np.argsort(graph.targets, kind="stable")
     sources, targets, seen = graph.sources[order], graph.targets[order], graph.observations[order]
     first = np.searchsorted(targets, np.unique(targets))
@@ -161,7 +168,9 @@ def evaluate(graph: PolicyGraph, models: _Models) -> tuple[Array, Array]:
     weights = np.zeros((len(models.start), len(graph), models.start.shape[1]))
     weights[:, 0] = models.start
     values, unfollowed, factor = np.zeros(len(weights)), np.zeros(len(weights)), 1.0
+    visits = np.zeros(len(graph))
     for _ in range(MAX_STEPS):
+        visits += factor * weights.sum(axis=(0, 2))
         values += factor * (weights * reward).sum(axis=(1, 2))
         moved = np.einsum("dns,dnst->dnt", weights, transition)
         moved[:, :, -1] = 0.0  # the decision is over
@@ -174,7 +183,7 @@ def evaluate(graph: PolicyGraph, models: _Models) -> tuple[Array, Array]:
         if factor * weights.sum(axis=(1, 2)).max() < MIN_WEIGHT:
             break
     unfollowed += factor * weights.sum(axis=(1, 2))
-    return values, unfollowed * models.reward_range
+    return values, unfollowed * models.reward_range, visits
 
 
 def plan_robustly(learnt: LearntModel, quantile: float, *, seconds: float = SECONDS) -> LearntModel:
@@ -206,7 +215,7 @@ def plan_robustly(learnt: LearntModel, quantile: float, *, seconds: float = SECO
     scores = []
     for own in candidates:
         solution = solve(own.pomdp, time_limit=seconds / len(candidates))
-        values, unfollowed = evaluate(_follow(own, solution), models)
+        values, unfollowed, _ = evaluate(_follow(own, solution), models)
         scores.append(float(np.quantile(values - unfollowed, quantile)))
     return candidates[int(np.argmax(scores))]
 
@@ -214,23 +223,38 @@ def plan_robustly(learnt: LearntModel, quantile: float, *, seconds: float = SECO
 def find_causes(learnt: LearntModel, drawn: Array) -> list[tuple[str, float]]:
     """Return what the spread of the returns depends on, and the share of its variance, the largest first.
 
-    Each is the start, or the observations, transitions or rewards of an action. The share is that of a linear
-    regression on the numbers' first principal components, corrected for the number of these.
+    Each is the start, or the observations, transitions or rewards of an action. In half of the draws the
+    numbers are weighed by their correlation with the return, and the share is the squared correlation of the
+    weighed sum with the return in the other half; of both halves the mean.
 
     Args:
         drawn: (D,) returns in the draws.
     """
+    halves = np.arange(len(drawn)) % 2 == 0
     shares = []
     for what, numbers in _list_numbers(learnt):
-        columns = numbers - numbers.mean(axis=0)
-        vectors, sizes, _ = np.linalg.svd(columns, full_matrices=False)
-        vectors = vectors[:, (sizes > 1e-9 * max(sizes.max(initial=0.0), 1e-9))][:, :MAX_COMPONENTS]
-        if not vectors.shape[1] or not drawn.std() > 0:
-            continue
-        explained = float(((vectors.T @ (drawn - drawn.mean())) ** 2).sum() / (drawn.var() * len(drawn)))
-        corrected = 1 - (1 - explained) * (len(drawn) - 1) / max(len(drawn) - 1 - vectors.shape[1], 1)
-        shares.append((what, corrected))
+        varying = numbers[:, numbers.std(axis=0) > MIN_DEVIATION]
+        share = (_predict(varying, drawn, halves) + _predict(varying, drawn, ~halves)) / 2
+        shares.append((what, share))
     return sorted([pair for pair in shares if pair[1] >= MIN_SHARE], key=lambda pair: -pair[1])
+
+
+def _predict(numbers: Array, drawn: Array, chosen: npt.NDArray[np.bool_]) -> float:
+    """Return the squared correlation in the other draws of a sum that is weighed in the chosen ones."""
+    weights = _correlate(numbers[chosen], drawn[chosen])
+    weights[np.abs(weights) < MIN_CORRELATION / np.sqrt(chosen.sum())] = 0.0
+    deviations = np.maximum(numbers[chosen].std(axis=0), MIN_DEVIATION)
+    total = (numbers[~chosen] / deviations) @ weights
+    correlation = float(_correlate(total[:, None], drawn[~chosen])[0])
+    return max(correlation, 0.0) ** 2
+
+
+def _correlate(columns: Array, values: Array) -> Array:
+    """Return (n,) the correlations of columns (D, n) with values (D,); 0 where either does not vary."""
+    own, other = columns - columns.mean(axis=0), values - values.mean()
+    scale = own.std(axis=0) * other.std()
+    found: Array = np.where(scale > 0, own.T @ other / len(values) / np.where(scale > 0, scale, 1.0), 0.0)
+    return found
 
 
 def _list_numbers(learnt: LearntModel) -> Iterator[tuple[str, Array]]:

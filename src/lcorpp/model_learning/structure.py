@@ -1,6 +1,6 @@
-"""What an action does, with few numbers: whether it leaves the state as it is, and which states look alike.
+"""What an action does, with few numbers: whether it leaves the state as it is, and which states are alike.
 
-An action with few data has few parameters: states whose observations or rewards the data do not tell apart
+An action with few data has few parameters: states whose observations or rewards the data do not distinguish
 share them. Which do is chosen by the Bayesian information criterion (structural expectation-maximisation).
 
 Sources: Friedman, The Bayesian structural EM algorithm, UAI 1998; Schwarz, Annals of Statistics 6, 1978.
@@ -256,7 +256,7 @@ def _is_better(counts: Array, plain: Structure, relation: Relation, penalty: flo
 def _tie_reports(counts: Array, reports: Indices, penalty: float) -> Indices:
     """Return (A, K) groups of the rewards of reports, counts (A, K, V).
 
-    They depend on which variables are right, `reports` (A, K); and on the report, if the data tell it apart.
+    They depend on which variables are right, `reports` (A, K); and on the report, if the data distinguish it.
     """
     groups, actions = reports.copy(), np.flatnonzero(reports[:, 0] >= 0)
     size = int(reports.max()) + 1

@@ -14,8 +14,8 @@ def check_people(domain: Domain, people: Domain) -> None:
     """Check that the robot of a domain can decide about people of another one.
 
     Raises:
-        DomainError: they have other shared values, lack an action of the robot, a fact or a value of it, or
-            answer something that the robot does not know.
+        DomainError: they have other shared values or labels, lack an action, a sense or a fact of the robot,
+            or have a value of a fact or an answer that the robot does not know.
     """
     name = f"the domain of the people, {people.folder},"
     for variable in domain.reasoning.shared:
@@ -27,6 +27,13 @@ def check_people(domain: Domain, people: Domain) -> None:
             f"{name} shares {', '.join(people.reasoning.shared)}; expected"
             f" {', '.join(domain.reasoning.shared)} as in {domain.folder}"
         )
+    for sense in domain.senses:
+        own, other = sense.label_of, people.find_sense(sense.name).label_of
+        if dict(own) != dict(other):
+            raise DomainError(
+                f"{name} has the labels {', '.join(other.values())} of {', '.join(other)} for {sense.name};"
+                f" expected {', '.join(own.values())} of {', '.join(own)}, as in {domain.folder}"
+            )
     if missing := set(domain.pomdp.actions) - set(people.pomdp.actions):
         raise DomainError(f"{name} has no action {min(missing)}, which {domain.folder} has")
     if unknown := set(people.pomdp.observations) - set(domain.pomdp.observations):

@@ -186,6 +186,18 @@ def test_names_and_values_are_quoted_where_needed(tmp_path):
     assert Reasoner(program).posterior("'LVH report'", {"age": "12+"})["no"] > 0.9
 
 
+def test_a_hidden_attribute_may_have_one_other():
+    """Nothing determines it, and its numbers are not identifiable."""
+    knowledge = learn_knowledge([{"a": "x"}, {"a": "y"}] * 5, hidden={"h": ("1", "2")})
+    assert knowledge.fitted.numbers[0].interval is None
+
+
+def test_an_order_names_attributes_as_the_records_do():
+    records = 20 * [{"Hour of day": "noon", "Door": "open"}] + 20 * [{"Hour of day": "night", "Door": "shut"}]
+    knowledge = learn_knowledge(records, order=["Door < Hour of day"])
+    assert knowledge.structure == {"'Hour of day'": ("Door",), "Door": ()}
+
+
 @pytest.mark.parametrize(
     ("records", "options", "message"),
     [

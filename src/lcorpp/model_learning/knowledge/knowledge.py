@@ -51,9 +51,11 @@ class Knowledge:
     def structure(self) -> dict[str, tuple[str, ...]]:
         """Attribute -> those it depends on."""
         names = self.cases.names
-        return {
-            name: tuple(names[i] for i in own) for name, own in zip(names, self.network.parents, strict=True)
-        }
+        return {name: tuple(names[i] for i in self.list_parents(j)) for j, name in enumerate(names)}
+
+    def list_parents(self, attribute: int) -> list[int]:
+        """Return the attributes on which the rules of one depend; a parent may be in no rule."""
+        return sorted({i for rule in self.rules[attribute] for i in rule.context})
 
 
 def learn_knowledge(
@@ -67,10 +69,10 @@ def learn_knowledge(
 ) -> Knowledge:
     """Learn a program from records: which attributes depend on which, by what rules, with which numbers.
 
-    The structure is the most probable one (BDeu score) among all acyclic ones; of several that
-    imply the same independences, edges go from earlier attributes to later ones. Rules share what the data
-    do not tell apart. The numbers maximise the posterior density, with one record of equal values for each
-    rule before the data.
+    The structure is the most probable one (BDeu score) among all acyclic ones; of several that imply the same
+    independences, edges go from earlier attributes to later ones. Values that the data do not distinguish
+    share a rule. The numbers maximise the posterior density, with one record of equal values for each rule
+    before the data.
 
     Args:
         records: attribute -> value, with at most 12 attributes of two or more values; what is missing is

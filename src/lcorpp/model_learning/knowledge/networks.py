@@ -1,7 +1,7 @@
 """The Bayesian network of records: its structure, and with unknown values their expectation.
 
 With unknown values, expectation-maximisation and the search for the best structure alternate (structural EM),
-from several random starts in which each hidden attribute influences all others.
+from several starts, in which some of the other attributes depend on the hidden ones.
 
 Source: Friedman, The Bayesian structural EM algorithm, UAI 1998; Cheeseman and Stutz, Bayesian classification
 (AutoClass): theory and results, 1996.
@@ -22,7 +22,7 @@ from lcorpp.model_learning.knowledge.structures import Parents, find_best
 from lcorpp.values import Array, Indices
 
 STARTS = 32
-"""Random starts with hidden attributes."""
+"""Maximum number of sets of attributes that begin as children of the hidden ones."""
 
 CONNECTED_SHARE = 0.7
 """Share of the attributes that follow from the hidden ones in a start."""
@@ -67,6 +67,7 @@ def learn_network(
         scores = score_sets(cases.rows, cases.repeats, cases.sizes)
         return _expect(cases, find_best(scores, order), cases.repeats)
     begins, starts = list(_list_begins(cases, order, rng)), list[Network]()
+    begins = begins or [((),) * len(cases.names)]
     for number, begin in enumerate(begins):
         starts.append(_expect(cases, begin, _draw_weights(cases, rng)))
         progress(0.5 * (number + 1) / len(begins))

@@ -7,6 +7,7 @@ from itertools import pairwise
 
 from lcorpp.errors import DataError, expected_one_of
 from lcorpp.model_learning.knowledge.cases import Cases
+from lcorpp.reasoning.quoting import make_name_text
 
 
 def find_pairs(order: Sequence[str], cases: Cases) -> frozenset[tuple[int, int]]:
@@ -21,7 +22,8 @@ def find_pairs(order: Sequence[str], cases: Cases) -> frozenset[tuple[int, int]]
         if len(tiers) < 2:
             raise DataError(f"the order is {text!r}; expected attributes as in 'identity < time, location'")
         numbers = [
-            [_find(name, text, cases) for name in tier if name not in cases.constants] for tier in tiers
+            [_find(name, text, cases) for name in tier if make_name_text(name) not in cases.constants]
+            for tier in tiers
         ]
         for first, second in pairwise(filter(None, numbers)):
             pairs.update((i, j) for i in first for j in second)
@@ -35,6 +37,7 @@ def find_pairs(order: Sequence[str], cases: Cases) -> frozenset[tuple[int, int]]
 
 
 def _find(name: str, text: str, cases: Cases) -> int:
-    if name not in cases.names:
+    written = make_name_text(name)
+    if written not in cases.names:
         raise DataError(f"the order {text!r} has {name!r}; {expected_one_of(cases.names)}")
-    return cases.names.index(name)
+    return cases.names.index(written)

@@ -1,8 +1,8 @@
-"""The rules of an attribute: values of its parents that the data do not tell apart share one.
+"""The rules of an attribute: values of its parents that the data do not distinguish share one.
 
 The rules are the leaves of a tree whose nodes ask whether a parent has a value. It is grown until all
-observed values of the parents are told apart, and pruned: a node remains if the data are more probable with
-it, each rule having a prior of `PSEUDO_RECORDS` records of equal values.
+observed values of the parents are distinguished, and pruned: a node remains if the data are more probable
+with it, each rule having a prior of `PSEUDO_RECORDS` records of equal values.
 
 Source: Friedman and Goldszmidt, Learning Bayesian networks with local structure, UAI 1996.
 """

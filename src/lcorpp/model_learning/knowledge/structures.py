@@ -19,7 +19,7 @@ import numpy as np
 from lcorpp.values import Array, Indices
 
 TIE = 1e-9
-"""Scores that differ by this share are equal."""
+"""Scores of families that differ by less are equal, and those of networks that differ by this share."""
 
 Parents = tuple[tuple[int, ...], ...]
 """The parents of each attribute, increasing."""

@@ -25,7 +25,7 @@ def format_program(knowledge: Knowledge) -> str:
     ]
     numbers = zip(list_atoms(cases, knowledge.rules), knowledge.fitted.numbers, strict=True)
     for j, group in groupby(numbers, lambda pair: pair[0].attribute):
-        parents = ", ".join(f"{cases.names[i]} ({edges[i, j]:.2f})" for i in knowledge.network.parents[j])
+        parents = ", ".join(f"{cases.names[i]} ({edges[i, j]:.2f})" for i in knowledge.list_parents(j))
         on = f"on {parents}; probability of each edge in brackets" if parents else "on no other attribute"
         lines += ["", f"% {cases.names[j]} depends {on}."]
         for atom, number in group:
@@ -44,7 +44,7 @@ def describe_knowledge(knowledge: Knowledge) -> Iterator[str]:
     yield (
         f"{cases.count:g} records of {n} attributes. The structure is the most probable one (BDeu"
         " score); the probability of an edge is averaged over all structures. Where both directions are"
-        " probable, the data do not tell which is right."
+        " probable, the data do not determine which is right."
     )
     if not cases.is_complete:
         yield ""
@@ -53,11 +53,11 @@ def describe_knowledge(knowledge: Knowledge) -> Iterator[str]:
             " completed records."
         )
     pairs = [(i, j) for i in range(n) for j in range(n) if i != j]
-    shown = [(i, j) for i, j in pairs if i in knowledge.network.parents[j] or edges[i, j] >= MIN_EDGE]
+    shown = [(i, j) for i, j in pairs if i in knowledge.list_parents(j) or edges[i, j] >= MIN_EDGE]
     if shown:
         yield from ("", "| from | to | probability | in the program |", "|---|---|---|---|")
     for i, j in shown:
-        is_kept = "yes" if i in knowledge.network.parents[j] else "no"
+        is_kept = "yes" if i in knowledge.list_parents(j) else "no"
         yield f"| {names[i]} | {names[j]} | {edges[i, j]:.3f} | {is_kept} |"
     if unknown := list(_list_unknown(knowledge)):
         yield from ("", f"### {NOT_IDENTIFIABLE.capitalize()}", "")
