@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from dataclasses import replace
 from itertools import product
 
@@ -245,6 +247,7 @@ def test_values_of_reports_do_not_change():
         assert learnt.parameters.transition[a, k, :-1][other].sum() == 0
 
 
+RUN = "from lcorpp.cli.main import main; main()"
 HEADER = "episode,action,observation,reward\n"
 
 
@@ -477,3 +480,41 @@ def test_rows_of_tiny_weights_are_drawn():
     assert rows.sum(axis=1) == pytest.approx(np.ones(400))
     assert not rows[:, 2].any()
     assert rows[:, 0].mean() == pytest.approx(0.75, abs=0.08)
+
+
+def test_a_pipe_is_read_as_a_file(tmp_path):
+    rows = "a,b\n" + 30 * "x,u\n" + 30 * "y,v\n"
+    (tmp_path / "own.csv").write_text(rows)
+    for name, source in (("file", tmp_path / "own.csv"), ("pipe", "/dev/stdin")):
+        command = [sys.executable, "-c", RUN, "model", source, "-o", tmp_path / name]
+        subprocess.run(command, input=rows, text=True, check=True, capture_output=True)
+    one, other = (tmp_path / name / "knowledge.plog" for name in ("file", "pipe"))
+    assert one.read_text() == other.read_text()
+
+
+def test_wrong_folders_names_and_hidden_attributes_are_refused(lcorpp, tmp_path, monkeypatch):
+    (tmp_path / "own.csv").write_text("a,b\n" + 30 * "x,u\n" + 30 * "y,v\n")
+    rows = "1,ask,yes,-1\n1,bring_over,none,10\n2,ask,no,-1\n2,bring_tea,none,-10\n"
+    (tmp_path / "steps.csv").write_text(HEADER + rows)
+    (tmp_path / "many.csv").write_text("a,b\n" + "".join(f"n{i},{i % 2}\n" for i in range(101)))
+    (tmp_path / "link").symlink_to(tmp_path / "new")
+    folder = tmp_path / "empty"
+    folder.mkdir()
+    monkeypatch.chdir(folder)
+    own, steps = ("model", tmp_path / "own.csv"), ("model", tmp_path / "steps.csv")
+    for arguments, message in (
+        ((*own, "-o", "."), ".: a link or the working folder; expected a new or an empty folder"),
+        ((*own, "-o", tmp_path / "link"), "link: a link or the working folder"),
+        ((*own, "-o", "out", "--hidden", "h=2", "--hidden", "h=3"), "--hidden has h twice; expected it once"),
+        ((*own, "-o", "out", "--hidden", "a=2"), "own.csv:2: a is stated; expected no value of a hidden"),
+        (("model", tmp_path / "many.csv", "-o", "out"), "many.csv: a has 101 values; expected at most 100"),
+        ((*steps, "-o", "out", "--reports", "bring_{w}"), "would be the state over, which is the end of a"),
+        (
+            (*steps, "-o", "out", "--reports", "w: bring_over=x, bring_tea=x"),
+            "name the same values; expected two or more of a variable",
+        ),
+    ):
+        ended = lcorpp(*arguments)
+        assert ended.code == 2
+        assert message in ended.err
+    assert not any(folder.iterdir())

@@ -27,6 +27,8 @@ def check_new_folder(folder: Path) -> None:
     Raises:
         DomainError: it is neither.
     """
+    if folder.is_symlink() or folder.resolve() == Path.cwd():
+        raise DomainError(f"{folder}: a link or the working folder; expected a new or an empty folder")
     if folder.exists() and not (folder.is_dir() and not any(folder.iterdir())):
         raise DomainError(f"{folder}: exists; expected a new or an empty folder")
 

@@ -18,7 +18,7 @@ from lcorpp.decision import Strategy
 from lcorpp.domains import Domain
 from lcorpp.errors import DataError, FileError, LcorppError
 from lcorpp.files import MAX_MAPPED_BYTES
-from lcorpp.input_files import open_lines
+from lcorpp.input_files import open_input, open_lines
 from lcorpp.values import Array, Distribution, Episode, Label, Likelihood, Step, read_value
 from lcorpp.versioned_json import JsonFormat
 
@@ -137,12 +137,13 @@ def _check_kind(path: Path) -> None:
 
 
 def is_log(path: Path) -> bool:
-    """Whether a file begins as a decision does; a file that cannot be read does not."""
-    try:
-        with open(path, "rb") as file:
-            return file.read(len(START)) == START
-    except OSError:
-        return False
+    """Whether a file, or a pipe that is kept (`keep_pipes`), begins as a decision does.
+
+    Raises:
+        FileError: it cannot be read.
+    """
+    with open_input(path, MAX_MAPPED_BYTES) as file:
+        return file.read(len(START)) == START
 
 
 def _ends_within_line(path: Path) -> bool:

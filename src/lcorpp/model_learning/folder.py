@@ -11,6 +11,7 @@ import numpy as np
 from lcorpp.domains.new_domain import check_name
 from lcorpp.domains.new_folder import write_folder
 from lcorpp.domains.sections.learning import Sense
+from lcorpp.errors import DataError
 from lcorpp.model_learning.baum_welch import Parameters
 from lcorpp.model_learning.episodes import Episodes
 from lcorpp.model_learning.knowledge.knowledge import FILE, Knowledge
@@ -91,6 +92,13 @@ def check_names(episodes: Episodes, reports: str | None) -> None:
             check_name("variable", variable)
             for value in dict.fromkeys(own[i] for own in space.values):
                 check_name(f"value of {variable}", value)
+        states = ["_".join(value) for value in space.values]
+        for n, name in enumerate(states):
+            if name == OVER or name in states[:n]:
+                raise DataError(
+                    f"the shared values {', '.join(space.values[n])} would be the state {name}, which is"
+                    f" {'the end of a decision' if name == OVER else 'that of others'}; expected another name"
+                )
 
 
 def _format_filled(learnt: LearntModel) -> str:

@@ -27,6 +27,9 @@ MAX_NODES, MIN_PROBABILITY = 1000, 1e-6
 MAX_STEPS, MIN_WEIGHT = 2000, 1e-6
 """Steps are followed until their discounted probability is less than this."""
 
+MAX_CELLS = 5_000_000
+"""Maximum number of models times edges times states that are followed at once."""
+
 CANDIDATES = 15
 """Draws whose policies are compared with that of the estimate."""
 
@@ -148,6 +151,11 @@ class _Models:
             learnt.discount,
         )
 
+    def take(self, places: slice) -> _Models:
+        """Return some of the models."""
+        tables = self.transition[places], self.observation[places], self.reward[places], self.start[places]
+        return _Models(*tables, self.discount)
+
     @cached_property
     def reward_range(self) -> float:
         """The largest absolute value of a discounted sum of rewards."""
@@ -159,20 +167,30 @@ def evaluate(graph: PolicyGraph, models: _Models) -> tuple[Array, Array, Array]:
 
     Also (n,) the discounted visits of the nodes before the decision is over, in all models.
     """
+    S = models.start.shape[1]
+    size = max(1, MAX_CELLS // (S * max(len(graph.sources), len(graph))))
+    parts = [_evaluate(graph, models.take(slice(i, i + size))) for i in range(0, len(models.start), size)]
+    values, unfollowed, visits = (list(own) for own in zip(*parts, strict=True))
+    return np.concatenate(values), np.concatenate(unfollowed) * models.reward_range, np.sum(visits, axis=0)
+
+
+def _evaluate(graph: PolicyGraph, models: _Models) -> tuple[Array, Array, Array]:
     order = np.argsort(graph.targets, kind="stable")
     sources, targets, seen = graph.sources[order], graph.targets[order], graph.observations[order]
     first = np.searchsorted(targets, np.unique(targets))
     actions = graph.actions
     likelihood = models.observation[:, actions[sources], :, seen].transpose(1, 0, 2)  # (D, m, S)
-    transition, reward = models.transition[:, actions], models.reward[:, actions]
+    of_action = [(a, np.flatnonzero(actions == a)) for a in np.unique(actions)]
+    reward = models.reward[:, actions]
     weights = np.zeros((len(models.start), len(graph), models.start.shape[1]))
     weights[:, 0] = models.start
     values, unfollowed, factor = np.zeros(len(weights)), np.zeros(len(weights)), 1.0
-    visits = np.zeros(len(graph))
+    visits, moved = np.zeros(len(graph)), np.zeros_like(weights)
     for _ in range(MAX_STEPS):
         visits += factor * weights.sum(axis=(0, 2))
         values += factor * (weights * reward).sum(axis=(1, 2))
-        moved = np.einsum("dns,dnst->dnt", weights, transition)
+        for a, nodes in of_action:
+            moved[:, nodes] = weights[:, nodes] @ models.transition[:, a]
         moved[:, :, -1] = 0.0  # the decision is over
         factor *= models.discount
         weights = np.zeros_like(weights)
@@ -182,8 +200,7 @@ def evaluate(graph: PolicyGraph, models: _Models) -> tuple[Array, Array, Array]:
         unfollowed += factor * lost
         if factor * weights.sum(axis=(1, 2)).max() < MIN_WEIGHT:
             break
-    unfollowed += factor * weights.sum(axis=(1, 2))
-    return values, unfollowed * models.reward_range, visits
+    return values, unfollowed + factor * weights.sum(axis=(1, 2)), visits
 
 
 def plan_robustly(learnt: LearntModel, quantile: float, *, seconds: float = SECONDS) -> LearntModel:

@@ -60,6 +60,10 @@ class Space:
                 " the states; expected right and wrong reports with different rewards"
             )
         own = [sorted({values[i] for values in reported.values()}) for i in range(len(names))]
+        if max(map(len, own)) < 2:
+            raise DataError(
+                f"all reports of {text!r} name the same values; expected two or more of a variable"
+            )
         values = tuple(product(*own))
         if missing := sorted(set(values) - set(reported.values())):
             raise DataError(

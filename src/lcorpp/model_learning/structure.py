@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from math import log
 
 import numpy as np
@@ -19,6 +20,7 @@ from lcorpp.model_learning.baum_welch import Parameters, expect
 from lcorpp.model_learning.episodes import Episodes
 from lcorpp.model_learning.relations import Relation
 from lcorpp.model_learning.spaces import Space
+from lcorpp.model_learning.ties import Ties
 from lcorpp.values import Array, Indices
 
 STAYS, RESTARTS, MOVES = range(3)
@@ -73,6 +75,21 @@ class Structure:
             observation[relation.actions] = first + relation.groups[:, self.values]
             cells[relation.actions] = relation.cells[:, self.values]
         return replace(self, observation=observation, cells=cells)
+
+    @cached_property
+    def observation_ties(self) -> Ties:
+        """The ties of the observations."""
+        return Ties.of(self.observation, self.cells)
+
+    def tie_rewards(self, n_rewards: int) -> Ties:
+        """Return the ties of the rewards."""
+        if n_rewards not in self._reward_ties:
+            self._reward_ties[n_rewards] = Ties.of(self.reward, list_cells(self.reward, n_rewards))
+        return self._reward_ties[n_rewards]
+
+    @cached_property
+    def _reward_ties(self) -> dict[int, Ties]:
+        return {}
 
     @property
     def numbers(self) -> list[int]:
@@ -134,35 +151,15 @@ def _estimate(counts: Parameters, prior: Parameters, structure: Structure, rows:
         kept = start if restarts[action] else np.eye(K)
         transition[action, :, :K], transition[action, :, K] = goes_on[action, 0] * kept, goes_on[action, 1]
     observation = rows(counts.observation + prior.observation)
-    observation[:, :K] = _tie(
-        counts.observation[:, :K], prior.observation[:, :K], structure.observation, structure.cells, rows
-    )
-    cells = list_cells(structure.reward, counts.reward.shape[2])
-    reward = _tie(counts.reward, prior.reward, structure.reward, cells, rows)
-    return Parameters(start, transition, observation, reward)
+    ties = structure.observation_ties
+    observation[:, :K] = _tie(counts.observation[:, :K], prior.observation[:, :K], ties, rows)
+    ties = structure.tie_rewards(counts.reward.shape[2])
+    return Parameters(start, transition, observation, _tie(counts.reward, prior.reward, ties, rows))
 
 
-def _tie(counts: Array, prior: Array, groups: Indices, cells: Indices, rows: Rows) -> Array:
-    """Return rows (A, K, n) of counts, one for each group; its prior is the mean of the states' priors.
-
-    cells: of `Structure`.
-    """
-    sums, places = _sum_cells(counts, groups, cells)
-    priors, _ = _sum_cells(prior, groups, cells)
-    sizes = np.zeros(sums.shape)
-    np.add.at(sizes, (places[:, :, None], cells), 1.0)
-    members = np.bincount(places.ravel())[:, None]
-    shares = rows(sums + priors / members) * members / np.maximum(sizes, 1.0)
-    return shares[places[:, :, None], cells]
-
-
-def _sum_cells(counts: Array, groups: Indices, cells: Indices) -> tuple[Array, Indices]:
-    """Return (G, n) the sums of counts (A, K, n) by group and cell, and the place (A, K) of each group."""
-    used, places = np.unique(groups, return_inverse=True)
-    places = places.reshape(groups.shape)
-    sums = np.zeros((len(used), int(cells.max()) + 1))
-    np.add.at(sums, (places[:, :, None], cells), counts)
-    return sums, places
+def _tie(counts: Array, prior: Array, ties: Ties, rows: Rows) -> Array:
+    """Return rows (A, K, n) of counts, one for each group; its prior is the mean of the states' priors."""
+    return ties.spread(rows(ties.sum(counts) + ties.sum(prior) / ties.members))
 
 
 def fit(
@@ -244,11 +241,10 @@ def _is_better(counts: Array, plain: Structure, relation: Relation, penalty: flo
     """Whether a relation describes counts (A, K, O) of its actions better than the groups of a structure."""
     scores = []
     for own in (plain, plain.relate([relation])):
-        groups, cells = own.observation[relation.actions], own.cells[relation.actions]
-        sums, places = _sum_cells(counts[relation.actions], groups, cells)
-        sizes, _ = _sum_cells(np.ones(cells.shape), groups, cells)
-        shared = sizes / np.bincount(places.ravel())[:, None]  # observations of a cell
-        score = sum(_information(row) for row in sums) - float((sums * np.log(np.maximum(shared, 1))).sum())
+        ties = Ties.of(own.observation[relation.actions], own.cells[relation.actions])
+        sums = ties.sum(counts[relation.actions])
+        shared = np.maximum(ties.sizes / ties.members, 1.0)  # observations of a cell
+        score = sum(_information(row) for row in sums) - float((sums * np.log(shared)).sum())
         scores.append(score - penalty * sum(_count_free(row) for row in sums))
     return scores[1] > scores[0]
 
@@ -308,15 +304,13 @@ def count_parameters(model: Model, episodes: Episodes) -> int:
             total += int((np.maximum((rows > MIN_SHARE).sum(axis=1), 1) - 1).sum())
         else:
             total += int(MIN_SHARE < rows[:, K].max() < 1 - MIN_SHARE)
-    n_rewards = len(episodes.reward_values)
-    for groups, cells, found in (
-        (structure.observation, structure.cells, episodes.observations),
-        (structure.reward, list_cells(structure.reward, n_rewards), episodes.rewards),
+    for ties, found in (
+        (structure.observation_ties, episodes.observations),
+        (structure.tie_rewards(len(episodes.reward_values)), episodes.rewards),
     ):
-        seen = np.zeros((len(groups), cells.shape[2]))
+        seen = np.zeros((len(ties.places), len(ties.flat) // ties.places.size))
         seen[episodes.actions, found] = 1
-        sums, _ = _sum_cells(np.repeat(seen[:, None], K, axis=1), groups, cells)
-        total += sum(_count_free(row) for row in sums)
+        total += sum(_count_free(row) for row in ties.sum(np.repeat(seen[:, None], K, axis=1)))
     return total
 
 

@@ -126,7 +126,7 @@ def model(
     if wrong := [name for name, own in given.items() if own is not None and name not in KINDS[kind]]:
         raise DataError(f"{data}: has {kind}; expected no {wrong[0]}, which is for others")
     names = [name.strip() for name in (facts or "").split(",") if name.strip()]
-    about = {"hidden": dict(map(_read_hidden, hidden or ())), "order": order or (), "seed": seed}
+    about = {"hidden": _read_hidden(hidden or ()), "order": order or (), "seed": seed}
     try:
         with show_delayed_progress("learning") as advance:
             if kind == RECORDS:
@@ -171,9 +171,12 @@ def _learn_knowledge(
     from lcorpp.model_learning import learn_knowledge
     from lcorpp.model_learning.episodes import read_facts
 
-    return learn_knowledge(
-        read_facts(data, names), **about, progress=lambda share: advance(share, "structures")
-    )
+    records = read_facts(data, names)
+    try:
+        return learn_knowledge(records, **about, progress=lambda share: advance(share, "structures"))
+    except DataError as error:
+        place = "" if str(error).startswith(str(data)) else f"{data}: "
+        raise DataError(f"{place}{error}") from None
 
 
 def _learn_from_log(
@@ -202,15 +205,20 @@ def _learn_model(
     )
 
 
-def _read_hidden(text: str) -> tuple[str, tuple[str, ...]]:
-    """Return a hidden attribute and its values; of a number of values, NAME_1 and so on."""
-    name, _, values = (part.strip() for part in text.partition("="))
-    names = tuple(value.strip() for value in values.split(","))
-    if values.isdecimal() and name:
-        names = tuple(f"{name}_{i + 1}" for i in range(min(int(values), 1000)))
-    if not name or len(set(names)) < max(len(names), 2) or not all(names):
-        raise DataError(f"--hidden is {text!r}; expected NAME=VALUES with two or more, or NAME=2")
-    return name, names
+def _read_hidden(texts: Sequence[str]) -> dict[str, tuple[str, ...]]:
+    """Return hidden attributes and their values; of a number of values, NAME_1 and so on."""
+    found = dict[str, tuple[str, ...]]()
+    for text in texts:
+        name, _, values = (part.strip() for part in text.partition("="))
+        names = tuple(value.strip() for value in values.split(","))
+        if values.isdecimal() and name:
+            names = tuple(f"{name}_{i + 1}" for i in range(min(int(values), 1000)))
+        if not name or len(set(names)) < max(len(names), 2) or not all(names):
+            raise DataError(f"--hidden is {text!r}; expected NAME=VALUES with two or more, or NAME=2")
+        if name in found:
+            raise DataError(f"--hidden has {name} twice; expected it once")
+        found[name] = names
+    return found
 
 
 def _print_knowledge(knowledge: Knowledge) -> None:

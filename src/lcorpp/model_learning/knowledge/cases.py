@@ -20,6 +20,9 @@ from lcorpp.values import Array, Indices
 MAX_ATTRIBUTES = 12
 """Maximum number of attributes with two or more values: all sets of them are scored."""
 
+MAX_VALUES = 100
+"""Maximum number of values of an attribute."""
+
 MAX_ROWS = 200_000
 """Maximum number of rows after completion."""
 
@@ -95,6 +98,12 @@ class Cases:
                 )
         constants = {name: own[0] for name, own in known.items() if len(own) == 1}
         known = {name: own for name, own in known.items() if name not in constants}
+        for name, names in known.items():
+            if len(names) > MAX_VALUES:
+                raise DataError(
+                    f"{name} has {len(names)} values; expected at most {MAX_VALUES}: an identifier or a"
+                    " number is no attribute, group its values or leave it out"
+                )
         if not 0 < len(known) <= MAX_ATTRIBUTES:
             raise DataError(
                 f"{len(known)} attributes have several values{': ' * bool(known)}{', '.join(known)}; expected"
@@ -169,6 +178,10 @@ def quote_record(record: Mapping[str, str] | SoftRecord) -> Mapping[str, str] | 
 
 
 def _quote(facts: Mapping[str, str]) -> dict[str, str]:
+    for text in (text for pair in facts.items() for text in pair):
+        if not text.isprintable():
+            place = getattr(facts, "place", "a record")
+            raise DataError(f"{place}: {text!r} has a character that cannot be printed; expected none")
     return {make_name_text(name): make_value_text(value) for name, value in facts.items()}
 
 

@@ -176,7 +176,8 @@ def _expect(cases: Cases, parents: Parents, weights: Array) -> Network:
     score = log_likelihood - float(weights @ logs)
     for j, own in enumerate(parents):
         given = sum(1 << i for i in own)
-        score += float(scores[given | 1 << j] - scores[given])
+        family = float(scores[given | 1 << j])
+        score += family - float(scores[given]) if np.isfinite(family) else -np.inf
     return Network(parents, weights, scores, score)
 
 

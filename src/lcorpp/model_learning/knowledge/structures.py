@@ -28,15 +28,16 @@ Parents = tuple[tuple[int, ...], ...]
 def find_best(scores: Array, before: Collection[tuple[int, int]] = ()) -> Parents:
     """Return the network of the best score; of equal ones, edges go from earlier attributes to later ones.
 
-    scores: (2^n,) of the sets of n attributes. before: (i, j): the first is not after the second, in some
-    order of all attributes in which edges go forwards.
+    scores: (2^n,) of the sets of n attributes, -inf for those that no attribute with parents may be.
+    before: (i, j): the first is not after the second, in some order of all attributes in which edges go
+    forwards.
     """
     n = len(scores).bit_length() - 1
     families = [_find_families(scores, j) for j in range(n)]
     best_sets = [_take_best(own, n) for own in families]
     after = _list_after(n, before)
     best, sinks = np.zeros(1 << n), np.zeros(1 << n, dtype=np.intp)
-    tie = TIE * (1 + np.abs(scores).max())
+    tie = TIE * (1 + np.abs(scores[np.isfinite(scores)]).max())
     for members in range(1, 1 << n):
         best[members] = -np.inf
         for j in reversed(range(n)):
@@ -101,9 +102,11 @@ def average_edges(scores: Array, before: Collection[tuple[int, int]] = ()) -> Ar
 
 
 def _find_families(scores: Array, j: int) -> Array:
-    """Return (2^n,) the score of attribute j with each set of parents; -inf where it is one itself."""
+    """Return (2^n,) the score of attribute j with each set of parents; -inf where none is possible."""
     sets = np.arange(len(scores))
-    found: Array = np.where(sets >> j & 1, -np.inf, scores[sets | 1 << j] - scores)
+    possible = (sets >> j & 1 == 0) & np.isfinite(scores[sets | 1 << j])  # then that of the parents is finite
+    found = np.full(len(scores), -np.inf)
+    found[possible] = scores[sets[possible] | 1 << j] - scores[possible]
     return found
 
 
