@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import csv
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Generator, Iterable, Iterator, Mapping
+from contextlib import closing
 from dataclasses import dataclass
 from functools import cache
 from math import isfinite
@@ -76,33 +77,17 @@ def read_records(path: str | Path) -> Iterator[Record]:
         >>> list(read_records("tosses.csv"))
         [{'day': 'monday', 'toss': 'heads'}, {'day': 'tuesday'}]
     """
-    if is_parquet(path):
-        names = _check_header(read_columns(path), str(path))
-        for number, cells in enumerate(read_rows(path), start=1):
-            yield _make_record(names, cells, f"{path}: row {number}")
-        return
-    with open_text(path) as file:
-        reader = csv.reader(file, strict=True, skipinitialspace=True)
-        try:
-            names = _check_header(next(reader, []), f"{path}:1")
-            for row in reader:
-                if not row and len(names) > 1:
-                    continue  # an empty line
-                place = f"{path}:{reader.line_num}"
-                cells = [cell.strip() for cell in row or [""]]
-                if len(cells) != len(names):
-                    raise DataError(f"{place}: {len(cells)} cells; expected {len(names)}")
-                yield _make_record(names, cells, place)
-        except csv.Error as error:
-            raise DataError(f"{path}:{reader.line_num}: not CSV: {error}") from None
-        except UnicodeDecodeError:
-            raise DataError(f"{path}:{reader.line_num + 1}: not UTF-8 text") from None
-
-
-def _make_record(names: list[str], cells: list[str], place: str) -> Record:
-    record = Record(pair for pair in zip(names, cells, strict=True) if pair[1] not in MISSING)
-    record.place = place
-    return record
+    rows = _read_rows(path)
+    names = _check_header(*next(rows, ([], f"{path}:1")))
+    for cells, place in rows:
+        if not cells and len(names) > 1:
+            continue  # an empty line
+        cells = [cell.strip() for cell in cells or [""]]
+        if len(cells) != len(names):
+            raise DataError(f"{place}: {len(cells)} cells; expected {len(names)}")
+        record = Record(pair for pair in zip(names, cells, strict=True) if pair[1] not in MISSING)
+        record.place = place
+        yield record
 
 
 def read_header(path: str | Path) -> list[str]:
@@ -111,16 +96,26 @@ def read_header(path: str | Path) -> list[str]:
     Raises:
         FileError, DataError: as `read_records`.
     """
+    with closing(_read_rows(path)) as rows:
+        return _check_header(*next(rows, ([], f"{path}:1")))
+
+
+def _read_rows(path: str | Path) -> Generator[tuple[list[str], str]]:
+    """Yield the names of the columns and the cells of each row, with their place."""
     if is_parquet(path):
-        return _check_header(read_columns(path), str(path))
+        yield read_columns(path), str(path)
+        for number, cells in enumerate(read_rows(path), start=1):
+            yield cells, f"{path}: row {number}"
+        return
     with open_text(path) as file:
+        reader = csv.reader(file, strict=True, skipinitialspace=True)
         try:
-            reader = csv.reader(file, strict=True, skipinitialspace=True)
-            return _check_header(next(reader, []), f"{path}:1")
+            for cells in reader:
+                yield cells, f"{path}:{reader.line_num}"
         except csv.Error as error:
-            raise DataError(f"{path}:1: not CSV: {error}") from None
+            raise DataError(f"{path}:{max(reader.line_num, 1)}: not CSV: {error}") from None
         except UnicodeDecodeError:
-            raise DataError(f"{path}:1: not UTF-8 text") from None
+            raise DataError(f"{path}:{reader.line_num + 1}: not UTF-8 text") from None
 
 
 def _check_header(header: list[str], place: str) -> list[str]:
