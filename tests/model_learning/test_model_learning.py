@@ -518,3 +518,18 @@ def test_wrong_folders_names_and_hidden_attributes_are_refused(lcorpp, tmp_path,
         assert ended.code == 2
         assert message in ended.err
     assert not any(folder.iterdir())
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"order": ["wish < place"]}, "the order 'wish < place' has 'place'; expected one of wish, time"),
+        ({"order": ["wish < time", "time < wish"]}, "before itself"),
+        ({"hidden": {"time": ("1", "2")}}, "the hidden attribute time is one of those that are stated"),
+    ],
+)
+def test_attributes_are_checked_before_learning(tmp_path, monkeypatch, options, message):
+    monkeypatch.setattr("lcorpp.model_learning.learnt_model.learn", None)  # learning would fail
+    (tmp_path / "steps.csv").write_text(FACTS)
+    with pytest.raises(DataError, match=message):
+        learn_model(read_episodes(tmp_path / "steps.csv", ["time"]), reports="bring_{wish}", **options)

@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 
-from lcorpp.assembly.logged_parts import load_logged_domain, read_program
 from lcorpp.domains import Domain
 from lcorpp.domains.dialogue import DomainDialogue
 from lcorpp.errors import DataError
@@ -83,15 +82,7 @@ def read_people(path: Path, *, folder: Path | None = None, strategy: str | None 
         ('LCORPP', [2.0, 1.0])
     """
     found = read_decisions(path, strategy)
-    try:
-        domain = load_logged_domain(found.parts, folder)
-        program = read_program(found.parts, domain)
-    except DataError:
-        raise
-    except DAMAGE as error:
-        raise DataError(f"{path}: cannot be read: {describe_damage(error)}") from error
-    domain.check_program_decides("an audit")
-    return _Reader(domain, program, found).read(path)
+    return _Reader(*found.load(folder, "an audit"), found).read(path)
 
 
 class _Reader:

@@ -8,18 +8,23 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from lcorpp.assembly.logged_parts import load_logged_domain, read_program
+from lcorpp.domains import Domain
 from lcorpp.errors import DataError
 from lcorpp.logs.decision_log import DAMAGE, LoggedDecision, describe_damage, read_log
+from lcorpp.reasoning import Program
 
 
 @dataclass(frozen=True, eq=False)
 class StrategyDecisions:
     """The decisions of one strategy in a log.
 
-    strategy: its name. decisions: its lines, at least one. n_others: number of decisions of other strategies.
+    path: of the log. strategy: its name.
+    decisions: its lines, at least one. n_others: number of decisions of other strategies.
     skipped: why lines cannot be read -> how many.
     """
 
+    path: Path
     strategy: str
     decisions: list[LoggedDecision]
     n_others: int
@@ -30,6 +35,26 @@ class StrategyDecisions:
         """The description of the robot at the last decision."""
         parts: Mapping[str, Any] = self.decisions[-1].content["parts"]
         return parts
+
+    def load(self, folder: Path | None, use: str) -> tuple[Domain, Program]:
+        """Return the domain of the last decision, and its program with the rules of the classifiers.
+
+        Args:
+            folder: of the domain, if it is not the one of the log. use: of the program, for errors.
+
+        Raises:
+            DataError: the description has another form.
+            LcorppError: a file is missing or wrong, or the domain has a reasoner of its own.
+        """
+        try:
+            domain = load_logged_domain(self.parts, folder)
+            program = read_program(self.parts, domain)
+        except DataError:
+            raise
+        except DAMAGE as error:
+            raise DataError(f"{self.path}: cannot be read: {describe_damage(error)}") from error
+        domain.check_program_decides(use)
+        return domain, program
 
 
 def read_decisions(path: Path, strategy: str | None = None) -> StrategyDecisions:
@@ -60,4 +85,4 @@ def read_decisions(path: Path, strategy: str | None = None) -> StrategyDecisions
         raise DataError(
             f"{path}: no decision{f' of {strategy}' if strategy else ''}; strategies in it: {found}"
         )
-    return StrategyDecisions(chosen, own, len(decisions) - len(own), skipped)
+    return StrategyDecisions(path, chosen, own, len(decisions) - len(own), skipped)

@@ -10,7 +10,6 @@ import numpy as np
 
 from lcorpp.domains.new_domain import check_name
 from lcorpp.domains.new_folder import write_folder
-from lcorpp.domains.sections.learning import Sense
 from lcorpp.errors import DataError
 from lcorpp.model_learning.baum_welch import Parameters
 from lcorpp.model_learning.episodes import Episodes
@@ -103,8 +102,7 @@ def check_names(episodes: Episodes, reports: str | None) -> None:
 
 def _format_filled(learnt: LearntModel) -> str:
     """Return the model with equally many states of each value, in the order of the values."""
-    structure = learnt.model.structure
-    own = learnt.model.parameters if learnt.planned is None else learnt.planned
+    structure, own = learnt.model.structure, learnt.plan
     numbers, count = structure.numbers, own.count
     place = {(v, n): k for k, (v, n) in enumerate(zip(structure.values.tolist(), numbers, strict=True))}
     wanted = [(v, n) for v in range(len(learnt.space)) for n in range(1, max(numbers) + 1)]
@@ -142,7 +140,7 @@ def _format_toml(name: str, learnt: LearntModel, knowledge: Knowledge) -> str:
         f"shared = {json.dumps(list(variables))}",
     ]
     for sense in senses:
-        labels = ", ".join(f"{json.dumps(own)} = {json.dumps(label)}" for own, label in _list_labels(sense))
+        labels = ", ".join(f"{json.dumps(own)} = {json.dumps(of)}" for of, own in sense.label_of.items())
         lines += [
             "",
             "[[learning]]",
@@ -163,10 +161,6 @@ def _format_toml(name: str, learnt: LearntModel, knowledge: Knowledge) -> str:
         values = json.dumps([str(n) for n in range(1, phases + 1)])
         lines += ["", "[planning.local.phase]            # what follows from actions", f"values = {values}"]
     return "\n".join(lines) + "\n"
-
-
-def _list_labels(sense: Sense) -> list[tuple[str, str]]:
-    return [(label, own) for own, label in sense.label_of.items()]
 
 
 def _list_reports(learnt: LearntModel) -> Iterator[str]:

@@ -14,7 +14,7 @@ from lcorpp.model_learning.baum_welch import Parameters, Prior, expect
 from lcorpp.model_learning.draws import draw_models
 from lcorpp.model_learning.episode_records import add_evidence, make_records
 from lcorpp.model_learning.episodes import Episodes
-from lcorpp.model_learning.knowledge.knowledge import Knowledge, learn_knowledge
+from lcorpp.model_learning.knowledge.knowledge import Knowledge, check_attributes, learn_knowledge
 from lcorpp.model_learning.relations import list_answers
 from lcorpp.model_learning.spaces import Space
 from lcorpp.model_learning.states import learn
@@ -67,10 +67,15 @@ class LearntModel:
     def __repr__(self) -> str:
         return f"<LearntModel: {len(self.states)} states from {len(self.episodes)} episodes>"
 
+    @property
+    def plan(self) -> Parameters:
+        """The parameters by which it plans."""
+        return self.model.parameters if self.planned is None else self.planned
+
     @cached_property
     def pomdp(self) -> Pomdp:
         """The POMDP by which it plans."""
-        own = self.model.parameters if self.planned is None else self.planned
+        own = self.plan
         return make_pomdp(self.episodes, self.states, own, self.find_rewards(own), self.discount)
 
     @cached_property
@@ -106,7 +111,7 @@ def learn_model(
 ) -> LearntModel:
     """Learn a POMDP from episodes in which the states are hidden.
 
-    The number of states, what each action does to the state, and which states look alike are chosen by the
+    The number of states, what each action does to the state, and which states are alike are chosen by the
     Bayesian information criterion; the numbers maximise the posterior density.
 
     Args:
@@ -146,7 +151,7 @@ def learn_model(
         space = Space.of_reports(episodes, reports)
         answers = list_answers(space.variables, space.values, episodes.observation_names)
         episodes = episodes.add_observations(answers)
-        space = Space.of_reports(episodes, reports)
+        space = space.relate(episodes)
     if reports is None and (hidden or order or any(episodes.facts)):
         raise DataError(
             "facts, hidden attributes and an order need reports: they relate to the shared values"
@@ -159,6 +164,8 @@ def learn_model(
         raise ModelError(f"max_states is {limit}; expected at least {len(space)}, one of each shared value")
     if draws < 1:
         raise ModelError(f"draws is {draws}; expected at least 1")
+    attributes = dict.fromkeys(name for own in episodes.facts for name in own)
+    check_attributes([*space.variables, *attributes], hidden, order)
     rng = np.random.default_rng(seed)
     model = learn(episodes, space, limit, rng, progress)
     pseudo = Prior.of(episodes).pseudo_counts(model.parameters.count, space)

@@ -14,7 +14,6 @@ from pathlib import Path
 
 import numpy as np
 
-from lcorpp.assembly.logged_parts import load_logged_domain, read_program
 from lcorpp.domains import Domain
 from lcorpp.errors import DataError, ModelError, expected_one_of
 from lcorpp.latent_classes import normalise
@@ -24,9 +23,9 @@ from lcorpp.model_learning.baum_welch import PRIOR_STEPS, Parameters, expect
 from lcorpp.model_learning.draws import resample_models
 from lcorpp.model_learning.episode_records import compute_posteriors, make_records
 from lcorpp.model_learning.episodes import Episodes
-from lcorpp.model_learning.knowledge.knowledge import learn_knowledge
+from lcorpp.model_learning.knowledge.knowledge import check_attributes, learn_knowledge
 from lcorpp.model_learning.learnt_model import LearntModel, StatedDomain, name_states
-from lcorpp.model_learning.spaces import Space
+from lcorpp.model_learning.spaces import Space, list_rights
 from lcorpp.model_learning.structure import MOVES, STAYS, Model, Structure, fit, list_cells
 from lcorpp.values import Array, Indices
 
@@ -84,14 +83,7 @@ def learn_from_log(
     if draws < 1:
         raise ModelError(f"draws is {draws}; expected at least 1")
     found = read_decisions(Path(path), strategy)
-    try:
-        domain = load_logged_domain(found.parts, folder)
-        program = read_program(found.parts, domain)
-    except DataError:
-        raise
-    except DAMAGE as error:
-        raise DataError(f"{path}: cannot be read: {describe_damage(error)}") from error
-    domain.check_program_decides("learning from a log")
+    domain, program = found.load(folder, "learning from a log")
     space, states = _read_space(domain), _order_states(domain)
     stated = _read_parameters(domain, states)
     structure = _find_structure(stated, domain.planning.state_values[states].argmax(axis=1))
@@ -114,6 +106,7 @@ def learn_from_log(
     names = (*space.variables, *domain.observed, *domain.label_attributes)
     known = {name for own in facts for name in own} | set(space.variables)
     values = {name: domain.program.attributes[name].values for name in names if name in known}
+    check_attributes(values, hidden, order)
     posteriors = compute_posteriors(program, facts, space)
     contexts = _Contexts.of(facts, (1 - MIN_STATED) * posteriors + MIN_STATED / len(space))
     episodes = contexts.make_episodes(domain, people)
@@ -160,10 +153,7 @@ def _read_space(domain: Domain) -> Space:
     reports = np.full((len(domain.pomdp.actions), len(values)), -1)
     for action, value in domain.planning.reports.items():
         reported = (value,) if isinstance(value, str) else value
-        reports[domain.pomdp.actions.index(action)] = [
-            sum(1 << i for i, (x, y) in enumerate(zip(reported, own, strict=True)) if x == y)
-            for own in values
-        ]
+        reports[domain.pomdp.actions.index(action)] = list_rights(reported, values)
     return Space("", domain.reasoning.shared, values, reports)
 
 

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from itertools import product
 
 import numpy as np
@@ -72,13 +73,16 @@ class Space:
             )
         reports = np.full((len(episodes.action_names), len(values)), -1)
         for action, named in reported.items():
-            right = [sum(1 << i for i, x in enumerate(named) if x == value[i]) for value in values]
-            reports[episodes.action_names.index(action)] = right
-        questions = np.flatnonzero(reports[:, 0] < 0)
-        relations = find_relations(
-            names, values, episodes.action_names, episodes.observation_names, questions
+            reports[episodes.action_names.index(action)] = list_rights(named, values)
+        return cls("" if ":" in text else text, names, values, reports)
+
+    def relate(self, episodes: Episodes) -> Space:
+        """Return the space with the relations of the questions of episodes."""
+        names, questions = (
+            (episodes.action_names, episodes.observation_names),
+            np.flatnonzero(~self.is_report),
         )
-        return cls("" if ":" in text else text, names, values, reports, relations)
+        return replace(self, relations=find_relations(self.variables, self.values, *names, questions))
 
     def __len__(self) -> int:
         return len(self.values)
@@ -95,6 +99,11 @@ class Space:
         """(A,) whether an action is a report."""
         found: np.ndarray[tuple[int], np.dtype[np.bool_]] = self.reports[:, 0] >= 0
         return found
+
+
+def list_rights(reported: Sequence[str], values: Sequence[Sequence[str]]) -> list[int]:
+    """Return for each shared value which variables of a report are right, as bits."""
+    return [sum(1 << i for i, x in enumerate(reported) if x == own[i]) for own in values]
 
 
 _Reported = dict[str, tuple[str, ...]]

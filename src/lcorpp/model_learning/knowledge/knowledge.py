@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from lcorpp.errors import DataError
 from lcorpp.fitting import Fit, SoftRecord, fit
 from lcorpp.model_learning.knowledge.cases import PSEUDO_RECORDS, Cases, quote_record
 from lcorpp.model_learning.knowledge.networks import Network, learn_network
@@ -103,7 +104,7 @@ def learn_knowledge(
         for given in (hidden, values)
     )
     cases = Cases.of(own, hidden=hidden, values=values)
-    pairs = find_pairs(order, cases)
+    pairs = find_pairs(order, cases.names, cases.constants)
     rng = np.random.default_rng(seed)
     network = learn_network(cases, pairs, rng, lambda share: progress(0.8 * share))
     edges = average_edges(network.scores, pairs)
@@ -114,6 +115,24 @@ def learn_knowledge(
     fitted = fit(equal, own, prior=PSEUDO_RECORDS, begin=begin)
     progress(1.0)
     return Knowledge(cases, network, edges, rules, fitted)
+
+
+def check_attributes(
+    stated: Iterable[str], hidden: Mapping[str, Sequence[str]] | None, order: Sequence[str]
+) -> None:
+    """Check hidden attributes and an order before records are made, which may take long.
+
+    Args:
+        stated: names of the attributes of the records.
+
+    Raises:
+        DataError: a hidden attribute is stated, or the order has an unknown name or a circle.
+    """
+    names = [*map(make_name_text, stated)]
+    for name in hidden or ():
+        if make_name_text(name) in names:
+            raise DataError(f"the hidden attribute {name} is one of those that are stated; expected another")
+    find_pairs(order, [*names, *map(make_name_text, hidden or ())])
 
 
 def _make_program(cases: Cases, rules: Rules, *, estimated: bool) -> Program:
