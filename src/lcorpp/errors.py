@@ -62,6 +62,10 @@ class ModelError(LcorppError):
     """A POMDP, belief or other value that violates its invariants (sums, shapes, ranges)."""
 
 
+class InfeasibleError(ModelError):
+    """Limits that no policy keeps, or for which none was found in time."""
+
+
 class ProgramError(LcorppError):
     """A P-log program that parses but violates a condition of the language."""
 

@@ -28,7 +28,7 @@ def solve(
             "--out",
             "-o",
             metavar="POLICY",
-            help="The file to write: .policy or .xml (APPL's format), .alpha.",
+            help="The file to write: .policy or .xml (APPL's format), .alpha; with --limit .json.",
         ),
     ],
     precision: Annotated[
@@ -55,6 +55,21 @@ def solve(
             help="Solve for N steps: one policy for each number of remaining steps, e.g. POLICY.3.policy.",
         ),
     ] = None,
+    limit: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="LIMIT",
+            help="Keep a limit, e.g. 'greet:not_interested<=.02': the probability of that action in that"
+            " state. Repeatable.",
+        ),
+    ] = None,
+    limit_model: Annotated[
+        list[Path] | None,
+        typer.Option(metavar="MODEL", help="Keep the limits if this model is the true one, too. Repeatable."),
+    ] = None,
+    deterministic: Annotated[
+        bool, typer.Option("--deterministic", help="With --limit: draw nothing, at some loss of return.")
+    ] = False,
     plot: Annotated[
         Path | None, typer.Option(metavar="PICTURE", help="Draw the bounds over time: .png, .svg or .pdf.")
     ] = None,
@@ -85,6 +100,26 @@ def solve(
             raise typer.BadParameter(f"{option} is an option of sarsop, not of {name}")
     if horizon is not None and (check or check_time is not None):
         raise typer.BadParameter("--check is for policies without --horizon")
+    if limit:
+        if name != "sarsop" or horizon is not None or memory_limit is not None:
+            raise typer.BadParameter("--limit goes with sarsop, without --horizon and --memory-limit")
+        from lcorpp.cli.limited import solve_within_limits
+
+        solve_within_limits(
+            planning.read_pomdp(problem),
+            limit,
+            out,
+            also=limit_model or (),
+            deterministic=deterministic,
+            precision=precision,
+            time_limit=time_limit,
+            check=check,
+            check_time=check_time,
+            plot=plot,
+        )
+        return
+    if deterministic or limit_model:
+        raise typer.BadParameter("--deterministic and --limit-model go with --limit")
     search: Callable[..., Any] = load_solver(name)
     if horizon is not None:
         search = partial(planning.solve_finite_horizon, horizon=horizon)

@@ -24,6 +24,20 @@ from .formats.pomdpx.reader import (
 )
 from .formats.pomdpx.writer import format_pomdpx as format_pomdpx, write_pomdpx as write_pomdpx
 from .generative_model import GenerativeModel as GenerativeModel, Interaction as Interaction
+from .limits.controller import Controller as Controller
+from .limits.limit import Limit as Limit, read_limit as read_limit
+from .limits.randomised_policy import (
+    RandomisedPlanner as RandomisedPlanner,
+    RandomisedPolicy as RandomisedPolicy,
+    read_randomised_policy as read_randomised_policy,
+    write_randomised_policy as write_randomised_policy,
+)
+from .limits.solver import (
+    LimitedProgress as LimitedProgress,
+    LimitedSolution as LimitedSolution,
+    solve_limited as solve_limited,
+)
+from .limits.verification import LimitsCertificate as LimitsCertificate, verify_limits as verify_limits
 from .planner import Planner as Planner
 from .plots.belief_figures import draw_line as draw_line, draw_triangle as draw_triangle
 from .plots.bounds import draw_bounds as draw_bounds

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from time import monotonic
 
+import numpy as np
+
 from lcorpp.interrupts import delay_sigint
 from lcorpp.planning.sarsop.bounded_tree import BoundedTree
 from lcorpp.planning.solution import BoundsRecord, Progress, Solution
@@ -37,6 +39,10 @@ MAX_KEPT_SHARE = 0.75
 CROSSING_TOLERANCE = 1e-9
 """Largest difference by which rounding may make the bounds cross, relative to the largest value."""
 
+EPSILON = 4e-16
+"""Rounding error of a number. The initial bounds begin at the largest reward over 1 - discount, and each
+sweep multiplies the change of a value, hence its error, by 1 / (1 - discount)."""
+
 SampleFunction = Callable[..., int]
 """Takes the tree and the arguments of `lcorpp.planning._native.Tree.sample`, and has its result."""
 
@@ -66,7 +72,8 @@ class BoundedSearch:
     ) -> None:
         self.bounds, self.precision = bounds, precision
         self._began, self._deadline = began, began + time_limit
-        self._tolerance = CROSSING_TOLERANCE * bounds.max_abs_value
+        largest, ahead = float(np.abs(bounds.pomdp.reward).max()), 1 / (1 - bounds.pomdp.discount)
+        self._tolerance = CROSSING_TOLERANCE * bounds.max_abs_value + EPSILON * largest * ahead**2
         self.roots, self.trials, self.work = list[int](), 0, 0
         self._aims = self.roots
         self._compressed_at, self._patience = 0, 1

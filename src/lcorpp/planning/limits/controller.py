@@ -1,0 +1,194 @@
+"""Finite-state controllers: policies of finite memory, and their exact values under several criteria."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from lcorpp.errors import PolicyError
+from lcorpp.planning.limits.limited_model import LimitedModel
+from lcorpp.values import Array, Indices, freeze
+
+NEGLIGIBLE = 1e-14
+"""Probabilities below this are rounding errors of the linear equations."""
+
+
+@dataclass(frozen=True, eq=False)
+class Controller:
+    """A policy whose memory is one of n nodes: each has an action, and a next node for each observation.
+
+    actions: (n,) indices. successors: (n, O) nodes.
+
+    Raises:
+        PolicyError: the shapes do not match, or an index is out of range.
+
+    Examples:
+        >>> from lcorpp.planning import Controller
+        >>> Controller([1, 0], [[0, 1], [1, 1]])
+        <Controller: 2 nodes>
+    """
+
+    actions: Indices
+    successors: Indices
+
+    def __post_init__(self) -> None:
+        for field in ("actions", "successors"):
+            array = np.array(getattr(self, field), dtype=np.intp)
+            array.setflags(write=False)
+            object.__setattr__(self, field, array)
+        if self.actions.ndim != 1 or not len(self.actions) or self.successors.shape[:1] != self.actions.shape:
+            raise PolicyError("a controller needs nodes, each with an action and successors")
+        if self.successors.ndim != 2 or self.actions.min() < 0:
+            raise PolicyError("the actions and successors of a controller are indices")
+        if self.successors.size and not 0 <= self.successors.min() <= self.successors.max() < len(self):
+            raise PolicyError(f"a successor is outside of the {len(self)} nodes")
+
+    def __len__(self) -> int:
+        return len(self.actions)
+
+    def __repr__(self) -> str:
+        return f"<Controller: {len(self)} nodes>"
+
+    def minimise(self) -> tuple[Controller, Indices]:
+        """Return the smallest controller with the same plans, and (n,) its node for each node of this one.
+
+        Source: partition refinement of Moore, "Gedanken-experiments on sequential machines", 1956.
+        """
+        _, part = np.unique(self.actions, return_inverse=True)
+        while True:
+            rows = np.column_stack([part, part[self.successors]])
+            _, first, finer = np.unique(rows, axis=0, return_index=True, return_inverse=True)
+            finer = finer.reshape(-1)
+            if len(first) == part.max() + 1:
+                return Controller(self.actions[first], finer[self.successors[first]]), finer
+            part = finer
+
+    def keep(self, starts: Indices) -> tuple[Controller, Indices]:
+        """Return the controller without nodes that are not reached from some nodes, and their new numbers."""
+        reached = np.zeros(len(self), bool)
+        front = np.unique(starts)
+        while len(front):
+            reached[front] = True
+            following = np.unique(self.successors[front])
+            front = following[~reached[following]]
+        kept = np.flatnonzero(reached)
+        number = np.cumsum(reached) - 1
+        return Controller(self.actions[kept], number[self.successors[kept]]), number[starts]
+
+
+def repeat_actions(n_actions: int, n_observations: int) -> Controller:
+    """Return a controller with a node for each action, which it repeats."""
+    nodes = np.arange(n_actions)
+    return Controller(nodes, np.repeat(nodes[:, None], n_observations, axis=1))
+
+
+def evaluate_controller(model: LimitedModel, controller: Controller, known: Array | None = None) -> Array:
+    """Return (1 + K, n, X) the value of each criterion, by node and state; inf where a total has no end.
+
+    Args:
+        known: (1 + K, m, X) finite values of the first m nodes, which lead to each other only.
+
+    Source: the linear equations of a finite-state controller (Hansen, "Solving POMDPs by searching in policy
+    space", UAI 1998, equation 1), solved by sparse LU factorisation.
+    """
+    n_states, n_known = len(model.base), 0 if known is None else known.shape[1]
+    matrix = _join_steps(model, controller, n_known)
+    costs = model.criteria[:, controller.actions[n_known:]].reshape(len(model.discounts), -1)
+    inner, outer = matrix[:, n_known * n_states :], matrix[:, : n_known * n_states]
+    values = np.empty_like(costs)
+    for discount in np.unique(model.discounts):
+        own = np.flatnonzero(model.discounts == discount)
+        due = costs[own]
+        if known is not None:
+            due = due + discount * (outer @ known[own].reshape(len(own), -1).T).T
+        if discount < 1:
+            values[own] = _solve(discount * inner, due)
+        else:
+            for i, row in zip(own, due, strict=True):
+                values[i] = _sum_costs(inner, row)
+    solved = values.reshape(len(model.discounts), -1, n_states)
+    return solved if known is None else np.concatenate([known, solved], axis=1)
+
+
+def _join_steps(model: LimitedModel, controller: Controller, first: int) -> Any:
+    """Return the matrix of transitions from pairs of a node from `first` on and a state to all pairs."""
+    from scipy.sparse import csr_array
+
+    n, n_states = len(controller), len(model.base)
+    rows, columns, values = [], [], []
+    for action in np.unique(controller.actions[first:]):
+        nodes = first + np.flatnonzero(controller.actions[first:] == action)
+        source, target, observation, chance = model.steps[action]
+        following = controller.successors[nodes][:, observation]  # (nodes, entries)
+        rows.append(((nodes - first)[:, None] * n_states + source).ravel())
+        columns.append((following * n_states + target).ravel())
+        values.append(np.tile(chance, len(nodes)))
+    parts = np.concatenate(values), (np.concatenate(rows), np.concatenate(columns))
+    return csr_array(parts, shape=((n - first) * n_states, n * n_states))
+
+
+def _solve(matrix: Any, costs: Array) -> Array:
+    """Return (k, size) the solutions of v = c + matrix v."""
+    from scipy.sparse import csc_array, eye_array
+    from scipy.sparse.linalg import splu
+
+    factors = splu(csc_array(eye_array(matrix.shape[0]) - matrix))
+    solution: Array = factors.solve(np.ascontiguousarray(costs.T)).T
+    return solution
+
+
+def _sum_costs(matrix: Any, costs: Array) -> Array:
+    """Return (size,) the expected sums of costs without discount.
+
+    Only pairs that reach a cost matter. Among them, those that are never left for others recur.
+    """
+    from scipy.sparse import csr_array
+    from scipy.sparse.csgraph import connected_components
+
+    backward = csr_array(matrix.T)
+    matters = costs != 0
+    front = np.flatnonzero(matters)
+    while len(front):
+        found = np.unique(backward[front].indices)
+        front = found[~matters[found]]
+        matters[front] = True
+    values, places = np.zeros(len(costs)), np.flatnonzero(matters)
+    if not len(places):
+        return values
+    inner = matrix[places][:, places]
+    n_parts, part = connected_components(inner, directed=True, connection="strong")
+    leak = 1.0 - np.asarray(inner.sum(axis=1)).ravel()
+    entries = inner.tocoo()
+    outside = part[entries.coords[0]] != part[entries.coords[1]]
+    left = np.bincount(part, leak > NEGLIGIBLE, n_parts) + np.bincount(
+        part[entries.coords[0]], outside & (entries.data > NEGLIGIBLE), n_parts
+    )
+    endless = (left == 0)[part] | np.isinf(costs[places])
+    if endless.any():
+        forever, back = endless.copy(), csr_array(inner.T)
+        front = np.flatnonzero(forever)
+        while len(front):
+            found = np.unique(back[front].indices)
+            front = found[~forever[found]]
+            forever[front] = True
+        values[places[forever]] = -np.inf if costs.min() < 0 else np.inf
+        ending = np.flatnonzero(~forever)
+        places, inner = places[ending], inner[ending][:, ending]
+    if len(places):
+        values[places] = _solve(inner, costs[places][None])[0]
+    return values
+
+
+def start_values(model: LimitedModel, values: Array) -> Array:
+    """Return (1 + K, N, n) the values of nodes (1 + K, n, X) at the starts."""
+    supports = [np.flatnonzero(start) for start in model.starts]
+    found = np.stack(
+        [
+            (values[:, :, own] * start[own]).sum(axis=2)
+            for own, start in zip(supports, model.starts, strict=True)
+        ],
+        axis=1,
+    )
+    return freeze(found)

@@ -1,0 +1,137 @@
+"""The pool of nodes of a search within limits, to which each policy of alpha vectors adds its controller."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from lcorpp.planning.evaluation.belief_graph import BeliefGraph
+from lcorpp.planning.evaluation.sparse_beliefs import SparseBeliefs
+from lcorpp.planning.limits.controller import Controller, evaluate_controller, repeat_actions
+from lcorpp.planning.limits.limited_model import LimitedModel
+from lcorpp.planning.policy import Policy
+from lcorpp.planning.pomdp import Pomdp
+from lcorpp.values import Array, Indices
+
+MAX_NODES, MAX_EQUATIONS = 400, 12_000
+"""Maximum number of nodes of a policy, and of pairs of a node and a state, whose values are solved for."""
+
+MIN_WEIGHT = 1e-6
+"""Beliefs that are reached with a smaller discounted probability are not followed."""
+
+MIN_DECAY, MAX_DECAY = 0.5, 0.99
+"""Limits of the discount by which later beliefs are less important."""
+
+ROUNDS = 4
+"""Maximum number of improvements at the beliefs that are not followed."""
+
+
+@dataclass(frozen=True, eq=False)
+class Pool:
+    """A controller that grows, with the values of its nodes, (1 + K, n, X), for each criterion."""
+
+    controller: Controller
+    values: Array
+
+    @classmethod
+    def of(cls, model: LimitedModel) -> Pool:
+        """Return the pool of nodes that repeat an action."""
+        controller = repeat_actions(len(model.stated.actions), len(model.stated.observations))
+        return cls(controller, evaluate_controller(model, controller))
+
+    def __len__(self) -> int:
+        return len(self.controller)
+
+    def grow(self, model: LimitedModel, actions: Indices, successors: Indices) -> Pool:
+        """Return the pool with further nodes, whose successors (n, O) are nodes of the larger pool."""
+        larger = Controller(
+            np.concatenate([self.controller.actions, actions]),
+            np.concatenate([self.controller.successors, successors]),
+        )
+        return Pool(larger, evaluate_controller(model, larger, self.values))
+
+    def score(self, model: LimitedModel, factors: Array, starts: Indices) -> float:
+        """Return the sum of the criteria at the starts, from nodes (N,); factors: (1 + K,)."""
+        used = factors != 0
+        own = self.values[used][:, starts]  # (criteria, N, X)
+        return float(factors[used] @ ((own * model.starts).sum(axis=2) @ model.weights))
+
+
+def add_policy(model: LimitedModel, pool: Pool, problem: Pomdp, policy: Policy, factors: Array) -> Pool:
+    """Return the pool with the controller of a policy for a sum of the criteria.
+
+    The likeliest beliefs that the policy reaches become nodes. An edge to another belief leads to the node of
+    the pool that is best there by its exact values; this is repeated while the sum at the starts increases.
+
+    Args:
+        problem: `model.make_problem(factors)`. policy: for it.
+    """
+    graph = BeliefGraph(problem, policy)
+    roots = graph.add(SparseBeliefs.of(model.place(model.starts)))
+    max_nodes = max(len(set(roots.tolist())), min(MAX_NODES, MAX_EQUATIONS // len(model.base)))
+    decay = min(max(float(model.discounts.min()), MIN_DECAY), MAX_DECAY)
+    nodes = _choose_nodes(graph, roots, model.weights, max_nodes, decay)
+    number = np.full(len(graph), -1)
+    number[nodes] = len(pool) + np.arange(len(nodes))
+    children = graph.children[nodes]  # (n, O)
+    inner = np.where(children >= 0, number[children], -1)
+    actions = graph.actions[nodes].astype(np.intp)
+    fringe = np.nonzero((children >= 0) & (inner < 0))
+    lagrangian = model.combine(factors, pool.values)
+    # after observations that are impossible at a node's belief
+    successors = np.where(
+        inner >= 0, inner, _find_best(SparseBeliefs.of(np.ones((1, lagrangian.shape[1]))), lagrangian)[0]
+    )
+    if not len(fringe[0]):
+        return pool.grow(model, actions, successors)
+    ends = graph.beliefs.take(children[fringe])
+    successors[fringe] = _find_best(ends, lagrangian)
+    best = pool.grow(model, actions, successors)
+    score = best.score(model, factors, number[roots])
+    for _ in range(ROUNDS):
+        successors = successors.copy()
+        successors[fringe] = _find_best(ends, model.combine(factors, best.values))
+        found = pool.grow(model, actions, successors)
+        after = found.score(model, factors, number[roots])
+        if not after > score + 1e-12 * max(1.0, abs(score)):
+            break
+        best, score = found, after
+    return best
+
+
+def _choose_nodes(graph: BeliefGraph, roots: Indices, weights: Array, count: int, decay: float) -> Indices:
+    """Return the likeliest beliefs that the policy reaches, at most `count`, the roots first."""
+    chosen = list(dict.fromkeys(roots.tolist()))
+    reached = dict.fromkeys(chosen, 0.0)
+    for node, weight in zip(roots.tolist(), weights.tolist(), strict=True):
+        reached[node] += weight
+    taken, front = set(chosen), chosen
+    waiting: dict[int, float] = {}
+    while front:
+        following = [node for node in front if not graph.absorbing[node]]
+        children = graph.expand(np.array(following)) if following else ()
+        for parent, _, p, child in zip(*(own.tolist() for own in children), strict=True):
+            if child not in taken:
+                waiting[child] = waiting.get(child, 0.0) + decay * p * reached[parent]
+        ordered = sorted(waiting, key=lambda node: -waiting[node])
+        room = min(count - len(chosen), max(1, len(ordered) // 2 + len(chosen) // 8))
+        front = [node for node in ordered[:room] if waiting[node] > MIN_WEIGHT]
+        for node in front:
+            reached[node] = waiting.pop(node)
+        taken.update(front)
+        chosen += front
+    return np.array(chosen, np.intp)
+
+
+def _find_best(beliefs: SparseBeliefs, vectors: Array) -> Indices:
+    """Return (k,) the index of the best finite vector of vectors (n, X) at each belief."""
+    from scipy.sparse import csr_array
+
+    finite = np.flatnonzero(np.isfinite(vectors).all(axis=1))
+    if not len(finite):
+        return np.zeros(len(beliefs), np.intp)
+    shape = (len(beliefs), vectors.shape[1])
+    matrix = csr_array((beliefs.weights, beliefs.states, beliefs.begins), shape=shape)
+    best: Indices = finite[np.asarray(matrix @ vectors[finite].T).argmax(axis=1)]
+    return best

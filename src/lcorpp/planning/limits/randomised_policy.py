@@ -1,0 +1,223 @@
+"""Randomised policies: a finite-state controller whose start node is drawn once for each decision."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from lcorpp.errors import DataError, FileError, LcorppError, ObservationError, PolicyError
+from lcorpp.files import open_atomically, read_text
+from lcorpp.planning.belief import update
+from lcorpp.planning.limits.controller import Controller
+from lcorpp.planning.pomdp import SUM_TOLERANCE, Pomdp
+from lcorpp.values import Array, Belief, share_frozen
+from lcorpp.versioned_json import JsonFormat
+
+FORMAT = JsonFormat("lcorpp randomised policy", 1)
+
+
+@dataclass(frozen=True, eq=False)
+class RandomisedPolicy:
+    """A controller with the probabilities of its start nodes.
+
+    controller: n nodes. starts: (N, S) beliefs from which decisions begin.
+    probabilities: (N, n) of the start node, for each of these beliefs.
+    action_names, observation_names: of the model. model: its file, for messages.
+    fingerprint: `Pomdp.fingerprint` of the model.
+
+    Raises:
+        PolicyError: the shapes do not match, or a row of probabilities is not a distribution.
+    """
+
+    controller: Controller
+    starts: Array
+    probabilities: Array
+    action_names: tuple[str, ...]
+    observation_names: tuple[str, ...]
+    fingerprint: str = ""
+    model: str = ""
+
+    def __post_init__(self) -> None:
+        for field in ("starts", "probabilities"):
+            object.__setattr__(self, field, share_frozen(getattr(self, field)))
+        rows, nodes = self.probabilities.shape, len(self.controller)
+        if self.starts.ndim != 2 or rows != (len(self.starts), nodes) or not len(self.starts):
+            raise PolicyError(f"probabilities of shape {rows}; expected {len(self.starts)} rows of {nodes}")
+        totals = self.probabilities.sum(axis=1)
+        if self.probabilities.min() < 0 or np.abs(totals - 1).max() > SUM_TOLERANCE:
+            raise PolicyError("the probabilities of the start nodes do not sum to 1")
+        if self.controller.actions.max() >= len(self.action_names):
+            raise PolicyError("a node has an action that the model does not have")
+        if self.controller.successors.shape[1] != len(self.observation_names):
+            raise PolicyError("a node needs a successor for each observation of the model")
+
+    @classmethod
+    def of(
+        cls, pomdp: Pomdp, controller: Controller, starts: Array, probabilities: Array
+    ) -> RandomisedPolicy:
+        """Return the policy for a model."""
+        names = pomdp.actions, pomdp.observations
+        return cls(controller, starts, probabilities, *names, pomdp.fingerprint, pomdp.file)
+
+    @property
+    def is_deterministic(self) -> bool:
+        """Whether nothing is drawn."""
+        return bool((self.probabilities.max(axis=1) == 1).all())
+
+    def __repr__(self) -> str:
+        drawn = "no start is drawn" if self.is_deterministic else "start nodes are drawn"
+        return f"<RandomisedPolicy: {len(self.controller)} nodes, {len(self.starts)} starts, {drawn}>"
+
+    def find_start(self, belief: Belief) -> int:
+        """Return the index of the start that is nearest to a belief (S,), in total variation."""
+        return int(np.abs(self.starts - belief).sum(axis=1).argmin())
+
+    def draw_node(self, start: int, rng: np.random.Generator) -> int:
+        """Return the start node of a decision that begins from a start."""
+        return int(rng.choice(len(self.controller), p=self.probabilities[start]))
+
+    def check_model(self, pomdp: Pomdp) -> None:
+        """Raise a `PolicyError` if the policy is for another model."""
+        if (self.action_names, self.observation_names) != (pomdp.actions, pomdp.observations):
+            raise PolicyError("the policy is for another model: its actions or observations have other names")
+        if self.fingerprint and self.fingerprint != pomdp.fingerprint:
+            raise PolicyError("the policy is for another model: the names are the same, but not the numbers")
+        if self.starts.shape[1] != len(pomdp.states):
+            raise PolicyError("the policy is for another model: the number of states differs")
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the policy as JSON, with names in place of indices."""
+        observations = self.observation_names
+        nodes = [
+            {"action": self.action_names[action], "next": dict(zip(observations, row, strict=True))}
+            for action, row in zip(
+                self.controller.actions.tolist(), self.controller.successors.tolist(), strict=True
+            )
+        ]
+        starts = [
+            {
+                "belief": belief.tolist(),
+                "nodes": {str(n): float(row[n]) for n in np.flatnonzero(row)},
+            }
+            for belief, row in zip(self.starts, self.probabilities, strict=True)
+        ]
+        return {
+            **FORMAT.header,
+            "model": self.model,
+            "fingerprint": self.fingerprint,
+            "actions": list(self.action_names),
+            "observations": list(observations),
+            "starts": starts,
+            "nodes": nodes,
+        }
+
+    @classmethod
+    def from_json(cls, content: dict[str, Any]) -> RandomisedPolicy:
+        """Return the policy of `to_json`.
+
+        Raises:
+            LookupError, TypeError, ValueError: the content has another form.
+            PolicyError: it is no policy.
+        """
+        actions, observations = tuple(content["actions"]), tuple(content["observations"])
+        nodes, starts = content["nodes"], content["starts"]
+        controller = Controller(
+            np.array([actions.index(node["action"]) for node in nodes], np.intp),
+            np.array([[node["next"][name] for name in observations] for node in nodes], np.intp),
+        )
+        probabilities = np.zeros((len(starts), len(nodes)))
+        for row, start in zip(probabilities, starts, strict=True):
+            for node, p in start["nodes"].items():
+                if not 0 <= int(node) < len(nodes):
+                    raise ValueError(f"node {node} is outside of the {len(nodes)} nodes")
+                row[int(node)] = p
+        beliefs = np.array([start["belief"] for start in starts], np.float64)
+        return cls(
+            controller,
+            beliefs,
+            probabilities,
+            actions,
+            observations,
+            str(content["fingerprint"]),
+            str(content["model"]),
+        )
+
+
+def write_randomised_policy(policy: RandomisedPolicy, path: str | Path) -> None:
+    """Write a randomised policy to a .json file; reading it gives the same numbers.
+
+    Raises:
+        FileError: the file cannot be written.
+    """
+    text = json.dumps(policy.to_json(), indent=1)
+    with open_atomically(path) as file:
+        file.write(f"{text}\n".encode())
+
+
+def read_randomised_policy(path: str | Path, pomdp: Pomdp) -> RandomisedPolicy:
+    """Read the randomised policy of a model.
+
+    Raises:
+        FileError: the file cannot be read.
+        PolicyError: it is no such policy, or the policy of another model.
+    """
+    text = read_text(path)
+    try:
+        policy = RandomisedPolicy.from_json(FORMAT.read(text))
+        policy.check_model(pomdp)
+    except FileError:
+        raise
+    except (DataError, PolicyError) as error:
+        raise PolicyError(f"{path}: {error}") from None
+    except (LookupError, TypeError, ValueError, LcorppError) as error:
+        raise PolicyError(f"{path}: it is damaged: {error}") from None
+    return policy
+
+
+class RandomisedPlanner:
+    """The planner of one decision by a randomised policy: it draws a start node, then follows the controller.
+
+    Its beliefs are those of the model, and are for information only.
+
+    Args:
+        policy: for the model. rng: draws the start node, once.
+        start: index of the start of the policy; by default the nearest to the first belief.
+    """
+
+    def __init__(
+        self, policy: RandomisedPolicy, pomdp: Pomdp, rng: np.random.Generator, start: int | None = None
+    ) -> None:
+        policy.check_model(pomdp)
+        self.policy, self.pomdp = policy, pomdp
+        self._rng, self._start = rng, start
+        self._node: int | None = None
+
+    @property
+    def start(self) -> Belief:
+        """(S,) the model's start belief."""
+        return self.pomdp.start
+
+    def action(self, belief: Belief) -> str:
+        """Return the action of the present node; the first belief (S,) selects the start."""
+        if self._node is None:
+            start = self.policy.find_start(belief) if self._start is None else self._start
+            self._node = self.policy.draw_node(start, self._rng)
+        return self.policy.action_names[int(self.policy.controller.actions[self._node])]
+
+    def update(self, belief: Belief, action: str, observation: str) -> Belief:
+        """Return the belief (S,) after the node's action and an observation, and go to the next node.
+
+        Raises:
+            ModelError: a name is unknown.
+            ObservationError: the observation is impossible.
+        """
+        taken, seen = self.pomdp.action_index(action), self.pomdp.observation_index(observation)
+        after = update(self.pomdp, belief, taken, seen)
+        if self._node is None:
+            raise ObservationError("an observation before the first action of the decision")
+        self._node = int(self.policy.controller.successors[self._node, seen])
+        return after
