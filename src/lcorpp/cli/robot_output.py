@@ -94,6 +94,26 @@ def print_scores(scores: Sequence[Scores], positive: str | None, trials: int | N
         console.out.print(table)
 
 
+def print_limits(domain: Domain, scores: Sequence[Scores]) -> None:
+    """Print the measured share of each limit of a domain, for each strategy with trials."""
+    limits = domain.planning.limits
+    measured = [row for row in scores if row.limits]
+    if not limits or not measured:
+        return
+    names = [row.strategy for row in measured]
+    table = _make_score_table(
+        "limits, measured; 95% intervals", names, ["strategy", *(own.name for own in limits)]
+    )
+    table.add_row("at most", *(f"{own.bound:g}" for own in limits), style="dim")
+    for row in measured:
+        cells = [
+            _format_interval(row.limits[own.name], ".4f", INLINE) if own.name in row.limits else "-"
+            for own in limits
+        ]
+        table.add_row(row.strategy, *cells)
+    console.out.print(table)
+
+
 def _make_score_table(title: str, names: Sequence[str], columns: Sequence[str]) -> Table:
     """Return an empty table; its first column is for the names of strategies."""
     from rich import box

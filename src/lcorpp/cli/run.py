@@ -170,9 +170,16 @@ def _choose_comparison(
 
 
 def _print_comparison(domain: Domain, comparison: Comparison, chosen: ComparisonOptions) -> None:
-    from lcorpp.cli.robot_output import print_classifiers, print_scores, print_search, print_solution
+    from lcorpp.cli.robot_output import (
+        print_classifiers,
+        print_limits,
+        print_scores,
+        print_search,
+        print_solution,
+    )
 
     print_scores(comparison.scores, domain.positive, comparison.trials)
+    print_limits(domain, comparison.scores)
     for name, reason in comparison.failures.items():
         console.warn(f"{name} has no exact scores: {reason}")
     if comparison.trials is None:

@@ -17,6 +17,7 @@ from lcorpp.assembly.progress import ProgressDisplay, no_progress
 from lcorpp.assembly.robot import compose_robot, set_up_senses
 from lcorpp.assembly.senses import Senses
 from lcorpp.assembly.solving import explain_error, explain_missing_reports
+from lcorpp.assembly.strategies.limits import bind_limits, keeps_limits
 from lcorpp.assembly.strategies.trust import check_dialogue
 from lcorpp.decision import Strategy
 from lcorpp.decision.strategies import list_strategies
@@ -228,6 +229,13 @@ def set_up_experiment(
         channels = {name: make_channel(options.people, name) for name in senses}
         classifiers, signals = {**channels}, {**channels}
     parts, seed = robot.parts, options.seed
+    if any(keeps_limits(row) for row in strategies):
+        from lcorpp.assembly.strategies.limited_plan import find_plan  # loads the search
+
+        with progress("keeping the limits") as advance:
+            limit = domain.planning.solver.time_limit
+            plan = find_plan(domain, parts.program, lambda now: advance(round(now.seconds), round(limit)))
+        strategies = bind_limits(strategies, plan)
     experiment = Experiment(
         domain, robot.robot, classifiers, signals, strategies, seed, parts, parts.rates, options.people
     )

@@ -19,6 +19,7 @@ from lcorpp.scoring.decision_graph import ENDED, DecisionGraph
 from lcorpp.scoring.decision_nodes import BeliefNodes
 from lcorpp.scoring.experiment import Chunk, Experiment
 from lcorpp.scoring.gaps import find_gap
+from lcorpp.scoring.limit_costs import LimitCosts
 from lcorpp.simulation.table_dynamics import SimulationModel
 from lcorpp.values import Array, Indices
 
@@ -63,11 +64,19 @@ class BatchWorld:
         self._reward, self._reports = np.array(model.reward), model.domain.report_indices
         self._n_values = len(model.domain.values)
 
-    def decide(self, graph: DecisionGraph, roots: Indices, values: Indices, draws: PeopleDraws) -> Outcomes:
+    def decide(
+        self,
+        graph: DecisionGraph,
+        roots: Indices,
+        values: Indices,
+        draws: PeopleDraws,
+        limits: LimitCosts | None = None,
+    ) -> Outcomes:
         """Simulate a decision about each person.
 
         Args:
             roots: (n,) nodes before the first action. values: (n,) indices of the true values.
+            limits: receives the actions about each person.
 
         Raises:
             LcorppError: the robot's parts fail, or some decision has no report after `MAX_STEPS` actions.
@@ -80,6 +89,8 @@ class BatchWorld:
             actions = graph.find_actions(nodes)
             going = actions != ENDED
             people, nodes, states, actions = people[going], nodes[going], states[going], actions[going]
+            if limits is not None:
+                limits.add(people, actions, step)
             rewards = self._reward[actions, states]
             return_[people] += rewards
             ends = self._reports[actions] < self._n_values
@@ -136,16 +147,20 @@ def simulate_at_once(experiment: Experiment, chunks: Sequence[Chunk]) -> dict[in
     world = BatchWorld(model)
     draws = PeopleDraws([seed for chunk in chunks for seed in chunk.seeds])
     values = np.concatenate([chunk.index_values() for chunk in chunks])
-    done = {}
+    people = [person for chunk in chunks for person in chunk.people]
+    done: dict[int, dict[str, Array]] = {}
     for k in selected:
         strategy = experiment.strategies[k]
         try:
             nodes, roots, gaps = _find_roots(experiment, strategy, chunks)
             graph = DecisionGraph(experiment.domain, nodes)
-            outcomes = world.decide(graph, np.array(graph.find_numbers(roots)), values, draws)
+            costs = LimitCosts(experiment.domain, people) if experiment.domain.planning.limits else None
+            outcomes = world.decide(graph, np.array(graph.find_numbers(roots)), values, draws, costs)
         except LcorppError:
             continue
         done[k] = {**outcomes._asdict(), "gap": gaps}
+        if costs is not None:
+            done[k]["limits"] = costs.finish()
     return done
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -14,6 +14,9 @@ if TYPE_CHECKING:  # the scores of decisions do without
     from lcorpp.decision import Strategy
     from lcorpp.domains import Domain
     from lcorpp.scoring.episode_sums import EpisodeSums
+
+NO_LIMITS: Mapping[str, Interval] = {}
+"""Of a domain without limits."""
 
 Proportion = Callable[..., Interval]
 """A function that returns hits / total with its interval: hits, total and those of an unknown part."""
@@ -30,6 +33,7 @@ def score_decisions(
     positive: str | None,
     variables: Sequence[str] = (),
     gap: float | None = None,
+    limits: Mapping[str, Interval] = NO_LIMITS,
 ) -> Scores:
     """Score n simulated decisions.
 
@@ -40,7 +44,7 @@ def score_decisions(
         positive: the positive class of F1, precision and recall; None takes the macro average over all
             values. The ends of the intervals are averaged as well, which makes them wide.
         variables: names of the shared variables; each value is a tuple if they are several.
-        gap: as in `Scores`.
+        gap, limits: as in `Scores`.
 
     Accuracy, precision and recall have Wilson intervals. F1 = 2p / (1 + p) grows with p, the share of true
     positives among all decisions that are positive or reported as positive, so its interval is the
@@ -58,6 +62,7 @@ def score_decisions(
         cost_sd=float(np.std(cost, ddof=min(1, len(cost) - 1))),  # one decision has no spread
         samples={"f1": f1, "cost": cost, "return": return_},
         gap=gap,
+        limits=limits,
     )
 
 

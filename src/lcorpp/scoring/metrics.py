@@ -34,6 +34,8 @@ class Scores:
         scores are exact.
     gap: the largest gap between the bounds of the robot's policy at the priors of these people, in reward
         units; None for a strategy that does not plan or has policies of its own, and without an upper bound.
+    limits: limit of the domain -> share of the people whom it is about with its event, or their mean cost; {}
+        if the scores are exact.
 
     Examples:
         >>> from lcorpp import load_robot
@@ -58,6 +60,7 @@ class Scores:
     variables: Mapping[str, Interval] = field(default_factory=dict)
     samples: Mapping[str, Array] = field(default_factory=dict, repr=False)
     gap: float | None = None
+    limits: Mapping[str, Interval] = field(default_factory=dict)
 
     @property
     def metrics(self) -> dict[str, Interval]:
@@ -72,7 +75,8 @@ class Scores:
         With several shared variables, accuracy_NAME is the accuracy of each.
         """
         parts = {f"accuracy_{name}": accuracy for name, accuracy in self.variables.items()}
-        return make_cells(self.metrics | parts)
+        limits = {f"limit_{name}": share for name, share in self.limits.items()}
+        return make_cells(self.metrics | parts | limits)
 
     @property
     def columns(self) -> dict[str, Interval]:

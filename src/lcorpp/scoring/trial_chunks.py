@@ -22,13 +22,15 @@ from lcorpp.logs.decision_log import format_decision
 from lcorpp.scoring.batch_simulation import simulate_at_once
 from lcorpp.scoring.experiment import CHUNK_SIZE, Chunk, ChunkSource, Experiment
 from lcorpp.scoring.gaps import find_gap
+from lcorpp.scoring.limit_costs import measure_decision
 from lcorpp.workers import pickle_for_workers, run_in_workers
 
 Trials = np.ndarray[Any, np.dtype[np.void]]
 """(n,) trials, each with these fields, one number for each of the k strategies:
 
 truth: index of the true value; -1 before the trial is complete. reported: (k,) index of the reported value,
-V for no report. cost, return_: (k,) as in `Scores`. gap: (k,) see `find_gap`.
+V for no report. cost, return_: (k,) as in `Scores`. gap: (k,) see `find_gap`. limits: (k, K) costs of the
+domain's limits, see `LimitCosts.finish`.
 """
 
 
@@ -40,7 +42,7 @@ class ChunkWork(NamedTuple):
     file: Path | None = None
 
 
-def make_results(trials: int, k: int) -> Trials:
+def make_results(trials: int, k: int, n_limits: int = 0) -> Trials:
     """Return the results of trials of k strategies, none of which is complete."""
     each = (k,)
     fields = [
@@ -49,6 +51,7 @@ def make_results(trials: int, k: int) -> Trials:
         ("cost", float, each),
         ("return_", float, each),
         ("gap", float, each),
+        ("limits", float, (k, n_limits)),
     ]
     return np.full(trials, -1, np.dtype(fields))
 
@@ -131,6 +134,7 @@ def _simulate_one_by_one(
     """Simulate the decisions of the selected strategies about each person, and complete the trials."""
     number, results, file = work
     values, parts = experiment.domain.values, experiment.parts
+    limits = experiment.domain.planning.limits
     if not selected:
         results["truth"] = chunk.index_values()
         return
@@ -148,6 +152,9 @@ def _simulate_one_by_one(
                 report = episode.report
                 results["reported"][i, k] = len(values) if report is None else values.index(report)
                 results["cost"][i, k], results["return_"][i, k] = world.cost, world.return_
+                if limits:
+                    actions = [step.action for step in episode.steps]
+                    results["limits"][i, k] = measure_decision(experiment.domain, chunk.people[i], actions)
                 results["gap"][i, k] = find_gap(trial.robot, strategy, episode.prior)
                 if log is not None and parts is not None:
                     seconds = {**episode.seconds, "classify": chunk.seconds if episode.labels else 0.0}

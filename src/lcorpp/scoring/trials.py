@@ -18,6 +18,7 @@ from lcorpp.scoring.batch_simulation import simulates_at_once
 from lcorpp.scoring.decision_scores import score_decisions
 from lcorpp.scoring.experiment import CHUNK_SIZE, Experiment
 from lcorpp.scoring.gaps import take_gap
+from lcorpp.scoring.limit_costs import summarise_limits
 from lcorpp.scoring.metrics import Scores
 from lcorpp.scoring.trial_chunks import (
     ChunkWork,
@@ -80,8 +81,9 @@ def run_trials(
         parallel, sequential = _split(experiment)
     alone = [row for row in parallel.strategies if row.start is None]
     are_grouped = log is None and all(simulates_at_once(experiment, row) for row in alone)
-    results = make_results(trials, len(parallel.strategies))
-    sequential_results = make_results(trials, len(sequential.strategies))
+    n_limits = len(experiment.domain.planning.limits)
+    results = make_results(trials, len(parallel.strategies), n_limits)
+    sequential_results = make_results(trials, len(sequential.strategies), n_limits)
     sessions = start_sessions(sequential)
     with TemporaryDirectory(prefix="lcorpp-", ignore_cleanup_errors=True) as name:
         folder = Path(name)
@@ -198,6 +200,7 @@ def _score_trials(experiment: Experiment, results: Trials) -> list[Scores]:
             positive=domain.positive,
             variables=domain.reasoning.shared,
             gap=take_gap(gap[k]),
+            limits=summarise_limits(domain.planning.limits, results["limits"][:, k]),
         )
         for k, strategy in enumerate(experiment.strategies)
     ]

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from lcorpp.assembly.strategies.limits import WITH_LIMITS
 from lcorpp.assembly.strategies.own import load_strategy
 from lcorpp.assembly.strategies.strategy_table import BASELINE_TABLE
 from lcorpp.assembly.strategies.trust import WITH_TRUST, with_ask_budget
@@ -32,8 +33,8 @@ def find_strategies(names: Iterable[str], senses: Sequence[str] = ("",)) -> tupl
     """Return the strategies of these names: rows of the table, baselines, then own ones.
 
     Args:
-        names: of rows, of `BASELINES` and `WITH_TRUST`, or ``FILE.py:NAME``, see `load_strategy`; none for
-            the whole table.
+        names: of rows, of `BASELINES`, `WITH_TRUST` and `WITH_LIMITS`, or ``FILE.py:NAME``, see
+            `load_strategy`; none for the whole table.
         senses: of the domain, see `lcorpp.decision.strategies.list_strategies`; by default one.
 
     Raises:
@@ -51,7 +52,10 @@ def find_strategies(names: Iterable[str], senses: Sequence[str] = ("",)) -> tupl
             rows.append(name)
         else:
             own.append(load_strategy(*parts))
-    found = (*(strategies(rows, senses, more=(*BASELINES, *WITH_TRUST)) if rows or not own else ()), *own)
+    found = (
+        *(strategies(rows, senses, more=(*BASELINES, *WITH_TRUST, WITH_LIMITS)) if rows or not own else ()),
+        *own,
+    )
     for k, strategy in enumerate(found):
         if strategy.name in [other.name for other in found[:k]]:
             raise DecisionError(f"{strategy.location}: another strategy has this name; expected another name")
@@ -69,7 +73,9 @@ def read_strategy(description: Mapping[str, Any], domain: Domain) -> Strategy:
     if source is not None:
         return find_strategies([source])[0]
     senses = [sense.name for sense in domain.all_senses]
-    rows = {row.name: row for row in (*STRATEGIES, *list_strategies(senses), *BASELINES, *WITH_TRUST)}
+    rows = {
+        row.name: row for row in (*STRATEGIES, *list_strategies(senses), *BASELINES, *WITH_TRUST, WITH_LIMITS)
+    }
     if name not in rows:
         raise DecisionError(f"unknown strategy {name!r}; {expected_one_of(rows)}")
     budget = description.get("ask_budget")

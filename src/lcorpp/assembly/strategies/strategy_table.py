@@ -12,6 +12,10 @@ TRUST_NAMES = ("LCORPP+trust", "LCORPP+trust-hearing", "LCORPP+trust-asking")
 """Of `lcorpp.assembly.strategies.trust.WITH_TRUST`."""
 
 
+LIMITS_NAME = "LCORPP+limits"
+"""Of `lcorpp.assembly.strategies.limits.WITH_LIMITS`."""
+
+
 @dataclass(frozen=True)
 class Baseline:
     """A row of the table of baselines; its fields are those of `lcorpp.decision.Strategy`.

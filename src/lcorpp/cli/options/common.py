@@ -9,7 +9,12 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from lcorpp.assembly.strategies.strategy_table import BASELINE_TABLE, TABLE_NAMES, TRUST_NAMES
+from lcorpp.assembly.strategies.strategy_table import (
+    BASELINE_TABLE,
+    LIMITS_NAME,
+    TABLE_NAMES,
+    TRUST_NAMES,
+)
 
 if TYPE_CHECKING:
     from lcorpp.domains import Domain
@@ -63,8 +68,8 @@ def join_names(names: Sequence[str], word: str = "or") -> str:
 
 STRATEGIES = (
     f"{join_names(TABLE_NAMES)}; with several senses LCORPP-SENSE leaves one out; {TRUST_NAMES[0]}, and"
-    f" {join_names(TRUST_NAMES[1:], 'and')} without its hearing or asking; the baselines"
-    f" {join_names(tuple(BASELINE_TABLE), 'and')}; or your own as FILE.py:NAME"
+    f" {join_names(TRUST_NAMES[1:], 'and')} without its hearing or asking; {LIMITS_NAME}; the"
+    f" baselines {join_names(tuple(BASELINE_TABLE), 'and')}; or your own as FILE.py:NAME"
 )
 """The strategies, for help."""
 

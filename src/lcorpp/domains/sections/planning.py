@@ -22,6 +22,7 @@ from lcorpp.values import Array, SharedValue, format_value
 
 if TYPE_CHECKING:
     from lcorpp.domains.sections.answers import StatedAnswers
+    from lcorpp.domains.sections.limits import DomainLimit
     from lcorpp.planning import Factored, GenerativeModel, SearchOptions
 
 
@@ -116,6 +117,8 @@ class PlanningSection:
     recogniser: the file of what `lcorpp observe` learnt of the recogniser, for this model; None without.
     answers: the stated form of answers, whose memory is in the states; None if answers are independent.
     search: the work of the search at each step with a generative model; None for a POMDP.
+    limits: what the robot must not do too often, for the strategy LCORPP+limits.
+    limit_noise: of the answers, with which the limits hold; () for that of the model.
 
     Examples:
         >>> from lcorpp import load_domain
@@ -135,6 +138,8 @@ class PlanningSection:
     recogniser: Path | None = None
     answers: StatedAnswers | None = None
     search: SearchOptions | None = None
+    limits: tuple[DomainLimit, ...] = ()
+    limit_noise: tuple[float, ...] = ()
 
     def __repr__(self) -> str:
         return f"PlanningSection({self.model!r}, reports: {', '.join(self.reports)})"
@@ -191,6 +196,11 @@ def read_planning(
         from lcorpp.domains.sections.answers import read_answers  # few domains state a form
 
         answers = read_answers(table.section("answers"), len(model.observations))
+        table.reject_keys(("limit_noise",), "answers have a form, whose noise is its own")
+    limits: tuple[DomainLimit, ...] = ()
+    limit_noise: tuple[float, ...] = ()
+    if "limits" in table:
+        limits, limit_noise = _read_limits(table, model, reasoning, reports)
     table.reject_unknown_keys()
     return PlanningSection(
         model=model,
@@ -205,7 +215,29 @@ def read_planning(
         recogniser=recogniser,
         answers=answers,
         search=search,
+        limits=limits,
+        limit_noise=limit_noise,
     )
+
+
+def _read_limits(
+    table: TomlTable,
+    model: Pomdp | GenerativeModel,
+    reasoning: ReasoningSection,
+    reports: Mapping[str, SharedValue],
+) -> tuple[tuple[DomainLimit, ...], tuple[float, ...]]:
+    """Read `limits` and `limit_noise`."""
+    if not isinstance(model, Pomdp):
+        raise DomainError(
+            f"{table.location('limits')}: {model.file} is simulated; limits need a model with tables"
+        )
+    from lcorpp.domains.sections.limits import read_limits  # few domains have them
+
+    limits = read_limits(table.sections("limits"), model, reasoning, reports)
+    noise = table.value("limit_noise") if "limit_noise" in table else []
+    if not isinstance(noise, list) or not all(isinstance(n, int | float) and 0 <= n <= 1 for n in noise):
+        raise DomainError(f"{table.location('limit_noise')}: expected a list of probabilities, not {noise!r}")
+    return limits, tuple(map(float, noise))
 
 
 def _read_phrases(table: TomlTable, model: Pomdp | GenerativeModel) -> dict[str, str]:

@@ -43,6 +43,7 @@ class SimulationSection:
     feedback_model: (A, S, O) P(o | a, s') of people's answers; empty for a generative model.
     hearing: (A, O, O) P(heard | said) of the answers, by `noise`; the identity without `feedback`. Empty as
         above.
+    limit_models: like `feedback_model`, for each noise of `PlanningSection.limit_noise`.
     transition: P(s' | s, a) if it depends on people's answers, which the planner expects to be others; None
         as the planner expects.
     noisy_channels: sense -> class -> label -> probability: the error rates of a simulated classifier; a sense
@@ -75,6 +76,7 @@ class SimulationSection:
     recordings: Callable[..., list[Array]] | None = None
     columns: tuple[str, ...] = ()
     transition: SparseTables | None = None
+    limit_models: tuple[Array, ...] = ()
 
     def __repr__(self) -> str:
         parts = {
@@ -104,7 +106,8 @@ def read_simulation(
     if "people" in table:
         plugin = SimulationPlugin(find_file(table, "people", folder), [sense.name for sense in senses])
     if isinstance(planning.model, Pomdp):
-        feedback_model, hearing = _make_feedback_model(table, reasoning, planning)
+        noise = table.number("noise", 0, 1, 0)
+        feedback_model, hearing = _make_feedback_model(table, noise, reasoning, planning)
     else:
         table.reject_keys(("feedback", "noise"), f"{planning.model.file} simulates the answers")
         feedback_model = hearing = np.zeros((0, 0, 0))
@@ -120,9 +123,19 @@ def read_simulation(
         world=_read_world(table, folder, plugin),
         recordings=plugin.recordings if plugin and plugin.defines("recordings") else None,
         columns=plugin.columns if plugin else (),
+        limit_models=_make_limit_models(table, reasoning, planning),
     )
     table.reject_unknown_keys()
     return section
+
+
+def _make_limit_models(
+    table: TomlTable, reasoning: ReasoningSection, planning: PlanningSection
+) -> tuple[Array, ...]:
+    """Return P(o | a, s') with each noise for which the limits hold."""
+    if planning.limit_noise and "feedback" not in table:
+        raise DomainError(f"{table.location('feedback')} is missing; expected it beside planning.limit_noise")
+    return tuple(_make_feedback_model(table, n, reasoning, planning)[0] for n in planning.limit_noise)
 
 
 def read_truth(
@@ -164,14 +177,13 @@ def _read_world(
 
 
 def _make_feedback_model(
-    table: TomlTable, reasoning: ReasoningSection, planning: PlanningSection
+    table: TomlTable, noise: float, reasoning: ReasoningSection, planning: PlanningSection
 ) -> tuple[Array, Array]:
-    """Return P(o | a, s') (A, S, O) and P(heard | said) (A, O, O).
+    """Return P(o | a, s') (A, S, O) and P(heard | said) (A, O, O) with a noise.
 
     They follow from `feedback` and `noise`; without, people answer by the planner's observation model.
     """
     pomdp = planning.pomdp
-    noise = table.number("noise", 0, 1, 0)
     hearing = np.tile(np.eye(len(pomdp.observations)), (len(pomdp.actions), 1, 1))
     if "feedback" not in table:
         if noise:
