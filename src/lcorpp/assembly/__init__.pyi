@@ -21,10 +21,10 @@ from .robot_parts import (
 )
 from .senses import SenseSetup as SenseSetup
 from .solving import solve_domain as solve_domain
-from .strategies.limited_plan import LimitedPlan as LimitedPlan, solve_domain_limits as solve_domain_limits
 from .strategies.baselines import (
     BASELINES as BASELINES,
     find_strategies as find_strategies,
 )
+from .strategies.limited_plan import LimitedPlan as LimitedPlan, solve_domain_limits as solve_domain_limits
 from .strategies.own import load_strategy as load_strategy
 from .training_data import simulate_training_data as simulate_training_data

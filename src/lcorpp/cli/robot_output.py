@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from lcorpp.assembly.options import ClassifierOptions
     from lcorpp.assembly.senses import Senses, SenseSetup
     from lcorpp.domains import Domain
+    from lcorpp.experiments.comparison import Comparison
     from lcorpp.experiments.result_folder import WrittenFiles
     from lcorpp.learning import EvaluationReport, PredictionSets
     from lcorpp.planning import Solution
@@ -94,9 +95,9 @@ def print_scores(scores: Sequence[Scores], positive: str | None, trials: int | N
         console.out.print(table)
 
 
-def print_limits(domain: Domain, scores: Sequence[Scores]) -> None:
-    """Print the measured share of each limit of a domain, for each strategy with trials."""
-    limits = domain.planning.limits
+def print_limits(domain: Domain, comparison: Comparison) -> None:
+    """Print the planned and the measured share of each limit of a domain, for each strategy with trials."""
+    limits, scores = domain.planning.limits, comparison.scores
     measured = [row for row in scores if row.limits]
     if not limits or not measured:
         return
@@ -105,13 +106,23 @@ def print_limits(domain: Domain, scores: Sequence[Scores]) -> None:
         "limits, measured; 95% intervals", names, ["strategy", *(own.name for own in limits)]
     )
     table.add_row("at most", *(f"{own.bound:g}" for own in limits), style="dim")
+    plan = comparison.plan
+    if plan is not None:
+        cells = [f"{plan.cells[f'planned_limit_{own.name}']:.4f}" for own in limits]
+        table.add_row("planned", *cells, style="dim")
     for row in measured:
-        cells = [
+        shown = [
             _format_interval(row.limits[own.name], ".4f", INLINE) if own.name in row.limits else "-"
             for own in limits
         ]
-        table.add_row(row.strategy, *cells)
+        table.add_row(row.strategy, *shown)
     console.out.print(table)
+    if plan is not None and plan.solution is not None:
+        found = plan.solution
+        console.out.print(
+            f"LCORPP+limits: planned return {found.value:.4f}, discounted; at most {found.upper:.4f} within"
+            f" the limits; {found.reason} after {found.seconds:.1f} s, {len(plan.policy.controller)} nodes"
+        )
 
 
 def _make_score_table(title: str, names: Sequence[str], columns: Sequence[str]) -> Table:

@@ -179,7 +179,7 @@ def _print_comparison(domain: Domain, comparison: Comparison, chosen: Comparison
     )
 
     print_scores(comparison.scores, domain.positive, comparison.trials)
-    print_limits(domain, comparison.scores)
+    print_limits(domain, comparison)
     for name, reason in comparison.failures.items():
         console.warn(f"{name} has no exact scores: {reason}")
     if comparison.trials is None:

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from lcorpp.arguments import check_arguments, check_fields
 from lcorpp.assembly.options import (
@@ -17,7 +18,7 @@ from lcorpp.assembly.progress import ProgressDisplay, no_progress
 from lcorpp.assembly.robot import compose_robot, set_up_senses
 from lcorpp.assembly.senses import Senses
 from lcorpp.assembly.solving import explain_error, explain_missing_reports
-from lcorpp.assembly.strategies.limits import bind_limits, keeps_limits
+from lcorpp.assembly.strategies.limits import bind_limits, get_plan, keeps_limits
 from lcorpp.assembly.strategies.trust import check_dialogue
 from lcorpp.decision import Strategy
 from lcorpp.decision.strategies import list_strategies
@@ -33,6 +34,9 @@ from lcorpp.scoring.trials import check_numbers, run_trials
 from lcorpp.simulation import NoisyChannel
 from lcorpp.simulation.people import SignalSource
 from lcorpp.simulation.simulated_classifier import BatchClassifier
+
+if TYPE_CHECKING:
+    from lcorpp.assembly.strategies.limited_plan import LimitedPlan
 
 
 @dataclass(frozen=True)
@@ -101,6 +105,7 @@ class Comparison:
     trials: the number of completed trials, less than requested after an interrupt; None for exact scores.
     senses: sense -> its classifier and error rates, for the senses that a strategy uses.
     solution: the solution of the POMDP; None if a policy was given.
+    plan: of LCORPP+limits; None without it.
     """
 
     scores: tuple[Scores, ...]
@@ -108,6 +113,7 @@ class Comparison:
     senses: Senses
     solution: Solution | None
     failures: Mapping[str, str] = field(default_factory=dict)
+    plan: LimitedPlan | None = None
 
     @property
     def gap(self) -> float | None:
@@ -184,7 +190,8 @@ def compare_strategies(
             scores, completed = run_trials(
                 experiment, options.trials, jobs=options.jobs, progress=advance, log=log
             )
-        return Comparison(tuple(scores), completed, senses, solution)
+        plan = get_plan(experiment.strategies)
+        return Comparison(tuple(scores), completed, senses, solution, plan=plan)
 
 
 def set_up_experiment(

@@ -9,7 +9,7 @@ from typing import Protocol
 from lcorpp.assembly.robot_parts import RobotParts
 from lcorpp.decision import Robot, Strategy
 from lcorpp.decision.dt_control import dt_control
-from lcorpp.decision.strategies import Session
+from lcorpp.decision.strategies import Session, make_generator
 from lcorpp.errors import LcorppError, WorldError
 from lcorpp.protocols import Classifier, World
 from lcorpp.robot.config import RobotConfig
@@ -24,6 +24,7 @@ class Decision:
     episode: None if the decision failed. error: why it failed, None if it did not.
     failures: of actions whose failure was an observation.
     n_learnt: number of people that the strategy had learnt from before.
+    seed: of what a strategy draws; None without.
     person_id: the same, if the tracker recognises people who come back; else None.
     """
 
@@ -34,6 +35,7 @@ class Decision:
     failures: tuple[WorldError, ...] = ()
     n_learnt: int = 0
     person_id: str | None = None
+    seed: tuple[int, ...] | None = None
 
 
 class TrackedPeople(Protocol):
@@ -51,13 +53,20 @@ class Decider:
 
     Args:
         config: of the robot. parts: domain, policy and error rates. strategy: by which it decides.
-        people: who are tracked.
+        people: who are tracked. seed: of what the strategy draws, with the number of the decision.
     """
 
     def __init__(
-        self, config: RobotConfig, parts: RobotParts, strategy: Strategy, people: TrackedPeople
+        self,
+        config: RobotConfig,
+        parts: RobotParts,
+        strategy: Strategy,
+        people: TrackedPeople,
+        *,
+        seed: int = 0,
     ) -> None:
         self._config, self._strategy, self._people = config, strategy, people
+        self._seed, self._n_decisions = seed, 0
         self._full = replace(parts.robot, classifiers={})
         self._session: Session | None = None
         if strategy.start is not None:
@@ -67,7 +76,8 @@ class Decider:
         """Return the robot that decides about a person."""
         full = replace(self._full, classifiers=dict(self._people.classifiers(person)))
         if self._session is None:
-            return self._strategy.robot(full)
+            seed = self._find_seed()
+            return self._strategy.robot(full, None if seed is None else make_generator(*seed))
         return self._session.robot(full, self._find_id(person))
 
     def decide(
@@ -83,6 +93,7 @@ class Decider:
             read_facts: returns the observed facts. world: of the person. listener: takes each step.
         """
         facts: Mapping[str, str] = {}
+        seed = self._find_seed()
         n_learnt, own = 0 if self._session is None else self._session.n_people, self._find_id(person)
         try:
             facts = read_facts()
@@ -93,8 +104,13 @@ class Decider:
             if self._session is not None:
                 self._session.learn(episode.evidence, episode.steps, own)
         except LcorppError as failure:
-            return Decision(person, facts, None, failure, (), n_learnt, own)
-        return Decision(person, facts, episode, None, (), n_learnt, own)
+            return Decision(person, facts, None, failure, (), n_learnt, own, seed)
+        finally:
+            self._n_decisions += 1
+        return Decision(person, facts, episode, None, (), n_learnt, own, seed)
+
+    def _find_seed(self) -> tuple[int, ...] | None:
+        return (self._seed, self._n_decisions) if self._strategy.draws else None
 
     def _find_id(self, person: str) -> str | None:
         return person if self._config.people.permanent_ids else None

@@ -43,7 +43,7 @@ class RobotLoop:
     Args:
         config: of the robot. parts: domain, policy and error rates. classifiers: sense -> its classifier.
         strategy: by which it decides. connection: to the robot.
-        show_step: takes the person and each step of a decision.
+        show_step: takes the person and each step of a decision. seed: as of `Decider`.
 
     Raises:
         WorldError: no pose of the robot comes. ConnectionLostError: there is no connection.
@@ -58,6 +58,7 @@ class RobotLoop:
         connection: RosConnection,
         *,
         show_step: Callable[[str, Step], None] = lambda person, step: None,
+        seed: int = 0,
     ) -> None:
         self._config, self._parts, self._strategy, self._connection = config, parts, strategy, connection
         self._show_step, self._attention = show_step, Attention(parts.domain, config.value)
@@ -69,7 +70,7 @@ class RobotLoop:
             for own in _divide(classifiers, config.people)
         ]
         self._people = SensedPeople(self._tracks)
-        self._decider = Decider(config, parts, strategy, self._people)
+        self._decider = Decider(config, parts, strategy, self._people, seed=seed)
         for fact in config.facts.values():
             fact.start(connection, lambda: self._perception.pose)
         self._orders = StopOrders.of(config.cmd_vel, [b.skill for b in config.behaviours.values()])

@@ -9,6 +9,7 @@ from pathlib import Path
 from urllib.parse import urlsplit
 
 from lcorpp.assembly.strategies.baselines import find_strategies
+from lcorpp.assembly.strategies.limits import keeps_limits
 from lcorpp.assembly.strategies.trust import check_dialogue
 from lcorpp.domains import Domain, load_domain
 from lcorpp.domains.toml import TomlTable, read_toml
@@ -128,7 +129,7 @@ def _read_strategy(table: TomlTable, domain: Domain) -> str:
         (found,) = find_strategies([name], [sense.name for sense in domain.senses])
     except (LcorppError, ValueError) as error:
         raise DomainError(f"{table.location('strategy')}: {error}") from None
-    if found.draws:
+    if found.draws and not keeps_limits(found):
         raise DomainError(
             f"{table.location('strategy')}: {name} draws its actions; expected one that decides"
         )
@@ -136,6 +137,11 @@ def _read_strategy(table: TomlTable, domain: Domain) -> str:
         check_dialogue(domain, [found])
     except DomainError as error:
         raise DomainError(f"{table.location('strategy')}: {name}: {error}") from None
+    if keeps_limits(found) and not domain.planning.limits:
+        raise DomainError(
+            f"{table.location('strategy')}: {name} keeps the [[planning.limits]] of a domain, and"
+            f" {domain.name} has none"
+        )
     return found.name if found.own is None else name
 
 

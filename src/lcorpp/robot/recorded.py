@@ -89,6 +89,7 @@ class RecordedLoop:
         config: of the robot; its connection, topics of beliefs and `[after]` are not used.
         parts: domain, policy and error rates. people: of the recording.
         strategy: by which it decides. show_step: takes the person and each step of a decision.
+        seed: as of `Decider`.
 
     Raises:
         DomainError: as `check_recordable`.
@@ -102,10 +103,11 @@ class RecordedLoop:
         people: RecordedPeople,
         *,
         show_step: Callable[[str, Step], None] = lambda person, step: None,
+        seed: int = 0,
     ) -> None:
         check_recordable(config, parts.domain)
         self._config, self._people, self._show_step = config, people, show_step
-        self._decider = Decider(config, parts, strategy, people)
+        self._decider = Decider(config, parts, strategy, people, seed=seed)
 
     def run(self, max_decisions: int | None = None) -> Iterator[Decision]:
         """Decide about one person after another; yield each decision."""

@@ -158,6 +158,20 @@ class LimitedPlan:
     policy: RandomisedPolicy
     solution: LimitedSolution | None = None
 
+    @property
+    def cells(self) -> dict[str, float]:
+        """The planned numbers of a row of a file: discounted return, its bound, and the cost of each limit.
+
+        With several models the cost is the largest.
+        """
+        found, solution = dict[str, float](), self.solution
+        if solution is not None:
+            found = {"planned_return": solution.value, "planned_return_upper": solution.upper}
+            names = [own.name for own in solution.model.stated_limits]
+            costs = solution.costs.reshape(-1, len(names)).max(axis=0)
+            found |= {f"planned_limit_{name}": float(cost) for name, cost in zip(names, costs, strict=True)}
+        return found
+
     def find_start(self, evidence: Mapping[str, Label]) -> int | None:
         """Return the start of a decision; None if a fact or a label is missing, or is a likelihood."""
         row = tuple(evidence.get(name) for name in self.names)

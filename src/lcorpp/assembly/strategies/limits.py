@@ -46,6 +46,11 @@ def bind_limits(strategies: Iterable[Strategy], plan: LimitedPlan) -> tuple[Stra
     )
 
 
+def get_plan(strategies: Iterable[Strategy]) -> LimitedPlan | None:
+    """Return the plan that `bind_limits` gave LCORPP+limits; None if it is not among the strategies."""
+    return next((row.change.plan for row in strategies if isinstance(row.change, KeepLimits)), None)
+
+
 def keeps_limits(strategy: Strategy) -> bool:
     """Whether a strategy is LCORPP+limits."""
     return isinstance(strategy.change, KeepLimits)

@@ -19,6 +19,7 @@ from lcorpp.values import format_value
 
 if TYPE_CHECKING:
     from lcorpp.assembly.options import ClassifierOptions
+    from lcorpp.assembly.robot_parts import RobotParts
     from lcorpp.decision import Strategy
     from lcorpp.domains import Domain
     from lcorpp.robot.config import RobotConfig
@@ -104,7 +105,8 @@ def robot(
             seed=seed,
             jobs=console.count_processes(jobs),
         )
-        loop = RobotLoop(read, parts, classifiers, strategy, connection, show_step=_print_step)
+        strategy = _plan_limits(strategy, parts)
+        loop = RobotLoop(read, parts, classifiers, strategy, connection, show_step=_print_step, seed=seed)
         console.out.print(
             f"{domain.name} by {strategy.name} on {read.connection.kind} (ROS {connection.version});"
             " Ctrl-C ends it"
@@ -120,8 +122,15 @@ def robot(
                 count += 1
                 _print_decision(decision)
                 if kept is not None and decision.episode is not None:
-                    n, own = decision.n_learnt, decision.person_id
-                    kept.append(parts, strategy, decision.facts, decision.episode, person=n, person_id=own)
+                    kept.append(
+                        parts,
+                        strategy,
+                        decision.facts,
+                        decision.episode,
+                        seed=decision.seed,
+                        person=decision.n_learnt,
+                        person_id=decision.person_id,
+                    )
         except KeyboardInterrupt:
             signal.signal(signal.SIGINT, signal.SIG_IGN)  # a second one must not prevent the stop
             where = "" if log is None else f"; they are in {log}"
@@ -170,18 +179,39 @@ def _decide_about_bag(
 
         silence, windows = config.people.max_silence, find_windows(domain)
         people = RecordedPeople(samples, classifiers, max_silence=silence, windows=windows)
-        loop = RecordedLoop(config, parts, strategy, people, show_step=show_step)
+        strategy = _plan_limits(strategy, parts)
+        loop = RecordedLoop(config, parts, strategy, people, show_step=show_step, seed=seed)
         count = 0
         for decision in loop.run(decisions):
             count += 1
             _print_decision(decision)
             if kept is not None and decision.episode is not None:
-                kept.append(parts, strategy, decision.facts, decision.episode, person=decision.n_learnt)
+                kept.append(
+                    parts,
+                    strategy,
+                    decision.facts,
+                    decision.episode,
+                    seed=decision.seed,
+                    person=decision.n_learnt,
+                )
     if not count:
         seconds = config.people.decide_after
         console.print_note(
             f"{bag}: no track of a person lasts {seconds:g} s (decide_after), so no decision is made"
         )
+
+
+def _plan_limits(strategy: Strategy, parts: RobotParts) -> Strategy:
+    """Return the strategy with the plan that keeps the limits of the domain, if it is LCORPP+limits."""
+    from lcorpp.assembly.strategies.limits import bind_limits, keeps_limits
+
+    if not keeps_limits(strategy):
+        return strategy
+    from lcorpp.assembly.strategies.limited_plan import find_plan
+
+    with console.show_progress("keeping the limits"):
+        plan = find_plan(parts.domain, parts.program)
+    return bind_limits([strategy], plan)[0]
 
 
 def choose_robot_classifiers(config: RobotConfig, domain: Domain) -> dict[str, ClassifierOptions]:

@@ -29,7 +29,7 @@ class DomainLimit:
         >>> from lcorpp import load_domain
         >>> (limit,) = load_domain("intention", preset="limit_5").planning.limits
         >>> limit.name, limit.bound, dict(limit.condition)
-        ('move_forward,greet|not_interested', 0.05, {'intention': ('not_interested',)})
+        ('bothered', 0.05, {'intention': ('not_interested',)})
     """
 
     name: str

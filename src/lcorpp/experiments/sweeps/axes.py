@@ -92,6 +92,7 @@ def list_axes(domain: Domain) -> dict[Axis, tuple[float, float]]:
         found["reward", which] = ANY
         if len(shared) == 1:
             found |= {("reward", which, str(value)): ANY for value in domain.values}
+    found |= {("limit", limit.name): POSITIVE for limit in planning.limits}
     both: list[Axis] = []
     for sense in domain.all_senses:
         name = (sense.name,) if len(domain.all_senses) > 1 else ()
@@ -118,6 +119,8 @@ def change_domain(domain: Domain, setting: Setting) -> Domain:
             return changes.with_discount(domain, number)
         case ("cost", action):
             return changes.with_cost(domain, action, number)
+        case ("limit", name):
+            return changes.with_limit(domain, name, number)
         case ("reward", which, *value):
             return changes.with_report_reward(
                 domain, value[0] if value else None, number, right=which == "right"
@@ -178,6 +181,8 @@ def hash_domain(domain: Domain) -> str:
         domain.observed,
         domain.all_senses,
         *([] if own is None else [find_fingerprint(own.source)]),
+        *[(limit.name, limit.bound, limit.kind, limit.cost.tolist()) for limit in planning.limits],
+        *[own_model.tolist() for own_model in simulation.limit_models],
         simulation.feedback_model.tolist(),
         *([] if simulation.transition is None else [simulation.transition.dense.tolist()]),
     )

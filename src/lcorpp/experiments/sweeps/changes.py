@@ -15,7 +15,7 @@ import numpy.typing as npt
 from lcorpp.domains import Domain
 from lcorpp.domains.sections.learning import Sense
 from lcorpp.domains.sections.noisy_channels import compute_noisy_channel
-from lcorpp.errors import DomainError
+from lcorpp.errors import DomainError, ModelError
 from lcorpp.reasoning import Program, Reasoner, parse_plog, with_classifier
 from lcorpp.reasoning.language.syntax import Number, Probability
 from lcorpp.values import ConfusionMatrix
@@ -33,6 +33,22 @@ def with_cost(domain: Domain, action: str, cost: float) -> Domain:
     a = domain.pomdp.action_index(action)
     states = domain.planning.state_values.any(axis=1) | (domain.pomdp.reward[a] != 0)
     return _with_reward(domain, a, states, -cost)
+
+
+def with_limit(domain: Domain, name: str, bound: float) -> Domain:
+    """Return the domain with another bound of a limit.
+
+    Raises:
+        DomainError: a probability has a bound above 1.
+    """
+    planning = domain.planning
+    limits = tuple(replace(own, bound=bound) if own.name == name else own for own in planning.limits)
+    try:
+        for limit in limits:
+            limit.make_limit(planning.state_values)
+    except ModelError as error:
+        raise DomainError(str(error)) from None
+    return replace(domain, planning=replace(planning, limits=limits))
 
 
 def with_report_reward(domain: Domain, value: str | None, reward: float, *, right: bool) -> Domain:

@@ -10,6 +10,7 @@ from typing import Any
 
 from lcorpp.assembly.solving import solve_domain
 from lcorpp.assembly.strategies.baselines import find_strategies
+from lcorpp.assembly.strategies.strategy_table import LIMITS_NAME
 from lcorpp.decision import Strategy
 from lcorpp.decision.strategies import list_strategies
 from lcorpp.domains import Domain
@@ -55,12 +56,14 @@ def evaluate_configuration(problem: Problem, configuration: Configuration) -> Ro
         raise KeyboardInterrupt
     scores = {row.strategy: row for row in comparison.scores}
     reference = find_reference(comparison.scores).strategy
+    planned = {} if comparison.plan is None else comparison.plan.cells
     better = dict.fromkeys(scores, reference) | dict(list_pairs(list(scores)))
     return [
         {
             "strategy": name,
             **row.cells,
             **_describe_difference(scores[better[name]], row),
+            **(planned if name == LIMITS_NAME else dict.fromkeys(planned)),
             "converged": solution.converged,
         }
         for name, row in scores.items()

@@ -22,6 +22,9 @@ from lcorpp.values import Array
 MAX_TICKS = 6
 """Maximum number of labels of an axis."""
 
+LIMIT_PREFIX = "limit."
+"""Of the axes that are bounds of limits."""
+
 LINE_STYLES = ("-", "--", ":")
 """Of curves of the same colour."""
 
@@ -42,6 +45,8 @@ def plot_sweep(rows: Rows, axes: Sequence[str], n_axes: int) -> Figure:
         rows: as in `SweepResult`. axes: one or two columns. n_axes: the number of all axes of the sweep.
     """
     hypotheses = list_hypotheses(list(dict.fromkeys(row["strategy"] for row in rows)))
+    if len(axes) == 1 and axes[0].startswith(LIMIT_PREFIX):
+        return _plot_frontier(rows, axes[0])
     draw = _plot_curves if len(axes) == 1 else _plot_maps
     figure = draw(rows, axes, hypotheses)
     others = " for all values of the other axes" if n_axes > len(axes) else ""
@@ -49,6 +54,50 @@ def plot_sweep(rows: Rows, axes: Sequence[str], n_axes: int) -> Figure:
     notes = ["means over the other axes"] if others else []
     notes += [f"{where}: the hypothesis holds{others}"] if hypotheses else []
     figure.supxlabel("; ".join(notes), fontsize=8)
+    return figure
+
+
+def _plot_frontier(rows: Rows, axis: str) -> Figure:
+    """Draw what a robot earns within a limit over its bound, and how much of the bound it uses.
+
+    Left the planned return with its upper bound, in the middle the measured return, right the measured share.
+    """
+    values, positions = _list_values(rows, axis)
+    by_strategy = _group(rows, (axis, "strategy"))
+    strategies = list(dict.fromkeys(row["strategy"] for row in rows))
+    figure = Figure(figsize=(3 * PANEL + 1.6, PANEL + 0.4), layout="constrained")
+    planned, measured, shares = figure.subplots(1, 3)
+    share = f"limit_{axis.removeprefix(LIMIT_PREFIX)}"
+    for number, strategy in enumerate(strategies):
+        colour = COLOURS[number % len(COLOURS)]
+
+        def collect(column: str, of: str = strategy) -> list[float]:
+            return [_average(by_strategy[value, of], column) for value in values]
+
+        for panel, name in ((measured, "return"), (shares, share)):
+            panel.plot(positions, collect(name), color=colour, marker="o", markersize=3, label=strategy)
+            low, high = collect(f"{name}_low"), collect(f"{name}_high")
+            panel.fill_between(positions, low, high, color=colour, alpha=0.25, linewidth=0)
+        if all(row.get("planned_return") is not None for row in rows if row["strategy"] == strategy):
+            value, upper = collect("planned_return"), collect("planned_return_upper")
+            planned.plot(positions, value, color=colour, marker="o", markersize=3, label=strategy)
+            planned.plot(positions, upper, "--", color=INK, linewidth=0.8, label="upper bound")
+    shares.plot(positions, positions, "--", color=INK, linewidth=0.8, label="the bound")
+    planned.set(ylabel="planned return, discounted")
+    measured.set(ylabel="mean return, measured")
+    shares.set(ylabel="share, measured")
+    for panel in (planned, measured, shares):
+        panel.set(xlabel=axis)
+        _label(panel.set_xticks, values, positions)
+        despine(panel)
+    handles = {
+        label: handle
+        for panel in (planned, shares)
+        for handle, label in zip(*panel.get_legend_handles_labels(), strict=True)
+    }
+    figure.legend(
+        handles.values(), handles.keys(), loc="outside lower center", ncols=4, frameon=False, fontsize=8
+    )
     return figure
 
 
