@@ -25,7 +25,7 @@ from lcorpp.planning.limits.grid_bound import REFINEMENT, make_grid_bounds
 from lcorpp.planning.limits.limited_model import LimitedModel
 from lcorpp.planning.limits.mixture import Mixture, mix
 from lcorpp.planning.policy import AlphaVectors, Policy
-from lcorpp.planning.pomdp import Pomdp
+from lcorpp.planning.pomdp import MAX_DISCOUNT, Pomdp
 from lcorpp.planning.sarsop import solve
 from lcorpp.planning.solution import CONVERGED, Solution
 from lcorpp.planning.solvers.table_policy import compute_informed_bound
@@ -215,7 +215,7 @@ class ColumnGeneration:
         infinite = np.isinf(self._values)
         if not infinite.any():
             return self.best.multipliers
-        finite = np.where(infinite, 0.0, self._values)[1:].max(axis=(1, 2))
+        finite = np.where(np.isfinite(self._values), self._values, 0.0)[1:].max(axis=(1, 2))
         large = ENDLESS * np.maximum(np.maximum(finite, self.model.bounds), 1.0)
         values = self._values.copy()
         values[1:] = np.where(infinite[1:], large[:, None, None], values[1:])
@@ -252,7 +252,8 @@ class ColumnGeneration:
         values = start_values(model, self.pool.values[:, begin:])
         kept = np.arange(values.shape[2])
         if len(model.weights) > MAX_ALL_NODES:  # the best for each start
-            kept = np.unique(np.tensordot(factors, values, axes=1).argmax(axis=1))
+            sums = np.nan_to_num(np.tensordot(factors, values, axes=1), nan=-inf)
+            kept = np.unique(sums.argmax(axis=1))
         self._plans = np.concatenate([self._plans, begin + kept])
         self._values = np.concatenate([self._values, values[:, :, kept]], axis=2)
         bound = solution.policy.upper_bound
@@ -295,18 +296,20 @@ class ColumnGeneration:
             np.add.reduceat(best.weights * corner[best.states], best.begins[:-1]) if len(best.values) else 0
         )
         bound = SawtoothBound(informed, corners, best.begins, best.states, best.weights, best.values + points)
-        policy = Policy.of_sets(problem, [self._choose_vectors(factors, best)], bound)
+        policy = Policy.of_sets(problem, [self._choose_vectors(problem, factors, best)], bound)
         start = self.model.place(self.model.starts)[0]
         return Solution(problem, policy, -inf, inf, 0.0, "", (), 0, 0, start)
 
-    def _choose_vectors(self, factors: Array, bound: SawtoothBound) -> AlphaVectors:
+    def _choose_vectors(self, problem: Pomdp, factors: Array, bound: SawtoothBound) -> AlphaVectors:
         """Return the vectors of nodes of the pool that are best at a start or a point of a bound."""
         from scipy.sparse import csr_array
 
         vectors = self.model.combine(factors, self.pool.values)
         actions = self.pool.controller.actions
-        kept = np.isfinite(vectors).all(axis=1)
-        vectors, actions = vectors[kept], actions[kept]
+        # where a value is not known, the least of all policies takes its place
+        floor = float(np.minimum(problem.reward.min(), 0.0)) / (1 - min(problem.discount, MAX_DISCOUNT))
+        kept = np.isfinite(vectors).any(axis=1) & ~np.isinf(vectors).any(axis=1)
+        vectors, actions = np.nan_to_num(vectors[kept], nan=floor), actions[kept]
         shape = (len(bound.values), vectors.shape[1])
         points = csr_array((bound.weights, bound.states, bound.begins), shape=shape)
         beliefs = (points @ vectors.T, self.model.place(self.model.starts) @ vectors.T)

@@ -6,9 +6,11 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from lcorpp.errors import PolicyError
 from lcorpp.planning.limits.limited_model import LimitedModel
+from lcorpp.planning.sparse import ragged_indices
 from lcorpp.values import Array, Indices, freeze
 
 NEGLIGIBLE = 1e-14
@@ -84,49 +86,86 @@ def repeat_actions(n_actions: int, n_observations: int) -> Controller:
     return Controller(nodes, np.repeat(nodes[:, None], n_observations, axis=1))
 
 
-def evaluate_controller(model: LimitedModel, controller: Controller, known: Array | None = None) -> Array:
+def evaluate_controller(
+    model: LimitedModel, controller: Controller, known: Array, nodes: Indices, states: Indices
+) -> Array:
     """Return (1 + K, n, X) the value of each criterion, by node and state; inf where a total has no end.
 
     Args:
-        known: (1 + K, m, X) finite values of the first m nodes, which lead to each other only.
+        known: the same, NaN where a value is not known.
+        nodes, states: (m,) pairs whose values are to be known; those that they depend on become known, too.
 
     Source: the linear equations of a finite-state controller (Hansen, "Solving POMDPs by searching in policy
     space", UAI 1998, equation 1), solved by sparse LU factorisation.
     """
-    n_states, n_known = len(model.base), 0 if known is None else known.shape[1]
-    matrix = _join_steps(model, controller, n_known)
-    costs = model.criteria[:, controller.actions[n_known:]].reshape(len(model.discounts), -1)
-    inner, outer = matrix[:, n_known * n_states :], matrix[:, : n_known * n_states]
-    values = np.empty_like(costs)
+    n_states = len(model.base)
+    values = known.reshape(len(known), -1).copy()
+    unknown = np.isnan(values[0])
+    wanted = np.unique(nodes * n_states + states)
+    pairs = _find_needed(model, controller, wanted[unknown[wanted]], unknown)
+    if not len(pairs):
+        return known
+    rows, targets, chances = _list_steps(model, controller, pairs)
+    position = np.full(len(unknown), -1)
+    position[pairs] = np.arange(len(pairs))
+    inner, outer = _make_matrices(rows, targets, chances, position, len(pairs))
+    costs = model.criteria[:, controller.actions[pairs // n_states], pairs % n_states]
     for discount in np.unique(model.discounts):
         own = np.flatnonzero(model.discounts == discount)
         due = costs[own]
-        if known is not None:
-            due = due + discount * (outer @ known[own].reshape(len(own), -1).T).T
+        if len(outer[0]):
+            sources, ends, weights = outer
+            later = np.array([np.bincount(sources, weights * row[ends], len(pairs)) for row in values[own]])
+            due = due + discount * later
         if discount < 1:
-            values[own] = _solve(discount * inner, due)
+            values[np.ix_(own, pairs)] = _solve(discount * inner, due)
         else:
             for i, row in zip(own, due, strict=True):
-                values[i] = _sum_costs(inner, row)
-    solved = values.reshape(len(model.discounts), -1, n_states)
-    return solved if known is None else np.concatenate([known, solved], axis=1)
+                values[i, pairs] = _sum_costs(inner, row)
+    return values.reshape(known.shape)
 
 
-def _join_steps(model: LimitedModel, controller: Controller, first: int) -> Any:
-    """Return the matrix of transitions from pairs of a node from `first` on and a state to all pairs."""
+def _find_needed(
+    model: LimitedModel, controller: Controller, front: Indices, unknown: npt.NDArray[np.bool_]
+) -> Indices:
+    """Return the pairs of node and state with unknown values on which those of some pairs depend."""
+    needed = np.zeros(len(unknown), bool)
+    while len(front):
+        needed[front] = True
+        found = np.unique(_list_steps(model, controller, front)[1])
+        front = found[unknown[found] & ~needed[found]]
+    return np.flatnonzero(needed)
+
+
+def _list_steps(
+    model: LimitedModel, controller: Controller, pairs: Indices
+) -> tuple[Indices, Indices, Array]:
+    """Return the steps from pairs of node and state: position of the pair, next pair, and probability."""
+    nodes, states = np.divmod(pairs, len(model.base))
+    parts = []
+    actions = controller.actions[nodes]
+    for action in np.unique(actions).tolist():
+        steps, own = model.steps[action], np.flatnonzero(actions == action)
+        begins = steps.begins[states[own]]
+        sizes = steps.begins[states[own] + 1] - begins
+        at = ragged_indices(begins, sizes)
+        rows = np.repeat(own, sizes)
+        following = controller.successors[nodes[rows], steps.observations[at]]
+        parts.append((rows, following * len(model.base) + steps.targets[at], steps.chances[at]))
+    rows, targets, chances = (np.concatenate(column) for column in zip(*parts, strict=True))
+    return rows, targets, chances
+
+
+def _make_matrices(
+    rows: Indices, targets: Indices, chances: Array, position: Indices, size: int
+) -> tuple[Any, tuple[Indices, Indices, Array]]:
+    """Return the matrix between pairs that are solved for, and the steps to pairs with known values."""
     from scipy.sparse import csr_array
 
-    n, n_states = len(controller), len(model.base)
-    rows, columns, values = [], [], []
-    for action in np.unique(controller.actions[first:]):
-        nodes = first + np.flatnonzero(controller.actions[first:] == action)
-        source, target, observation, chance = model.steps[action]
-        following = controller.successors[nodes][:, observation]  # (nodes, entries)
-        rows.append(((nodes - first)[:, None] * n_states + source).ravel())
-        columns.append((following * n_states + target).ravel())
-        values.append(np.tile(chance, len(nodes)))
-    parts = np.concatenate(values), (np.concatenate(rows), np.concatenate(columns))
-    return csr_array(parts, shape=((n - first) * n_states, n * n_states))
+    columns = position[targets]
+    inside = columns >= 0
+    inner = csr_array((chances[inside], (rows[inside], columns[inside])), shape=(size, size))
+    return inner, (rows[~inside], targets[~inside], chances[~inside])
 
 
 def _solve(matrix: Any, costs: Array) -> Array:
@@ -182,13 +221,10 @@ def _sum_costs(matrix: Any, costs: Array) -> Array:
 
 
 def start_values(model: LimitedModel, values: Array) -> Array:
-    """Return (1 + K, N, n) the values of nodes (1 + K, n, X) at the starts."""
+    """Return (1 + K, N, n) the values of nodes (1 + K, n, X) at the starts; NaN where one is not known."""
     supports = [np.flatnonzero(start) for start in model.starts]
-    found = np.stack(
-        [
-            (values[:, :, own] * start[own]).sum(axis=2)
-            for own, start in zip(supports, model.starts, strict=True)
-        ],
-        axis=1,
-    )
-    return freeze(found)
+    found = [
+        (values[:, :, own] * start[own]).sum(axis=2)
+        for own, start in zip(supports, model.starts, strict=True)
+    ]
+    return freeze(np.stack(found, axis=1))

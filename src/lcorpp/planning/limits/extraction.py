@@ -37,24 +37,35 @@ class Pool:
     @classmethod
     def of(cls, model: LimitedModel) -> Pool:
         """Return the pool of nodes that repeat an action."""
+        n_states = len(model.base)
         controller = repeat_actions(len(model.stated.actions), len(model.stated.observations))
-        return cls(controller, evaluate_controller(model, controller))
+        unknown = np.full((len(model.discounts), len(controller), n_states), np.nan)
+        nodes, states = (own.ravel() for own in np.indices((len(controller), n_states)))
+        return cls(controller, evaluate_controller(model, controller, unknown, nodes, states))
 
     def __len__(self) -> int:
         return len(self.controller)
 
-    def grow(self, model: LimitedModel, actions: Indices, successors: Indices) -> Pool:
-        """Return the pool with further nodes, whose successors (n, O) are nodes of the larger pool."""
+    def grow(
+        self, model: LimitedModel, actions: Indices, successors: Indices, nodes: Indices, states: Indices
+    ) -> Pool:
+        """Return the pool with further nodes, whose successors (n, O) are nodes of the larger pool.
+
+        Args:
+            nodes, states: (m,) pairs whose values become known.
+        """
         larger = Controller(
             np.concatenate([self.controller.actions, actions]),
             np.concatenate([self.controller.successors, successors]),
         )
-        return Pool(larger, evaluate_controller(model, larger, self.values))
+        unknown = np.full((len(self.values), len(actions), self.values.shape[2]), np.nan)
+        known = np.concatenate([self.values, unknown], axis=1)
+        return Pool(larger, evaluate_controller(model, larger, known, nodes, states))
 
     def score(self, model: LimitedModel, factors: Array, starts: Indices) -> float:
         """Return the sum of the criteria at the starts, from nodes (N,); factors: (1 + K,)."""
         used = factors != 0
-        own = self.values[used][:, starts]  # (criteria, N, X)
+        own = np.where(model.starts > 0, self.values[used][:, starts], 0.0)  # (criteria, N, X)
         return float(factors[used] @ ((own * model.starts).sum(axis=2) @ model.weights))
 
 
@@ -69,7 +80,8 @@ def add_policy(model: LimitedModel, pool: Pool, problem: Pomdp, policy: Policy, 
     """
     graph = BeliefGraph(problem, policy)
     roots = graph.add(SparseBeliefs.of(model.place(model.starts)))
-    max_nodes = max(len(set(roots.tolist())), min(MAX_NODES, MAX_EQUATIONS // len(model.base)))
+    width = max(1, int(graph.beliefs.sizes.max()))
+    max_nodes = max(len(set(roots.tolist())), min(MAX_NODES, MAX_EQUATIONS // width))
     decay = min(max(float(model.discounts.min()), MIN_DECAY), MAX_DECAY)
     nodes = _choose_nodes(graph, roots, model.weights, max_nodes, decay)
     number = np.full(len(graph), -1)
@@ -78,21 +90,20 @@ def add_policy(model: LimitedModel, pool: Pool, problem: Pomdp, policy: Policy, 
     inner = np.where(children >= 0, number[children], -1)
     actions = graph.actions[nodes].astype(np.intp)
     fringe = np.nonzero((children >= 0) & (inner < 0))
-    lagrangian = model.combine(factors, pool.values)
-    # after observations that are impossible at a node's belief
-    successors = np.where(
-        inner >= 0, inner, _find_best(SparseBeliefs.of(np.ones((1, lagrangian.shape[1]))), lagrangian)[0]
-    )
+    # after observations that are impossible at a node's belief, its action is repeated
+    successors = np.where(inner >= 0, inner, actions[:, None])
+    beliefs = graph.beliefs.take(nodes)
+    pairs = number[nodes][beliefs.owners], (beliefs.states % len(model.base)).astype(np.intp)
     if not len(fringe[0]):
-        return pool.grow(model, actions, successors)
+        return pool.grow(model, actions, successors, *pairs)
     ends = graph.beliefs.take(children[fringe])
-    successors[fringe] = _find_best(ends, lagrangian)
-    best = pool.grow(model, actions, successors)
+    successors[fringe] = _find_best(ends, model.combine(factors, pool.values))
+    best = pool.grow(model, actions, successors, *pairs)
     score = best.score(model, factors, number[roots])
     for _ in range(ROUNDS):
         successors = successors.copy()
         successors[fringe] = _find_best(ends, model.combine(factors, best.values))
-        found = pool.grow(model, actions, successors)
+        found = pool.grow(model, actions, successors, *pairs)
         after = found.score(model, factors, number[roots])
         if not after > score + 1e-12 * max(1.0, abs(score)):
             break
@@ -125,13 +136,11 @@ def _choose_nodes(graph: BeliefGraph, roots: Indices, weights: Array, count: int
 
 
 def _find_best(beliefs: SparseBeliefs, vectors: Array) -> Indices:
-    """Return (k,) the index of the best finite vector of vectors (n, X) at each belief."""
+    """Return (k,) the index of the best of vectors (n, X) at each belief, of those that are known there."""
     from scipy.sparse import csr_array
 
-    finite = np.flatnonzero(np.isfinite(vectors).all(axis=1))
-    if not len(finite):
-        return np.zeros(len(beliefs), np.intp)
     shape = (len(beliefs), vectors.shape[1])
     matrix = csr_array((beliefs.weights, beliefs.states, beliefs.begins), shape=shape)
-    best: Indices = finite[np.asarray(matrix @ vectors[finite].T).argmax(axis=1)]
+    found = np.asarray(matrix @ vectors.T)
+    best: Indices = np.where(np.isfinite(found), found, -np.inf).argmax(axis=1)
     return best

@@ -15,7 +15,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from math import prod
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -33,6 +33,18 @@ MAX_STATES = 500_000
 NEARLY_UNDISCOUNTED = 0.9999
 """Discount that takes the place of 1 in the search, where a policy may go on forever. Costs are not negative,
 so that the bound on the return holds for the smaller, discounted costs, too."""
+
+
+class Steps(NamedTuple):
+    """The steps of an action: those from state x are begins[x] to begins[x + 1].
+
+    begins: (X + 1,). targets, observations: (m,) next state and observation. chances: (m,) of both.
+    """
+
+    begins: npt.NDArray[np.int64]
+    targets: Indices
+    observations: Indices
+    chances: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,16 +88,22 @@ class LimitedModel:
         return int(self.model.max()) + 1
 
     @cached_property
-    def steps(self) -> list[tuple[Indices, Indices, Indices, Array]]:
-        """For each action, all its steps: state, next state, observation and their probability."""
+    def steps(self) -> list[Steps]:
+        """All steps of each action."""
         found = []
         for transition, table in zip(self.transitions, self.observations, strict=True):
-            moves = transition.tocoo()
-            source, target = moves.coords
-            sizes = np.diff(table.indptr)[target]
-            at = ragged_indices(table.indptr[target], sizes)
-            chance = np.repeat(moves.data, sizes) * table.data[at]
-            found.append((np.repeat(source, sizes), np.repeat(target, sizes), table.indices[at], chance))
+            moves = transition.tocsr()
+            sizes = np.diff(table.indptr)[moves.indices]
+            at = ragged_indices(table.indptr[moves.indices].astype(np.int64), sizes.astype(np.int64))
+            ends = np.concatenate([[0], np.cumsum(sizes)])
+            found.append(
+                Steps(
+                    ends[moves.indptr].astype(np.int64),
+                    np.repeat(moves.indices, sizes).astype(np.intp),
+                    table.indices[at].astype(np.intp),
+                    np.repeat(moves.data, sizes) * table.data[at],
+                )
+            )
         return found
 
     @cached_property
