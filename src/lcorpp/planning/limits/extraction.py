@@ -14,8 +14,9 @@ from lcorpp.planning.policy import Policy
 from lcorpp.planning.pomdp import Pomdp
 from lcorpp.values import Array, Indices
 
-MAX_NODES, MAX_EQUATIONS = 400, 12_000
-"""Maximum number of nodes of a policy, and of pairs of a node and a state, whose values are solved for."""
+MAX_NODES, MAX_EQUATIONS, MAX_STEPS = 400, 60_000, 500_000
+"""Maximum numbers of nodes of a policy, of pairs of a node and a state, whose values are solved for, and of
+steps between pairs."""
 
 MIN_WEIGHT = 1e-6
 """Beliefs that are reached with a smaller discounted probability are not followed."""
@@ -81,7 +82,9 @@ def add_policy(model: LimitedModel, pool: Pool, problem: Pomdp, policy: Policy, 
     graph = BeliefGraph(problem, policy)
     roots = graph.add(SparseBeliefs.of(model.place(model.starts)))
     width = max(1, int(graph.beliefs.sizes.max()))
-    max_nodes = max(len(set(roots.tolist())), min(MAX_NODES, MAX_EQUATIONS // width))
+    branching = sum(len(own.targets) for own in model.steps) / (len(model.steps) * len(model.base))
+    most = min(MAX_NODES, MAX_EQUATIONS // width, int(MAX_STEPS / (width * branching)))
+    max_nodes = max(len(set(roots.tolist())), most)
     decay = min(max(float(model.discounts.min()), MIN_DECAY), MAX_DECAY)
     nodes = _choose_nodes(graph, roots, model.weights, max_nodes, decay)
     number = np.full(len(graph), -1)
