@@ -177,3 +177,11 @@ def test_a_file_that_is_missing_or_no_toml(tmp_path):
     (tmp_path / "robot.toml").write_text("domain = ")
     with pytest.raises(ParseError, match=r"robot.toml:1:10"):
         read_robot_config(tmp_path / "robot.toml")
+
+
+def test_a_robot_keeps_the_limits_of_its_domain(folder):
+    """Its draws have recorded seeds, so that it may draw; a domain without limits has nothing to keep."""
+    with pytest.raises(DomainError, match=r"strategy: LCORPP\+limits: .*needs one"):
+        read(folder, domain='domain = "heard"\nstrategy = "LCORPP+limits"')
+    with pytest.raises(DomainError, match="random draws its actions"):
+        read(folder, domain='domain = "heard"\nstrategy = "random"')

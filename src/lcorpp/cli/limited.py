@@ -18,6 +18,9 @@ if TYPE_CHECKING:
 
 SUFFIX = ".json"
 
+MIN_CHECK_SECONDS = 20.0
+"""Least time limit of the check, if none is given."""
+
 
 def solve_within_limits(
     pomdp: Pomdp,
@@ -72,7 +75,7 @@ def solve_within_limits(
         print_text(f"drew the bounds in {plot}")
     if check or check_time is not None:
         policy = planning.read_randomised_policy(out, pomdp)
-        seconds = max(2.0, solution.seconds) if check_time is None else check_time
+        seconds = max(MIN_CHECK_SECONDS, solution.seconds) if check_time is None else check_time
         with console.show_delayed_progress("checking the limits") as advance:
             checked = planning.verify_limits(solution, policy, time_limit=seconds, callback=advance)
         print_text(checked.text)

@@ -30,9 +30,9 @@ def test_the_linear_program_over_all_plans_of_a_finite_horizon(seed):
     best = mix_plans(rows, [limit.bound for limit in limits])
     if best is None:
         with pytest.raises(InfeasibleError):
-            solve_limited(model, limits, time_limit=10)
+            solve_limited(model, limits, time_limit=60)
         return
-    solution = solve_limited(model, limits, precision=1e-7, time_limit=20)
+    solution = solve_limited(model, limits, precision=1e-7, time_limit=60)
     assert solution.value == pytest.approx(best, abs=2e-6)
     assert solution.value - 1e-9 <= best <= solution.upper + 1e-9
     assert (solution.costs <= [limit.bound + 1e-9 for limit in limits]).all()
@@ -46,7 +46,7 @@ def test_random_models_keep_their_limits(seed):
     model = random_model(rng, states=2 + seed % 3)
     drawn = [random_limit(rng, model, f"l{k}", "discounted") for k in range(1 + seed % 3)]
     limits = [replace(limit, bound=float(rng.uniform(5.5, 7))) for limit in drawn]
-    solution = solve_limited(model, limits, precision=0.02, time_limit=10)
+    solution = solve_limited(model, limits, precision=0.02, time_limit=60)
     assert verify_limits(solution).verdict == "confirmed"
     assert solution.gap <= 0.02
     assert solution.value <= solve(model, precision=0.01, time_limit=5).upper + 1e-6
@@ -109,7 +109,7 @@ def test_a_smallest_bound_is_named():
         read_limit(pomdp, "report_not_interested <= .2"),
     ]
     with pytest.raises(InfeasibleError, match=r"smallest bound that can be met while the others hold: .*"):
-        solve_limited(pomdp, limits, time_limit=6)
+        solve_limited(pomdp, limits, time_limit=20)
 
 
 def test_the_smallest_bound_that_can_be_met():
@@ -150,7 +150,7 @@ def test_limits_hold_in_all_models():
     noisy = replace(pomdp, observation=SparseTables.of(0.6 * table + 0.4 * table[:, :, [1, 0, 2]]))
     limit = read_limit(pomdp, "report_interested:not_interested <= .02")
     plain = solve_limited(pomdp, [limit], precision=0.05)
-    robust = solve_limited(pomdp, [limit], models=[pomdp, noisy], precision=2.0, time_limit=20)
+    robust = solve_limited(pomdp, [limit], models=[pomdp, noisy], precision=2.0, time_limit=60)
     assert verify_limits(plain).verdict == "confirmed"
     assert verify_limits(plain, models=[noisy]).verdict == "refuted"
     assert verify_limits(robust).verdict == "confirmed"

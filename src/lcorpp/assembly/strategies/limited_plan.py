@@ -8,7 +8,7 @@ from math import prod
 
 import numpy as np
 
-from lcorpp.assembly.strategies.strategy_table import LIMITS_NAME
+from lcorpp.assembly.strategies.limits import WITH_LIMITS, check_limits
 from lcorpp.domains import Domain
 from lcorpp.errors import DomainError
 from lcorpp.planning import (
@@ -120,8 +120,7 @@ def solve_domain_limits(
         (True, True)
     """
     limits, pomdp = domain.planning.limits, domain.pomdp
-    if not limits:
-        raise DomainError(f"{domain.folder}/domain.toml: no [[planning.limits]]; {LIMITS_NAME} needs one")
+    check_limits(domain, [WITH_LIMITS])
     population = list_population(domain, domain.program if program is None else program)
     solution = solve_limited(
         pomdp,

@@ -11,7 +11,7 @@ import numpy as np
 from lcorpp.assembly.strategies.strategy_table import LIMITS_NAME
 from lcorpp.decision import Robot, Strategy
 from lcorpp.domains import Domain
-from lcorpp.errors import DecisionError, check_type
+from lcorpp.errors import DecisionError, DomainError, check_type
 
 if TYPE_CHECKING:
     from lcorpp.assembly.strategies.limited_plan import LimitedPlan
@@ -44,6 +44,19 @@ def bind_limits(strategies: Iterable[Strategy], plan: LimitedPlan) -> tuple[Stra
         replace(row, change=KeepLimits(plan)) if isinstance(row.change, KeepLimits) else row
         for row in strategies
     )
+
+
+def check_limits(domain: Domain, strategies: Iterable[Strategy]) -> None:
+    """Check that a domain has limits if LCORPP+limits is among some strategies.
+
+    Raises:
+        DomainError: it has none.
+    """
+    if not domain.planning.limits and any(keeps_limits(row) for row in strategies):
+        preset = "" if domain.preset is None else f" in preset {domain.preset}"
+        raise DomainError(
+            f"{domain.folder}/domain.toml: no [[planning.limits]]{preset}; {LIMITS_NAME} needs one"
+        )
 
 
 def get_plan(strategies: Iterable[Strategy]) -> LimitedPlan | None:

@@ -177,7 +177,7 @@ class _Walk:
             )
             for a in range(len(pomdp.actions))
         ]
-        self._likelihoods = [
+        dense = [
             csr_array(
                 (
                     O.values[O.action_slice(a)],
@@ -185,9 +185,11 @@ class _Walk:
                     O.begins[a * S : a * S + S + 1] - O.begins[a * S],
                 ),
                 shape=(S, O.shape[2]),
-            ).T.tocsr()
+            ).toarray()
             for a in range(len(pomdp.actions))
         ]
+        # for each action the observations that it may have, and their likelihoods (S,)
+        self._seen = [[(o, own[:, o].copy()) for o in np.flatnonzero(own.any(axis=0))] for own in dense]
         actions = policy.controller.actions
         self._nodes = [(a, np.flatnonzero(actions == a)) for a in np.unique(actions).tolist()]
 
@@ -285,8 +287,7 @@ class _Walk:
         before = np.zeros_like(values)
         for a, nodes in self._nodes:
             later = np.zeros((len(nodes), len(self._pomdp.states)))
-            for o in range(len(self._pomdp.observations)):
-                seen = self._likelihoods[a][[o]].toarray()[0]
+            for o, seen in self._seen[a]:
                 later += values[controller.successors[nodes, o]] * seen
             before[nodes] = (self._moves[a] @ later.T).T
         return before
@@ -297,10 +298,8 @@ class _Walk:
         after = np.zeros_like(joint)
         for a, nodes in self._nodes:
             moved = (self._moves[a].T @ joint[nodes].T).T
-            for o in range(len(self._pomdp.observations)):
-                seen = self._likelihoods[a][[o]].toarray()[0]
-                if seen.any():
-                    np.add.at(after, controller.successors[nodes, o], moved * seen)
+            for o, seen in self._seen[a]:
+                np.add.at(after, controller.successors[nodes, o], moved * seen)
         return after
 
     def _is_late(self, step: int) -> bool:
