@@ -93,6 +93,7 @@ bench: $(VENV)-bench/.peers
 	$(VENV)-bench/bin/python benchmarks/online.py
 	$(VENV)-bench/bin/python benchmarks/generative.py --episodes 20,10,10
 	$(VENV)-bench/bin/python benchmarks/model_learning.py --seeds 3 --counts 200
+	$(VENV)-bench/bin/python benchmarks/limits.py --models 40
 	$(VENV)-bench/bin/python benchmarks/large_models.py
 	$(VENV)-bench/bin/python benchmarks/learner.py
 

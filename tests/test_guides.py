@@ -31,6 +31,7 @@ MAX_WORDS = 1500
 """Words of a page, without its code blocks."""
 
 CHECKS = {
+    "limits.md": 2,
     "guides/data/formats.md": 2,
     "guides/data/recordings.md": 4,
     "guides/data/repairs.md": 2,

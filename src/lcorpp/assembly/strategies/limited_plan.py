@@ -8,7 +8,7 @@ from math import prod
 
 import numpy as np
 
-from lcorpp.assembly.strategies.limits import WITH_LIMITS, check_limits
+from lcorpp.assembly.strategies.strategy_table import LIMITS_NAME
 from lcorpp.domains import Domain
 from lcorpp.errors import DomainError
 from lcorpp.planning import (
@@ -120,7 +120,8 @@ def solve_domain_limits(
         (True, True)
     """
     limits, pomdp = domain.planning.limits, domain.pomdp
-    check_limits(domain, [WITH_LIMITS])
+    if not limits:
+        raise make_missing_error(domain)
     population = list_population(domain, domain.program if program is None else program)
     solution = solve_limited(
         pomdp,
@@ -136,6 +137,14 @@ def solve_domain_limits(
     )
     cases = {row: n for n, row in enumerate(population.rows)}
     return LimitedPlan(population.names, cases, solution.policy, solution)
+
+
+def make_missing_error(domain: Domain) -> DomainError:
+    """Return the error that a domain has no limits."""
+    preset = "" if domain.preset is None else f" in preset {domain.preset}"
+    return DomainError(
+        f"{domain.folder}/domain.toml: no [[planning.limits]]{preset}; {LIMITS_NAME} needs one"
+    )
 
 
 def list_models(domain: Domain) -> list[Pomdp]:

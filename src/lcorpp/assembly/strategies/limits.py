@@ -11,7 +11,7 @@ import numpy as np
 from lcorpp.assembly.strategies.strategy_table import LIMITS_NAME
 from lcorpp.decision import Robot, Strategy
 from lcorpp.domains import Domain
-from lcorpp.errors import DecisionError, DomainError, check_type
+from lcorpp.errors import DecisionError, check_type
 
 if TYPE_CHECKING:
     from lcorpp.assembly.strategies.limited_plan import LimitedPlan
@@ -53,10 +53,9 @@ def check_limits(domain: Domain, strategies: Iterable[Strategy]) -> None:
         DomainError: it has none.
     """
     if not domain.planning.limits and any(keeps_limits(row) for row in strategies):
-        preset = "" if domain.preset is None else f" in preset {domain.preset}"
-        raise DomainError(
-            f"{domain.folder}/domain.toml: no [[planning.limits]]{preset}; {LIMITS_NAME} needs one"
-        )
+        from lcorpp.assembly.strategies.limited_plan import make_missing_error
+
+        raise make_missing_error(domain)
 
 
 def get_plan(strategies: Iterable[Strategy]) -> LimitedPlan | None:

@@ -31,6 +31,12 @@ class RandomisedPolicy:
 
     Raises:
         PolicyError: the shapes do not match, or a row of probabilities is not a distribution.
+
+    Examples:
+        >>> from lcorpp.planning import Controller, RandomisedPolicy
+        >>> greet = Controller([0, 1], [[1], [1]])  # once, then wait
+        >>> RandomisedPolicy(greet, [[1.0]], [[0.2, 0.8]], ("greet", "wait"), ("none",))
+        <RandomisedPolicy: 2 nodes, 1 starts, start nodes are drawn>
     """
 
     controller: Controller
@@ -152,6 +158,16 @@ def write_randomised_policy(policy: RandomisedPolicy, path: str | Path) -> None:
 
     Raises:
         FileError: the file cannot be written.
+
+    Examples:
+        >>> from lcorpp import load_domain
+        >>> from lcorpp.planning import read_limit, read_randomised_policy, solve_limited
+        >>> from lcorpp.planning import write_randomised_policy
+        >>> pomdp = load_domain("intention").pomdp
+        >>> solution = solve_limited(pomdp, [read_limit(pomdp, "greet <= 0")], precision=1)
+        >>> write_randomised_policy(solution.policy, "polite.json")
+        >>> len(read_randomised_policy("polite.json", pomdp).starts)
+        1
     """
     text = json.dumps(policy.to_json(), indent=1)
     with open_atomically(path) as file:
@@ -164,6 +180,16 @@ def read_randomised_policy(path: str | Path, pomdp: Pomdp) -> RandomisedPolicy:
     Raises:
         FileError: the file cannot be read.
         PolicyError: it is no such policy, or the policy of another model.
+
+    Examples:
+        >>> from lcorpp import load_domain
+        >>> from lcorpp.planning import read_limit, read_randomised_policy, solve_limited
+        >>> from lcorpp.planning import write_randomised_policy
+        >>> pomdp = load_domain("intention").pomdp
+        >>> solution = solve_limited(pomdp, [read_limit(pomdp, "greet <= 0")], precision=1)
+        >>> write_randomised_policy(solution.policy, "polite.json")
+        >>> len(read_randomised_policy("polite.json", pomdp).controller) == len(solution.policy.controller)
+        True
     """
     text = read_text(path)
     try:
@@ -186,6 +212,15 @@ class RandomisedPlanner:
     Args:
         policy: for the model. rng: draws the start node, once.
         start: index of the start of the policy; by default the nearest to the first belief.
+
+    Examples:
+        >>> import numpy as np
+        >>> from lcorpp import load_domain
+        >>> from lcorpp.planning import RandomisedPlanner, read_limit, solve_limited
+        >>> pomdp = load_domain("intention").pomdp
+        >>> solution = solve_limited(pomdp, [read_limit(pomdp, "greet,move_forward <= 0")], precision=1)
+        >>> RandomisedPlanner(solution.policy, pomdp, np.random.default_rng(0)).action(pomdp.start)
+        'turn'
     """
 
     def __init__(

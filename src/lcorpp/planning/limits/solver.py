@@ -37,6 +37,15 @@ class LimitedProgress:
     """The state of a running search within limits.
 
     seconds: wall-clock time. lower: return of the best policy. upper: bound for all. plans: their number.
+
+    Examples:
+        >>> from lcorpp import load_domain
+        >>> from lcorpp.planning import read_limit, solve_limited
+        >>> pomdp, steps = load_domain("intention").pomdp, []
+        >>> limit = read_limit(pomdp, "greet <= 0")
+        >>> solution = solve_limited(pomdp, [limit], precision=1, callback=steps.append)
+        >>> steps[-1].lower == solution.value
+        True
     """
 
     seconds: float
@@ -56,6 +65,14 @@ class LimitedSolution:
     seconds, reason: of the search, as of `Solution`; "controllers limit" if more nodes would be needed.
     history: (seconds, return, upper bound, plans) after each search.
     pool: of all plans, to continue with other bounds.
+
+    Examples:
+        >>> from lcorpp import load_domain
+        >>> from lcorpp.planning import read_limit, solve_limited
+        >>> pomdp = load_domain("intention").pomdp
+        >>> solution = solve_limited(pomdp, [read_limit(pomdp, "total(*) <= 1")], precision=0.1)
+        >>> [float(cost) for cost in solution.costs], round(solution.value)  # a report at once
+        ([1.0], 0)
     """
 
     pomdp: Pomdp
