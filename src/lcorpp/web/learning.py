@@ -153,7 +153,7 @@ class BatchLearner:
         former = before.classifiers[name]
         part = ClassifierPart.of("trained on the page", trained, confusion=trained.confusion)
         parts = replace(before.parts, classifiers={**before.parts.classifiers, name: part})
-        self.robot = PlayRobot(parts, {**before.classifiers, name: trained})
+        self.robot = PlayRobot(parts, {**before.classifiers, name: trained}, before.strategy)
         self.notify(
             {
                 "type": "learnt",

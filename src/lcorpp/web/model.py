@@ -15,7 +15,6 @@ from lcorpp.assembly.estimators import make_untrained
 from lcorpp.assembly.options import ClassifierOptions, StoredOptions
 from lcorpp.assembly.robot_parts import describe_strategy
 from lcorpp.assembly.track_robot import LEARNER, POSITION
-from lcorpp.decision import LCORPP
 from lcorpp.domains import Domain
 from lcorpp.errors import DataError, TooLargeError, UndefinedError
 from lcorpp.learning import (
@@ -33,6 +32,7 @@ from lcorpp.planning.sparse import SparseTables
 from lcorpp.values import Array
 from lcorpp.versioned_json import JsonFormat
 from lcorpp.web.description import describe_domain
+from lcorpp.web.limits import describe_plan
 from lcorpp.web.reachable import prune_policy
 from lcorpp.web.robot import PlayRobot
 
@@ -77,18 +77,19 @@ def make_exported_model(robot: PlayRobot) -> dict[str, Any]:
 def _describe(
     robot: PlayRobot, policy: Policy, classifiers: Mapping[str, TrainedClassifier], *, learns: bool
 ) -> dict[str, Any]:
-    domain = robot.domain
+    domain, plan = robot.domain, robot.plan
     return {
         **FORMAT.header,
         "domain": describe_domain(robot, learns=learns),
         "planner": _describe_planner(robot, policy),
+        "limits": None if plan is None else describe_plan(plan),
         "classifiers": {name: describe_classifier(own) for name, own in classifiers.items()},
         "log": {
             "head": {
                 **LOG_FORMAT.header,
                 "domain": domain.name,
                 "preset": domain.preset,
-                "strategy": describe_strategy(LCORPP),
+                "strategy": describe_strategy(robot.strategy),
             },
             "parts": robot.parts.description,
         },

@@ -9,14 +9,17 @@ from typing import Any
 
 import numpy as np
 
-from lcorpp.decision import LCORPP, dt_control
+from lcorpp.assembly.strategies.limits import bind_limits
+from lcorpp.decision import Robot, dt_control
 from lcorpp.decision.dt_control import MAX_STEPS
+from lcorpp.decision.strategies import make_generator
 from lcorpp.errors import DomainError, LcorppError, expected_one_of
 from lcorpp.learning import StreamingClassifier
 from lcorpp.logs.decision_log import format_decision
 from lcorpp.planning import Planner
 from lcorpp.simulation.simulated_classifier import PrecomputedLabel
 from lcorpp.values import Instance
+from lcorpp.web.limits import draw_start_node
 from lcorpp.web.model import make_model
 from lcorpp.web.page_planner import PagePlanner
 from lcorpp.web.requests import Request, RequestError, parse_request
@@ -45,6 +48,7 @@ class Service:
         find_robot: returns the robot for the next trial; a trained classifier may have replaced it.
         keep: see `Keep`; None if nothing learns from judged trials.
         log: takes each decision that ends, as a line of the decision log.
+        make_seed: returns the seed of the draws of the next trial, of LCORPP+limits.
     """
 
     def __init__(
@@ -52,8 +56,11 @@ class Service:
         find_robot: Callable[[], PlayRobot],
         keep: Keep | None = None,
         log: Callable[[bytes], None] | None = None,
+        make_seed: Callable[[], tuple[int, ...]] = lambda: (0,),
     ) -> None:
         self._find_robot, self._keep, self._log = find_robot, keep, log
+        self._make_seed = make_seed
+        self._seed: tuple[int, ...] = (0,)
         self._actions: dict[str, Callable[..., Json]] = {
             "start": self._start,
             "infer": self._infer,
@@ -92,7 +99,7 @@ class Service:
 
     def _start(self) -> Json:
         """Begin a trial. The reply has the model of the robot unless the page has it already."""
-        robot = self._find_robot()
+        robot, self._seed = self._find_robot(), self._make_seed()
         is_new, self._robot = robot is not self._robot, robot
         self._streams = {
             name: StreamingClassifier.from_trained(trained) for name, trained in robot.classifiers.items()
@@ -109,7 +116,11 @@ class Service:
             inference = robot.knowledge.infer(evidence)
         except LcorppError as error:
             raise RequestError("invalid", str(error)) from None
-        return {"type": "posterior", "evidence": evidence, **inference.content}
+        reply = {"type": "posterior", "evidence": evidence, **inference.content}
+        if robot.plan is not None:
+            prior = robot.domain.planning.initial_states.T @ np.array(inference.content["shared"])
+            reply["node"] = draw_start_node(robot.plan, evidence, prior, self._seed)
+        return reply
 
     def _classify(self, sense: str, samples: Samples) -> Json:
         """Add samples to the track of a sense, and return its class."""
@@ -170,13 +181,7 @@ class Service:
         if len(steps) > MAX_STEPS:
             raise RequestError("too_large", f"{len(steps)} steps; expected at most {MAX_STEPS}")
         parts, world = self._own_robot.parts, RepeatedWorld(steps)
-        robot = replace(
-            parts.robot,
-            classifiers={name: PrecomputedLabel(label) for name, label in labels.items()},
-            planner=PagePlanner(
-                Planner(parts.alpha_policy, parts.domain.pomdp), [action for action, _ in steps]
-            ),
-        )
+        robot = self._make_robot(labels, [action for action, _ in steps])
         try:
             parts.domain.evidence(facts, labels)
             episode = dt_control(robot, Instance(dict.fromkeys(labels, np.zeros((1, 1))), facts), world)
@@ -187,8 +192,20 @@ class Service:
             raise RequestError("invalid", str(error)) from None
         if [(own.action, own.observation) for own in episode.steps] != steps:
             raise RequestError("invalid", "steps: expected those up to the report, and no more")
-        self._log(format_decision(parts, LCORPP, facts, replace(episode, seconds={})))
+        strategy, timeless = self._own_robot.strategy, replace(episode, seconds={})
+        self._log(format_decision(parts, strategy, facts, timeless, seed=self._seed))
         return {"type": "logged"}
+
+    def _make_robot(self, labels: Mapping[str, str], actions: Sequence[str]) -> Robot:
+        """Return the robot that makes a decision of the page again; actions: of the page."""
+        own, parts = self._own_robot, self._own_robot.parts
+        classifiers = {name: PrecomputedLabel(label) for name, label in labels.items()}
+        robot = replace(parts.robot, classifiers=classifiers)
+        if own.plan is not None:
+            (strategy,) = bind_limits([own.strategy], own.plan)
+            return strategy.robot(robot, make_generator(*self._seed))
+        planner = PagePlanner(Planner(parts.alpha_policy, parts.domain.pomdp), actions)
+        return replace(robot, planner=planner)
 
 
 @lru_cache(maxsize=2)

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
+
+import typer
 
 from lcorpp.cli import console
 from lcorpp.cli.options import common as options
@@ -16,9 +18,11 @@ from lcorpp.cli.options.training import (
     TracksOption,
     TrainingGroup,
 )
+from lcorpp.errors import DomainError
 
 if TYPE_CHECKING:
     from lcorpp.assembly.options import ClassifierOptions
+    from lcorpp.decision import Strategy
     from lcorpp.domains import Domain
     from lcorpp.planning import SolverOptions
     from lcorpp.web.robot import PlayRobot
@@ -34,6 +38,9 @@ class PageGroup:
     epochs: EpochsOption = None
     features: FeaturesOption = None
     rate: RateOption = None
+    strategy: Annotated[
+        str, typer.Option(metavar="NAME", help="LCORPP, or LCORPP+limits for the limits of the domain.")
+    ] = "LCORPP"
     seed: options.SeedOption = 0
     jobs: options.JobsOption = None
     solving: SolverGroup = field(default_factory=SolverGroup)
@@ -78,12 +85,32 @@ class PageGroup:
         """Train or load the chosen classifiers and solve the POMDP, with progress."""
         from lcorpp.web.setup import set_up_robot
 
-        return set_up_robot(
+        robot = set_up_robot(
             domain,
             chosen,
             solver,
+            strategy=self.choose_strategy(domain),
             cache=self.solving.find_cache(),
             progress=console.show_progress,
             seed=self.seed,
             jobs=console.count_processes(self.jobs),
         )
+        if robot.strategy.draws:
+            with console.show_progress("keeping the limits"):
+                _ = robot.plan
+        return robot
+
+    def choose_strategy(self, domain: Domain) -> Strategy:
+        """Return the strategy of the page.
+
+        Raises:
+            DomainError: the page plays no such strategy, or the domain has no limits.
+        """
+        from lcorpp.assembly.strategies.limits import WITH_LIMITS, check_limits
+        from lcorpp.decision import LCORPP
+
+        known = {row.name: row for row in (LCORPP, WITH_LIMITS)}
+        if self.strategy not in known:
+            raise DomainError(f"--strategy {self.strategy}: the page plays {' and '.join(known)}")
+        check_limits(domain, [known[self.strategy]])
+        return known[self.strategy]

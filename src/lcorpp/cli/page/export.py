@@ -38,6 +38,7 @@ def export(
     from lcorpp.web.setup import find_page_folder
 
     loaded = load_domain(domain, preset=preset)
+    page.choose_strategy(loaded)
     chosen = page.choose_classifiers(loaded)
     check_evidence(loaded)
     check_classifiers(chosen)

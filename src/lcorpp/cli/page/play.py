@@ -7,6 +7,7 @@ import socket
 import webbrowser
 from collections.abc import Callable, Mapping
 from contextlib import ExitStack
+from itertools import count
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -64,6 +65,7 @@ def play(
     require_server()
     loaded = load_domain(domain, preset=preset)
     loaded.check_program_decides("the page")
+    page.choose_strategy(loaded)
     chosen = page.choose_classifiers(loaded)
     solver = page.solving.choose_solver(loaded)
     with ExitStack() as stack:
@@ -89,7 +91,7 @@ def play(
         if sense is not None and data is not None:
             trials = BatchLearner(robot, sense, data, batch_size=batch, store=kept, seed=page.seed)
         try:
-            asyncio.run(serve(robot, trials, listening, show_address, decisions))
+            asyncio.run(serve(robot, trials, listening, show_address, decisions, seed=page.seed))
         finally:
             if trials is not None:
                 where = f" in {store}" if store else ""
@@ -135,18 +137,23 @@ async def serve(
     listening: socket.socket,
     started: Callable[[], None],
     log: DecisionLog | None,
+    *,
+    seed: int,
 ) -> None:
-    """Serve the page until Ctrl-C."""
+    """Serve the page until Ctrl-C. seed: of the draws of LCORPP+limits, with the number of the trial."""
     from lcorpp.web.server import PageServer, make_uvicorn
     from lcorpp.web.service import Service
 
     append = None if log is None else lambda line: log.append_lines([line])
-    loop = asyncio.get_running_loop()
+    loop, trials = asyncio.get_running_loop(), count()
+
+    def make_seed() -> tuple[int, ...]:
+        return seed, next(trials)
 
     def make_service() -> Service:
         if learner is None:
-            return Service(lambda: robot, log=append)
-        return Service(lambda: learner.robot, learner.keep, append)
+            return Service(lambda: robot, log=append, make_seed=make_seed)
+        return Service(lambda: learner.robot, learner.keep, append, make_seed)
 
     server = PageServer(make_service)
 

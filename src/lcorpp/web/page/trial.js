@@ -111,7 +111,7 @@ export class Trial {
     return this.enqueue(async () => {
       if (this.phase !== "before") return;
       await this.pumping;
-      const reply = await this.session.decide();
+      const reply = await (this.session.draws ? this.session.decide(this.draw()) : this.session.decide());
       this.posterior = reply;
       this.answers = [];
       this.views.inferred(reply);

@@ -106,13 +106,13 @@ export class PagePlanner {
   /**
    * Return what the page shows of a belief before the action that the policy chooses there: the values of all
    * actions one step ahead, and the outcomes of the chosen one. A terminal belief has no action.
+   * chosen: the action, by default of the policy. follow: returns the action after an observation.
    */
-  view(belief) {
+  view(belief, chosen = this.act(belief), follow = null) {
     const known = { belief: this.listBelief(belief), shared: this.marginal(belief) };
     if (this.isTerminal(belief)) {
       return { ...known, action: null, done: true, report: null, values: [], outcomes: [], fan: null };
     }
-    const chosen = this.act(belief);
     const report = this.reports[chosen];
     const values = [];
     const outcomes = [];
@@ -125,7 +125,8 @@ export class PagePlanner {
         if (action === chosen && report === null) {
           const observation = this.domain.observations[o];
           const shared = this.marginal(after);
-          outcomes.push({ observation, probability, action: this.actions[following], shared });
+          const next = follow === null ? this.actions[following] : follow(observation);
+          outcomes.push({ observation, probability, action: next, shared });
         }
       }
       values.push({ action, value });

@@ -9,6 +9,7 @@
 //   judge(facts, samples, value)  keep a trial with its true value: {stored, batch}
 //   log(line)                keep a decision, a line of the decision log
 
+import { LimitedPlan } from "./limits.js";
 import { PagePlanner } from "./planner.js";
 import { HostStream, Stream } from "./stream.js";
 
@@ -44,6 +45,7 @@ export class Session {
       if (model !== null && model !== this.model) {
         this.model = model;
         this.planner = new PagePlanner(model);
+        this.plan = (model.limits ?? null) === null ? null : new LimitedPlan(model.limits, model.domain);
       }
       this.facts = {};
       this.labels = {};
@@ -57,6 +59,7 @@ export class Session {
       this.decision = null;
       this.belief = null;
       this.report = null;
+      this.node = null;
       this.isDone = false;
       this.isJudged = false;
       this.steps = [];
@@ -108,19 +111,27 @@ export class Session {
     });
   }
 
-  /** Let the robot decide: return what follows, and the view of its belief. */
-  decide() {
+  /** Whether a decision begins with a draw. */
+  get draws() {
+    return this.plan !== null;
+  }
+
+  /** Let the robot decide: return what follows, and the view of its belief. draw: from 0 to below 1, see `draws`. */
+  decide(draw = 0) {
     return this.enqueue(async () => {
       require(this.decision === null, "the robot is already deciding; expected an answer or a new trial");
       const { reply, classes, prior } = await this.infer(this.facts, this.labels);
       this.decision = { ...reply, classes };
+      if (this.draws) this.node = reply.node ?? this.plan.drawNode(reply.evidence, prior, draw);
       return { ...reply, ...this.act(prior) };
     });
   }
 
   act(belief) {
     this.belief = belief;
-    const view = this.planner.view(belief);
+    const view = this.draws
+      ? this.planner.view(belief, this.plan.action(this.node), (heard) => this.plan.action(this.plan.follow(this.node, heard)))
+      : this.planner.view(belief);
     this.isDone = view.done;
     if (view.report !== null) {
       this.steps.push({ action: view.action, observation: null, belief: view.belief });
@@ -135,13 +146,14 @@ export class Session {
       require(this.belief !== null, "the robot has not asked; expected a decision before");
       require(!this.isDone, "the decision has ended; expected a new trial");
       require(this.steps.length < MAX_STEPS, `no report after ${MAX_STEPS} actions`);
-      const action = this.planner.act(this.belief);
+      const action = this.draws ? this.plan.action(this.node) : this.planner.act(this.belief);
       const row = find(this.domain.noise[action], said);
       require(row !== null, `unknown answer '${said}'; ${oneOf(this.domain.observations)}`);
       const heard = this.domain.observations[drawIndex(row, draw)];
       const belief = this.planner.update(this.belief, action, heard);
       require(belief !== null, `observation '${heard}' is impossible after action '${action}'`);
       this.steps.push({ action, observation: heard, belief: this.planner.listBelief(belief) });
+      if (this.draws) this.node = this.plan.follow(this.node, heard);
       return { said, heard, answered: action, ...this.act(belief) };
     });
   }
