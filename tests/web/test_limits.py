@@ -34,6 +34,7 @@ def test_an_exported_page_follows_the_plan(limited, node, tmp_path):
     node(model=str(tmp_path / "model.json"))
     plan, seen = limited.plan, set()
     policy, observations = plan.policy, limited.domain.pomdp.observations
+    assert json.loads((tmp_path / "model.json").read_text())["domain"]["limits"] == ["bothered"]
     for draw in np.linspace(0, 0.999, 23).tolist():
         node(call=["start"])
         node(call=["observe", FACTS, {"motion": "one"}])

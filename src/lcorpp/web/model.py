@@ -80,7 +80,8 @@ def _describe(
     domain, plan = robot.domain, robot.plan
     return {
         **FORMAT.header,
-        "domain": describe_domain(robot, learns=learns),
+        "domain": describe_domain(robot, learns=learns)
+        | ({} if plan is None else {"limits": [limit.name for limit in domain.planning.limits]}),
         "planner": _describe_planner(robot, policy),
         "limits": None if plan is None else describe_plan(plan),
         "classifiers": {name: describe_classifier(own) for name, own in classifiers.items()},

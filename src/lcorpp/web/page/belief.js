@@ -12,6 +12,8 @@ const CAPTIONS = {
   3: "A corner is certainty. The colour around the belief, the large dot, is what the robot does next. Numbered dots: beliefs after that many answers.",
 };
 
+const LIMITED = "The picture is that of the best policy without limits; the robot follows a drawn plan that keeps them.";
+
 export class BeliefPicture {
   /** domain: of the model. palette: of it. */
   constructor(domain, palette) {
@@ -45,7 +47,7 @@ export class BeliefPicture {
     if (hasPlans && count === 2) picture = drawFan(this.fan, beliefs.map((shared) => shared[0]), domain, palette);
     if (hasPlans && count === 3) picture = drawTriangle(this.fan, beliefs, domain, palette);
     if (picture === null) show("belief", ...this.makeBars());
-    else show("belief", picture, this.makeKeys(), element("p", { class: "quiet" }, CAPTIONS[count]), this.makeTable());
+    else show("belief", picture, this.makeKeys(), element("p", { class: "quiet" }, domain.limits === undefined ? CAPTIONS[count] : LIMITED), this.makeTable());
   }
 
   makeKeys() {

@@ -24,7 +24,7 @@ function compare(domain, view) {
     const size = Math.abs(gap) < 0.005 ? " as much" : ` ${decimal(other.value)}, ${decimal(Math.abs(gap))} ${gap > 0 ? "less" : "more"}`;
     parts.push("; ", element("strong", {}, phrase(domain, other.action)), size);
   }
-  if (gap <= -0.005) parts.push(": the policy is an approximation");
+  if (gap <= -0.005) parts.push(domain.limits === undefined ? ": the policy is an approximation" : ": the plan keeps the limits");
   const why = view.report === null ? ". An answer may change what it does:" : ". Another question would cost more than it could bring.";
   return element("p", {}, ...parts, why);
 }
