@@ -62,6 +62,9 @@ MAX_MULTIPLIER = 1e4
 ENDLESS = 1e4
 """Cost of a plan without end, in units of the largest other cost or bound."""
 
+MAX_EXCESS = 1e-9
+"""Excess over the limits that is a rounding error, relative to their largest costs."""
+
 MIN_EXCESS = 1e-7
 """Least precision of the search for plans within the limits, relative to their largest costs."""
 
@@ -159,7 +162,7 @@ class ColumnGeneration:
                 return "infinite"
         while True:
             mixture = self._mix(minimise_excess=True)
-            if mixture.excess <= 0:
+            if mixture.excess <= MAX_EXCESS:
                 self.best = self._mix()
                 return None
             self.best = mixture

@@ -215,6 +215,8 @@ def build_limited_model(
         ModelError: a limit is for another model; its condition has no probability; the model is too large.
     """
     limits = check_limits(pomdp, limits)
+    if pomdp.discount == 1:
+        DiscountedForm.of(pomdp)  # raises an error if a policy may go on forever
     if factors is None:
         factors = np.array([_find_factors(limit, starts, weights) for limit in limits])
     truths = list(models) or [pomdp]

@@ -18,6 +18,12 @@ MIN_PROBABILITY = 1e-12
 TOLERANCE = 1e-9
 """Of the linear program, relative to the largest cost: what it may exceed a bound by."""
 
+PRECISE = {"primal_feasibility_tolerance": 1e-10, "dual_feasibility_tolerance": 1e-10}
+"""Options of the linear program, whose own tolerance is 1e-7."""
+
+SLACK = 2e-7
+"""Change of the bounds without these options, relative to the largest cost."""
+
 MILP_SECONDS = 10.0
 """Time limit of the search for the best deterministic mixture."""
 
@@ -67,8 +73,13 @@ def mix(model: LimitedModel, plans: Indices, values: Array, *, minimise_excess: 
         costs = hstack([costs, csr_array(-np.ones((len(bounds), 1)))], format="csr")
         ones = hstack([ones, csr_array((program.n_starts, 1))], format="csr")
     solver: Any = linprog
-    found = solver(prices, costs, bounds, ones, rights, bounds=(0, None), method="highs")
-    if found.status != 0:
+    # the precise solver fails on some programs; with its own tolerance the bounds are a little tighter
+    for options, slack in ((PRECISE, 0.0), ({}, -SLACK), ({}, SLACK)):
+        own = np.maximum(bounds + slack, np.minimum(bounds, 0.0))
+        found = solver(prices, costs, own, ones, rights, bounds=(0, None), method="highs", options=options)
+        if found.status == 0:
+            break
+    else:
         raise RuntimeError(f"the linear program of the limits ended with: {found.message}")
     multipliers = np.maximum(-np.asarray(found.ineqlin.marginals), 0.0) / program.scales
     excess = float(found.x[-1]) if minimise_excess else 0.0

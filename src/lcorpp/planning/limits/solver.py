@@ -12,7 +12,7 @@ import numpy.typing as npt
 from lcorpp.errors import InfeasibleError, ModelError
 from lcorpp.notebook import html_table
 from lcorpp.planning.arguments import check_solver_arguments
-from lcorpp.planning.limits.column_generation import ColumnGeneration
+from lcorpp.planning.limits.column_generation import MAX_EXCESS, ColumnGeneration
 from lcorpp.planning.limits.extraction import Pool
 from lcorpp.planning.limits.limit import Limit
 from lcorpp.planning.limits.limited_model import LimitedModel, build_limited_model
@@ -195,7 +195,7 @@ def solve_limited(
     search = ColumnGeneration(model, precision=precision, time_limit=time_limit, pool=pool)
     show = None if callback is None else lambda *now: callback(LimitedProgress(*now))
     reason = search.run(show)
-    if search.best is None or search.best.excess > 0:
+    if search.best is None or search.best.excess > MAX_EXCESS:
         raise InfeasibleError(_describe_excess(model, search, reason, time_limit))
     mixture: Mixture | None = search.best
     if deterministic:
@@ -292,6 +292,6 @@ def find_smallest_bound(model: LimitedModel, k: int, seconds: float) -> tuple[fl
     precision = 1e-4 * float(cost.max(initial=1e-6))
     search = ColumnGeneration(swapped, precision=precision, time_limit=seconds, use_grids=False)
     search.run()
-    if search.best is None or search.best.excess > 0:
+    if search.best is None or search.best.excess > MAX_EXCESS:
         return None
     return -float(search.best.values[0]), -search.upper
