@@ -178,7 +178,7 @@ def test_check_prints_ok(lcorpp, path):
 
 
 def test_check_knows_shipped_domains(lcorpp):
-    assert lcorpp("check", "intention").out.count("OK") == 6  # presets
+    assert lcorpp("check", "intention").out.count("OK") == 10  # presets
 
 
 def test_check_of_a_program_that_is_too_large(lcorpp, tmp_path, monkeypatch):

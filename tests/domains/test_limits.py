@@ -84,7 +84,7 @@ def test_wrong_tables():
     twice = [{"limit": "greet <= 1"}, {"limit": "greet <= 0.5"}]
     with pytest.raises(DomainError, match="another limit has the name 'greet'"):
         load_domain("intention", changes={"planning": {"limits": twice}})
-    with pytest.raises(DomainError, match="expected a list of probabilities"):
+    with pytest.raises(DomainError, match="expected a list of different probabilities"):
         load("greet <= 1", limit_noise=[2])
     changes = {"planning": {"limits": [{"limit": "greet <= 1"}], "limit_noise": [0.1]}}
     with pytest.raises(DomainError, match=r"feedback.* is missing"):

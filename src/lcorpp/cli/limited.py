@@ -68,7 +68,7 @@ def solve_within_limits(
         )
     planning.write_randomised_policy(solution.policy, out)
     _print_solution(solution, out)
-    if plot is not None:
+    if plot is not None and solution.history:
         from lcorpp.plot_style import save_figure
 
         save_figure(planning.draw_bounds(solution.history, title=Path(pomdp.file).name), plot)
@@ -89,7 +89,7 @@ def _print_solution(solution: LimitedSolution, out: Path) -> None:
         f" the limits, gap {solution.gap:.6f}"
     )
     for limit, cost, price in zip(solution.limits, solution.costs, solution.multipliers, strict=True):
-        worth = f"; one more unit is worth {price:.4g}" if price > 0 else "; not tight"
+        worth = f"; one more unit is worth {price:.4g}" if price > 0 else ""
         print_text(f"{limit.name}: {cost:.6g}, at most {limit.bound:g}{worth}")
     policy = solution.policy
     used = int((policy.probabilities.max(axis=0) > 0).sum())

@@ -134,7 +134,7 @@ def _choose_comparison(
 ) -> ComparisonOptions:
     """Return the options of the comparison; without trials it is exact."""
     from lcorpp.assembly.strategies.baselines import find_strategies
-    from lcorpp.assembly.strategies.limits import check_limits
+    from lcorpp.assembly.strategies.limits import require_limits
     from lcorpp.assembly.strategies.trust import TRUST, check_dialogue, set_ask_budget
     from lcorpp.experiments.comparison import ComparisonOptions
     from lcorpp.planning import SolverOptions
@@ -147,7 +147,7 @@ def _choose_comparison(
             rows = (*rows, TRUST)
         except DomainError as error:
             console.print_note(f"{TRUST.name} is left out: {error}")
-    check_limits(domain, rows)
+    require_limits(domain, rows)
     if ask_budget is not None:
         rows = set_ask_budget(rows, ask_budget)
     used = [sense for sense in domain.all_senses if any(row.uses(sense.name) for row in rows)]

@@ -18,7 +18,7 @@ from lcorpp.assembly.progress import ProgressDisplay, no_progress
 from lcorpp.assembly.robot import compose_robot, set_up_senses
 from lcorpp.assembly.senses import Senses
 from lcorpp.assembly.solving import explain_error, explain_missing_reports
-from lcorpp.assembly.strategies.limits import bind_limits, check_limits, get_plan, keeps_limits
+from lcorpp.assembly.strategies.limits import bind_limits, get_plan, keeps_limits, require_limits
 from lcorpp.assembly.strategies.trust import check_dialogue
 from lcorpp.decision import Strategy
 from lcorpp.decision.strategies import list_strategies
@@ -216,7 +216,7 @@ def set_up_experiment(
     if options.trials is None:
         check_enumerable(domain, strategies)
     check_dialogue(domain, strategies, SolverOptions() if policy is not None else options.solver)
-    check_limits(domain, strategies)
+    require_limits(domain, strategies)
     used = [sense for sense in domain.all_senses if any(row.uses(sense.name) for row in strategies)]
     senses = set_up_senses(
         domain, used, options.classifiers, options.evidence, progress, seed=options.seed, jobs=options.jobs

@@ -191,6 +191,14 @@ class SparseTables:
         R = self.shape[1]
         return slice(int(self.begins[action * R]), int(self.begins[(action + 1) * R]))
 
+    def matrix(self, action: int) -> Any:
+        """Return the matrix (R, N) of an action, as `scipy.sparse.csr_array`."""
+        from scipy.sparse import csr_array  # it takes memory and time to import
+
+        part, rows = self.action_slice(action), self.shape[1]
+        begins = self.begins[action * rows : (action + 1) * rows + 1]
+        return csr_array((self.values[part], self.columns[part], begins - begins[0]), shape=self.shape[1:])
+
     def row(self, action: int, row: int) -> tuple[Int32Array, Array]:
         """Return the columns and values of one row."""
         at = action * self.shape[1] + row

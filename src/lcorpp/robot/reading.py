@@ -9,7 +9,7 @@ from pathlib import Path
 from urllib.parse import urlsplit
 
 from lcorpp.assembly.strategies.baselines import find_strategies
-from lcorpp.assembly.strategies.limits import check_limits, keeps_limits
+from lcorpp.assembly.strategies.limits import keeps_limits, require_limits
 from lcorpp.assembly.strategies.trust import check_dialogue
 from lcorpp.domains import Domain, load_domain
 from lcorpp.domains.toml import TomlTable, read_toml
@@ -135,7 +135,7 @@ def _read_strategy(table: TomlTable, domain: Domain) -> str:
         )
     try:
         check_dialogue(domain, [found])
-        check_limits(domain, [found])
+        require_limits(domain, [found])
     except DomainError as error:
         raise DomainError(f"{table.location('strategy')}: {name}: {error}") from None
     return found.name if found.own is None else name

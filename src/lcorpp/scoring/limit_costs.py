@@ -20,7 +20,8 @@ class LimitCosts:
 
     def __init__(self, domain: Domain, people: Sequence[Person]) -> None:
         self._limits, self._discount = domain.planning.limits, domain.pomdp.discount
-        self._concerns = np.array([[own.concerns(p) for own in self._limits] for p in people])
+        concerns = [[own.concerns(p) for own in self._limits] for p in people]
+        self._concerns = np.array(concerns, dtype=bool).reshape(len(people), len(self._limits))
         self._values = np.array([domain.values.index(domain.reasoning.join(p)) for p in people], np.intp)
         self._totals = np.zeros(self._concerns.shape)
 

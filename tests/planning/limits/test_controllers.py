@@ -114,6 +114,29 @@ def test_the_grid_interpolates():
     assert len(grid.points) == 56
 
 
+def test_a_grid_over_many_states():
+    """Numbers of points do not overflow."""
+    grid, rng = SimplexGrid(30, 3), np.random.default_rng(0)
+    beliefs = rng.dirichlet(np.full(30, 0.1), size=50)
+    weights, rows = grid.interpolate(beliefs)
+    assert np.allclose(np.einsum("nk,nks->ns", weights, grid.points[rows]), beliefs)
+
+
+@pytest.mark.parametrize("n_states", [5, 36])
+def test_grid_bounds_of_a_cycle(n_states):
+    """One action, no observation: the bound is at least the only value, or there is no grid so large."""
+    T = np.roll(np.eye(n_states), 1, axis=1)[None]
+    reward = np.arange(n_states, dtype=float)[None] / n_states
+    start = np.eye(n_states)[0]
+    pomdp = Pomdp(
+        tuple(map(str, range(n_states))), ("go",), ("none",), T, np.ones((1, n_states, 1)), reward, 0.95, start
+    )  # fmt: skip
+    model = build_limited_model(pomdp, [Limit("c", reward, 1.0, "discounted")], start[None], np.ones(1))
+    value = float(np.linalg.solve(np.eye(n_states) - 0.95 * T[0], reward[0])[0])
+    for bound in [*make_grid_bounds(model), *make_grid_bounds(model, refinement=6)]:
+        assert bound.bound(np.array([1.0, 0.0]))[0] >= value - 1e-9
+
+
 @pytest.mark.parametrize("seed", range(4))
 def test_grid_bounds_are_above_and_close_to_the_optimum(seed):
     rng = np.random.default_rng(40 + seed)
@@ -145,6 +168,9 @@ def test_a_policy_survives_its_file(solved, tmp_path):
         (lambda c: c["starts"][0]["nodes"].update({"0": 5.0}), "do not sum to 1"),
         (lambda c: c["starts"][0]["nodes"].update({"-1": 0.0}), "outside"),
         (lambda c: c.update(fingerprint="0"), "another model"),
+        (lambda c: c["starts"][0].update(belief=[0.0] * 5), "the starts do not sum to 1"),
+        (lambda c: c["starts"][0]["nodes"].update({"0": float("nan")}), "do not sum to 1"),
+        (lambda c: c["nodes"][0]["next"].update(pos=1.5), "outside"),
         (lambda c: c.update(actions=["a"]), "damaged"),
         (lambda c: c.update(format="x"), "its format is 'x'"),
         (lambda c: c.pop("nodes"), "damaged"),
@@ -166,6 +192,8 @@ def test_a_policy_that_breaks_the_limit_is_refuted(solved):
     n_observations = len(POMDP.observations)
     greeter = Controller([POMDP.action_index("greet")], [[0] * n_observations])
     policy = RandomisedPolicy.of(POMDP, greeter, solved.policy.starts, np.ones((1, 1)))
+    with pytest.raises(PolicyError, match="begins from other beliefs"):
+        verify_limits(solved, RandomisedPolicy.of(POMDP, greeter, np.eye(5)[:1], np.ones((1, 1))))
     checked = verify_limits(solved, policy)
     assert [own.verdict for own in checked.checks] == ["refuted", "refuted"]
     assert checked.checks[1].low == pytest.approx(1.0)

@@ -69,7 +69,7 @@ def test_costs_of_a_file(tmp_path):
     with pytest.raises(ModelError, match=r"expected total\("):
         read_limit(POMDP, f"{path} <= 0.5")
     path.write_text(format_pomdp(POMDP))
-    with pytest.raises(ModelError, match="costs are finite numbers"):
+    with pytest.raises(ModelError, match="is -80; expected costs from 0"):
         read_limit(POMDP, f"total({path}) <= 20")
 
 
@@ -87,6 +87,9 @@ def test_costs_of_a_file(tmp_path):
         ("greet:interest <= 0.1", "no state 'interest'; expected one of"),
         ("greet,:term <= 0.1", "no action ''"),
         ("greet>-1 <= 0.1", "not the count of an event"),
+        (f"greet>{'1' * 5000} <= 0.1", "not the count of an event"),
+        ("greet:<= 0.1", "<= BOUND"),
+        ("greet <= 1_0", "'1_0' is not a number"),
         ("greet>21 <= 0.1", "expected 0 to 20"),
         ("total(greet>2) <= 1", "not the count of an event"),
         ("mean(greet) <= 1", "expected [total|discounted]"),

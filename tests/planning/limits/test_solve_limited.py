@@ -169,6 +169,37 @@ def test_plans_of_another_bound_are_used_again():
         solve_limited(pomdp, [read_limit(pomdp, "greet <= .5")], previous=before)
 
 
+def test_the_previous_solution_is_of_the_same_problem():
+    limit = Limit("cost", [[1.0], [0.0]], 1.0, "discounted")
+    before = solve_limited(two_doors(), [limit])
+    with pytest.raises(ModelError, match="another model, other starts or other limits"):
+        solve_limited(two_doors(), [replace(limit, kind="total")], previous=before)
+    with pytest.raises(ModelError, match="previous must be a LimitedSolution"):
+        solve_limited(two_doors(), [limit], previous=3)
+
+
+def test_a_discount_close_to_one():
+    """The bound counts the return with its own discount: a quarter of the decisions go on for ever."""
+    pomdp = two_doors(0.99995)
+    solution = solve_limited(pomdp, [Limit("ever", [[1.0], [0.0]], 0.25)], time_limit=20)
+    assert solution.upper >= 0.25 / (1 - 0.99995) - 1e-3
+    assert solution.value <= solution.upper + 1e-6
+
+
+def test_a_return_without_discount_that_begins_later():
+    """Nothing is earned in the first state, and the policy ends geometrically: the check follows it."""
+    pomdp = Pomdp(
+        ("a", "b", "end"), ("go",), ("none",),
+        [[[0, 1, 0], [0, 0.5, 0.5], [0, 0, 1]]], [[[1]] * 3], [[0, 1, 0]], 1.0, [1, 0, 0],
+    )  # fmt: skip
+    solution = solve_limited(pomdp, [Limit("c", [[0, 1, 0]], 5.0, "total")])
+    assert solution.value == pytest.approx(2)
+    assert verify_limits(solution).verdict == "confirmed"
+    assert verify_limits(solution).checks[1].high == pytest.approx(2, abs=1e-6)
+    with pytest.raises(ModelError, match="counts in a state that is never left"):
+        solve_limited(pomdp, [Limit("c", [[0, 0, 1]], 0.5)])
+
+
 def test_several_starts_share_a_limit():
     """From a start that is certain nothing has to be asked, so that the other one may ask more."""
     pomdp = load_domain("intention").pomdp
@@ -192,3 +223,15 @@ def test_wrong_arguments():
         solve_limited(two_doors(), [limit])
     with pytest.raises(ModelError, match="same names"):
         solve_limited(pomdp, [limit], models=[two_doors()])
+    with pytest.raises(ModelError, match=r"its discount is 0\.9; expected that of the stated model, 0\.99"):
+        solve_limited(pomdp, [limit], models=[replace(pomdp, discount=0.9)])
+    with pytest.raises(ModelError, match="weights are finite numbers from 0"):
+        solve_limited(pomdp, [limit], weights=[float("nan")])
+    with pytest.raises(ModelError, match="factors have shape"):
+        solve_limited(pomdp, [limit], factors=[1.0])
+    with pytest.raises(ModelError, match="limits must be a Sequence"):
+        solve_limited(pomdp, limit)
+    with pytest.raises(ModelError, match="more_than of the limit a must be an integer"):
+        Limit("a", [[1.0]], 0.1, more_than=1.5)
+    with pytest.raises(ModelError, match="it counts nothing"):
+        Limit("a", [[0.0]], 0.1)

@@ -196,9 +196,11 @@ def find_plan(
     """Return the plan of a domain, which is searched once in this process; errors: `solve_domain_limits`."""
     noise = [own.tobytes().hex() for own in domain.simulation.limit_models]
     limits = [
-        f"{own.name} {own.kind} {own.more_than} {own.bound} {own.condition}" for own in domain.planning.limits
+        f"{own.name} {own.kind} {own.more_than} {own.bound} {own.condition} {own.cost.tobytes().hex()}"
+        for own in domain.planning.limits
     ]
-    key = (str(program), domain.pomdp.fingerprint, *limits, *noise)
+    seconds = f"{domain.planning.solver.time_limit}"
+    key = (str(program), domain.pomdp.fingerprint, seconds, *limits, *noise)
     if key not in _PLANS:
         _PLANS[key] = solve_domain_limits(domain, program, callback=callback)
     return _PLANS[key]

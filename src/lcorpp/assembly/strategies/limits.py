@@ -46,7 +46,7 @@ def bind_limits(strategies: Iterable[Strategy], plan: LimitedPlan) -> tuple[Stra
     )
 
 
-def check_limits(domain: Domain, strategies: Iterable[Strategy]) -> None:
+def require_limits(domain: Domain, strategies: Iterable[Strategy]) -> None:
     """Check that a domain has limits if LCORPP+limits is among some strategies.
 
     Raises:

@@ -139,13 +139,13 @@ def _check_world(person: PersonGroup, world: str | None, *, interactive: bool) -
 
 def _find_strategy(domain: Domain, name: str | None) -> Strategy:
     from lcorpp.assembly.strategies.baselines import find_strategies
-    from lcorpp.assembly.strategies.limits import check_limits
+    from lcorpp.assembly.strategies.limits import require_limits
     from lcorpp.decision import LCORPP
 
     if name is None:
         return LCORPP
     (found,) = find_strategies([name], [sense.name for sense in domain.all_senses])
-    check_limits(domain, [found])
+    require_limits(domain, [found])
     return found
 
 

@@ -106,11 +106,11 @@ class PageGroup:
         Raises:
             DomainError: the page plays no such strategy, or the domain has no limits.
         """
-        from lcorpp.assembly.strategies.limits import WITH_LIMITS, check_limits
+        from lcorpp.assembly.strategies.limits import WITH_LIMITS, require_limits
         from lcorpp.decision import LCORPP
 
         known = {row.name: row for row in (LCORPP, WITH_LIMITS)}
         if self.strategy not in known:
             raise DomainError(f"--strategy {self.strategy}: the page plays {' and '.join(known)}")
-        check_limits(domain, [known[self.strategy]])
+        require_limits(domain, [known[self.strategy]])
         return known[self.strategy]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -74,14 +74,7 @@ def read_limits(
         location = table.location("limit")
         try:
             limit = _read_limit(table.text("limit"), pomdp, reasoning, reports)
-            limit = DomainLimit(
-                table.text("name", limit.name),
-                limit.cost,
-                limit.bound,
-                limit.kind,
-                limit.more_than,
-                limit.condition,
-            )
+            limit = replace(limit, name=table.text("name", limit.name))
             limit.make_limit(np.eye(limit.cost.shape[1]))  # checks the numbers
         except ModelError as error:
             raise DomainError(f"{location}: {error}") from None
@@ -96,6 +89,8 @@ def _read_limit(
     text: str, pomdp: Pomdp, reasoning: ReasoningSection, reports: Mapping[str, SharedValue]
 ) -> DomainLimit:
     parts = split_limit(text)
+    if parts.what.lower().endswith((".pomdp", ".pomdpx")):
+        raise ModelError(f"limit {text!r}: costs of a file are for `lcorpp solve`")
     actions, _, values = parts.what.partition(":")
     chosen = np.ones(len(reasoning.values), bool)
     if values:
@@ -137,5 +132,7 @@ def _read_condition(text: str, reasoning: ReasoningSection, limit: str) -> dict[
                 raise ModelError(
                     f"limit {limit!r}: {name} is never {value!r}; {expected_one_of(known[name].values)}"
                 )
+        if name in condition:
+            raise ModelError(f"limit {limit!r}: {name} occurs twice; expected its values by commas")
         condition[name] = values
     return condition

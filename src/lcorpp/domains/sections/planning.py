@@ -235,8 +235,11 @@ def _read_limits(
 
     limits = read_limits(table.sections("limits"), model, reasoning, reports)
     noise = table.value("limit_noise") if "limit_noise" in table else []
-    if not isinstance(noise, list) or not all(isinstance(n, int | float) and 0 <= n <= 1 for n in noise):
-        raise DomainError(f"{table.location('limit_noise')}: expected a list of probabilities, not {noise!r}")
+    numbers = noise if isinstance(noise, list) else [-1]
+    if not all(type(n) in (int, float) and 0 <= n <= 1 for n in numbers) or len(set(numbers)) < len(numbers):
+        raise DomainError(
+            f"{table.location('limit_noise')}: expected a list of different probabilities, not {noise!r}"
+        )
     return limits, tuple(map(float, noise))
 
 

@@ -39,7 +39,7 @@ GRID_SHARE = 0.4
 """Factor of these shares if grids bound the return, so that a search is for plans only."""
 
 FIRST_PRECISION = 0.02
-"""Precision of the first searches, relative to the range of returns."""
+"""Precision of the first searches, relative to the range of rewards."""
 
 PRECISION_SHARE = 0.2
 """Precision of a search, relative to the gap that is left."""
@@ -54,7 +54,10 @@ SECONDS = 1.0
 """Time limit of the fast informed bound."""
 
 ROUNDING = 1e-8
-"""Of the values of nodes that begin another search, relative to the largest."""
+"""By how much values of nodes are lowered before another search begins with them, relative to the largest."""
+
+CROSSING_TOLERANCE = 1e-6
+"""Largest difference by which rounding may make the bounds cross, relative to return and rewards."""
 
 MAX_MULTIPLIER = 1e4
 """Largest multiplier, in units of the range of returns over the largest cost."""
@@ -68,7 +71,7 @@ MAX_EXCESS = 1e-9
 MIN_EXCESS = 1e-7
 """Least precision of the search for plans within the limits, relative to their largest costs."""
 
-MAX_ALL_NODES = 1
+MAX_STARTS = 1
 """With at most this many starts, all nodes of a column are candidates, with more its start nodes."""
 
 
@@ -130,7 +133,7 @@ class ColumnGeneration:
                 converged = self._search(1.0, multipliers, precision)
                 before, self.best = self.best, self._mix()
                 lower = float(self.best.values[0])
-                self.upper = max(self.upper, lower)
+                self._check_bounds(lower)
                 self.history.append((self.seconds, lower, self.upper, len(self._plans)))
                 if callback is not None:
                     callback(*self.history[-1])
@@ -152,10 +155,16 @@ class ColumnGeneration:
                 raise
             return "interrupted"
 
+    def _check_bounds(self, lower: float) -> None:
+        """Lift the upper bound to a return that is larger by rounding only."""
+        if self.upper < lower - CROSSING_TOLERANCE * max(1.0, abs(lower), self._span):
+            raise RuntimeError(f"the bounds cross by {lower - self.upper}; this is a bug in lcorpp")
+        self.upper = max(self.upper, lower)
+
     def _keep_limits(self) -> str | None:
         """Find a mixture within the limits; return why there is none."""
         previous: Array | None = None
-        precision = FIRST_PRECISION * float(self.model.criteria[1:].max(initial=1e-6))
+        precision = FIRST_PRECISION  # the multipliers make the costs relative to the largest
         if not self._is_finite():  # a total without end
             self._search(0.0, 1 / self.model.criteria[1:].max(axis=(1, 2), initial=1e-6), precision)
             if not self._is_finite():
@@ -254,7 +263,7 @@ class ColumnGeneration:
         self.pool = add_policy(model, self.pool, problem, solution.policy, factors)
         values = start_values(model, self.pool.values[:, begin:])
         kept = np.arange(values.shape[2])
-        if len(model.weights) > MAX_ALL_NODES:  # the best for each start
+        if len(model.weights) > MAX_STARTS:  # the best for each start
             sums = np.nan_to_num(np.tensordot(factors, values, axes=1), nan=-inf)
             kept = np.unique(sums.argmax(axis=1))
         self._plans = np.concatenate([self._plans, begin + kept])

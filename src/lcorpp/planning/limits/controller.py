@@ -13,8 +13,12 @@ from lcorpp.planning.limits.limited_model import LimitedModel
 from lcorpp.planning.sparse import ragged_indices
 from lcorpp.values import Array, Indices, freeze
 
-NEGLIGIBLE = 1e-14
-"""Probabilities below this are rounding errors of the linear equations."""
+MAX_DENSE, DENSITY = 4_000, 0.02
+"""Equations up to this number are solved as a dense matrix if more than this share of it is not 0."""
+
+MAX_FACTORISED, MAX_ITERATED, PRECISION = 12_000, 0.995, 1e-14
+"""More equations are solved by sweeps up to this discount: their factors may fill the memory. Relative change
+of the last sweep."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,7 +55,7 @@ class Controller:
         return len(self.actions)
 
     def __repr__(self) -> str:
-        return f"<Controller: {len(self)} nodes>"
+        return f"<Controller: {len(self)} node{'s' * (len(self) != 1)}>"
 
     def minimise(self) -> tuple[Controller, Indices]:
         """Return the smallest controller with the same plans, and (n,) its node for each node of this one.
@@ -118,10 +122,10 @@ def evaluate_controller(
             later = np.array([np.bincount(sources, weights * row[ends], len(pairs)) for row in values[own]])
             due = due + discount * later
         if discount < 1:
-            values[np.ix_(own, pairs)] = _solve(discount * inner, due)
+            values[np.ix_(own, pairs)] = _solve(discount * inner, due, discount)
         else:
             for i, row in zip(own, due, strict=True):
-                values[i, pairs] = _sum_costs(inner, row)
+                values[i, pairs] = _sum_costs(inner, row, outer[0])
     return values.reshape(known.shape)
 
 
@@ -168,20 +172,40 @@ def _make_matrices(
     return inner, (rows[~inside], targets[~inside], chances[~inside])
 
 
-def _solve(matrix: Any, costs: Array) -> Array:
-    """Return (k, size) the solutions of v = c + matrix v."""
+def _solve(matrix: Any, costs: Array, discount: float = 1.0) -> Array:
+    """Return (k, size) the solutions of v = c + matrix v, whose rows sum to at most the discount."""
     from scipy.sparse import csc_array, eye_array
     from scipy.sparse.linalg import splu
 
-    factors = splu(csc_array(eye_array(matrix.shape[0]) - matrix))
+    size = matrix.shape[0]
+    if size <= MAX_DENSE and matrix.nnz > DENSITY * size**2:  # the factors would be dense, too
+        solved: Array = np.linalg.solve(np.eye(size) - matrix.toarray(), costs.T).T
+        return solved
+    if size > MAX_FACTORISED and discount <= MAX_ITERATED:
+        return _iterate(matrix, costs)
+    factors = splu(csc_array(eye_array(size) - matrix))
     solution: Array = factors.solve(np.ascontiguousarray(costs.T)).T
     return solution
 
 
-def _sum_costs(matrix: Any, costs: Array) -> Array:
+def _iterate(matrix: Any, costs: Array) -> Array:
+    """Return the solutions by sweeps, each of which multiplies the error by the discount."""
+    values = np.zeros(costs.T.shape)
+    while True:
+        after = costs.T + matrix @ values
+        change = np.abs(after - values).max()
+        values = after
+        if change <= PRECISION * max(1.0, np.abs(values).max()):
+            return np.ascontiguousarray(values.T)
+
+
+def _sum_costs(matrix: Any, costs: Array, leaving: Indices) -> Array:
     """Return (size,) the expected sums of costs without discount.
 
     Only pairs that reach a cost matter. Among them, those that are never left for others recur.
+
+    Args:
+        leaving: rows with steps to pairs that are not in the matrix.
     """
     from scipy.sparse import csr_array
     from scipy.sparse.csgraph import connected_components
@@ -198,12 +222,11 @@ def _sum_costs(matrix: Any, costs: Array) -> Array:
         return values
     inner = matrix[places][:, places]
     n_parts, part = connected_components(inner, directed=True, connection="strong")
-    leak = 1.0 - np.asarray(inner.sum(axis=1)).ravel()
-    entries = inner.tocoo()
-    outside = part[entries.coords[0]] != part[entries.coords[1]]
-    left = np.bincount(part, leak > NEGLIGIBLE, n_parts) + np.bincount(
-        part[entries.coords[0]], outside & (entries.data > NEGLIGIBLE), n_parts
-    )
+    sources, targets = inner.tocoo().coords
+    steps = np.diff(matrix.indptr)[places] - np.diff(inner.indptr)
+    leaves = (steps > 0) | np.isin(places, leaving)
+    crosses = part[sources] != part[targets]
+    left = np.bincount(part, leaves, n_parts) + np.bincount(part[sources], crosses, n_parts)
     endless = (left == 0)[part] | np.isinf(costs[places])
     if endless.any():
         forever, back = endless.copy(), csr_array(inner.T)

@@ -8,7 +8,13 @@ import numpy as np
 
 from lcorpp.planning.evaluation.belief_graph import BeliefGraph
 from lcorpp.planning.evaluation.sparse_beliefs import SparseBeliefs
-from lcorpp.planning.limits.controller import Controller, evaluate_controller, repeat_actions
+from lcorpp.planning.limits.controller import (
+    MAX_FACTORISED,
+    MAX_ITERATED,
+    Controller,
+    evaluate_controller,
+    repeat_actions,
+)
 from lcorpp.planning.limits.limited_model import LimitedModel
 from lcorpp.planning.policy import Policy
 from lcorpp.planning.pomdp import Pomdp
@@ -83,7 +89,8 @@ def add_policy(model: LimitedModel, pool: Pool, problem: Pomdp, policy: Policy, 
     roots = graph.add(SparseBeliefs.of(model.place(model.starts)))
     width = max(1, int(graph.beliefs.sizes.max()))
     branching = sum(len(own.targets) for own in model.steps) / (len(model.steps) * len(model.base))
-    most = min(MAX_NODES, MAX_EQUATIONS // width, int(MAX_STEPS / (width * branching)))
+    equations = MAX_EQUATIONS if model.discounts.max() <= MAX_ITERATED else MAX_FACTORISED
+    most = min(MAX_NODES, equations // width, int(MAX_STEPS / (width * branching)))
     max_nodes = max(len(set(roots.tolist())), most)
     decay = min(max(float(model.discounts.min()), MIN_DECAY), MAX_DECAY)
     nodes = _choose_nodes(graph, roots, model.weights, max_nodes, decay)
@@ -108,7 +115,7 @@ def add_policy(model: LimitedModel, pool: Pool, problem: Pomdp, policy: Policy, 
         successors[fringe] = _find_best(ends, model.combine(factors, best.values))
         found = pool.grow(model, actions, successors, *pairs)
         after = found.score(model, factors, number[roots])
-        if not after > score + 1e-12 * max(1.0, abs(score)):
+        if not after > score or (np.isfinite(score) and after - score <= 1e-12 * max(1.0, abs(score))):
             break
         best, score = found, after
     return best

@@ -29,6 +29,9 @@ MAX_POINTS, MAX_ENTRIES = 10_000, 4_000_000
 
 REFINEMENT = 6
 
+MAX_CORNERS, MAX_KEY = 30_000_000, 2**63
+"""Maximum number of coordinates of corners that are in memory at once, and of the number of a point."""
+
 MIN_RESOLUTION = 3
 """Coarser grids are not worth their time."""
 
@@ -36,7 +39,7 @@ MAX_LEAVES = 5_000
 """Maximum number of beliefs at which the bound is interpolated below a start."""
 
 REST, MAX_STEPS = 1e-4, 1_000
-"""Steps are counted until what follows has at most this weight, or so many."""
+"""Steps are counted until the discount of the return is this small; their maximum number."""
 
 MAX_SWEEPS = 300
 """Maximum number of further steps in which costs without discount are counted."""
@@ -83,8 +86,12 @@ class SimplexGrid:
         counts[:, :, :-1] -= corners[:, :, 1:].astype(np.int64)
         counts[mass <= 0] = 0
         counts[mass <= 0, :, 0] = self._resolution
-        rows = np.searchsorted(self._keys, self._encode(counts))
-        return weights * mass[:, None], np.minimum(rows, len(self._keys) - 1)
+        keys = self._encode(counts)
+        rows = np.minimum(np.searchsorted(self._keys, keys), len(self._keys) - 1)
+        # where probabilities tie, a corner with weight 0 may be no point
+        outside = (self._keys[rows] != keys) | (counts.min(axis=2) < 0)
+        assert weights[outside].max(initial=0.0) <= ROUNDING, "a belief lies outside of its simplex"
+        return np.where(outside, 0.0, weights) * mass[:, None], np.where(outside, 0, rows)
 
     def _encode(self, counts: Indices) -> Indices:
         """Return a number for each point, from its probabilities (..., states) in units of the grid."""
@@ -218,6 +225,8 @@ def _find_resolution(model: LimitedModel, n_states: int, n_parts: int, refinemen
     if n_states == 1:
         return MIN_RESOLUTION
     resolution = 0
-    while comb(resolution + n_states, n_states - 1) <= most:
+    observations = max(own.shape[1] for own in model.observations)
+    most = min(most, MAX_CORNERS // (observations * n_states**2))
+    while comb(resolution + n_states, n_states - 1) <= most and (resolution + 2) ** n_states < MAX_KEY:
         resolution += 1
     return resolution

@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lcorpp.errors import ModelError, expected_one_of
-from lcorpp.planning.arguments import check_type
+from lcorpp.planning.arguments import check_count, check_type
 from lcorpp.planning.pomdp import Pomdp
 from lcorpp.planning.undiscounted import find_ended
 from lcorpp.values import Array, share_frozen
@@ -30,6 +30,8 @@ _FORM = re.compile(
     r"\s*(?:(?P<kind>total|discounted)\s*\((?P<inner>[^()]*)\)|(?P<event>[^()|<]*?))"
     r"\s*(?:\|(?P<given>[^|<]*))?<=(?P<bound>[^<]*)"
 )
+
+_NUMBER = re.compile(r"[+]?([0-9]+[.]?[0-9]*|[.][0-9]+)([eE][+-]?[0-9]+)?")
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,10 +64,16 @@ class Limit:
     given: npt.NDArray[np.bool_] | None = None
 
     def __post_init__(self) -> None:
-        cost = share_frozen(self.cost)
+        try:
+            cost = share_frozen(self.cost)
+        except (TypeError, ValueError):
+            raise ModelError(f"limit {self.name}: costs are finite numbers (A, S) from 0") from None
         object.__setattr__(self, "cost", cost)
         if cost.ndim != 2 or not np.isfinite(cost).all() or cost.min(initial=0.0) < 0:
             raise ModelError(f"limit {self.name}: costs are finite numbers (A, S) from 0")
+        if not cost.any():
+            raise ModelError(f"limit {self.name}: it counts nothing; expected a positive cost")
+        count = check_count(f"more_than of the limit {self.name}", self.more_than, 0)
         if self.kind not in ("probability", "total", "discounted"):
             kinds = expected_one_of(("probability", "total", "discounted"))
             raise ModelError(f"limit {self.name}: unknown kind {self.kind!r}; {kinds}")
@@ -77,10 +85,10 @@ class Limit:
                 raise ModelError(f"limit {self.name}: the bound of a probability is {self.bound:g}, above 1")
             if not np.isin(cost, (0.0, 1.0)).all():
                 raise ModelError(f"limit {self.name}: the costs of an event are 0 or 1")
-            if not 0 <= self.more_than <= MAX_COUNT:
-                raise ModelError(
-                    f"limit {self.name}: more_than is {self.more_than}; expected 0 to {MAX_COUNT}"
-                )
+            if count > MAX_COUNT:
+                raise ModelError(f"limit {self.name}: more_than is {count}; expected 0 to {MAX_COUNT}")
+        elif count:
+            raise ModelError(f"limit {self.name}: more_than is of an event; expected 0 for a cost")
         if self.given is not None:
             given = np.array(self.given, dtype=bool)
             given.setflags(write=False)
@@ -130,17 +138,18 @@ def split_limit(text: str) -> LimitText:
         kind, what = ("total" if match["kind"] == "total" else "discounted"), match["inner"]
     if ">" in what:
         what, _, count = what.partition(">")
-        if not re.fullmatch(r"\s*\d+\s*", count) or kind != "probability":
+        if not re.fullmatch(r"\s*[0-9]{1,9}\s*", count) or kind != "probability":
             raise ModelError(
                 f"limit {text!r}: {count!r} after '>' is not the count of an event; expected {EXPECTED}"
             )
         more_than = int(count)
-    try:
-        bound = float(match["bound"])
-    except ValueError:
-        raise ModelError(f"limit {text!r}: {match['bound'].strip()!r} is not a number") from None
+    if not _NUMBER.fullmatch(match["bound"].strip()):
+        raise ModelError(
+            f"limit {text!r}: {match['bound'].strip()!r} is not a number; expected a number from 0"
+        )
+    bound = float(match["bound"])
     given = None if match["given"] is None else match["given"].strip()
-    if not what.strip() or given == "":
+    if not what.strip() or what.rstrip().endswith(":") or given == "":
         raise ModelError(f"limit {text!r}: expected {EXPECTED}")
     return LimitText(text.partition("<=")[0].strip(), kind, what.strip(), more_than, given, bound)
 
@@ -168,7 +177,7 @@ def read_limit(pomdp: Pomdp, text: str) -> Limit:
     """
     parts = split_limit(text)
     given = None if parts.given is None else find_states(pomdp, parts.given, text)
-    cost = _read_costs(pomdp, parts, text) if parts.what.endswith((".pomdp", ".pomdpx")) else None
+    cost = _read_costs(pomdp, parts, text) if parts.what.lower().endswith((".pomdp", ".pomdpx")) else None
     if cost is None:
         actions, _, states = parts.what.partition(":")
         chosen = find_states(pomdp, states, text) if states else ~find_ended(pomdp)
@@ -210,10 +219,15 @@ def _read_costs(pomdp: Pomdp, parts: LimitText, text: str) -> Array:
     model, _ = read_model(Path(parts.what))
     if (model.states, model.actions) != (pomdp.states, pomdp.actions):
         raise ModelError(f"limit {text!r}: the states or actions of {parts.what} have other names")
+    if model.reward.min() < 0:
+        raise ModelError(
+            f"limit {text!r}: a cost in {parts.what} is {model.reward.min():g}; expected costs from 0,"
+            " as rewards of a file with `values: reward`"
+        )
     return model.reward
 
 
-def check_limits(pomdp: Pomdp, limits: Iterable[Limit]) -> tuple[Limit, ...]:
+def check_limit_set(pomdp: Pomdp, limits: Iterable[Limit]) -> tuple[Limit, ...]:
     """Return the limits of a model.
 
     Raises:

@@ -21,7 +21,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lcorpp.errors import ModelError
-from lcorpp.planning.limits.limit import Limit, check_limits
+from lcorpp.planning.limits.limit import Limit, check_limit_set
 from lcorpp.planning.pomdp import Pomdp
 from lcorpp.planning.sparse import SparseTables, ragged_indices
 from lcorpp.planning.undiscounted import DiscountedForm
@@ -31,8 +31,8 @@ MAX_STATES = 500_000
 """Maximum number of states, counted before those that cannot be reached are left out."""
 
 NEARLY_UNDISCOUNTED = 0.9999
-"""Discount that takes the place of 1 in the search, where a policy may go on forever. Costs are not negative,
-so that the bound on the return holds for the smaller, discounted costs, too."""
+"""Least discount that takes the place of 1 for costs in the search, where a policy may go on forever. Costs
+are not negative, so that the bound on the return holds for the smaller, discounted costs, too."""
 
 
 class Steps(NamedTuple):
@@ -58,7 +58,7 @@ class LimitedModel:
     criteria: (1 + K, A, X) rewards, then costs. discounts: (1 + K,).
     starts: (N, X) beliefs. weights: (N,) their probabilities.
     stated: the stated model. truths: the models for which the limits hold.
-    stated_limits: the limits as stated. factors: (as many, N, S) of their costs, by start and initial state.
+    stated_limits: the limits as stated. factors: (K', N, S) of their costs, by start and initial state.
     """
 
     stated: Pomdp
@@ -149,24 +149,27 @@ class LimitedModel:
         largest = float(self._distinct[0])
         if largest < 1:
             return largest
-        rewards = np.abs(self.criteria).sum(axis=0)
-        transition = SparseTables.of(list(self.transitions))
-        observation = SparseTables.of(list(self.observations))
-        names = tuple(map(str, range(len(self.base))))
         undiscounted = Pomdp(
-            names,
+            tuple(map(str, range(len(self.base)))),
             self.stated.actions,
             self.stated.observations,
-            transition,
-            observation,
-            rewards,
+            SparseTables.of(list(self.transitions)),
+            SparseTables.of(list(self.observations)),
+            np.abs(self.criteria).sum(axis=0),
             1.0,
             self.starts[0],
         )
         try:
             DiscountedForm.of(undiscounted)
         except ModelError:
-            return NEARLY_UNDISCOUNTED
+            if self.discounts[0] == 1 and self.criteria[0].max() > 0:  # the bound would not hold
+                names = ", ".join(limit.name for limit in self.limits)
+                raise ModelError(
+                    f"with discount 1, one of the limits {names} counts in a state that is never left;"
+                    " expected states before the end"
+                ) from None
+            below = self.discounts[self.discounts < 1]
+            return max(NEARLY_UNDISCOUNTED, float(below.max(initial=0.0)))
         return 1.0
 
     def place(self, beliefs: Array) -> Array:
@@ -214,7 +217,7 @@ def build_limited_model(
     Raises:
         ModelError: a limit is for another model; its condition has no probability; the model is too large.
     """
-    limits = check_limits(pomdp, limits)
+    limits = check_limit_set(pomdp, limits)
     if pomdp.discount == 1:
         DiscountedForm.of(pomdp)  # raises an error if a policy may go on forever
     if factors is None:
@@ -223,6 +226,11 @@ def build_limited_model(
     for own in truths:
         if (own.states, own.actions, own.observations) != (pomdp.states, pomdp.actions, pomdp.observations):
             raise ModelError(f"{own.file or 'a model'}: limits hold for models with the same names only")
+        if own.discount != pomdp.discount:
+            raise ModelError(
+                f"{own.file or 'a model'}: its discount is {own.discount:g}; expected that of the stated"
+                f" model, {pomdp.discount:g}"
+            )
     has_stated = any(own is pomdp or own.fingerprint == pomdp.fingerprint for own in truths)
     all_models = truths if has_stated else [pomdp, *truths]
     first = next(m for m, own in enumerate(all_models) if own.fingerprint == pomdp.fingerprint)
@@ -252,7 +260,7 @@ def build_limited_model(
     kept = _find_reachable(transitions, placed)
     model, group, count, base = model[kept], group[kept], count[kept], base[kept]
     criteria = [len(all_models) * pomdp.reward[:, base] * (model == first)]
-    discounts, repeated = [pomdp.discount], []
+    discounts, repeated = [pomdp.discount], list[Limit]()
     for m, truth in enumerate(all_models):
         if truth not in truths:
             continue
@@ -262,10 +270,9 @@ def build_limited_model(
                 cost = cost * (counts[k, count] == limit.more_than)
             criteria.append(cost)
             discounts.append(pomdp.discount if limit.kind == "discounted" else 1.0)
-            name = limit.name if len(truths) == 1 else f"{limit.name} in model {m + 1}"
-            repeated.append(replace(limit, name=name))
+            repeated.append(replace(limit, name=name_limit(limit, len(repeated) // len(limits), len(truths))))
     observations = [
-        _observe([_matrix(own.observation, a) for own in all_models], model, base)
+        _observe([own.observation.matrix(a) for own in all_models], model, base)
         for a in range(len(pomdp.actions))
     ]
     return LimitedModel(
@@ -285,6 +292,11 @@ def build_limited_model(
         starts=placed[:, kept],
         weights=np.asarray(weights, dtype=np.float64),
     )
+
+
+def name_limit(limit: Limit, number: int, count: int) -> str:
+    """Return the name of a limit in one of some models, numbered from 0."""
+    return limit.name if count == 1 else f"{limit.name} in model {number + 1}"
 
 
 def _find_factors(limit: Limit, starts: Array, weights: Array) -> Array:
@@ -307,15 +319,6 @@ def _find_classes(factors: Array, starts: Array) -> tuple[Array, Indices]:
     return classes, class_of
 
 
-def _matrix(table: SparseTables, action: int) -> Any:
-    """Return the matrix (R, N) of an action."""
-    from scipy.sparse import csr_array
-
-    part, rows = table.action_slice(action), table.shape[1]
-    begins = table.begins[action * rows : (action + 1) * rows + 1]
-    return csr_array((table.values[part], table.columns[part], begins - begins[0]), shape=table.shape[1:])
-
-
 def _move(
     action: int,
     tables: Sequence[SparseTables],
@@ -333,7 +336,7 @@ def _move(
     following = np.ravel_multi_index(tuple(after), sizes)
     blocks = []
     for table in tables:
-        entries = _matrix(table, action).tocoo()
+        entries = table.matrix(action).tocoo()
         source, target = entries.coords
         rows = (np.arange(n_counts)[:, None] * n_states + source).ravel()
         columns = (following[:, source] * n_states + target).ravel()

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from lcorpp.errors import ModelError
 from lcorpp.planning.limits.controller import Controller
 from lcorpp.planning.limits.extraction import Pool
 from lcorpp.planning.limits.limited_model import LimitedModel
@@ -15,8 +16,8 @@ from lcorpp.values import Array, Indices
 MIN_PROBABILITY = 1e-12
 """Smaller probabilities of the mixture are rounding errors."""
 
-TOLERANCE = 1e-9
-"""Of the linear program, relative to the largest cost: what it may exceed a bound by."""
+MARGIN = 1e-9
+"""Share by which the bounds of the linear program are smaller, so that rounding breaks none."""
 
 PRECISE = {"primal_feasibility_tolerance": 1e-10, "dual_feasibility_tolerance": 1e-10}
 """Options of the linear program, whose own tolerance is 1e-7."""
@@ -34,7 +35,7 @@ class Mixture:
 
     plans: (m,) nodes of the pool. shares: (N, m) their probabilities, for each start.
     values: (1 + K,) return and costs. multipliers: (K,) dual prices of the limits.
-    excess: by how much limits must be exceeded, see `mix`.
+    excess: the smallest by which limits are exceeded, see `mix`.
     """
 
     plans: Indices
@@ -80,7 +81,7 @@ def mix(model: LimitedModel, plans: Indices, values: Array, *, minimise_excess: 
         if found.status == 0:
             break
     else:
-        raise RuntimeError(f"the linear program of the limits ended with: {found.message}")
+        raise ModelError(f"the linear program of the limits ended with: {found.message}")
     multipliers = np.maximum(-np.asarray(found.ineqlin.marginals), 0.0) / program.scales
     excess = float(found.x[-1]) if minimise_excess else 0.0
     return program.make_mixture(found.x, multipliers, excess)
@@ -108,7 +109,9 @@ def choose_plans(model: LimitedModel, plans: Indices, values: Array) -> Mixture 
     )
     if found.x is None:
         return None
-    return program.make_mixture(np.round(found.x), np.zeros(len(program.bounds)))
+    mixture = program.make_mixture(np.round(found.x), np.zeros(len(program.bounds)))
+    keeps = mixture.values[1:] <= model.bounds + 1e-9 * program.scales  # plans were rounded to 0 and 1
+    return mixture if keeps.all() else None
 
 
 @dataclass(frozen=True, eq=False)
@@ -136,7 +139,7 @@ class _Program:
         own = values[:, starts, places] * model.weights[starts]
         scales = np.maximum(values[1:, starts, places].max(axis=1), 1e-6)
         choices = csr_array((np.ones(len(starts)), (starts, np.arange(len(starts)))))
-        bounds = (1 - TOLERANCE) * model.bounds / scales
+        bounds = (1 - MARGIN) * model.bounds / scales
         costs = csr_array(own[1:] / scales[:, None])
         return cls(
             -own[0], costs, choices, bounds, np.array([starts, places]), scales, plans, len(model.weights)

@@ -11,8 +11,8 @@ import numpy as np
 
 from lcorpp.errors import DataError, FileError, LcorppError, ObservationError, PolicyError
 from lcorpp.files import open_atomically, read_text
-from lcorpp.planning.belief import update
 from lcorpp.planning.limits.controller import Controller
+from lcorpp.planning.planner import ModelPlanner
 from lcorpp.planning.pomdp import SUM_TOLERANCE, Pomdp
 from lcorpp.values import Array, Belief, share_frozen
 from lcorpp.versioned_json import JsonFormat
@@ -36,7 +36,7 @@ class RandomisedPolicy:
         >>> from lcorpp.planning import Controller, RandomisedPolicy
         >>> greet = Controller([0, 1], [[1], [1]])  # once, then wait
         >>> RandomisedPolicy(greet, [[1.0]], [[0.2, 0.8]], ("greet", "wait"), ("none",))
-        <RandomisedPolicy: 2 nodes, 1 starts, start nodes are drawn>
+        <RandomisedPolicy: 2 nodes, 1 start, start nodes are drawn>
     """
 
     controller: Controller
@@ -53,9 +53,12 @@ class RandomisedPolicy:
         rows, nodes = self.probabilities.shape, len(self.controller)
         if self.starts.ndim != 2 or rows != (len(self.starts), nodes) or not len(self.starts):
             raise PolicyError(f"probabilities of shape {rows}; expected {len(self.starts)} rows of {nodes}")
-        totals = self.probabilities.sum(axis=1)
-        if self.probabilities.min() < 0 or np.abs(totals - 1).max() > SUM_TOLERANCE:
-            raise PolicyError("the probabilities of the start nodes do not sum to 1")
+        for table, what in (
+            (self.probabilities, "probabilities of the start nodes"),
+            (self.starts, "starts"),
+        ):
+            if not (table.min(initial=0) >= 0 and np.abs(table.sum(axis=1) - 1).max() <= SUM_TOLERANCE):
+                raise PolicyError(f"the {what} do not sum to 1")
         if self.controller.actions.max() >= len(self.action_names):
             raise PolicyError("a node has an action that the model does not have")
         if self.controller.successors.shape[1] != len(self.observation_names):
@@ -72,11 +75,12 @@ class RandomisedPolicy:
     @property
     def is_deterministic(self) -> bool:
         """Whether nothing is drawn."""
-        return bool((self.probabilities.max(axis=1) == 1).all())
+        return bool((np.count_nonzero(self.probabilities, axis=1) == 1).all())
 
     def __repr__(self) -> str:
         drawn = "no start is drawn" if self.is_deterministic else "start nodes are drawn"
-        return f"<RandomisedPolicy: {len(self.controller)} nodes, {len(self.starts)} starts, {drawn}>"
+        starts = f"{len(self.starts)} start{'s' * (len(self.starts) != 1)}"
+        return f"<RandomisedPolicy: {len(self.controller)} nodes, {starts}, {drawn}>"
 
     def find_start(self, belief: Belief) -> int:
         """Return the index of the start that is nearest to a belief (S,), in total variation."""
@@ -131,6 +135,11 @@ class RandomisedPolicy:
         """
         actions, observations = tuple(content["actions"]), tuple(content["observations"])
         nodes, starts = content["nodes"], content["starts"]
+        if not starts:
+            raise ValueError("it has no start")
+        following = [node["next"][name] for node in nodes for name in observations]
+        if not all(type(own) is int and 0 <= own < len(nodes) for own in following):
+            raise ValueError(f"a node has a successor outside of the {len(nodes)} nodes")
         controller = Controller(
             np.array([actions.index(node["action"]) for node in nodes], np.intp),
             np.array([[node["next"][name] for name in observations] for node in nodes], np.intp),
@@ -138,8 +147,10 @@ class RandomisedPolicy:
         probabilities = np.zeros((len(starts), len(nodes)))
         for row, start in zip(probabilities, starts, strict=True):
             for node, p in start["nodes"].items():
-                if not 0 <= int(node) < len(nodes):
+                if str(int(node)) != node or not 0 <= int(node) < len(nodes):
                     raise ValueError(f"node {node} is outside of the {len(nodes)} nodes")
+                if type(p) not in (int, float):
+                    raise ValueError(f"the probability of node {node} is {p!r}, not a number")
                 row[int(node)] = p
         beliefs = np.array([start["belief"] for start in starts], np.float64)
         return cls(
@@ -199,12 +210,12 @@ def read_randomised_policy(path: str | Path, pomdp: Pomdp) -> RandomisedPolicy:
         raise
     except (DataError, PolicyError) as error:
         raise PolicyError(f"{path}: {error}") from None
-    except (LookupError, TypeError, ValueError, LcorppError) as error:
+    except (LookupError, TypeError, ValueError, AttributeError, OverflowError, LcorppError) as error:
         raise PolicyError(f"{path}: it is damaged: {error}") from None
     return policy
 
 
-class RandomisedPlanner:
+class RandomisedPlanner(ModelPlanner):
     """The planner of one decision by a randomised policy: it draws a start node, then follows the controller.
 
     Its beliefs are those of the model, and are for information only.
@@ -231,11 +242,6 @@ class RandomisedPlanner:
         self._rng, self._start = rng, start
         self._node: int | None = None
 
-    @property
-    def start(self) -> Belief:
-        """(S,) the model's start belief."""
-        return self.pomdp.start
-
     def action(self, belief: Belief) -> str:
         """Return the action of the present node; the first belief (S,) selects the start."""
         if self._node is None:
@@ -250,9 +256,9 @@ class RandomisedPlanner:
             ModelError: a name is unknown.
             ObservationError: the observation is impossible.
         """
-        taken, seen = self.pomdp.action_index(action), self.pomdp.observation_index(observation)
-        after = update(self.pomdp, belief, taken, seen)
+        after = super().update(belief, action, observation)
         if self._node is None:
             raise ObservationError("an observation before the first action of the decision")
+        seen = self.pomdp.observation_index(observation)
         self._node = int(self.policy.controller.successors[self._node, seen])
         return after

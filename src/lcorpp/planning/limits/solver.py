@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from lcorpp.errors import InfeasibleError, ModelError
 from lcorpp.notebook import html_table
-from lcorpp.planning.arguments import check_solver_arguments
+from lcorpp.planning.arguments import check_solver_arguments, check_type
 from lcorpp.planning.limits.column_generation import MAX_EXCESS, ColumnGeneration
 from lcorpp.planning.limits.extraction import Pool
 from lcorpp.planning.limits.limit import Limit
@@ -21,9 +21,6 @@ from lcorpp.planning.limits.randomised_policy import RandomisedPolicy
 from lcorpp.planning.pomdp import SUM_TOLERANCE, Pomdp
 from lcorpp.planning.solution import CONVERGED
 from lcorpp.values import Array
-
-UNLIMITED = 1e12
-"""Bound of a limit that is left out, of an expected cost."""
 
 LEAST_SHARE = 0.5
 """Share of the time limit for the smallest bound that can be met, for each limit that is not."""
@@ -61,9 +58,10 @@ class LimitedSolution:
     pomdp: the problem. limits: each once for each model for which it holds.
     policy: keeps the limits. value: its return. costs: (K,) its costs or probabilities of the limits.
     upper: no policy within the limits earns more.
-    multipliers: (K,) what one more unit of a bound is worth, in reward units.
+    multipliers: (K,) what one more unit of a bound is worth to a randomised policy, in reward units.
     seconds, reason: of the search, as of `Solution`; "controllers limit" if more nodes would be needed.
     history: (seconds, return, upper bound, plans) after each search.
+    model: with the counts of the limits in its states.
     pool: of all plans, to continue with other bounds.
 
     Examples:
@@ -173,23 +171,32 @@ def solve_limited(
         (True, True)
     """
     starts = check_solver_arguments(pomdp, start, precision, time_limit, callback)
-    shares = np.full(len(starts), 1 / len(starts)) if weights is None else np.asarray(weights, np.float64)
-    if shares.shape != (len(starts),) or shares.min() < 0 or abs(shares.sum() - 1) > SUM_TOLERANCE:
-        raise ModelError(f"the weights of {len(starts)} starts are as many probabilities that sum to 1")
+    shares = np.full(len(starts), 1 / len(starts))
+    if weights is not None:
+        shares = _read_numbers(weights, "weights")
+        if shares.shape != starts.shape[:1] or not abs(shares.sum() - 1) <= SUM_TOLERANCE:
+            raise ModelError(f"the weights of {len(starts)} starts are as many probabilities that sum to 1")
+    for name, given in (("limits", limits), ("models", models)):
+        check_type(name, given, Sequence)
+    for own in models:
+        check_type("a model", own, Pomdp)
+    if factors is not None:
+        factors = _read_numbers(factors, "factors")
+        if factors.shape != (len(limits), *starts.shape):
+            raise ModelError(f"factors have shape {factors.shape}; expected {(len(limits), *starts.shape)}")
     model = build_limited_model(
         pomdp,
         limits,
         starts,
         shares,
         models=models,
-        factors=None if factors is None else np.asarray(factors, np.float64),
+        factors=factors,
     )
     began = monotonic()
     pool = None
     if previous is not None:
-        if previous.model.criteria.shape != model.criteria.shape or not np.array_equal(
-            previous.model.criteria, model.criteria
-        ):
+        check_type("previous", previous, LimitedSolution)
+        if not _is_same_problem(previous.model, model):
             raise ModelError("the previous solution is for another model, other starts or other limits")
         pool = previous.pool
     search = ColumnGeneration(model, precision=precision, time_limit=time_limit, pool=pool)
@@ -199,7 +206,9 @@ def solve_limited(
         raise InfeasibleError(_describe_excess(model, search, reason, time_limit))
     mixture: Mixture | None = search.best
     if deterministic:
-        mixture = find_deterministic(search)
+        mixture = (
+            find_deterministic(search) if reason != "interrupted" else choose_plans(model, *search.plans)
+        )
         if mixture is None:
             raise InfeasibleError(
                 "no deterministic policy within the limits was found; expected larger bounds, or a randomised"
@@ -220,6 +229,26 @@ def solve_limited(
         history=tuple(search.history),
         model=model,
         pool=search.pool,
+    )
+
+
+def _read_numbers(numbers: npt.ArrayLike, name: str) -> Array:
+    """Return numbers that are finite and not negative."""
+    try:
+        found = np.asarray(numbers, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise ModelError(f"{name} are not numbers") from None
+    if not (np.isfinite(found) & (found >= 0)).all():
+        raise ModelError(f"{name} are finite numbers from 0")
+    return found
+
+
+def _is_same_problem(one: LimitedModel, other: LimitedModel) -> bool:
+    """Whether two models differ at most in the bounds of their limits."""
+    prints = [[own.stated.fingerprint, *(truth.fingerprint for truth in own.truths)] for own in (one, other)]
+    fields = ("criteria", "discounts", "starts", "weights", "base", "count", "model")
+    return prints[0] == prints[1] and all(
+        np.array_equal(getattr(one, field), getattr(other, field)) for field in fields
     )
 
 
@@ -252,14 +281,15 @@ def _describe_excess(model: LimitedModel, search: ColumnGeneration, reason: str,
         )
     parts = []
     for k, limit in enumerate(model.limits):
-        found = find_smallest_bound(model, k, LEAST_SHARE * time_limit)
+        found = find_smallest_bound(model, k, LEAST_SHARE * time_limit / len(model.limits))
         if found is None:
-            parts.append(f"{limit.name}: none while the others hold")
+            parts.append(f"{limit.name}: none was found while the others hold")
         elif found[0] > limit.bound:
-            certain = (
-                "" if found[0] - found[1] <= 1e-3 * found[0] else f", certainly more than {found[1]:.4g}"
-            )
+            is_close = found[0] - found[1] <= 1e-3 * found[0]
+            certain = "" if is_close else f", certainly more than {max(found[1], limit.bound):.4g}"
             parts.append(f"{limit.name} <= {_round_up(found[0])}{certain}")
+    if not parts:
+        return f"no policy keeps the limits {names}"
     others = " while the others hold" if len(model.limits) > 1 else ""
     return (
         f"no policy keeps the limits {names}; the smallest bound that can be met{others}: {'; '.join(parts)}"
@@ -278,16 +308,12 @@ def find_smallest_bound(model: LimitedModel, k: int, seconds: float) -> tuple[fl
     Returns:
         None if the others cannot be kept.
     """
-    bounds = [
-        replace(limit, bound=1.0 if limit.kind == "probability" else UNLIMITED) if j == k else limit
-        for j, limit in enumerate(model.limits)
-    ]
-    cost = model.criteria[k + 1]
+    cost, others = model.criteria[k + 1], np.delete(np.arange(len(model.limits)), k)
     swapped = replace(
         model,
-        limits=tuple(bounds),
-        criteria=np.concatenate([-cost[None], model.criteria[1:]]),
-        discounts=np.concatenate([model.discounts[k + 1 : k + 2], model.discounts[1:]]),
+        limits=tuple(model.limits[j] for j in others),
+        criteria=np.concatenate([-cost[None], model.criteria[others + 1]]),
+        discounts=np.concatenate([model.discounts[k + 1 : k + 2], model.discounts[others + 1]]),
     )
     precision = 1e-4 * float(cost.max(initial=1e-6))
     search = ColumnGeneration(swapped, precision=precision, time_limit=seconds, use_grids=False)

@@ -8,22 +8,24 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from time import monotonic
-from typing import Any, Literal, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
+from lcorpp.errors import ModelError, PolicyError
 from lcorpp.notebook import html_table
+from lcorpp.planning.arguments import check_positive, check_type
+from lcorpp.planning.evaluation.certificate import TOLERANCE, Verdict
 from lcorpp.planning.evaluation.mdp import mdp_value_bounds
 from lcorpp.planning.limits.limit import Limit
+from lcorpp.planning.limits.limited_model import name_limit
 from lcorpp.planning.limits.randomised_policy import RandomisedPolicy
 from lcorpp.planning.limits.solver import LimitedSolution
 from lcorpp.planning.pomdp import Pomdp
 from lcorpp.values import Array
-
-TOLERANCE = 1e-6
-"""Of a claim, relative to the largest claimed value, which counts as at least 1."""
 
 REST_SHARE = 0.01
 """Steps end when the bound of what is left is at most this share of the tolerance."""
@@ -48,7 +50,7 @@ class Check(NamedTuple):
     low: float
     high: float
     claim: str
-    verdict: Literal["confirmed", "refuted", "open"]
+    verdict: Verdict
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,7 +66,7 @@ class LimitsCertificate:
     seconds: float
 
     @property
-    def verdict(self) -> Literal["confirmed", "refuted", "open"]:
+    def verdict(self) -> Verdict:
         """Of all checks."""
         found = [own.verdict for own in self.checks]
         return "refuted" if "refuted" in found else "open" if "open" in found else "confirmed"
@@ -74,7 +76,10 @@ class LimitsCertificate:
         """The certificate, with a line for each check and one for the verdict."""
         lines = [f"{own.what}: {_show(own)}, {own.claim}: {own.verdict}" for own in self.checks]
         return "\n".join(
-            [*lines, f"verdict: {self.verdict} (followed forward, tolerance {self.tolerance:.2g})"]
+            [
+                *lines,
+                f"verdict: {self.verdict} (followed forward, tolerance {self.tolerance:.2g} of the return)",
+            ]
         )
 
     def __repr__(self) -> str:
@@ -95,7 +100,6 @@ def verify_limits(
     policy: RandomisedPolicy | None = None,
     *,
     models: Sequence[Pomdp] = (),
-    weights: npt.ArrayLike | None = None,
     tolerance: float | None = None,
     time_limit: float = 60.0,
     callback: Callable[[float, str], None] | None = None,
@@ -105,7 +109,7 @@ def verify_limits(
     Args:
         solution: of `solve_limited`. policy: as written to a file; that of the solution by default.
         models: in which the limits are checked; those of the solution by default.
-        tolerance: 1e-6 times the claimed values when None.
+        tolerance: of the return; 1e-6 times the claimed values when None. That of a limit is 1e-6.
         time_limit: seconds; the bounds so far determine the verdict, which may be "open".
         callback: called with the share of the checks that are done, and a text.
 
@@ -126,31 +130,47 @@ def verify_limits(
     own.check_model(pomdp)
     if tolerance is None:
         tolerance = TOLERANCE * max(1.0, abs(solution.value), abs(solution.upper))
-    shares = model.weights if weights is None else np.asarray(weights, dtype=np.float64)
+    check_positive("tolerance", tolerance)
+    check_positive("time limit", time_limit)
+    if (
+        own.starts.shape != solution.policy.starts.shape
+        or np.abs(own.starts - solution.policy.starts).max() > 1e-9
+    ):
+        raise PolicyError("the policy begins from other beliefs than the solution")
+    shares = model.weights
     truths = list(models) or list(model.truths)
+    for truth in truths:
+        check_type("a model", truth, Pomdp)
+        if (truth.states, truth.actions, truth.observations) != (
+            pomdp.states,
+            pomdp.actions,
+            pomdp.observations,
+        ):
+            raise ModelError(
+                f"{truth.file or 'a model'}: limits are checked in models with the same names only"
+            )
     limits = model.stated_limits
     todo = 1 + len(truths) * len(limits)
     deadline = began + time_limit
-    walk = _Walk(own, pomdp, deadline, tolerance)
+    walk = _Walk(own, pomdp, deadline, tolerance, pomdp.discount)
     low, high = walk.sum_rewards(shares)
-    verdict: Any = _compare(low, high, solution.value - tolerance, solution.upper + tolerance)
+    verdict = _compare(low, high, solution.value - tolerance, solution.upper + tolerance)
     claim = f"claimed {solution.value:.8g}, at most {solution.upper:.8g}"
     checks = [Check("return", low, high, claim, verdict)]
     for m, truth in enumerate(truths):
-        walk = _Walk(own, truth, deadline, tolerance)
+        walk = _Walk(own, truth, deadline, tolerance, pomdp.discount)
         for k, limit in enumerate(limits):
             if callback is not None:
                 callback(len(checks) / todo, limit.name)
             low, high = walk.sum_costs(limit, shares, model.factors[k])
-            name = limit.name if len(truths) == 1 else f"{limit.name} in model {m + 1}"
-            top = limit.bound + TOLERANCE * max(1.0, limit.bound)
+            name, top = name_limit(limit, m, len(truths)), limit.bound + TOLERANCE * max(1.0, limit.bound)
             checks.append(
                 Check(name, low, high, f"at most {limit.bound:g}", _compare(low, high, -np.inf, top))
             )
     return LimitsCertificate(tuple(checks), tolerance, monotonic() - began)
 
 
-def _compare(low: float, high: float, least: float, most: float) -> Literal["confirmed", "refuted", "open"]:
+def _compare(low: float, high: float, least: float, most: float) -> Verdict:
     """Return whether a number between low and high is between least and most."""
     if high < least or low > most:
         return "refuted"
@@ -160,60 +180,42 @@ def _compare(low: float, high: float, least: float, most: float) -> Literal["con
 class _Walk:
     """The joint probabilities of node and state under a policy in a model, step by step."""
 
-    def __init__(self, policy: RandomisedPolicy, pomdp: Pomdp, deadline: float, tolerance: float) -> None:
-        from scipy.sparse import csr_array
-
+    def __init__(
+        self, policy: RandomisedPolicy, pomdp: Pomdp, deadline: float, tolerance: float, discount: float
+    ) -> None:
         self._policy, self._pomdp, self._deadline, self._tolerance = policy, pomdp, deadline, tolerance
-        T, O = pomdp.transition, pomdp.observation  # noqa: E741
-        S = len(pomdp.states)
-        self._moves = [
-            csr_array(
-                (
-                    T.values[T.action_slice(a)],
-                    T.columns[T.action_slice(a)],
-                    T.begins[a * S : a * S + S + 1] - T.begins[a * S],
-                ),
-                shape=(S, S),
-            )
-            for a in range(len(pomdp.actions))
-        ]
-        dense = [
-            csr_array(
-                (
-                    O.values[O.action_slice(a)],
-                    O.columns[O.action_slice(a)],
-                    O.begins[a * S : a * S + S + 1] - O.begins[a * S],
-                ),
-                shape=(S, O.shape[2]),
-            ).toarray()
-            for a in range(len(pomdp.actions))
-        ]
+        self._discount = discount
+        self._moves = [pomdp.transition.matrix(a) for a in range(len(pomdp.actions))]
         # for each action the observations that it may have, and their likelihoods (S,)
-        self._seen = [[(o, own[:, o].copy()) for o in np.flatnonzero(own.any(axis=0))] for own in dense]
+        self._seen = []
+        for a in range(len(pomdp.actions)):
+            own = pomdp.observation[a]
+            self._seen.append([(o, own[:, o].copy()) for o in np.flatnonzero(own.any(axis=0))])
         actions = policy.controller.actions
         self._nodes = [(a, np.flatnonzero(actions == a)) for a in np.unique(actions).tolist()]
 
     def sum_rewards(self, weights: Array) -> tuple[float, float]:
         """Return bounds on the return, discounted as the model."""
-        pomdp = self._pomdp
-        least, most = mdp_value_bounds(pomdp) if pomdp.discount < 1 else (None, None)
+        pomdp, discount = self._pomdp, self._discount
         joint = (self._policy.probabilities * weights[:, None]).T @ self._policy.starts  # (n, S)
-        total, factor = 0.0, 1.0
-        low = high = 0.0
+        if discount < 1:
+            least, most = mdp_value_bounds(pomdp)
+            low_rest, high_rest = np.broadcast_to(least, joint.shape), np.broadcast_to(most, joint.shape)
+        else:
+            possible = self._find_possible(np.abs(pomdp.reward))
+            ahead = 2 * float(np.abs(pomdp.reward).max()) * self._find_half_life(possible)
+            high_rest = np.where(possible, ahead, 0.0)
+            low_rest = -high_rest
+        total, factor, low, high = 0.0, 1.0, -np.inf, np.inf
         for step in range(MAX_STEPS):
-            if least is not None and most is not None:
-                mass = joint.sum(axis=0)
-                low, high = factor * float(mass @ least), factor * float(mass @ most)
-            else:
-                earning = joint[:, (pomdp.reward != 0).any(axis=0)].sum()
-                low = high = 0.0
-                if earning > 0:
-                    low, high = -np.inf, np.inf
+            used = joint > 0
+            low = factor * float((joint[used] * low_rest[used]).sum())
+            high = factor * float((joint[used] * high_rest[used]).sum())
             if high - low <= REST_SHARE * self._tolerance or self._is_late(step):
-                break
+                return total + low, total + high
             total += factor * float((joint * pomdp.reward[self._policy.controller.actions]).sum())
-            joint, factor = self._move(joint), factor * pomdp.discount
-        return total + low, total + high
+            joint, factor = self._move(joint), factor * discount
+        return -np.inf, np.inf
 
     def sum_costs(self, limit: Limit, weights: Array, factors: Array) -> tuple[float, float]:
         """Return bounds on the cost or the probability of a limit; factors: (N, S) of the costs."""
@@ -221,7 +223,7 @@ class _Walk:
         joint = (self._policy.probabilities * weights[:, None]).T @ starts
         cost = limit.cost[self._policy.controller.actions]  # (n, S)
         if limit.kind != "probability":
-            discount = self._pomdp.discount if limit.kind == "discounted" else 1.0
+            discount = self._discount if limit.kind == "discounted" else 1.0
             return self._add_costs(joint, cost, discount)
         happens = cost > 0
         can_happen = self._find_possible(limit.cost)
@@ -257,11 +259,13 @@ class _Walk:
     def _find_half_life(self, possible: npt.NDArray[np.bool_]) -> float:
         """Return a number of steps after which costs are possible with at most half the probability.
 
-        It holds from each node and state; infinity if it is more than `MAX_HALF_LIFE`.
+        It holds from each node and state that the policy reaches; infinity if it is more than
+        `MAX_HALF_LIFE`.
         """
+        possible = possible & self._reached
         left, steps = possible.astype(np.float64), 0
         while left.max(initial=0.0) > 0.5:
-            if steps == MAX_HALF_LIFE:
+            if steps == MAX_HALF_LIFE or self._is_late(steps):
                 return np.inf
             left, steps = np.where(possible, self._expect(left), 0.0), steps + 1
         return max(steps, 1)
@@ -280,6 +284,16 @@ class _Walk:
             if (found == possible).all():
                 return possible
             possible = found
+
+    @cached_property
+    def _reached(self) -> npt.NDArray[np.bool_]:
+        """(n, S) whether the policy reaches a node and state from its starts."""
+        reached = (self._policy.probabilities.T @ self._policy.starts) > 0
+        while True:
+            found = reached | (self._move(reached.astype(np.float64)) > 0)
+            if (found == reached).all():
+                return reached
+            reached = found
 
     def _expect(self, values: Array) -> Array:
         """Return (n, S) the expectation of values (n, S) after a step from each node and state."""
