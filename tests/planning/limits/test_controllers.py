@@ -128,9 +128,8 @@ def test_grid_bounds_of_a_cycle(n_states):
     T = np.roll(np.eye(n_states), 1, axis=1)[None]
     reward = np.arange(n_states, dtype=float)[None] / n_states
     start = np.eye(n_states)[0]
-    pomdp = Pomdp(
-        tuple(map(str, range(n_states))), ("go",), ("none",), T, np.ones((1, n_states, 1)), reward, 0.95, start
-    )  # fmt: skip
+    names = tuple(map(str, range(n_states))), ("go",), ("none",)
+    pomdp = Pomdp(*names, T, np.ones((1, n_states, 1)), reward, 0.95, start)
     model = build_limited_model(pomdp, [Limit("c", reward, 1.0, "discounted")], start[None], np.ones(1))
     value = float(np.linalg.solve(np.eye(n_states) - 0.95 * T[0], reward[0])[0])
     for bound in [*make_grid_bounds(model), *make_grid_bounds(model, refinement=6)]:

@@ -197,7 +197,7 @@ def test_a_return_without_discount_that_begins_later():
     assert verify_limits(solution).verdict == "confirmed"
     assert verify_limits(solution).checks[1].high == pytest.approx(2, abs=1e-6)
     with pytest.raises(ModelError, match="counts in a state that is never left"):
-        solve_limited(pomdp, [Limit("c", [[0, 0, 1]], 0.5)])
+        solve_limited(pomdp, [Limit("c", [[0, 0, 1]], 0.5, "total")])
 
 
 def test_several_starts_share_a_limit():

@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 
-from lcorpp.assembly.strategies.limits import WITH_LIMITS
 from lcorpp.assembly.strategies.own import load_strategy
 from lcorpp.assembly.strategies.strategy_table import BASELINE_TABLE
 from lcorpp.assembly.strategies.trust import WITH_TRUST, with_ask_budget
@@ -45,6 +44,8 @@ def find_strategies(names: Iterable[str], senses: Sequence[str] = ("",)) -> tupl
         >>> [strategy.name for strategy in find_strategies(["LCORPP", "ask-twice"])]
         ['LCORPP', 'ask-twice']
     """
+    from lcorpp.assembly.strategies.limits import WITH_LIMITS  # decisions of LCORPP do without
+
     rows, own = list[str](), list[Strategy]()
     for name in names:
         parts = split_function(name)
@@ -69,6 +70,8 @@ def read_strategy(description: Mapping[str, Any], domain: Domain) -> Strategy:
         DecisionError: there is none of this name, or the user's file is missing or wrong.
         LookupError, TypeError, ValueError: `description` has another form.
     """
+    from lcorpp.assembly.strategies.limits import WITH_LIMITS
+
     name, source = description["name"], description.get("source")
     if source is not None:
         return find_strategies([source])[0]

@@ -10,7 +10,7 @@ import numpy as np
 from lcorpp.domains.sections.reasoning import ReasoningSection
 from lcorpp.domains.toml import TomlTable
 from lcorpp.errors import DomainError, ModelError, expected_one_of
-from lcorpp.planning import Limit, Pomdp
+from lcorpp.planning import GenerativeModel, Limit, Pomdp
 from lcorpp.planning.limits.limit import Kind, find_actions, split_limit
 from lcorpp.values import Array, SharedValue, share_frozen
 
@@ -56,19 +56,40 @@ class DomainLimit:
 
 
 def read_limits(
+    table: TomlTable,
+    model: Pomdp | GenerativeModel,
+    reasoning: ReasoningSection,
+    reports: Mapping[str, SharedValue],
+) -> tuple[tuple[DomainLimit, ...], tuple[float, ...]]:
+    """Read the tables `limits`, and `limit_noise`, from `[planning]`.
+
+    A limit has a text `limit` in the form of `lcorpp.planning.read_limit`, and maybe a `name`. In place of
+    states the text has values of the shared variable, or ``VARIABLE=VALUE``; the condition may be about any
+    attribute of the knowledge, several of them divided by ``&``. `WRONG` stands for all wrong reports.
+
+    Raises:
+        DomainError: a limit has another form, a name is unknown, or the model is generative.
+    """
+    if not isinstance(model, Pomdp):
+        raise DomainError(
+            f"{table.location('limits')}: {model.file} is simulated; limits need a model with tables"
+        )
+    limits = _read_tables(table.sections("limits"), model, reasoning, reports)
+    noise = table.value("limit_noise") if "limit_noise" in table else []
+    numbers = noise if isinstance(noise, list) else [-1]
+    if not all(type(n) in (int, float) and 0 <= n <= 1 for n in numbers) or len(set(numbers)) < len(numbers):
+        raise DomainError(
+            f"{table.location('limit_noise')}: expected a list of different probabilities, not {noise!r}"
+        )
+    return limits, tuple(map(float, numbers))
+
+
+def _read_tables(
     tables: Sequence[TomlTable],
     pomdp: Pomdp,
     reasoning: ReasoningSection,
     reports: Mapping[str, SharedValue],
 ) -> tuple[DomainLimit, ...]:
-    """Read the tables, each with a `limit` in the form of `lcorpp.planning.read_limit`, and maybe a `name`.
-
-    In place of states it has values of the shared variable, or ``VARIABLE=VALUE``; the condition may be about
-    any attribute of the knowledge, several of them divided by ``&``. `WRONG` stands for all wrong reports.
-
-    Raises:
-        DomainError: a limit has another form, or a name is unknown.
-    """
     limits = list[DomainLimit]()
     for table in tables:
         location = table.location("limit")

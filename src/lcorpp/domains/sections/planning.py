@@ -200,7 +200,9 @@ def read_planning(
     limits: tuple[DomainLimit, ...] = ()
     limit_noise: tuple[float, ...] = ()
     if "limits" in table:
-        limits, limit_noise = _read_limits(table, model, reasoning, reports)
+        from lcorpp.domains.sections.limits import read_limits  # few domains have them
+
+        limits, limit_noise = read_limits(table, model, reasoning, reports)
     table.reject_unknown_keys()
     return PlanningSection(
         model=model,
@@ -218,29 +220,6 @@ def read_planning(
         limits=limits,
         limit_noise=limit_noise,
     )
-
-
-def _read_limits(
-    table: TomlTable,
-    model: Pomdp | GenerativeModel,
-    reasoning: ReasoningSection,
-    reports: Mapping[str, SharedValue],
-) -> tuple[tuple[DomainLimit, ...], tuple[float, ...]]:
-    """Read `limits` and `limit_noise`."""
-    if not isinstance(model, Pomdp):
-        raise DomainError(
-            f"{table.location('limits')}: {model.file} is simulated; limits need a model with tables"
-        )
-    from lcorpp.domains.sections.limits import read_limits  # few domains have them
-
-    limits = read_limits(table.sections("limits"), model, reasoning, reports)
-    noise = table.value("limit_noise") if "limit_noise" in table else []
-    numbers = noise if isinstance(noise, list) else [-1]
-    if not all(type(n) in (int, float) and 0 <= n <= 1 for n in numbers) or len(set(numbers)) < len(numbers):
-        raise DomainError(
-            f"{table.location('limit_noise')}: expected a list of different probabilities, not {noise!r}"
-        )
-    return limits, tuple(map(float, noise))
 
 
 def _read_phrases(table: TomlTable, model: Pomdp | GenerativeModel) -> dict[str, str]:

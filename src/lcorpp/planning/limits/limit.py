@@ -143,10 +143,9 @@ def split_limit(text: str) -> LimitText:
                 f"limit {text!r}: {count!r} after '>' is not the count of an event; expected {EXPECTED}"
             )
         more_than = int(count)
-    if not _NUMBER.fullmatch(match["bound"].strip()):
-        raise ModelError(
-            f"limit {text!r}: {match['bound'].strip()!r} is not a number; expected a number from 0"
-        )
+    found = match["bound"].strip()
+    if not _NUMBER.fullmatch(found):
+        raise ModelError(f"limit {text!r}: {found!r} is not a number; expected a number from 0")
     bound = float(match["bound"])
     given = None if match["given"] is None else match["given"].strip()
     if not what.strip() or what.rstrip().endswith(":") or given == "":
