@@ -10,6 +10,8 @@ import pytest
 from lcorpp import load_domain, solve
 from lcorpp.errors import InfeasibleError, ModelError
 from lcorpp.planning import Limit, Pomdp, SparseTables, read_limit, solve_limited, verify_limits
+from lcorpp.planning.limits.limited_model import build_limited_model
+from lcorpp.planning.limits.solver import find_smallest_bound
 from tests.planning.limits.models import enumerate_plans, mix_plans, random_limit, random_model, stage
 
 KINDS = ("probability", "total", "discounted")
@@ -121,6 +123,18 @@ def test_the_smallest_bound_that_can_be_met():
     with pytest.raises(InfeasibleError, match=r"smallest bound that can be met: say_x:y <= 0\.3$"):
         solve_limited(pomdp, [read_limit(pomdp, "say_x:y <= .2")])
     assert solve_limited(pomdp, [read_limit(pomdp, "say_x:y <= .3")]).value == pytest.approx(0.4)
+
+
+def test_a_smallest_bound_that_takes_a_search():
+    """A report takes one action; with two at most, nobody is reported wrongly as interested."""
+    pomdp = load_domain("intention").pomdp
+    model = build_limited_model(pomdp, [read_limit(pomdp, "total(*) <= 1")], pomdp.start[None], np.ones(1))
+    assert find_smallest_bound(model, 0, 20) == pytest.approx((1, 1), abs=1e-3)
+    both = [read_limit(pomdp, "total(*) <= 2"), read_limit(pomdp, "report_interested:not_interested <= .01")]
+    model = build_limited_model(pomdp, both, pomdp.start[None], np.ones(1))
+    smallest, certain = find_smallest_bound(model, 1, 20)
+    assert smallest == 0  # it reports "not interested" at once
+    assert certain <= 1e-9
 
 
 def test_a_condition_divides_by_its_probability():

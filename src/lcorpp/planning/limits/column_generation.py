@@ -142,7 +142,8 @@ class ColumnGeneration:
                 if self.seconds_left <= 0:
                     return "time limit"
                 following, finest = np.minimum(self._find_multipliers(), self._cap), self._precision / 4
-                same = np.abs(following - multipliers).max() <= SAME * max(1.0, float(following.max()))
+                change = float(np.abs(following - multipliers).max(initial=0.0))  # maybe of no limits
+                same = change <= SAME * max(1.0, float(following.max(initial=0.0)))
                 stays = self.upper - lower > (1 - MIN_PROGRESS) * gap
                 if same and stays and not self._refine():
                     if converged and precision <= finest and lower <= float(before.values[0]) + 1e-12:
