@@ -34,6 +34,7 @@ from lcorpp.errors import InfeasibleError
 from lcorpp.files import make_folder, write_atomically
 from lcorpp.planning import Limit, Pomdp, parse_pomdp, read_limit, solve_limited, verify_limits
 from lcorpp.planning.evaluation.mdp import mdp_value_bounds
+from model_learning import TIGER
 
 PRECISION = 1e-4
 """Of a search, relative to the range of returns."""
@@ -137,28 +138,6 @@ def solve_problem(name: str, pomdp: Pomdp, limits: Sequence[Limit], seconds: flo
         name, solution.value, solution.upper, solution.gap / scale, excess, spent, checked.verdict, texts
     )
 
-
-TIGER = """
-discount: 0.95
-values: reward
-states: left right
-actions: listen open_left open_right
-observations: hear_left hear_right
-start: uniform
-T: listen identity
-T: open_left uniform
-T: open_right uniform
-O: listen
-0.85 0.15
-0.15 0.85
-O: open_left uniform
-O: open_right uniform
-R: listen : * : * : * -1
-R: open_left : left : * : * -100
-R: open_left : right : * : * 10
-R: open_right : left : * : * 10
-R: open_right : right : * : * -100
-"""
 
 DRIVE = """
 discount: 0.95

@@ -22,7 +22,7 @@ def test_values_are_those_of_people():
     assert limit.cost.tolist() == [[0, 0], [0, 1], [0, 1], [0, 0], [0, 0]]
     assert (limit.more_than, limit.kind, limit.bound, dict(limit.condition)) == (1, "probability", 0.1, {})
     own = limit.make_limit(domain.planning.state_values)
-    assert own.cost[1].tolist() == [0, 1, 0, 1, 0]  # the terminal state belongs to nobody
+    assert own.cost[1].tolist() == [0, 1, 0, 1, 0]  # the terminal state has no person
 
 
 def test_wrong_reports():

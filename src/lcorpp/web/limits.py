@@ -30,7 +30,4 @@ def draw_start_node(
     plan: LimitedPlan, evidence: Mapping[str, str], prior: Belief, seed: tuple[int, ...]
 ) -> int:
     """Return the node that a planner of this plan draws with a seed (`make_generator`)."""
-    start = plan.find_start(evidence)
-    if start is None:
-        start = plan.policy.find_start(prior)
-    return plan.policy.draw_node(start, make_generator(*seed))
+    return plan.policy.draw_node(plan.find_start(evidence), prior, make_generator(*seed))

@@ -34,7 +34,7 @@ def plan():
 
 
 def test_the_population_has_the_probabilities_of_the_knowledge():
-    """The sums over the cases are the marginals; a condition on an attribute that nobody observes, too."""
+    """The sums over the cases are the marginals; so it is for an attribute without observations."""
     domain = load("greet|not_interested <= .1", "greet|identity=visitor <= .2", "greet <= .5")
     own = list_population(domain, domain.program)
     assert own.weights.sum() == pytest.approx(1)
@@ -119,7 +119,7 @@ def test_comparisons_have_the_plan():
 def test_what_cannot_be_planned():
     with pytest.raises(DomainError, match=r"no \[\[planning.limits\]\]"):
         solve_domain_limits(load_domain("intention"))
-    with pytest.raises(InfeasibleError, match=r"smallest bound that can be met: total\(\*\) <= 1$"):
+    with pytest.raises(InfeasibleError, match=r"smallest feasible bound: total\(\*\) <= 1$"):
         solve_domain_limits(load("total(*) <= 0.5"), time_limit=20)
     robot = load_robot("intention", cache=False).robot
     (row,) = find_strategies(["LCORPP+limits"])

@@ -45,7 +45,7 @@ def evaluate_all(model, controller):
 
 
 def test_minimise_joins_nodes_with_the_same_plan():
-    """Nodes 1 and 2 act alike for ever, 0 does not; 3 is a copy of 0."""
+    """Nodes 1 and 2 take the same actions after all observations, 0 does not; 3 is a copy of 0."""
     controller = Controller([0, 1, 1, 0], [[1, 2], [1, 1], [2, 2], [2, 1]])
     smaller, number = controller.minimise()
     assert len(smaller) == 2

@@ -55,7 +55,7 @@ def test_random_models_keep_their_limits(seed):
 
 
 def two_doors(discount=0.5):
-    """A model without observations: act `a` earns 1 and costs 1, `b` earns and costs nothing, for ever."""
+    """A model without observations: `a` earns 1 and costs 1, `b` earns and costs nothing, without end."""
     return Pomdp(("s",), ("a", "b"), ("none",), [[[1.0]]] * 2, [[[1.0]]] * 2, [[1.0], [0.0]], discount, [1.0])
 
 
@@ -78,14 +78,14 @@ def test_the_probability_of_an_event_counts_it_once():
 
 
 def test_more_than_n_times():
-    """Twice is free: 1 + .5, and a quarter of the decisions go on for ever."""
+    """Twice is free: 1 + .5, and a quarter of the decisions never end."""
     limit = Limit("often", [[1.0], [0.0]], 0.25, more_than=2)
     solution = solve_limited(two_doors(), [limit])
     assert solution.value == pytest.approx(0.75 * 1.5 + 0.25 * 2, abs=1e-3)
 
 
 def test_a_limit_without_end_has_finite_costs_at_its_best():
-    """A total of an action that may be repeated for ever is kept by stopping."""
+    """A policy without a last action has an infinite total; the best one has a finite total."""
     solution = solve_limited(two_doors(), [Limit("total", [[1.0], [0.0]], 3.0, "total")])
     assert solution.value == pytest.approx(1 + 0.5 + 0.25, abs=2e-3)
     assert solution.costs[0] <= 3 + 1e-9
@@ -110,7 +110,7 @@ def test_a_smallest_bound_is_named():
         read_limit(pomdp, hurry),
         read_limit(pomdp, "report_not_interested <= .2"),
     ]
-    with pytest.raises(InfeasibleError, match=r"smallest bound that can be met while the others hold: .*"):
+    with pytest.raises(InfeasibleError, match=r"smallest feasible bound while the others hold: .*"):
         solve_limited(pomdp, limits, time_limit=20)
 
 
@@ -120,7 +120,7 @@ def test_the_smallest_bound_that_can_be_met():
         ("x", "y", "end"), ("say_x",), ("none",),
         [[[0, 0, 1], [0, 0, 1], [0, 0, 1]]], [[[1]] * 3], [[1, -1, 0]], 0.9, [0.7, 0.3, 0],
     )  # fmt: skip
-    with pytest.raises(InfeasibleError, match=r"smallest bound that can be met: say_x:y <= 0\.3$"):
+    with pytest.raises(InfeasibleError, match=r"smallest feasible bound: say_x:y <= 0\.3$"):
         solve_limited(pomdp, [read_limit(pomdp, "say_x:y <= .2")])
     assert solve_limited(pomdp, [read_limit(pomdp, "say_x:y <= .3")]).value == pytest.approx(0.4)
 
@@ -193,7 +193,7 @@ def test_the_previous_solution_is_of_the_same_problem():
 
 
 def test_a_discount_close_to_one():
-    """The bound counts the return with its own discount: a quarter of the decisions go on for ever."""
+    """The bound counts the return with its own discount: a quarter of the decisions never end."""
     pomdp = two_doors(0.99995)
     solution = solve_limited(pomdp, [Limit("ever", [[1.0], [0.0]], 0.25)], time_limit=20)
     assert solution.upper >= 0.25 / (1 - 0.99995) - 1e-3

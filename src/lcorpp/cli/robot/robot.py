@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from lcorpp.assembly.robot_parts import RobotParts
     from lcorpp.decision import Strategy
     from lcorpp.domains import Domain
+    from lcorpp.logs.decision_log import DecisionLog
     from lcorpp.robot.config import RobotConfig
     from lcorpp.robot.deciding import Decision
     from lcorpp.values import Step
@@ -121,16 +122,7 @@ def robot(
             for decision in loop.run(decisions):
                 count += 1
                 _print_decision(decision)
-                if kept is not None and decision.episode is not None:
-                    kept.append(
-                        parts,
-                        strategy,
-                        decision.facts,
-                        decision.episode,
-                        seed=decision.seed,
-                        person=decision.n_learnt,
-                        person_id=decision.person_id,
-                    )
+                _log_decision(kept, parts, strategy, decision)
         except KeyboardInterrupt:
             signal.signal(signal.SIGINT, signal.SIG_IGN)  # a second one must not prevent the stop
             where = "" if log is None else f"; they are in {log}"
@@ -185,19 +177,25 @@ def _decide_about_bag(
         for decision in loop.run(decisions):
             count += 1
             _print_decision(decision)
-            if kept is not None and decision.episode is not None:
-                kept.append(
-                    parts,
-                    strategy,
-                    decision.facts,
-                    decision.episode,
-                    seed=decision.seed,
-                    person=decision.n_learnt,
-                )
+            _log_decision(kept, parts, strategy, decision)
     if not count:
         seconds = config.people.decide_after
         console.print_note(
             f"{bag}: no track of a person lasts {seconds:g} s (decide_after), so no decision is made"
+        )
+
+
+def _log_decision(log: DecisionLog | None, parts: RobotParts, strategy: Strategy, decision: Decision) -> None:
+    """Write a decision to the log, if there is a log and the decision has an episode."""
+    if log is not None and decision.episode is not None:
+        log.append(
+            parts,
+            strategy,
+            decision.facts,
+            decision.episode,
+            seed=decision.seed,
+            person=decision.n_learnt,
+            person_id=decision.person_id,
         )
 
 

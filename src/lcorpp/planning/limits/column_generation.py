@@ -68,8 +68,8 @@ ENDLESS = 1e4
 MAX_EXCESS = 1e-9
 """Excess over the limits that is a rounding error, relative to their largest costs."""
 
-MIN_EXCESS = 1e-7
-"""Least precision of the search for plans within the limits, relative to their largest costs."""
+MIN_PRECISION = 1e-7
+"""Smallest precision of the search for plans within the limits, relative to their largest costs."""
 
 MAX_STARTS = 1
 """With at most this many starts, all nodes of a column are candidates, with more its start nodes."""
@@ -79,7 +79,7 @@ class ColumnGeneration:
     """A running search for the best mixture of controllers within limits.
 
     pool: of all plans so far. best: mixture of the last linear program. upper: bound on the return within the
-    limits. least_excess: certain lower bound of what the limits must be exceeded by, scaled as in `mix`.
+    limits. min_excess: lower bound of the excess of every policy over the limits, scaled as in `mix`.
     history: (seconds, return, upper bound, plans) after each search within the limits.
     """
 
@@ -96,7 +96,7 @@ class ColumnGeneration:
         self._began = monotonic()
         self._end = self._began + time_limit
         n_limits = len(model.limits)
-        self.upper, self.least_excess = inf, 0.0
+        self.upper, self.min_excess = inf, 0.0
         self.history: list[tuple[float, float, float, int]] = []
         self.pool = Pool.of(model) if pool is None else pool
         self._plans = np.arange(len(self.pool))
@@ -176,21 +176,21 @@ class ColumnGeneration:
                 self.best = self._mix()
                 return None
             self.best = mixture
-            if self.least_excess > 0:
+            if self.min_excess > 0:
                 return "infeasible"
             if self.seconds_left <= 0:
                 return "time limit"
             multipliers = mixture.multipliers
             converged = self._search(0.0, multipliers, precision)
             if previous is not None and np.allclose(previous, multipliers, rtol=SAME, atol=0):
-                if converged and precision <= MIN_EXCESS:
+                if converged and precision <= MIN_PRECISION:
                     return "controllers limit"
-                precision = max(precision / 8, MIN_EXCESS)
+                precision = max(precision / 8, MIN_PRECISION)
             previous = multipliers
 
     @property
     def _cap(self) -> Array:
-        """(K,) the largest multipliers: those of a bound that can barely be met have no limit."""
+        """(K,) the largest multipliers: those of an infeasible bound would grow without end."""
         finite = self._values[:, np.isfinite(self._values).all(axis=0)]
         range_ = float(np.ptp(finite[0])) or self._span
         cap: Array = MAX_MULTIPLIER * range_ / np.maximum(finite[1:].max(axis=1), 1e-9)
@@ -280,7 +280,7 @@ class ColumnGeneration:
         if factor:
             self.upper = min(self.upper, upper)
         else:  # the multipliers times the scales of the costs sum to 1
-            self.least_excess = max(self.least_excess, -upper)
+            self.min_excess = max(self.min_excess, -upper)
         return solution.reason == CONVERGED
 
     def _find_previous(self, problem: Pomdp, factors: Array, precision: float) -> Solution | None:
@@ -289,7 +289,7 @@ class ColumnGeneration:
         Whatever the multipliers are, a column earns the sum of its criteria. An upper bound for other
         multipliers is raised by the most that the difference of the multipliers can earn in each state.
         """
-        best, least, raised = None, inf, np.zeros(0)
+        best, min_rise, raised = None, inf, np.zeros(0)
         for own, solution in reversed(self._searches):
             bound = solution.policy.upper_bound
             if own[0] != factors[0] or not isinstance(bound, SawtoothBound):
@@ -298,8 +298,8 @@ class ColumnGeneration:
                 return replace(solution, pomdp=problem)
             change = self._bound_change(factors - own)
             rise = float(self._start @ change.max(axis=0))
-            if rise < least:
-                best, least, raised = bound, rise, change
+            if rise < min_rise:
+                best, min_rise, raised = bound, rise, change
         if best is None:
             return None
         informed = np.minimum(best.informed + raised, compute_informed_bound(problem, precision, SECONDS))

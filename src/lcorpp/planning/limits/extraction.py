@@ -90,8 +90,8 @@ def add_policy(model: LimitedModel, pool: Pool, problem: Pomdp, policy: Policy, 
     width = max(1, int(graph.beliefs.sizes.max()))
     branching = sum(len(own.targets) for own in model.steps) / (len(model.steps) * len(model.base))
     equations = MAX_EQUATIONS if model.discounts.max() <= MAX_ITERATED else MAX_FACTORISED
-    most = min(MAX_NODES, equations // width, int(MAX_STEPS / (width * branching)))
-    max_nodes = max(len(set(roots.tolist())), most)
+    size = min(MAX_NODES, equations // width, int(MAX_STEPS / (width * branching)))
+    max_nodes = max(len(set(roots.tolist())), size)
     decay = min(max(float(model.discounts.min()), MIN_DECAY), MAX_DECAY)
     nodes = _choose_nodes(graph, roots, model.weights, max_nodes, decay)
     number = np.full(len(graph), -1)

@@ -221,12 +221,12 @@ def make_grid_bounds(model: LimitedModel, *, refinement: int = 1) -> list[GridBo
 def _find_resolution(model: LimitedModel, n_states: int, n_parts: int, refinement: int) -> int:
     """Return the finest resolution of a part within the limits of the grids."""
     width = len(model.base) * sum(own.shape[1] for own in model.observations)
-    most = refinement * min(MAX_POINTS, MAX_ENTRIES // width) // n_parts
+    max_points = refinement * min(MAX_POINTS, MAX_ENTRIES // width) // n_parts
     if n_states == 1:
         return MIN_RESOLUTION
     resolution = 0
     observations = max(own.shape[1] for own in model.observations)
-    most = min(most, MAX_CORNERS // (observations * n_states**2))
-    while comb(resolution + n_states, n_states - 1) <= most and (resolution + 2) ** n_states < MAX_KEY:
+    max_points = min(max_points, MAX_CORNERS // (observations * n_states**2))
+    while comb(resolution + n_states, n_states - 1) <= max_points and (resolution + 2) ** n_states < MAX_KEY:
         resolution += 1
     return resolution

@@ -21,6 +21,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lcorpp.errors import ModelError
+from lcorpp.planning.arguments import check_type
 from lcorpp.planning.limits.limit import Limit, check_limit_set
 from lcorpp.planning.pomdp import Pomdp
 from lcorpp.planning.sparse import SparseTables, ragged_indices
@@ -223,9 +224,8 @@ def build_limited_model(
     if factors is None:
         factors = np.array([_find_factors(limit, starts, weights) for limit in limits])
     truths = list(models) or [pomdp]
+    check_names(truths, pomdp)
     for own in truths:
-        if (own.states, own.actions, own.observations) != (pomdp.states, pomdp.actions, pomdp.observations):
-            raise ModelError(f"{own.file or 'a model'}: limits hold for models with the same names only")
         if own.discount != pomdp.discount:
             raise ModelError(
                 f"{own.file or 'a model'}: its discount is {own.discount:g}; expected that of the stated"
@@ -292,6 +292,14 @@ def build_limited_model(
         starts=placed[:, kept],
         weights=np.asarray(weights, dtype=np.float64),
     )
+
+
+def check_names(models: Sequence[Pomdp], pomdp: Pomdp) -> None:
+    """Raise a `ModelError` if a model has other states, actions or observations than the planner's model."""
+    for own in models:
+        check_type("a model", own, Pomdp)
+        if (own.states, own.actions, own.observations) != (pomdp.states, pomdp.actions, pomdp.observations):
+            raise ModelError(f"{own.file or 'a model'}: limits hold for models with the same names only")
 
 
 def name_limit(limit: Limit, number: int, count: int) -> str:

@@ -23,7 +23,7 @@ PRECISE = {"primal_feasibility_tolerance": 1e-10, "dual_feasibility_tolerance": 
 """Options of the linear program, whose own tolerance is 1e-7."""
 
 ROUNDING, SLACK = 1e-8, 2e-7
-"""Changes of the bounds, relative to the largest cost: the tolerance of one that can just be met, and a
+"""Changes of the bounds, relative to the largest cost: the tolerance of the smallest feasible one, and a
 margin without these options."""
 
 MILP_SECONDS = 10.0
@@ -75,7 +75,7 @@ def mix(model: LimitedModel, plans: Indices, values: Array, *, minimise_excess: 
         costs = hstack([costs, csr_array(-np.ones((len(bounds), 1)))], format="csr")
         ones = hstack([ones, csr_array((program.n_starts, 1))], format="csr")
     solver: Any = linprog
-    # Bounds that can just be met may be missed by rounding. The precise solver fails on some programs; with
+    # Rounding can miss the smallest feasible bounds. The precise solver fails on some programs; with
     # its own tolerance the bounds are a little tighter.
     for options, slack in ((PRECISE, 0.0), (PRECISE, ROUNDING), ({}, -SLACK), ({}, ROUNDING)):
         own = np.maximum(bounds + slack, np.minimum(bounds, 0.0))

@@ -86,8 +86,10 @@ class RandomisedPolicy:
         """Return the index of the start that is nearest to a belief (S,), in total variation."""
         return int(np.abs(self.starts - belief).sum(axis=1).argmin())
 
-    def draw_node(self, start: int, rng: np.random.Generator) -> int:
-        """Return the start node of a decision that begins from a start."""
+    def draw_node(self, start: int | None, prior: Belief, rng: np.random.Generator) -> int:
+        """Return the start node of a decision from a start; None takes the nearest one to the prior."""
+        if start is None:
+            start = self.find_start(prior)
         return int(rng.choice(len(self.controller), p=self.probabilities[start]))
 
     def check_model(self, pomdp: Pomdp) -> None:
@@ -245,8 +247,7 @@ class RandomisedPlanner(ModelPlanner):
     def action(self, belief: Belief) -> str:
         """Return the action of the present node; the first belief (S,) selects the start."""
         if self._node is None:
-            start = self.policy.find_start(belief) if self._start is None else self._start
-            self._node = self.policy.draw_node(start, self._rng)
+            self._node = self.policy.draw_node(self._start, belief, self._rng)
         return self.policy.action_names[int(self.policy.controller.actions[self._node])]
 
     def update(self, belief: Belief, action: str, observation: str) -> Belief:

@@ -22,8 +22,8 @@ from lcorpp.planning.pomdp import SUM_TOLERANCE, Pomdp
 from lcorpp.planning.solution import CONVERGED
 from lcorpp.values import Array
 
-LEAST_SHARE = 0.5
-"""Share of the time limit for the smallest bound that can be met, for each limit that is not."""
+SMALLEST_BOUND_SHARE = 0.5
+"""Share of the time limit for the search of the smallest feasible bound of each limit."""
 
 DETERMINISTIC_STEPS = 6
 """Searches with larger multipliers, whose plans keep the limits without mixing."""
@@ -159,7 +159,7 @@ def solve_limited(
     Raises:
         ModelError: an argument is wrong.
         InfeasibleError: no policy keeps the limits, or none was found in time; the message has the smallest
-            bounds that can be met.
+            feasible bounds.
 
     Examples:
         >>> from lcorpp import load_domain
@@ -178,8 +178,6 @@ def solve_limited(
             raise ModelError(f"the weights of {len(starts)} starts are as many probabilities that sum to 1")
     for name, given in (("limits", limits), ("models", models)):
         check_type(name, given, Sequence)
-    for own in models:
-        check_type("a model", own, Pomdp)
     if factors is not None:
         factors = _read_numbers(factors, "factors")
         if factors.shape != (len(limits), *starts.shape):
@@ -271,17 +269,17 @@ def _describe_excess(model: LimitedModel, search: ColumnGeneration, reason: str,
     if search.best is None:
         return f"no policy with finite costs was found for the limits {names}; expected discounted(...)"
     if reason != "infeasible":
-        least = ", ".join(
+        costs = ", ".join(
             f"{limit.name} {cost:.4g}"
             for limit, cost in zip(model.limits, search.best.values[1:], strict=True)
         )
         return (
             f"no policy within the limits {names} was found in {search.seconds:.1f} s, but there may be one;"
-            f" the nearest has {least}; give more time or larger bounds"
+            f" the nearest has {costs}; give more time or larger bounds"
         )
     parts = []
     for k, limit in enumerate(model.limits):
-        found = find_smallest_bound(model, k, LEAST_SHARE * time_limit / len(model.limits))
+        found = find_smallest_bound(model, k, SMALLEST_BOUND_SHARE * time_limit / len(model.limits))
         if found is None:
             parts.append(f"{limit.name}: none was found while the others hold")
         elif found[0] > limit.bound:
@@ -291,9 +289,7 @@ def _describe_excess(model: LimitedModel, search: ColumnGeneration, reason: str,
     if not parts:
         return f"no policy keeps the limits {names}"
     others = " while the others hold" if len(model.limits) > 1 else ""
-    return (
-        f"no policy keeps the limits {names}; the smallest bound that can be met{others}: {'; '.join(parts)}"
-    )
+    return f"no policy keeps the limits {names}; the smallest feasible bound{others}: {'; '.join(parts)}"
 
 
 def _round_up(number: float) -> str:

@@ -15,13 +15,13 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from lcorpp.errors import ModelError, PolicyError
+from lcorpp.errors import PolicyError
 from lcorpp.notebook import html_table
-from lcorpp.planning.arguments import check_positive, check_type
+from lcorpp.planning.arguments import check_positive
 from lcorpp.planning.evaluation.certificate import TOLERANCE, Verdict
 from lcorpp.planning.evaluation.mdp import mdp_value_bounds
 from lcorpp.planning.limits.limit import Limit
-from lcorpp.planning.limits.limited_model import name_limit
+from lcorpp.planning.limits.limited_model import check_names, name_limit
 from lcorpp.planning.limits.randomised_policy import RandomisedPolicy
 from lcorpp.planning.limits.solver import LimitedSolution
 from lcorpp.planning.pomdp import Pomdp
@@ -139,16 +139,7 @@ def verify_limits(
         raise PolicyError("the policy begins from other beliefs than the solution")
     shares = model.weights
     truths = list(models) or list(model.truths)
-    for truth in truths:
-        check_type("a model", truth, Pomdp)
-        if (truth.states, truth.actions, truth.observations) != (
-            pomdp.states,
-            pomdp.actions,
-            pomdp.observations,
-        ):
-            raise ModelError(
-                f"{truth.file or 'a model'}: limits are checked in models with the same names only"
-            )
+    check_names(truths, pomdp)
     limits = model.stated_limits
     todo = 1 + len(truths) * len(limits)
     deadline = began + time_limit
@@ -170,11 +161,11 @@ def verify_limits(
     return LimitsCertificate(tuple(checks), tolerance, monotonic() - began)
 
 
-def _compare(low: float, high: float, least: float, most: float) -> Verdict:
-    """Return whether a number between low and high is between least and most."""
-    if high < least or low > most:
+def _compare(low: float, high: float, min_value: float, max_value: float) -> Verdict:
+    """Return whether a number between low and high is between two limits."""
+    if high < min_value or low > max_value:
         return "refuted"
-    return "confirmed" if least <= low and high <= most else "open"
+    return "confirmed" if min_value <= low and high <= max_value else "open"
 
 
 class _Walk:
@@ -199,8 +190,11 @@ class _Walk:
         pomdp, discount = self._pomdp, self._discount
         joint = (self._policy.probabilities * weights[:, None]).T @ self._policy.starts  # (n, S)
         if discount < 1:
-            least, most = mdp_value_bounds(pomdp)
-            low_rest, high_rest = np.broadcast_to(least, joint.shape), np.broadcast_to(most, joint.shape)
+            min_value, max_value = mdp_value_bounds(pomdp)
+            low_rest, high_rest = (
+                np.broadcast_to(min_value, joint.shape),
+                np.broadcast_to(max_value, joint.shape),
+            )
         else:
             possible = self._find_possible(np.abs(pomdp.reward))
             ahead = 2 * float(np.abs(pomdp.reward).max()) * self._find_half_life(possible)
