@@ -13,7 +13,7 @@ import os
 import platform
 import shutil
 import tempfile
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from datetime import date
 from pathlib import Path
 from typing import Annotated
@@ -25,14 +25,17 @@ from sarsop import History, bounds_at, run_appl, run_lcorpp
 
 from lcorpp import load_domain
 from lcorpp.files import make_folder, write_atomically
-from lcorpp.planning import Pomdp, write_pomdp
+from lcorpp.planning import Pomdp, SparseTables, write_pomdp
 from lcorpp.planning.evaluation.gap_share import compute_repeated_value
+from lcorpp.values import Array
 
 MARKS = (10.0, 60.0)
 """CPU times in seconds at which the table shows bounds."""
 
 
-def make_dialogue(prior, questions, costs, reports, discount=0.95) -> Pomdp:
+def make_dialogue(
+    prior: Array, questions: Sequence[Array], costs: Sequence[float], reports: Array, discount: float = 0.95
+) -> Pomdp:
     """Return a model of a hidden value with a prior (n,).
 
     questions: arrays (n, m) of P(answer | value). costs: of each. reports: (n, n) reward by report and value.
@@ -47,8 +50,17 @@ def make_dialogue(prior, questions, costs, reports, discount=0.95) -> Pomdp:
         Z[a, :n, : question.shape[1]] = question
         R[a, :n] = -cost
     R[len(questions) :, :n] = reports
-    names = [[f"{kind}{i}" for i in range(k)] for kind, k in (("s", n + 1), ("a", A), ("o", m + 1))]
-    return Pomdp(*map(tuple, names), T, Z, R, discount, np.append(prior, 0))
+    return make_model(T, Z, R, discount, np.append(prior, 0.0))
+
+
+def make_model(T: Array, Z: Array, R: Array, discount: float, start: Array) -> Pomdp:
+    """Return a model in which states, actions and observations have numbers as names."""
+    states, actions, observations = (
+        tuple(f"{kind}{i}" for i in range(count))
+        for kind, count in (("s", R.shape[1]), ("a", R.shape[0]), ("o", Z.shape[2]))
+    )
+    tables = SparseTables.of(T), SparseTables.of(Z)
+    return Pomdp(states, actions, observations, *tables, R, discount, start)
 
 
 def make_sensor(values: int, steps: int) -> Pomdp:
@@ -64,10 +76,8 @@ def make_sensor(values: int, steps: int) -> Pomdp:
         Z[0, s, value] = right
         R[0, s], R[1:, s], R[1 + value, s] = -1, -10, 10
         T[1:, s, n] = Z[1:, s, values] = 1
-    names = [[f"{kind}{i}" for i in range(k)] for kind, k in (("s", n + 1), ("a", A), ("o", values + 1))]
-    return Pomdp(
-        *map(tuple, names), T, Z, R, 0.95, np.append(np.full(values, 1 / values), np.zeros(n + 1 - values))
-    )
+    start = np.append(np.full(values, 1 / values), np.zeros(n + 1 - values))
+    return make_model(T, Z, R, 0.95, start)
 
 
 def make_medical(values: int, tests: int, seed: int) -> Pomdp:

@@ -12,10 +12,12 @@ import argparse
 import platform
 from dataclasses import replace
 from datetime import date
+from functools import partial
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 from matplotlib.figure import Figure
 
 from lcorpp import load_robot
@@ -27,7 +29,7 @@ from lcorpp.learning.evaluation.folds import find_training_cases
 from lcorpp.learning.evaluation.metrics import compute_auc
 from lcorpp.plot_style import COLOURS, despine, save_figure, with_style
 from lcorpp.robot.attending import Attention
-from lcorpp.values import Array, Dataset, Instance
+from lcorpp.values import Array, Dataset, Flags, Indices, Instance
 from lcorpp.worlds.ros.people.bag_recording import read_bags
 
 LABELS, PEOPLE = {"eng": "engaged", "dis": "not_engaged"}, "[A-Z]{2}"
@@ -46,29 +48,34 @@ SEEDS = 5
 """Of the forest: its probabilities are means."""
 
 
+Traces = dict[str, list[tuple[Array, Array]]]
+"""Model -> for each track the ends of windows (seconds) and P(engaged)."""
+
+
 class Windows(NamedTuple):
     """Windows of some seconds. tracks, bags: (cases,) index of each window's track, and name of its bag."""
 
     data: Dataset
-    tracks: Array
-    bags: Array
+    tracks: Indices
+    bags: npt.NDArray[np.str_]
 
     @property
-    def engaged(self) -> Array:
-        return np.array(self.data.labels) == "engaged"
+    def engaged(self) -> Flags:
+        engaged: Flags = np.array(self.data.labels) == "engaged"
+        return engaged
 
 
 def cut(recording: Recording, seconds: float, step: float = STEP) -> Windows:
     """Return the windows of all tracks."""
-    options = {"interval": 1 / RATE, "points": round(seconds * RATE) + 1, "step": step}
-    data = to_dataset(recording, **options)
-    counts = [len(to_dataset(Recording((track,)), **options)) for track in recording.tracks]
+    cut_tracks = partial(to_dataset, interval=1 / RATE, points=round(seconds * RATE) + 1, step=step)
+    data = cut_tracks(recording)
+    counts = [len(cut_tracks(Recording((track,)))) for track in recording.tracks]
     tracks = np.repeat(np.arange(len(counts)), counts)
     bags = np.array([recording.tracks[t].id.split("/")[0] for t in tracks])
     return Windows(data, tracks, bags)
 
 
-def make_model(name: str, data: Dataset, seed: int = 0):
+def make_model(name: str, data: Dataset, seed: int = 0) -> Any:
     kind, features = MODELS[name]
     return learner(
         kind, interval=data.interval, inputs=data.channels, features=features, rate=10.0, seed=seed
@@ -78,16 +85,17 @@ def make_model(name: str, data: Dataset, seed: int = 0):
 def predict(name: str, data: Dataset) -> Array:
     """(cases,) P(engaged), each person held out."""
     seeds = range(SEEDS if name == "forest" else 1)
-    return np.mean(
+    p: Array = np.mean(
         [cross_validate(make_model(name, data, seed), data).probabilities[:, 0] for seed in seeds], axis=0
     )
+    return p
 
 
-def auc(p: Array, windows: Windows, rows: Array) -> float:
+def auc(p: Array, windows: Windows, rows: Indices) -> float:
     return float(compute_auc(p[rows], windows.engaged[rows], np.ones((1, len(rows))))[0])
 
 
-def resample(windows: Windows, rng: np.random.Generator) -> Array:
+def resample(windows: Windows, rng: np.random.Generator) -> Indices:
     """Return the windows of a bootstrap sample of the bags, stratified by label."""
     drawn = []
     for label in (True, False):
@@ -137,11 +145,11 @@ def measure_calibration(recording: Recording) -> list[str]:
     return rows
 
 
-def trace(recording: Recording) -> dict[str, list[tuple[Array, Array]]]:
+def trace(recording: Recording) -> Traces:
     """Return model -> for each track the ends of windows (seconds) and P(engaged), the person held out."""
     training, watched = cut(recording, 2.0), cut(recording, 2.0, TIMELINE_STEP)
     groups = np.array(training.data.groups)
-    found: dict[str, list[tuple[Array, Array]]] = {}
+    found: Traces = {}
     for name in MODELS:
         p = np.zeros(len(watched.data))
         for group in np.unique(groups):
@@ -153,11 +161,11 @@ def trace(recording: Recording) -> dict[str, list[tuple[Array, Array]]]:
                 p[tested] += model.predict_proba(watched.data.trajectories[tested])[:, 0]
             p[tested] /= SEEDS if name == "forest" else 1
         own = [p[watched.tracks == t] for t in range(len(recording.tracks))]
-        found[name] = [(2.0 + TIMELINE_STEP * np.arange(len(each)), each) for each in own]
+        found[name] = [(2.0 + TIMELINE_STEP * np.arange(len(each), dtype=float), each) for each in own]
     return found
 
 
-def time_decisions(recording: Recording, traces) -> list[str]:
+def time_decisions(recording: Recording, traces: Traces) -> list[str]:
     """Return the times of approach at the lowest thresholds with no and with one false approach."""
     engaged = np.array([track.label == "engaged" for track in recording.tracks])
     rows = []
@@ -209,12 +217,13 @@ def name_class(p: float) -> str:
     return "engaged" if p >= 0.5 else "not_engaged"
 
 
-def decide(recording: Recording, traces) -> list[str]:
+def decide(recording: Recording, traces: Traces) -> list[str]:
     """Return the decisions about the recorded people, who are alone at the entrance in a quiet hour."""
     domain, full = load_domain("engagement"), load_robot("engagement")
     facts = {"place": "entrance", "time": "quiet", "company": "alone"}
     label_of = domain.find_sense("gaze").label_of
-    results = {name: [] for name in ("LCORPP, watching", "forest, at once", "gaze-rule, at once")}
+    names = ("LCORPP, watching", "forest, at once", "gaze-rule, at once")
+    results = {name: list[tuple[str, str, int]]() for name in names}
     ended = []
     for t, track in enumerate(recording.tracks):
         for start in range(0, len(traces["forest"][t][1]), round(STEP / TIMELINE_STEP)):
@@ -224,9 +233,12 @@ def decide(recording: Recording, traces) -> list[str]:
             robot = replace(LCORPP.robot(full.robot), classifiers={"gaze": Fixed(classes["forest"][0])})
             episode = dt_control(robot, Instance({"gaze": np.zeros(1)}, facts), world)
             ended.append(world.has_ended)
-            results["LCORPP, watching"].append((track.label, episode.report, len(episode.steps) - 1))
-            results["forest, at once"].append((track.label, classes["forest"][0], 0))
-            results["gaze-rule, at once"].append((track.label, classes["rule"][0], 0))
+            truth, report = track.label, episode.report
+            assert truth is not None
+            assert isinstance(report, str)
+            results["LCORPP, watching"].append((truth, report, len(episode.steps) - 1))
+            results["forest, at once"].append((truth, classes["forest"][0], 0))
+            results["gaze-rule, at once"].append((truth, classes["rule"][0], 0))
     rows = []
     for name, own in results.items():
         right = np.array([truth == report for truth, report, _ in own])
@@ -296,7 +308,7 @@ def measure_domain(recording: Recording) -> str:
     )
 
 
-def attend(recording: Recording, traces) -> list[str]:
+def attend(recording: Recording, traces: Traces) -> list[str]:
     """Return to whom of two people the robot attends, each tenth of a second."""
     full, rows = load_robot("engagement"), []
     facts = {"place": "entrance", "time": "quiet", "company": "with_others"}
@@ -324,11 +336,11 @@ LOOKS = ({"color": COLOURS[5]}, {"color": COLOURS[1], "linestyle": "--"})
 
 
 @with_style
-def draw(recording: Recording, traces) -> Figure:
+def draw(recording: Recording, traces: Traces) -> Figure:
     """Draw P(engaged) over time of each recorded person; the engaged are above."""
     figure = Figure(figsize=(9.0, 3.8), layout="constrained")
     axes = figure.subplots(2, 5, sharey=True)
-    order = sorted(range(len(recording.tracks)), key=lambda t: recording.tracks[t].label)
+    order = sorted(range(len(recording.tracks)), key=lambda t: str(recording.tracks[t].label))
     for axis, t in zip(np.ravel(axes), order, strict=True):
         track = recording.tracks[t]
         for (name, own), look in zip(traces.items(), LOOKS, strict=True):

@@ -123,7 +123,7 @@ class LaserTag:
         evasion = self._evasions[robot, opponent]
         opponent = evasion[int(rng.random() * len(evasion))]
         robot = robot if action == "tag" else self._moved[robot][action]
-        seen = self.same_cell
+        seen: tuple[int, ...] = self.same_cell
         if robot != opponent:
             errors = rng.standard_normal(8).tolist()
             seen = tuple(
@@ -183,7 +183,8 @@ class LaserTag:
         errors = distance - np.arange(ceil(distance) + 1)  # that lead to at least this reading
         at_least = 2 * norm.cdf(np.maximum(errors, 0) / self.deviation) - 1
         at_least[0] = 1.0
-        return (at_least[:-1] - at_least[1:]).tolist()  # type: ignore[no-any-return]
+        chances: list[float] = (at_least[:-1] - at_least[1:]).tolist()
+        return chances
 
     def _find_values(self, count: int) -> list[list[float]]:
         """Return the values (robot, opponent) of known states, by value iteration."""
@@ -194,7 +195,8 @@ class LaserTag:
             later = values[moved[:, :, None, None], evasions[:, None]].mean(axis=3)
             values = -1 + self.discount * later.max(axis=1)
             values[np.diag_indices(count)] = 10.0
-        return values.tolist()  # type: ignore[no-any-return]
+        found: list[list[float]] = values.tolist()
+        return found
 
 
 class RockSample:

@@ -17,6 +17,7 @@ import platform
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from datetime import date
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -170,18 +171,16 @@ def _work(
     """(name, classifier, data set) of one seed."""
     (sense,), rng = domain.senses, np.random.default_rng([seed, 0])
     balanced = simulate_dataset(domain, sense, SimulatedSignals.from_domain(domain, sense), tracks, rng)
-    work = []
+    work = list[tuple[str, Callable[[], Any], Callable[[], Dataset]]]()
     for epochs in (sense.epochs, PAPER_EPOCHS):
 
         def lstm(epochs: int = epochs) -> Any:
             return paper_pipeline(epochs=epochs, random_state=seed, class_weight="balanced")
 
         for name, points in PARTS.items():
-            work.append(
-                (f"{name}, {epochs} epochs", lstm, lambda points=points: take_points(balanced, points))
-            )
+            work.append((f"{name}, {epochs} epochs", lstm, partial(take_points, balanced, points)))
         if weighted:
-            work.append((f"{CASES}/{POSITIVE}, {epochs} epochs", lstm, lambda: imbalanced(domain, seed)))
+            work.append((f"{CASES}/{POSITIVE}, {epochs} epochs", lstm, partial(imbalanced, domain, seed)))
     return work
 
 
@@ -203,10 +202,10 @@ def _likeness(domain: Domain, scenes: dict[str, list[Array]]) -> list[str]:
     for name, tracks in (("all pedestrians", all_tracks(scenes)), ("walkers alone", all_tracks(walk))):
         found = distances(ours, measure_motion(tracks, 0.4))
         row(f"generator and {name}, all scenes", {q: f"**{d:.2f}**" for q, d in found.items()})
-    for name, found in each.items():
-        row(f"generator and {name}", {q: f"{d:.2f}" for q, d in distances(ours, found).items()})
-    for name, found in each.items():
-        others = [distances(found, other) for key, other in each.items() if key != name]
+    for name, motion in each.items():
+        row(f"generator and {name}", {q: f"{d:.2f}" for q, d in distances(ours, motion).items()})
+    for name, motion in each.items():
+        others = [distances(motion, other) for key, other in each.items() if key != name]
         row(
             f"{name} and the other scenes",
             {q: f"{min(d[q] for d in others):.2f} to {max(d[q] for d in others):.2f}" for q in QUANTITIES},

@@ -22,9 +22,10 @@ def main(cases: str, epochs: int, core: int, folds: list[int]) -> None:
     import numpy as np
 
     given = np.load(cases)
-    seconds, sizes, started = [], [], time.perf_counter() - BEGAN
+    seconds = list[list[tuple[float, float]]]()
+    sizes, started = [], time.perf_counter() - BEGAN
 
-    class Watch(keras.callbacks.Callback):
+    class Watch(keras.callbacks.Callback):  # type: ignore[misc]  # Keras has no stubs
         def on_epoch_begin(self, epoch: int, logs: object = None) -> None:
             self.wall, self.cpu = time.perf_counter(), time.process_time()
 

@@ -32,7 +32,15 @@ from lcorpp.assembly import solve_domain_limits
 from lcorpp.assembly.strategies.limited_plan import list_models
 from lcorpp.errors import InfeasibleError
 from lcorpp.files import make_folder, write_atomically
-from lcorpp.planning import Limit, Pomdp, parse_pomdp, read_limit, solve_limited, verify_limits
+from lcorpp.planning import (
+    Limit,
+    Pomdp,
+    SparseTables,
+    parse_pomdp,
+    read_limit,
+    solve_limited,
+    verify_limits,
+)
 from lcorpp.planning.evaluation.mdp import mdp_value_bounds
 from model_learning import TIGER
 
@@ -65,8 +73,8 @@ def draw_dense(rng: np.random.Generator) -> tuple[Pomdp, list[Limit]]:
         tuple(f"s{i}" for i in range(S)),
         tuple(f"a{i}" for i in range(A)),
         tuple(f"o{i}" for i in range(n)),
-        rng.dirichlet(np.full(S, rng.choice([0.3, 1.0])), size=(A, S)),
-        rng.dirichlet(np.full(n, rng.choice([0.3, 1.0])), size=(A, S)),
+        SparseTables.of(rng.dirichlet(np.full(S, rng.choice([0.3, 1.0])), size=(A, S))),
+        SparseTables.of(rng.dirichlet(np.full(n, rng.choice([0.3, 1.0])), size=(A, S))),
         rng.normal(size=(A, S)),
         discount,
         rng.dirichlet(np.ones(S)),
@@ -93,10 +101,12 @@ def draw_dialogue(rng: np.random.Generator) -> tuple[Pomdp, list[Limit]]:
         transition[Q + v, :, V] = 1
         reward[Q + v, :V] = np.where(np.arange(V) == v, rng.uniform(5, 20), -rng.uniform(5, 40))
     observation[:Q, V], observation[Q:] = 1 / V, 1 / V
-    names = [*(f"ask{q}" for q in range(Q)), *(f"report_v{v}" for v in range(V))]
+    names = (*(f"ask{q}" for q in range(Q)), *(f"report_v{v}" for v in range(V)))
     states = (*(f"v{v}" for v in range(V)), "end")
     start = np.append(rng.dirichlet(np.full(V, 2.0)), 0.0)
-    pomdp = Pomdp(states, names, [f"o{v}" for v in range(V)], transition, observation, reward, 0.95, start)
+    answers = tuple(f"o{v}" for v in range(V))
+    tables = SparseTables.of(transition), SparseTables.of(observation)
+    pomdp = Pomdp(states, names, answers, *tables, reward, 0.95, start)
     texts = [
         f"report_v0:{','.join(f'v{v}' for v in range(1, V))} <= {rng.uniform(0.01, 0.15):.3f}",
         f"ask0:v0 <= {rng.uniform(0.05, 0.5) * start[0]:.4f}",
@@ -190,15 +200,17 @@ def make_published(seconds: float) -> list[tuple[str, Callable[[], Outcome | Non
     reward = np.array([[0, 0, 12, 12, 0], [10, 10, 0, 0, 0]], float)
     cost = np.array([[0, 0, 9, 4, 0], [5, 5, 5, 5, 0]], float)
     names = ("a", "b", "a2", "b2", "end"), ("look", "take"), ("no", "yes")
-    counter = Pomdp(*names, T, O, reward, 1.0, [0.2, 0.8, 0, 0, 0])
+    tables = SparseTables.of(T), SparseTables.of(O)
+    counter = Pomdp(*names, *tables, reward, 1.0, np.array([0.2, 0.8, 0, 0, 0]))
     add("counterexample (Ho and others 2024)", counter, [Limit("cost", cost, 5.0, "total")])
     # Kim, Lee, Kim and Poupart, "Point-based value iteration for constrained POMDPs", IJCAI 2011: the toy
     T = np.zeros((2, 3, 3))
     T[0, 0, 0], T[1, 0, 2], T[0, 1, :2], T[1, 1, 2], T[:, 2, 2] = 1, 1, [0.1, 0.9], 1, 1
     reward, cost = np.zeros((2, 3)), np.zeros((2, 3))
     reward[1, 1], cost[1, :2] = 1, 1
+    tables = SparseTables.of(T), SparseTables.of(np.ones((2, 3, 1)))
     toy = Pomdp(
-        ("s1", "s2", "end"), ("wait", "go"), ("none",), T, np.ones((2, 3, 1)), reward, 0.95, [0, 1, 0]
+        ("s1", "s2", "end"), ("wait", "go"), ("none",), *tables, reward, 0.95, np.array([0.0, 1.0, 0.0])
     )
     for bound in (0.95, 0.5):
         add(f"toy (Kim and others 2011), {bound:g}", toy, [Limit("cost", cost, bound, "discounted")])

@@ -286,8 +286,8 @@ def make_page(rows: list[tuple[str, BayesianNetwork, list[Row], list[Row]]], lim
         [f"{key} {mean:.2f} (largest {top:.2f}, {n} networks)" for key, mean, top, n in means]
     )
     times = [f"{kind}, pyAgrum, ratio" for kind in ("first, ms", "next, us", "all, ms")]
-    head = ", ".join(["network, variables, numbers", *times, "MB, pyAgrum, difference"])
-    head = head.replace(", ms", " (ms)").replace(", us", " (us)").split(", ")
+    titles = ", ".join(["network, variables, numbers", *times, "MB, pyAgrum, difference"])
+    head = titles.replace(", ms", " (ms)").replace(", us", " (us)").split(", ")
     lines = [
         "# Bayesian networks against pyAgrum",
         "",

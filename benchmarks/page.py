@@ -4,7 +4,7 @@
 
 The server is a process of its own on the loopback, the client this one. Each page sends ten samples a second
 of a person who walks, and waits for each reply; the pages start at random moments. Then one page sends
-messages that are cut, changed or invalid, each of which gets a reply, and plays a trial at the end.
+messages that are cut, changed or invalid, each of which gets a reply, and begins a trial at the end.
 """
 
 from __future__ import annotations
@@ -27,17 +27,16 @@ PERIOD = 0.1
 """Seconds between two samples of a page."""
 MAX_START = 120
 """Lines of the server's output before its address."""
-GOOD = (
+FACTS = {"facts": {"time": "afternoon"}}
+GOOD: tuple[dict[str, Any], ...] = (
     {"type": "start"},
-    {"type": "hello"},
-    {"type": "observe", "facts": {"time": "afternoon"}, "labels": {}},
+    {"type": "infer", "labels": {}, **FACTS},
     {"type": "samples", "sense": "motion", "samples": [[0.0, 1.0, 8.0]]},
-    {"type": "decide"},
-    {"type": "answer", "said": "pos", "draw": 0.5},
-    {"type": "judge", "right": True, "truth": None},
-    {"type": "record"},
+    {"type": "judge", "samples": {"motion": [[0.0, 1.0, 8.0]]}, "value": ["unsure"], **FACTS},
+    {"type": "log", "labels": {}, "steps": [["greet", "pos"], ["report_interested", None]], **FACTS},
 )
-PARTS = (None, -1, 1e999, "", "x" * 5000, [], {}, [[]], "__proto__", "\u0000", True)
+"""A message of each type; the value of the judgement is unknown, as the server would train otherwise."""
+PARTS: tuple[Any, ...] = (None, -1, 1e999, "", "x" * 5000, [], {}, [[]], "__proto__", "\u0000", True)
 
 
 def start_server() -> tuple[subprocess.Popen[str], str]:
@@ -84,7 +83,7 @@ def spoil(rng: random.Random) -> str | bytes:
     if kind == 0:
         request[rng.choice(list(request))] = rng.choice(PARTS)
     if kind == 1:
-        request[rng.choice(["facts", "labels", "samples", "said", "draw", "id"])] = rng.choice(PARTS)
+        request[rng.choice(["facts", "labels", "samples", "value", "steps", "id"])] = rng.choice(PARTS)
     text = json.dumps(request)
     if kind == 2:
         return text[: rng.randrange(len(text))]
@@ -102,12 +101,8 @@ async def fuzz(address: str, messages: int, rng: random.Random) -> tuple[int, bo
             await page.send(spoil(rng))
             errors += json.loads(await page.recv())["type"] == "error"
         await ask(page, {"type": "start"})
-        view = await ask(page, {"type": "decide"})
-        for _ in range(100):
-            if view["done"]:
-                break
-            view = await ask(page, {"type": "answer", "said": "pos", "draw": rng.random()})
-        return errors, view["report"] is not None
+        reply = await ask(page, {"type": "infer", "labels": {}, **FACTS})
+        return errors, reply["type"] == "posterior"
 
 
 def read_memory(process: subprocess.Popen[str]) -> float:

@@ -149,8 +149,8 @@ def main(
         work = [(name, "statistics", make, summarize(tracks)) for name, make in baselines().items()]
         for name in learners or LEARNERS:
             for some in dict.fromkeys(features or [",".join(default_features(name)), "x,y"]):
-                make = partial(learner, name, interval=INTERVAL, features=some.split(","))
-                work.append((name, some, make, tracks))
+                own = partial(learner, name, interval=INTERVAL, features=some.split(","))
+                work.append((name, some, own, tracks))
         for name, some, make, X in work:
             found = predict_scenes(make, X, y, place)
             aucs = [roc_auc_score(y, found)]

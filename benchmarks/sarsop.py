@@ -101,7 +101,8 @@ def run_lcorpp(model: Path, seconds: float) -> dict[str, Any] | None:
     if done.returncode:
         print(done.stderr.strip().splitlines()[-1], file=sys.stderr)
         return None
-    return json.loads(done.stdout)
+    found: dict[str, Any] = json.loads(done.stdout)
+    return found
 
 
 def run_appl(command: str, model: Path, seconds: float) -> tuple[History, float]:

@@ -173,31 +173,37 @@ class AttentiveRobot:
             for person, seen in self._seen.items()
             if seen.since is not None and not seen.is_decided
         ]
-        found = list[Candidate]()
+        found = dict[int, Candidate]()
         for _, person in sorted(near):
             probability = self._infer(person)
             if probability is not None:
                 value, seconds = self._forecast.of(round(100 * probability), self._scenario.service)
                 seconds += self._forecast_drive(person)
                 self._seen[person].value = value
-                found.append(Candidate(person, probability, value, seconds, 0.0))
-        worthwhile = [each for each in found if each.value > 0]
+                found[person] = Candidate(person, probability, value, seconds, 0.0)
+        worthwhile = {person: each for person, each in found.items() if each.value > 0}
         if not worthwhile:
             return []
-        delay = find_delay([each.seconds for each in worthwhile])
-        return [replace(each, hazard=self._estimate_hazard(each.person, delay)) for each in worthwhile]
+        delay = find_delay([each.seconds for each in worthwhile.values()])
+        return [
+            replace(each, hazard=self._estimate_hazard(person, delay)) for person, each in worthwhile.items()
+        ]
 
     def _estimate_hazard(self, person: int, ahead: float) -> float:
         seen = self._seen[person]
+        assert seen.since is not None
         return self._learners.patience.hazard(seen.kind, self._corridor.time - seen.since, ahead)
 
     def _choose(self, candidates: list[Candidate]) -> int:
         if self._rule == "arrival":
-            return candidates[0].person
-        if self._rule == "posterior":
-            return max(candidates, key=lambda each: each.probability).person
-        share = self._learners.served.share if self._rule == "index" else 0.0
-        return choose_candidate(candidates, share=share)
+            person = candidates[0].person
+        elif self._rule == "posterior":
+            person = max(candidates, key=lambda each: each.probability).person
+        else:
+            share = self._learners.served.share if self._rule == "index" else 0.0
+            person = choose_candidate(candidates, share=share)
+        assert isinstance(person, int)
+        return person
 
     def _behave(self) -> Iterator[None]:
         """The robot's behaviour: each step of the generator is one of the simulation."""
@@ -210,7 +216,9 @@ class AttentiveRobot:
             self._end_stay(person, left=False)
             self._seen[person].is_decided = True
             self.attended += 1
-            yield from self._decide(person, self._infer(person))
+            probability = self._infer(person)
+            assert probability is not None
+            yield from self._decide(person, probability)
             self._corridor.navigate(0.0, 0.0, math.pi / 2)
 
     def _decide(self, person: int, probability: float) -> Iterator[None]:
@@ -221,6 +229,7 @@ class AttentiveRobot:
             action = self._planner.action(belief)
             value = domain.reported_value(action)
             if value is not None:
+                assert isinstance(value, str)
                 yield from self._wait(STEP)
                 if not corridor.can_hear(person):
                     corridor.release(person)
@@ -287,7 +296,7 @@ def run_hour(
     hour: int,
     seed: int,
     learners: Learners,
-) -> dict[str, int]:
+) -> dict[str, float]:
     """Simulate an hour; return the number of visits of interested people, and how they ended."""
     time_of_day = ("morning", "afternoon", "evening")[hour % 3]
     rng = np.random.default_rng([seed, 2, hour])

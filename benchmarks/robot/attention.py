@@ -102,7 +102,7 @@ def name_file(folder: Path, scenario: Scenario, rule: str, seed: int) -> Path:
     return folder / f"{means}-{numbers}-{seed}-{rule}.jsonl"
 
 
-def read_hours(file: Path) -> list[Mapping[str, int]]:
+def read_hours(file: Path) -> list[Mapping[str, float]]:
     """Return the results of the hours so far."""
     return [json.loads(line) for line in file.read_text().splitlines()] if file.exists() else []
 

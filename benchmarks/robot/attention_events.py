@@ -73,6 +73,12 @@ def draw_people(
     return people
 
 
+def find_person(people: list[Person], number: object) -> Person:
+    """Return the person whom a candidate stands for."""
+    assert isinstance(number, int)
+    return people[number]
+
+
 def simulate(
     people: list[Person], choose: Choose, room: int, hours: int, learners: Learners | None = None
 ) -> Array:
@@ -106,8 +112,7 @@ def simulate(
             continue
         if learners is not None:
             candidates = learners.add_hazards(candidates, people, now)
-        number = choose(candidates)
-        person = people[number]
+        person = find_person(people, choose(candidates))
         if learners is not None:
             learners.record_choice(person, now)
         waiting.remove(person)
@@ -136,8 +141,9 @@ class Learners:
     def add_hazards(self, candidates: list[Candidate], people: list[Person], now: float) -> list[Candidate]:
         delay, hazard = find_delay([each.seconds for each in candidates]), self.patience.hazard
         return [
-            replace(each, hazard=hazard(people[each.person].kind, now - people[each.person].arrival, delay))
+            replace(each, hazard=hazard(person.kind, now - person.arrival, delay))
             for each in candidates
+            for person in [find_person(people, each.person)]
         ]
 
 
@@ -161,15 +167,13 @@ def main(
     for room, rate, (name, means), shape in product(ROOMS, RATES, PATIENCE.items(), SHAPES):
         people = draw_people(forecast, np.random.default_rng(seed), hours, rate, means, shape)
         learners = Learners()
+
+        def choose_by_index(near: list[Candidate], own: Learners = learners) -> object:
+            return choose_candidate(near, share=own.share.share)
+
         first = simulate(people, lambda near: near[0].person, room, hours)
         base = simulate(people, lambda near: max(near, key=lambda each: each.probability).person, room, hours)
-        index = simulate(
-            people,
-            lambda near, own=learners: choose_candidate(near, share=own.share.share),
-            room,
-            hours,
-            learners,
-        )
+        index = simulate(people, choose_by_index, room, hours, learners)
         rows.append(
             f"| {room} | {rate:g} | {name} | {shape:g} | {base.sum() / hours:.0f} | {compare(base, first)} |"
             f" {compare(index, base)} | {learners.share.share:.2f} |"

@@ -8,6 +8,7 @@ Each row is a family of random models (`tests/decision/small_queue.py`), each co
 from __future__ import annotations
 
 import sys
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
@@ -22,12 +23,13 @@ from tests.decision.small_queue import Policy, SmallQueue, choose_most_probable,
 from lcorpp.decision.attention import EXPONENT, choose_candidate
 
 EXPONENTS, ROUNDS = (1, 2, 3, 4), 6
+TWO_KINDS = partial(draw_queue, equal_hazards=False, equal_seconds=True)
 FAMILIES = {
-    "two kinds": {},
-    "equal hazards": {"equal_hazards": True},
-    "close values, .5 to .95": {"min_value": 0.5},
-    "three kinds": {"kinds": 3},
-    "unequal durations": {"equal_seconds": False},
+    "two kinds": TWO_KINDS,
+    "equal hazards": partial(TWO_KINDS, equal_hazards=True),
+    "close values, .5 to .95": partial(TWO_KINDS, min_value=0.5),
+    "three kinds": partial(TWO_KINDS, kinds=3),
+    "unequal durations": partial(TWO_KINDS, equal_seconds=False),
 }
 
 
@@ -36,7 +38,7 @@ def find_policy(queue: SmallQueue, exponent: float) -> Policy:
     share = 0.5
     for _ in range(ROUNDS):
         weight = share ** (exponent / EXPONENT)
-        policy = queue.make_policy(lambda people, q=weight: choose_candidate(people, share=q))
+        policy = queue.make_policy(partial(choose_candidate, share=weight))
         share = 0.5 * (share + queue.find_share(policy))
     return policy
 
@@ -48,10 +50,10 @@ def main(
     """Print a row for each family: mean gain, the worst model, and how many models are below."""
     titles = " | ".join(f"w = q^{exponent}" for exponent in EXPONENTS)
     rows = [f"| models | optimal policy | {titles} |", "|---" * (len(EXPONENTS) + 2) + "|"]
-    for name, options in FAMILIES.items():
+    for name, draw in FAMILIES.items():
         rng, gains = np.random.default_rng(seed), list[list[float]]()
         for _ in range(models):
-            queue = draw_queue(rng, **{"equal_hazards": False, "equal_seconds": True, **options})
+            queue = draw(rng)
             base_policy = queue.make_policy(choose_most_probable)
             base, _ = queue.evaluate(base_policy)
             values = [queue.solve(base_policy)]

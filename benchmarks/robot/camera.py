@@ -144,7 +144,8 @@ def fit_homography(pixels: Array, metres: Array) -> Array:
             np.column_stack([zeros, points, -metres[:, 1:] * points]),
         ]
     )
-    return np.linalg.svd(equations, full_matrices=False)[2][-1].reshape(3, 3) @ scale
+    homography: Array = np.linalg.svd(equations, full_matrices=False)[2][-1].reshape(3, 3) @ scale
+    return homography
 
 
 def measure_corridor(seconds: float) -> Iterator[tuple[str, TrackingScore, str, float]]:

@@ -19,7 +19,7 @@ import typer
 from lcorpp.domains import load_domain
 from lcorpp.hearing.answers import SILENCE, SYNTHETIC_SAID
 from lcorpp.hearing.bins import collect_cases
-from lcorpp.hearing.cases import SyntheticCases, parse_voices
+from lcorpp.hearing.cases import Case, SyntheticCases, parse_voices
 from lcorpp.hearing.measurement import describe_recogniser, measure
 from lcorpp.hearing.noises import parse_noises
 from lcorpp.hearing.observing import Observed, observe
@@ -30,6 +30,7 @@ from lcorpp.hearing.results import (
     find_wrong_share,
     write_observed,
 )
+from lcorpp.values import Array
 from lcorpp.worlds.speech import FEATURES, Recogniser, parse_voice
 
 VOICES = "flite:kal16,flite:awb,flite:rms,flite:slt"
@@ -47,13 +48,19 @@ def print_recall(title: str, observed: Observed, cases: HeardCases) -> None:
         print(f"\n{noise} alone is taken for pos: {share:.3f} (n = {n})")
 
 
+class OtherNoise(SyntheticCases):
+    """The same cases in other noise than by default."""
+
+    def samples(self, case: Case, repeat: int = 1) -> Array:
+        return super().samples(case, 1)
+
+
 def hear_others(observed: Observed, voices: str, folder: Path, seed: int) -> HeardCases:
     """Return what is heard of the sentences of the test, by other voices and in other noise."""
     mix, utterances = parse_noises(NOISES), observed.domain.planning.utterances
-    cases = SyntheticCases(utterances, parse_voices(voices, parse_voice), mix, folder / "voices", seed)
+    cases = OtherNoise(utterances, parse_voices(voices, parse_voice), mix, folder / "voices", seed)
     cases.cases = [case for case in cases.cases if case.is_test]
     identity = describe_recogniser(utterances, seed, f"benchmark of {voices}")
-    cases.samples = lambda case, repeat=1, draw=cases.samples: draw(case, 1)  # type: ignore[method-assign]
     results = measure(cases, Recogniser(utterances), folder / "others", identity)
     scores = [
         observed.confidence.score(np.reshape([r.features for r in x.recognitions], (-1, len(FEATURES))))

@@ -77,7 +77,7 @@ def main(
         domain = load_domain("intention", preset=name)
         if is_measured:  # the planner's model of the answers is the true one
             pomdp = replace(domain.pomdp, observation=SparseTables.of(domain.simulation.feedback_model))
-            domain = replace(domain, planning=replace(domain.planning, pomdp=pomdp))
+            domain = replace(domain, planning=replace(domain.planning, model=pomdp))
         is_first = number == 0
         studies = [simulate_study(domain, seed, people=people) for seed in range(first, first + seeds)]
         rules = [score_rules(study) for study in studies]

@@ -29,12 +29,13 @@ from lcorpp.decision import Robot, dt_control
 from lcorpp.domains import Domain, load_domain
 from lcorpp.logs.watching import make_alarm, make_hypotheses
 from lcorpp.planning import Planner, Pomdp, solve
+from lcorpp.protocols import World
 from lcorpp.reasoning import Program, Reasoner, parse_plog
 from lcorpp.simulation.people import Population
 from lcorpp.simulation.table_dynamics import SimulationModel
 from lcorpp.trust import Finding, Hypotheses
 from lcorpp.trust.finding import HEARING, KNOWLEDGE
-from lcorpp.values import Array, Instance, Label, Step
+from lcorpp.values import Array, Belief, Instance, Label, Step
 
 Numbers = Mapping[str, float]
 """A pr-atom, such as ``location=library | identity=student`` -> its number."""
@@ -147,14 +148,12 @@ class Decider:
         self._planner = solve_planner(domain.pomdp)
         self._labels = Reasoner(domain.simulation.true_program)
         self._start = cache(self._infer)
-        self._actions = dict[tuple[object, ...], tuple[str, object]]()
+        self._actions = dict[tuple[object, ...], tuple[str, Belief]]()
 
-    def _infer(self, *evidence: tuple[str, Label]):  # type: ignore[no-untyped-def]
-        marginal = self._reasoner.posterior(self._domain.shared, dict(evidence))
-        assert marginal is not None
-        return self._domain.prior(marginal)
+    def _infer(self, *evidence: tuple[str, Label]) -> Belief:
+        return self._domain.prior(self._reasoner.posterior(self._domain.shared, dict(evidence)))
 
-    def decide(self, evidence: Mapping[str, Label], world) -> tuple[Step, ...]:  # type: ignore[no-untyped-def]
+    def decide(self, evidence: Mapping[str, Label], world: World) -> tuple[Step, ...]:
         belief, steps = self._start(*evidence.items()), list[Step]()
         key: tuple[object, ...] = tuple(evidence.items())
         while True:

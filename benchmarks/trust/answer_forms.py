@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
@@ -136,7 +137,7 @@ def run_stream(people: People, count: int, seed: Sequence[int]) -> Stream:
     trust = set_up_trust(domain, reasoner, planner)
     full = Robot(channels, reasoner, planner, domain)
     robots: dict[str, Callable[[], Robot]] = {
-        row.name: (lambda row=row: row.robot(full)) for row in strategies(BASELINES)
+        row.name: partial(row.robot, full) for row in strategies(BASELINES)
     }
     robots["trust"] = lambda: replace(full, reasoner=trust, planner=trust.make_planner())
     returns = {}

@@ -206,7 +206,7 @@ def score(audit: Audit, right: Program, wrong: frozenset[str]) -> Score:
     attributes = {name[3:].partition("=")[0] for name in wrong}
     if len(attributes) == 1 and len(wrong) > 1:
         named = max(audit.attributes, key=lambda x: x.bic).name in attributes
-    rivals = {part for rival in audit.rivals for part in rival.split(" and ")}
+    rivals = {part for rival in audit.rivals for part in rival.names}
     is_rival = None if named is None else named or bool(rivals & (wrong | attributes))
     covers = [x.interval[0] < truth[x.name] < x.interval[1] for x in estimates if x.interval is not None]
     exact = {x.name for x in audit.changes} == wrong
@@ -259,7 +259,7 @@ class World:
         names = [dict(facts) for facts in contexts]
         labels = [["one", "zero"]]
         return LoggedPeople(
-            self._domain, program, self._dialogue, names, labels, [RATES], cases, "LCORPP", 0, {}
+            self._domain, program, self._dialogue, names, labels, [RATES], cases, "LCORPP", 0, {}, {}
         )
 
     def _decide(

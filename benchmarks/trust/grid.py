@@ -159,7 +159,7 @@ def describe(cells: Sequence[Cell], results: Sequence[Mapping[str, float]], opti
 
 def write_csv(cells: Sequence[Cell], results: Sequence[Mapping[str, float]], file: Path) -> None:
     """Write a row for each cell, so that streams of several runs can be pooled."""
-    rows = [asdict(cell) | result for cell, result in zip(cells, results, strict=True)]
+    rows = [{**asdict(cell), **result} for cell, result in zip(cells, results, strict=True)]
     text = StringIO()
     writer = DictWriter(text, list(rows[0]))
     writer.writeheader()

@@ -152,7 +152,7 @@ class Scorer:
         """Return the best planner for an estimated model."""
         key = model.observation.dense.tobytes()
         if key not in self._solved:
-            domain = replace(self._truth, planning=replace(self._truth.planning, pomdp=model))
+            domain = replace(self._truth, planning=replace(self._truth.planning, model=model))
             self._solved[key] = RoundingPlanner(solve_precisely(domain).policy, model)
         return self._solved[key]
 

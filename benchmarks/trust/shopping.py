@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from itertools import product
 from time import process_time
 from typing import Annotated
@@ -101,8 +102,7 @@ def run_stream(
     reasoner, returns = Reasoner(domain.program), dict[str, list[float]]()
     full = Robot({}, reasoner, planner, domain)
     for strategy in strategies(STATED):
-        robot = strategy.robot(full)
-        returns[strategy.name] = meet_people(domain, lambda robot=robot: robot, people, seed)
+        returns[strategy.name] = meet_people(domain, partial(strategy.robot, full), people, seed)
     began = process_time()
     trust = set_up_trust(domain, reasoner, planner)
     returns["trust"] = meet_people(

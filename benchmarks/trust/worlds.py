@@ -88,7 +88,7 @@ def make_domain(world: World, *, omniscient: bool = False) -> Domain:
         reasoning=replace(domain.reasoning, program=program),
         planning=replace(
             domain.planning,
-            pomdp=replace(pomdp, reward=reward, observation=SparseTables.of(observation)),
+            model=replace(pomdp, reward=reward, observation=SparseTables.of(observation)),
         ),
         simulation=replace(
             domain.simulation,
