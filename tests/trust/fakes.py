@@ -15,6 +15,17 @@ ANSWERS = ("nod", "shake")
 STATED_TABLES = np.array([[[0.75, 0.25], [0.25, 0.75]]])
 
 
+def mix_noises(answer: int, count: int = 1) -> Array:
+    """Return (V,) the mean likelihood of a number of equal answers, over the noises before the first person.
+
+    Half of the weight is on the stated table, the rest on six fixed degrees.
+    """
+    degrees = np.array([0, 0, 0.2, 0.4, 0.6, 0.8, 0.95])[:, None]
+    rows = (1 - degrees) * STATED_TABLES[0, :, answer] + degrees * 0.5
+    mean: Array = np.array([0.5, *[0.5 / 6] * 6]) @ rows**count
+    return mean
+
+
 class SkyReasoner:
     """A program in which P(yes) depends on the sky and P(label=yes) on the value."""
 

@@ -37,7 +37,7 @@ def test_old_labels_are_forgotten_and_the_rates_begin_at_the_new_ones():
     assert trust.n_people == trust.learnt.cases.weights.sum() == 200
     assert (trust.learnt.cases.labels == -1).all()
     expected = SkyReasoner(rates=(0.6, 0.4)).posterior("wish", {"sky": "grey", "label": "yes"})
-    trust.used.weights = np.eye(len(weights))[0]
+    trust.used.source_weights.joint = np.tile(np.eye(7)[0] / 7, (7, 1))  # knowledge alone
     found = trust.posterior("wish", {"sky": "grey", "label": "yes"})
     np.testing.assert_allclose(found.probabilities, expected.probabilities)
     meet(trust, 1, 200)

@@ -91,7 +91,9 @@ def test_a_state_that_does_not_fit_is_refused():
     used.posterior("wish", {"sky": "grey"})
     with pytest.raises(DecisionError, match="trust has already made predictions; expected a new one"):
         used.restore(state)
-    with pytest.raises(DecisionError, match="is of the sources knowledge; expected knowledge, label, no ev"):
+    with pytest.raises(
+        DecisionError, match="is of the sources knowledge; expected knowledge, knowledge without"
+    ):
         make_trust().restore(state | {"sources": ["knowledge"]})
     with pytest.raises(DecisionError, match="is of the forms of answers number; expected independent"):
         make_trust().restore(state | {"forms": {"number": 1.0}})

@@ -10,7 +10,7 @@ from lcorpp.trust.asking import AskingPlanner
 from lcorpp.trust.optimism import find_planned_rows
 from lcorpp.values import Distribution, Likelihood, Step
 from tests.decision.fakes import VALUES, FakeClassifier, FakeDomain, FakePlanner, FakeWorld, make_instance
-from tests.trust.fakes import AskDialogue, SkyReasoner
+from tests.trust.fakes import AskDialogue, SkyReasoner, mix_noises
 
 
 def make_trust(reasoner=None, **options):
@@ -24,29 +24,45 @@ def steps(*observations):
     return [Step("ask", heard, np.array([0.5, 0.5])) for heard in observations]
 
 
-def test_the_prior_is_the_mean_of_the_sources_at_first():
+def test_the_prior_is_the_mean_of_the_sources_at_first_with_a_larger_weight_of_the_knowledge():
     trust, _ = make_trust()
-    assert trust.sources == ("knowledge", "label", "no evidence", "learnt", "recent", "corrected")
+    stated = ("knowledge", "knowledge without labels", "label", "no evidence")
+    assert trust.sources == (*stated, "learnt", "recent", "corrected")
     prior = trust.posterior("wish", {"sky": "sunny", "label": "yes"})
-    known, sensed = 0.72 / (0.72 + 0.03), 0.8 / 1.1
+    known, facts, sensed = 0.72 / (0.72 + 0.03), 0.9, 0.8 / 1.1
     # without people, what is learnt knows the stated rates alone; corrected knowledge is knowledge
-    assert prior["yes"] == pytest.approx((known + sensed + 0.5 + 2 * sensed + known) / 6, abs=1e-6)
+    others = (facts + sensed + 0.5 + 2 * sensed + known) / 6
+    assert prior["yes"] == pytest.approx(0.4 * known + 0.6 * others, abs=1e-6)
 
 
 def test_a_source_gains_by_the_probability_that_it_gave_to_the_answers():
     trust, _ = make_trust(share=0.0)
     evidence = {"sky": "sunny"}
     trust.learn(evidence, steps("nod"))
-    # P(nod) by each source: .75 P(yes) + .25 P(no)
-    chances = np.array([0.75 * p + 0.25 * (1 - p) for p in (0.9, 0.5, 0.5, 0.5, 0.5, 0.9)])
+    # P(nod) by each source: P(nod | yes) P(yes) + P(nod | no) P(no)
+    values = np.array([[p, 1 - p] for p in (0.9, 0.9, 0.5, 0.5, 0.5, 0.5, 0.9)])
+    chances = np.array([0.4, *[0.1] * 6]) * (values @ mix_noises(0))
     np.testing.assert_allclose(trust.weights, chances / chances.sum())
+
+
+def test_right_knowledge_keeps_its_weight_where_answers_are_nearly_random():
+    """Answers are right with probability .52 instead of .75, so that few people prove nothing."""
+    weights = []
+    for seed in range(20):
+        rng, (trust, _) = np.random.default_rng(seed), make_trust()
+        for _ in range(20):
+            is_yes = rng.random() < 0.9
+            heard = ["nod" if (rng.random() < 0.52) == is_yes else "shake" for _ in range(3)]
+            trust.learn({"sky": "sunny"}, steps(*heard))
+        weights.append(trust.weights[0])
+    assert np.mean(weights) > 0.2
 
 
 def test_each_source_keeps_a_share():
     trust, _ = make_trust(SkyReasoner(sunny=0.999), share=0.01)
     for _ in range(200):
         trust.learn({"sky": "sunny"}, steps("shake", "shake"))
-    assert trust.weights[0] >= 0.01 / 6
+    assert trust.weights[0] >= 0.01 / 7
     assert trust.weights.sum() == pytest.approx(1)
     assert trust.posterior("wish", {"sky": "sunny"})["yes"] < 0.1
 

@@ -8,7 +8,7 @@ from fractions import Fraction
 from lcorpp.decision.strategies import Rates
 from lcorpp.domains import Domain
 from lcorpp.reasoning import Reasoner
-from lcorpp.trust.sources import StatedSources
+from lcorpp.trust.sources.stated import StatedSources
 from lcorpp.values import JEFFREYS, ConfusionMatrix
 
 

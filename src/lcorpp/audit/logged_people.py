@@ -16,7 +16,7 @@ from lcorpp.logs.decision_log import DAMAGE, LoggedDecision, describe_damage
 from lcorpp.logs.strategy_decisions import StrategyDecisions, read_decisions
 from lcorpp.reasoning import Program, Reasoner
 from lcorpp.trust.cases import NO_LABEL, Cases
-from lcorpp.trust.sources import StatedSources
+from lcorpp.trust.sources.stated import StatedSources
 from lcorpp.values import Array, Label, Likelihood
 
 AnsweredPerson = tuple[int, list[int], list[int]]

@@ -162,6 +162,21 @@ class AnswerModel:
         by_class = logs.reshape(-1, self.n_classes, *logs.shape[1:])
         return by_class.transpose(0, 3, 1, 2).reshape(self.n_answers, -1)
 
+    def find_noisy_logs(self, degrees: Sequence[float]) -> Array:
+        """Return (N, D, W) what `find_log_likelihoods` returns where all groups have one of N noises."""
+        logs: Array = self.noisy_log_likelihoods[[_find_degree(degree) for degree in degrees]]
+        return logs
+
+    @cached_property
+    def has_first_noise(self) -> npt.NDArray[np.bool_]:
+        """(D, W) whether the noise of the first group is the most probable one of an answer's a priori."""
+        follows = list[bool]()
+        for g, group in enumerate(self.groups):
+            follows.append(g == 0 if group.follows is None else follows[group.follows])
+        of_kind = np.array(follows)[self.group_of].reshape(-1, self.n_classes)
+        n_observations, n_values = self.stated_rows.shape[1], self.row_of.shape[1]
+        return np.repeat(np.repeat(of_kind, n_values, axis=1), n_observations, axis=0)
+
     @cached_property
     def noisy_log_likelihoods(self) -> Array:
         """(N, D, W) what `find_log_likelihoods` returns at each degree of `NOISE_DEGREES`."""

@@ -13,17 +13,15 @@ from lcorpp.latent_classes import normalise
 from lcorpp.protocols import Dialogue, DomainInterface, Memory, Planner, Starts
 from lcorpp.trust.answers import AnswerModel
 from lcorpp.trust.known_people import KnownPeople, PersonRecord, bound_belief
-from lcorpp.trust.learnt_sources import LearntSources
 from lcorpp.trust.optimism import find_planned_rows
 from lcorpp.trust.options import TrustOptions
+from lcorpp.trust.sources.learnt import LearntSources
+from lcorpp.trust.sources.weights import SourceWeights
 from lcorpp.values import Array, Label
 
 FIRST_SEARCH, SEARCH_ITERATIONS = 25, 40
 """Number of people at the first search for alternative estimates, which is repeated when it has grown by a
 quarter; and its iterations of EM."""
-
-KNOWLEDGE_SHARE = 0.5
-"""Part of the fixed share for the knowledge: where no source predicts better, what is stated is used."""
 
 
 @dataclass(frozen=True)
@@ -106,8 +104,7 @@ class FormLearner:
         n_stated: number of sources that do not learn.
 
     Attributes:
-        weights: (sources,) summing to 1: those that do not learn, first the knowledge, then `learnt.names`.
-        sources: those that learn. people: records of those with an id.
+        sources: those that learn. source_weights: of all. people: records of those with an id.
         tables: the observation model of the last plan. planner: for the next one.
     """
 
@@ -125,11 +122,14 @@ class FormLearner:
         self._max_loss = options.max_loss / form.n_copies  # all copies of a question together
         self.sources = LearntSources(domain, form.answers, stated_rates, options.memory)
         n_sources = n_stated + len(self.sources.names)
-        self._shares = np.full(n_sources, (1 - KNOWLEDGE_SHARE) / (n_sources - 1))
-        self._shares[0] = KNOWLEDGE_SHARE
-        self.weights = np.full(n_sources, 1 / n_sources)
+        self.source_weights = SourceWeights(n_sources, form.answers, options.share)
         self.people = KnownPeople()
         self._next_fit, self._next_search, self._is_stale = 1, FIRST_SEARCH, False
+
+    @property
+    def weights(self) -> Array:
+        """(sources,) summing to 1: those that do not learn, first the knowledge, then `sources.names`."""
+        return self.source_weights.of_sources
 
     def index_context(self, facts: Mapping[str, Label]) -> int:
         """Return the index of a context; a new one is added."""
@@ -188,21 +188,21 @@ class FormLearner:
         answers = self.dialogue.find_answers(history)
         logs = self._sum_logs(answers)
         top = float(logs.max())
-        weights = self.weights * (predicted.rows @ np.exp(logs - top))
-        total, memory = float(weights.sum()), None
-        joint = predicted.new * np.exp(logs - top)
+        likelihoods, p_new, memory = np.exp(logs - top), 1.0, None
+        joint = self.source_weights.predict(predicted.rows, likelihoods)
+        total = float(joint.sum())
         if (same := predicted.same) is not None:
             continued = self.dialogue.find_answers(history, same.memory)
-            joint_same = same.belief * np.exp(self._sum_logs(continued) - top)
+            continued_likelihood = self.source_weights.of_noises @ np.exp(self._sum_logs(continued) - top)
+            joint_same = same.belief * continued_likelihood
             self.people.compare(same.labels_same * float(joint_same.sum()), same.labels_new * total)
             joint_same, joint = same.p_same * joint_same, (1 - same.p_same) * joint
             total = float(joint.sum() + joint_same.sum())
             p_same, joint = float(joint_same.sum()) / total, joint + joint_same
-            weights = (1 - p_same) * weights / weights.sum() + p_same * self.weights
+            p_new = 1 - p_same
             if p_same >= 1 / 2 or not answers:
                 answers, memory = continued, same.memory
-        share = self._options.share
-        self.weights = (1 - share) * weights / weights.sum() + share * self._shares
+        self.source_weights.update(predicted.rows, likelihoods, p_new)
         self.sources.add(context, labels, answers)
         if person is not None:
             memory = self.dialogue.find_memory(history, memory)
@@ -210,9 +210,8 @@ class FormLearner:
         return float(np.log(total)) + top
 
     def _sum_logs(self, answers: Sequence[int]) -> Array:
-        """Return (W,) log P(answers | value)."""
-        total: Array = self.sources.learnt.estimates.log_answers[list(answers)].sum(axis=0)
-        return total
+        """Return (1 + N, W) log P(answers | value) at each noise."""
+        return self.source_weights.find_logs(answers, self.sources.learnt.estimates.log_answers)
 
     def _remember(
         self,
@@ -255,7 +254,7 @@ class FormLearner:
     def state(self) -> dict[str, Any]:
         """Return what is learnt as JSON."""
         return {
-            "weights": self.weights.tolist(),
+            "weights": self.source_weights.joint.tolist(),
             "next_fit": self._next_fit,
             "next_search": self._next_search,
             "stale": self._is_stale,
@@ -270,7 +269,9 @@ class FormLearner:
         self.sources.restore(state["learnt"])
         if "people" in state:  # not in one of lcorpp without ids
             self.people.restore(state["people"])
-        self.weights = np.array(state["weights"], np.float64).reshape(self.weights.shape)
+        self.source_weights.joint = np.array(state["weights"], np.float64).reshape(
+            self.source_weights.joint.shape
+        )
         self.tables = np.array(state["tables"], np.float64).reshape(self.tables.shape)
         self._next_fit, self._next_search = state["next_fit"], state["next_search"]
         self._is_stale = state["stale"]

@@ -18,7 +18,7 @@ from lcorpp.trust.cases import NO_LABEL
 from lcorpp.trust.form_learner import FormLearner, Prediction, StatedForm
 from lcorpp.trust.latent_class_model import LatentClassModel
 from lcorpp.trust.options import DEFAULT_OPTIONS, TrustOptions
-from lcorpp.trust.sources import StatedSources
+from lcorpp.trust.sources.stated import StatedSources
 from lcorpp.values import Array, Distribution, Label, Likelihood, Step
 
 FORMS_PRIOR = 0.5
@@ -31,8 +31,8 @@ MIN_INDEPENDENT = 0.2
 """Independent answers are assumed while their weight is at least this: a form with more parameters may fit as
 well by chance, and explain a classifier that lies as people who answer at random."""
 
-MIN_PLANNED_WEIGHT = 0.1
-"""A form with less weight has no search for its policy."""
+MIN_WEIGHT = 0.1
+"""A form with less weight is left out of predictions, and has no search for its policy."""
 
 
 class Trust:
@@ -47,8 +47,8 @@ class Trust:
     models that do not depend on the knowledge; see docs/guides/trust/sources.md.
 
     All this is learnt under each form of answers. A form gains weight by the probability that it gave to the
-    answers. The robot predicts and plans by independent answers while they have some weight, then by the form
-    of the largest one.
+    answers. The prior is the mixture of what the forms predict. The robot plans by independent answers while
+    they have some weight, then by the form of the largest one.
 
     Args:
         reasoner: theta, the program with the stated rates of the classifiers.
@@ -129,15 +129,13 @@ class Trust:
         return RecognisedPerson(self, person)
 
     def posterior(self, attribute: str | Sequence[str], evidence: Mapping[str, Label]) -> Distribution:
-        """Return the mixture of the sources' predictions (`lcorpp.protocols.Reasoner`).
+        """Return the mixture of the predictions of sources and forms (`lcorpp.protocols.Reasoner`).
 
         Raises:
             DecisionError: `attribute` is not what reasoner and planner share.
             UndefinedError: the evidence is impossible under the knowledge.
         """
-        return Distribution.unchecked(
-            self.domain.values, self.predict(attribute, evidence, self.used).marginal
-        )
+        return Distribution.unchecked(self.domain.values, self.predict(attribute, evidence, self.used)[0])
 
     def predict(
         self,
@@ -145,12 +143,27 @@ class Trust:
         evidence: Mapping[str, Label],
         learner: FormLearner,
         person: str | None = None,
-    ) -> Prediction:
-        """Return what is expected of a person under a form; other arguments and errors as of `posterior`."""
+    ) -> tuple[Array, Prediction]:
+        """Return what is expected of a person; other arguments and errors as of `posterior`.
+
+        Args:
+            learner: of one form.
+
+        Returns:
+            (V,) P(value), the mixture of the forms; and the prediction under the one form.
+        """
         if attribute != self.domain.shared and tuple(attribute) != self.domain.shared:
             raise DecisionError(f"trust predicts {self.domain.shared!r}, not {attribute!r}")
-        (predicted,) = self._predict(evidence, self._find_labels(evidence), [learner], person)
-        return predicted
+        learners = [learner]  # and the others that have some weight
+        weights = [float(self.form_weights[self._learners.index(learner)])]
+        for other, weight in zip(self._learners, self.form_weights.tolist(), strict=True):
+            if other is not learner and weight >= MIN_WEIGHT:
+                learners.append(other)
+                weights.append(weight)
+        predicted = self._predict(evidence, self._find_labels(evidence), learners, person)
+        marginals = np.array([own.marginal for own in predicted])
+        mixture: Array = np.array(weights) @ marginals / sum(weights)
+        return mixture, predicted[0]
 
     def make_planner(self, planner: Planner | None = None) -> Planner:
         """Return the planner for the next person, which sometimes asks to learn.
@@ -185,7 +198,7 @@ class Trust:
         self._used = self._choose_form()
         for learner, weight in zip(self._learners, self.form_weights.tolist(), strict=True):
             learner.fit(self.n_people)
-            if weight >= MIN_PLANNED_WEIGHT:
+            if weight >= MIN_WEIGHT:
                 learner.plan()
 
     def retrain(self, reasoner: Reasoner, *, rates: Rates = NO_RATES) -> None:
@@ -342,8 +355,8 @@ class RecognisedPerson:
 
     def posterior(self, attribute: str | Sequence[str], evidence: Mapping[str, Label]) -> Distribution:
         """Return the mixture of what the sources predict and, if the person is known, what remains."""
-        self._predicted = self._trust.predict(attribute, evidence, self._learner, self._person)
-        return Distribution.unchecked(self._trust.domain.values, self._predicted.marginal)
+        marginal, self._predicted = self._trust.predict(attribute, evidence, self._learner, self._person)
+        return Distribution.unchecked(self._trust.domain.values, marginal)
 
     def make_planner(self) -> Planner:
         """Return the planner for the person; `posterior` is called before its first action."""

@@ -44,7 +44,7 @@ def run(intention, count, **switches):
 @pytest.mark.parametrize("hearing", [True, False])
 def test_a_robot_with_trust_decides_better_than_one_that_trusts_what_is_stated(intention, hearing):
     # the paper's noise of answers is .3, more than the model states
-    with_trust, without, trust = run(intention, 150, hearing=hearing)
+    with_trust, without, trust = run(intention, 300, hearing=hearing)
     assert with_trust > without
     assert trust.learnt.rows[2, 0] == pytest.approx(0.7, abs=0.1)
     assert (trust.planner.policy is intention[1].policy) != hearing

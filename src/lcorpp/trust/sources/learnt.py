@@ -50,6 +50,7 @@ class LearntSources:
             joint = ("independent", *[f"knowledge without {name}" for name in shared])
         self.names = ("learnt", "recent", "corrected", *joint)
         self._contexts: dict[frozenset[tuple[str, Label]], int] = {}
+        self._predictions: dict[tuple[int, ...], Array] = {}  # since the last fit
 
     def index_context(self, facts: Mapping[str, Label]) -> int:
         """Return the index of a context; a new one is added."""
@@ -68,7 +69,16 @@ class LearntSources:
         Args:
             context, labels: as of `LatentClassModel.predict`.
             knowledge: (W,) P(value) by the knowledge, given facts and labels. expected: given the facts.
+                Both depend on context and labels alone, until `fit` or `replace_rates`.
         """
+        key = (context, *labels)
+        if key not in self._predictions:
+            self._predictions[key] = self._compute_predictions(context, labels, knowledge, expected)
+        return self._predictions[key]
+
+    def _compute_predictions(
+        self, context: int, labels: Sequence[int], knowledge: Array, expected: Array
+    ) -> Array:
         rows = [model.predict(context, labels) for model in (self.learnt, self.recent)]
         rows.append(self.learnt.predict(context, labels, prior=KNOWLEDGE_PEOPLE * expected))
         if self._sizes:
@@ -93,6 +103,7 @@ class LearntSources:
         Args:
             search: iterations of EM in a search for alternative estimates; 0: no search.
         """
+        self._predictions.clear()
         self.learnt.fit(iterations)
         is_replaced = self._search.choose()
         if search:
@@ -104,6 +115,7 @@ class LearntSources:
 
     def replace_rates(self, stated_rates: Sequence[Array]) -> bool:
         """Replace the stated rates, see `LatentClassModel.replace_rates`; return whether any differ."""
+        self._predictions.clear()
         changed = [model.replace_rates(stated_rates) for model in (self.learnt, self.recent)]
         return any(changed)
 

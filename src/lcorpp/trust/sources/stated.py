@@ -15,8 +15,9 @@ from lcorpp.values import Array, Distribution, Label
 class StatedSources:
     """The sources that do not learn.
 
-    They are the program with all evidence, with the labels of all senses alone (of two or more senses), with
-    the label of each sense alone, and the initial belief of the planner's model. A sense alone is combined
+    They are the program with all evidence, with the facts alone (if there are senses), with the labels of all
+    senses alone (of two or more senses), with the label of each sense alone, and the initial belief of the
+    planner's model. A sense alone is combined
     with a uniform prior of the values: only the classifier's rates are the program's.
 
     names: of the sources. attributes: of the senses' labels.
@@ -25,8 +26,9 @@ class StatedSources:
     def __init__(self, reasoner: Reasoner, domain: DomainInterface, start: Distribution) -> None:
         self._reasoner, self._domain = reasoner, domain
         self.attributes = domain.label_attributes
+        facts = ("knowledge without labels",) if self.attributes else ()
         together = ("all senses",) if len(self.attributes) > 1 else ()
-        self.names = ("knowledge", *together, *self.attributes, "no evidence")
+        self.names = ("knowledge", *facts, *together, *self.attributes, "no evidence")
         self._start = start.probabilities
         self._cache = EvidenceCache()
 
@@ -52,6 +54,9 @@ class StatedSources:
         knowledge = self._infer(evidence)
         labels = {name: evidence[name] for name in self.attributes if name in evidence}
         rows = [knowledge.probabilities]
+        if self.attributes:
+            facts = {name: value for name, value in evidence.items() if name not in labels}
+            rows.append(self._infer(facts).probabilities if labels else knowledge.probabilities)
         if len(self.attributes) > 1:
             rows.append(self._combine_uniform(labels))
         rows += [

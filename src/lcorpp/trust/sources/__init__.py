@@ -1,0 +1,1 @@
+"""Sources of trust: predictors of the shared value, stated and learnt, and their weights."""

@@ -1,0 +1,95 @@
+"""Weights of sources, together with the noise of the answers by which they are judged."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from lcorpp.trust.answers import AnswerModel
+from lcorpp.values import Array
+
+KNOWLEDGE_SHARE = 0.4
+"""Weight of the knowledge before the first person, and its part of the fixed share: where no source predicts
+better, what is stated is used."""
+
+ESTIMATE_SHARE = 0.5
+"""Weight of the estimated observation model against fixed noise, before the first person and in the share."""
+
+FIXED_NOISE = (0.0, 0.2, 0.4, 0.6, 0.8, 0.95)
+"""Degrees of noise beside the estimate, see `AnswerModel`."""
+
+
+class SourceWeights:
+    """P(source, noise | answers of all people so far).
+
+    A source gains weight by the probability that it gives to the answers. That depends on their noise: if
+    answers are noisier than estimated, a few people refute a source that is right. So each source is weighed
+    together with each of several noises: that of the estimates, and fixed ones, which need no people to be
+    learnt. The fixed noise applies to the first group of questions and those that follow it; other groups
+    have the estimated one.
+
+    joint: (1 + N, sources) summing to 1; the first row is for the estimates.
+
+    Args:
+        share: alpha, the probability that another pair becomes the best one between two people.
+
+    Source: as of `Trust` (fixed share).
+    """
+
+    def __init__(self, n_sources: int, answers: AnswerModel, share: float) -> None:
+        self._share = share
+        self._fixed = answers.find_noisy_logs(FIXED_NOISE)  # (N, D, W)
+        self._has_first_noise = answers.has_first_noise  # (D, W)
+        noise = np.full(1 + len(FIXED_NOISE), (1 - ESTIMATE_SHARE) / len(FIXED_NOISE))
+        noise[0] = ESTIMATE_SHARE
+        sources = np.full(n_sources, (1 - KNOWLEDGE_SHARE) / (n_sources - 1))
+        sources[0] = KNOWLEDGE_SHARE
+        self._start: Array = noise[:, None] * sources
+        self.joint = self._start
+
+    @property
+    def of_sources(self) -> Array:
+        """(sources,) P(source)."""
+        weights: Array = self.joint.sum(axis=0)
+        return weights
+
+    @property
+    def of_noises(self) -> Array:
+        """(1 + N,) P(noise)."""
+        weights: Array = self.joint.sum(axis=1)
+        return weights
+
+    def find_logs(self, answers: Sequence[int], estimated: Array) -> Array:
+        """Return (1 + N, W) log P(answers | value) at each noise.
+
+        Args:
+            estimated: (D, W) log P(answer | value) by the estimates.
+        """
+        given = list(answers)
+        own = estimated[given]
+        fixed = np.where(self._has_first_noise[given], self._fixed[:, given], own)
+        logs: Array = np.vstack([own.sum(axis=0), fixed.sum(axis=1)])
+        return logs
+
+    def predict(self, rows: Array, likelihoods: Array) -> Array:
+        """Return (W,) P(value, answers).
+
+        Args:
+            rows: (sources, W) P(value) of each source.
+            likelihoods: (1 + N, W) P(answers | value) at each noise, up to a common factor.
+        """
+        joint: Array = ((self.joint @ rows) * likelihoods).sum(axis=0)
+        return joint
+
+    def update(self, rows: Array, likelihoods: Array, p_new: float = 1.0) -> None:
+        """Weigh the sources by the answers of a person.
+
+        Args:
+            rows, likelihoods: as of `predict`.
+            p_new: P(the sources predict this person). Of a known one whose value persists, they predict
+                nothing, and the weights stay.
+        """
+        weights = self.joint * (likelihoods @ rows.T)
+        weights = p_new * weights / weights.sum() + (1 - p_new) * self.joint
+        self.joint = (1 - self._share) * weights + self._share * self._start
