@@ -10,10 +10,11 @@ import pytest
 
 from lcorpp.learning import save_classifier
 from tests.robot.conftest import folder, parts  # noqa: F401
-from tests.worlds.ros.stand_in import StandIn, robot_toml
+from tests.worlds.ros.stand_in import BASE, StandIn, robot_toml
 from tests.worlds.ros.test_rosbridge import wait_until
 
 CLASSIFIER = '[classifiers]\nmotion = "motion.npz"'
+BY_TRUST = BASE["domain"] + '\nstrategy = "LCORPP+trust"'
 NOTE = r"note: running Python code of \S+\n"
 """The domain of the tests has a people.py."""
 
@@ -43,6 +44,55 @@ def test_a_run_decides_and_writes_a_log_that_can_be_replayed(lcorpp, config, tmp
     (line,) = log.read_text().splitlines()
     assert json.loads(line)["report"] == "interested"
     assert lcorpp("replay", log).code == 0
+
+
+def test_what_is_learnt_from_people_outlasts_a_run(lcorpp, config, tmp_path):
+    state, log = tmp_path / "learnt" / "trust.json", tmp_path / "robot.jsonl"
+    people = BASE["people"] + "\npermanent_ids = true"
+    for n in range(2):
+        robot = StandIn()
+        file = config(robot.url, domain=BY_TRUST, people=people)
+        ended = lcorpp("robot", "--config", file, "--decisions", 1, "--state", state, "--log", log)
+        robot.close()
+        assert ended.code == 0
+        assert (f"note: {state}: learnt from 1 person\n" in ended.out) == (n == 1)
+        content = json.loads(state.read_text())
+        assert (content["domain"], content["strategy"]) == ("intention", "LCORPP+trust")
+        assert content["state"]["people"] == n + 1
+    records = content["state"]["learners"][0]["people"]["people"]
+    assert list(records) == ["7"]  # the same person twice
+    assert lcorpp("replay", log).code == 0  # the second decision follows from the first one
+
+
+@pytest.mark.parametrize(
+    ("strategy", "text", "message"),
+    [
+        ("LCORPP", None, "LCORPP does not learn from people, so it has no state; expected e.g. LCORPP+trust"),
+        ("LCORPP+trust", "{", "trust.json: it is damaged, not JSON"),
+        (
+            "LCORPP+trust",
+            '{"format": "lcorpp session", "version": 1, "domain": "museum"}',
+            "trust.json: the state is of the domain 'museum'; expected 'intention'",
+        ),
+        (
+            "LCORPP+trust",
+            '{"format": "lcorpp session", "version": 1, "domain": "intention", "strategy": "LCORPP+trust"}',
+            'trust.json: it is damaged; expected an object "state"',
+        ),
+    ],
+)
+def test_a_state_that_does_not_fit_is_refused_before_a_robot_is_sought(
+    lcorpp, config, tmp_path, strategy, text, message
+):
+    state = tmp_path / "trust.json"
+    if text is not None:
+        state.write_text(text)
+    ended = lcorpp(
+        "robot", "--config", config(domain=BASE["domain"] + f'\nstrategy = "{strategy}"'), "--state", state
+    )
+    assert ended.code == 2
+    assert message in ended.err
+    assert text is None or state.read_text() == text
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])

@@ -153,7 +153,7 @@ def test_trust_recognises_a_person_whose_id_is_permanent(folder, parts, permanen
     with run_loop(folder, parts, changes, strategy=TRUST) as (_, loop):
         (decision,) = loop.run(1)
         assert decision.person_id == ("7" if permanent else None)
-        known = loop._decider._session.trust.used.people.find("7")
+        known = loop.session.trust.used.people.find("7")
         assert (known is not None) == permanent
 
 

@@ -54,6 +54,9 @@ class Decider:
     Args:
         config: of the robot. parts: domain, policy and error rates. strategy: by which it decides.
         people: who are tracked. seed: of what the strategy draws, with the number of the decision.
+
+    Attributes:
+        session: of the strategy; None if it does not learn from people.
     """
 
     def __init__(
@@ -68,17 +71,17 @@ class Decider:
         self._config, self._strategy, self._people = config, strategy, people
         self._seed, self._n_decisions = seed, 0
         self._full = replace(parts.robot, classifiers={})
-        self._session: Session | None = None
+        self.session: Session | None = None
         if strategy.start is not None:
-            self._session = strategy.start(self._full, parts.rates)
+            self.session = strategy.start(self._full, parts.rates)
 
     def make_robot(self, person: str) -> Robot:
         """Return the robot that decides about a person."""
         full = replace(self._full, classifiers=dict(self._people.classifiers(person)))
-        if self._session is None:
+        if self.session is None:
             seed = self._find_seed()
             return self._strategy.robot(full, None if seed is None else make_generator(*seed))
-        return self._session.robot(full, self._find_id(person))
+        return self.session.robot(full, self._find_id(person))
 
     def decide(
         self,
@@ -94,15 +97,15 @@ class Decider:
         """
         facts: Mapping[str, str] = {}
         seed = self._find_seed()
-        n_learnt, own = 0 if self._session is None else self._session.n_people, self._find_id(person)
+        n_learnt, own = 0 if self.session is None else self.session.n_people, self._find_id(person)
         try:
             facts = read_facts()
             instance, robot = Instance(self._people.signals(person), facts), self.make_robot(person)
             episode = dt_control(
                 robot, instance, world, max_steps=self._config.max_actions, listener=listener
             )
-            if self._session is not None:
-                self._session.learn(episode.evidence, episode.steps, own)
+            if self.session is not None:
+                self.session.learn(episode.evidence, episode.steps, own)
         except LcorppError as failure:
             return Decision(person, facts, None, failure, (), n_learnt, own, seed)
         finally:

@@ -11,6 +11,7 @@ from time import monotonic, sleep
 from lcorpp.assembly.robot_parts import RobotParts
 from lcorpp.decision import Strategy
 from lcorpp.decision.dt_control import infer_prior
+from lcorpp.decision.strategies import Session
 from lcorpp.errors import ConnectionLostError, LcorppError, PersonLeftError, WorldError
 from lcorpp.learning import TrainedClassifier
 from lcorpp.robot.attending import Attention
@@ -77,6 +78,11 @@ class RobotLoop:
         self._listener = make_listener(config.answers, parts.domain, connection)
         self._decided = set[str]()
         self._faults = [FaultLog(tracker.topic[0]) for tracker in config.people.trackers.values()]
+
+    @property
+    def session(self) -> Session | None:
+        """What the strategy has learnt from people; None if it does not learn."""
+        return self._decider.session
 
     def run(self, max_decisions: int | None = None) -> Iterator[Decision]:
         """Decide about one person after another; yield each decision.

@@ -54,6 +54,14 @@ def robot(
             " is to watch.",
         ),
     ] = None,
+    state: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE",
+            help="What the strategy has learnt from people, e.g. LCORPP+trust: read at the start if the file"
+            " exists, written after each decision.",
+        ),
+    ] = None,
     ask_budget: options.AskBudgetOption = None,
     log: options.LogOption = None,
     seed: options.SeedOption = 0,
@@ -66,6 +74,7 @@ def robot(
     connection or Ctrl-C the robot is ordered to stop.
     """
     from lcorpp.assembly.strategies.baselines import find_strategies
+    from lcorpp.assembly.strategies.session_file import SessionFile
     from lcorpp.assembly.strategies.trust import check_dialogue, with_ask_budget
     from lcorpp.assembly.track_robot import set_up_track_robot
     from lcorpp.logs.decision_log import DecisionLog
@@ -79,7 +88,7 @@ def robot(
     if ask_budget is not None:
         strategy = with_ask_budget(strategy, ask_budget)
     if bag is not None:
-        reject_given("is for a running robot; --bag has none", pose=pose)
+        reject_given("is for a running robot; --bag has none", pose=pose, state=state)
         _decide_about_bag(
             read,
             domain,
@@ -92,6 +101,7 @@ def robot(
             jobs=jobs,
         )
         return
+    session_file = None if state is None else SessionFile(state, domain.name, strategy)
     with ExitStack() as stack:
         stack.callback(signal.signal, signal.SIGINT, signal.getsignal(signal.SIGINT))
         kept = None if log is None else stack.enter_context(DecisionLog(log))
@@ -108,6 +118,10 @@ def robot(
         )
         strategy = _plan_limits(strategy, parts)
         loop = RobotLoop(read, parts, classifiers, strategy, connection, show_step=_print_step, seed=seed)
+        if session_file is not None and loop.session is not None:
+            session_file.restore(loop.session)
+            if n := loop.session.n_people:
+                console.print_note(f"{state}: learnt from {n} {'person' if n == 1 else 'people'}")
         console.out.print(
             f"{domain.name} by {strategy.name} on {read.connection.kind} (ROS {connection.version});"
             " Ctrl-C ends it"
@@ -123,6 +137,8 @@ def robot(
                 count += 1
                 _print_decision(decision)
                 _log_decision(kept, parts, strategy, decision)
+                if session_file is not None and loop.session is not None:
+                    session_file.write(loop.session)
         except KeyboardInterrupt:
             signal.signal(signal.SIGINT, signal.SIG_IGN)  # a second one must not prevent the stop
             where = "" if log is None else f"; they are in {log}"
