@@ -128,16 +128,6 @@ def test_an_id_that_is_no_string_is_refused(person):
     assert trust.n_people == 0
 
 
-def test_a_state_of_trust_without_ids_is_that_of_people_without_ids():
-    trust, restarted = make_trust(), make_trust()
-    trust.learn(SUNNY, answer("nod"))
-    state = trust.state()
-    for learner in state["learners"]:
-        del learner["people"]
-    restarted.restore(state)
-    assert json.dumps(restarted.state()) == json.dumps(trust.state())
-
-
 @pytest.fixture(scope="module")
 def robot():
     domain = load_domain("intention", preset="paper")

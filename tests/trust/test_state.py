@@ -91,19 +91,37 @@ def test_a_state_that_does_not_fit_is_refused():
     used.posterior("wish", {"sky": "grey"})
     with pytest.raises(DecisionError, match="trust has already made predictions; expected a new one"):
         used.restore(state)
-    with pytest.raises(
-        DecisionError, match="is of the sources knowledge; expected knowledge, knowledge without"
+    for key, value, message in (
+        ("version", 1, "has the version 1; this lcorpp reads 2"),
+        ("sources", ["knowledge"], r"has other sources, \['knowledge'\]; expected \['knowledge', 'knowl"),
+        ("values", ["no", "yes"], r"has other values, \['no', 'yes'\]; expected \['yes', 'no'\]"),
+        ("labels", [["no", "yes"]], r"has other labels, \[\['no', 'yes'\]\]; expected \[\['yes', 'no'\]\]"),
+        (
+            "stated_answers",
+            [[[0.5, 0.5], [0.5, 0.5]]],
+            r"has other stated answers, \[\[\[0.5, 0.5\], .*expected",
+        ),
     ):
-        make_trust().restore(state | {"sources": ["knowledge"]})
+        with pytest.raises(DecisionError, match=f"the state of trust {message}"):
+            make_trust().restore(state | {key: value})
     with pytest.raises(DecisionError, match="is of the forms of answers number; expected independent"):
         make_trust().restore(state | {"forms": {"number": 1.0}})
-    for damage in ({"learnt": {}}, {"weights": ["x"] * 6}, {"tables": None, "learnt": None}):
+    learner = state["learners"][0]
+    weights = learner["source_weights"]
+    cases = learner["learnt"]["learnt"]["cases"]
+    unknown = {**learner["learnt"]["learnt"], "cases": cases | {"contexts": [9] * len(cases["contexts"])}}
+    for damage in (
+        {"learnt": {}},
+        {"source_weights": ["x"] * 6},
+        {"source_weights": [[10**400, *weights[0][1:]], *weights[1:]]},
+        {"source_weights": [[float("nan"), *weights[0][1:]], *weights[1:]]},
+        {"source_weights": (25 * np.array(weights)).tolist()},
+        {"learnt": learner["learnt"] | {"learnt": unknown}},
+        {"tables": None, "learnt": None},
+    ):
         with pytest.raises(DecisionError, match="the state of trust is damaged"):
             make_trust().restore(state | {"learners": [state["learners"][0] | damage]})
     with pytest.raises(DecisionError, match="the state of trust is damaged"):
         make_trust().restore(state | {"learners": []})
-    with pytest.raises(DecisionError, match="the state of trust is damaged"):
+    with pytest.raises(DecisionError, match="the state of trust has the version None; this lcorpp reads 2"):
         make_trust().restore({})
-    del state["forms"]
-    with pytest.raises(DecisionError, match="is of an older lcorpp, without forms of answers; expected"):
-        make_trust().restore(state)

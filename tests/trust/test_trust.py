@@ -3,6 +3,8 @@
 import numpy as np
 import pytest
 
+from lcorpp import load_robot
+from lcorpp.assembly.strategies.trust_setup import set_up_trust
 from lcorpp.decision import Robot, dt_control
 from lcorpp.errors import DecisionError
 from lcorpp.trust import Trust, TrustOptions
@@ -218,3 +220,27 @@ def test_trust_predicts_the_shared_variable_only():
     trust, _ = make_trust()
     with pytest.raises(DecisionError, match="trust predicts 'wish', not 'sky'"):
         trust.posterior("sky", {})
+
+
+def test_a_prediction_does_not_depend_on_earlier_ones_with_the_same_label(monkeypatch):
+    """The last context is that of all further facts."""
+    monkeypatch.setattr("lcorpp.trust.sources.learnt.MAX_CONTEXTS", 1)
+    (trust, _), (fresh, _) = make_trust(), make_trust()
+    trust.posterior("wish", {"sky": "sunny", "label": "yes"})
+    grey = {"sky": "grey", "label": "yes"}
+    assert trust.posterior("wish", grey)["yes"] == fresh.posterior("wish", grey)["yes"]
+
+
+def test_forms_with_some_weight_are_mixed_in_predictions():
+    robot = load_robot("intention", cache=False).robot
+    trust = set_up_trust(robot.domain, robot.reasoner, robot.planner)
+    facts = {"time": "afternoon", "location": "classroom"}
+    for _ in range(10):
+        trust.learn(facts, 3 * [Step("move_forward", "neg", robot.planner.start)])
+    marginals = np.array([trust.predict("intention", facts, own)[1].marginal for own in trust._learners])
+    weights = np.array([0.5, 0.3, 0.15, 0.05])
+    trust.form_weights = weights
+    kept = np.where(weights >= 0.1, weights, 0)
+    found = trust.posterior("intention", facts).probabilities
+    np.testing.assert_allclose(found, kept @ marginals / kept.sum())
+    assert np.ptp(marginals[:, 0]) > 1e-6

@@ -146,7 +146,7 @@ class AnswerModel:
 
     def add_noise(self, noise: Sequence[float]) -> Array:
         """Return the rows (R, O) with the noise of each group."""
-        degrees = np.array([_find_degree(own) for own in noise], np.intp)
+        degrees = np.array([find_degree(own) for own in noise], np.intp)
         rows: Array = self._noisy_rows[degrees[self._group_of_row], np.arange(len(self.stated_rows))]
         return rows
 
@@ -162,18 +162,13 @@ class AnswerModel:
         by_class = logs.reshape(-1, self.n_classes, *logs.shape[1:])
         return by_class.transpose(0, 3, 1, 2).reshape(self.n_answers, -1)
 
-    def find_noisy_logs(self, degrees: Sequence[float]) -> Array:
-        """Return (N, D, W) what `find_log_likelihoods` returns where all groups have one of N noises."""
-        logs: Array = self.noisy_log_likelihoods[[_find_degree(degree) for degree in degrees]]
-        return logs
-
     @cached_property
-    def has_first_noise(self) -> npt.NDArray[np.bool_]:
-        """(D, W) whether the noise of the first group is the most probable one of an answer's a priori."""
-        follows = list[bool]()
+    def follows_first_group(self) -> npt.NDArray[np.bool_]:
+        """(D, W) whether the group of an answer is the first one, or follows it."""
+        is_member = list[bool]()
         for g, group in enumerate(self.groups):
-            follows.append(g == 0 if group.follows is None else follows[group.follows])
-        of_kind = np.array(follows)[self.group_of].reshape(-1, self.n_classes)
+            is_member.append(g == 0 if group.follows is None else is_member[group.follows])
+        of_kind = np.array(is_member)[self.group_of].reshape(-1, self.n_classes)
         n_observations, n_values = self.stated_rows.shape[1], self.row_of.shape[1]
         return np.repeat(np.repeat(of_kind, n_values, axis=1), n_observations, axis=0)
 
@@ -201,7 +196,7 @@ class AnswerModel:
         by_degree = (self._logs * by_row).sum(axis=2)  # (N, R)
         noise = list[float]()
         for g, group in enumerate(self.groups):
-            center = _find_degree(group.start if group.follows is None else noise[group.follows])
+            center = find_degree(group.start if group.follows is None else noise[group.follows])
             scores = by_degree @ self._is_row_of_group[g] + self._prior_scores[g][center]
             noise.append(float(NOISE_DEGREES[np.argmax(scores)]))
         expected = by_row + self._question_weights * self.add_noise(noise)
@@ -216,9 +211,9 @@ class AnswerModel:
         """Return the log prior of the noise of each group, 0 for that without answers."""
         total = 0.0
         for g, group in enumerate(self.groups):
-            center = _find_degree(group.start if group.follows is None else noise[group.follows])
+            center = find_degree(group.start if group.follows is None else noise[group.follows])
             scores = self._prior_scores[g][center]
-            total += float(scores[_find_degree(noise[g])] - scores[center])
+            total += float(scores[find_degree(noise[g])] - scores[center])
         return total
 
     def _keep_order(self, rows: Array, prior: Array) -> Array:
@@ -311,6 +306,6 @@ class AnswerModel:
         ]
 
 
-def _find_degree(noise: float) -> int:
+def find_degree(noise: float) -> int:
     """Return the index of the nearest of `NOISE_DEGREES`."""
     return int(np.argmin(np.abs(NOISE_DEGREES - noise)))

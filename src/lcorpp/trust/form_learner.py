@@ -186,32 +186,31 @@ class FormLearner:
             log P(answers | facts, labels), by what was learnt before.
         """
         answers = self.dialogue.find_answers(history)
-        logs = self._sum_logs(answers)
+        weights, log_answers = self.source_weights, self.sources.learnt.estimates.log_answers
+        logs = weights.compute_log_likelihoods(answers, log_answers)
         top = float(logs.max())
-        likelihoods, p_new, memory = np.exp(logs - top), 1.0, None
-        joint = self.source_weights.predict(predicted.rows, likelihoods)
+        likelihoods, memory, p_answers_same = np.exp(logs - top), None, None
+        p_answers = likelihoods @ predicted.rows.T
+        joint = weights.compute_joint(predicted.rows, likelihoods)
         total = float(joint.sum())
         if (same := predicted.same) is not None:
             continued = self.dialogue.find_answers(history, same.memory)
-            continued_likelihood = self.source_weights.of_noises @ np.exp(self._sum_logs(continued) - top)
-            joint_same = same.belief * continued_likelihood
+            own = np.exp(weights.compute_log_likelihoods(continued, log_answers) - top)
+            joint_same = same.belief * (weights.of_noises @ own)
             self.people.compare(same.labels_same * float(joint_same.sum()), same.labels_new * total)
+            p_answers_same = same.p_same * (own @ same.belief)
+            p_answers = (1 - same.p_same) * p_answers
             joint_same, joint = same.p_same * joint_same, (1 - same.p_same) * joint
             total = float(joint.sum() + joint_same.sum())
             p_same, joint = float(joint_same.sum()) / total, joint + joint_same
-            p_new = 1 - p_same
             if p_same >= 1 / 2 or not answers:
                 answers, memory = continued, same.memory
-        self.source_weights.update(predicted.rows, likelihoods, p_new)
+        weights.update(p_answers, p_answers_same)
         self.sources.add(context, labels, answers)
         if person is not None:
             memory = self.dialogue.find_memory(history, memory)
             self._remember(person, predicted, joint / total, memory)
         return float(np.log(total)) + top
-
-    def _sum_logs(self, answers: Sequence[int]) -> Array:
-        """Return (1 + N, W) log P(answers | value) at each noise."""
-        return self.source_weights.find_logs(answers, self.sources.learnt.estimates.log_answers)
 
     def _remember(
         self,
@@ -254,7 +253,7 @@ class FormLearner:
     def state(self) -> dict[str, Any]:
         """Return what is learnt as JSON."""
         return {
-            "weights": self.source_weights.joint.tolist(),
+            "source_weights": self.source_weights.state(),
             "next_fit": self._next_fit,
             "next_search": self._next_search,
             "stale": self._is_stale,
@@ -267,11 +266,8 @@ class FormLearner:
     def restore(self, state: Mapping[str, Any], *, has_people: bool) -> None:
         """Continue from a state, before the first person."""
         self.sources.restore(state["learnt"])
-        if "people" in state:  # not in one of lcorpp without ids
-            self.people.restore(state["people"])
-        self.source_weights.joint = np.array(state["weights"], np.float64).reshape(
-            self.source_weights.joint.shape
-        )
+        self.people.restore(state["people"])
+        self.source_weights.restore(state["source_weights"])
         self.tables = np.array(state["tables"], np.float64).reshape(self.tables.shape)
         self._next_fit, self._next_search = state["next_fit"], state["next_search"]
         self._is_stale = state["stale"]

@@ -234,6 +234,10 @@ class LatentClassModel:
     def restore(self, state: Mapping[str, Any]) -> None:
         """Continue from a state; all its contexts are already added."""
         self.cases.restore(state["cases"])
+        limits = [len(self.pi), *[rates.shape[1] for rates in self.rates]]
+        cases = np.column_stack([self.cases.contexts, self.cases.labels])
+        if (cases >= limits).any() or (cases[:, 0] < 0).any() or (cases < NO_LABEL).any():
+            raise ValueError("a case has an unknown context or label")
         self._stated_rates = [np.array(rates) for rates in state["stated_rates"]]
         self.prior_rates = list(self._stated_rates)
         self._equal_rows = [_find_equal_rows(rates) for rates in self.prior_rates]

@@ -27,9 +27,12 @@ FORMS_PRIOR = 0.5
 FORM_SHARE = 0.001
 """Probability that answers get another form between two people."""
 
+STATE_VERSION = 2
+"""Of `Trust.state`."""
+
 MIN_INDEPENDENT = 0.2
-"""Independent answers are assumed while their weight is at least this: a form with more parameters may fit as
-well by chance, and explain a classifier that lies as people who answer at random."""
+"""The robot plans by independent answers while their weight is at least this: a form with more parameters may
+fit as well by chance, and explain a classifier that lies as people who answer at random."""
 
 MIN_WEIGHT = 0.1
 """A form with less weight is left out of predictions, and has no search for its policy."""
@@ -42,9 +45,9 @@ class Trust:
         robot = Robot(classifiers, trust, trust.make_planner(), domain)   # for each person
         trust.learn(episode.evidence, episode.steps)
 
-    The prior of a person is the mixture of what the sources predict. A source's weight grows with the
-    probability that it gave to the answers. The sources are those of `StatedSources`, and two latent class
-    models that do not depend on the knowledge; see docs/guides/trust/sources.md.
+    The prior of a person is the mixture of what the sources predict. The weight of a source, together with
+    a noise of the answers, grows with the probability that both gave to the answers. The sources are those of
+    `StatedSources` and of `LearntSources`; see docs/guides/trust/sources.md.
 
     All this is learnt under each form of answers. A form gains weight by the probability that it gave to the
     answers. The prior is the mixture of what the forms predict. The robot plans by independent answers while
@@ -231,7 +234,8 @@ class Trust:
     def state(self) -> dict[str, Any]:
         """Return what it has learnt as JSON; numbers have all their digits."""
         return {
-            "sources": list(self.sources),
+            "version": STATE_VERSION,
+            **self._describe_model(),
             **self.asking.state(),
             "forms": dict(zip(self.forms, self.form_weights.tolist(), strict=True)),
             "learners": [learner.state() for learner in self._learners],
@@ -241,20 +245,22 @@ class Trust:
         """Continue exactly from a state of trust with the same arguments, before the first person.
 
         Raises:
-            DecisionError: it has already made predictions, or the state is damaged or of other sources.
+            DecisionError: it has already made predictions, or the state is damaged, of another version, or of
+                other sources, values, labels, forms of answers or stated answers.
         """
         if self.n_people:
             raise DecisionError(f"trust has learnt from {self.n_people} people; expected a new one")
         try:
-            if state["sources"] != list(self.sources):
+            if (version := state.get("version")) != STATE_VERSION:
                 raise DecisionError(
-                    f"the state of trust is of the sources {', '.join(state['sources'])}; expected"
-                    f" {', '.join(self.sources)}"
+                    f"the state of trust has the version {version!r}; this lcorpp reads {STATE_VERSION}"
                 )
-            if "forms" not in state:
-                raise DecisionError(
-                    "the state of trust is of an older lcorpp, without forms of answers; expected one of this"
-                )
+            for key, expected in self._describe_model().items():
+                if (found := state.get(key)) != expected:
+                    raise DecisionError(
+                        f"the state of trust has other {key.replace('_', ' ')}, {reprlib.repr(found)};"
+                        f" expected {reprlib.repr(expected)}"
+                    )
             if tuple(state["forms"]) != self.forms:
                 raise DecisionError(
                     f"the state of trust is of the forms of answers {', '.join(state['forms'])}; expected"
@@ -265,8 +271,18 @@ class Trust:
             self._used = self._choose_form()
             for learner, own in zip(self._learners, state["learners"], strict=True):
                 learner.restore(own, has_people=self.n_people > 0)
-        except (LookupError, TypeError, ValueError, AttributeError) as error:
+        except (LookupError, ArithmeticError, TypeError, ValueError, AttributeError) as error:
             raise DecisionError(f"the state of trust is damaged ({type(error).__name__}: {error})") from error
+
+    def _describe_model(self) -> dict[str, Any]:
+        """Return as JSON what a state has in common with the trust that it is restored to."""
+        values = [list(value) if isinstance(value, tuple) else value for value in self.domain.values]
+        return {
+            "sources": list(self.sources),
+            "values": values,
+            "labels": [list(names) for names in self._labels],
+            "stated_answers": self._dialogue.tables.tolist(),
+        }
 
     @property
     def n_people(self) -> int:
@@ -320,7 +336,7 @@ class Trust:
     ) -> list[Prediction]:
         """Return what is expected of a person by each of some forms."""
         stated, facts = self._stated.predict(evidence), self._find_facts(evidence)
-        expected = self._stated.predict(facts)[0]
+        expected = stated[self._stated.facts_row]
         return [own.predict(own.index_context(facts), labels, stated, expected, person) for own in learners]
 
     def _find_labels(self, evidence: Mapping[str, Label]) -> list[int]:

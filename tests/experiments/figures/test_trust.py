@@ -9,6 +9,7 @@ from lcorpp.experiments.figures.trust import (
     BASELINES,
     BLOCK,
     KNOWLEDGE,
+    SOURCES,
     Stream,
     invert,
     make_domain,
@@ -17,8 +18,6 @@ from lcorpp.experiments.figures.trust import (
 )
 from lcorpp.reasoning import Reasoner, parse_plog
 from tests.experiments.figures.made_up import make_evaluation
-
-SOURCES = ("knowledge", "classifier", "no evidence", "learnt", "recent", "corrected")
 
 
 def test_the_programs_are_the_truth_or_wrong_as_stated():
@@ -49,15 +48,18 @@ def test_wrong_knowledge_loses_weight_in_a_stream(monkeypatch):
     for stream in (right, swapped):
         assert stream.returns.shape == (2,)
         assert stream.weights.sum(axis=1) == pytest.approx(np.ones(2))
+        assert {*stream.sources} == {*SOURCES}
+        assert stream.first_weights[0] == pytest.approx(0.4)
     k = right.sources.index("knowledge")
     assert right.weights[1, k] > 2 * swapped.weights[1, k]
 
 
 def make_streams(returns, weight):
     """Return three streams of two blocks, in which the knowledge ends with a weight."""
-    rest = [(1 - weight) / 5] * 5
+    rest, equal = [(1 - weight) / 6] * 6, [1 / 7] * 7
+    weights = np.array([equal, [weight, *rest]])
     return [
-        Stream(np.array([value - 1.0, value + 1]), SOURCES, np.array([[1 / 6] * 6, [weight, *rest]]))
+        Stream(np.array([value - 1.0, value + 1]), tuple(SOURCES), weights, np.array(equal))
         for value in (returns - 0.5, returns, returns + 0.5)
     ]
 

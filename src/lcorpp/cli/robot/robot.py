@@ -15,12 +15,15 @@ from lcorpp.cli.options import common as options
 from lcorpp.cli.options.code import take_consent
 from lcorpp.cli.options.senses import reject_given
 from lcorpp.cli.options.solving import NoCacheOption, find_cache
+from lcorpp.errors import FileError
 from lcorpp.values import format_value
 
 if TYPE_CHECKING:
     from lcorpp.assembly.options import ClassifierOptions
     from lcorpp.assembly.robot_parts import RobotParts
+    from lcorpp.assembly.strategies.session_file import SessionFile
     from lcorpp.decision import Strategy
+    from lcorpp.decision.strategies import Session
     from lcorpp.domains import Domain
     from lcorpp.logs.decision_log import DecisionLog
     from lcorpp.robot.config import RobotConfig
@@ -101,9 +104,10 @@ def robot(
             jobs=jobs,
         )
         return
-    session_file = None if state is None else SessionFile(state, domain.name, strategy)
+    session_file = None if state is None else SessionFile(state, domain, strategy)
     with ExitStack() as stack:
         stack.callback(signal.signal, signal.SIGINT, signal.getsignal(signal.SIGINT))
+        is_new_log = log is not None and not log.exists()
         kept = None if log is None else stack.enter_context(DecisionLog(log))
         connection = connect(read.connection)
         stack.callback(connection.close)
@@ -118,10 +122,14 @@ def robot(
         )
         strategy = _plan_limits(strategy, parts)
         loop = RobotLoop(read, parts, classifiers, strategy, connection, show_step=_print_step, seed=seed)
-        if session_file is not None and loop.session is not None:
-            session_file.restore(loop.session)
-            if n := loop.session.n_people:
+        if session_file is not None and (session := loop.session) is not None:
+            session_file.restore(session)
+            if n := session.n_people:
                 console.print_note(f"{state}: learnt from {n} {'person' if n == 1 else 'people'}")
+                if is_new_log:
+                    console.print_note(
+                        f"{log} begins after them, so `lcorpp replay` cannot repeat its decisions"
+                    )
         console.out.print(
             f"{domain.name} by {strategy.name} on {read.connection.kind} (ROS {connection.version});"
             " Ctrl-C ends it"
@@ -138,7 +146,7 @@ def robot(
                 _print_decision(decision)
                 _log_decision(kept, parts, strategy, decision)
                 if session_file is not None and loop.session is not None:
-                    session_file.write(loop.session)
+                    _write_state(session_file, loop.session)
         except KeyboardInterrupt:
             signal.signal(signal.SIGINT, signal.SIG_IGN)  # a second one must not prevent the stop
             where = "" if log is None else f"; they are in {log}"
@@ -213,6 +221,14 @@ def _log_decision(log: DecisionLog | None, parts: RobotParts, strategy: Strategy
             person=decision.n_learnt,
             person_id=decision.person_id,
         )
+
+
+def _write_state(file: SessionFile, session: Session) -> None:
+    """Write what is learnt; the robot goes on if that fails, as the next decision writes all of it again."""
+    try:
+        file.write(session)
+    except FileError as error:
+        console.warn(str(error))
 
 
 def _plan_limits(strategy: Strategy, parts: RobotParts) -> Strategy:

@@ -66,6 +66,7 @@ WEIGHTS_SHOWN = ("right", "swapped")
 
 SOURCES: Mapping[str, str] = {
     "knowledge": BLUE,
+    "knowledge without labels": "#5f8fc7",
     "corrected": "#9dbde0",
     "learnt": ORANGE,
     "recent": "#f2cfa5",
@@ -80,12 +81,13 @@ class Stream:
     """Returns and weights of trust in a stream of people.
 
     returns: (blocks,) mean return of the people of each block. sources: their names.
-    weights: (blocks, sources) at the end of each block.
+    weights: (blocks, sources) at the end of each block. first_weights: (sources,) before the first person.
     """
 
     returns: Array
     sources: tuple[str, ...]
     weights: Array
+    first_weights: Array
 
 
 Streams = Mapping[str, Sequence[Stream]]
@@ -141,7 +143,7 @@ def run_stream(domain: Domain, planner: Planner, blocks: int, seed: int) -> Stre
     classifiers = {name: setup.classifier for name, setup in senses.items()}
     people = PeopleStream(domain, {name: setup.signals for name, setup in senses.items()}, seed)
     trust = set_up_trust(domain, Reasoner(domain.program), planner)
-    returns, weights = list[float](), list[Array]()
+    returns, weights, first = list[float](), list[Array](), trust.weights
     for _ in range(blocks):
         for _ in range(BLOCK):
             instance, world = people.next()
@@ -149,7 +151,8 @@ def run_stream(domain: Domain, planner: Planner, blocks: int, seed: int) -> Stre
             returns.append(people.result(episode).return_)
             trust.learn(episode.evidence, episode.steps)
         weights.append(trust.weights)
-    return Stream(np.array(returns).reshape(blocks, BLOCK).mean(axis=1), trust.sources, np.array(weights))
+    means = np.array(returns).reshape(blocks, BLOCK).mean(axis=1)
+    return Stream(means, trust.sources, np.array(weights), first)
 
 
 def make_result(evaluations: Evaluations, streams: Streams) -> FigureResult:
@@ -257,7 +260,7 @@ def _draw(evaluations: Evaluations, streams: Streams, layout: Layout) -> Figure:
     figure.legend(
         *areas[0].get_legend_handles_labels(),
         loc="outside lower center",
-        ncols=len(SOURCES) if layout == "wide" else 3,
+        ncols=4 if layout == "wide" else 3,
         title="sources",
         title_fontsize=8,
         fontsize=8,
@@ -287,10 +290,10 @@ def _draw_returns(axes: Axes, evaluations: Evaluations, streams: Streams) -> Non
 
 
 def _draw_weights(axes: Axes, streams: Sequence[Stream]) -> None:
-    """Draw the mean weights of the sources as areas; all are equal before the first person."""
+    """Draw the mean weights of the sources as areas."""
     sources = streams[0].sources
     weights = np.mean([stream.weights for stream in streams], axis=0)
-    weights = np.vstack([np.full(len(sources), 1 / len(sources)), weights])
+    weights = np.vstack([streams[0].first_weights, weights])
     people = BLOCK * np.arange(len(weights))
     others = dict(zip((name for name in sources if name not in SOURCES), cycle(COLOURS), strict=False))
     shown = {name: colour for name, colour in {**SOURCES, **others}.items() if name in sources}

@@ -50,7 +50,7 @@ class LearntSources:
             joint = ("independent", *[f"knowledge without {name}" for name in shared])
         self.names = ("learnt", "recent", "corrected", *joint)
         self._contexts: dict[frozenset[tuple[str, Label]], int] = {}
-        self._predictions: dict[tuple[int, ...], Array] = {}  # since the last fit
+        self._predictions: dict[tuple[int, ...], list[Array]] = {}  # since the last fit
 
     def index_context(self, facts: Mapping[str, Label]) -> int:
         """Return the index of a context; a new one is added."""
@@ -69,18 +69,15 @@ class LearntSources:
         Args:
             context, labels: as of `LatentClassModel.predict`.
             knowledge: (W,) P(value) by the knowledge, given facts and labels. expected: given the facts.
-                Both depend on context and labels alone, until `fit` or `replace_rates`.
         """
         key = (context, *labels)
-        if key not in self._predictions:
-            self._predictions[key] = self._compute_predictions(context, labels, knowledge, expected)
-        return self._predictions[key]
-
-    def _compute_predictions(
-        self, context: int, labels: Sequence[int], knowledge: Array, expected: Array
-    ) -> Array:
-        rows = [model.predict(context, labels) for model in (self.learnt, self.recent)]
-        rows.append(self.learnt.predict(context, labels, prior=KNOWLEDGE_PEOPLE * expected))
+        found = self._predictions.get(key)
+        if found is None:
+            found = [model.predict(context, labels) for model in (self.learnt, self.recent)]
+            found.append(self.learnt.predict(context, labels, prior=KNOWLEDGE_PEOPLE * expected))
+            if context < MAX_CONTEXTS - 1:  # the last one is of many facts, with different `expected`
+                self._predictions[key] = found
+        rows = [*found]
         if self._sizes:
             known, own = knowledge.reshape(self._sizes), rows[0].reshape(self._sizes)
             axes = range(own.ndim)

@@ -15,12 +15,12 @@ from lcorpp.values import Array, Distribution, Label
 class StatedSources:
     """The sources that do not learn.
 
-    They are the program with all evidence, with the facts alone (if there are senses), with the labels of all
-    senses alone (of two or more senses), with the label of each sense alone, and the initial belief of the
-    planner's model. A sense alone is combined
-    with a uniform prior of the values: only the classifier's rates are the program's.
+    They are the program with all evidence; with senses, the program with the facts alone; the labels of all
+    senses, of two or more; the label of each sense; and the initial belief of the planner's model. A sense
+    alone is combined with a uniform prior of the values: only the classifier's rates are the program's.
 
-    names: of the sources. attributes: of the senses' labels.
+    names: of the sources. attributes: of the senses' labels. facts_row: index of the program with the facts
+    alone.
     """
 
     def __init__(self, reasoner: Reasoner, domain: DomainInterface, start: Distribution) -> None:
@@ -29,6 +29,7 @@ class StatedSources:
         facts = ("knowledge without labels",) if self.attributes else ()
         together = ("all senses",) if len(self.attributes) > 1 else ()
         self.names = ("knowledge", *facts, *together, *self.attributes, "no evidence")
+        self.facts_row = len(facts)
         self._start = start.probabilities
         self._cache = EvidenceCache()
 

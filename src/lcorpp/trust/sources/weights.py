@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
-from lcorpp.trust.answers import AnswerModel
+from lcorpp.errors import DecisionError
+from lcorpp.trust.answers import AnswerModel, find_degree
 from lcorpp.values import Array
 
 KNOWLEDGE_SHARE = 0.4
@@ -32,6 +34,7 @@ class SourceWeights:
     joint: (1 + N, sources) summing to 1; the first row is for the estimates.
 
     Args:
+        n_sources: their number; the first one is the knowledge. answers: the stated observation model.
         share: alpha, the probability that another pair becomes the best one between two people.
 
     Source: as of `Trust` (fixed share).
@@ -39,8 +42,9 @@ class SourceWeights:
 
     def __init__(self, n_sources: int, answers: AnswerModel, share: float) -> None:
         self._share = share
-        self._fixed = answers.find_noisy_logs(FIXED_NOISE)  # (N, D, W)
-        self._has_first_noise = answers.has_first_noise  # (D, W)
+        degrees = [find_degree(noise) for noise in FIXED_NOISE]
+        self._fixed: Array = answers.noisy_log_likelihoods[degrees]  # (N, D, W)
+        self._is_fixed = answers.follows_first_group  # (D, W)
         noise = np.full(1 + len(FIXED_NOISE), (1 - ESTIMATE_SHARE) / len(FIXED_NOISE))
         noise[0] = ESTIMATE_SHARE
         sources = np.full(n_sources, (1 - KNOWLEDGE_SHARE) / (n_sources - 1))
@@ -60,19 +64,19 @@ class SourceWeights:
         weights: Array = self.joint.sum(axis=1)
         return weights
 
-    def find_logs(self, answers: Sequence[int], estimated: Array) -> Array:
+    def compute_log_likelihoods(self, answers: Sequence[int], estimated: Array) -> Array:
         """Return (1 + N, W) log P(answers | value) at each noise.
 
         Args:
-            estimated: (D, W) log P(answer | value) by the estimates.
+            answers: index of each. estimated: (D, W) log P(answer | value) by the estimates.
         """
         given = list(answers)
         own = estimated[given]
-        fixed = np.where(self._has_first_noise[given], self._fixed[:, given], own)
+        fixed = np.where(self._is_fixed[given], self._fixed[:, given], own)
         logs: Array = np.vstack([own.sum(axis=0), fixed.sum(axis=1)])
         return logs
 
-    def predict(self, rows: Array, likelihoods: Array) -> Array:
+    def compute_joint(self, rows: Array, likelihoods: Array) -> Array:
         """Return (W,) P(value, answers).
 
         Args:
@@ -82,14 +86,29 @@ class SourceWeights:
         joint: Array = ((self.joint @ rows) * likelihoods).sum(axis=0)
         return joint
 
-    def update(self, rows: Array, likelihoods: Array, p_new: float = 1.0) -> None:
-        """Weigh the sources by the answers of a person.
+    def update(self, new: Array, same: Array | None = None) -> None:
+        """Weigh the pairs by the answers of a person.
 
         Args:
-            rows, likelihoods: as of `predict`.
-            p_new: P(the sources predict this person). Of a known one whose value persists, they predict
-                nothing, and the weights stay.
+            new: (1 + N, sources) P(answers) by each pair, up to a common factor.
+            same: (1 + N,) the same if the value of a known person persists, of which the sources predict
+                nothing; both contain the probability of their case. None for a person without a record.
         """
-        weights = self.joint * (likelihoods @ rows.T)
-        weights = p_new * weights / weights.sum() + (1 - p_new) * self.joint
-        self.joint = (1 - self._share) * weights + self._share * self._start
+        weights = self.joint * (new if same is None else new + same[:, None])
+        self.joint = (1 - self._share) * weights / weights.sum() + self._share * self._start
+
+    def state(self) -> list[list[float]]:
+        """Return the weights as JSON."""
+        rows: list[list[float]] = self.joint.tolist()
+        return rows
+
+    def restore(self, state: Any) -> None:
+        """Replace the weights by those of a state.
+
+        Raises:
+            DecisionError: they are no probabilities. TypeError, ValueError: no numbers of this shape.
+        """
+        joint = np.array(state, np.float64).reshape(self.joint.shape)
+        if not (np.isfinite(joint).all() and (joint >= 0).all() and abs(joint.sum() - 1) < 1e-6):
+            raise DecisionError("the state of trust is damaged: the weights of sources do not sum to 1")
+        self.joint = joint
