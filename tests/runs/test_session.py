@@ -151,7 +151,7 @@ def test_without_a_checkpoint_trust_learns_from_the_stored_decisions(tmp_path, f
     run(domain, store, batches=2)
     file = tmp_path / "s.tracks.checkpoint" / "checkpoint.json"
     content = json.loads(file.read_text())
-    content["session"]["trust"]["learners"][0]["weights"] = ["x"]
+    content["session"]["trust"]["learners"][0]["source_weights"] = ["x"]
     file.write_text(json.dumps(content))
     results, notes = run(domain, store, batches=3)
     assert len(results) == 2

@@ -82,7 +82,7 @@ class Trust:
         ...     trust.learn(facts, 3 * [Step("move_forward", "neg", robot.planner.start)])
         >>> before, after = robot.reasoner.posterior("intention", facts), trust.posterior("intention", facts)
         >>> round(before["interested"], 3), round(after["interested"], 3)
-        (0.455, 0.026)
+        (0.455, 0.03)
     """
 
     def __init__(
