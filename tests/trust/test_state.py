@@ -101,11 +101,14 @@ def test_a_state_that_does_not_fit_is_refused():
             [[[0.5, 0.5], [0.5, 0.5]]],
             r"has other stated answers, \[\[\[0.5, 0.5\], .*expected",
         ),
+        (
+            "forms_of_answers",
+            ["number"],
+            r"has other forms of answers, \['number'\]; expected \['independent'\]",
+        ),
     ):
         with pytest.raises(DecisionError, match=f"the state of trust {message}"):
             make_trust().restore(state | {key: value})
-    with pytest.raises(DecisionError, match="is of the forms of answers number; expected independent"):
-        make_trust().restore(state | {"forms": {"number": 1.0}})
     learner = state["learners"][0]
     weights = learner["source_weights"]
     cases = learner["learnt"]["learnt"]["cases"]

@@ -57,7 +57,7 @@ def test_right_knowledge_keeps_its_weight_where_answers_are_nearly_random():
             heard = ["nod" if (rng.random() < 0.52) == is_yes else "shake" for _ in range(3)]
             trust.learn({"sky": "sunny"}, steps(*heard))
         weights.append(trust.weights[0])
-    assert np.mean(weights) > 0.2
+    assert np.mean(weights) > 0.3  # 0.27 if answers are judged by the estimated noise alone
 
 
 def test_each_source_keeps_a_share():

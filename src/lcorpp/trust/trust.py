@@ -157,16 +157,12 @@ class Trust:
         """
         if attribute != self.domain.shared and tuple(attribute) != self.domain.shared:
             raise DecisionError(f"trust predicts {self.domain.shared!r}, not {attribute!r}")
-        learners = [learner]  # and the others that have some weight
-        weights = [float(self.form_weights[self._learners.index(learner)])]
-        for other, weight in zip(self._learners, self.form_weights.tolist(), strict=True):
-            if other is not learner and weight >= MIN_WEIGHT:
-                learners.append(other)
-                weights.append(weight)
+        all_weights = self.form_weights.tolist()
+        mixed = [k for k, own in enumerate(self._learners) if own is learner or all_weights[k] >= MIN_WEIGHT]
+        learners, weights = [self._learners[k] for k in mixed], self.form_weights[mixed]
         predicted = self._predict(evidence, self._find_labels(evidence), learners, person)
-        marginals = np.array([own.marginal for own in predicted])
-        mixture: Array = np.array(weights) @ marginals / sum(weights)
-        return mixture, predicted[0]
+        mixture: Array = weights @ np.array([own.marginal for own in predicted]) / weights.sum()
+        return mixture, predicted[learners.index(learner)]
 
     def make_planner(self, planner: Planner | None = None) -> Planner:
         """Return the planner for the next person, which sometimes asks to learn.
@@ -237,7 +233,7 @@ class Trust:
             "version": STATE_VERSION,
             **self._describe_model(),
             **self.asking.state(),
-            "forms": dict(zip(self.forms, self.form_weights.tolist(), strict=True)),
+            "form_weights": self.form_weights.tolist(),
             "learners": [learner.state() for learner in self._learners],
         }
 
@@ -261,13 +257,8 @@ class Trust:
                         f"the state of trust has other {key.replace('_', ' ')}, {reprlib.repr(found)};"
                         f" expected {reprlib.repr(expected)}"
                     )
-            if tuple(state["forms"]) != self.forms:
-                raise DecisionError(
-                    f"the state of trust is of the forms of answers {', '.join(state['forms'])}; expected"
-                    f" {', '.join(self.forms)}"
-                )
             self.asking.restore(state)
-            self.form_weights = np.array(list(state["forms"].values()), np.float64)
+            self.form_weights = np.array(state["form_weights"], np.float64).reshape(self.form_weights.shape)
             self._used = self._choose_form()
             for learner, own in zip(self._learners, state["learners"], strict=True):
                 learner.restore(own, has_people=self.n_people > 0)
@@ -275,13 +266,14 @@ class Trust:
             raise DecisionError(f"the state of trust is damaged ({type(error).__name__}: {error})") from error
 
     def _describe_model(self) -> dict[str, Any]:
-        """Return as JSON what a state has in common with the trust that it is restored to."""
+        """Return as JSON what a state and the trust that continues from it have in common."""
         values = [list(value) if isinstance(value, tuple) else value for value in self.domain.values]
         return {
             "sources": list(self.sources),
             "values": values,
             "labels": [list(names) for names in self._labels],
             "stated_answers": self._dialogue.tables.tolist(),
+            "forms_of_answers": list(self.forms),
         }
 
     @property

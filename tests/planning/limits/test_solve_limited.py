@@ -126,7 +126,7 @@ def test_the_smallest_bound_that_can_be_met():
 
 
 def test_a_smallest_bound_that_takes_a_search():
-    """A report takes one action; with two at most, nobody is reported wrongly as interested."""
+    """The total of actions is at least 1, the report; a second limit on wrong reports permits the bound 0."""
     pomdp = load_domain("intention").pomdp
     model = build_limited_model(pomdp, [read_limit(pomdp, "total(*) <= 1")], pomdp.start[None], np.ones(1))
     assert find_smallest_bound(model, 0, 20) == pytest.approx((1, 1), abs=1e-3)

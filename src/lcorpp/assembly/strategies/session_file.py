@@ -48,7 +48,7 @@ class SessionFile:
             with TemporaryFile(dir=file.parent):
                 pass
         except OSError as error:
-            raise FileError(f"{file}: the folder takes no file: {error.strerror}") from None
+            raise FileError(f"{file}: it cannot be written: {error.strerror}") from None
 
     def restore(self, session: Session) -> None:
         """Continue from the state; without a file, the session begins anew.
@@ -74,7 +74,7 @@ class SessionFile:
     def _read(self) -> dict[str, Any]:
         try:
             content = FORMAT.read(read_text(self._file))
-            json.dumps(content, allow_nan=False)
+            json.dumps(content, allow_nan=False)  # Python reads NaN and Infinity, which are no JSON
         except DataError as error:
             raise FileError(f"{self._file}: {error}") from None
         except ValueError:
