@@ -60,7 +60,7 @@ def test_answers_that_get_worse_are_named_with_their_rates(tmp_path):
     form = result.form
     assert form is not None
     assert form.name == "number"
-    assert form.degrees == 3
+    assert form.degrees == 1
     assert len(form.wrong) == 3
     for x, true in zip(form.wrong, wrong, strict=True):
         assert x.share == pytest.approx(1 / 3)
@@ -115,16 +115,15 @@ def test_derivatives_are_those_of_the_log_likelihood(tmp_path, form):
     )
     rng = np.random.default_rng(1)
     logits = [rng.normal(size=prior.shape) for prior in noisy._priors]
-    noise_logits = rng.normal(size=len(form.groups))
+    noise = rng.uniform(0.1, 0.9, len(form.groups))
     sizes = np.cumsum([0, *[own.size for own in logits]])
 
     def split(x):
         parts = [x[a:b].reshape(own.shape) for a, b, own in zip(sizes, sizes[1:], logits, strict=False)]
         rows = [np.exp(own) * (prior > 0) for own, prior in zip(parts, noisy._priors, strict=True)]
-        noise = np.where(noisy._is_free, 1 / (1 + np.exp(-x[sizes[-1] :])), 0)
-        return [own / own.sum(axis=-1, keepdims=True) for own in rows], noise
+        return [own / own.sum(axis=-1, keepdims=True) for own in rows], x[sizes[-1] :]
 
-    point = np.concatenate([*(own.ravel() for own in logits), noise_logits])
+    point = np.concatenate([*(own.ravel() for own in logits), noise])
     _, slopes, noise_slopes = noisy._evaluate(*split(point))
     found = np.concatenate([*(own.ravel() for own in slopes), noise_slopes])
     expected = approx_fprime(point, lambda x: noisy._evaluate(*split(x))[0], 1e-6)

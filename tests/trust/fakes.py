@@ -15,15 +15,22 @@ ANSWERS = ("nod", "shake")
 STATED_TABLES = np.array([[[0.75, 0.25], [0.25, 0.75]]])
 
 
-def mix_noises(answer: int, count: int = 1) -> Array:
-    """Return (V,) the mean likelihood of a number of equal answers, over the noises before the first person.
+NOISES = np.array([0, 0, 0.2, 0.4, 0.6, 0.8, 0.95])
+"""That of the estimates before the first person, and the fixed ones."""
 
-    Half of the weight is on the stated table, the rest on six fixed degrees.
-    """
-    degrees = np.array([0, 0, 0.2, 0.4, 0.6, 0.8, 0.95])[:, None]
-    rows = (1 - degrees) * STATED_TABLES[0, :, answer] + degrees * 0.5
-    mean: Array = np.array([0.5, *[0.5 / 6] * 6]) @ rows**count
-    return mean
+
+def weigh_sources(n_sources: int, no_evidence: int) -> Array:
+    """Return (7, sources) the weights before the first person: half of them are for the estimates."""
+    sources = np.array([0.4, *[0.6 / (n_sources - 1)] * (n_sources - 1)])
+    weights = (1 - NOISES[:, None]) * sources + NOISES[:, None] * np.eye(n_sources)[no_evidence]
+    return weights * np.array([0.5, *[0.5 / 6] * 6])[:, None]
+
+
+def find_noisy_likelihoods(answer: int, count: int = 1) -> Array:
+    """Return (7, V) the likelihood of a number of equal answers at each noise."""
+    rows = (1 - NOISES[:, None]) * STATED_TABLES[0, :, answer] + NOISES[:, None] * 0.5
+    likelihoods: Array = rows**count
+    return likelihoods
 
 
 class SkyReasoner:

@@ -7,7 +7,7 @@ import pytest
 
 from lcorpp.trust import latent_class_model
 from lcorpp.trust.alternative import MAX_LEAD, AlternativeSearch
-from lcorpp.trust.answers import AnswerModel
+from lcorpp.trust.answers import AnswerModel, Noise
 from lcorpp.trust.latent_class_model import LatentClassModel
 from tests.trust.test_latent_class import RATES, draw_people, make_model
 
@@ -33,7 +33,7 @@ def test_after_few_answers_the_contrary_is_credible_too_and_more_answers_decide(
     search = AlternativeSearch(model)
     search.search(100)
     other = model.alternative
-    assert model.noise < other.noise
+    assert model.noise.degrees < other.noise.degrees
     assert (model.rates[0][0, 0] < 0.5) != (other.rates[0][0, 0] < 0.5)
     assert (model.pi[0, 0] < 0.5) != (other.pi[0, 0] < 0.5)
     scores = [model.compute_log_posterior(estimates) for estimates in (other, model.estimates)]
@@ -57,7 +57,7 @@ def test_a_maximum_at_which_the_values_are_exchanged_is_left(seed):
     model.estimates = replace(
         model.estimates,
         rates=(np.array([[0.9, 0.1], [0.1, 0.9]]),),
-        rows=model.answers.add_noise([0.98]),
+        rows=model.answers.add_noise(Noise((0.98,))),
         pi=np.array([[0.8, 0.2], [0.3, 0.7]]),
     )
     model.fit(20)
@@ -152,10 +152,10 @@ def test_an_exchange_that_is_wrong_is_left_where_rare_cases_are_counts_too(max_c
     monkeypatch.setattr(latent_class_model, "MAX_CASES", max_cases)
     rng, model = np.random.default_rng(0), make_model(2)
     wrong = np.array([[0.8, 0.2], [0.3, 0.7]])
-    model.estimates = replace(model.estimates, pi=wrong, rows=model.answers.add_noise([0.98]))
+    model.estimates = replace(model.estimates, pi=wrong, rows=model.answers.add_noise(Noise((0.98,))))
     for person in draw_people(rng, 3000, [0.2, 0.7], OPPOSITE, 0.25):
         model.add(*person)
-    model.fit(5, model.answers.add_noise([0.98]))
+    model.fit(5, model.answers.add_noise(Noise((0.98,))))
     assert model.rates[0][0, 0] > 0.6
     assert AlternativeSearch(model).search(100)
     assert model.alternative is None

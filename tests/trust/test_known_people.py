@@ -14,7 +14,7 @@ from lcorpp.reasoning import Reasoner
 from lcorpp.trust import Trust, TrustOptions, known_people
 from lcorpp.values import Instance, Step
 from tests.decision.fakes import FakeDomain, FakePlanner
-from tests.trust.fakes import AskDialogue, SkyReasoner, mix_noises
+from tests.trust.fakes import AskDialogue, SkyReasoner, find_noisy_likelihoods, weigh_sources
 
 SUNNY = {"sky": "sunny"}
 
@@ -29,9 +29,9 @@ def answer(*answers):
 
 def test_what_remains_is_the_belief_after_the_answers_with_the_probability_that_values_are_kept():
     trust = make_trust(share=0.0)
-    before = trust.posterior("wish", SUNNY).probabilities
+    _, before = trust.predict("wish", SUNNY, trust.used)
     trust.learn(SUNNY, answer("shake", "shake"), "ann")
-    after = before * mix_noises(1, 2)
+    after = (weigh_sources(7, 3) @ before.rows * find_noisy_likelihoods(1, 2)).sum(axis=0)
     known = trust.recognise("ann").posterior("wish", SUNNY).probabilities
     new = trust.posterior("wish", SUNNY).probabilities
     np.testing.assert_allclose(known, (after / after.sum() + new) / 2)  # uniform prior: half are kept

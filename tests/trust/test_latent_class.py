@@ -7,7 +7,8 @@ from lcorpp.trust import latent_class_model
 from lcorpp.trust.answers import AnswerModel
 from lcorpp.trust.cases import NO_LABEL, Cases
 from lcorpp.trust.latent_class_model import LatentClassModel
-from lcorpp.trust.optimism import find_planned_rows
+from lcorpp.trust.planned_rows import compute_stated_loss, find_planned_rows
+from lcorpp.trust.sources.weights import SourceWeights
 
 STATED_TABLES = np.array([[[0.9, 0.1], [0.1, 0.9]]])
 RATES = np.array([[0.76, 0.24], [0.29, 0.71]])
@@ -61,34 +62,7 @@ def test_the_likelihood_never_falls_from_one_iteration_to_the_next():
     assert scores[-1] > scores[0]
 
 
-def test_rows_for_planning_are_as_good_as_the_answers_permit():
-    """Question 1 answers with noise .3 where .1 is stated; question 2 is never asked."""
-    rng = np.random.default_rng(4)
-    model = LatentClassModel(AnswerModel.of_tables(np.repeat(STATED_TABLES, 2, axis=0)), [RATES])
-    model.add_context([])
-    people = list(draw_people(rng, 400, [0.7], RATES, 0.3))
-    for person in people:
-        model.add(*person)
-    model.fit(60)
-    rows = find_planned_rows(model, 0.5, -np.inf)
-    asked, other = slice(0, 2), slice(2, 4)
-    assert (np.abs(rows - model.rows)[asked] < 0.05).all()
-    better = (rows - model.rows)[other].diagonal()
-    assert (better > 0.03).all()
-    assert (better < 0.08).all()
-
-    def score(tables):
-        total = 0.0
-        for _, (label,), answers in people:
-            total += np.log(model.pi[0] * model.rates[0][:, label] @ np.prod(tables[:, answers], axis=1))
-        return total
-
-    np.testing.assert_array_equal(find_planned_rows(model, 0.0, -np.inf), model.rows)
-    credible = find_planned_rows(model, 4.0, -np.inf)
-    assert score(model.rows[asked]) - 4 <= score(credible[asked]) < score(model.rows[asked])
-
-
-def test_the_stated_rows_are_planned_for_while_they_are_credible():
+def test_right_rows_are_rarely_refuted_and_wrong_ones_are():
     """A log posterior lower by 3 has a probability of about 5 % if the stated rows are right."""
     n_stated = {0.1: 0, 0.3: 0}
     for noise in n_stated:
@@ -97,24 +71,12 @@ def test_the_stated_rows_are_planned_for_while_they_are_credible():
             for person in draw_people(np.random.default_rng(seed), 200, [0.5], RATES, noise):
                 model.add(*person)
             model.fit(30)
-            rows = find_planned_rows(model, 0.0, 3.0)
-            is_stated = np.array_equal(rows, model.answers.stated_rows)
-            assert is_stated or np.array_equal(rows, model.rows)
-            n_stated[noise] += is_stated
+            n_stated[noise] += compute_stated_loss(model) <= 3
     assert n_stated[0.1] >= 16
     assert n_stated[0.3] == 0
 
 
-def test_rows_that_are_better_than_stated_are_those_for_planning():
-    model = make_model(1)
-    for person in draw_people(np.random.default_rng(5), 600, [0.5], RATES, 0.02, answers=4):
-        model.add(*person)
-    model.fit(30)
-    assert model.rows[0, 0] > 0.92
-    np.testing.assert_array_equal(find_planned_rows(model, 0.5, -np.inf), model.rows)
-
-
-def test_rows_for_planning_count_the_answers_of_cases_that_are_not_kept(monkeypatch):
+def test_stated_rows_are_judged_by_the_answers_of_cases_that_are_not_kept_too(monkeypatch):
     """With 40 answers the value of each person is certain, so the expected counts contain all information."""
     whole, condensed = make_model(1), make_model(1)
     for model, max_cases in ((whole, 100), (condensed, 4)):
@@ -123,10 +85,34 @@ def test_rows_for_planning_count_the_answers_of_cases_that_are_not_kept(monkeypa
             model.add(*person)
             model.fit(1)
     assert condensed.estimates.past.answers.sum() > 0.8 * 30 * 40
-    for max_loss in (0.5, 2.0):
-        rows = find_planned_rows(whole, max_loss, -np.inf)
-        assert np.abs(rows - whole.rows).min() > 0.005
-        np.testing.assert_allclose(find_planned_rows(condensed, max_loss, -np.inf), rows, atol=1e-4)
+    loss = compute_stated_loss(whole)
+    assert loss > 5
+    assert compute_stated_loss(condensed) == pytest.approx(loss, rel=1e-3)
+
+
+@pytest.mark.parametrize(("noise", "is_mean"), [(0.02, False), (0.25, True)])
+def test_estimates_are_used_alone_where_answers_are_better_than_stated(noise, is_mean):
+    """The stated rate of wrong answers is .1."""
+    model = make_model(1)
+    weights = SourceWeights(3, 2, model.answers, 0.0)
+    for person in draw_people(np.random.default_rng(5), 600, [0.5], RATES, noise, answers=4):
+        model.add(*person)
+    model.fit(30)
+    assert (model.noise.degrees[0] > 0) == is_mean
+    rows = find_planned_rows(model, weights, 3.0)
+    np.testing.assert_array_equal(rows, weights.compute_mean_rows(model.rows) if is_mean else model.rows)
+    assert np.array_equal(rows, model.rows) != is_mean
+
+
+def test_stated_rows_that_exclude_an_answer_are_refuted_by_it():
+    """The second value never gives the first answer, as stated, and half of these people do both."""
+    stated = np.array([[[0.9, 0.1], [0.0, 1.0]]])
+    model = LatentClassModel(AnswerModel.of_tables(stated), [])
+    model.add_context([])
+    for _ in range(20):
+        model.add(0, [], [0, 1, 1, 1, 1, 1])
+    model.fit(20)
+    assert 10 < compute_stated_loss(model) < np.inf
 
 
 def test_facts_one_by_one_predict_a_new_context():

@@ -92,7 +92,7 @@ def test_a_state_that_does_not_fit_is_refused():
     with pytest.raises(DecisionError, match="trust has already made predictions; expected a new one"):
         used.restore(state)
     for key, value, message in (
-        ("version", 1, "has the version 1; this lcorpp reads 2"),
+        ("version", 1, "has the version 1; this lcorpp reads 3"),
         ("sources", ["knowledge"], r"has other sources, \['knowledge'\]; expected \['knowledge', 'knowl"),
         ("values", ["no", "yes"], r"has other values, \['no', 'yes'\]; expected \['yes', 'no'\]"),
         ("labels", [["no", "yes"]], r"has other labels, \[\['no', 'yes'\]\]; expected \[\['yes', 'no'\]\]"),
@@ -126,5 +126,5 @@ def test_a_state_that_does_not_fit_is_refused():
             make_trust().restore(state | {"learners": [state["learners"][0] | damage]})
     with pytest.raises(DecisionError, match="the state of trust is damaged"):
         make_trust().restore(state | {"learners": []})
-    with pytest.raises(DecisionError, match="the state of trust has the version None; this lcorpp reads 2"):
+    with pytest.raises(DecisionError, match="the state of trust has the version None; this lcorpp reads 3"):
         make_trust().restore({})

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from math import log
+from operator import itemgetter
 
 import numpy as np
 from scipy.stats import chi2
@@ -26,7 +27,8 @@ def list_form_tests(people: LoggedPeople, rates: Sequence[Array]) -> list[FormTe
     """Test each form against independent answers by the likelihood ratio.
 
     The knowledge has no part in it. The rows of each question are free; the noise of each copy moves them
-    towards their mean over the values (`ByNumber`), or towards the answer before (`Repeated`).
+    towards their mean over the values (`ByNumber`), or towards the answer before (`Repeated`). The noise
+    rises or falls linearly with the number of the question: one parameter has more power than one a copy.
 
     Args:
         rates: for each sense (V, L) the stated rates.
@@ -37,9 +39,10 @@ def list_form_tests(people: LoggedPeople, rates: Sequence[Array]) -> list[FormTe
         answers = form.make_answers(people.dialogue.tables)
         cases = _arrange(people, form, answers)
         noisy = NoisyCopies(people, form, cases, rates)
-        best, rows, noise = noisy.fit(is_free=True)
-        gain = max(2 * (best - noisy.fit(is_free=False)[0]), 0.0)
-        degrees = len(form.groups) - 1 + form.n_classes - 1
+        directions = _list_directions(form)
+        best, rows, noise = max((noisy.fit(own) for own in directions), key=itemgetter(0))
+        gain = max(2 * (best - noisy.fit(np.zeros((len(form.groups), 0)))[0]), 0.0)
+        degrees = directions[0].shape[1] + form.n_classes - 1
         bic = gain - degrees * log(people.cases.weights.sum())
         if form.n_classes > 1:
             shares = zip(rows[0][0].tolist(), noisy.find_class_rates(rows, noise), strict=True)
@@ -49,6 +52,15 @@ def list_form_tests(people: LoggedPeople, rates: Sequence[Array]) -> list[FormTe
             found = tuple(_describe_copies(own, form, people, answers))
         tests.append(FormTest(form.name, gain, degrees, bic, float(chi2.sf(gain, degrees)), found))
     return tests
+
+
+def _list_directions(form: AnswerForm) -> list[Array]:
+    """Return alternative directions (G, P) of the noise of a form's groups."""
+    n_groups = len(form.groups)
+    if isinstance(form, ByNumber):
+        rising = np.linspace(0, 1, n_groups)[:, None]
+        return [rising, rising[::-1]]
+    return [np.eye(n_groups)[:, 1:]]
 
 
 def _arrange(people: LoggedPeople, form: AnswerForm, answers: AnswerModel) -> Cases:

@@ -12,7 +12,7 @@ from lcorpp.audit.logged_people import LoggedPeople
 from lcorpp.latent_classes import LatentClasses, index_counts, normalise, sum_by_group
 from lcorpp.trust.answers import number_rows
 from lcorpp.trust.cases import Cases
-from lcorpp.trust.forms import AnswerForm, ByNumber
+from lcorpp.trust.forms import AnswerForm
 from lcorpp.values import Array
 
 START_LOGIT = -1.0
@@ -24,7 +24,8 @@ class NoisyCopies:
 
     A row of a copy is (1 - d) times the row of its kind, plus d times its end (`AnswerForm.find_ends`). The
     noise d is that of the copy's group; with several classes of people, that of the class, and the class is
-    independent of all else.
+    independent of all else. The noise of the groups is a sum of given directions, each times a factor between
+    0 and 1. As the rows of the kinds are free, only differences between the groups are identified.
 
     Args:
         cases: the people, with their answers in the cells of the form.
@@ -40,8 +41,6 @@ class NoisyCopies:
         self._has_mean_end = np.array([form.has_mean_end(copy) for copy in range(form.n_copies)])
         labels = [index_counts(cases.labels[:, s], own.shape[1]) for s, own in enumerate(rates)]
         self._classes = LatentClasses(cases.contexts, cases.weights, (cases.answer_counts, *labels))
-        # with free rows, the noise of the first group is identified by that of the others alone
-        self._is_free = np.arange(len(form.groups)) >= int(not isinstance(form, ByNumber))
         tables = [number_rows(table) for table in people.dialogue.tables]
         senses = [number_rows(np.maximum(own, MIN_START_PROBABILITY)) for own in rates]
         self._row_of = [numbers for numbers, _ in [*tables, *senses]]
@@ -50,8 +49,11 @@ class NoisyCopies:
         shares = np.full((1, form.n_classes), 1 / form.n_classes)
         self._priors = [shares, uniform, *stated, *[rows for _, rows in senses]]
 
-    def fit(self, *, is_free: bool) -> tuple[float, list[Array], Array]:
-        """Maximise the likelihood; unless the noise is free, it is 0.
+    def fit(self, directions: Array) -> tuple[float, list[Array], Array]:
+        """Maximise the likelihood.
+
+        Args:
+            directions: (G, P) of the noise of the groups; without any the noise is 0.
 
         Returns:
             The log likelihood with the prior, the distributions (first of the classes), and the noise (G,).
@@ -65,26 +67,28 @@ class NoisyCopies:
             rows = [
                 normalise(np.exp(own) * (prior > 0)) for own, prior in zip(logits, self._priors, strict=True)
             ]
-            noise = 1 / (1 + np.exp(-x[sizes[-1] :]))
-            return rows, np.where(self._is_free & is_free, noise, 0.0)
+            return rows, 1 / (1 + np.exp(-x[sizes[-1] :]))
 
         def evaluate(x: Array) -> tuple[float, Array]:
-            value, slopes, noise_slopes = self._evaluate(*split(x))
-            gradient = np.concatenate([*(own.ravel() for own in slopes), noise_slopes])
+            rows, factors = split(x)
+            value, slopes, noise_slopes = self._evaluate(rows, directions @ factors)
+            factor_slopes = noise_slopes @ directions * factors * (1 - factors)
+            gradient = np.concatenate([*(own.ravel() for own in slopes), factor_slopes])
             return -value / self._weights.sum(), -gradient / self._weights.sum()
 
-        noise = np.full(len(self._is_free), START_LOGIT)
+        start = np.full(directions.shape[1], START_LOGIT)
         found = minimize(
             evaluate,
-            np.concatenate([*(own.ravel() for own in starts), noise]),
+            np.concatenate([*(own.ravel() for own in starts), start]),
             jac=True,
             method="L-BFGS-B",
             options={"maxiter": 2000, "ftol": 1e-12, "gtol": 1e-7},
         )
-        return -float(found.fun) * float(self._weights.sum()), *split(found.x)
+        rows, factors = split(found.x)
+        return -float(found.fun) * float(self._weights.sum()), rows, directions @ factors
 
     def _evaluate(self, rows: Sequence[Array], noise: Array) -> tuple[float, list[Array], Array]:
-        """Return the log posterior, and its derivatives by the logits of rows and of noise."""
+        """Return the log posterior, and its derivatives by the logits of rows and by the noise."""
         n_classes, none = self._n_classes, np.zeros(0, np.intp)
         places = [none, none, *self._row_of]
         kinds = range(2, 2 + self._kinds)
@@ -100,7 +104,9 @@ class NoisyCopies:
         counts = found.answers[0].reshape(logs.shape).transpose(0, 2, 3, 1, 4)
         slopes = np.divide(counts, copies, out=np.zeros_like(counts), where=copies > 0)
         by_copy = (slopes * (ends - by_value)).sum(axis=(1, 3, 4))  # (C, copies)
-        noise_slopes = np.bincount(self._group_of.ravel(), by_copy.ravel(), minlength=len(noise))
+        noise_slopes = np.bincount(self._group_of.ravel(), by_copy.ravel(), minlength=len(noise)).astype(
+            float
+        )
         direct = ((1 - own_noise) * slopes).sum(axis=(0, 2))  # (K, V, O)
         through_means = own_noise * slopes * self._has_mean_end[:, None, None]
         direct = direct + through_means.sum(axis=(0, 2, 3))[:, None] / self._values
@@ -117,7 +123,7 @@ class NoisyCopies:
             value += float((prior * np.log(np.where(row > 0, row, 1.0))).sum())
             total = own + prior
             gradients.append(total - total.sum(axis=1, keepdims=True) * row)
-        return value, gradients, noise_slopes * noise * (1 - noise)
+        return value, gradients, noise_slopes
 
     def find_class_rates(self, fitted: Sequence[Array], noise: Array) -> list[float]:
         """Return the rate of wrong answers of each class of people, by the rows and the noise of `fit`.

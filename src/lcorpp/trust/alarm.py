@@ -12,7 +12,7 @@ import numpy as np
 from lcorpp.errors import DecisionError
 from lcorpp.notebook import html_table
 from lcorpp.protocols import Dialogue
-from lcorpp.trust.answers import NOISE_DEGREES, STATED_DEGREE, AnswerModel
+from lcorpp.trust.answers import NOISE_DEGREES, STATED_DEGREE, AnswerModel, Noise
 from lcorpp.trust.finding import (
     BIAS_CHANGE,
     FORM_CHANGES,
@@ -332,16 +332,16 @@ class Alarm:
 def _list_log_likelihoods(model: AnswerModel) -> Array:
     """Return (N, D, V) the log likelihoods of answers by noisy models, then by biased and unequal ones."""
     biased = [
-        model.find_log_likelihoods(_add_bias(model.add_noise([degree]), observation, bias))
+        model.find_log_likelihoods(_add_bias(model.add_noise(Noise((degree,))), observation, bias))
         for observation in np.flatnonzero(np.ptp(model.stated_rows, axis=0)).tolist()
         for bias in BIASES
         for degree in NOISE_DEGREES[ALTERNATIVE_DEGREES]
     ]
     unequal = [
         model.find_log_likelihoods(
-            np.where(own[:, None], model.add_noise([degree]), model.add_noise([other]))
+            np.where(own[:, None], model.add_noise(Noise((degree,))), model.add_noise(Noise((other,))))
         )
-        for own, _ in model.list_questions([0.0])
+        for own in model.list_questions()
         for degree, other in permutations(UNEQUAL_DEGREES, 2)
         if len(model.row_of) > 1
     ]
@@ -353,7 +353,7 @@ def _list_forms(tables: Array) -> list[tuple[AnswerForm, Array]]:
     number, repeated = ByNumber(), Repeated(tables.shape[2])
     noises = [*TIRING_NOISES, *(own[::-1] for own in TIRING_NOISES)]
     return [
-        (form, np.array([model.find_log_likelihoods(model.add_noise(own)) for own in degrees]))
+        (form, np.array([model.find_log_likelihoods(model.add_noise(Noise(tuple(own)))) for own in degrees]))
         for form, degrees in ((number, noises), (repeated, REPEATED_NOISES))
         for model in (form.make_answers(tables),)
     ]

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from operator import itemgetter
 
 import numpy as np
 import numpy.typing as npt
@@ -62,6 +63,19 @@ INDEPENDENT = (NoiseGroup(),)
 """All questions share one noise."""
 
 
+@dataclass(frozen=True)
+class Noise:
+    """The noise of all questions.
+
+    degrees: of each group. is_equal: whether the questions of a group have equal contrasts: a person who does
+    not listen answers all of them wrongly as often. Otherwise those that are stated as more reliable remain
+    so.
+    """
+
+    degrees: tuple[float, ...]
+    is_equal: bool = False
+
+
 @dataclass(frozen=True, eq=False)
 class AnswerModel:
     """P(observation | value) for K kinds of questions, as the planner's model states it.
@@ -76,7 +90,9 @@ class AnswerModel:
 
     With noise d a row is (1 - d) times the stated one plus d times its end, by default the mean of its
     question's rows over the values. For two values and one rate e of wrong answers, this is the rate
-    e + d (1/2 - e). The noise of each group is a number.
+    e + d (1/2 - e). The contrast of a question is the mean total variation between its rows, (1 - d) times
+    the stated one. If contrasts are equal (`Noise`), that of a group's questions is (1 - d) times the mean of
+    the stated ones; the noise of each question follows.
     """
 
     stated_rows: Array
@@ -126,14 +142,19 @@ class AnswerModel:
         return self.n_classes * int(self.row_of.shape[1])
 
     @property
-    def start_noise(self) -> tuple[float, ...]:
-        """The noise of each group without any answers."""
-        return tuple(group.start for group in self.groups)
+    def start_noise(self) -> Noise:
+        """The noise without any answers."""
+        return Noise(tuple(group.start for group in self.groups))
+
+    @property
+    def stated_noise(self) -> Noise:
+        """The noise of the stated rows."""
+        return Noise((0.0,) * len(self.groups))
 
     @cached_property
     def start_rows(self) -> Array:
         """(R, O) the rows without any answers."""
-        return self.add_noise(self.start_noise) if any(self.start_noise) else self.stated_rows
+        return self.add_noise(self.start_noise) if any(self.start_noise.degrees) else self.stated_rows
 
     def find_expected(self, kind: int, value: int) -> int:
         """Return the index of the observation that the stated model expects most."""
@@ -144,17 +165,16 @@ class AnswerModel:
         tables: Array = rows[self.row_of]
         return tables
 
-    def add_noise(self, noise: Sequence[float]) -> Array:
-        """Return the rows (R, O) with the noise of each group."""
-        degrees = np.array([find_degree(own) for own in noise], np.intp)
-        rows: Array = self._noisy_rows[degrees[self._group_of_row], np.arange(len(self.stated_rows))]
+    def add_noise(self, noise: Noise) -> Array:
+        """Return the rows (R, O) with a noise."""
+        shared = np.array([find_degree(own) for own in noise.degrees], np.intp)[self._group_of_row]
+        each = np.arange(len(self.stated_rows))
+        rows: Array = self._noisy_rows[self._row_degrees[noise.is_equal][shared, each], each]
         return rows
 
-    def list_questions(self, noise: Sequence[float]) -> list[tuple[npt.NDArray[np.bool_], Array]]:
-        """Return for each kind of question its rows (R,), and their prior at the noise, in answers."""
-        prior = self._question_weights * self.add_noise(noise)
-        members = [self._question_of == k for k in range(len(self.row_of))]
-        return [(own, prior[own]) for own in members]
+    def list_questions(self) -> list[npt.NDArray[np.bool_]]:
+        """Return for each kind of question which rows (R,) are its own."""
+        return [self._question_of == k for k in range(len(self.row_of))]
 
     def find_log_likelihoods(self, rows: Array) -> Array:
         """Return (D, W) the logarithm of P(observation | value) for each answer, 0 if it is impossible."""
@@ -163,12 +183,22 @@ class AnswerModel:
         return by_class.transpose(0, 3, 1, 2).reshape(self.n_answers, -1)
 
     @cached_property
-    def follows_first_group(self) -> npt.NDArray[np.bool_]:
-        """(D, W) whether the group of an answer is the first one, or follows it."""
+    def _is_following(self) -> npt.NDArray[np.bool_]:
+        """(K,) whether the group of a kind is the first one, or follows it."""
         is_member = list[bool]()
         for g, group in enumerate(self.groups):
             is_member.append(g == 0 if group.follows is None else is_member[group.follows])
-        of_kind = np.array(is_member)[self.group_of].reshape(-1, self.n_classes)
+        return np.array(is_member)[self.group_of]
+
+    def fix_noise(self, degree: float, rows: Array) -> Array:
+        """Return rows (R, O) with a degree of noise in the first group and those that follow it."""
+        is_fixed = self._is_following[self._question_of][:, None]
+        return np.where(is_fixed, self.add_noise(Noise((degree,) * len(self.groups))), rows)
+
+    @cached_property
+    def follows_first_group(self) -> npt.NDArray[np.bool_]:
+        """(D, W) whether the group of an answer is the first one, or follows it."""
+        of_kind = self._is_following.reshape(-1, self.n_classes)
         n_observations, n_values = self.stated_rows.shape[1], self.row_of.shape[1]
         return np.repeat(np.repeat(of_kind, n_values, axis=1), n_observations, axis=0)
 
@@ -177,44 +207,79 @@ class AnswerModel:
         """(N, D, W) what `find_log_likelihoods` returns at each degree of `NOISE_DEGREES`."""
         return np.array([self.find_log_likelihoods(rows) for rows in self._noisy_rows])
 
-    def estimate_rows(self, counts: Array) -> tuple[Array, tuple[float, ...]]:
+    def estimate_rows(self, counts: Array) -> tuple[Array, Noise]:
         """Estimate the rows from expected counts of answers, by a hierarchy of priors.
 
-        First the noise that the questions of a group share, then that of each question around it, then each
-        row around that of its question.
+        First the noise that the questions of a group share, in equal degrees or contrasts, whichever is more
+        probable; then that of each question around it, then each row around that of its question.
 
         Args:
             counts: (D, W) how often people of each value gave each answer.
 
         Returns:
-            The rows (R, O), and the noise of each group.
+            The rows (R, O), and the shared noise.
         """
         n_observations = self.stated_rows.shape[1]
         by_class = counts.reshape(-1, n_observations, self.n_classes, self.row_of.shape[1])
         by_value = by_class.transpose(0, 2, 3, 1)
         by_row = self._membership.T @ by_value.reshape(-1, n_observations)  # (R, O)
         by_degree = (self._logs * by_row).sum(axis=2)  # (N, R)
-        noise = list[float]()
-        for g, group in enumerate(self.groups):
-            center = find_degree(group.start if group.follows is None else noise[group.follows])
-            scores = by_degree @ self._is_row_of_group[g] + self._prior_scores[g][center]
-            noise.append(float(NOISE_DEGREES[np.argmax(scores)]))
+        both = [self._find_shared_noise(by_degree, is_equal=own) for own in (False, True)]
+        _, noise = max(both, key=itemgetter(0))
         expected = by_row + self._question_weights * self.add_noise(noise)
         scores = (self._logs * expected).sum(axis=2)
         best = (scores @ self._is_row_of).argmax(axis=0)  # (K,)
         prior = self._noisy_rows[best[self._question_of], np.arange(len(by_row))]
         rows = ROW_ANSWERS * prior + by_row
         rows /= rows.sum(axis=1, keepdims=True)
-        return self._keep_order(rows, prior), tuple(noise)
+        return self._keep_order(rows, prior), noise
 
-    def compute_log_prior(self, noise: Sequence[float]) -> float:
-        """Return the log prior of the noise of each group, 0 for that without answers."""
+    def _find_shared_noise(self, by_degree: Array, *, is_equal: bool) -> tuple[float, Noise]:
+        """Return the most probable noise, before that its log posterior, up to a constant.
+
+        Args:
+            by_degree: (N, R) log likelihood of the answers in each row, at each degree of the row.
+        """
+        by_shared = np.take_along_axis(by_degree, self._row_degrees[is_equal], axis=0)
+        scores, degrees = by_shared @ self._is_row_of_group.T, list[int]()  # (N, G)
         total = 0.0
-        for g, group in enumerate(self.groups):
-            center = find_degree(group.start if group.follows is None else noise[group.follows])
-            scores = self._prior_scores[g][center]
-            total += float(scores[find_degree(noise[g])] - scores[center])
-        return total
+        for g, own in enumerate(scores.T):
+            posterior = own + self._compute_log_prior(g, degrees, is_equal=is_equal)
+            degrees.append(int(posterior.argmax()))
+            total += float(posterior.max())
+        return total, Noise(tuple(NOISE_DEGREES[degrees].tolist()), is_equal)
+
+    def compute_log_prior(self, noise: Noise, rows: Array | None = None) -> float:
+        """Return the log prior of the noise, and of rows (R, O) around it; 0 for those without answers."""
+        degrees = [find_degree(own) for own in noise.degrees]
+        total = sum(
+            float(self._compute_log_prior(g, degrees, is_equal=noise.is_equal)[degree])
+            for g, degree in enumerate(degrees)
+        )
+        if rows is None:
+            return total
+        expected = self.add_noise(noise)
+        ratio = np.log(np.divide(rows, expected, out=np.ones_like(rows), where=expected > 0))
+        return total + float((self._question_weights * expected * ratio).sum())
+
+    def _compute_log_prior(self, group: int, degrees: Sequence[int], *, is_equal: bool) -> Array:
+        """Return (N,) the log prior of each degree of a group, 0 for the rows that it follows.
+
+        It is the log likelihood of `SHARED_ANSWERS` answers that are as those rows expect.
+
+        Args:
+            degrees: indices of the degrees of the earlier groups.
+        """
+        follows, own = self.groups[group].follows, np.flatnonzero(self._group_of_row == group)
+        by_row = self._row_degrees[is_equal][:, own]  # (N, own)
+        if follows is None:
+            center = np.full(len(own), find_degree(self.groups[group].start))
+        else:
+            center = by_row[degrees[follows]]
+        scores = np.einsum("ro,nro->nr", self._noisy_rows[center, own], self._logs[:, own])
+        scores -= np.take_along_axis(scores, center[None], axis=0)
+        log_prior: Array = np.take_along_axis(scores, by_row, axis=0).sum(axis=1)
+        return log_prior * (SHARED_ANSWERS / max(len(own), 1))
 
     def _keep_order(self, rows: Array, prior: Array) -> Array:
         """Return rows between `rows` and `prior` (R, O) in which no two values are exchanged.
@@ -295,15 +360,25 @@ class AnswerModel:
         return np.log(np.where(rows > 0, rows, 1))
 
     @cached_property
-    def _prior_scores(self) -> list[Array]:
-        """For each group (N, N) the log likelihood of the second degree, given `SHARED_ANSWERS` answers that
-        are as the first degree expects them.
+    def _row_degrees(self) -> tuple[npt.NDArray[np.intp], npt.NDArray[np.intp]]:
+        """Each (N, R) the index of each row's degree at a shared one: of equal degrees, of equal contrasts.
+
+        Rows whose end is not the mean of their question's rows have equal degrees: these are not of contrast.
         """
-        weights = SHARED_ANSWERS / np.maximum(self._is_row_of_group.sum(axis=1), 1)
-        return [
-            weight * np.einsum("r,nro,mro->nm", own, self._noisy_rows, self._logs, optimize=True)
-            for own, weight in zip(self._is_row_of_group, weights, strict=True)
-        ]
+        same = np.broadcast_to(np.arange(len(NOISE_DEGREES))[:, None], (len(NOISE_DEGREES), len(self.ends)))
+        left, right = self._pairs
+        variation = np.abs(self.stated_rows[left] - self.stated_rows[right]).sum(axis=1) / 2
+        n_pairs = np.bincount(self._question_of[left], minlength=len(self.row_of))
+        total = np.bincount(self._question_of[left], variation, minlength=len(self.row_of))
+        contrast = total / np.maximum(n_pairs, 1)  # (K,)
+        members = np.eye(len(self.groups))[self.group_of] * (contrast > 0)[:, None]  # (K, G)
+        mean = (contrast @ members / np.maximum(members.sum(axis=0), 1))[self.group_of]
+        ratio = np.divide(mean, contrast, out=np.ones_like(mean), where=contrast > 0)[self._question_of]
+        means = self.stated_rows[self.row_of].mean(axis=1)  # (K, O)
+        has_mean_end = np.isclose(self.ends, means[self._question_of], atol=ROW_TOLERANCE).all(axis=1)
+        places = (1 - (1 - NOISE_DEGREES[:, None]) * ratio - NOISE_DEGREES[0]) * 100
+        equal = np.clip(np.rint(places).astype(np.intp), 0, len(NOISE_DEGREES) - 1)
+        return same, np.where(has_mean_end, equal, same)
 
 
 def find_degree(noise: float) -> int:

@@ -44,15 +44,18 @@ class AskingRule:
         total: float = self._options.ask_budget * min(n, (FIRST_PEOPLE * n) ** 0.5)
         return total
 
-    def find_wanted(self, *, has_alternative: bool) -> int:
+    def find_wanted(self, *, has_alternative: bool, is_as_stated: bool) -> int:
         """Return the number of answers wanted of the next person; 0 if they are not asked more than needed.
 
         Args:
             has_alternative: whether alternative estimates are credible, so that a wrong model costs most.
+            is_as_stated: whether the stated observation model is credible, so that more answers gain little.
         """
         options, n = self._options, self.n_people
         least = options.max_asked if has_alternative else options.min_asked
-        is_due = options.ask_every and (n % options.ask_every == 0 or self.n_repeated < least * n**0.5)
+        is_asking = options.ask_every > 0
+        is_turn = is_asking and n % options.ask_every == 0 and not (is_as_stated and n)
+        is_due = is_turn or (is_asking and self.n_repeated < least * n**0.5)
         is_affordable = self.spent + options.ask_answers * self._cost <= self.budget
         return options.ask_answers if is_due and is_affordable else 0
 

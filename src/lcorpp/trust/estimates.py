@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from lcorpp.trust.answers import AnswerModel
+from lcorpp.trust.answers import AnswerModel, Noise
 from lcorpp.values import Array
 
 
@@ -54,7 +54,7 @@ class Estimates:
     pi: (X, V) the distribution of the value in each context. values: (X, V) the expected number of people
     of each value. rates: for each sense (V, L) P(label | value). rows: (R, O) of the observation model.
     past: counts of the people whose cases are not kept, by the estimates of that time.
-    noise: of the answers of each group, see `AnswerModel`.
+    noise: of the answers.
     """
 
     answers: AnswerModel
@@ -63,7 +63,7 @@ class Estimates:
     rates: tuple[Array, ...]
     rows: Array
     past: Counts
-    noise: tuple[float, ...] = (0.0,)
+    noise: Noise
 
     @classmethod
     def of_start(cls, answers: AnswerModel, rates: Sequence[Array]) -> Estimates:
@@ -114,7 +114,7 @@ class Estimates:
     @property
     def mean_noise(self) -> float:
         """The mean of the noise of the groups."""
-        return float(np.mean(self.noise))
+        return float(np.mean(self.noise.degrees))
 
     @property
     def log_tables(self) -> list[Array]:
@@ -135,7 +135,8 @@ class Estimates:
             "rates": [rates.tolist() for rates in self.rates],
             "rows": self.rows.tolist(),
             "past": self.past.state(),
-            "noise": list(self.noise),
+            "noise": list(self.noise.degrees),
+            "equal_noise": self.noise.is_equal,
         }
 
     def restore(self, state: Mapping[str, Any]) -> Estimates:
@@ -146,7 +147,8 @@ class Estimates:
         )
         rates = tuple(_restore(own, like) for own, like in zip(state["rates"], self.rates, strict=True))
         past = self.past.restore(state["past"])
-        return Estimates(self.answers, pi, values, rates, rows, past, tuple(map(float, state["noise"])))
+        noise = Noise(tuple(map(float, state["noise"])), bool(state["equal_noise"]))
+        return Estimates(self.answers, pi, values, rates, rows, past, noise)
 
 
 def _restore(numbers: object, like: Array) -> Array:

@@ -13,9 +13,10 @@ from lcorpp.latent_classes import normalise
 from lcorpp.protocols import Dialogue, DomainInterface, Memory, Planner, Starts
 from lcorpp.trust.answers import AnswerModel
 from lcorpp.trust.known_people import KnownPeople, PersonRecord, bound_belief
-from lcorpp.trust.optimism import find_planned_rows
 from lcorpp.trust.options import TrustOptions
+from lcorpp.trust.planned_rows import find_planned_rows
 from lcorpp.trust.sources.learnt import LearntSources
+from lcorpp.trust.sources.stated import NO_EVIDENCE
 from lcorpp.trust.sources.weights import SourceWeights
 from lcorpp.values import Array, Label
 
@@ -29,14 +30,13 @@ class StatedForm:
     """A form of answers with the stated observation model.
 
     name: of the form. dialogue: the questions in the copies of the form. answers: their model. planner: for
-    the stated model. n_copies: of each kind of question.
+    the stated model.
     """
 
     name: str
     dialogue: Dialogue
     answers: AnswerModel
     planner: Planner
-    n_copies: int = 1
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,7 +101,7 @@ class FormLearner:
     """The mixture of sources, and the observation model, if answers have one form.
 
     Args:
-        n_stated: number of sources that do not learn.
+        stated_sources: names of those that do not learn.
 
     Attributes:
         sources: those that learn. source_weights: of all. people: records of those with an id.
@@ -113,16 +113,15 @@ class FormLearner:
         domain: DomainInterface,
         form: StatedForm,
         stated_rates: Sequence[Array],
-        n_stated: int,
+        stated_sources: Sequence[str],
         options: TrustOptions,
     ) -> None:
         self.dialogue, self.planner, self._options = form.dialogue, form.planner, options
         self.tables = form.dialogue.tables
         self._n_classes = form.answers.n_classes
-        self._max_loss = options.max_loss / form.n_copies  # all copies of a question together
         self.sources = LearntSources(domain, form.answers, stated_rates, options.memory)
-        n_sources = n_stated + len(self.sources.names)
-        self.source_weights = SourceWeights(n_sources, form.answers, options.share)
+        names = (*stated_sources, *self.sources.names)
+        self.source_weights = SourceWeights(len(names), names.index(NO_EVIDENCE), form.answers, options.share)
         self.people = KnownPeople()
         self._next_fit, self._next_search, self._is_stale = 1, FIRST_SEARCH, False
 
@@ -130,6 +129,11 @@ class FormLearner:
     def weights(self) -> Array:
         """(sources,) summing to 1: those that do not learn, first the knowledge, then `sources.names`."""
         return self.source_weights.of_sources
+
+    @property
+    def is_as_stated(self) -> bool:
+        """Whether the planner is for the stated observation model."""
+        return np.array_equal(self.tables, self.dialogue.tables)
 
     def index_context(self, facts: Mapping[str, Label]) -> int:
         """Return the index of a context; a new one is added."""
@@ -241,7 +245,7 @@ class FormLearner:
         """Make the planner for the next person."""
         if self._is_stale:
             learnt = self.sources.learnt
-            rows = find_planned_rows(learnt, self._max_loss, self._options.max_stated_loss)
+            rows = find_planned_rows(learnt, self.source_weights, self._options.max_stated_loss)
             self.tables, self._is_stale = learnt.answers.make_tables(rows), False
         self.planner = self.dialogue.make_planner(self.tables, self.sources.learnt.class_shares)
 

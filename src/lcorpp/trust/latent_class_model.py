@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from lcorpp.latent_classes import LatentClasses, index_counts, normalise, normalise_logs, sum_log_likelihood
-from lcorpp.trust.answers import AnswerModel, number_rows
+from lcorpp.trust.answers import AnswerModel, Noise, number_rows
 from lcorpp.trust.cases import NO_LABEL, Cases
 from lcorpp.trust.estimates import Counts, Estimates
 from lcorpp.values import Array
@@ -88,7 +88,7 @@ class LatentClassModel:
         return self.estimates.rows
 
     @property
-    def noise(self) -> tuple[float, ...]:
+    def noise(self) -> Noise:
         return self.estimates.noise
 
     def add_context(self, facts: Iterable[tuple[str, object]]) -> int:

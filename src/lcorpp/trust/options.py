@@ -13,7 +13,8 @@ class TrustOptions:
 
     share: alpha, the probability that another source becomes the best one between two people.
     memory: of the source "recent", in people.
-    ask_every: k: every k-th person is asked until there are `ask_answers` answers; 0: none at all.
+    ask_every: k: the first person, and every k-th one while the stated observation model is not credible, is
+        asked until there are `ask_answers` answers; 0: none at all.
     min_asked: anybody is asked so while fewer than this times sqrt(n) of n people have given that many. A
         robot to which answers seem useless by chance would hardly ask, and learn slowly that they are not.
     max_asked: the same factor while alternative estimates are credible.
@@ -22,10 +23,8 @@ class TrustOptions:
         All such questions of these people count, also those that the policy needed.
     refits: the learnt models are fitted again when the number of people has grown by 1 / `refits`.
     iterations: of EM at each fit; each begins at the estimates of the one before.
-    max_loss: plans are for the best observation model whose log posterior is at most this much lower than
-        that of the estimate, question by question; 2 is two standard errors, 0.5 one, 0 the estimate.
-    max_stated_loss: plans are for the stated model while its log posterior is at most this much lower than
-        that of the estimates, all questions together.
+    max_stated_loss: plans are for the stated observation model while its log posterior is at most this much
+        lower than that of the estimates, and than that of each fixed noise.
 
     Examples:
         >>> from lcorpp.trust import TrustOptions
@@ -46,7 +45,6 @@ class TrustOptions:
     ask_budget: float = 1.0
     refits: int = 50
     iterations: int = 2
-    max_loss: float = 1.0
     max_stated_loss: float = 3.0
 
     def __post_init__(self) -> None:
@@ -60,7 +58,6 @@ class TrustOptions:
             "ask_budget": (self.ask_budget >= 0, "at least 0"),
             "refits": (self.refits >= 1, "at least 1"),
             "iterations": (self.iterations >= 1, "at least 1"),
-            "max_loss": (self.max_loss >= 0, "at least 0"),
             "max_stated_loss": (self.max_stated_loss >= 0, "at least 0"),
         }
         for name, (is_valid, expected) in limits.items():

@@ -27,7 +27,7 @@ FORMS_PRIOR = 0.5
 FORM_SHARE = 0.001
 """Probability that answers get another form between two people."""
 
-STATE_VERSION = 2
+STATE_VERSION = 3
 """Of `Trust.state`."""
 
 MIN_INDEPENDENT = 0.2
@@ -99,11 +99,12 @@ class Trust:
         self.options = options
         self.domain, self._dialogue, self._start = domain, dialogue, domain.marginal(planner.start)
         stated_rates = self._set_reasoner(reasoner, rates)
-        independent = StatedForm("independent", dialogue, AnswerModel.of_tables(dialogue.tables), planner)
+        answers = AnswerModel.of_tables(dialogue.tables)
+        independent = StatedForm("independent", dialogue, answers, planner)
         stated_forms = (independent, *forms)
         self.forms = tuple(form.name for form in stated_forms)
         self._learners = [
-            FormLearner(domain, form, stated_rates, len(self._stated.names), options) for form in stated_forms
+            FormLearner(domain, form, stated_rates, self._stated.names, options) for form in stated_forms
         ]
         self.sources = (*self._stated.names, *self._learners[0].sources.names)
         self.form_weights = self._form_prior
@@ -311,7 +312,9 @@ class Trust:
         return 0 if self.form_weights[0] >= MIN_INDEPENDENT else int(self.form_weights.argmax())
 
     def _find_wanted(self) -> int:
-        return self.asking.find_wanted(has_alternative=self.learnt.alternative is not None)
+        return self.asking.find_wanted(
+            has_alternative=self.learnt.alternative is not None, is_as_stated=self.used.is_as_stated
+        )
 
     @property
     def _form_prior(self) -> Array:

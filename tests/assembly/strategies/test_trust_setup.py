@@ -44,7 +44,7 @@ def run(intention, count, **switches):
 @pytest.mark.parametrize("hearing", [True, False])
 def test_a_robot_with_trust_decides_better_than_one_that_trusts_what_is_stated(intention, hearing):
     # the paper's noise of answers is .3, more than the model states
-    with_trust, without, trust = run(intention, 300, hearing=hearing)
+    with_trust, without, trust = run(intention, 1000, hearing=hearing)
     assert with_trust > without
     assert trust.learnt.rows[2, 0] == pytest.approx(0.7, abs=0.1)
     assert (trust.planner.policy is intention[1].policy) != hearing
@@ -85,7 +85,7 @@ def test_the_form_of_the_answers_is_found(wrong, form):
         episode = dt_control(Robot({}, trust, trust.make_planner(), domain), instance, world)
         trust.learn(episode.evidence, episode.steps)
     assert trust.form == form
-    assert trust.form_weights[trust.forms.index(form)] > 0.5
+    assert trust.form_weights.argmax() == trust.forms.index(form)
     if form == "number":
-        noise = trust.learnt.noise
+        noise = trust.learnt.noise.degrees
         assert noise[0] < noise[1] < noise[3]

@@ -52,9 +52,8 @@ def set_up_trust(
                 continue
             stated = own.make_stated_planner(planner)
             own.planners = Replanner(stated, own.place_starts(starts), precision, own.tables)
-            n_copies = form.n_copies * form.n_classes
-            forms.append(StatedForm(form.name, own, own.answers, own.follow(stated), n_copies))
-    else:  # a fixed policy does not explore, so it needs the estimates; and it always goes on asking
+            forms.append(StatedForm(form.name, own, own.answers, own.follow(stated)))
+    else:  # a fixed policy always goes on asking
         dialogue.planners = FixedPolicy(planner, domain)
-        options = replace(options, max_loss=0.0, max_stated_loss=0.0, min_asked=0.0)
+        options = replace(options, min_asked=0.0)
     return Trust(reasoner, domain, dialogue, planner, options=options, rates=rates, forms=forms)

@@ -11,6 +11,9 @@ from lcorpp.protocols import DomainInterface, Reasoner
 from lcorpp.trust.evidence_cache import EvidenceCache
 from lcorpp.values import Array, Distribution, Label
 
+NO_EVIDENCE = "no evidence"
+"""The source that predicts the initial belief of the planner's model."""
+
 
 class StatedSources:
     """The sources that do not learn.
@@ -28,7 +31,7 @@ class StatedSources:
         self.attributes = domain.label_attributes
         facts = ("knowledge without labels",) if self.attributes else ()
         together = ("all senses",) if len(self.attributes) > 1 else ()
-        self.names = ("knowledge", *facts, *together, *self.attributes, "no evidence")
+        self.names = ("knowledge", *facts, *together, *self.attributes, NO_EVIDENCE)
         self.facts_row = len(facts)
         self._start = start.probabilities
         self._cache = EvidenceCache()

@@ -31,17 +31,21 @@ class SourceWeights:
     learnt. The fixed noise applies to the first group of questions and those that follow it; other groups
     have the estimated one.
 
+    The noisier answers are, the less they can refute a source that is wrong. So with a fixed noise d, the
+    source without evidence has the weight d more, and all have 1 - d of theirs, before the first person.
+
     joint: (1 + N, sources) summing to 1; the first row is for the estimates.
 
     Args:
-        n_sources: their number; the first one is the knowledge. answers: the stated observation model.
+        n_sources: their number; the first one is the knowledge. no_evidence: index of the source without
+            evidence. answers: the stated observation model.
         share: alpha, the probability that another pair becomes the best one between two people.
 
     Source: as of `Trust` (fixed share).
     """
 
-    def __init__(self, n_sources: int, answers: AnswerModel, share: float) -> None:
-        self._share = share
+    def __init__(self, n_sources: int, no_evidence: int, answers: AnswerModel, share: float) -> None:
+        self._share, self._answers = share, answers
         degrees = [find_degree(noise) for noise in FIXED_NOISE]
         self._fixed: Array = answers.noisy_log_likelihoods[degrees]  # (N, D, W)
         self._is_fixed = answers.follows_first_group  # (D, W)
@@ -49,7 +53,10 @@ class SourceWeights:
         noise[0] = ESTIMATE_SHARE
         sources = np.full(n_sources, (1 - KNOWLEDGE_SHARE) / (n_sources - 1))
         sources[0] = KNOWLEDGE_SHARE
-        self._start: Array = noise[:, None] * sources
+        degree = np.array([0.0, *FIXED_NOISE])[:, None]
+        self._start: Array = noise[:, None] * (
+            (1 - degree) * sources + degree * np.eye(n_sources)[no_evidence]
+        )
         self.joint = self._start
 
     @property
@@ -63,6 +70,22 @@ class SourceWeights:
         """(1 + N,) P(noise)."""
         weights: Array = self.joint.sum(axis=1)
         return weights
+
+    @property
+    def stated_loss(self) -> float:
+        """Log Bayes factor of the most probable fixed noise against the stated observation model."""
+        gains = np.log(self.of_noises[1:] / self._start.sum(axis=1)[1:])
+        return float(gains.max() - gains[FIXED_NOISE.index(0.0)])
+
+    def compute_mean_rows(self, estimated: Array) -> Array:
+        """Return the mean of the rows (R, O) over the noises.
+
+        Args:
+            estimated: (R, O) the rows of the estimates.
+        """
+        fixed = [self._answers.fix_noise(noise, estimated) for noise in FIXED_NOISE]
+        mean: Array = np.tensordot(self.of_noises, np.array([estimated, *fixed]), 1)
+        return mean
 
     def compute_log_likelihoods(self, answers: Sequence[int], estimated: Array) -> Array:
         """Return (1 + N, W) log P(answers | value) at each noise.
