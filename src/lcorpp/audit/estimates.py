@@ -103,6 +103,16 @@ class FormTest:
     wrong: tuple[WrongAnswers, ...]
 
 
+def choose_form(tests: Sequence[FormTest]) -> FormTest | None:
+    """Return the form by which the data refute independent answers; None if there is none.
+
+    Its p-value is below `MAX_P_VALUE`, corrected for the number of tests (Bonferroni); of several it is the
+    one of the largest BIC.
+    """
+    found = [test for test in tests if test.p_value * len(tests) < MAX_P_VALUE]
+    return max(found, key=lambda test: test.bic, default=None)
+
+
 @dataclass(frozen=True)
 class Rival:
     """Other numbers whose change explains the data as well.
@@ -173,13 +183,8 @@ class Audit:
 
     @property
     def form(self) -> FormTest | None:
-        """The form of answers by which the data refute independent ones; None if there is none.
-
-        Its p-value is below `MAX_P_VALUE`, corrected for the number of forms (Bonferroni); of several it is
-        the one of the largest BIC.
-        """
-        found = [test for test in self.forms if test.p_value * len(self.forms) < MAX_P_VALUE]
-        return max(found, key=lambda test: test.bic, default=None)
+        """The form of answers by which the data refute independent ones; None if there is none."""
+        return choose_form(self.forms)
 
     @property
     def changed_rates(self) -> list[RateEstimate]:

@@ -65,7 +65,8 @@ class NoisyCopies:
             ends = zip(sizes[:-1], sizes[1:], self._priors, strict=True)
             logits = [x[begin:end].reshape(prior.shape) for begin, end, prior in ends]
             rows = [
-                normalise(np.exp(own) * (prior > 0)) for own, prior in zip(logits, self._priors, strict=True)
+                normalise(np.exp(own - own.max(axis=-1, keepdims=True)) * (prior > 0))
+                for own, prior in zip(logits, self._priors, strict=True)
             ]
             return rows, 1 / (1 + np.exp(-x[sizes[-1] :]))
 

@@ -1,0 +1,110 @@
+"""How often an audit names the form of the answers.
+
+    OMP_NUM_THREADS=1 python benchmarks/trust/named_forms.py [--logs 50] [--people 2000] [--rows TEXT]
+        [--seed 0] [--jobs 2] [--out TABLE.md]
+
+LCORPP decides about the people of `answer_forms.py`, and each log is audited for the form of the answers.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+import typer
+from answer_forms import ROWS, AnsweringWorld, People, prepare
+from joblib import Parallel, delayed
+
+from lcorpp.audit.answer_forms import list_form_tests
+from lcorpp.audit.estimates import choose_form
+from lcorpp.audit.logged_people import AnsweredPerson, LoggedPeople
+from lcorpp.decision import Robot, dt_control
+from lcorpp.domains.dialogue import DomainDialogue
+from lcorpp.files import write_atomically
+from lcorpp.reasoning import Reasoner
+from lcorpp.simulation.people import Population
+from lcorpp.simulation.table_dynamics import SimulationModel
+from lcorpp.trust.cases import Cases
+from lcorpp.trust.sources.stated import StatedSources
+from lcorpp.values import Instance
+from worlds import make_channels, solve_precisely
+
+HEADER = """| people | named |
+|---|---|
+"""
+
+NAMED = (
+    "worse with each question",
+    "worse, mild",
+    "better with each question",
+    "the same answer again, .2",
+    "two classes, .05 and .45",
+    "noise .3",
+    "as stated",
+)
+"""Rows of `answer_forms.ROWS`."""
+
+
+def name_form(people: People, count: int, seed: Sequence[int]) -> str:
+    """Return the form that is named in a log; "none" if independent answers are not refuted."""
+    domain, rng = prepare(people), np.random.default_rng(seed)
+    planner, reasoner = solve_precisely(domain), Reasoner(domain.program)
+    met, channels = Population(domain).sample(count, rng), make_channels(domain)
+    signals = {name: channel.simulate(met, rng) for name, channel in channels.items()}
+    dialogue, model = DomainDialogue(domain), SimulationModel(domain)
+    stated = StatedSources(reasoner, domain, domain.marginal(planner.start))
+    attributes = stated.attributes
+    labels, rates = zip(*(stated.compute_rates(attribute) for attribute in attributes), strict=True)
+    contexts = dict[tuple[tuple[str, str], ...], int]()
+    cases = Cases(len(attributes), dialogue.tables.shape[0] * dialogue.tables.shape[2])
+    answered, robot = list[AnsweredPerson](), Robot(channels, reasoner, planner, domain)
+    for i, person in enumerate(met):
+        wrong: Sequence[float] = people.wrong
+        if people.classes is not None:
+            wrong = (people.classes[int(rng.integers(2))],)
+        repeated = dict[str, str]() if people.repeats else None
+        world = AnsweringWorld(model, person, np.random.default_rng([*seed, i]), wrong, repeated)
+        facts = {attribute: person[attribute] for attribute in domain.observed}
+        perceived = {sense: each[i] for sense, each in signals.items()}
+        episode = dt_control(robot, Instance(perceived, facts), world)
+        history = [(x.action, x.observation) for x in episode.steps if x.observation is not None]
+        context = contexts.setdefault(tuple(facts.items()), len(contexts))
+        own = [names.index(str(episode.evidence[a])) for a, names in zip(attributes, labels, strict=True)]
+        answered.append((context, own, dialogue.find_answers(history)))
+        cases.add(*answered[-1])
+    names = [dict(facts) for facts in contexts]
+    log = LoggedPeople(
+        domain, domain.program, dialogue, names, labels, rates, cases, "LCORPP", 0, {}, {}, answered
+    )
+    form = choose_form(list_form_tests(log, rates))
+    return "none" if form is None else form.name
+
+
+def main(
+    logs: Annotated[int, typer.Option(min=1)] = 50,
+    people: Annotated[int, typer.Option(min=100, help="People a log.")] = 2000,
+    rows: Annotated[str, typer.Option(help="Rows of the table whose name contains this.")] = "",
+    seed: Annotated[int, typer.Option(min=0)] = 0,
+    jobs: Annotated[int, typer.Option(min=1)] = 1,
+    out: Annotated[Path | None, typer.Option(dir_okay=False)] = None,
+) -> None:
+    """Audit logs of people and print how often each form is named."""
+    print(HEADER, end="")
+    text = HEADER
+    for number, name in enumerate(NAMED):
+        if rows not in name:
+            continue
+        calls = (delayed(name_form)(ROWS[name], people, (seed, number, k)) for k in range(logs))
+        found = list(Parallel(n_jobs=jobs)(calls))
+        named = ", ".join(f"{form} {found.count(form)}" for form in dict.fromkeys(found))
+        row = f"| {name} | {named} |\n"
+        print(row, end="", flush=True)
+        text += row
+    if out is not None:
+        write_atomically(out, text)
+
+
+if __name__ == "__main__":
+    typer.run(main)
