@@ -13,6 +13,7 @@ from lcorpp.domains.form_model import FormModel
 from lcorpp.errors import TooLargeError
 from lcorpp.planning import Planner, solve
 from lcorpp.planning.sarsop.paced_search import PacedSearch
+from lcorpp.trust.answers import Noise
 from lcorpp.trust.forms import ByClass, ByNumber, Repeated
 from lcorpp.values import Distribution
 
@@ -69,7 +70,7 @@ def test_beliefs_follow_the_class_of_the_person(intention):
     """Against Bayes' rule with a hidden class; contradictory answers mean that it is the unreliable one."""
     domain, base, stated = intention
     own = FormDialogue(domain, base, ByClass())
-    tables = own.answers.make_tables(own.answers.add_noise([0.0, 0.9]))
+    tables = own.answers.make_tables(own.answers.add_noise(Noise((0.0, 0.9))))
     shares = np.array([0.7, 0.3])
     own.planners = StatedPlanners(own, stated)
     planner = own.make_planner(tables, shares)
@@ -114,7 +115,7 @@ def test_people_who_contradict_themselves_are_asked_less_if_they_may_be_unreliab
     """Half of the people answer at random; compared with the same mean rate of wrong answers for all."""
     domain, base, _ = intention
     own = FormDialogue(domain, base, ByClass())
-    tables = own.answers.make_tables(own.answers.add_noise([-0.1, 0.9]))
+    tables = own.answers.make_tables(own.answers.add_noise(Noise((-0.1, 0.9))))
     mean = np.repeat(tables.reshape(3, 2, 2, 3).mean(axis=1), 2, axis=0)
     counts = []
     for known in (tables, mean):
