@@ -11,7 +11,7 @@ streams.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -26,7 +26,9 @@ from lcorpp.assembly.strategies.trust_setup import set_up_trust
 from lcorpp.decision import Robot, dt_control, strategies
 from lcorpp.domains import Domain
 from lcorpp.files import write_atomically
+from lcorpp.planning import Planner
 from lcorpp.reasoning import Reasoner
+from lcorpp.simulation import NoisyChannel
 from lcorpp.simulation.people import Population
 from lcorpp.simulation.table_dynamics import SimulationModel
 from lcorpp.simulation.world import SimulatedWorld
@@ -125,36 +127,73 @@ def prepare(people: People) -> Domain:
     return replace(domain, simulation=replace(domain.simulation, feedback_model=heard))
 
 
-def run_stream(people: People, count: int, seed: Sequence[int]) -> Stream:
-    """Let all strategies decide about the same people."""
+@dataclass(frozen=True)
+class Crowd:
+    """People who are met one after another.
+
+    domain, planner, reasoner, channels: of the robot. instances: what it observes of each.
+    persons: their values. places: index of the person, the same for one who comes again.
+    """
+
+    people: People
+    seed: Sequence[int]
+    domain: Domain
+    planner: Planner
+    reasoner: Reasoner
+    channels: Mapping[str, NoisyChannel]
+    instances: Sequence[Instance]
+    persons: Sequence[Mapping[str, str]]
+    places: Sequence[int]
+    class_of: Sequence[int]
+
+    def make_worlds(self) -> Iterator[AnsweringWorld]:
+        """Yield each person anew; those who come again keep their answers until the last one."""
+        people, model = self.people, SimulationModel(self.domain)
+        remembered = [dict[str, str]() for _ in self.class_of]
+        for i, (place, person) in enumerate(zip(self.places, self.persons, strict=True)):
+            wrong: Sequence[float] = people.wrong
+            if people.classes is not None:
+                wrong = (people.classes[self.class_of[place]],)
+            if people.identities is not None:
+                wrong = (people.identities[person["identity"]],)
+            answered = remembered[place] if people.regulars else dict[str, str]() if people.repeats else None
+            yield AnsweringWorld(model, person, np.random.default_rng([*self.seed, i]), wrong, answered)
+
+
+def draw_crowd(people: People, count: int, seed: Sequence[int]) -> Crowd:
+    """Draw people, and what a robot observes of them."""
     domain, rng = prepare(people), np.random.default_rng(seed)
     planner, reasoner = solve_precisely(domain), Reasoner(domain.program)
     crowd = Population(domain).sample(people.regulars or count, rng)
-    places = rng.integers(0, len(crowd), count) if people.regulars else np.arange(count)
+    places = rng.integers(0, len(crowd), count).tolist() if people.regulars else list(range(count))
     met, channels = [crowd[place] for place in places], make_channels(domain)
     signals = {name: channel.simulate(met, rng) for name, channel in channels.items()}
-    class_of, model = rng.integers(0, 2, len(crowd)), SimulationModel(domain)
+    instances = [
+        Instance(
+            {sense: each[i] for sense, each in signals.items()},
+            {attribute: person[attribute] for attribute in domain.observed},
+        )
+        for i, person in enumerate(met)
+    ]
+    class_of = rng.integers(0, 2, len(crowd)).tolist()
+    return Crowd(people, seed, domain, planner, reasoner, channels, instances, met, places, class_of)
+
+
+def run_stream(people: People, count: int, seed: Sequence[int]) -> Stream:
+    """Let all strategies decide about the same people."""
+    crowd = draw_crowd(people, count, seed)
+    domain, planner, reasoner = crowd.domain, crowd.planner, crowd.reasoner
     trust = set_up_trust(domain, reasoner, planner)
-    full = Robot(channels, reasoner, planner, domain)
+    full = Robot(crowd.channels, reasoner, planner, domain)
     robots: dict[str, Callable[[], Robot]] = {
         row.name: partial(row.robot, full) for row in strategies(BASELINES)
     }
     robots["trust"] = lambda: replace(full, reasoner=trust, planner=trust.make_planner())
     returns = {}
     for name, make_robot in robots.items():
-        remembered = [dict[str, str]() for _ in crowd]
         own = np.empty(count)
-        for i, (place, person) in enumerate(zip(places, met, strict=True)):
-            wrong: Sequence[float] = people.wrong
-            if people.classes is not None:
-                wrong = (people.classes[class_of[place]],)
-            if people.identities is not None:
-                wrong = (people.identities[person["identity"]],)
-            answered = remembered[place] if people.regulars else dict[str, str]() if people.repeats else None
-            world = AnsweringWorld(model, person, np.random.default_rng([*seed, i]), wrong, answered)
-            perceived = {sense: each[i] for sense, each in signals.items()}
-            instance = Instance(perceived, {attribute: person[attribute] for attribute in domain.observed})
-            who = str(place) if people.ids else None
+        for i, (instance, world) in enumerate(zip(crowd.instances, crowd.make_worlds(), strict=True)):
+            who = str(crowd.places[i]) if people.ids else None
             robot = make_robot()
             if name == "trust" and who is not None:
                 known = trust.recognise(who)

@@ -12,9 +12,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
 
-import numpy as np
 import typer
-from answer_forms import ROWS, AnsweringWorld, People, prepare
+from answer_forms import ROWS, People, draw_crowd
 from joblib import Parallel, delayed
 
 from lcorpp.audit.answer_forms import list_form_tests
@@ -23,13 +22,8 @@ from lcorpp.audit.logged_people import AnsweredPerson, LoggedPeople
 from lcorpp.decision import Robot, dt_control
 from lcorpp.domains.dialogue import DomainDialogue
 from lcorpp.files import write_atomically
-from lcorpp.reasoning import Reasoner
-from lcorpp.simulation.people import Population
-from lcorpp.simulation.table_dynamics import SimulationModel
 from lcorpp.trust.cases import Cases
 from lcorpp.trust.sources.stated import StatedSources
-from lcorpp.values import Instance
-from worlds import make_channels, solve_precisely
 
 HEADER = """| people | named |
 |---|---|
@@ -49,28 +43,20 @@ NAMED = (
 
 def name_form(people: People, count: int, seed: Sequence[int]) -> str:
     """Return the form that is named in a log; "none" if independent answers are not refuted."""
-    domain, rng = prepare(people), np.random.default_rng(seed)
-    planner, reasoner = solve_precisely(domain), Reasoner(domain.program)
-    met, channels = Population(domain).sample(count, rng), make_channels(domain)
-    signals = {name: channel.simulate(met, rng) for name, channel in channels.items()}
-    dialogue, model = DomainDialogue(domain), SimulationModel(domain)
-    stated = StatedSources(reasoner, domain, domain.marginal(planner.start))
+    crowd = draw_crowd(people, count, seed)
+    domain, dialogue = crowd.domain, DomainDialogue(crowd.domain)
+    stated = StatedSources(crowd.reasoner, domain, domain.marginal(crowd.planner.start))
     attributes = stated.attributes
     labels, rates = zip(*(stated.compute_rates(attribute) for attribute in attributes), strict=True)
     contexts = dict[tuple[tuple[str, str], ...], int]()
     cases = Cases(len(attributes), dialogue.tables.shape[0] * dialogue.tables.shape[2])
-    answered, robot = list[AnsweredPerson](), Robot(channels, reasoner, planner, domain)
-    for i, person in enumerate(met):
-        wrong: Sequence[float] = people.wrong
-        if people.classes is not None:
-            wrong = (people.classes[int(rng.integers(2))],)
-        repeated = dict[str, str]() if people.repeats else None
-        world = AnsweringWorld(model, person, np.random.default_rng([*seed, i]), wrong, repeated)
-        facts = {attribute: person[attribute] for attribute in domain.observed}
-        perceived = {sense: each[i] for sense, each in signals.items()}
-        episode = dt_control(robot, Instance(perceived, facts), world)
+    answered = list[AnsweredPerson]()
+    robot = Robot(crowd.channels, crowd.reasoner, crowd.planner, domain)
+    for instance, world in zip(crowd.instances, crowd.make_worlds(), strict=True):
+        episode = dt_control(robot, instance, world)
         history = [(x.action, x.observation) for x in episode.steps if x.observation is not None]
-        context = contexts.setdefault(tuple(facts.items()), len(contexts))
+        facts = tuple((attribute, str(episode.evidence[attribute])) for attribute in domain.observed)
+        context = contexts.setdefault(facts, len(contexts))
         own = [names.index(str(episode.evidence[a])) for a, names in zip(attributes, labels, strict=True)]
         answered.append((context, own, dialogue.find_answers(history)))
         cases.add(*answered[-1])

@@ -105,7 +105,7 @@ def test_estimates_are_used_alone_where_answers_are_better_than_stated(noise, is
 
 
 def test_stated_rows_that_exclude_an_answer_are_refuted_by_it():
-    """The second value never gives the first answer, as stated, and half of these people do both."""
+    """As stated, the second value never gives the first answer, and the first value seldom the second one."""
     stated = np.array([[[0.9, 0.1], [0.0, 1.0]]])
     model = LatentClassModel(AnswerModel.of_tables(stated), [])
     model.add_context([])

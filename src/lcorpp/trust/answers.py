@@ -182,14 +182,6 @@ class AnswerModel:
         by_class = logs.reshape(-1, self.n_classes, *logs.shape[1:])
         return by_class.transpose(0, 3, 1, 2).reshape(self.n_answers, -1)
 
-    @cached_property
-    def _is_following(self) -> npt.NDArray[np.bool_]:
-        """(K,) whether the group of a kind is the first one, or follows it."""
-        is_member = list[bool]()
-        for g, group in enumerate(self.groups):
-            is_member.append(g == 0 if group.follows is None else is_member[group.follows])
-        return np.array(is_member)[self.group_of]
-
     def fix_noise(self, degree: float, rows: Array) -> Array:
         """Return rows (R, O) with a degree of noise in the first group and those that follow it."""
         is_fixed = self._is_following[self._question_of][:, None]
@@ -244,7 +236,7 @@ class AnswerModel:
         scores, degrees = by_shared @ self._is_row_of_group.T, list[int]()  # (N, G)
         total = 0.0
         for g, own in enumerate(scores.T):
-            posterior = own + self._compute_log_prior(g, degrees, is_equal=is_equal)
+            posterior = own + self._compute_group_prior(g, degrees, is_equal=is_equal)
             degrees.append(int(posterior.argmax()))
             total += float(posterior.max())
         return total, Noise(tuple(NOISE_DEGREES[degrees].tolist()), is_equal)
@@ -253,7 +245,7 @@ class AnswerModel:
         """Return the log prior of the noise, and of rows (R, O) around it; 0 for those without answers."""
         degrees = [find_degree(own) for own in noise.degrees]
         total = sum(
-            float(self._compute_log_prior(g, degrees, is_equal=noise.is_equal)[degree])
+            float(self._compute_group_prior(g, degrees, is_equal=noise.is_equal)[degree])
             for g, degree in enumerate(degrees)
         )
         if rows is None:
@@ -262,7 +254,7 @@ class AnswerModel:
         ratio = np.log(np.divide(rows, expected, out=np.ones_like(rows), where=expected > 0))
         return total + float((self._question_weights * expected * ratio).sum())
 
-    def _compute_log_prior(self, group: int, degrees: Sequence[int], *, is_equal: bool) -> Array:
+    def _compute_group_prior(self, group: int, degrees: Sequence[int], *, is_equal: bool) -> Array:
         """Return (N,) the log prior of each degree of a group, 0 for the rows that it follows.
 
         It is the log likelihood of `SHARED_ANSWERS` answers that are as those rows expect.
@@ -330,6 +322,14 @@ class AnswerModel:
         sizes = self._is_row_of.sum(axis=0)
         weights: Array = (QUESTION_ANSWERS / sizes)[self._question_of][:, None]
         return weights
+
+    @cached_property
+    def _is_following(self) -> npt.NDArray[np.bool_]:
+        """(K,) whether the group of a kind is the first one, or follows it."""
+        is_member = list[bool]()
+        for g, group in enumerate(self.groups):
+            is_member.append(g == 0 if group.follows is None else is_member[group.follows])
+        return np.array(is_member)[self.group_of]
 
     @cached_property
     def _group_of_row(self) -> npt.NDArray[np.intp]:

@@ -52,10 +52,11 @@ class AskingRule:
             is_as_stated: whether the stated observation model is credible, so that more answers gain little.
         """
         options, n = self._options, self.n_people
-        least = options.max_asked if has_alternative else options.min_asked
-        is_asking = options.ask_every > 0
-        is_turn = is_asking and n % options.ask_every == 0 and not (is_as_stated and n)
-        is_due = is_turn or (is_asking and self.n_repeated < least * n**0.5)
+        if options.ask_every == 0:
+            return 0
+        factor = options.max_asked if has_alternative else options.min_asked
+        is_turn = n % options.ask_every == 0 and not (is_as_stated and n > 0)
+        is_due = is_turn or self.n_repeated < factor * n**0.5
         is_affordable = self.spent + options.ask_answers * self._cost <= self.budget
         return options.ask_answers if is_due and is_affordable else 0
 

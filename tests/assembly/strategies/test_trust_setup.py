@@ -78,14 +78,14 @@ def test_the_form_of_the_answers_is_found(wrong, form):
     )
     trust, rng = set_up_trust(domain, reasoner, planner), np.random.default_rng(2)
     assert trust.forms == ("independent", "number", "repeated", "class")
-    model, people = SimulationModel(domain), Population(domain).sample(400, rng)
+    model, people = SimulationModel(domain), Population(domain).sample(600, rng)
     for person in people:
         instance = Instance({}, {name: person[name] for name in domain.observed})
         world = Tiring(model.make_world(person, rng), wrong, rng)
         episode = dt_control(Robot({}, trust, trust.make_planner(), domain), instance, world)
         trust.learn(episode.evidence, episode.steps)
     assert trust.form == form
-    assert trust.form_weights.argmax() == trust.forms.index(form)
+    assert trust.form_weights[trust.forms.index(form)] > 0.5
     if form == "number":
         noise = trust.learnt.noise.degrees
         assert noise[0] < noise[1] < noise[3]
